@@ -8,6 +8,8 @@ throttle of 500 is half ahead, as on ArduRover, whatever lever a ground station 
 Of RC_CHANNELS_OVERRIDE channel 1 turns and channel 3 drives, by ArduPilot's default calibration:
 1100 to 1900 us with rest within 30 us of 1500. A channel at 0 (released) or 65535 (ignored) is one
 at rest; where both are, the message says nothing about sticks.
+
+In MANUAL it is said, once in a while, that the sticks have stopped coming and the robot brakes.
 """
 
 from __future__ import annotations
@@ -20,8 +22,9 @@ from robotctl.mavlink import frames
 from robotctl.mavlink.context import Context
 from robotctl.mavlink.service import Microservice
 from robotctl.mavlink.services.setpoints import SAY_AGAIN_NS
-from robotctl.messages.control import ManualControl
+from robotctl.messages.control import ManualControl, Mode
 from robotctl.messages.mavlink_port import Message, Peer
+from robotctl.safety.state_machine import POWERED
 
 NO_AXIS = frames.INT16_MAX
 FULL = 1000
@@ -42,7 +45,9 @@ class ManualControls(Microservice):
         super().__init__(context)
         self._life_ns = context.setpoint_life_ns
         self.refused = 0
-        self._say_ns = 0
+        self._say_ns = self._say_lost_ns = 0
+        self._expires_ns: int | None = None
+        """When the last sticks are void [ns]."""
 
     def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:  # noqa: ARG002
         """Take one position of the sticks."""
@@ -79,6 +84,19 @@ class ManualControls(Microservice):
         """Ask for what both axes say, each -1000 to 1000: ahead, and to the right."""
         expires_ns, turn = now_ns + self._life_ns, frames.stick_turn(steering)
         self._context.requests.append(ManualControl(now_ns, expires_ns, throttle / FULL, turn))
+        self._expires_ns = expires_ns
+
+    def step(self, now_ns: int) -> None:
+        """Say that no sticks come any more."""
+        if self._expires_ns is None or now_ns < self._expires_ns:
+            return
+        self._expires_ns = None
+        control = self._context.fresh_control(now_ns)
+        is_driven = control is not None and control.state in POWERED
+        is_driven &= self._context.mode(now_ns) is Mode.MANUAL
+        if is_driven and now_ns >= self._say_lost_ns:
+            self._say_lost_ns = now_ns + SAY_AGAIN_NS
+            self._context.say(now_ns, "Sticks: lost, the robot brakes")
 
 
 def _axis(pulse_us: int) -> int:

@@ -333,6 +333,29 @@ def test_channels_out_of_range_are_refused(bench):
     assert "".join(bench.texts()) == "Sticks: channels 3 2201, 1 1500: allowed 800 to 2200"
 
 
+@pytest.mark.parametrize(
+    ("mode", "state", "said"),
+    [
+        (Mode.MANUAL, SafetyState.DRIVING, ["Sticks: lost, the robot brakes"]),
+        (Mode.MANUAL, SafetyState.STANDBY, []),
+        (Mode.HOLD, SafetyState.ARMED, []),
+    ],
+)
+def test_the_loss_of_the_sticks_is_said_once_in_a_while_where_they_steer(bench, mode, state, said):
+    def run(seconds):
+        for _ in range(round(seconds * 50)):
+            bench.step(bench.control(state=state), bench.navigation(mode=mode))
+        return bench.texts()
+
+    bench.receive(sticks(z=500))
+    assert run(0.4) == []
+    bench.receive(sticks(z=500))
+    assert run(0.4) == []
+    assert run(0.3) == said
+    bench.receive(sticks(z=500))
+    assert run(2.0) == []
+
+
 OFFSET = 7
 EAST, NORTH, SOUTH_WEST = 0.0, math.pi / 2, -3 * math.pi / 4
 
