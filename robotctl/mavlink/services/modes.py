@@ -28,6 +28,8 @@ from robotctl.safety.state_machine import POWERED
 
 DO_SET_MODE: int = common.MAV_CMD_DO_SET_MODE
 MISSION_START: int = common.MAV_CMD_MISSION_START
+RETURN: int = common.MAV_CMD_NAV_RETURN_TO_LAUNCH
+PAUSE_CONTINUE: int = common.MAV_CMD_DO_PAUSE_CONTINUE
 CUSTOM: int = common.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
 TIMEOUT_NS = REQUEST_LIFE_NS + 100_000_000
 """Maximum time of the navigation process's answer [ns].
@@ -50,7 +52,7 @@ class Modes(Microservice):
     """Asks for modes; the command is accepted when the navigation process is in the mode."""
 
     handles = frozenset({common.MAVLINK_MSG_ID_SET_MODE})
-    commands = frozenset({DO_SET_MODE, MISSION_START})
+    commands = frozenset({DO_SET_MODE, MISSION_START, RETURN, PAUSE_CONTINUE})
 
     def __init__(self, context: Context) -> None:
         super().__init__(context)
@@ -72,12 +74,10 @@ class Modes(Microservice):
     def on_command(self, command: Command, now_ns: int) -> int | None:
         """Take DO_SET_MODE: param1 flags with CUSTOM_MODE_ENABLED, param2 ArduRover's number.
 
-        MISSION_START asks for AUTO, which begins with arming where the robot is not armed.
+        MISSION_START asks for AUTO, which begins with arming where the robot is not armed,
+        NAV_RETURN_TO_LAUNCH for RTL, DO_PAUSE_CONTINUE for HOLD (param1 0) and AUTO (1).
         """
-        if command.number == MISSION_START:
-            mode: Mode | None = Mode.AUTO
-        else:
-            mode = self._wanted(command.params[0], command.params[1], now_ns)
+        mode = self._mode_of(command, now_ns)
         if mode is None:
             return DENIED
         if self._is_repeated(command.sender, mode, now_ns):
@@ -120,6 +120,16 @@ class Modes(Microservice):
             return False
         ended = navigation.mission_completed or navigation.mission_failed
         return not (mode is Mode.AUTO and ended)
+
+    def _mode_of(self, command: Command, now_ns: int) -> Mode | None:
+        """Return the mode that a command asks for, None where there is no such mode."""
+        if command.number == MISSION_START:
+            return Mode.AUTO
+        if command.number == RETURN:
+            return Mode.RTL
+        if command.number == PAUSE_CONTINUE:
+            return {0.0: Mode.HOLD, 1.0: Mode.AUTO}.get(command.params[0])
+        return self._wanted(command.params[0], command.params[1], now_ns)
 
     def _wanted(self, base_mode: float, custom_mode: float, now_ns: int) -> Mode | None:
         if not (0.0 <= base_mode <= 255.0 and int(base_mode) & CUSTOM):

@@ -252,6 +252,29 @@ def test_what_a_mode_needs_before_it_drives_is_said_once(bench, state, said):
     assert text == "".join(said)
 
 
+@pytest.mark.parametrize(
+    ("number", "param", "mode"),
+    [
+        (common.MAV_CMD_NAV_RETURN_TO_LAUNCH, math.nan, Mode.RTL),
+        (common.MAV_CMD_DO_PAUSE_CONTINUE, 0, Mode.HOLD),
+        (common.MAV_CMD_DO_PAUSE_CONTINUE, 1, Mode.AUTO),
+    ],
+)
+def test_commands_that_mean_a_mode_are_acknowledged_as_a_mode_is(bench, number, param, mode):
+    bench.command(number, param)
+    assert bench.step() == [SetMode(bench.now_ns, mode)]
+    assert results(bench) == []
+    bench.step(bench.navigation(mode=mode))
+    assert results(bench) == [ACCEPTED]
+
+
+@pytest.mark.parametrize("param", [2, 0.5, math.nan])
+def test_a_pause_that_is_none_is_denied(bench, param):
+    bench.command(common.MAV_CMD_DO_PAUSE_CONTINUE, param)
+    assert bench.step() == []
+    assert results(bench) == [DENIED]
+
+
 def test_a_mode_that_is_not_taken_is_rejected_with_navigations_reason(bench):
     bench.command(SET_MODE, 1, 10)
     bench.step()
