@@ -80,7 +80,7 @@ def test_a_frontier_whose_path_comes_and_goes_is_given_up():
     look = bench.look
 
     def deceived():
-        bench.world = closed if 2.0 < bench.pose.x_m else open_cells
+        bench.world = closed if bench.pose.x_m > 2.0 else open_cells
         look()
 
     bench.look = deceived
