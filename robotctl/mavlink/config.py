@@ -7,6 +7,7 @@ import math
 from dataclasses import dataclass
 
 from robotctl.errors import InvalidValue
+from robotctl.mavlink.globe import Origin
 from robotctl.messages.mavlink_port import LinkConfig
 
 MIN_RATE_HZ = 0.001
@@ -84,6 +85,9 @@ class MavlinkConfig:
     hold_without_gcs : bool
         The robot drives by itself (AUTO, RTL, GUIDED) only while a ground station is there.
 
+    origin : Origin
+        Where the origin of `world` lies on the globe; None: a ground station may say so.
+
     Raises
     ------
     ValueError
@@ -95,6 +99,7 @@ class MavlinkConfig:
     component_id: int = 1
     link: tuple[LinkConfig, ...] = ()
     rates: StreamRates = StreamRates()
+    origin: Origin | None = None
     setpoint_timeout_s: float = 0.5
     gcs_timeout_s: float = 5.0
     gcs_system_id: int = 255

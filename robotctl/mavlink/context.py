@@ -152,7 +152,8 @@ class Context:
     texts: deque[tuple[int, str]] = field(default_factory=lambda: deque(maxlen=MAX_TEXTS))
 
     def __post_init__(self) -> None:
-        """Wait for the localiser, where the robot has one."""
+        """Wait for the localiser, where the robot has one; begin with the configured origin."""
+        self.origin = self.origin or self.config.origin
         self.world = WorldPose(has_localiser=self.robot.has_localiser)
 
     def hear(self, received: Sequence[Received], now_ns: int) -> None:

@@ -6,11 +6,14 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
+from robotctl.errors import InvalidValue
+
 _EQUATOR_M: Final = 6_378_137.0
 _ECCENTRICITY_2: Final = 6.694_379_990_14e-3
 """Of the ellipsoid of WGS 84: half its longer axis [m], and its first eccentricity squared."""
 STEEPEST_DEG: Final = 89.0
 """Nearer to a pole, east is not the same direction across a building."""
+FARTHEST_UP_M: Final = 100_000.0
 SCALE: Final = 1e7
 """MAVLink counts latitude and longitude in 1e-7 degrees."""
 
@@ -24,7 +27,7 @@ class Origin:
     latitude_deg, longitude_deg
         In WGS 84 [deg], -89 to 89 and -180 to 180.
     altitude_m
-        Above mean sea level [m].
+        Above mean sea level [m], -100 000 to 100 000.
 
     Raises
     ------
@@ -37,12 +40,14 @@ class Origin:
     altitude_m: float = 0.0
 
     def __post_init__(self) -> None:
-        if not abs(self.latitude_deg) <= STEEPEST_DEG:
-            raise ValueError(f"latitude {self.latitude_deg} found, -89 to 89 allowed")
-        if not abs(self.longitude_deg) <= 180.0:
-            raise ValueError(f"longitude {self.longitude_deg} found, -180 to 180 allowed")
-        if not math.isfinite(self.altitude_m):
-            raise ValueError(f"altitude {self.altitude_m} found, it must be finite")
+        for key, most in (
+            ("latitude_deg", STEEPEST_DEG),
+            ("longitude_deg", 180.0),
+            ("altitude_m", FARTHEST_UP_M),
+        ):
+            value = getattr(self, key)
+            if not abs(value) <= most:
+                raise InvalidValue(key, f"{value} found, -{most:g} to {most:g} allowed", value)
 
     def to_world(self, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
         """Return x and y of a place near by [m]: on the plane that touches the globe."""
