@@ -54,6 +54,13 @@ def test_trees_drive_a_robot_that_steers_on_curves_and_not_in_reverse_if_told_so
         assert (turns <= 1.001 * chords / 0.497 + 1e-4).all(), "its smallest circle"
 
 
+def test_the_zones_of_the_robot_are_kept_out_of():
+    zone = "navigation.pilot.zone=[{name = 'door', corners = [[4.5, 1.5], [5.5, 1.5], [5, 3.5]]}]"
+    result = call(*FLAT, "--set", zone)
+    assert result.exit_code == 1, result.output
+    assert "the goal lies in an area of 13.5 m2 that is closed all around" in result.output
+
+
 def test_a_goal_in_a_wall_is_told_and_the_status_is_1(tmp_path):
     report = tmp_path / "r.json"
     result = call("--map", "flat", "--start", "1,1", "--goal", "0,2", "--report", report)

@@ -23,7 +23,7 @@ from robotctl.errors import InvalidValue
 from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.points import moved
 from robotctl.model.geometry.se2 import SE2
-from robotctl.model.grid_map import OCCUPIED, UNKNOWN, GridMap
+from robotctl.model.grid_map import UNKNOWN, GridMap
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.costmap import marks
@@ -31,7 +31,7 @@ from robotctl.planning.costmap.body_cells import cells_at, shrunk
 from robotctl.planning.costmap.clearance import Clearance
 from robotctl.planning.costmap.planning_map import PlanningMap
 from robotctl.planning.costmap.zone import Zone
-from robotctl.planning.costmap.zones import cells_of, speed_limits
+from robotctl.planning.costmap.zones import close_zones, slowness, speed_limits
 
 _OCCUPIED_PERCENT: Final = 50
 _BEYOND_M: Final = 1.0
@@ -55,8 +55,6 @@ _FLOOR_REACH_M: Final = 1.5
 _REMEMBERS_S: Final = 86400.0
 _BESIDE_M: Final = 0.15
 """Points this near to a moving obstacle's circle belong to it [m]."""
-_SLOWEST: Final = 10.0
-"""A path through a slow zone counts at most so many times longer: the classes of cost are few."""
 
 NOTHING_MOVES: Final = np.empty((0, 5))
 
@@ -119,9 +117,7 @@ class LayeredMap:
         self.config = config or LayersConfig()
         self._given = grid.cells.copy()
         static = grid.occupied(_OCCUPIED_PERCENT)
-        for zone in zones:
-            if zone.speed_m_s == 0.0:
-                self._given[cells_of(zone, grid)] = OCCUPIED
+        close_zones(self._given, grid, zones)
         live = GridMap(self._given.copy(), grid.resolution_m, grid.origin)
         self._space = space = PlanningMap(
             live,
@@ -132,8 +128,7 @@ class LayeredMap:
         self._inner = shrunk(space.samples)
         self._limits_m_s = speed_limits(grid, zones)
         if self._limits_m_s is not None:
-            slowness = np.clip(full_speed_m_s / self._limits_m_s, 1.0, _SLOWEST)
-            space.slowness = slowness.astype(np.float32)
+            space.slowness = slowness(self._limits_m_s, full_speed_m_s)
         reach = math.ceil((footprint.circumscribed_m + _BEYOND_M) / grid.resolution_m) + 1
         self._clearance = Clearance(space.blocked, space.clearance, reach)
         self._cells = marks.Cells(

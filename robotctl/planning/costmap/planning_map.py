@@ -84,6 +84,10 @@ class PlanningMap:
             part.slowness = self.slowness[cells].copy()
         return part
 
+    def zone_prices(self) -> NDArray[np.float32]:
+        """Return how many times longer a path counts in each cell, (rows, columns), at least 1."""
+        return np.ones(self.shape, np.float32) if self.slowness is None else self.slowness
+
     def to_cells(self, pose: SE2) -> SE2:
         """Return a pose of `world` in the map's frame, in cells."""
         local = self.grid.origin.inverse() @ pose

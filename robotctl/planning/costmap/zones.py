@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.model.grid_map import GridMap
+from robotctl.model.grid_map import OCCUPIED, GridMap
 from robotctl.planning.costmap.zone import Zone
+
+_SLOWEST: Final = 10.0
+"""A path through a slow zone counts at most so many times longer: the classes of cost are few."""
 
 
 def cells_of(zone: Zone, grid: GridMap) -> NDArray[np.bool_]:
@@ -30,6 +34,19 @@ def cells_of(zone: Zone, grid: GridMap) -> NDArray[np.bool_]:
             crossing = ax + (rows + 0.5 - ay) / (by - ay) * (bx - ax)
             inside[rows] ^= np.arange(grid.shape[1]) + 0.5 > crossing[:, np.newaxis]
     return inside
+
+
+def close_zones(cells: NDArray[np.int8], grid: GridMap, zones: Sequence[Zone]) -> None:
+    """Mark the cells of a map, (rows, columns), that lie in keep-out zones as occupied."""
+    for zone in zones:
+        if zone.speed_m_s == 0.0:
+            cells[cells_of(zone, grid)] = OCCUPIED
+
+
+def slowness(limits_m_s: NDArray[np.float32], full_speed_m_s: float) -> NDArray[np.float32]:
+    """Return how many times longer a path counts in each cell: as much longer as it takes."""
+    longer: NDArray[np.float32] = np.clip(full_speed_m_s / limits_m_s, 1.0, _SLOWEST)
+    return longer.astype(np.float32)
 
 
 def speed_limits(grid: GridMap, zones: Sequence[Zone]) -> NDArray[np.float32] | None:

@@ -95,6 +95,7 @@ class HybridPlanner:
         factor = max(1, round(_COARSE_M / side_m))
         prices, coarse = price_cells(
             space.clearance,
+            space.zone_prices(),
             max(space.inscribed - 1.0, 0.0),
             space.inscribed + config.margin_m / side_m,
             config.comfort_m / side_m,

@@ -115,6 +115,7 @@ def make_nodes(shape: tuple[int, int], capacity: int) -> Nodes:
 @compiled
 def price_cells(
     clearance: NDArray[np.float32],
+    zone_prices: NDArray[np.float32],
     least: float,
     near: float,
     comfort: float,
@@ -127,6 +128,8 @@ def price_cells(
     ----------
     clearance
         (rows, columns).
+    zone_prices
+        (rows, columns): how many times longer a path counts there, for slow zones.
     least
         With less, no robot of any heading fits.
     near, comfort, weight
@@ -148,6 +151,7 @@ def price_cells(
                         prices[row, column] = np.inf
                         continue
                     price = 1.0 + slope * min(max(near + comfort - room, 0.0), comfort)
+                    price *= zone_prices[row, column]
                     prices[row, column] = price
                     total += price
                     count += 1

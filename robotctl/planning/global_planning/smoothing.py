@@ -92,7 +92,7 @@ def _may(
 
 @compiled
 def line(
-    clearance: NDArray[np.float32],
+    clearance: NDArray[np.float32] | NDArray[np.float64],
     prices: NDArray[np.float64],
     x0: float,
     y0: float,

@@ -13,7 +13,7 @@ from typing import Any, Final, cast, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.config.robot_file import find_file, load_robot
+from robotctl.config.robot_file import RobotConfig, find_file, load_robot
 from robotctl.errors import ConfigError
 from robotctl.maps.localisation_map import load_localisation_map
 from robotctl.maps.moving_ai import is_moving_ai, load_moving_ai
@@ -21,6 +21,7 @@ from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.planning.costmap.planning_map import PlanningMap
+from robotctl.planning.costmap.zones import close_zones, slowness, speed_limits
 from robotctl.planning.global_planning.plan import (
     Plan,
     PlanFailure,
@@ -166,7 +167,7 @@ def make_plan(options: PlanOptions) -> PlanResult:
     else:
         robot = load_robot(find_file(options.robot or DEFAULT_ROBOT), options.overrides)
         grid = load_localisation_map(options.map, Path()).grid
-        space = PlanningMap(grid, body_outline(robot.navigation.guard, robot.sonar))
+        space = _space(grid, robot)
         start, goal = (_pose(name, getattr(options, name)) for name in ("start", "goal"))
         goal = goal if len(options.goal) == 3 else facing(start, goal.x_m, goal.y_m)
         # A robot that could turn on the spot, and is to drive without, turns in its own width.
@@ -183,6 +184,17 @@ def make_plan(options: PlanOptions) -> PlanResult:
         space, start, goal, lambda: time.perf_counter() - begin_s < options.time_limit_s
     )
     return PlanResult(options, space, answer, 1e3 * (time.perf_counter() - begin_s))
+
+
+def _space(grid: GridMap, robot: RobotConfig) -> PlanningMap:
+    """Return a map for a robot, with the zones of its file."""
+    zones, cells = robot.navigation.pilot.zone, grid.cells.copy()
+    close_zones(cells, grid, zones)
+    known = GridMap(cells, grid.resolution_m, grid.origin)
+    space = PlanningMap(known, body_outline(robot.navigation.guard, robot.sonar))
+    if (limits_m_s := speed_limits(grid, zones)) is not None:
+        space.slowness = slowness(limits_m_s, robot.limits.v_max_m_s)
+    return space
 
 
 def _steering(name: str) -> Steering | None:

@@ -155,18 +155,41 @@ def test_random_rooms_give_paths_that_are_free_and_reasons_that_have_a_place(see
         assert answer.length_m <= answer.cost + 0.2
 
 
-@pytest.mark.parametrize(("limit_m_s", "through"), [(0.5, True), (0.2, False)])
-def test_a_path_goes_round_a_slow_zone_where_that_is_quicker(limit_m_s, through):
-    """Straight on it is 4 m, 1 m of it slow; round the zone, past its upper end, some 6 m."""
-    corners = ((2.5, 0.0), (3.5, 0.0), (3.5, 2.5), (2.5, 2.5))
-    live = LayeredMap(
-        GridMap(room(), SIDE_M), LONG, zones=[Zone("slow", corners, limit_m_s)], full_speed_m_s=1.0
-    )
-    config = PlannerConfig(comfort_weight=0.0)
-    plan = PLANNERS["astar"](config).plan(live.space(), SE2(1.0, 1.0), SE2(5.0, 1.0))
+ZONE = ((2.5, 0.0), (3.5, 0.0), (3.5, 2.5), (2.5, 2.5))
+
+
+def planned_by_zone(planner, steering, limit_m_s):
+    """Plan past a zone: straight on it is 4 m, 1 m of it in the zone; round it some 6 m."""
+    zones = [Zone("zone", ZONE, limit_m_s)]
+    live = LayeredMap(GridMap(room(), SIDE_M), LONG, zones=zones, full_speed_m_s=1.0)
+    config = PlannerConfig(comfort_weight=0.0, turning_radius_m=0.4, steering=steering)
+    plan = PLANNERS[planner](config).plan(live.space(), SE2(1.0, 1.0, 0.0), SE2(5.0, 1.0, 0.0))
     assert isinstance(plan, Plan)
     poses = np.concatenate([np.linspace(a, b, 50) for a, b in pairwise(plan.poses)])
-    inside = (np.abs(poses[:, 0] - 3.0) < 0.45) & (poses[:, 1] < 2.45)
-    assert inside.any() == through
+    return plan, ((np.abs(poses[:, 0] - 3.0) < 0.45) & (poses[:, 1] < 2.45)).any()
+
+
+@pytest.mark.timeout(300)  # the first of them compiles
+@pytest.mark.parametrize(("limit_m_s", "through"), [(0.5, True), (0.2, False)])
+@pytest.mark.parametrize(
+    ("planner", "steering"),
+    [
+        ("astar", "straight"),
+        ("hybrid", "straight"),
+        ("rrtstar", "straight"),
+        ("rrtstar", "dubins"),
+        ("rrtstar", "reeds-shepp"),
+    ],
+)
+def test_a_path_goes_round_a_slow_zone_where_that_is_quicker(planner, steering, limit_m_s, through):
+    plan, is_inside = planned_by_zone(planner, steering, limit_m_s)
+    assert is_inside == through
     if through:
         assert plan.cost == pytest.approx(4.0 + 1.0 * (1.0 / limit_m_s - 1.0), abs=0.15)
+
+
+@pytest.mark.timeout(300)  # the first of them compiles
+@pytest.mark.parametrize("planner", PLANNERS)
+@pytest.mark.parametrize("steering", ["straight", "dubins"])
+def test_all_planners_keep_out_of_zones(planner, steering):
+    assert not planned_by_zone(planner, steering, 0.0)[1]

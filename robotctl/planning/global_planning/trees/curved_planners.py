@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,7 @@ from robotctl.planning.global_planning.trees.motions import (
     Course,
     curve_between,
     drive_along,
+    length_of,
 )
 from robotctl.planning.global_planning.trees.point_tree import FOUND, FULL, GOING_ON
 from robotctl.planning.global_planning.trees.pose_growth import (
@@ -45,7 +46,12 @@ from robotctl.planning.global_planning.trees.pose_paths import (
     path_from_root,
     shorten_poses,
 )
-from robotctl.planning.global_planning.trees.pose_tree import PoseTree, add_pose, make_pose_tree
+from robotctl.planning.global_planning.trees.pose_tree import (
+    PoseTree,
+    add_pose,
+    cost_of,
+    make_pose_tree,
+)
 from robotctl.planning.global_planning.trees.sampling import cells_around, narrow_cells
 
 _CAPACITY: Final = 50_000
@@ -60,6 +66,8 @@ _BUCKET: Final = 8.0
 """Side of a bucket [cells]."""
 _LONGEST: Final = 60.0
 """A tree grows by this at most [cells]: 3 m at 5 cm."""
+_CHORDS: Final = 0.1
+"""A path that costs so much more than its length is the cheapest [cells]: costs are of chords."""
 _SHORTENINGS: Final = 400
 
 
@@ -71,6 +79,9 @@ class CurvedTreePlanner(ABC):
     config
         Steering, turning radius, margin and seed count.
     """
+
+    _priced: ClassVar[bool] = False
+    """Whether slow zones count."""
 
     def __init__(self, config: PlannerConfig) -> None:
         self._config = config
@@ -85,10 +96,10 @@ class CurvedTreePlanner(ABC):
         side_m = space.grid.resolution_m
         expanded = 0
         for margin in dict.fromkeys((self._config.margin_m / side_m, 0.0)):
-            search = _CurveSearch(space, margin, (start, goal), self._config)
+            search = _CurveSearch(space, margin, (start, goal), self._config, priced=self._priced)
             if not search.may_succeed:
                 continue
-            path = search.direct() or self._grow(search, goes_on)
+            path = self._grow(search, goes_on)
             expanded += search.expanded
             if path is not None:
                 path, cost = search.shortened(path)
@@ -107,7 +118,13 @@ class _CurveSearch:
     """The space in which a tree of poses grows."""
 
     def __init__(
-        self, space: PlanningMap, margin: float, ends: tuple[SE2, SE2], config: PlannerConfig
+        self,
+        space: PlanningMap,
+        margin: float,
+        ends: tuple[SE2, SE2],
+        config: PlannerConfig,
+        *,
+        priced: bool,
     ) -> None:
         self.start, self.goal = (
             np.array([end.x_m, end.y_m, end.theta_rad]) for end in map(space.to_cells, ends)
@@ -115,8 +132,9 @@ class _CurveSearch:
         self.gears = FORWARD if config.steering == "dubins" else BOTH
         self.radius = config.turning_radius_m / space.grid.resolution_m
         clearance = space.clearance - np.float32(margin)
+        prices = space.zone_prices() if priced else np.ones(space.shape, np.float32)
         self.course = Course(
-            space.blocked | (clearance < 0.0), clearance, np.ones(space.shape, np.float32),
+            space.blocked | (clearance < 0.0), clearance, prices,
             space.samples, space.discs, self.radius,
         )  # fmt: skip
         self.rng = np.random.default_rng(config.seed)
@@ -160,6 +178,8 @@ class CurvedRrt(CurvedTreePlanner):
     """One tree from the start, until a curve from it leads to the goal."""
 
     def _grow(self, search: _CurveSearch, goes_on: GoesOn) -> PosePath | None:
+        if (path := search.direct()) is not None:
+            return path
         tree = search.tree(search.start)
         status, node, left = GOING_ON, -1, _SAMPLES
         while status == GOING_ON and left > 0 and goes_on():
@@ -176,6 +196,8 @@ class CurvedRrtConnect(CurvedTreePlanner):
     """Two trees, from start and goal, that grow to each other."""
 
     def _grow(self, search: _CurveSearch, goes_on: GoesOn) -> PosePath | None:
+        if (path := search.direct()) is not None:
+            return path
         trees = search.tree(search.start), search.tree(search.goal)
         status, one, other, left = GOING_ON, -1, -1, _SAMPLES
         while status == GOING_ON and left > 0 and goes_on():
@@ -197,8 +219,13 @@ class CurvedRrtConnect(CurvedTreePlanner):
 class CurvedRrtStar(CurvedTreePlanner):
     """One tree whose paths become cheaper as it grows: RRT*, with informed samples."""
 
+    _priced = True
+
     def _grow(self, search: _CurveSearch, goes_on: GoesOn) -> PosePath | None:
         tree = search.tree(search.start)
+        shortest = length_of(
+            curve_between(search.start, search.goal, search.radius, search.gears), search.radius
+        )
         status, at_goal, left = GOING_ON, -1, _SAMPLES
         while status != FULL and left > 0 and goes_on():
             status, node = grow_cheapest(
@@ -207,5 +234,7 @@ class CurvedRrtStar(CurvedTreePlanner):
             )  # fmt: skip
             left = _OPTIMAL_SAMPLES if at_goal < 0 <= node else left - _ROUNDS
             at_goal = node
+            if at_goal >= 0 and cost_of(tree, at_goal) <= shortest + _CHORDS:
+                break
         search.expanded += int(tree.size[0])
         return path_from_root(tree, at_goal, search.radius) if at_goal >= 0 else None

@@ -7,7 +7,12 @@ from numpy.typing import NDArray
 
 from robotctl.compiled import compiled
 from robotctl.planning.global_planning.heap import pop, push
-from robotctl.planning.global_planning.trees.point_tree import Tree, free_share, points_near
+from robotctl.planning.global_planning.trees.point_tree import (
+    Tree,
+    free_share,
+    points_near,
+    price_of,
+)
 
 
 @compiled
@@ -59,14 +64,26 @@ def rejoin(
 
 
 @compiled
+def price_along(path: NDArray[np.float64], prices: NDArray[np.float64]) -> float:
+    """Return the cost of a path (n, 2); `prices` are those of `price_of`."""
+    cost = 0.0
+    for k in range(len(path) - 1):
+        cost += price_of(prices, path[k, 0], path[k, 1], path[k + 1, 0], path[k + 1, 1])
+    return cost
+
+
+@compiled
 def shorten(
     points: NDArray[np.float64],
     clearance: NDArray[np.float32],
     radius: float,
+    prices: NDArray[np.float64],
     rng: np.random.Generator,
     tries: int,
 ) -> NDArray[np.float64]:
     """Return a path (n, 2) with random pieces of it replaced by straight ones, where they are free.
+
+    None costs more than what it replaces; `prices` are those of `price_of`.
 
     Geraerts and Overmars, "Creating high-quality paths for motion planning", 2007.
     """
@@ -82,11 +99,10 @@ def shorten(
         bx, by = path[j] + t * (path[j + 1] - path[j])
         if i == j:
             continue
-        old = np.hypot(path[i + 1, 0] - ax, path[i + 1, 1] - ay)
-        for k in range(i + 1, j):
-            old += np.hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
-        old += np.hypot(bx - path[j, 0], by - path[j, 1])
-        if np.hypot(bx - ax, by - ay) > old - 1e-6:
+        old = price_of(prices, ax, ay, path[i + 1, 0], path[i + 1, 1])
+        old += price_along(path[i + 1 : j + 1], prices)
+        old += price_of(prices, path[j, 0], path[j, 1], bx, by)
+        if price_of(prices, ax, ay, bx, by) > old - 1e-6:
             continue
         if free_share(clearance, radius, ax, ay, bx, by) < 1.0:
             continue

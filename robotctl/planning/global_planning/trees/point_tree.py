@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.compiled import compiled
+from robotctl.planning.global_planning.smoothing import line
 
 FOUND, GOING_ON, FULL = 2, 1, 0
 _LEAST_STEP: Final = 0.25
@@ -166,6 +167,21 @@ def free_share(
 
 
 @compiled
+def price_of(prices: NDArray[np.float64], x0: float, y0: float, x1: float, y1: float) -> float:
+    """Return the cost of a straight piece: its length, in zones so many times longer.
+
+    Parameters
+    ----------
+    prices
+        (rows, columns): what a unit of length costs, at least 1; (0, 0): 1 everywhere.
+    """
+    if len(prices) == 0:
+        return math.hypot(x1 - x0, y1 - y0)
+    cost, _ = line(prices, prices, x0, y0, x1, y1)  # nearness to walls is asked elsewhere
+    return float(cost)
+
+
+@compiled
 def grow(
     tree: Tree,
     side: float,
@@ -273,59 +289,6 @@ def grow_both(
 
 
 @compiled
-def grow_optimal(
-    tree: Tree,
-    side: float,
-    clearance: NDArray[np.float32],
-    radius: float,
-    ends: tuple[float, float, float, float],
-    free: NDArray[np.int32],
-    narrow: NDArray[np.int32],
-    rng: np.random.Generator,
-    longest: float,
-    best: float,
-    seen: NDArray[np.int32],
-    rounds: int,
-) -> tuple[int, float]:
-    """RRT*: grow for some rounds, by the cheapest parent near by, and let neighbours change theirs.
-
-    The length over each point from which the goal is seen counts; of `seen`, the first entry is the
-    number of those. Once a path is known, samples that cannot lie on a shorter one are left out.
-    Return the state, and the length of the best path.
-    """
-    gx, gy = ends[2], ends[3]
-    area = len(free)
-    near = np.empty(256, np.int32)
-    for _ in range(rounds):
-        if tree.size[0] + 2 > len(tree.parent):
-            return FULL, best
-        x, y = sample(rng, free, narrow, 0.3)
-        if np.hypot(x - ends[0], y - ends[1]) + np.hypot(x - gx, y - gy) >= best:
-            continue
-        node, _ = grow(tree, side, clearance, radius, x, y, longest)
-        if node < 0:
-            continue
-        x, y = tree.xy[node, 0], tree.xy[node, 1]
-        count = tree.size[0]
-        # Karaman and Frazzoli 2011, theorem 38, in the plane: 2 (1 + 1/2)^(1/2) (area / pi)^(1/2).
-        reach = min(longest, 2.45 * np.sqrt(area / np.pi * np.log(count + 1.0) / (count + 1.0)))
-        found = points_near(tree, side, x, y, reach, near)
-        _take_parent(tree, clearance, radius, node, near[:found])
-        _rewire(tree, clearance, radius, node, near[:found])
-        rest = np.hypot(gx - x, gy - y)
-        is_new = tree.cost[node] + rest < best and seen[0] + 1 < len(seen)
-        if is_new and free_share(clearance, radius, x, y, gx, gy) >= 1.0:
-            seen[0] += 1
-            seen[seen[0]] = node
-        for k in range(1, seen[0] + 1):
-            each = seen[k]
-            best = min(
-                best, tree.cost[each] + np.hypot(gx - tree.xy[each, 0], gy - tree.xy[each, 1])
-            )
-    return GOING_ON, best
-
-
-@compiled
 def points_near(
     tree: Tree, side: float, x: float, y: float, reach: float, near: NDArray[np.int32]
 ) -> int:
@@ -343,49 +306,6 @@ def points_near(
                     found += 1
                 node = tree.links[node]
     return found
-
-
-@compiled
-def _take_parent(
-    tree: Tree,
-    clearance: NDArray[np.float32],
-    radius: float,
-    node: int,
-    near: NDArray[np.int32],
-) -> None:
-    """Give a new point the parent with the shortest path from the root."""
-    x, y = tree.xy[node, 0], tree.xy[node, 1]
-    for other in near:
-        if other == node:
-            continue
-        cost = tree.cost[other] + np.hypot(x - tree.xy[other, 0], y - tree.xy[other, 1])
-        if cost < tree.cost[node] - 1e-9 and (
-            free_share(clearance, radius, tree.xy[other, 0], tree.xy[other, 1], x, y) >= 1.0
-        ):
-            tree.parent[node], tree.cost[node] = other, cost
-
-
-@compiled
-def _rewire(
-    tree: Tree,
-    clearance: NDArray[np.float32],
-    radius: float,
-    node: int,
-    near: NDArray[np.int32],
-) -> None:
-    """Make a new point the parent of neighbours that it brings closer to the root.
-
-    Their descendants are updated as they are passed: costs are upper bounds until then.
-    """
-    x, y = tree.xy[node, 0], tree.xy[node, 1]
-    for other in near:
-        cost = tree.cost[node] + np.hypot(tree.xy[other, 0] - x, tree.xy[other, 1] - y)
-        if (
-            other != node
-            and cost < tree.cost[other] - 1e-9
-            and (free_share(clearance, radius, x, y, tree.xy[other, 0], tree.xy[other, 1]) >= 1.0)
-        ):
-            tree.parent[other], tree.cost[other] = node, cost
 
 
 def branch(tree: Tree, node: int) -> NDArray[np.float64]:

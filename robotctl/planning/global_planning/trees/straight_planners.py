@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 from abc import ABC, abstractmethod
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,18 +26,20 @@ from robotctl.planning.global_planning.plan import (
     Reason,
 )
 from robotctl.planning.global_planning.straight import collisions, radii, straight_poses
-from robotctl.planning.global_planning.trees.point_paths import rejoin, shorten
+from robotctl.planning.global_planning.trees.optimal_growth import grow_optimal
+from robotctl.planning.global_planning.trees.point_paths import price_along, rejoin, shorten
 from robotctl.planning.global_planning.trees.point_tree import (
     FOUND,
     FULL,
+    GOING_ON,
     Tree,
     add_points,
     branch,
     free_share,
     grow_both,
-    grow_optimal,
     grow_single,
     make_tree,
+    price_of,
 )
 from robotctl.planning.global_planning.trees.sampling import cells_around, narrow_cells
 
@@ -69,6 +71,9 @@ class TreePlanner(ABC):
         Margin and seed count.
     """
 
+    _priced: ClassVar[bool] = False
+    """Whether slow zones count."""
+
     def __init__(self, config: PlannerConfig | None = None) -> None:
         self._config = config or PlannerConfig()
 
@@ -84,16 +89,18 @@ class TreePlanner(ABC):
         margin = self._config.margin_m / side_m
         expanded = 0
         for radius in radii(space, margin):
-            search = _Search(space.clearance, radius, ends, self._config.seed)
+            search = _Search(space, radius, ends, self._config.seed, priced=self._priced)
             for _ in range(_TRIES if search.may_succeed else 0):
                 path = self._grow(search, goes_on)
                 if path is None:
                     break
-                path = shorten(path, space.clearance, radius, search.rng, _SHORTENINGS)
+                path = shorten(
+                    path, space.clearance, radius, search.prices, search.rng, _SHORTENINGS
+                )
                 poses = straight_poses(path, *ends)
                 if not len(collisions(space, poses)):
-                    length_m = _length(path) * side_m
-                    return Plan(space.to_world(poses), length_m, expanded + search.expanded)
+                    cost_m = float(price_along(path, search.prices)) * side_m
+                    return Plan(space.to_world(poses), cost_m, expanded + search.expanded)
             if not goes_on():
                 expanded += search.expanded
                 return PlanFailure(Reason.OUT_OF_TIME, "the time was over", None, expanded)
@@ -112,9 +119,20 @@ class _Search:
     """The space in which a tree grows."""
 
     def __init__(
-        self, clearance: NDArray[np.float32], radius: float, ends: tuple[SE2, SE2], seed: int
+        self,
+        space: PlanningMap,
+        radius: float,
+        ends: tuple[SE2, SE2],
+        seed: int,
+        *,
+        priced: bool,
     ) -> None:
-        self.clearance, self.radius = clearance, radius
+        clearance = self.clearance = space.clearance
+        self.radius = radius
+        self.prices = np.empty((0, 0))
+        """As `price_of` takes them."""
+        if priced and space.slowness is not None:
+            self.prices = space.slowness.astype(np.float64)
         self.start, self.goal = ((end.x_m, end.y_m) for end in ends)
         self.rng = np.random.default_rng(seed)
         self.expanded = 0
@@ -152,7 +170,7 @@ class Rrt(TreePlanner):
         if search.sees(search.start, search.goal):
             return np.array([search.start, search.goal])
         tree = search.tree(search.start)
-        status, node = 1, -1
+        status, node = GOING_ON, -1
         while status not in (FOUND, FULL) and goes_on():
             status, node = grow_single(
                 tree, _BUCKET, search.clearance, search.radius, search.goal,
@@ -171,7 +189,7 @@ class RrtConnect(TreePlanner):
         if search.sees(search.start, search.goal):
             return np.array([search.start, search.goal])
         trees = search.tree(search.start), search.tree(search.goal)
-        status, one, other = 1, -1, -1
+        status, one, other = GOING_ON, -1, -1
         while status not in (FOUND, FULL) and goes_on():
             status, one, other = grow_both(
                 trees, _BUCKET, search.clearance, search.radius,
@@ -185,32 +203,34 @@ class RrtConnect(TreePlanner):
 
 
 class RrtStar(TreePlanner):
-    """One tree whose paths become shorter as it grows: RRT*, with informed samples."""
+    """One tree whose paths become cheaper as it grows: RRT*, with informed samples."""
+
+    _priced = True
 
     def _grow(self, search: _Search, goes_on: GoesOn) -> NDArray[np.float64] | None:
+        ends = (*search.start, *search.goal)
+        best = math.inf
         if search.sees(search.start, search.goal):
-            return np.array([search.start, search.goal])
+            best = price_of(search.prices, *ends)
+            if best <= math.dist(search.start, search.goal) + 1e-9:
+                return np.array([search.start, search.goal])
         tree = search.tree(search.start)
-        seen = np.zeros(4096, np.int32)
-        best, status, left = math.inf, 1, _OPTIMAL_ROUNDS
+        seen, rest = np.zeros(4096, np.int32), np.zeros(4096)
+        if best < math.inf:
+            seen[0], rest[1] = 1, best  # over point 0, the start
+        status, left = GOING_ON, _OPTIMAL_ROUNDS
         while status != FULL and left > 0 and goes_on():
             status, best = grow_optimal(
-                tree, _BUCKET, search.clearance, search.radius, (*search.start, *search.goal),
-                search.free, search.narrow, search.rng, _LONGEST, best, seen, _ROUNDS,
+                tree, _BUCKET, search.clearance, search.radius, ends, search.free, search.narrow,
+                search.rng, _LONGEST, search.prices, best, seen, rest, _ROUNDS,
             )  # fmt: skip
             left -= _ROUNDS if best < math.inf else 0
         search.expanded += int(tree.size[0])
         if best == math.inf:
             return None
         nodes = seen[1 : seen[0] + 1]
-        rest = np.hypot(*(np.array(search.goal) - tree.xy[nodes]).T)
-        node = int(nodes[np.argmin(tree.cost[nodes] + rest)])
+        node = int(nodes[np.argmin(tree.cost[nodes] + rest[1 : seen[0] + 1])])
         return np.vstack([branch(tree, node), search.goal])
-
-
-def _length(points: NDArray[np.float64]) -> float:
-    """Return the length of a path (n, 2) [cells]."""
-    return float(np.hypot(*np.diff(points, axis=0).T).sum())
 
 
 def _dense(path: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:

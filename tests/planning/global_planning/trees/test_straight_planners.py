@@ -77,7 +77,7 @@ def test_a_path_is_shortened_and_stays_free():
     blocked[10:, 20] = True
     clearance = clearance_of(blocked)
     path = np.array([(2.5, 35.5), (5.5, 3.5), (10.5, 8.5), (20.5, 2.5), (39.0, 3.0), (35.5, 35.5)])
-    short = shorten(path, clearance, 0.0, np.random.default_rng(0), 400)
+    short = shorten(path, clearance, 0.0, np.empty((0, 0)), np.random.default_rng(0), 400)
     assert (short[0] == path[0]).all()
     assert (short[-1] == path[-1]).all()
     for a, b in pairwise(short):
