@@ -34,7 +34,12 @@ class GlobalPosition(Microservice):
     def streams(self) -> tuple[Stream, ...]:
         """Return the position at 2 Hz, and origin and home on request."""
         return (
-            Stream(common.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, self._position, RATE_HZ),
+            Stream(
+                common.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+                self._position,
+                RATE_HZ,
+                common.MAV_DATA_STREAM_POSITION,
+            ),
             Stream(common.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, self._origin, None),
             Stream(common.MAVLINK_MSG_ID_HOME_POSITION, self._home, None),
         )

@@ -124,7 +124,8 @@ class Missions(Microservice):
 
     def streams(self) -> tuple[Stream, ...]:
         """Return MISSION_CURRENT."""
-        return (Stream(common.MAVLINK_MSG_ID_MISSION_CURRENT, self._current, CURRENT_HZ),)
+        group = common.MAV_DATA_STREAM_EXTENDED_STATUS
+        return (Stream(common.MAVLINK_MSG_ID_MISSION_CURRENT, self._current, CURRENT_HZ, group),)
 
     def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:
         """Take a message of the protocol; of fences and rally points there are none."""
