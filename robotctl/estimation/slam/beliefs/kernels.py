@@ -92,9 +92,7 @@ def _add(a: Floats, b: Floats, factor: float) -> None:
 
 
 @compiled
-def send_all(
-    ends: Ints, H: Floats, g: Floats, own: Floats, damping: float, said: Floats
-) -> None:  # fmt: skip
+def send_all(ends: Ints, H: Floats, g: Floats, own: Floats, damping: float, said: Floats) -> None:
     """Send all messages at once.
 
     Parameters
