@@ -20,7 +20,7 @@ POSES = st.builds(SE2, LENGTHS, LENGTHS, ANGLES)
 STATE = msgspec.convert(
     dict.fromkeys(ControlState.__struct_fields__, 0.0)
     | {"type": "ControlState", "stamp_ns": 7, "state": 1, "reason": "", "acks": (), "faults": 0}
-    | {"fault": 0, "fault_part": ""}
+    | {"fault": 0, "fault_part": "", "against_arming": ()}
     | dict.fromkeys(("wheel_rad_s", "wheel_ref_rad_s", "wheel_distance_m", "duty"), ())
     | dict.fromkeys(("current_a", "temperature_c", "sonar_m", "sonar_stamp_ns", "nodes"), ())
     | {"battery": None, "imu": None, "bus": BusStatus(), "loop": LoopStatistics()},
