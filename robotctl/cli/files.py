@@ -14,16 +14,21 @@ from robotctl.errors import DISK, ConfigError, DiskError
 PLOTS: Final = (".png", ".svg", ".pdf")
 
 
-def check_files(*files: Path | None, plot: Path | None = None, option: str = "--plot") -> None:
+def check_files(
+    *files: Path | None,
+    plot: Path | None = None,
+    option: str = "--plot",
+    suffixes: tuple[str, ...] = PLOTS,
+) -> None:
     """Refuse what could not be written, before anything is measured; None is not asked for.
 
-    The picture `plot` is asked for by `option`.
+    The picture `plot` is asked for by `option`, in a format of `suffixes`.
 
     Raises
     ------
     ConfigError
         If a folder does not exist, a file is a folder, or `plot` cannot be drawn: matplotlib is
-        missing, or its suffix is not one of `PLOTS`.
+        missing, or its suffix is not one of them.
     """
     if plot is not None and importlib.util.find_spec("matplotlib") is None:
         raise ConfigError(
@@ -31,8 +36,8 @@ def check_files(*files: Path | None, plot: Path | None = None, option: str = "--
             "  sudo /opt/robotctl/bin/pip install '/opt/robotctl-source[plot]'\n"
             "where these are the installation and your copy of robotctl (in a checkout: make setup)"
         )
-    if plot is not None and plot.suffix.lower() not in PLOTS:
-        raise ConfigError(f"{option} {plot}: the suffix must be one of {', '.join(PLOTS)}")
+    if plot is not None and plot.suffix.lower() not in suffixes:
+        raise ConfigError(f"{option} {plot}: the suffix must be one of {', '.join(suffixes)}")
     for file in (*files, plot):
         if file is not None and not file.parent.is_dir():
             raise ConfigError(f"{file}: the folder {file.parent} does not exist")

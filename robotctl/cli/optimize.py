@@ -26,6 +26,9 @@ def optimize(
     plot: Annotated[
         Path | None, typer.Option(help="Draw start, optimum and chi2 here: .png, .svg or .pdf.")
     ] = None,
+    animate: Annotated[
+        Path | None, typer.Option(help="Draw the graph after each iteration here: .gif.")
+    ] = None,
     marginals: Annotated[
         str, typer.Option(metavar="ID,...", help="Covariances of these variables; l5 is a point.")
     ] = "",
@@ -36,6 +39,7 @@ def optimize(
     The status is 1 if the solver did not converge.
     """
     check_files(out, report, plot=plot)
+    check_files(plot=animate, option="--animate", suffixes=(".gif",))
     # It loads numba, which other subcommands can do without.
     from robotctl.cli.progress import progress_bar  # noqa: PLC0415
     from robotctl.compiled import COMPILING, cache_is_cold  # noqa: PLC0415
@@ -59,6 +63,7 @@ def optimize(
         robust,
         init or ("odometry" if robust or solver in IN_ORDER else "chordal"),
         tuple(filter(None, marginals.replace(" ", "").split(","))),
+        keeps_course=animate is not None,
     )
     with progress_bar(console, graph.name, "optimising") as tell:
         result = work(options, lambda _, done, total: tell(done, total))
@@ -70,6 +75,11 @@ def optimize(
         from robotctl.cli.optimize_plot import save_plot  # noqa: PLC0415 - an extra
 
         write_file(plot, lambda file: save_plot(result, file))
+    if animate is not None:
+        from robotctl.cli.optimize_plot import save_animation  # noqa: PLC0415 - an extra
+
+        with progress_bar(console, graph.name, "drawing") as tell:
+            write_file(animate, lambda file: save_animation(result, file, tell))
     print(summary(result))
     if not result.solution.is_converged:
         raise typer.Exit(1)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
 from robotctl.estimation.slam.graph.factor_graph import Values
 from robotctl.workbench.graphs.optimize import OptimizeResult
+
+_FRAMES_PER_S: Final = 2
 
 
 def save_plot(result: OptimizeResult, file: Path) -> None:
@@ -25,6 +28,28 @@ def save_plot(result: OptimizeResult, file: Path) -> None:
     course.set_xlabel("iteration")
     course.set_title(f"chi2: {result.solution.chi2[-1]:.6g}")
     figure.savefig(file)
+
+
+def save_animation(
+    result: OptimizeResult, file: Path, tell: Callable[[int, int], None] = lambda *_: None
+) -> None:
+    """Draw the start and the graph after each iteration, one after the other."""
+    from matplotlib.animation import FuncAnimation, PillowWriter  # noqa: PLC0415 - an extra
+    from matplotlib.figure import Figure  # noqa: PLC0415 - an extra
+
+    figure = Figure(figsize=(6.0, 6.0), dpi=90, layout="constrained")
+    axes = figure.subplots()
+    frames = len(result.course)
+
+    def draw(frame: int) -> tuple[()]:
+        axes.clear()
+        draw_graph(axes, result, result.course[frame])
+        axes.set_title(f"iteration {frame}: chi2 {result.solution.chi2[frame]:.6g}")
+        tell(frame + 1, frames)
+        return ()
+
+    film = FuncAnimation(figure, draw, frames)
+    film.save(file, PillowWriter(fps=_FRAMES_PER_S))
 
 
 def draw_graph(axes: Any, result: OptimizeResult, values: Values) -> None:

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from PIL import Image
 from typer.testing import CliRunner
 
 from robotctl.cli.commands import app
@@ -85,3 +86,18 @@ def test_a_graph_that_is_not_determined_names_the_variable(square):
         file.write("EDGE_BEARING_SE2_XY 1 77 0.3 100\n")
     with pytest.raises(RobotctlError, match="point 77: too few measurements"):
         run(square)
+
+
+def test_the_film_begins_at_the_start_and_has_a_picture_for_each_iteration(square, tmp_path):
+    report, film = tmp_path / "r.json", tmp_path / "film.gif"
+    assert run(square, "--init", "file", "--report", report, "--animate", film).exit_code == 0
+    with Image.open(film) as pictures:
+        assert pictures.n_frames == json.loads(report.read_text())["iterations"] + 1
+        first = np.asarray(pictures.convert("L"), float)
+        pictures.seek(pictures.n_frames - 1)
+        last = np.asarray(pictures.convert("L"), float)
+    assert np.abs(first - last).mean() > 0.5
+    with pytest.raises(RobotctlError, match="--animate works with gn, lm, dogleg, gbp"):
+        run(square, "--solver", "isam", "--animate", film)
+    with pytest.raises(RobotctlError, match=r"suffix must be one of \.gif"):
+        run(square, "--animate", tmp_path / "film.mp4")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -39,6 +39,8 @@ class OptimizeOptions:
         Names of `SOLVERS`, `KERNELS` ("": none) and `STARTS`.
     marginals
         Ids of variables whose covariance is wanted; a point may have an l before its id.
+    keeps_course
+        Whether the values after each iteration are wanted.
     """
 
     graph: Path
@@ -46,6 +48,7 @@ class OptimizeOptions:
     robust: str = ""
     init: str = "chordal"
     marginals: tuple[str, ...] = ()
+    keeps_course: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,6 +71,8 @@ class OptimizeResult:
         Of each step of a solver that goes step by step [ms]; else empty.
     covariances
         Of the variables asked for, by name.
+    course
+        The values at the start and after each iteration, if they were asked for.
     """
 
     options: OptimizeOptions
@@ -78,6 +83,7 @@ class OptimizeResult:
     time_ms: dict[str, float]
     steps_ms: list[float]
     covariances: dict[str, NDArray[np.float64]]
+    course: list[Values]
 
     @property
     def graph(self) -> FactorGraph:
@@ -175,6 +181,9 @@ def optimize(
     if options.robust and options.solver in IN_ORDER:
         robust = ", ".join(name for name in SOLVERS if name not in IN_ORDER)
         raise ConfigError(f"--robust works with {robust}; {options.solver} has no robust kernels")
+    if options.keeps_course and options.solver in IN_ORDER:
+        whole = ", ".join(name for name in SOLVERS if name not in IN_ORDER)
+        raise ConfigError(f"--animate works with {whole}; {options.solver} adds pose after pose")
     clock = _Clock(tell)
     begin_s = clock.now_s
     file = read_graph(options.graph)
@@ -185,6 +194,9 @@ def optimize(
     clock.lap("start")
     kernel = KERNELS[options.robust] if options.robust else None
     problem = Problem(file.graph, start, fixed, kernel, options.robust == GRADUATED)
+    course: list[Values] = []
+    if options.keeps_course:
+        problem = replace(problem, watch=lambda values: course.append(_copy(values)))
     solution = SOLVERS[options.solver](problem, clock)
     clock.lap("optimise")
     covariances = {}
@@ -197,7 +209,13 @@ def optimize(
     if wanted:
         times["marginals"] = clock.stages["marginals"]
     times["total"] = 1e3 * (time.perf_counter() - begin_s)
-    return OptimizeResult(options, file, start, fixed, solution, times, clock.steps, covariances)
+    return OptimizeResult(
+        options, file, start, fixed, solution, times, clock.steps, covariances, course
+    )
+
+
+def _copy(values: Values) -> Values:
+    return {kind: numbers.copy() for kind, numbers in values.items()}
 
 
 def variable(graph: FactorGraph, name: str) -> int:

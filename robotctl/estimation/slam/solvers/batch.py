@@ -227,6 +227,7 @@ def descend(
     suspects = doubtful(problem.graph)
     descent = Descent(problem, equations, RobustCost(problem.graph, problem.kernel, suspects))
     history = [descent.at.chi2]
+    problem.watch(descent.at.values)
     rule, goes_on = make_rule(), True
     if problem.graduated:
         _graduate(problem, descent, make_rule, history, tell)
@@ -235,6 +236,7 @@ def descend(
         goes_on = rule.step(descent)
         iterations += 1
         history.append(descent.at.chi2)
+        problem.watch(descent.at.values)
         tell("iteration", iterations, problem.most_iterations)
     weights = descent.fixed_weights or descent.cost.weights(descent.at.squares)
     return Solution(descent.at.values, history, weights, not goes_on)
@@ -256,6 +258,7 @@ def _graduate(
             if not rule.step(descent):
                 break
         history.append(descent.at.chi2)
+        problem.watch(descent.at.values)
         done += 1
         tell("graduation", done, done + 1)
         if done > 1 and graduation.is_done(weights):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TypeAlias
 
 import numpy as np
@@ -35,6 +35,8 @@ class Problem:
         Whether the kernel grows from a convex one: graduated non-convexity.
     most_iterations
         At which a solver gives up.
+    watch
+        Given the values at the start and after each iteration by solvers that improve all at once.
     """
 
     graph: FactorGraph
@@ -43,6 +45,7 @@ class Problem:
     kernel: RobustKernel | None = None
     graduated: bool = False
     most_iterations: int = 100
+    watch: Callable[[Values], None] = field(default=lambda _: None)
 
 
 @dataclass(slots=True, eq=False)
