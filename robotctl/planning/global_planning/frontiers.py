@@ -44,10 +44,12 @@ def frontiers(space: PlanningMap, here: Point, margin_m: float) -> list[Frontier
     clearance = space.clearance[first[0] : last[0], first[1] : last[1]]
     free, unknown = cells == 0, cells < 0
     wide = free & (clearance >= space.inscribed)
-    edge = _connected(space, wide, here, first) & ndimage.binary_dilation(unknown)
+    floor = _connected(space, wide, here, first)
+    edge = floor & ndimage.binary_dilation(unknown)
     labels, count = ndimage.label(edge, _EIGHT)
     side_m = space.grid.resolution_m
-    roomy = np.argwhere(free & (clearance >= space.circumscribed + margin_m / side_m))
+    # On the robot's side of walls: from beyond them it would be a long way round, or none.
+    roomy = np.argwhere(floor & (clearance >= space.circumscribed + margin_m / side_m))
     found: list[Frontier] = []
     for label, window in enumerate(ndimage.find_objects(labels, count), start=1):
         members = np.argwhere(labels[window] == label) + [each.start for each in window]

@@ -10,7 +10,7 @@ from robotctl.model.grid_map import GridMap
 from robotctl.planning.costmap.planning_map import PlanningMap
 from robotctl.planning.global_planning.frontiers import frontiers
 from robotctl.planning.guard.behaviour import BehaviourInput, Status
-from tests.planning.journey.bench import Bench, room, two_rooms
+from tests.planning.journey.bench import BODY, Bench, room, two_rooms
 
 
 def explore(bench, seconds):
@@ -71,6 +71,17 @@ def test_a_frontier_behind_a_wall_counts_only_for_a_robot_there():
     space = PlanningMap(GridMap(cells, 0.05), Footprint(), through_unknown=True)
     assert frontiers(space, (1.0, 2.0), 0.05) == []
     assert len(frontiers(space, (4.0, 2.0), 0.05)) == 1
+
+
+def test_the_place_of_a_frontier_is_on_the_robot_s_side_of_a_wall():
+    """At the end of a corridor that is too narrow to turn in, the room next door is nearer."""
+    cells = two_rooms(0.0)
+    cells[[33, 46], 44:60] = 100
+    cells[34:46, 57:60] = -1
+    space = PlanningMap(GridMap(cells, 0.05), BODY, through_unknown=True)
+    (found,) = frontiers(space, (1.0, 2.0), 0.1)
+    assert found.middle[0] == pytest.approx(2.825, abs=0.051)
+    assert found.place[0] < 2.9
 
 
 def test_a_frontier_whose_path_comes_and_goes_is_given_up():
