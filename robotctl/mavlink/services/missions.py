@@ -139,8 +139,11 @@ class Missions(Microservice):
     def on_command(self, command: Command, now_ns: int) -> int:
         """Take DO_SET_MISSION_CURRENT: param1 is the item's number."""
         seq = command.whole(0)
-        if seq is None or not self._is_there(now_ns):
-            return DENIED if seq is None else TEMPORARILY_REJECTED
+        if seq is None:
+            return DENIED
+        if objection := self._objection(command.peer, command.sender, now_ns):
+            self._context.say(now_ns, f"Mission: {objection}")
+            return TEMPORARILY_REJECTED
         return ACCEPTED if self._jump(seq, now_ns) else DENIED
 
     def step(self, now_ns: int) -> None:
@@ -332,9 +335,28 @@ class Missions(Microservice):
 
     def _set_current(self, message: Message, peer: Peer, now_ns: int) -> None:
         """Take MISSION_SET_CURRENT, which is answered by MISSION_CURRENT."""
-        if not (self._is_there(now_ns) and self._jump(message.seq, now_ns)):
-            self._context.say(now_ns, f"Mission: there is no item {message.seq} to go on with")
-            self._acknowledge(common.MAV_MISSION_INVALID_SEQUENCE, source(message), peer)
+        why = self._objection(peer, source(message), now_ns)
+        result = common.MAV_MISSION_DENIED
+        if not why and not self._jump(message.seq, now_ns):
+            why = f"there is no item {message.seq} to go on with"
+            result = common.MAV_MISSION_INVALID_SEQUENCE
+        if why:
+            self._context.say(now_ns, f"Mission: {why}")
+            self._acknowledge(result, source(message), peer)
+
+    def _objection(self, peer: Peer, sender: tuple[int, int], now_ns: int) -> str:
+        """Return why no item may be chosen now; empty: it may.
+
+        A late copy of such a request must not set a robot off that has come to its end in AUTO.
+        """
+        if not self._is_there(now_ns):
+            return "none of MAVLink's is loaded"
+        navigation = self._context.fresh_navigation(now_ns)
+        if navigation is not None and navigation.mode is Mode.AUTO:
+            if navigation.mission_completed or navigation.mission_failed:
+                return "it has ended; choose HOLD, an item, and AUTO"
+            return self._context.held_back.objection(peer, sender, now_ns)
+        return ""
 
     def _jump(self, seq: int, now_ns: int) -> bool:
         """Ask to go on with an item; home is the first. Return whether there is one."""

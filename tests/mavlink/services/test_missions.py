@@ -335,6 +335,28 @@ def test_an_item_can_be_chosen_and_the_mission_started(navigation):
     assert [x.result for x in bench.messages("COMMAND_ACK")] == [m.MAV_RESULT_ACCEPTED]
 
 
+@pytest.mark.parametrize("end", ["mission_completed", "mission_failed"])
+def test_a_late_copy_of_a_choice_does_not_set_off_a_robot_at_its_end(navigation, end):
+    assert upload(navigation, PLAN) == ACCEPTED
+    bench = navigation.bench
+    ended = {"mode": Mode.AUTO, "item": 4, end: True}
+    for _ in range(2):
+        navigation.step(**ended)
+    bench.command(m.MAV_CMD_DO_SET_MISSION_CURRENT, 1)
+    assert navigation.step(**ended) == []
+    bench.receive(m.MAVLink_mission_set_current_message(1, 1, 1))
+    assert navigation.step(**ended) == []
+    sent = bench.take()
+    assert [x.result for x, _ in sent if x.get_type() == "COMMAND_ACK"] == [
+        m.MAV_RESULT_TEMPORARILY_REJECTED
+    ]
+    assert [x.type for x, _ in sent if x.get_type() == "MISSION_ACK"] == [DENIED]
+    navigation.step(**ended | {"mode": Mode.HOLD})
+    bench.command(m.MAV_CMD_DO_SET_MISSION_CURRENT, 1)
+    (request,) = navigation.step(**ended | {"mode": Mode.HOLD})
+    assert isinstance(request, JumpToItem)
+
+
 def test_with_an_origin_degrees_are_places(navigation):
     bench = navigation.bench
     bench.receive(m.MAVLink_set_gps_global_origin_message(1, 480_000_000, 110_000_000, 500_000))
