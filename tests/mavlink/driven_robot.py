@@ -3,11 +3,11 @@
 from pymavlink.dialects.v20 import common
 
 from robotctl.app.processes.navigator import make_navigation
+from robotctl.app.processes.telemetry import described
 from robotctl.app.simulation.lockstep_stack import LockstepStack, make_simulation
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file
 from robotctl.mavlink.config import MavlinkConfig, StreamRates
-from robotctl.mavlink.context import TelemetryRobot
 from robotctl.mavlink.telemetry import Telemetry
 from robotctl.messages.control import ControlRequest, SafetyState
 from robotctl.messages.mavlink_port import Peer, Received
@@ -44,7 +44,7 @@ class DrivenRobot:
         self.navigation = make_navigation(self.config, options)
         self.links = links
         mavlink = MavlinkConfig(rates=StreamRates(**{**SILENT, **rates}))
-        self.telemetry = Telemetry(mavlink, TelemetryRobot("driven"), links)
+        self.telemetry = Telemetry(mavlink, described(self.config, options), links)
         self._every = round(self.navigation.period_ns / self.stack.period_ns)
         self._to_control: list[ControlRequest] = []
         self._to_navigation = []

@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import common
 from tests.mavlink.conftest import FakeLinks
 from tests.mavlink.driven_robot import ARM, DrivenRobot
 
-MANUAL, GUIDED = 0, 15
+MANUAL, HOLD, AUTO, GUIDED = 0, 4, 10, 15
 VELOCITY, VELOCITY_AND_RATE, POSITION = 0xFC7, 0x7C7, 0xDF8
 NORTH_EAST = math.pi / 4
 
@@ -143,3 +143,54 @@ def test_the_pre_arm_bit_keeps_its_word(charge, ready):
     robot.run(1.5)
     acks = [m.result for m, _ in links.sent if m.get_type() == "COMMAND_ACK"]
     assert acks == [common.MAV_RESULT_ACCEPTED if ready else common.MAV_RESULT_DENIED]
+
+
+@pytest.mark.parametrize("name", ["diff_drive", "ackermann"])
+def test_a_mission_is_taken_and_driven_item_by_item(name):
+    """Places are north and east, the robot's are x east and y north."""
+    links = FakeLinks()
+    robot = DrivenRobot(links, name, (6.0, 5.0, 0.0))
+    robot.arm(HOLD)
+    waypoint, local = common.MAV_CMD_NAV_WAYPOINT, common.MAV_FRAME_LOCAL_NED
+    plan = [
+        (waypoint, (0, 0, 0, 0), 0.0, 0.0),
+        (waypoint, (1.5, 0, 0, 0), 5.0, 8.0),
+        (common.MAV_CMD_DO_CHANGE_SPEED, (1, 0.2, -1, 0), 0.0, 0.0),
+        (waypoint, (0, 0, 0, 0), 6.5, 9.0),
+    ]
+    robot.send(common.MAVLink_mission_count_message(1, 1, len(plan)))
+    told = []
+    for _ in range(200):
+        robot.tick()
+        sent, links.sent = links.sent, []
+        for message, _ in sent:
+            if message.get_type() == "MISSION_REQUEST_INT":
+                command, params, north, east = plan[message.seq]
+                place = round(1e4 * north), round(1e4 * east)
+                robot.send(
+                    common.MAVLink_mission_item_int_message(
+                        1, 1, message.seq, local, command, 0, 1, *map(float, params), *place, 0.0
+                    )
+                )
+            elif message.get_type() == "MISSION_ACK":
+                told.append(message.type)
+    assert told == [common.MAV_MISSION_ACCEPTED]
+    assert robot.state.mode == HOLD  # a mission does not set the robot off
+    robot.command(common.MAV_CMD_MISSION_START)
+    nearest, fastest, reached, stood_s = math.inf, 0.0, [], 0.0
+    for _ in range(200 * 40):
+        control = robot.tick()
+        x, y, _ = robot.pose()
+        nearest = min(nearest, math.dist((x, y), (8.0, 5.0)))
+        stood_s += 0.005 * (reached == [] and nearest < 0.1 and abs(control.v_m_s) < 0.01)
+        if robot.state.item == 2:
+            fastest = max(fastest, control.v_m_s)
+        sent, links.sent = links.sent, []
+        reached += [each.seq for each, _ in sent if each.get_type() == "MISSION_ITEM_REACHED"]
+        if robot.state.mission_completed:
+            break
+    assert reached == [1, 3]
+    assert nearest < 0.1
+    assert stood_s > 1.3
+    assert 0.15 < fastest < 0.23
+    assert robot.pose()[:2] == pytest.approx((9.0, 6.5), abs=0.1)
