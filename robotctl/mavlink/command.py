@@ -13,6 +13,9 @@ ACCEPTED: int = common.MAV_RESULT_ACCEPTED
 TEMPORARILY_REJECTED: int = common.MAV_RESULT_TEMPORARILY_REJECTED
 DENIED: int = common.MAV_RESULT_DENIED
 UNSUPPORTED: int = common.MAV_RESULT_UNSUPPORTED
+INT_ONLY: int = common.MAV_RESULT_COMMAND_INT_ONLY
+UNSUPPORTED_FRAME: int = 9
+"""MAV_RESULT_COMMAND_UNSUPPORTED_MAV_FRAME of MAVLink's common dialect; pymavlink's lacks it."""
 
 MAX_PENDING = 8
 """Maximum waiting requests of each kind, no more than control answers at once: a flood of invented
@@ -23,7 +26,8 @@ class Command(NamedTuple):
     """A command and its origin.
 
     `params` are param1 to param7; of a COMMAND_INT, 5 and 6 are its integers x and y.
-    `confirmation` counts how often the sender has sent it before; COMMAND_INT does not say.
+    `confirmation` counts how often the sender has sent it before; COMMAND_INT does not say. `frame`
+    is that of x and y, which COMMAND_LONG does not have.
     """
 
     number: int
@@ -31,6 +35,7 @@ class Command(NamedTuple):
     sender: tuple[int, int]
     peer: Peer
     confirmation: int = 0
+    frame: int | None = None
 
     def whole(self, index: int) -> int | None:
         """Return one of `params` that must be a whole number, None if it is none."""

@@ -22,11 +22,11 @@ class Commands(Microservice):
         first = (message.param1, message.param2, message.param3, message.param4)
         if message.get_msgId() == common.MAVLINK_MSG_ID_COMMAND_INT:
             last = (float(message.x), float(message.y), message.z)
-            confirmation = 0
+            confirmation, frame = 0, message.frame
         else:
             last = (message.param5, message.param6, message.param7)
-            confirmation = message.confirmation
-        command = Command(message.command, first + last, source(message), peer, confirmation)
+            confirmation, frame = message.confirmation, None
+        command = Command(message.command, first + last, source(message), peer, confirmation, frame)
         handler = self._context.catalogue.commands.get(command.number)
         result = UNSUPPORTED if handler is None else handler(command, now_ns)
         if result is not None:

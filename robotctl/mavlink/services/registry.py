@@ -20,6 +20,7 @@ from robotctl.mavlink.services.message_requests import MessageRequests
 from robotctl.mavlink.services.missions import Missions
 from robotctl.mavlink.services.modes import Modes
 from robotctl.mavlink.services.pose import Poses
+from robotctl.mavlink.services.reposition import Repositions
 from robotctl.mavlink.services.setpoints import Setpoints
 from robotctl.mavlink.services.sonars import Sonars
 from robotctl.mavlink.services.status_text import StatusText
@@ -35,6 +36,7 @@ SERVICES: Final[tuple[type[Microservice], ...]] = (
     Arming,
     Modes,
     Setpoints,
+    Repositions,
     ManualControls,
     ExternalPoses,
     TimeSync,

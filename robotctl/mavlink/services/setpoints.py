@@ -25,7 +25,9 @@ z, vz and their bits do not matter to a rover, nor does FORCE_SET without accele
 programs set by mistake (0x0FC7). All else (accelerations or forces, position together with
 velocity, half a vector, yaw together with yaw_rate, other frames, numbers that are not finite, a
 point 1000 km away, a sideways velocity) is refused, counted by reason, and said once in a while; so
-are SET_POSITION_TARGET_GLOBAL_INT and SET_ATTITUDE_TARGET.
+is SET_ATTITUDE_TARGET.
+
+SET_POSITION_TARGET_GLOBAL_INT counts as one in LOCAL_NED once the map has an origin on the globe.
 """
 
 from __future__ import annotations
@@ -38,7 +40,9 @@ from pymavlink.dialects.v20 import common
 
 from robotctl.mavlink import frames
 from robotctl.mavlink.context import Context
+from robotctl.mavlink.globe import SCALE, Origin
 from robotctl.mavlink.guards.transport_delay import SenderClocks
+from robotctl.mavlink.missions.item import GLOBAL_FRAMES
 from robotctl.mavlink.service import Microservice
 from robotctl.messages.control import Mode, PositionTarget, VelocityTarget
 from robotctl.messages.mavlink_port import Message, Peer, source
@@ -47,6 +51,7 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.safety.state_machine import POWERED
 
 FOLLOWED: int = common.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED
+GLOBAL: int = common.MAVLINK_MSG_ID_SET_POSITION_TARGET_GLOBAL_INT
 BODY_FRAMES = frozenset(
     {common.MAV_FRAME_BODY_NED, common.MAV_FRAME_BODY_FRD, common.MAV_FRAME_BODY_OFFSET_NED}
 )
@@ -97,11 +102,14 @@ class Setpoints(Microservice):
     handles = frozenset(
         {
             FOLLOWED,
-            common.MAVLINK_MSG_ID_SET_POSITION_TARGET_GLOBAL_INT,
+            GLOBAL,
             common.MAVLINK_MSG_ID_SET_ATTITUDE_TARGET,
         }
     )
-    capabilities: ClassVar[int] = common.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
+    capabilities: ClassVar[int] = (
+        common.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
+        | common.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT
+    )
 
     def __init__(self, context: Context) -> None:
         super().__init__(context)
@@ -113,10 +121,12 @@ class Setpoints(Microservice):
 
     def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:
         """Take one set-point."""
+        stream = (peer, source(message))
         try:
-            if message.get_msgId() != FOLLOWED:
-                raise Refused(f"{message.get_type()}: only SET_POSITION_TARGET_LOCAL_NED counts")
-            stream = (peer, source(message))
+            if message.get_msgId() == GLOBAL:
+                message = _as_local(message, self._context.origin)
+            elif message.get_msgId() != FOLLOWED:
+                raise Refused(f"{message.get_type()}: only SET_POSITION_TARGET counts")
             late_ns = self._clocks.late_ns(stream, message.time_boot_ms, now_ns)
             self._follow(message, late_ns, now_ns)
             if self._unheeded_ns is None and self._missing(now_ns):
@@ -165,6 +175,27 @@ class Setpoints(Microservice):
         wanted = wanted_velocity(message, used, None if pose is None else pose.theta_rad)
         expires_ns = sent_ns + context.setpoint_life_ns
         context.requests.append(VelocityTarget(sent_ns, expires_ns, *wanted))
+
+
+def _as_local(message: Message, origin: Origin | None) -> Message:
+    """Return a SET_POSITION_TARGET_GLOBAL_INT as one in LOCAL_NED.
+
+    Raises
+    ------
+    Refused
+        If nobody has said where the map lies on the globe, or its frame is none of the globe.
+    """
+    if message.coordinate_frame not in GLOBAL_FRAMES:
+        raise Refused(f"frame {message.coordinate_frame} of a position on the globe")
+    if origin is None:
+        raise Refused("a position on the globe, but the map has no origin there")
+    x_m, y_m = origin.to_world(message.lat_int / SCALE, message.lon_int / SCALE)
+    place = frames.ned_from_enu(x_m, y_m)
+    return common.MAVLink_set_position_target_local_ned_message(
+        message.time_boot_ms, message.target_system, message.target_component, LOCAL_NED,
+        message.type_mask, *place, 0.0, message.vx, message.vy, message.vz,
+        message.afx, message.afy, message.afz, message.yaw, message.yaw_rate,
+    )  # fmt: skip
 
 
 def used_parts(mask: int) -> Used:

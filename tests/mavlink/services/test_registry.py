@@ -81,6 +81,7 @@ def test_what_a_service_says_of_itself_is_what_is_dispatched(bench):
     assert capabilities == (
         common.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
         | common.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
+        | common.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT
         | common.MAV_PROTOCOL_CAPABILITY_FLIGHT_TERMINATION
         | common.MAV_PROTOCOL_CAPABILITY_MAVLINK2
         | common.MAV_PROTOCOL_CAPABILITY_MISSION_INT
