@@ -21,6 +21,8 @@ UINT16_MAX = 0xFFFF
 INT16_MAX = 0x7FFF
 UINT32_MAX = 0xFFFF_FFFF
 STANDARD_GRAVITY_M_S2 = 9.80665
+LARGEST_FLOAT = 3.0e38
+"""Beyond it a value does not fit the 32 bit floats of MAVLink."""
 
 ROTATION_CUSTOM = 100
 """MAV_SENSOR_ROTATION_CUSTOM."""
@@ -197,6 +199,11 @@ def sensor_rotation(heading_rad: float) -> SensorRotation:
 def stick_turn(axis: int) -> float:
     """Return the turn to the left in [-1, 1] of a stick axis in [-1000, 1000], positive right."""
     return -axis / 1000.0
+
+
+def fit(*values: float) -> bool:
+    """Return whether all values are finite and fit a 32 bit float."""
+    return all(abs(value) < LARGEST_FLOAT for value in values)
 
 
 def boot_ms(stamp_ns: int) -> int:

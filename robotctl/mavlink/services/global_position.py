@@ -19,9 +19,12 @@ from robotctl.mavlink.globe import SCALE, Origin
 from robotctl.mavlink.service import Microservice
 from robotctl.messages.control import Severity
 from robotctl.messages.mavlink_port import Message, Peer
+from robotctl.messages.requests import FARTHEST_M
 from robotctl.safety.state_machine import POWERED
 
 RATE_HZ: Final = 2.0
+_FASTEST_M_S: Final = 300.0
+"""Faster does not fit the message [m/s]."""
 _MILLI: Final = 1e3
 _CENTI: Final = 1e2
 
@@ -71,6 +74,10 @@ class GlobalPosition(Microservice):
         if origin is None or found is None or self._context.known_pose(now_ns) is None:
             return []
         control, pose = found
+        if not (
+            abs(control.v_m_s) < _FASTEST_M_S and max(abs(pose.x_m), abs(pose.y_m)) < FARTHEST_M
+        ):
+            return []
         latitude_deg, longitude_deg = origin.from_world(pose.x_m, pose.y_m)
         velocity = velocity_ned(control.v_m_s, pose.theta_rad)
         heading_deg = math.degrees(yaw_ned_from_theta(pose.theta_rad)) % 360.0

@@ -15,9 +15,6 @@ from robotctl.messages.estimation import LocalisationState
 from robotctl.messages.mavlink_port import Message
 from robotctl.model.geometry.se2 import SE2
 
-LARGEST_FLOAT = 3.0e38
-"""Beyond it a value does not fit the 32 bit floats of MAVLink."""
-
 _UNKNOWN_COVARIANCE = [math.nan] * 21
 
 
@@ -73,7 +70,7 @@ class Poses(Microservice):
 
 def attitude(state: ControlState, pose: SE2) -> list[Message]:
     """Return ATTITUDE: level without an IMU; empty if the heading is not a number."""
-    if not _fit(pose.theta_rad, state.omega_rad_s):
+    if not frames.fit(pose.theta_rad, state.omega_rad_s):
         return []
     euler, rates = _attitude(state, pose)
     return [common.MAVLink_attitude_message(frames.boot_ms(state.stamp_ns), *euler, *rates)]
@@ -92,7 +89,7 @@ def _attitude(state: ControlState, pose: SE2) -> tuple[frames.Euler, frames.Frd]
 
 def local_position(state: ControlState, pose: SE2) -> list[Message]:
     """Return LOCAL_POSITION_NED; empty if the pose is not a number."""
-    if not _fit(pose.x_m, pose.y_m, pose.theta_rad, state.v_m_s):
+    if not frames.fit(pose.x_m, pose.y_m, pose.theta_rad, state.v_m_s):
         return []
     position = frames.ned_from_enu(pose.x_m, pose.y_m)
     velocity = frames.velocity_ned(state.v_m_s, pose.theta_rad)
@@ -117,7 +114,7 @@ def odometry(
     The covariance of the pose is the localiser's; while that does not vouch for the pose, and
     without one, it is not known.
     """
-    if not _fit(pose.x_m, pose.y_m, pose.theta_rad, state.v_m_s, state.omega_rad_s):
+    if not frames.fit(pose.x_m, pose.y_m, pose.theta_rad, state.v_m_s, state.omega_rad_s):
         return []
     position = frames.ned_from_enu(pose.x_m, pose.y_m)
     euler, rates = _attitude(state, pose)
@@ -145,8 +142,3 @@ def odometry(
             0,
         )
     ]
-
-
-def _fit(*values: float) -> bool:
-    """Return whether all values are finite and fit a 32 bit float."""
-    return all(abs(value) < LARGEST_FLOAT for value in values)

@@ -13,6 +13,7 @@ from robotctl.mavlink.services.external_pose import ExternalPoses
 from robotctl.mavlink.services.global_position import GlobalPosition
 from robotctl.mavlink.services.ground_stations import GroundStations
 from robotctl.mavlink.services.heartbeat import Heartbeat
+from robotctl.mavlink.services.hud import Hud
 from robotctl.mavlink.services.inertial import Inertial
 from robotctl.mavlink.services.link_watch import LinkWatch
 from robotctl.mavlink.services.manual_control import ManualControls
@@ -51,6 +52,7 @@ SERVICES: Final[tuple[type[Microservice], ...]] = (
     Battery,
     SystemStatus,
     GlobalPosition,
+    Hud,
     Missions,
     Streams,
     LinkWatch,

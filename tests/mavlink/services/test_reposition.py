@@ -3,10 +3,13 @@
 import math
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as m
 
 from robotctl.mavlink.globe import Origin
 from robotctl.messages.control import Mode, PositionTarget, SafetyState, SetMode
+from tests.mavlink.conftest import Bench
 
 ORIGIN = Origin(48.0, 11.0)
 GLOBAL, NED = m.MAV_FRAME_GLOBAL, m.MAV_FRAME_LOCAL_NED
@@ -108,3 +111,11 @@ def test_without_an_origin_a_set_point_on_the_globe_is_refused_and_that_is_said(
     bench.receive(setpoint(1.0, 1.0))
     assert bench.step(bench.control(**ARMED), bench.navigation(**GUIDED)) == []
     assert "no origin" in "".join(bench.texts())
+
+
+@given(st.lists(st.floats(), min_size=5, max_size=5))
+def test_no_state_stops_a_robot_with_an_origin_from_telling_its_position(numbers):
+    bench = Bench(origin=ORIGIN)
+    x, y, theta, v, duty = numbers
+    bench.run(1.0, x_m=x, y_m=y, theta_rad=theta, v_m_s=v, duty=(duty, 0.5))
+    assert bench.messages("HEARTBEAT")
