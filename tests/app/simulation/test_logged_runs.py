@@ -25,6 +25,8 @@ MCL = ('localisation.method="mcl"', "localisation.mapping=true")
 EKF = ('localisation.method="ekf"',)
 STATES = {"control", "navigation", "notice", "frames", "T_world_base", "sensor_frames"}
 BELIEFS = {"localisation", "lidar", "map"}
+PLANS = {"path", "costs"}
+"""Of robots that know ways: with a map or a lidar."""
 
 
 def recorded(folder: Path, robot: str, **options: Any) -> Path:
@@ -54,7 +56,7 @@ def test_messages_of_a_run_with_particles_map_camera_and_faults_fit_their_schema
     with_everything: Path,
 ) -> None:
     topics = checked_topics(with_everything)
-    assert set(topics) == STATES | BELIEFS | {"camera", "live_map", "particles"}
+    assert set(topics) == STATES | BELIEFS | PLANS | {"camera", "live_map", "particles"}
     assert topics["map"] == 1
     assert topics["control"] == topics["frames"] > 300
 
@@ -62,7 +64,7 @@ def test_messages_of_a_run_with_particles_map_camera_and_faults_fit_their_schema
 @pytest.mark.parametrize(
     ("robot", "options", "expected"),
     [
-        ("tricycle", {"localisation": EKF}, STATES | {"localisation", "map"}),
+        ("tricycle", {"localisation": EKF}, STATES | PLANS | {"localisation", "map"}),
         ("ackermann", {"localisation": ("localisation.mapping=true",)}, STATES | {"live_map"}),
         ("diff_drive", {"faults": find_file("bad_day", "scenarios")}, STATES),
         ("diff_drive", {"faults": find_file("bus", "scenarios")}, STATES),
