@@ -92,7 +92,10 @@ class MissionStore(Protocol):
         """Return what was saved; empty: nothing."""
 
     def save(self, content: bytes) -> str:
-        """Save a mission file, or that there is none; return its path, empty: it is not kept."""
+        """Save a mission file beside the present one; return its path, empty: it is not kept."""
+
+    def keep(self, content: bytes) -> None:
+        """Remove all that was saved but this."""
 
 
 class NoStore:
@@ -105,6 +108,9 @@ class NoStore:
     def save(self, content: bytes) -> str:  # noqa: ARG002
         """Save nothing."""
         return ""
+
+    def keep(self, content: bytes) -> None:
+        """Have nothing to remove."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,12 +131,13 @@ class GroundStation:
 class Context:
     """The present state and the outputs of a step, shared by all microservices.
 
-    `missions` keeps the mission, `origin` says where `world` is on the globe once that is known.
-    `catalogue` is the sum of them, known once all are made. `peers` are served on the links now,
-    `heard_ns` says when each of them was heard last [ns]. `ground_stations` are those alive, by
-    address, the longest known first. `acks` are those of this step. `texts` wait for the STATUSTEXT
-    service, `notices` for the process, which may publish them; they must not come back as input,
-    they are sent already.
+    `missions` keeps the mission; `origin` says where `world` is on the globe, once that is
+    known, `uses_origin` that the mission has places by it. `catalogue` is the sum of them,
+    known once all are made. `peers` are served on the links now, `heard_ns` says when each of
+    them was heard last [ns]. `ground_stations` are those alive, by address, the longest known
+    first. `acks` are those of this step. `texts` wait for the STATUSTEXT service, `notices` for
+    the process, which may publish them; they must not come back as input, they are sent
+    already.
     """
 
     config: MavlinkConfig
@@ -138,6 +145,7 @@ class Context:
     links: MavlinkPort
     missions: MissionStore = field(default_factory=NoStore)
     origin: Origin | None = None
+    uses_origin: bool = False
     control: ControlState | None = None
     navigation: NavigationState | None = None
     world: WorldPose = field(init=False)

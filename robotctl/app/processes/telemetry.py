@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 import sys
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Final
+from zlib import crc32
 
 import zmq
 
@@ -40,11 +41,12 @@ FAREWELL_NS: Final = 200_000_000
 """
 
 
-MISSION: Final = "mavlink-mission.toml"
-"""File of the mission that came over MAVLink, in the folder of what survives restarts."""
+MISSIONS: Final = "mavlink-mission-{:08x}.toml"
+"""Files of missions that came over MAVLink, by their CRC-32, in the folder of what survives
+restarts: while navigation decides on a new one there are two."""
 
 
-class MissionFile:
+class MissionFiles:
     """Keeps a mission in a folder; "": nowhere.
 
     Parameters
@@ -54,27 +56,40 @@ class MissionFile:
     """
 
     def __init__(self, directory: str) -> None:
-        self._file = Path(directory).resolve() / MISSION if directory else None
+        self._folder = Path(directory).resolve() if directory else None
+
+    def _files(self) -> list[Path]:
+        """Return all there are, the oldest first."""
+        found = [] if self._folder is None else self._folder.glob("mavlink-mission-*.toml")
+        return sorted(found, key=lambda file: file.stat().st_mtime_ns)
 
     def load(self) -> bytes:
-        """Return what was saved; empty: nothing."""
+        """Return the last mission that was kept; empty: none was."""
         try:
-            return b"" if self._file is None else self._file.read_bytes()
+            files = self._files()
+            return files[0].read_bytes() if files else b""
         except OSError:
             return b""
 
     def save(self, content: bytes) -> str:
-        """Save a mission file, or that there is none; return its path, empty: it is not kept."""
-        if self._file is None:
+        """Save a mission file beside the present one; return its path, empty: it is not kept."""
+        if self._folder is None:
             return ""
+        file = self._folder / MISSIONS.format(crc32(content))
         try:
-            if content:
-                write_whole(self._file, content)
-                return str(self._file)
-            self._file.unlink(missing_ok=True)
-        except OSError:  # a full disk: the robot drives it all the same, until it is restarted
-            pass
-        return ""
+            if not file.exists():
+                write_whole(file, content)
+        except OSError:
+            return ""
+        return str(file)
+
+    def keep(self, content: bytes) -> None:
+        """Remove all that was saved but this."""
+        name = MISSIONS.format(crc32(content))
+        with suppress(OSError):
+            for file in self._files():
+                if file.name != name:
+                    file.unlink()
 
 
 def described(config: RobotConfig, options: StackOptions) -> TelemetryRobot:
@@ -112,7 +127,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
             MavlinkLinks(mavlink.link, mavlink.system_id, mavlink.component_id)
         )
         telemetry = Telemetry(
-            mavlink, described(config, options), links, missions=MissionFile(options.state)
+            mavlink, described(config, options), links, missions=MissionFiles(options.state)
         )
         heartbeat = ProcessHeartbeat(os.environ)
         # The one request that is kept for a control process that is not there yet.

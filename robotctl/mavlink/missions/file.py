@@ -8,22 +8,70 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
-from typing import Final
+import zlib
+from dataclasses import astuple, dataclass
+from typing import Final, NamedTuple
 
+from robotctl.mavlink.globe import Origin
 from robotctl.mavlink.missions.item import MissionItem
-from robotctl.mavlink.missions.translate import Translation
+from robotctl.mavlink.missions.translate import Translation, first_from
 from robotctl.model.geometry.se2 import SE2
 
 _MARK: Final = "# MAVLink: "
 
 
-def mission_file(items: Sequence[MissionItem], meaning: Translation, home: SE2) -> bytes:
+class Kept(NamedTuple):
+    """What the first line says."""
+
+    items: tuple[MissionItem, ...]
+    sources: tuple[int, ...]
+    """Of each item of ours, the number of the one that it is from."""
+    origin: Origin | None
+    """By which places on the globe were turned into those of `world`; None: there are none."""
+
+
+NOTHING: Final = Kept((), (), None)
+
+
+@dataclass(frozen=True, slots=True)
+class MissionPlan:
+    """A mission that came over MAVLink."""
+
+    kept: Kept = NOTHING
+    content: bytes = b""
+    """The mission file that was made of it."""
+
+    @property
+    def items(self) -> tuple[MissionItem, ...]:
+        """As they came."""
+        return self.kept.items
+
+    @property
+    def sources(self) -> tuple[int, ...]:
+        """Of each item of ours, the number of the one that it is from."""
+        return self.kept.sources
+
+    @property
+    def crc(self) -> int:
+        """As navigation tells it; 0 without a mission."""
+        return zlib.crc32(self.content)
+
+    def seq_of(self, item: int) -> int:
+        """Return the number of the MAVLink item that an item of ours is from."""
+        return self.sources[min(item, len(self.sources) - 1)]
+
+    def first_of(self, seq: int) -> int | None:
+        """Return the index of our first item from a MAVLink item on; None: there is none."""
+        return first_from(self.sources, seq)
+
+
+def mission_file(kept: Kept, meaning: Translation, home: SE2) -> bytes:
     """Return the file."""
-    kept = json.dumps({"items": items, "sources": meaning.sources}, separators=(",", ":"))
+    origin = None if kept.origin is None else astuple(kept.origin)
+    said = json.dumps((kept.items, kept.sources, origin), separators=(",", ":"))
     heading_deg = math.degrees(home.theta_rad)
     lines = [
-        _MARK + kept,
+        _MARK + said,
         'name = "mavlink"',
         'world = ""',
         f"start = {{ x_m = {home.x_m!r}, y_m = {home.y_m!r}, heading_deg = {heading_deg!r} }}",
@@ -33,21 +81,22 @@ def mission_file(items: Sequence[MissionItem], meaning: Translation, home: SE2) 
     return ("\n".join(lines) + "\n").encode()
 
 
-def read_mission_file(
-    content: bytes,
-) -> tuple[tuple[MissionItem, ...], tuple[int, ...]] | None:
-    """Return the items of MAVLink, and from which of them each of ours is; None: it has none."""
+def read_mission_file(content: bytes) -> Kept | None:
+    """Return what the first line says; None: it is no such file."""
     first = content.decode(errors="replace").partition("\n")[0]
     if not first.startswith(_MARK):
         return None
     try:
-        kept = json.loads(first.removeprefix(_MARK))
-        items = tuple(
-            MissionItem(command, frame, tuple(params), *rest)
-            for command, frame, params, *rest in kept["items"]
+        items, sources, origin = json.loads(first.removeprefix(_MARK))
+        return Kept(
+            tuple(
+                MissionItem(command, frame, tuple(params), *rest)
+                for command, frame, params, *rest in items
+            ),
+            tuple(sources),
+            None if origin is None else Origin(*origin),
         )
-        return items, tuple(kept["sources"])
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, TypeError):  # damaged
         return None
 
 

@@ -7,7 +7,8 @@ from typing import Final, NamedTuple
 
 from pymavlink.dialects.v20 import common
 
-from robotctl.mavlink.globe import SCALE
+from robotctl.mavlink.frames import enu_from_ned
+from robotctl.mavlink.globe import SCALE, Origin
 from robotctl.messages.mavlink_port import Message
 
 GLOBAL_FRAMES: Final = frozenset(
@@ -46,6 +47,15 @@ class MissionItem(NamedTuple):
     def scale(self) -> float:
         """Units of MISSION_ITEM_INT's x and y in one of its own."""
         return SCALE if self.is_global else _LOCAL_SCALE
+
+
+def place_of(item: MissionItem, origin: Origin | None) -> tuple[float, float] | None:
+    """Return x and y of an item in `world` [m]; None: its frame means nothing here."""
+    if item.is_global:
+        return None if origin is None else origin.to_world(item.x, item.y)
+    if item.frame == common.MAV_FRAME_LOCAL_NED:
+        return enu_from_ned(item.x, item.y)
+    return (item.x, item.y) if item.frame == common.MAV_FRAME_LOCAL_ENU else None
 
 
 def item_of(message: Message) -> MissionItem:

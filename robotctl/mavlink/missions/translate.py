@@ -12,15 +12,15 @@ from typing import Any, Final, NamedTuple
 
 from pymavlink.dialects.v20 import common
 
-from robotctl.mavlink.frames import enu_from_ned, theta_from_yaw_ned
+from robotctl.mavlink.frames import theta_from_yaw_ned
 from robotctl.mavlink.globe import Origin
-from robotctl.mavlink.missions.item import MissionItem
+from robotctl.mavlink.missions.item import MissionItem, place_of
 from robotctl.messages.requests import FARTHEST_M
 from robotctl.model.geometry.se2 import SE2
 
 HOME: Final = 1
 """Items before the mission's own."""
-_PLACES: Final = frozenset({common.MAV_CMD_NAV_WAYPOINT, common.MAV_CMD_NAV_LOITER_TIME})
+PLACES: Final = frozenset({common.MAV_CMD_NAV_WAYPOINT, common.MAV_CMD_NAV_LOITER_TIME})
 _DELAYS: Final = frozenset({common.MAV_CMD_NAV_DELAY, common.MAV_CMD_CONDITION_DELAY})
 _LOOKS: Final = frozenset(
     {
@@ -134,7 +134,7 @@ class _Translator:
         if not all(math.isfinite(each) or math.isnan(each) for each in item.params):
             raise BadItem(seq, common.MAV_MISSION_INVALID, "an infinite parameter")
         command = item.command
-        if command in _PLACES:
+        if command in PLACES:
             self._drive_to(seq, *self._place(item, seq), self._heading_deg(item))
             self._wait(seq, item.params[0])
         elif command == common.MAV_CMD_NAV_RETURN_TO_LAUNCH:
@@ -203,18 +203,11 @@ class _Translator:
 
     def _place(self, item: MissionItem, seq: int) -> tuple[float, float]:
         """Return x and y in `world` [m]."""
-        if item.is_global:
-            if self._around.origin is None:
-                raise BadItem(seq, _FRAME, "a global frame, but the robot has no origin there")
-            if not (abs(item.x) <= 90.0 and abs(item.y) <= 180.0):
-                raise BadItem(seq, common.MAV_MISSION_INVALID_PARAM5_X, "not on the globe")
-            x_m, y_m = self._around.origin.to_world(item.x, item.y)
-        elif item.frame == common.MAV_FRAME_LOCAL_NED:
-            x_m, y_m = enu_from_ned(item.x, item.y)
-        elif item.frame == common.MAV_FRAME_LOCAL_ENU:
-            x_m, y_m = item.x, item.y
-        else:
-            raise BadItem(seq, _FRAME, f"frame {item.frame} is not supported")
+        place = place_of(item, self._around.origin)
+        if place is None:
+            why = "the map has no origin on the globe" if item.is_global else "it is not supported"
+            raise BadItem(seq, _FRAME, f"frame {item.frame}: {why}")
+        x_m, y_m = place
         for value, result in (
             (x_m, common.MAV_MISSION_INVALID_PARAM5_X),
             (y_m, common.MAV_MISSION_INVALID_PARAM6_Y),

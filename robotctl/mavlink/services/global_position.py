@@ -48,7 +48,10 @@ class GlobalPosition(Microservice):
         )
 
     def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:  # noqa: ARG002
-        """Take the origin and tell all; not while armed: all goals of missions would move."""
+        """Take the origin and tell all.
+
+        Not while armed, nor while the mission has places by another one: they would mean others.
+        """
         context = self._context
         control = context.fresh_control(now_ns)
         if control is not None and control.state in POWERED:
@@ -62,6 +65,9 @@ class GlobalPosition(Microservice):
             context.say(now_ns, f"Origin: {error}")
             return
         if origin != context.origin:
+            if context.uses_origin:
+                context.say(now_ns, "Origin: clear the mission first, its places are by another")
+                return
             context.origin = origin
             where = f"{origin.latitude_deg:.7f}, {origin.longitude_deg:.7f}"
             context.say(now_ns, f"Origin of the map at {where}", Severity.NOTICE)

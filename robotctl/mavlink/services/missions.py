@@ -7,7 +7,6 @@ has it. Fences and rally points are none of the robot's.
 
 from __future__ import annotations
 
-import zlib
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
@@ -17,14 +16,14 @@ from robotctl.mavlink.catalogue import Stream
 from robotctl.mavlink.command import ACCEPTED, DENIED, TEMPORARILY_REJECTED, Command
 from robotctl.mavlink.context import Context
 from robotctl.mavlink.frames import ned_from_enu
-from robotctl.mavlink.missions.file import mission_file, read_mission_file
+from robotctl.mavlink.missions.file import Kept, MissionPlan, mission_file, read_mission_file
 from robotctl.mavlink.missions.item import MissionItem, item_of, message_of
 from robotctl.mavlink.missions.translate import (
     HOME,
+    PLACES,
     BadItem,
     Surroundings,
     check_item,
-    first_from,
     translate,
 )
 from robotctl.mavlink.missions.upload import Upload
@@ -45,34 +44,10 @@ GUIDED_ITEM: Final = 2
 
 
 @dataclass(frozen=True, slots=True)
-class _Plan:
-    """A mission that came over MAVLink."""
-
-    items: tuple[MissionItem, ...] = ()
-    sources: tuple[int, ...] = ()
-    """Of each item of ours, the number of the one that it is from."""
-    content: bytes = b""
-    """The mission file that was made of it."""
-
-    @property
-    def crc(self) -> int:
-        """As navigation tells it; 0 without a mission."""
-        return zlib.crc32(self.content)
-
-    def seq_of(self, item: int) -> int:
-        """Return the number of the MAVLink item that an item of ours is from."""
-        return self.sources[min(item, len(self.sources) - 1)]
-
-    def first_of(self, seq: int) -> int | None:
-        """Return the index of our first item from a MAVLink item on; None: there is none."""
-        return first_from(self.sources, seq)
-
-
-@dataclass(frozen=True, slots=True)
 class _Offer:
     """A mission, or none, that navigation is asked to take."""
 
-    plan: _Plan
+    plan: MissionPlan
     notes: list[str]
     partner: tuple[int, int]
     peer: Peer | None
@@ -101,8 +76,8 @@ class Missions(Microservice):
 
     def __init__(self, context: Context) -> None:
         super().__init__(context)
-        self._plan = _Plan()
-        self._kept = context.missions.load()
+        self._plan = MissionPlan()
+        self._saved = context.missions.load()
         """The mission file of before this process began."""
         self._upload: Upload | None = None
         self._offer: _Offer | None = None
@@ -159,7 +134,7 @@ class Missions(Microservice):
         navigation = self._context.fresh_navigation(now_ns)
         if self._offer is not None:
             self._follow(self._offer, navigation, now_ns)
-        elif self._kept and navigation is not None:
+        elif self._saved and navigation is not None:
             self._offer_again(navigation, now_ns)
         if navigation is not None and self._is_loaded(navigation):
             self._tell_reached(navigation)
@@ -169,8 +144,7 @@ class Missions(Microservice):
     def _begin(self, message: Message, peer: Peer, now_ns: int) -> None:
         """Begin an upload, or begin it anew."""
         partner = source(message)
-        busy = self._upload is not None and self._upload.partner != partner
-        if busy or self._offer is not None:
+        if self._is_busy(partner):
             self._acknowledge(common.MAV_MISSION_DENIED, partner, peer)
         elif message.count > MOST_ITEMS:
             self._context.say(now_ns, f"Mission: {message.count} items, {MOST_ITEMS} allowed")
@@ -180,6 +154,11 @@ class Missions(Microservice):
         else:
             self._upload = Upload(partner, peer, message.count, now_ns)
             self._ask(self._upload)
+
+    def _is_busy(self, partner: tuple[int, int]) -> bool:
+        """Return whether another station's upload, or navigation's answer, has to be waited for."""
+        upload = self._upload
+        return self._offer is not None or (upload is not None and upload.partner != partner)
 
     def _ask(self, upload: Upload) -> None:
         """Ask for the next item."""
@@ -218,30 +197,38 @@ class Missions(Microservice):
             self._answer(error.result, upload)
             return
         self._upload = None
-        content = mission_file(upload.items, meaning, self._context.robot.home)
-        plan = _Plan(tuple(upload.items), tuple(meaning.sources), content)
+        items = tuple(upload.items)
+        by_globe = any(each.is_global and each.command in PLACES for each in items[HOME:])
+        origin = self._context.origin if by_globe else None
+        kept = Kept(items, tuple(meaning.sources), origin)
+        plan = MissionPlan(kept, mission_file(kept, meaning, self._context.robot.home))
         self._ask_for(_Offer(plan, meaning.notes, upload.partner, upload.peer, now_ns))
 
     def _clear(self, message: Message, peer: Peer, now_ns: int) -> None:
         """Ask navigation to have no mission."""
-        if self._offer is not None:
+        if self._is_busy(source(message)):
             self._acknowledge(common.MAV_MISSION_DENIED, source(message), peer)
             return
         self._upload = None
-        self._ask_for(_Offer(_Plan(), [], source(message), peer, now_ns))
+        self._ask_for(_Offer(MissionPlan(), [], source(message), peer, now_ns))
 
     def _ask_for(self, offer: _Offer) -> None:
         """Ask navigation to take a mission, from the file in which it outlives a power cut."""
         self._offer = offer
-        path = self._context.missions.save(offer.plan.content)
-        self._context.requests.append(LoadMission(offer.asked_ns, path, offer.plan.content))
+        content = offer.plan.content
+        path = self._context.missions.save(content) if content else ""
+        if content and not path:
+            self._context.say(offer.asked_ns, "Mission: cannot be saved, a restart will lose it")
+        self._context.requests.append(LoadMission(offer.asked_ns, path, content))
 
     def _follow(self, offer: _Offer, navigation: NavigationState | None, now_ns: int) -> None:
         """Answer once navigation has taken a mission, or has not in time."""
         if navigation is not None and navigation.stamp_ns > offer.asked_ns:
             wanted = offer.plan.crc
             if navigation.mission_crc == wanted if wanted else not navigation.items:
-                self._plan, self._offer, self._reached = offer.plan, None, navigation.item
+                self._offer = None
+                self._adopt(offer.plan, navigation)
+                self._context.missions.keep(offer.plan.content)
                 for note in offer.notes:
                     self._context.say(now_ns, f"Mission: {note}", Severity.NOTICE)
                 self._answer(common.MAV_MISSION_ACCEPTED, offer)
@@ -250,17 +237,27 @@ class Missions(Microservice):
             why = "navigation is silent" if navigation is None else navigation.message
             self._context.say(now_ns, f"Mission not taken: {why}")
             self._offer = None
-            self._context.missions.save(self._plan.content)
+            self._context.missions.keep(self._plan.content)
             self._answer(common.MAV_MISSION_DENIED, offer)
+
+    def _adopt(self, plan: MissionPlan, navigation: NavigationState) -> None:
+        """Note that a mission is navigation's."""
+        self._plan, self._reached = plan, navigation.item
+        self._context.uses_origin = plan.kept.origin is not None
 
     def _offer_again(self, navigation: NavigationState, now_ns: int) -> None:
         """Offer the mission of before a power cut to a robot that has none."""
-        kept, self._kept = self._kept, b""
-        plan = _Plan(*found, kept) if (found := read_mission_file(kept)) is not None else None
-        if plan is None:
+        content, self._saved = self._saved, b""
+        kept = read_mission_file(content)
+        if kept is None:
             return
+        origin, plan = kept.origin, MissionPlan(kept, content)
+        if origin is not None and self._context.origin not in {None, origin}:
+            self._context.say(now_ns, "Mission: that of before is of another origin, left out")
+            return
+        self._context.origin = self._context.origin or origin
         if navigation.mission_crc == plan.crc:
-            self._plan, self._reached = plan, navigation.item
+            self._adopt(plan, navigation)
         elif not navigation.items:
             self._ask_for(_Offer(plan, [], (0, 0), None, now_ns))
 

@@ -15,9 +15,9 @@ from robotctl.mavlink.command import (
     Command,
 )
 from robotctl.mavlink.context import Context
-from robotctl.mavlink.frames import enu_from_ned, theta_from_yaw_ned
+from robotctl.mavlink.frames import theta_from_yaw_ned
 from robotctl.mavlink.guards.command_dedup import LateCopies
-from robotctl.mavlink.missions.item import MissionItem
+from robotctl.mavlink.missions.item import MissionItem, place_of
 from robotctl.mavlink.service import Microservice
 from robotctl.messages.control import Mode, PositionTarget, SetMode
 from robotctl.messages.requests import FARTHEST_M
@@ -49,11 +49,10 @@ class Repositions(Microservice):
         copy = self._copies.answer(command.sender, meaning, now_ns, confirmation=0, holds=drives)
         if copy is not None:
             return copy
-        place, result = self._place(command)
-        if place is not None:
-            result, why = self._objection(command, now_ns)
-            if why:
-                context.say(now_ns, f"Reposition: {why}")
+        place = self._place(command)
+        result, why = self._objection(command, place, now_ns)
+        if why:
+            context.say(now_ns, f"Reposition: {why}")
         if place is not None and result == ACCEPTED:
             if not drives:
                 context.requests.append(SetMode(now_ns, Mode.GUIDED))
@@ -63,31 +62,27 @@ class Repositions(Microservice):
         self._copies.remember(command.sender, meaning, result, now_ns)
         return result
 
-    def _objection(self, command: Command, now_ns: int) -> tuple[int, str]:
-        """Return the MAV_RESULT, and why it is none that lets the robot drive."""
+    def _objection(
+        self, command: Command, place: tuple[float, float] | None, now_ns: int
+    ) -> tuple[int, str]:
+        """Return the MAV_RESULT, and why the robot does not go there; empty: it goes."""
         context = self._context
-        control = context.fresh_control(now_ns)
-        flags = command.whole(1) or 0
+        control, mode = context.fresh_control(now_ns), context.mode(now_ns)
+        if place is None:
+            return UNSUPPORTED_FRAME, f"frame {command.frame} means nothing here"
+        if not max(map(abs, place)) < FARTHEST_M:
+            return DENIED, f"{FARTHEST_M / 1e3:g} km away or farther"
         if control is None or control.state not in POWERED:
             return TEMPORARILY_REJECTED, "arm first"
-        if context.mode(now_ns) is not Mode.GUIDED and not flags & CHANGE_MODE:
-            return DENIED, f"mode {context.mode(now_ns).name}, not GUIDED"
+        if mode is not Mode.GUIDED and not (command.whole(1) or 0) & CHANGE_MODE:
+            return DENIED, f"mode {mode.name}, not GUIDED"
         if why := context.held_back.objection(command.peer, command.sender, now_ns):
             return TEMPORARILY_REJECTED, why
         return ACCEPTED, ""
 
-    def _place(self, command: Command) -> tuple[tuple[float, float] | None, int]:
-        """Return x and y in `world` [m]; None, and why, where there is no such place."""
+    def _place(self, command: Command) -> tuple[float, float] | None:
+        """Return x and y in `world` [m]; None where its frame means nothing."""
         frame = 0 if command.frame is None else command.frame
         item = MissionItem(REPOSITION, frame, (0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0)
-        first, second = (each / item.scale for each in command.params[4:6])
-        origin = self._context.origin
-        if item.is_global and origin is not None:
-            if not (abs(first) <= 90.0 and abs(second) <= 180.0):
-                return None, DENIED
-            place = origin.to_world(first, second)
-        elif frame == common.MAV_FRAME_LOCAL_NED:
-            place = enu_from_ned(first, second)
-        else:
-            return None, UNSUPPORTED_FRAME
-        return (place, ACCEPTED) if max(map(abs, place)) < FARTHEST_M else (None, DENIED)
+        x, y = (each / item.scale for each in command.params[4:6])
+        return place_of(item._replace(x=x, y=y), self._context.origin)

@@ -384,8 +384,11 @@ class Store:
         return self.content
 
     def save(self, content):
-        self.content = content
+        self.offered = content
         return "/state/mavlink-mission.toml"
+
+    def keep(self, content):
+        self.content = content
 
 
 def test_a_mission_outlives_a_power_cut_and_a_new_telemetry(make_bench):
@@ -408,6 +411,10 @@ def test_a_mission_outlives_a_power_cut_and_a_new_telemetry(make_bench):
         again.step()
         assert len(again.offered) == (0 if state else 1)
         assert [numbers(x) for x in download(again)[1:]] == [numbers(x) for x in PLAN[1:]]
+    bench = first.bench
+    bench.receive(m.MAVLink_mission_count_message(1, 1, 3))  # an upload that a power cut ends
+    first.step()
+    assert store.content == first.offered[-1].content
     other = started(items=4, mission_crc=77)  # one of the operator's on this computer
     assert other.offered == []
     assert download(other) == []
@@ -433,3 +440,58 @@ def test_whatever_floats_an_item_has_it_is_refused_or_comes_back(found):
         plan.append(m.MAVLink_mission_item_message(1, 1, seq, frame, command, 0, 1, *numbers_, 0.0))
     if upload(navigation, plan) == ACCEPTED:
         assert [each.command for each in download(navigation)[1:]] == [x.command for x in plan[1:]]
+
+
+def on_globe(seq, x, y):
+    place = Origin(48.0, 11.0).from_world(x, y)
+    return item(seq, x=place[0], y=place[1], frame=m.MAV_FRAME_GLOBAL)
+
+
+def origin(latitude):
+    return m.MAVLink_set_gps_global_origin_message(1, round(1e7 * latitude), 110_000_000, 0)
+
+
+def test_places_on_the_globe_keep_their_origin_also_over_a_power_cut(make_bench):
+    store = Store()
+
+    def started(**config):
+        bench = make_bench(**config)
+        robot = TelemetryRobot("tester", "1.2.3")
+        bench.telemetry = Telemetry(bench.config, robot, bench.links, missions=store)
+        found = Navigation(bench)
+        found.step()
+        found.step()
+        return found
+
+    first = started()
+    first.bench.receive(origin(48.0))
+    first.step()
+    assert upload(first, [HOME, on_globe(1, 5.0, 2.0)]) == ACCEPTED
+    again = started()
+    (goal,) = again.mission["item"]
+    assert (goal["x_m"], goal["y_m"]) == pytest.approx((5.0, 2.0), abs=0.02)
+    for robot in (first, again):
+        bench = robot.bench
+        bench.take()
+        bench.receive(origin(48.001))  # the places would be 111 m to the south
+        robot.step()
+        assert bench.messages("GPS_GLOBAL_ORIGIN") == []
+        bench.command(m.MAV_CMD_REQUEST_MESSAGE, m.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN)
+        robot.step()
+        assert [x.latitude for x in bench.messages("GPS_GLOBAL_ORIGIN")] == [480_000_000]
+    assert started(origin=Origin(48.001, 11.0)).offered == []  # the robot's file says another
+
+
+def test_another_station_can_neither_upload_nor_clear_during_an_upload(navigation):
+    assert upload(navigation, PLAN) == ACCEPTED
+    bench = navigation.bench
+    bench.receive(m.MAVLink_mission_count_message(1, 1, 3))
+    navigation.step()
+    for message in (
+        m.MAVLink_mission_clear_all_message(1, 1), m.MAVLink_mission_count_message(1, 1, 0),
+    ):  # fmt: skip
+        bench.take()
+        bench.receive(message, system=254)
+        navigation.step()
+        assert [x.type for x in bench.messages("MISSION_ACK")] == [DENIED]
+    assert len(download(navigation)) == len(PLAN)
