@@ -28,9 +28,6 @@ _COMPARED: Final = 4
 """Of the nearest frontiers, whose paths are compared."""
 _SAME_M: Final = 0.5
 """Frontiers this near to each other are one [m]."""
-_SETBACK_M: Final = 3.0
-"""A path that is so much longer than its rest was before leads another way [m]."""
-_SETBACKS: Final = 2
 _PATIENT_NS: Final = 20_000_000_000
 _SLOWER: Final = 3.0
 """A frontier may take so many times the time of its path at full speed, and a while more [ns]."""
@@ -39,9 +36,9 @@ _SLOWER: Final = 3.0
 class Exploration(Behaviour):
     """Drives to the frontier with the shortest path until there is none (Yamauchi 1997).
 
-    A frontier that stays when the robot has been there, or that it cannot reach, is left out from
-    then on. So is one whose path gets much longer for the second time, or that takes several times
-    as long as it should: where a gap is as wide as the robot, paths through it come and go.
+    A frontier that stays when the robot has been there, that it cannot reach, or that takes several
+    times as long as it should, is left out from then on: where a gap is as wide as the robot, paths
+    through it come and go.
 
     Parameters
     ----------
@@ -70,8 +67,6 @@ class Exploration(Behaviour):
         self._looked_ns = 0
         self._end_ns = 0
         """When the present frontier is given up."""
-        self._least_m = math.inf
-        self._setbacks = 0
 
     def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
         """Return the next velocity; done when the map is complete."""
@@ -105,7 +100,7 @@ class Exploration(Behaviour):
         old, journey = self._target, self._journey
         others = [each for each in there if old is None or not _are_same(old, each)]
         if old is not None and journey is not None and len(others) < len(there):
-            is_late = now_ns > self._end_ns or self._is_set_back(journey)
+            is_late = now_ns > self._end_ns
             target, path_m = None, math.inf
             if journey.is_in_trouble or is_late:
                 target, path_m = self._nearest(pose, others)
@@ -121,17 +116,7 @@ class Exploration(Behaviour):
         self._target, self._journey = target, None
         if target is not None:
             self._journey = self._pilot.journey(Goal(*target.place), self._speed_m_s)
-            self._least_m, self._setbacks = math.inf, 0
             self._end_ns = now_ns + _PATIENT_NS + round(1e9 * _SLOWER * path_m / self._speed_m_s)
-
-    def _is_set_back(self, journey: Journey) -> bool:
-        """Return whether the path has got longer once too often; note how long it is."""
-        if journey.left_m > self._least_m + _SETBACK_M:
-            self._setbacks += 1
-            self._least_m = journey.left_m
-        elif journey.left_m < self._least_m:
-            self._least_m = journey.left_m
-        return self._setbacks >= _SETBACKS
 
     def _nearest(self, pose: SE2, found: list[Frontier]) -> tuple[Frontier | None, float]:
         """Return the one with the shortest path of the nearest frontiers, and that path's length.

@@ -108,11 +108,6 @@ class Journey(Behaviour):
         return self._attempt is not None
 
     @property
-    def left_m(self) -> float:
-        """Length of the rest of its path [m]; nan while it has none."""
-        return math.nan if self._route is None else self._route.left_m
-
-    @property
     def recoveries(self) -> int:
         """Tries to get on again."""
         return self._ladder.tries
