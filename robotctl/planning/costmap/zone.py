@@ -62,19 +62,20 @@ class Zone:
         return inside
 
     def is_entered(self, begin: Point, end: Point) -> bool:
-        """Return whether a straight way to a point leads into the zone or ends there."""
-        if self.contains(end):
-            return True
-        return any(
-            _left_of(a, b, begin) != _left_of(a, b, end)
-            and _left_of(begin, end, a) != _left_of(begin, end, b)
-            for a, b in self._sides()
-        )
+        """Return whether a straight way to a point leads into the zone, or touches its edge."""
+        return self.contains(end) or any(_meet(a, b, begin, end) for a, b in self._sides())
 
     def _sides(self) -> Iterator[tuple[Point, Point]]:
         return zip(self.corners, (*self.corners[1:], self.corners[0]), strict=True)
 
 
-def _left_of(a: Point, b: Point, point: Point) -> bool:
-    """Return whether a point lies to the left of the line from `a` to `b`."""
-    return (b[0] - a[0]) * (point[1] - a[1]) > (b[1] - a[1]) * (point[0] - a[0])
+def _meet(a: Point, b: Point, c: Point, d: Point) -> bool:
+    """Return whether two segments, a to b and c to d, have a point in common."""
+    if any(max(a[i], b[i]) < min(c[i], d[i]) or max(c[i], d[i]) < min(a[i], b[i]) for i in (0, 1)):
+        return False
+    return _side(a, b, c) * _side(a, b, d) <= 0.0 and _side(c, d, a) * _side(c, d, b) <= 0.0
+
+
+def _side(a: Point, b: Point, point: Point) -> float:
+    """Return on which side of the line from `a` to `b` a point lies: left is positive."""
+    return (b[0] - a[0]) * (point[1] - a[1]) - (b[1] - a[1]) * (point[0] - a[0])

@@ -5,7 +5,7 @@ import math
 import cv2
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from robotctl.errors import ConfigError
@@ -27,6 +27,7 @@ def test_a_point_is_inside_as_opencv_finds_it(corners, point):
     assert Zone("a", tuple(corners)).contains(point) == (side > 0)
 
 
+@example([(0, 0), (0, -1), (-1, -1)], (0, -1), (-2, -1))  # along a side
 @given(st.lists(POINT, min_size=3, max_size=3, unique=True), POINT, POINT)
 def test_a_way_enters_a_triangle_where_a_point_of_it_is_inside(corners, begin, end):
     (ax, ay), (bx, by), (cx, cy) = corners
