@@ -143,18 +143,24 @@ class TwistLimiter:
         """Angular acceleration of the last step [rad/s^2], for feed-forward."""
         return self._alpha
 
-    def reset(self, v_m_s: float = 0.0, omega_rad_s: float = 0.0) -> None:
-        """Continue from this velocity, without acceleration: the present state, for a smooth start.
+    def reset(
+        self,
+        v_m_s: float = 0.0,
+        omega_rad_s: float = 0.0,
+        a_m_s2: float = 0.0,
+        alpha_rad_s2: float = 0.0,
+    ) -> None:
+        """Continue from this velocity and acceleration: the present state, for a smooth start.
 
-        It is clamped to the speed limits; what is not finite counts as 0.
+        The velocity is clamped to the speed limits; what of it is not finite counts as 0.
         """
         config = self._config
         v = v_m_s if math.isfinite(v_m_s) else 0.0
         omega = omega_rad_s if math.isfinite(omega_rad_s) else 0.0
         self._v = min(max(v, -config.v_max_m_s), config.v_max_m_s)
         self._omega = min(max(omega, -config.omega_max_rad_s), config.omega_max_rad_s)
-        self._a = 0.0
-        self._alpha = 0.0
+        self._a = a_m_s2
+        self._alpha = alpha_rad_s2
 
     def step(self, v_ref_m_s: float, omega_ref_rad_s: float, dt_s: float) -> Twist:
         """Return the velocity to command now.

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 
+from robotctl.core.fence_keeper import FenceKeeper
+from robotctl.core.navigation_requests import too_late, translated
 from robotctl.core.plan_view import PlanViews
 from robotctl.errors import ConfigError
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
@@ -18,36 +20,13 @@ from robotctl.messages.control import (
     ControlState,
     ExternalPose,
     GroundStationPresence,
-    ManualControl,
     NavigationRequest,
     NavigationState,
-    PositionTarget,
-    SetMode,
     VelocityCommand,
-    VelocityTarget,
 )
 from robotctl.messages.estimation import CameraView, LidarScan, LocalisationState, PlanView
-from robotctl.messages.mission import (
-    AbortMission,
-    ExploreTarget,
-    GoAhead,
-    JumpToItem,
-    LoadMission,
-    MissionCommand,
-)
-from robotctl.messages.mode import Mode
-from robotctl.messages.requests import (
-    REQUEST_LIFE_NS,
-    AbortRequest,
-    ExploreRequest,
-    GoAheadRequest,
-    JumpRequest,
-    ModeRequest,
-    PositionRequest,
-    Request,
-    StickRequest,
-    VelocityRequest,
-)
+from robotctl.messages.fence import EnableFence, SetFence
+from robotctl.messages.mission import LoadMission
 from robotctl.messages.world_pose import WorldPose
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
@@ -63,18 +42,6 @@ from robotctl.safety.state_machine import POWERED
 COMMAND_LIFE_PERIODS: Final = 4
 """Periods of the navigator after which a velocity command expires."""
 
-_Simple: TypeAlias = (
-    SetMode
-    | VelocityTarget
-    | PositionTarget
-    | ManualControl
-    | ExploreTarget
-    | GoAhead
-    | JumpToItem
-    | AbortMission
-)
-"""Requests that need no more than to be translated."""
-
 STATE_MAX_AGE_NS: Final = 200_000_000
 """An older control state is not acted on [ns]."""
 
@@ -85,6 +52,9 @@ _UNSEEN: Final = (
     "what was seen of the floor is forgotten: the robot does not drive forwards by itself until "
     "the camera has seen what lies right before it; back it up a little by hand"
 )
+
+_Aside: TypeAlias = ExternalPose | GroundStationPresence | SetFence | EnableFence
+"""Requests that are not for the navigator."""
 
 _COMMAND: Final = frozenset({"v_m_s", "omega_rad_s", "expires_ns"})
 """What of a step is no part of the state."""
@@ -108,6 +78,8 @@ class NavigationAdapter:
     ----------
     navigator, config
         The navigator and its settings.
+    fence
+        What keeps the robot within its fence.
     has_localiser
         Whether one is to be waited for.
     looks
@@ -119,8 +91,8 @@ class NavigationAdapter:
 
     Attributes
     ----------
-    navigator
-        The navigator.
+    navigator, fence
+        The navigator, and what keeps the robot within its fence.
     period_ns
         Of its steps [ns].
     """
@@ -129,6 +101,7 @@ class NavigationAdapter:
         self,
         navigator: Navigator,
         config: NavigationConfig,
+        fence: FenceKeeper,
         *,
         has_localiser: bool,
         looks: bool,
@@ -136,6 +109,7 @@ class NavigationAdapter:
         station_timeout_s: float,
     ) -> None:
         self.navigator = navigator
+        self.fence = fence
         self.period_ns = round(1e9 / config.rate_hz)
         self._file, self._crc = "", 0
         """The mission's file and CRC-32, if it was loaded since the start."""
@@ -178,6 +152,7 @@ class NavigationAdapter:
         """
         if localisation is not None:
             self._world.localise(localisation)
+        self.fence_by(each for each in requests if isinstance(each, SetFence | EnableFence))
         inputs = self._inputs(control, requests, now_ns, seen)
         out = self.navigator.step(inputs, now_ns)
         offer, self._offer = self._offer, None
@@ -187,15 +162,37 @@ class NavigationAdapter:
         if out.expires_ns is not None:
             # Control brakes in the tick in which a set-point is void, not at the next step here.
             until_ns = min(until_ns, max(now_ns, out.expires_ns))
-        command = VelocityCommand(now_ns, until_ns, out.v_m_s, out.omega_rad_s)
+        twist = self._within_fence(control, inputs, Twist(out.v_m_s, out.omega_rad_s), now_ns)
+        command = VelocityCommand(now_ns, until_ns, *twist)
         if out.message != self._message and inputs.enabled and out.held:
             self._notices.append(out.message)
         self._message = out.message
         told = {key: value for key, value in out._asdict().items() if key not in _COMMAND}
+        told["message"] = self.fence.message or out.message
         state = NavigationState(
-            stamp_ns=now_ns, mission_file=self._file, mission_crc=self._crc, **told
+            stamp_ns=now_ns,
+            mission_file=self._file,
+            mission_crc=self._crc,
+            fence=self.fence.state,
+            **told,
         )
         return command, state
+
+    def fence_by(self, requests: Iterable[SetFence | EnableFence]) -> None:
+        """Take another fence, or switch it; planning keeps to it, too."""
+        before = self.fence.planned
+        for each in requests:
+            self.fence.take(each)
+        if self.fence.planned != before:
+            self.navigator.use_fence(self.fence.planned)
+
+    def _within_fence(
+        self, control: ControlState | None, inputs: NavigationInputs, wanted: Twist, now_ns: int
+    ) -> Twist:
+        """Return what of a velocity keeps to the fence."""
+        if control is None or not inputs.enabled or not inputs.are_finite:
+            return wanted
+        return self.fence.keep(control, inputs.pose if inputs.localised else None, wanted, now_ns)
 
     def _inputs(
         self,
@@ -206,9 +203,9 @@ class NavigationAdapter:
     ) -> NavigationInputs:
         """Return the messages of a step as the navigator takes them."""
         wanted = [
-            self._loaded(each) if isinstance(each, LoadMission) else _request(each)
+            self._loaded(each) if isinstance(each, LoadMission) else translated(each)
             for each in self._in_time(requests, now_ns)
-            if not isinstance(each, ExternalPose | GroundStationPresence)
+            if not isinstance(each, _Aside)
         ]
         taken = tuple(each for each in wanted if each is not None)
         attended, lost = self._attended(requests, now_ns), self._loses_station(now_ns)
@@ -276,7 +273,7 @@ class NavigationAdapter:
 
     def take_notices(self) -> list[str]:
         """Return sentences for people since the last call."""
-        notices, self._notices = self._notices, []
+        notices, self._notices = [*self._notices, *self.fence.take_notices()], []
         return notices
 
     def _attended(self, requests: Sequence[NavigationRequest], now_ns: int) -> bool:
@@ -304,7 +301,7 @@ class NavigationAdapter:
         taken: list[NavigationRequest] = []
         late: list[NavigationRequest] = []
         for each in requests:
-            (late if _too_late(each, now_ns) else taken).append(each)
+            (late if too_late(each, now_ns) else taken).append(each)
         if late:
             oldest_s = (now_ns - min(each.stamp_ns for each in late)) / 1e9
             what = "request" if len(late) == 1 else "requests"
@@ -368,36 +365,3 @@ def _floor_view(view: CameraView) -> FloorView:
     beams = (view.angles_rad, view.ranges_m, view.sigmas_m, view.nearest_m)
     angles, ranges, sigmas, nearest = (np.array(each, dtype=np.float64) for each in beams)
     return FloorView(view.x_m, view.y_m, angles, ranges, sigmas, nearest, not view.trouble)
-
-
-def _too_late(message: NavigationRequest, now_ns: int) -> bool:
-    """Return whether a request waited too long to move the robot."""
-    if isinstance(message, AbortMission) or (
-        isinstance(message, SetMode) and message.mode is Mode.HOLD
-    ):
-        return False
-    old = now_ns - message.stamp_ns > REQUEST_LIFE_NS
-    return old and isinstance(message, SetMode | PositionTarget | MissionCommand)
-
-
-def _request(message: _Simple) -> Request:
-    """Translate a message for the planning layer, which knows none."""
-    match message:
-        case SetMode():
-            return ModeRequest(message.mode, message.stamp_ns)
-        case VelocityTarget():
-            return VelocityRequest(
-                message.expires_ns, message.v_m_s, message.omega_rad_s, message.heading_rad
-            )
-        case PositionTarget():
-            return PositionRequest(message.x_m, message.y_m, message.heading_rad)
-        case ManualControl():
-            return StickRequest(message.expires_ns, message.forward, message.turn)
-        case ExploreTarget():
-            return ExploreRequest()
-        case GoAhead():
-            return GoAheadRequest()
-        case JumpToItem():
-            return JumpRequest(message.item)
-        case AbortMission():
-            return AbortRequest()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, TypeAlias
 
@@ -85,14 +85,14 @@ class TelemetryRobot:
     plans: bool = True
 
 
-class MissionStore(Protocol):
-    """Where a mission that came over MAVLink outlives a power cut."""
+class PlanStore(Protocol):
+    """Where a plan of one kind that came over MAVLink outlives a power cut."""
 
     def load(self) -> bytes:
         """Return what was saved; empty: nothing."""
 
     def save(self, content: bytes) -> str:
-        """Save a mission file beside the present one; return its path, empty: it is not kept."""
+        """Save a file beside the present one; return its path, empty: it is not kept."""
 
     def keep(self, content: bytes) -> None:
         """Remove all that was saved but this."""
@@ -131,8 +131,8 @@ class GroundStation:
 class Context:
     """The present state and the outputs of a step, shared by all microservices.
 
-    `missions` keeps the mission; `origin` says where `world` is on the globe, once that is
-    known, `uses_origin` that the mission has places by it. `catalogue` is the sum of them,
+    `stores` keep plans, by their kind; `origin` says where `world` is on the globe, once that is
+    known, `origin_users` which kinds of plans have places by it. `catalogue` is the sum of them,
     known once all are made. `peers` are served on the links now, `heard_ns` says when each of
     them was heard last [ns]. `ground_stations` are those alive, by address, the longest known
     first. `acks` are those of this step. `texts` wait for the STATUSTEXT service, `notices` for
@@ -143,9 +143,9 @@ class Context:
     config: MavlinkConfig
     robot: TelemetryRobot
     links: MavlinkPort
-    missions: MissionStore = field(default_factory=NoStore)
+    stores: Mapping[str, PlanStore] = field(default_factory=dict)
     origin: Origin | None = None
-    uses_origin: bool = False
+    origin_users: set[str] = field(default_factory=set)
     control: ControlState | None = None
     navigation: NavigationState | None = None
     world: WorldPose = field(init=False)
@@ -163,6 +163,10 @@ class Context:
         """Wait for the localiser, where the robot has one; begin with the configured origin."""
         self.origin = self.origin or self.config.origin
         self.world = WorldPose(has_localiser=self.robot.has_localiser)
+
+    def store_of(self, word: str) -> PlanStore:
+        """Return what keeps one kind of plans."""
+        return self.stores.get(word) or NoStore()
 
     def hear(self, received: Sequence[Received], now_ns: int) -> None:
         """Note who is at the links, and who of them has sent something."""

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from robotctl.mavlink.config import MavlinkConfig
 from robotctl.mavlink.context import (
     Context,
     GroundStation,
-    MissionStore,
-    NoStore,
+    PlanStore,
     Request,
     State,
     TelemetryRobot,
@@ -33,8 +32,8 @@ class Telemetry:
         Made with the same addresses and links as `config`; the caller closes them.
     services : sequence of Microservice classes
         The services, stepped in this order.
-    missions : MissionStore
-        Keeps the mission of a ground station; None: it is lost with this process.
+    stores : mapping of PlanStore
+        Keep the plans of ground stations, by their kind; others are lost with this process.
     """
 
     def __init__(
@@ -44,9 +43,9 @@ class Telemetry:
         links: MavlinkPort,
         services: Sequence[type[Microservice]] = SERVICES,
         *,
-        missions: MissionStore | None = None,
+        stores: Mapping[str, PlanStore] | None = None,
     ) -> None:
-        context = Context(config, robot, links, missions or NoStore())
+        context = Context(config, robot, links, stores or {})
         members = tuple(make(context) for make in services)
         context.catalogue = catalogue_of(members)
         self._context = context

@@ -13,6 +13,7 @@ from typing import TypeAlias
 import msgspec
 
 from robotctl.messages.faults import Fault, FaultCode
+from robotctl.messages.fence import FenceRequest, FenceState
 from robotctl.messages.mission import MissionCommand
 from robotctl.messages.mode import Mode as Mode  # noqa: PLC0414 - part of the messages
 from robotctl.model.geometry.se2 import SE2
@@ -365,6 +366,7 @@ NavigationRequest: TypeAlias = (
     | ExternalPose
     | GroundStationPresence
     | MissionCommand
+    | FenceRequest
 )
 """Requests to the navigation process."""
 
@@ -468,7 +470,7 @@ class NavigationState(msgspec.Struct, frozen=True, tag=True):
     asked of the mission was done. `loop_counts` says how often each repeat and jump
     was taken, `loops` the same for people. `waits`: for an operator's go-ahead. `trouble` is the
     last failure of an item in this run of the mission. `held`: the robot went to HOLD by itself,
-    and `message` says why.
+    and `message` says why. `fence`: how it keeps to its fence.
     """
 
     stamp_ns: int
@@ -495,6 +497,7 @@ class NavigationState(msgspec.Struct, frozen=True, tag=True):
     waits: bool = False
     trouble: str = ""
     held: bool = False
+    fence: FenceState = FenceState()
 
 
 class Notice(msgspec.Struct, frozen=True, tag=True):

@@ -20,6 +20,7 @@ from robotctl.messages.requests import (
     VelocityRequest,
 )
 from robotctl.model.drives.drives import Drive
+from robotctl.model.fence import Fence
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.behaviours.breadcrumbs import Breadcrumbs
@@ -118,6 +119,7 @@ class Navigator:
         self._guard = ObstacleGuard(config.guard, mounts, has_lidar=has_lidar)
         self._crumbs = Breadcrumbs(home, steered=drive.steered)
         self._robot = NavigatedRobot(config, drive, mounts, self._guard, self._crumbs, sees_markers)
+        self._fence = Fence()
         self._surroundings = Surroundings(self._robot)
         self._auto = Auto(mission, self._robot)
         self._look_around = LookAround(drive, self._guard, mounts, config.look_around_speed_m_s)
@@ -171,8 +173,15 @@ class Navigator:
     def take_pilot(self, pilot: Pilot) -> None:
         """Let a pilot plan what is driven to a goal."""
         self._robot.pilot = pilot
+        pilot.use_fence(self._fence)
         if self._auto.mission is not None:
             pilot.use_zones(self._auto.mission.zone)
+
+    def use_fence(self, fence: Fence) -> None:
+        """Plan within a fence."""
+        self._fence = fence
+        if self._robot.pilot is not None:
+            self._robot.pilot.use_fence(fence)
 
     def outlook(self) -> Outlook | None:
         """Return what the pilot drives by and sees; None: there is none."""

@@ -12,6 +12,7 @@ import zmq
 from robotctl.app.localisation.load_estimators import load_estimators
 from robotctl.app.processes.entry import enter
 from robotctl.app.processes.navigator import equip, load_mission, make_navigation
+from robotctl.app.processes.plan_files import load_fence
 from robotctl.app.processes.progress import StoredProgress, last_pose, load_progress
 from robotctl.app.supervision.signals import StopFlag
 from robotctl.config.options import StackOptions
@@ -19,7 +20,7 @@ from robotctl.config.robot_file import RobotConfig
 from robotctl.core.navigation_adapter import NavigationAdapter
 from robotctl.core.navigation_tick import NavigationTick
 from robotctl.core.operator import Operator
-from robotctl.errors import RobotctlError
+from robotctl.errors import DiskError, RobotctlError
 from robotctl.messages.control import ControlState, NavigationRequest, Notice, Severity
 from robotctl.messages.estimation import SensorMessage
 from robotctl.runtime.ipc.heartbeat import ProcessHeartbeat
@@ -59,6 +60,16 @@ def resume(
     return (f"the mission is at item {saved.item + 1}; mode AUTO resumes there",)
 
 
+def take_fence(adapter: NavigationAdapter, options: StackOptions) -> tuple[str, ...]:
+    """Keep to the fence from the first step on; return notices."""
+    try:
+        fence = load_fence(options.state)
+    except DiskError as error:
+        return (f"{error}; until then the robot has no fence",)
+    adapter.fence_by([] if fence is None else [fence])
+    return ()
+
+
 def run(config: RobotConfig, options: StackOptions) -> None:
     """Navigate until SIGTERM or SIGINT; then the commands expire and the robot comes to rest."""
     stopped = StopFlag()
@@ -76,7 +87,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     heartbeat = ProcessHeartbeat(os.environ)
     adapter = make_navigation(config, options)
     saved, notes = load_progress(options)
-    if notes := (*notes, *resume(adapter, options, saved)):
+    if notes := (*notes, *resume(adapter, options, saved), *take_fence(adapter, options)):
         publisher.greet(Notice(clock.now_ns(), Severity.WARNING, "\n".join(notes)))
 
     def say(text: str) -> None:

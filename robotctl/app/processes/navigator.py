@@ -11,13 +11,16 @@ from typing import TYPE_CHECKING
 from robotctl import toml_source
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig
-from robotctl.core.navigation_adapter import NavigationAdapter
+from robotctl.core.fence_keeper import FenceKeeper
+from robotctl.core.navigation_adapter import COMMAND_LIFE_PERIODS, NavigationAdapter
 from robotctl.errors import ConfigError, InvalidValue
+from robotctl.model.fence_clearance import Body
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.planning.behaviours.kind import Abilities, Pilot
 from robotctl.planning.behaviours.mission import Mission, mission_rules
 from robotctl.planning.guard.body import body_outline
+from robotctl.planning.guard.obstacle_guard import body_rectangle
 from robotctl.planning.guard.sonars import sonar_directions
 from robotctl.planning.navigator import Navigator
 
@@ -63,11 +66,18 @@ def make_navigation(config: RobotConfig, options: StackOptions) -> NavigationAda
         has_lidar=config.lidar is not None,
         sees_markers=abilities(config).sees_markers,
     )
-    mavlink = config.mavlink
+    mavlink, period_ns = config.mavlink, round(1e9 / config.navigation.rate_hz)
     holds_on_loss = mavlink.hold_on_gcs_loss and not mavlink.hold_without_gcs
     return NavigationAdapter(
         navigator,
         config.navigation,
+        FenceKeeper(
+            config.limits,
+            Body(*body_rectangle(config.navigation.guard, config.sonar)),
+            period_ns,
+            COMMAND_LIFE_PERIODS * period_ns,
+            steered=config.drive.steered,
+        ),
         has_localiser=config.localisation.method != "none",
         looks=config.camera is not None and config.camera.enabled,
         needs_station=mavlink.hold_without_gcs,

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import os
 import sys
-from contextlib import ExitStack, suppress
-from pathlib import Path
+from contextlib import ExitStack
 from typing import Final
-from zlib import crc32
 
 import zmq
 
 import robotctl
 from robotctl.app.processes.entry import enter
+from robotctl.app.processes.plan_files import plan_stores
 from robotctl.app.supervision.signals import StopFlag
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig
@@ -32,64 +31,12 @@ from robotctl.runtime.ipc.topics import (
     Subscriber,
     endpoint_directory,
 )
-from robotctl.runtime.storage.atomic_file import write_whole
 
 RATE_HZ: Final = 100
 
 FAREWELL_NS: Final = 200_000_000
 """Time it continues when asked to end, for the last notices of processes that also end [ns].
 """
-
-
-MISSIONS: Final = "mavlink-mission-{:08x}.toml"
-"""Files of missions that came over MAVLink, by their CRC-32, in the folder of what survives
-restarts: while navigation decides on a new one there are two."""
-
-
-class MissionFiles:
-    """Keeps a mission in a folder; "": nowhere.
-
-    Parameters
-    ----------
-    directory
-        The folder.
-    """
-
-    def __init__(self, directory: str) -> None:
-        self._folder = Path(directory).resolve() if directory else None
-
-    def _files(self) -> list[Path]:
-        """Return all there are, the oldest first."""
-        found = [] if self._folder is None else self._folder.glob("mavlink-mission-*.toml")
-        return sorted(found, key=lambda file: file.stat().st_mtime_ns)
-
-    def load(self) -> bytes:
-        """Return the last mission that was kept; empty: none was."""
-        try:
-            files = self._files()
-            return files[0].read_bytes() if files else b""
-        except OSError:
-            return b""
-
-    def save(self, content: bytes) -> str:
-        """Save a mission file beside the present one; return its path, empty: it is not kept."""
-        if self._folder is None:
-            return ""
-        file = self._folder / MISSIONS.format(crc32(content))
-        try:
-            if not file.exists():
-                write_whole(file, content)
-        except OSError:
-            return ""
-        return str(file)
-
-    def keep(self, content: bytes) -> None:
-        """Remove all that was saved but this."""
-        name = MISSIONS.format(crc32(content))
-        with suppress(OSError):
-            for file in self._files():
-                if file.name != name:
-                    file.unlink()
 
 
 def described(config: RobotConfig, options: StackOptions) -> TelemetryRobot:
@@ -127,7 +74,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
             MavlinkLinks(mavlink.link, mavlink.system_id, mavlink.component_id)
         )
         telemetry = Telemetry(
-            mavlink, described(config, options), links, missions=MissionFiles(options.state)
+            mavlink, described(config, options), links, stores=plan_stores(options.state)
         )
         heartbeat = ProcessHeartbeat(os.environ)
         # The one request that is kept for a control process that is not there yet.

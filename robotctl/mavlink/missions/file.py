@@ -47,6 +47,11 @@ class MissionPlan:
         return self.kept.items
 
     @property
+    def origin(self) -> Origin | None:
+        """By which places on the globe were turned into those of `world`; None: there are none."""
+        return self.kept.origin
+
+    @property
     def sources(self) -> tuple[int, ...]:
         """Of each item of ours, the number of the one that it is from."""
         return self.kept.sources

@@ -69,7 +69,13 @@ def item_of(message: Message) -> MissionItem:
 
 
 def message_of(
-    item: MissionItem, seq: int, target: tuple[int, int], *, current: bool, whole: bool
+    item: MissionItem,
+    seq: int,
+    target: tuple[int, int],
+    *,
+    current: bool,
+    whole: bool,
+    kind: int,
 ) -> Message:
     """Return MISSION_ITEM_INT (`whole`), or the older MISSION_ITEM, for a ground station."""
     make = common.MAVLink_mission_item_int_message if whole else common.MAVLink_mission_item_message
@@ -84,6 +90,7 @@ def message_of(
         *item.params,
         *place,
         item.z if math.isfinite(item.z) else 0.0,
+        kind,
     )
 
 

@@ -65,8 +65,9 @@ class GlobalPosition(Microservice):
             context.say(now_ns, f"Origin: {error}")
             return
         if origin != context.origin:
-            if context.uses_origin:
-                context.say(now_ns, "Origin: clear the mission first, its places are by another")
+            if context.origin_users:
+                users = " and ".join(sorted(context.origin_users))
+                context.say(now_ns, f"Origin: clear the {users} first, its places are by another")
                 return
             context.origin = origin
             where = f"{origin.latitude_deg:.7f}, {origin.longitude_deg:.7f}"

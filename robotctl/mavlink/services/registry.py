@@ -10,6 +10,7 @@ from robotctl.mavlink.services.autopilot_version import AutopilotVersion
 from robotctl.mavlink.services.battery import Battery
 from robotctl.mavlink.services.commands import Commands
 from robotctl.mavlink.services.external_pose import ExternalPoses
+from robotctl.mavlink.services.fences import Fences
 from robotctl.mavlink.services.global_position import GlobalPosition
 from robotctl.mavlink.services.ground_stations import GroundStations
 from robotctl.mavlink.services.heartbeat import Heartbeat
@@ -54,6 +55,7 @@ SERVICES: Final[tuple[type[Microservice], ...]] = (
     GlobalPosition,
     Hud,
     Missions,
+    Fences,
     Streams,
     LinkWatch,
     StatusText,

@@ -8,7 +8,7 @@
 | 3D_GYRO, 3D_ACCEL | the IMU reports |
 | AHRS | the robot knows its pose |
 | PREARM_CHECK | the robot is armed, or nothing speaks against arming |
-| GEOFENCE | always, though not present: no fence is breached. MAVProxy takes it for one otherwise |
+| GEOFENCE | the robot is not beyond its fence; without one, too, or MAVProxy cries breach |
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from robotctl.mavlink.catalogue import Stream
 from robotctl.mavlink.context import TelemetryRobot
 from robotctl.mavlink.service import Microservice
 from robotctl.messages.control import ControlState, Mode, SafetyState
+from robotctl.messages.fence import FenceState
 from robotctl.messages.mavlink_port import Message
 
 _MOTORS = common.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
@@ -54,10 +55,12 @@ class SystemStatus(Microservice):
 
     def _build(self, now_ns: int) -> list[Message]:
         context = self._context
+        navigation = context.fresh_navigation(now_ns)
         found = Found(
             knows_pose=context.known_pose(now_ns) is not None,
             can_arm=not context.against_arming(now_ns),
             is_guarded=context.mode(now_ns) in _GUARDED,
+            fence=FenceState() if navigation is None else navigation.fence,
         )
         return system_status(context.fresh_control(now_ns), context.robot, found)
 
@@ -68,6 +71,7 @@ class Found(NamedTuple):
     knows_pose: bool
     can_arm: bool
     is_guarded: bool
+    fence: FenceState = FenceState()
 
 
 def system_status(state: ControlState | None, robot: TelemetryRobot, found: Found) -> list[Message]:
@@ -77,17 +81,20 @@ def system_status(state: ControlState | None, robot: TelemetryRobot, found: Foun
     """
     present = _MOTORS | _BATTERY | _POSE | _PREARM
     present |= (_SONARS | _GUARD if robot.sonars else 0) | (_IMU if robot.has_imu else 0)
+    present |= _FENCE if found.fence.crc else 0
     enabled = present if found.is_guarded else present & ~_GUARD
+    enabled &= -1 if found.fence.enabled else ~_FENCE
+    fence = 0 if found.fence.breached else _FENCE
     if state is None:
         unknown = (0, frames.UINT16_MAX, -1, -1, 0, 0, 0, 0, 0, 0)
-        return [common.MAVLink_sys_status_message(present, enabled, _FENCE, *unknown)]
+        return [common.MAVLink_sys_status_message(present, enabled, fence, *unknown)]
     battery, bus, loop = state.battery, state.bus, state.loop
     received = bus.received + bus.lost
     return [
         common.MAVLink_sys_status_message(
             present,
             enabled,
-            _health(state, found) & present | _FENCE,
+            _health(state, found) & present | fence,
             frames.per_mille(loop.step_us_p50 * 1e-6 * loop.rate_hz),
             frames.millivolts(battery.voltage_v if battery else math.nan),
             frames.centiamperes(battery.current_a if battery else math.nan),

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from robotctl.model.drives.drives import Drive
+from robotctl.model.fence import Fence
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.behaviours.breadcrumbs import Breadcrumbs
@@ -74,6 +75,9 @@ class Pilot(Protocol):
 
     def use_zones(self, zones: Sequence[Zone]) -> None:
         """Take the zones of another mission, which count beside those of the robot's file."""
+
+    def use_fence(self, fence: Fence) -> None:
+        """Plan within another fence."""
 
     def forget(self) -> None:
         """Forget what was seen: the robot's pose in `world` has jumped."""

@@ -30,8 +30,7 @@ from robotctl.planning.costmap import marks
 from robotctl.planning.costmap.body_cells import cells_at, shrunk
 from robotctl.planning.costmap.clearance import Clearance
 from robotctl.planning.costmap.planning_map import PlanningMap
-from robotctl.planning.costmap.zone import Zone
-from robotctl.planning.costmap.zones import close_zones, slowness, speed_limits
+from robotctl.planning.costmap.zones import Closed, slowness, speed_limits
 
 _OCCUPIED_PERCENT: Final = 50
 _BEYOND_M: Final = 1.0
@@ -100,8 +99,8 @@ class LayeredMap:
         Of the robot.
     config
         See there.
-    zones
-        Parts of it that the robot keeps out of or passes slowly.
+    closed
+        Parts of it that the robot keeps out of or passes slowly, and its fence.
     full_speed_m_s
         Of the robot where no zone limits it [m/s], > 0.
     """
@@ -111,13 +110,13 @@ class LayeredMap:
         grid: GridMap,
         footprint: Footprint,
         config: LayersConfig | None = None,
-        zones: Sequence[Zone] = (),
+        closed: Closed = Closed(),  # noqa: B008
         full_speed_m_s: float = 1.0,
     ) -> None:
         self.config = config or LayersConfig()
         self._given = grid.cells.copy()
         static = grid.occupied(_OCCUPIED_PERCENT)
-        close_zones(self._given, grid, zones)
+        closed.close(self._given, grid)
         live = GridMap(self._given.copy(), grid.resolution_m, grid.origin)
         self._space = space = PlanningMap(
             live,
@@ -126,7 +125,7 @@ class LayeredMap:
             occupied_percent=_OCCUPIED_PERCENT,
         )
         self._inner = shrunk(space.samples)
-        self._limits_m_s = speed_limits(grid, zones)
+        self._limits_m_s = speed_limits(grid, closed.zones)
         if self._limits_m_s is not None:
             space.slowness = slowness(self._limits_m_s, full_speed_m_s)
         reach = math.ceil((footprint.circumscribed_m + _BEYOND_M) / grid.resolution_m) + 1
@@ -157,7 +156,7 @@ class LayeredMap:
         high: tuple[float, float],
         resolution_m: float,
         footprint: Footprint,
-        zones: Sequence[Zone] = (),
+        closed: Closed = Closed(),  # noqa: B008
         full_speed_m_s: float = 1.0,
     ) -> LayeredMap:
         """Return a map of which nothing is known, and that the robot may pass until it sees more.
@@ -172,7 +171,7 @@ class LayeredMap:
         shape = tuple(math.ceil((high[i] - low[i]) / resolution_m) for i in (1, 0))
         grid = GridMap(np.full(shape, UNKNOWN, np.int8), resolution_m, SE2(low[0], low[1], 0.0))
         config = LayersConfig(_REMEMBERS_S, through_unknown=True)
-        return cls(grid, footprint, config, zones, full_speed_m_s)
+        return cls(grid, footprint, config, closed, full_speed_m_s)
 
     def forget(self) -> None:
         """Forget all that was seen: the pose was wrong, and so are the places."""

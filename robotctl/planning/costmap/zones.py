@@ -2,38 +2,36 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from robotctl.model.fence import Fence
 from robotctl.model.grid_map import OCCUPIED, GridMap
+from robotctl.planning.costmap.fence import cells_inside, close_fence
 from robotctl.planning.costmap.zone import Zone
 
 _SLOWEST: Final = 10.0
 """A path through a slow zone counts at most so many times longer: the classes of cost are few."""
 
 
-def cells_of(zone: Zone, grid: GridMap) -> NDArray[np.bool_]:
-    """Return which cells of a map have their centre in a zone, (rows, columns).
+class Closed(NamedTuple):
+    """What bounds where the robot may be, beside the map."""
 
-    A point is inside if a line from it crosses the sides an odd number of times.
-    """
-    inside = np.zeros(grid.shape, np.bool_)
-    c, s = math.cos(grid.origin.theta_rad), math.sin(grid.origin.theta_rad)
-    away = (np.array(zone.corners) - (grid.origin.x_m, grid.origin.y_m)) / grid.resolution_m
-    corners = np.stack([c * away[:, 0] + s * away[:, 1], c * away[:, 1] - s * away[:, 0]], axis=1)
-    for (ax, ay), (bx, by) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        rows = np.arange(
-            max(math.ceil(min(ay, by) - 0.5), 0),
-            min(math.ceil(max(ay, by) - 0.5), grid.shape[0]),
-        )
-        if len(rows):
-            crossing = ax + (rows + 0.5 - ay) / (by - ay) * (bx - ax)
-            inside[rows] ^= np.arange(grid.shape[1]) + 0.5 > crossing[:, np.newaxis]
-    return inside
+    zones: tuple[Zone, ...] = ()
+    fence: Fence = Fence()
+
+    def close(self, cells: NDArray[np.int8], grid: GridMap) -> None:
+        """Mark the cells of a map, (rows, columns), in which it may not be as occupied."""
+        close_zones(cells, grid, self.zones)
+        close_fence(cells, grid, self.fence)
+
+
+def cells_of(zone: Zone, grid: GridMap) -> NDArray[np.bool_]:
+    """Return which cells of a map have their centre in a zone, (rows, columns)."""
+    return cells_inside(zone.corners, grid)
 
 
 def close_zones(cells: NDArray[np.int8], grid: GridMap, zones: Sequence[Zone]) -> None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from robotctl.control.limiter import LimitsConfig
 from robotctl.errors import InvalidValue
 from robotctl.model.drives.drives import Drive
+from robotctl.model.fence import Fence
 from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
@@ -27,6 +28,7 @@ from robotctl.planning.costmap.layered_map import NOTHING_MOVES, LayeredMap, Lay
 from robotctl.planning.costmap.planning_map import PlanningMap
 from robotctl.planning.costmap.tracks import MovingObstacles
 from robotctl.planning.costmap.zone import Zone
+from robotctl.planning.costmap.zones import Closed
 from robotctl.planning.global_planning.plan import (
     GoesOn,
     Plan,
@@ -128,7 +130,8 @@ class MapPilot:
                 allowed = ", ".join(names)
                 raise InvalidValue(key, f"{name} found; allowed are {allowed}", name)
         self.steered = drive.steered
-        self._own_zones = self._zones = wanted.zone
+        self._own_zones = wanted.zone
+        self._closed = Closed(wanted.zone)
         self._footprint = footprint
         self._mounts = mounts
         self._grid = grid
@@ -201,7 +204,7 @@ class MapPilot:
             grid,
             self._footprint,
             LayersConfig(),
-            self._zones,
+            self._closed,
             self._full_speed_m_s,
         )
 
@@ -210,7 +213,7 @@ class MapPilot:
         low = min(pose.x_m, goal.x_m) - _AROUND_M, min(pose.y_m, goal.y_m) - _AROUND_M
         high = max(pose.x_m, goal.x_m) + _AROUND_M, max(pose.y_m, goal.y_m) + _AROUND_M
         return LayeredMap.without_map(
-            low, high, _CELL_M, self._footprint, self._zones, self._full_speed_m_s
+            low, high, _CELL_M, self._footprint, self._closed, self._full_speed_m_s
         )
 
     def see(self, pose: SE2, seen: Seen, now_ns: int) -> None:
@@ -270,10 +273,17 @@ class MapPilot:
 
     def use_zones(self, zones: Sequence[Zone]) -> None:
         """Take the zones of another mission; what was seen is forgotten where they differ."""
-        wanted = (*self._own_zones, *zones)
-        if wanted == self._zones:
+        self._close(Closed((*self._own_zones, *zones), self._closed.fence))
+
+    def use_fence(self, fence: Fence) -> None:
+        """Plan within another fence; what was seen is forgotten where it differs."""
+        self._close(Closed(self._closed.zones, fence))
+
+    def _close(self, closed: Closed) -> None:
+        """Take other bounds of where the robot may be."""
+        if closed == self._closed:
             return
-        self._zones = wanted
+        self._closed = closed
         grid = self._grid
         self._map = self._around(self._here, self._here) if grid is None else self._with_map(grid)
         self._given = self._map.space()

@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from robotctl.app.processes.telemetry import MissionFiles, described
+from robotctl.app.processes.plan_files import PlanFiles
+from robotctl.app.processes.telemetry import described
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file, load_robot
 from robotctl.model.geometry.se2 import SE2
@@ -19,20 +20,22 @@ def test_the_robot_is_described_as_its_file_does() -> None:
 
 
 def test_a_mission_is_kept_in_its_folder_and_nowhere_without_one(tmp_path: Path) -> None:
-    files = MissionFiles(str(tmp_path))
+    files = PlanFiles(str(tmp_path), "mission")
     assert files.load() == b""
     first = files.save(b"a mission")
     files.keep(b"a mission")
     assert Path(first).read_bytes() == b"a mission"
-    assert MissionFiles(str(tmp_path)).load() == b"a mission"
+    assert PlanFiles(str(tmp_path), "mission").load() == b"a mission"
     second = files.save(b"another one")
     assert Path(first).exists()
-    assert MissionFiles(str(tmp_path)).load() == b"a mission"  # a power cut before it was taken
+    assert (
+        PlanFiles(str(tmp_path), "mission").load() == b"a mission"
+    )  # a power cut before it was taken
     files.keep(b"another one")
     assert not Path(first).exists()
-    assert Path(second).read_bytes() == MissionFiles(str(tmp_path)).load() == b"another one"
+    assert Path(second).read_bytes() == PlanFiles(str(tmp_path), "mission").load() == b"another one"
     files.keep(b"")
     assert files.load() == b""
-    assert MissionFiles("").save(b"a mission") == ""
-    MissionFiles("").keep(b"")
-    assert MissionFiles(str(tmp_path / "gone")).save(b"a mission") == ""
+    assert PlanFiles("", "mission").save(b"a mission") == ""
+    PlanFiles("", "mission").keep(b"")
+    assert PlanFiles(str(tmp_path / "gone"), "mission").save(b"a mission") == ""

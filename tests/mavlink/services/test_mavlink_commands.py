@@ -426,7 +426,8 @@ def test_the_autopilot_version_tells_version_and_capabilities(bench):
     assert version.flight_sw_version == (1 << 24) + (2 << 16) + (3 << 8) + 255
     assert version.capabilities & common.MAV_PROTOCOL_CAPABILITY_MAVLINK2
     assert version.capabilities & common.MAV_PROTOCOL_CAPABILITY_MISSION_INT
-    assert not version.capabilities & common.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE
+    assert version.capabilities & common.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE
+    assert not version.capabilities & common.MAV_PROTOCOL_CAPABILITY_MISSION_RALLY
     assert version.uid != 0
 
 

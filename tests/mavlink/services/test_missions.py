@@ -261,8 +261,8 @@ def test_clearing_and_an_empty_list_leave_no_mission(navigation):
         assert download(navigation) == []
 
 
-@pytest.mark.parametrize("kind", [m.MAV_MISSION_TYPE_FENCE, m.MAV_MISSION_TYPE_RALLY])
-def test_fences_and_rally_points_are_kept_apart_and_refused(navigation, kind):
+@pytest.mark.parametrize("kind", [m.MAV_MISSION_TYPE_RALLY, 77])
+def test_rally_points_and_unknown_kinds_are_refused_once(navigation, kind):
     assert upload(navigation, PLAN) == ACCEPTED
     for message in (
         m.MAVLink_mission_count_message(1, 1, 2, kind),
@@ -397,7 +397,7 @@ def test_a_mission_outlives_a_power_cut_and_a_new_telemetry(make_bench):
     def started(**state):
         bench = make_bench()
         robot = TelemetryRobot("tester", "1.2.3", home=SE2(0.5, 0.25, 0.0))
-        bench.telemetry = Telemetry(bench.config, robot, bench.links, missions=store)
+        bench.telemetry = Telemetry(bench.config, robot, bench.links, stores={"mission": store})
         navigation = Navigation(bench)
         navigation.state |= state
         navigation.step()
@@ -457,7 +457,7 @@ def test_places_on_the_globe_keep_their_origin_also_over_a_power_cut(make_bench)
     def started(**config):
         bench = make_bench(**config)
         robot = TelemetryRobot("tester", "1.2.3")
-        bench.telemetry = Telemetry(bench.config, robot, bench.links, missions=store)
+        bench.telemetry = Telemetry(bench.config, robot, bench.links, stores={"mission": store})
         found = Navigation(bench)
         found.step()
         found.step()

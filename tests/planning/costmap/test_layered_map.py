@@ -15,7 +15,7 @@ from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.costmap.layered_map import LayeredMap, LayersConfig
 from robotctl.planning.costmap.planning_map import clearance_of
 from robotctl.planning.costmap.zone import Zone
-from robotctl.planning.costmap.zones import cells_of
+from robotctl.planning.costmap.zones import Closed, cells_of
 from tests.planning.costmap.rays import box, echo, scan
 
 BODY = Footprint(((0.2, -0.18), (0.2, 0.18), (-0.2, 0.18), (-0.2, -0.18)))
@@ -251,7 +251,7 @@ def test_where_nothing_is_known_the_robot_may_pass_until_it_sees_more():
 
 
 def test_without_a_map_zones_count_as_well():
-    live = LayeredMap.without_map((-1.0, -1.0), (5.0, 4.0), SIDE_M, BODY, ZONES, 0.5)
+    live = LayeredMap.without_map((-1.0, -1.0), (5.0, 4.0), SIDE_M, BODY, Closed(ZONES), 0.5)
     assert is_blocked(live, 1.5, 1.5)
     assert live.speed_limit_at(2.7, 1.5) == pytest.approx(0.2)
     assert live.collides(np.empty((0, 3))).shape == (0,)
@@ -276,7 +276,7 @@ ZONES = [
 
 
 def test_zones_block_and_limit_the_speed():
-    live = LayeredMap(room_map(), BODY, zones=ZONES, full_speed_m_s=0.5)
+    live = LayeredMap(room_map(), BODY, closed=Closed(ZONES), full_speed_m_s=0.5)
     assert is_blocked(live, 1.5, 1.5)
     for i in range(1, 5):
         live.see_scan(HERE, scan(HERE, ROOM), i * TENTH_NS)

@@ -14,6 +14,7 @@ from robotctl.model.grid_map import GridMap
 from robotctl.planning.costmap.layered_map import LayeredMap
 from robotctl.planning.costmap.planning_map import PlanningMap
 from robotctl.planning.costmap.zone import Zone
+from robotctl.planning.costmap.zones import Closed
 from robotctl.planning.global_planning.plan import Plan, PlanFailure, PlannerConfig, Reason
 from robotctl.planning.global_planning.planners import PLANNERS
 
@@ -161,7 +162,7 @@ ZONE = ((2.5, 0.0), (3.5, 0.0), (3.5, 2.5), (2.5, 2.5))
 def planned_by_zone(planner, steering, limit_m_s):
     """Plan past a zone: straight on it is 4 m, 1 m of it in the zone; round it some 6 m."""
     zones = [Zone("zone", ZONE, limit_m_s)]
-    live = LayeredMap(GridMap(room(), SIDE_M), LONG, zones=zones, full_speed_m_s=1.0)
+    live = LayeredMap(GridMap(room(), SIDE_M), LONG, closed=Closed(zones), full_speed_m_s=1.0)
     config = PlannerConfig(comfort_weight=0.0, turning_radius_m=0.4, steering=steering)
     plan = PLANNERS[planner](config).plan(live.space(), SE2(1.0, 1.0, 0.0), SE2(5.0, 1.0, 0.0))
     assert isinstance(plan, Plan)

@@ -1,0 +1,95 @@
+"""Where plans that came over MAVLink outlive a power cut."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+from zlib import crc32
+
+import msgspec
+
+from robotctl.errors import DiskError
+from robotctl.messages.fence import FenceFile, SetFence
+from robotctl.runtime.storage.atomic_file import write_whole
+
+ENDINGS: Final = {"mission": "toml", "fence": "json"}
+"""Of the files of each kind."""
+
+
+class PlanFiles:
+    """Keeps the plans of one kind in a folder; "": nowhere.
+
+    A file's name has the CRC-32 of its content: while navigation decides on a new one there are
+    two.
+
+    Parameters
+    ----------
+    directory
+        The folder.
+    kind
+        One of `ENDINGS`.
+    """
+
+    def __init__(self, directory: str, kind: str) -> None:
+        self._folder = Path(directory).resolve() if directory else None
+        self._kind = kind
+
+    def _name(self, word: str) -> str:
+        return f"mavlink-{self._kind}-{word}.{ENDINGS[self._kind]}"
+
+    def _files(self) -> list[Path]:
+        """Return all there are, the oldest first."""
+        found = [] if self._folder is None else self._folder.glob(self._name("*"))
+        return sorted(found, key=lambda file: file.stat().st_mtime_ns)
+
+    def load(self) -> bytes:
+        """Return the last plan that was kept; empty: none was."""
+        try:
+            files = self._files()
+            return files[0].read_bytes() if files else b""
+        except OSError:
+            return b""
+
+    def save(self, content: bytes) -> str:
+        """Save a file beside the present one; return its path, empty: it is not kept."""
+        if self._folder is None:
+            return ""
+        file = self._folder / self._name(f"{crc32(content):08x}")
+        try:
+            if not file.exists():
+                write_whole(file, content)
+        except OSError:
+            return ""
+        return str(file)
+
+    def keep(self, content: bytes) -> None:
+        """Remove all that was saved but this."""
+        name = self._name(f"{crc32(content):08x}")
+        with suppress(OSError):
+            for file in self._files():
+                if file.name != name:
+                    file.unlink()
+
+
+def plan_stores(directory: str) -> dict[str, PlanFiles]:
+    """Return what keeps each kind of plans in a folder; "": nowhere."""
+    return {kind: PlanFiles(directory, kind) for kind in ENDINGS}
+
+
+def load_fence(directory: str) -> SetFence | None:
+    """Return the fence that a robot of this folder keeps to from its start; None: there is none.
+
+    Raises
+    ------
+    DiskError
+        If its file is damaged.
+    """
+    content = PlanFiles(directory, "fence").load()
+    if not content:
+        return None
+    try:
+        fence = msgspec.json.decode(content, type=FenceFile).fence
+    except (msgspec.DecodeError, ValueError) as error:
+        raise DiskError(f"{directory}: the fence is damaged, upload it anew: {error}") from error
+    return SetFence(0, fence, crc32(content))

@@ -1,0 +1,79 @@
+"""Requests of other processes to navigation, for the planning layer, which knows no messages."""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+from robotctl.messages.control import (
+    ManualControl,
+    NavigationRequest,
+    PositionTarget,
+    SetMode,
+    VelocityTarget,
+)
+from robotctl.messages.fence import EnableFence
+from robotctl.messages.mission import (
+    AbortMission,
+    ExploreTarget,
+    GoAhead,
+    JumpToItem,
+    MissionCommand,
+)
+from robotctl.messages.mode import Mode
+from robotctl.messages.requests import (
+    REQUEST_LIFE_NS,
+    AbortRequest,
+    ExploreRequest,
+    GoAheadRequest,
+    JumpRequest,
+    ModeRequest,
+    PositionRequest,
+    Request,
+    StickRequest,
+    VelocityRequest,
+)
+
+_Simple: TypeAlias = (
+    SetMode
+    | VelocityTarget
+    | PositionTarget
+    | ManualControl
+    | ExploreTarget
+    | GoAhead
+    | JumpToItem
+    | AbortMission
+)
+"""Requests that need no more than to be translated."""
+
+
+def too_late(message: NavigationRequest, now_ns: int) -> bool:
+    """Return whether a request waited too long to move the robot."""
+    if isinstance(message, AbortMission) or (
+        isinstance(message, SetMode) and message.mode is Mode.HOLD
+    ):
+        return False
+    old = now_ns - message.stamp_ns > REQUEST_LIFE_NS
+    return old and isinstance(message, SetMode | PositionTarget | MissionCommand | EnableFence)
+
+
+def translated(message: _Simple) -> Request:
+    """Translate a message for the planning layer, which knows none."""
+    match message:
+        case SetMode():
+            return ModeRequest(message.mode, message.stamp_ns)
+        case VelocityTarget():
+            return VelocityRequest(
+                message.expires_ns, message.v_m_s, message.omega_rad_s, message.heading_rad
+            )
+        case PositionTarget():
+            return PositionRequest(message.x_m, message.y_m, message.heading_rad)
+        case ManualControl():
+            return StickRequest(message.expires_ns, message.forward, message.turn)
+        case ExploreTarget():
+            return ExploreRequest()
+        case GoAhead():
+            return GoAheadRequest()
+        case JumpToItem():
+            return JumpRequest(message.item)
+        case AbortMission():
+            return AbortRequest()

@@ -1,0 +1,1 @@
+"""The fence: no motion is commanded that would take the body beyond it."""
