@@ -36,14 +36,14 @@ class Hud(Microservice):
         control, pose = context.fresh_control(now_ns), context.known_pose(now_ns)
         if control is None or pose is None or not fit(control.v_m_s, pose.theta_rad):
             return []
-        powers = [abs(each) for each in control.duty if math.isfinite(each)]
+        powers = [min(abs(each), 1.0) for each in control.duty if math.isfinite(each)]
         percent = round(100.0 * sum(powers) / len(powers)) if powers else 0
         heading_deg = round(math.degrees(yaw_ned_from_theta(pose.theta_rad))) % 360
         speed_m_s = abs(control.v_m_s)
         altitude_m = 0.0 if context.origin is None else context.origin.altitude_m
         return [
             common.MAVLink_vfr_hud_message(
-                speed_m_s, speed_m_s, heading_deg, min(percent, 100), altitude_m, 0.0
+                speed_m_s, speed_m_s, heading_deg, percent, altitude_m, 0.0
             )
         ]
 
