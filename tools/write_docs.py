@@ -14,6 +14,7 @@ from pymavlink.dialects.v20 import common
 from firmware_sim.faults.catalogue import describe
 from robotctl.mavlink.config import MavlinkConfig
 from robotctl.mavlink.context import Context, TelemetryRobot
+from robotctl.mavlink.parameters.table import PARAMETERS
 from robotctl.mavlink.service import Microservice
 from robotctl.mavlink.services.registry import SERVICES
 from robotctl.messages.control import SafetyState
@@ -77,6 +78,16 @@ def _name(enum: str, value: int) -> str:
     return str(common.enums[enum][value].name).removeprefix(f"{enum}_")
 
 
+def parameters() -> str:
+    """Return the table of all parameters."""
+    rows = ["| parameter | in the robot's file | range | changes |", "|---|---|---|---|"]
+    rows += [
+        f"| {each.name} | `{each.key}` | {each.low:g} to {each.high:g} | {each.change.value} |"
+        for each in PARAMETERS
+    ]
+    return "\n".join(rows)
+
+
 @dataclass(frozen=True, slots=True)
 class Part:
     """One generated part of one page."""
@@ -102,11 +113,12 @@ class Part:
 STATES = Part(DOCS / "safety.md", diagram)
 FAULTS = Part(DOCS / "faults.md", describe)
 MICROSERVICES = Part(DOCS / "mavlink.md", microservices)
+TABLE = Part(DOCS / "parameters.md", parameters)
 
 
 def main() -> int:
     """Rewrite the pages."""
-    for part in (STATES, FAULTS, MICROSERVICES):
+    for part in (STATES, FAULTS, MICROSERVICES, TABLE):
         text = part.page.read_text(encoding="utf-8")
         part.page.write_text(part.put_into(text), encoding="utf-8")
     return 0

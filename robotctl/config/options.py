@@ -8,7 +8,14 @@ from typing import Final
 
 import msgspec
 
-from robotctl.config.robot_file import RobotConfig, load_robot, robot_of_json, robot_to_json
+from robotctl.config.robot_file import (
+    RobotConfig,
+    contradictions,
+    load_robot,
+    robot_of_json,
+    robot_to_json,
+)
+from robotctl.config_values import with_values
 from robotctl.errors import ConfigError
 from robotctl.messages.ports import Clock
 from robotctl.runtime.clock import RealClock, wall_offset_ns
@@ -49,6 +56,8 @@ class StackOptions(msgspec.Struct, frozen=True):
         File of a simulator's clock, which all processes of the robot go by; empty: the computer's.
     config
         The validated file and settings, as JSON; empty: not yet.
+    changes
+        Parameters that differ from those, as they were at the start, by dotted key.
     """
 
     instance: str
@@ -65,6 +74,7 @@ class StackOptions(msgspec.Struct, frozen=True):
     epoch_ns: int = msgspec.field(default_factory=wall_offset_ns)
     clock: str = ""
     config: str = ""
+    changes: dict[str, bool | int | float] = {}
 
     def validated(self) -> StackOptions:
         """Return the same with the robot's file read and validated.
@@ -77,10 +87,14 @@ class StackOptions(msgspec.Struct, frozen=True):
         ConfigError
             With one line for each error of the file.
         """
-        return msgspec.structs.replace(self, config=robot_to_json(self.load()))
+        return msgspec.structs.replace(self, config=robot_to_json(self.load_file()))
 
     def load(self) -> RobotConfig:
         """Return the configuration: the validated one, otherwise that of file and overrides now."""
+        return with_values(self.load_file(), self.changes, contradictions)[0]
+
+    def load_file(self) -> RobotConfig:
+        """Return the same without what parameters change."""
         if self.config:
             return robot_of_json(self.config)
         return load_robot(Path(self.robot), self.overrides)

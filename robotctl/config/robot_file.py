@@ -213,7 +213,7 @@ def load_robot(path: Path, overrides: Sequence[str] = ()) -> RobotConfig:
     ConfigError
         With one line for each error.
     """
-    return toml_source.load(path, RobotConfig, overrides, _contradictions)
+    return toml_source.load(path, RobotConfig, overrides, contradictions)
 
 
 def robot_to_json(config: RobotConfig) -> str:
@@ -248,7 +248,7 @@ def camera_of(config: RobotConfig, file: Path) -> CameraConfig:
     return config.camera
 
 
-def _contradictions(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
+def contradictions(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
     """Yield conflicts between keys: the key at fault and the reason."""
     for name, problem in config.control.wrong_loops(config.drive.wheel_names):
         yield ("control", name), problem

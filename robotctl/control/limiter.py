@@ -143,6 +143,10 @@ class TwistLimiter:
         """Angular acceleration of the last step [rad/s^2], for feed-forward."""
         return self._alpha
 
+    def retune(self, config: LimitsConfig) -> None:
+        """Change the limits; what is faster than allowed now slows down within the others."""
+        self._config = config
+
     def reset(
         self,
         v_m_s: float = 0.0,

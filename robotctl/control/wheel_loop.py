@@ -52,6 +52,7 @@ class WheelLoop:
     def reset(self) -> None:
         """Forget integral and slew; the next reference is taken as continuing the present speed."""
         self.reference_rad_s = self.estimator.velocity_rad_s
+        self._alpha_rad_s2 = 0.0
         self.duty = 0.0
         self._pid.reset(self.estimator.velocity_rad_s)
         self._pwm.reset()
@@ -79,23 +80,33 @@ class WheelLoop:
             self._pwm.reset()
             self.duty = 0.0
             return 0.0
-        alpha_rad_s2 = (reference_rad_s - before_rad_s) / dt_s
+        self._alpha_rad_s2 = alpha_rad_s2 = (reference_rad_s - before_rad_s) / dt_s
         # The measurement is late by half the estimator's window plus the bus latency. Compare it
         # with the reference of that time, otherwise every ramp winds up the integral.
         age_s = self.estimator.delay_s + _LOOP_DELAY_PERIODS * dt_s
-        feedforward = feedforward_v(self._config, reference_rad_s, alpha_rad_s2)
-        if self._coarse and self._holds and self._still_s >= _REST_S:
-            # A flickering count is a jerk to kp, so at rest the integral alone holds the wheel.
-            feedforward += self._config.kp * measured_rad_s
         voltage_v = self._pid.step(
             reference_rad_s - alpha_rad_s2 * age_s,
             measured_rad_s,
             dt_s,
-            feedforward,
+            self._feedforward_v(),
             self._pwm.voltage_limit_v(bus_voltage_v),
         )
         self.duty = self._pwm.step(voltage_v, bus_voltage_v, dt_s)
         return self.duty
+
+    def _feedforward_v(self) -> float:
+        """Return the feed-forward of the reference [V]."""
+        config = self._config
+        feedforward = feedforward_v(config, self.reference_rad_s, self._alpha_rad_s2)
+        if self._coarse and self._holds and self._still_s >= _REST_S:
+            # A flickering count is a jerk to kp, so at rest the integral alone holds the wheel.
+            feedforward += config.kp * self.estimator.velocity_rad_s
+        return feedforward
+
+    def retune(self, pid: PidConfig) -> None:
+        """Change the gains without a bump: the voltage of the last step stays."""
+        self._config = pid
+        self._pid.set_gains(pid, self._feedforward_v())
 
     def _rests(self, dt_s: float, *, wanted: bool) -> bool:
         """Return whether the wheel is at rest and needs no torque; `wanted`: it shall turn."""

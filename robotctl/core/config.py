@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from robotctl.control.limiter import LimitsConfig
 from robotctl.control.pid import PidConfig
 from robotctl.control.pwm import PwmConfig
+from robotctl.messages.faults import Fault, FaultCode
 from robotctl.model.drives.drives import Drive
 
 _IMPOSSIBLE_SHARE = 2.0
@@ -36,6 +37,19 @@ class ControlConfig:
             raise ValueError("\n".join(f"control.{name}: {why}" for name, why in problems))
         given = self._loops()
         return tuple(loop for name in wheel_names if (loop := given[name]) is not None)
+
+    def powerless(self, wheel_names: tuple[str, ...]) -> tuple[Fault, ...]:
+        """Return a reason against arming for each wheel that its gains would not turn."""
+        return tuple(
+            Fault(
+                FaultCode.NO_GAINS,
+                f"control.{name}: kp, ki and kv are 0, the wheel would not turn: find gains with "
+                "`robotctl tune`",
+                name,
+            )
+            for name, pid in zip(wheel_names, self.loops(wheel_names), strict=True)
+            if not pid.can_drive
+        )
 
     def wrong_loops(self, wheel_names: tuple[str, ...]) -> list[tuple[str, str]]:
         """Return which loops are missing or too many for the named wheels, each with the reason."""

@@ -11,11 +11,13 @@ from typing import Final
 
 import msgspec
 
+from robotctl.config_values import tuned
 from robotctl.control.limiter import LimitsConfig
 from robotctl.control.wheel_loop import WheelLoop
 from robotctl.core.config import ControlConfig, impossible_wheel_rad_s
 from robotctl.core.driving import Driving
 from robotctl.core.motion import EncoderMotion
+from robotctl.errors import InvalidValue
 from robotctl.messages.control import (
     Arm,
     ControlRequest,
@@ -31,6 +33,7 @@ from robotctl.messages.control import (
     WheelCommand,
 )
 from robotctl.messages.faults import Fault, FaultCode
+from robotctl.messages.tuning import Tuning
 from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
@@ -114,17 +117,12 @@ class ControlCore:
             WheelLoop(pid, control.pwm, drive.counts_per_revolution, impossible_rad_s)
             for pid in loops
         )
-        self._powerless = tuple(
-            Fault(
-                FaultCode.NO_GAINS,
-                f"control.{name}: kp, ki and kv are 0, the wheel would not turn: find gains with "
-                "`robotctl tune`",
-                name,
-            )
-            for name, pid in zip(drive.wheel_names, loops, strict=True)
-            if not pid.can_drive
-        )
+        self._powerless = control.powerless(drive.wheel_names)
         """Reasons against arming that a file cannot be refused for: it may be one to be tuned."""
+        self._began_with = {"control": control, "limits": limits}
+        """What can be tuned, as it was at the start."""
+        self._tuning = 0
+        """Number of the tuning in force."""
         self.motion = EncoderMotion(drive, self._wheels, pose_odom_base, imu)
         self._driving = Driving(drive, self._wheels, limits, safety.setpoint_timeout_ms, period_ns)
         self._safety = safety
@@ -217,6 +215,8 @@ class ControlCore:
             match request:
                 case VelocityCommand():
                     self._driving.velocity = request
+                case Tuning():
+                    self._retune(request)
                 case EmergencyStop():
                     stop = request.source
                     source = request.source.name.lower().replace("_", " ")
@@ -234,6 +234,22 @@ class ControlCore:
                     if self.machine.state in LATCHED:
                         self._on(Event.RESET, "arming after a stop", now_ns)
         return stop
+
+    def _retune(self, tuning: Tuning) -> None:
+        """Take other gains and limits, without a bump; what is not allowed changes nothing."""
+        try:
+            tables = tuned(self._began_with, tuning.values)
+        except InvalidValue as error:
+            text = f"tuning refused: {error}"
+            self._notices.append(Notice(tuning.stamp_ns, Severity.WARNING, text))
+            return
+        control: ControlConfig = tables["control"]
+        names = self._drive.wheel_names
+        for wheel, pid in zip(self._wheels, control.loops(names), strict=True):
+            wheel.retune(pid)
+        self._powerless = control.powerless(names)
+        self._driving.retune(tables["limits"])
+        self._tuning = tuning.number
 
     def _untimely(self, request: Arm, now_ns: int, *, stopping: bool) -> Fault | None:
         """Return why a request to arm comes too early or too late; None if it does not."""
@@ -398,6 +414,7 @@ class ControlCore:
             odom_epoch_ns=motion.epoch_ns,
             imu=motion.imu if health.is_fresh("gyro", now_ns) else None,
             against_arming=() if self.machine.powered else self._refusals(now_ns, objections),
+            tuning=self._tuning,
         )
 
 

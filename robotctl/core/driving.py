@@ -56,6 +56,10 @@ class Driving:
         self._armed_ns = 0
         """Time of the last arming [ns]."""
 
+    def retune(self, limits: LimitsConfig) -> None:
+        """Change the limits of the set-point."""
+        self._limiter.retune(limits)
+
     def take_over(self, twist_meas: Twist, now_ns: int) -> None:
         """Start from the present motion, so that arming causes no jump."""
         self.velocity = None

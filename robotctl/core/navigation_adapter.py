@@ -27,6 +27,7 @@ from robotctl.messages.control import (
 from robotctl.messages.estimation import CameraView, LidarScan, LocalisationState, PlanView
 from robotctl.messages.fence import EnableFence, SetFence
 from robotctl.messages.mission import LoadMission
+from robotctl.messages.tuning import Tuning
 from robotctl.messages.world_pose import WorldPose
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
@@ -53,7 +54,7 @@ _UNSEEN: Final = (
     "the camera has seen what lies right before it; back it up a little by hand"
 )
 
-_Aside: TypeAlias = ExternalPose | GroundStationPresence | SetFence | EnableFence
+_Aside: TypeAlias = ExternalPose | GroundStationPresence | SetFence | EnableFence | Tuning
 """Requests that are not for the navigator."""
 
 _COMMAND: Final = frozenset({"v_m_s", "omega_rad_s", "expires_ns"})

@@ -9,6 +9,7 @@ import msgspec
 
 from robotctl.core.navigation_adapter import NavigationAdapter
 from robotctl.core.operator import Operator
+from robotctl.errors import InvalidValue
 from robotctl.messages.control import (
     ControlState,
     ExternalPose,
@@ -25,6 +26,7 @@ from robotctl.messages.estimation import (
     ParticleCloud,
     SensorMessage,
 )
+from robotctl.messages.tuning import Tuning
 
 
 class Estimation(Protocol):
@@ -85,6 +87,8 @@ class NavigationTick:
         self._control: ControlState | None = None
         self._seen: tuple[SensorMessage, ...] = ()
         self._requests: tuple[NavigationRequest, ...] = ()
+        self._tuning = 0
+        """Number of the tuning in force."""
 
     def receive(self, control: ControlState | None, seen: Sequence[SensorMessage]) -> None:
         """Take in the newest state of control, what was seen since the last step, and requests."""
@@ -100,10 +104,23 @@ class NavigationTick:
 
     def navigate(self, now_ns: int) -> tuple[VelocityCommand, NavigationState]:
         """Return the velocity decided, and the navigator's state."""
-        command, self.state = self._adapter.step(
+        for each in self._requests:
+            if isinstance(each, Tuning):
+                self._retune(each)
+        command, state = self._adapter.step(
             self._control, self.localisation, self._requests, now_ns, self._seen
         )
+        self.state = msgspec.structs.replace(state, tuning=self._tuning)
         return command, self.state
+
+    def _retune(self, tuning: Tuning) -> None:
+        """Take other settings."""
+        try:
+            self._adapter.navigator.retune(tuning.values)
+            self._tuning = tuning.number
+        except InvalidValue as error:
+            text = f"tuning refused: {error}"
+            self._operator.tell(Notice(tuning.stamp_ns, Severity.WARNING, text))
 
     def publish(self, now_ns: int, localise_us: float = 0.0, step_us: float = 0.0) -> None:
         """Tell what was found and decided, with how long that took [us] where it was measured."""

@@ -16,6 +16,8 @@ from robotctl.mavlink.command import Command
 from robotctl.mavlink.config import MavlinkConfig
 from robotctl.mavlink.globe import Origin
 from robotctl.mavlink.guards.stale_link import HeldBack
+from robotctl.mavlink.parameters.parameter_set import NO_PARAMETERS, ParameterSet
+from robotctl.mavlink.parameters.store import NoParameterStore, ParameterStore
 from robotctl.messages.control import (
     Ack,
     ControlRequest,
@@ -131,19 +133,21 @@ class GroundStation:
 class Context:
     """The present state and the outputs of a step, shared by all microservices.
 
-    `stores` keep plans, by their kind; `origin` says where `world` is on the globe, once that is
-    known, `origin_users` which kinds of plans have places by it. `catalogue` is the sum of them,
-    known once all are made. `peers` are served on the links now, `heard_ns` says when each of
-    them was heard last [ns]. `ground_stations` are those alive, by address, the longest known
-    first. `acks` are those of this step. `texts` wait for the STATUSTEXT service, `notices` for
-    the process, which may publish them; they must not come back as input, they are sent
-    already.
+    `stores` keep plans, by their kind, `parameter_store` the `parameters`; `origin` says where
+    `world` is on the globe, once that is known, `origin_users` which kinds of plans have places by
+    it. `catalogue` is the sum of them, known once all are made. `peers` are served on the links
+    now, `heard_ns` says when each of them was heard last [ns]. `ground_stations` are those alive,
+    by address, the longest known first. `acks` are those of this step. `texts` wait for the
+    STATUSTEXT service, `notices` for the process, which may publish them; they must not come back
+    as input, they are sent already.
     """
 
     config: MavlinkConfig
     robot: TelemetryRobot
     links: MavlinkPort
     stores: Mapping[str, PlanStore] = field(default_factory=dict)
+    parameters: ParameterSet = field(default_factory=lambda: NO_PARAMETERS)
+    parameter_store: ParameterStore = field(default_factory=NoParameterStore)
     origin: Origin | None = None
     origin_users: set[str] = field(default_factory=set)
     control: ControlState | None = None

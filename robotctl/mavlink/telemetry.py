@@ -13,6 +13,8 @@ from robotctl.mavlink.context import (
     State,
     TelemetryRobot,
 )
+from robotctl.mavlink.parameters.parameter_set import NO_PARAMETERS, ParameterSet
+from robotctl.mavlink.parameters.store import NoParameterStore, ParameterStore
 from robotctl.mavlink.service import Microservice, Router, catalogue_of
 from robotctl.mavlink.services.registry import SERVICES
 from robotctl.messages.control import Notice, Severity
@@ -34,6 +36,10 @@ class Telemetry:
         The services, stepped in this order.
     stores : mapping of PlanStore
         Keep the plans of ground stations, by their kind; others are lost with this process.
+    parameters : ParameterSet
+        What ground stations may read and set; none, without it.
+    parameter_store : ParameterStore
+        Keeps them; None: what is set is lost with this process.
     """
 
     def __init__(
@@ -44,12 +50,16 @@ class Telemetry:
         services: Sequence[type[Microservice]] = SERVICES,
         *,
         stores: Mapping[str, PlanStore] | None = None,
+        parameters: ParameterSet = NO_PARAMETERS,
+        parameter_store: ParameterStore | None = None,
     ) -> None:
-        context = Context(config, robot, links, stores or {})
-        members = tuple(make(context) for make in services)
-        context.catalogue = catalogue_of(members)
+        store = parameter_store or NoParameterStore()
+        context = Context(config, robot, links, stores or {}, parameters, store)
+        self._members = tuple(make(context) for make in services)
+        self._config = context.config
+        context.catalogue = catalogue_of(self._members)
         self._context = context
-        self._router = Router(members, config)
+        self._router = Router(self._members, config)
 
     def step(self, now_ns: int, received: Sequence[State]) -> list[Request]:
         """Process received messages, send due ones.
@@ -75,6 +85,9 @@ class Telemetry:
         for message in messages:
             self._router.route(message, now_ns)
         self._router.step(now_ns)
+        if context.config is not self._config:  # the rates of streams are in it
+            self._config = context.config
+            context.catalogue = catalogue_of(self._members)
         context.links.flush()
         requests = list(context.requests)
         context.requests.clear()

@@ -16,6 +16,7 @@ from robotctl.messages.faults import Fault, FaultCode
 from robotctl.messages.fence import FenceRequest, FenceState
 from robotctl.messages.mission import MissionCommand
 from robotctl.messages.mode import Mode as Mode  # noqa: PLC0414 - part of the messages
+from robotctl.messages.tuning import Tuning
 from robotctl.model.geometry.se2 import SE2
 
 
@@ -355,7 +356,7 @@ class GroundStationPresence(msgspec.Struct, frozen=True, tag=True):
     heard_ns: int = 0
 
 
-ControlRequest: TypeAlias = VelocityCommand | Arm | EmergencyStop
+ControlRequest: TypeAlias = VelocityCommand | Arm | EmergencyStop | Tuning
 """Requests to the control process."""
 
 NavigationRequest: TypeAlias = (
@@ -367,6 +368,7 @@ NavigationRequest: TypeAlias = (
     | GroundStationPresence
     | MissionCommand
     | FenceRequest
+    | Tuning
 )
 """Requests to the navigation process."""
 
@@ -411,7 +413,8 @@ class ControlState(msgspec.Struct, frozen=True, tag=True):
     `imu` is None on a robot without one, and while it is too old.
     `fault` is the kind of what `reason` says, NONE if that is no fault; `fault_part` names the
     node, wheel or sonar it is about. `against_arming` are all reasons for which a request to arm
-    would be refused now, empty while the robot is powered.
+    would be refused now, empty while the robot is powered. `tuning` is the number of the `Tuning`
+    in force.
     """
 
     stamp_ns: int
@@ -448,6 +451,7 @@ class ControlState(msgspec.Struct, frozen=True, tag=True):
     odom_epoch_ns: int = 0
     imu: ImuFeedback | None = None
     against_arming: tuple[Fault, ...] = ()
+    tuning: int = 0
 
     @property
     def T_odom_base(self) -> SE2:
@@ -470,7 +474,8 @@ class NavigationState(msgspec.Struct, frozen=True, tag=True):
     asked of the mission was done. `loop_counts` says how often each repeat and jump
     was taken, `loops` the same for people. `waits`: for an operator's go-ahead. `trouble` is the
     last failure of an item in this run of the mission. `held`: the robot went to HOLD by itself,
-    and `message` says why. `fence`: how it keeps to its fence.
+    and `message` says why. `fence`: how it keeps to its fence. `tuning` is the number of the
+    `Tuning` in force.
     """
 
     stamp_ns: int
@@ -498,6 +503,7 @@ class NavigationState(msgspec.Struct, frozen=True, tag=True):
     trouble: str = ""
     held: bool = False
     fence: FenceState = FenceState()
+    tuning: int = 0
 
 
 class Notice(msgspec.Struct, frozen=True, tag=True):

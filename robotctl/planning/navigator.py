@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from robotctl.config_values import Value, tuned
 from robotctl.control.limiter import LimitsConfig
 from robotctl.errors import MissionError
 from robotctl.messages.mode import Mode
@@ -113,7 +114,7 @@ class Navigator:
         has_lidar: bool = False,
         sees_markers: bool = False,
     ) -> None:
-        self._config = config
+        self._began_with = {"navigation": config, "limits": limits}
         self._drive = drive
         self._limits = limits
         self._guard = ObstacleGuard(config.guard, mounts, has_lidar=has_lidar)
@@ -165,6 +166,16 @@ class Navigator:
     def load(self, mission: Mission) -> None:
         """Take another mission, as `Auto.load`."""
         self._auto.load(mission)
+
+    def retune(self, values: Mapping[str, Value]) -> None:
+        """Take other settings: the guard at once, the rest with the next thing that it drives.
+
+        What plans keeps those of the start. `InvalidValue`: one is not allowed, none is taken.
+        """
+        tables = tuned(self._began_with, values)
+        self._robot.config, self._limits = tables["navigation"], tables["limits"]
+        self._guard.retune(self._robot.config.guard)
+        self._look_around.speed_m_s = self._robot.config.look_around_speed_m_s
 
     def learn_paths(self, paths: Paths) -> None:
         """Set the free paths through the world, to continue from where the robot is found."""

@@ -3,13 +3,15 @@
 from pymavlink.dialects.v20 import common
 
 from robotctl.app.processes.navigator import make_navigation
-from robotctl.app.processes.telemetry import described
+from robotctl.app.processes.telemetry import described, parameters_of
 from robotctl.app.simulation.lockstep_stack import LockstepStack, make_simulation
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file
+from robotctl.core.navigation_tick import NavigationTick
+from robotctl.core.operator import Operator
 from robotctl.mavlink.config import MavlinkConfig, StreamRates
 from robotctl.mavlink.telemetry import Telemetry
-from robotctl.messages.control import ControlRequest, SafetyState
+from robotctl.messages.control import ControlRequest, NavigationRequest, SafetyState
 from robotctl.messages.mavlink_port import Peer, Received
 from robotctl.safety.state_machine import POWERED
 
@@ -44,7 +46,16 @@ class DrivenRobot:
         self.navigation = make_navigation(self.config, options)
         self.links = links
         mavlink = MavlinkConfig(rates=StreamRates(**{**SILENT, **rates}))
-        self.telemetry = Telemetry(mavlink, described(self.config, options), links)
+        self._tick = NavigationTick(
+            self.navigation, None, Operator(lambda: self._asked, lambda _: None)
+        )
+        self._asked = ()
+        self.telemetry = Telemetry(
+            mavlink,
+            described(self.config, options),
+            links,
+            parameters=parameters_of(self.config, options),
+        )
         self._every = round(self.navigation.period_ns / self.stack.period_ns)
         self._to_control: list[ControlRequest] = []
         self._to_navigation = []
@@ -71,15 +82,18 @@ class DrivenRobot:
         self.stack.tick(requests)
         control = self.stack.snapshot()
         if self.stack.ticks % self._every == 0:
-            asked, self._to_navigation = self._to_navigation, []
-            command, self.state = self.navigation.step(control, None, asked, self.now_ns)
+            self._asked, self._to_navigation = self._to_navigation, []
+            self._tick.receive(control, ())
+            command, self.state = self._tick.navigate(self.now_ns)
             self._to_control.append(command)
             self._states.append(self.state)
         if self.stack.ticks % TELEMETRY_TICKS == 0:
             states, self._states = [control, *self._states], []
             for request in self.telemetry.step(self.now_ns, states):
-                is_control = isinstance(request, ControlRequest)
-                (self._to_control if is_control else self._to_navigation).append(request)
+                if isinstance(request, ControlRequest):
+                    self._to_control.append(request)
+                if isinstance(request, NavigationRequest):
+                    self._to_navigation.append(request)
         return control
 
     def run(self, seconds, message=None, every_s=0.1):

@@ -1,5 +1,6 @@
 """What a ground station sends, and where the simulated robot then truly drives."""
 
+import itertools
 import math
 
 import pytest
@@ -194,3 +195,59 @@ def test_a_mission_is_taken_and_driven_item_by_item(name):
     assert stood_s > 1.3
     assert 0.15 < fastest < 0.23
     assert robot.pose()[:2] == pytest.approx((9.0, 6.5), abs=0.1)
+
+
+def put(name, value):
+    return common.MAVLink_param_set_message(1, 1, name.encode(), value, 9)
+
+
+def test_a_lower_speed_limit_slows_a_driving_robot_down_at_once_and_without_a_jerk():
+    robot = DrivenRobot(FakeLinks(), start=(6.0, 5.0, 0.0))
+    robot.arm(GUIDED)
+    drive = setpoint(common.MAV_FRAME_BODY_NED, VELOCITY, vx=0.6)
+    assert robot.run(1.5, drive).v_m_s == pytest.approx(0.6, abs=0.03)
+    robot.send(put("LIM_V_MAX", 0.3))
+    references = []
+    for number in range(200):
+        if number % 20 == 0:
+            robot.send(drive)
+        references.append(robot.tick().v_ref_m_s)
+    limits = robot.config.limits
+    slopes = [(b - a) * 200 for a, b in itertools.pairwise(references)]
+    assert min(slopes) >= -1.001 * limits.a_max_m_s2
+    assert robot.run(0.5, drive).v_m_s == pytest.approx(0.3, abs=0.03)
+    robot.send(put("LIM_V_MAX", 5.0))  # after a restart; until then that of the start
+    assert robot.run(1.5, drive).v_m_s == pytest.approx(0.6, abs=0.03)
+
+
+def test_gains_change_while_the_robot_drives_and_no_duty_jumps():
+    robot = DrivenRobot(FakeLinks(), start=(6.0, 5.0, 0.0))
+    robot.arm(GUIDED)
+    drive = setpoint(common.MAV_FRAME_BODY_NED, VELOCITY, vx=0.4)
+    robot.run(2.0, drive)
+
+    def duties(seconds):
+        return [robot.run(0.005, drive).duty[0] for _ in range(round(200 * seconds))]
+
+    before = duties(0.5)
+    for name, value in (("KP", 1.3), ("KI", 9.0), ("KV", 0.2), ("KS", 0.0)):
+        robot.send(put(f"CTL_L_{name}", value))
+    after = duties(1.0)
+    steps = [abs(b - a) for a, b in itertools.pairwise(before)]
+    jumps = [abs(b - a) for a, b in itertools.pairwise((before[-1], *after))]
+    # Twice the gain answers an encoder's noise twice as much.
+    assert max(jumps) <= 2.5 * max(steps)
+    assert robot.stack.core.snapshot(0, robot.stack.statistics()).tuning != 0
+    assert robot.run(0.5, drive).v_m_s == pytest.approx(0.4, abs=0.02)
+
+
+def test_a_cruise_speed_counts_from_the_next_goal_on():
+    robot = DrivenRobot(FakeLinks(), start=(4.0, 5.0, 0.0))
+    robot.arm(GUIDED)
+    goal = setpoint(common.MAV_FRAME_BODY_OFFSET_NED, POSITION, x=4.0)
+    robot.send(goal)
+    assert robot.run(2.0).v_m_s == pytest.approx(0.4, abs=0.03)
+    robot.send(put("CRUISE_SPEED", 0.2))
+    assert robot.run(1.0).v_m_s == pytest.approx(0.4, abs=0.03)
+    robot.send(goal)
+    assert robot.run(2.0).v_m_s == pytest.approx(0.2, abs=0.03)

@@ -14,13 +14,15 @@ from robotctl.mavlink.services.registry import SERVICES
 from robotctl.messages.control import SafetyState
 from robotctl.safety.plausibility_config import PlausibilityConfig
 from robotctl.safety.state_machine import TRANSITIONS, SafetyConfig
-from write_docs import BEGIN, END, FAULTS, MICROSERVICES, STATES, diagram, microservices
+from write_docs import BEGIN, END, FAULTS, MICROSERVICES, STATES, TABLE, diagram, microservices
 
 SAFETY = STATES.page.read_text(encoding="utf-8")
 FAULTS_PAGE = FAULTS.page.read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("part", [STATES, FAULTS, MICROSERVICES], ids=lambda part: part.page.name)
+@pytest.mark.parametrize(
+    "part", [STATES, FAULTS, MICROSERVICES, TABLE], ids=lambda part: part.page.name
+)
 def test_the_page_shows_what_is_present(part):
     text = part.page.read_text(encoding="utf-8")
     assert part.put_into(text) == text, "run .venv/bin/python tools/write_docs.py"

@@ -13,15 +13,15 @@ import robotctl
 from robotctl.app.processes.entry import enter
 from robotctl.app.processes.plan_files import plan_stores
 from robotctl.app.supervision.signals import StopFlag
+from robotctl.config.changes import ParameterFile
 from robotctl.config.options import StackOptions
-from robotctl.config.robot_file import RobotConfig
+from robotctl.config.robot_file import RobotConfig, contradictions
+from robotctl.config_values import with_values
 from robotctl.drivers.mavlink.link import MavlinkLinks
 from robotctl.mavlink.context import State, TelemetryRobot
+from robotctl.mavlink.parameters.parameter_set import Configurations, ParameterSet
 from robotctl.mavlink.telemetry import Telemetry
-from robotctl.messages.control import (
-    ControlRequest,
-    EmergencyStop,
-)
+from robotctl.messages.control import ControlRequest, EmergencyStop, NavigationRequest
 from robotctl.model.geometry.se2 import SE2
 from robotctl.runtime.ipc.heartbeat import ProcessHeartbeat
 from robotctl.runtime.ipc.topics import (
@@ -54,6 +54,15 @@ def described(config: RobotConfig, options: StackOptions) -> TelemetryRobot:
     )
 
 
+def parameters_of(config: RobotConfig, options: StackOptions) -> ParameterSet:
+    """Return the parameters of a robot, those included that were set since its start."""
+    file = options.load_file()
+    values, _ = ParameterFile(options.state).load()
+    _, refused = with_values(file, values, contradictions)
+    wanted = {key: value for key, value in values.items() if key not in refused}
+    return ParameterSet(Configurations(file, config, contradictions), wanted)
+
+
 def run(config: RobotConfig, options: StackOptions) -> None:
     """Serve the links until SIGTERM or SIGINT."""
     stopped = StopFlag()
@@ -74,7 +83,12 @@ def run(config: RobotConfig, options: StackOptions) -> None:
             MavlinkLinks(mavlink.link, mavlink.system_id, mavlink.component_id)
         )
         telemetry = Telemetry(
-            mavlink, described(config, options), links, stores=plan_stores(options.state)
+            mavlink,
+            described(config, options),
+            links,
+            stores=plan_stores(options.state),
+            parameters=parameters_of(config, options),
+            parameter_store=ParameterFile(options.state),
         )
         heartbeat = ProcessHeartbeat(os.environ)
         # The one request that is kept for a control process that is not there yet.
@@ -89,8 +103,11 @@ def run(config: RobotConfig, options: StackOptions) -> None:
                 parent = os.getppid()
                 telemetry.say(clock.now_ns(), "the supervisor ended: so does robotctl")
             for request in telemetry.step(clock.now_ns(), states.receive()):
-                sender = to_control if isinstance(request, ControlRequest) else to_navigation
-                if not sender.send(request) and isinstance(request, EmergencyStop):
+                if isinstance(request, NavigationRequest):
+                    to_navigation.send(request)
+                if not isinstance(request, ControlRequest):
+                    continue
+                if not to_control.send(request) and isinstance(request, EmergencyStop):
                     stop = request
             if stop is not None and to_control.send(stop):
                 stop = None

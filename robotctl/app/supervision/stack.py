@@ -16,6 +16,7 @@ from robotctl.app.supervision.announcer import Announcer
 from robotctl.app.supervision.pause import Pause
 from robotctl.app.supervision.restart import RestartPolicy
 from robotctl.app.supervision.supervised import Exit, ProcessPhase, Role, Supervised, status_words
+from robotctl.config.changes import with_changes
 from robotctl.config.options import StackOptions
 from robotctl.errors import RobotctlError
 from robotctl.messages.control import Severity
@@ -68,7 +69,7 @@ class Stack:
     """
 
     def __init__(self, options: StackOptions) -> None:
-        options = options.validated()
+        options, notes = with_changes(options.validated())
         config = options.load()
         roles: tuple[Role, ...] = ROLES
         if config.camera is not None and config.camera.enabled:
@@ -85,6 +86,8 @@ class Stack:
         """Ends and pauses seen by the last `watch`."""
         self._announcer = Announcer(options.instance)
         self._clock = options.open_clock()
+        for note in notes:
+            self.tell(note, Severity.WARNING)
         self._control.start(time.monotonic())
 
     @property

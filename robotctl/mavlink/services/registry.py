@@ -21,6 +21,7 @@ from robotctl.mavlink.services.manual_control import ManualControls
 from robotctl.mavlink.services.message_requests import MessageRequests
 from robotctl.mavlink.services.missions import Missions
 from robotctl.mavlink.services.modes import Modes
+from robotctl.mavlink.services.parameters import Parameters
 from robotctl.mavlink.services.pose import Poses
 from robotctl.mavlink.services.reposition import Repositions
 from robotctl.mavlink.services.setpoints import Setpoints
@@ -56,6 +57,7 @@ SERVICES: Final[tuple[type[Microservice], ...]] = (
     Hud,
     Missions,
     Fences,
+    Parameters,
     Streams,
     LinkWatch,
     StatusText,

@@ -13,7 +13,7 @@ from typing import Final
 
 from pymavlink.dialects.v20 import common
 
-from robotctl.mavlink.catalogue import Stream
+from robotctl.mavlink.catalogue import Catalogue, Stream
 from robotctl.mavlink.command import ACCEPTED, DENIED, Command
 from robotctl.mavlink.config import MAX_RATE_HZ
 from robotctl.mavlink.context import Context
@@ -68,6 +68,8 @@ class Streams(Microservice):
     def __init__(self, context: Context) -> None:
         super().__init__(context)
         self._plans: dict[Peer, _Plan] = {}
+        self._known: Catalogue | None = None
+        """With the configured rates."""
 
     def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:
         """Take REQUEST_DATA_STREAM, which has no answer."""
@@ -132,6 +134,7 @@ class Streams(Microservice):
         """Send due messages, each made once for all peers that get it now."""
         peers = self._context.peers
         self._forget(now_ns)
+        self._take_defaults(now_ns)
         plans = [(peer, self._plan(peer, now_ns)) for peer in peers]
         for message_id, stream in self._context.catalogue.streams.items():
             if stream.rate_hz is None:
@@ -139,6 +142,19 @@ class Streams(Microservice):
             due = [peer for peer, plan in plans if plan.rates[message_id].take(now_ns)]
             for message in stream.build(now_ns) if due else ():
                 self._context.links.broadcast(message, due)
+
+    def _take_defaults(self, now_ns: int) -> None:
+        """Give whoever gets a message at its configured rate the new one, where that changed."""
+        before, self._known = self._known, self._context.catalogue
+        if before is None or before is self._known:
+            return
+        for plan in self._plans.values():
+            for key, rate in plan.rates.items():
+                old_ns, new_ns = (
+                    _default_ns(each.streams[key]) for each in (before, self._context.catalogue)
+                )
+                if new_ns != old_ns == rate.interval_ns:
+                    plan.rates[key] = _Rate(new_ns, now_ns)
 
     def _forget(self, now_ns: int) -> None:
         """Drop the plans of peers that have gone."""

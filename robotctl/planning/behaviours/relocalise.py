@@ -69,7 +69,7 @@ class LookAround:
         self._drive = drive
         self._guard = guard
         self._sides = tuple(_side(mount) for mount in mounts)
-        self._speed = speed_m_s
+        self.speed_m_s = speed_m_s
         self.reset()
 
     def reset(self) -> None:
@@ -103,7 +103,7 @@ class LookAround:
         if self._doing in {_Doing.ROUND, _Doing.TURN}:
             return BehaviourOutput(0.0, self._direction * _TURN_RAD_S, text=self._doing.value)
         sign, room = (1.0, ahead) if self._doing is _Doing.FORWARD else (-1.0, behind)
-        speed = min(self._speed, room.v_max_m_s)
+        speed = min(self.speed_m_s, room.v_max_m_s)
         text = self._blind(blocked=blocked) or self._doing.value
         return BehaviourOutput(sign * speed, speed * room.turn_rad_m, text=text)
 
@@ -124,7 +124,9 @@ class LookAround:
         turned = abs(self._turned_rad)
         # A niche may be free nowhere: after the largest turn it drives anyway, as far as the guard
         # allows.
-        return turned >= _MOST_TURN_RAD or (turned >= _LEAST_TURN_RAD and ahead_m_s >= self._speed)
+        return turned >= _MOST_TURN_RAD or (
+            turned >= _LEAST_TURN_RAD and ahead_m_s >= self.speed_m_s
+        )
 
     def _has_backed(self, behind_m_s: float) -> bool:
         """Return whether there is room ahead now, or none behind."""

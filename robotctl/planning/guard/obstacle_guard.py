@@ -159,6 +159,11 @@ class ObstacleGuard:
         self._has_lidar = has_lidar
         self.reset()
 
+    def retune(self, config: GuardConfig) -> None:
+        """Brake by other settings; the body stays as it was at the start."""
+        self._config = config
+        self._cosine = math.cos(math.radians(config.cone_deg))
+
     def reset(self) -> None:
         """Forget past readings."""
         self._history = [[] for _ in range(self._count)]

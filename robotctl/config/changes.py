@@ -1,0 +1,66 @@
+"""What parameters change in a robot's configuration, kept over restarts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from robotctl.config.options import StackOptions
+from robotctl.config.robot_file import contradictions
+from robotctl.config_values import Value, with_values
+from robotctl.runtime.storage.state_file import StateError, StateFile
+
+NAME: Final = "parameters.json"
+
+
+class Changes(msgspec.Struct, frozen=True):
+    """Values that differ from those of the robot's file, by their dotted keys."""
+
+    values: dict[str, bool | int | float]
+
+
+class ParameterFile:
+    """The file in the folder of what survives restarts; "": there is none."""
+
+    def __init__(self, directory: str) -> None:
+        self._file = StateFile(Path(directory) / NAME, Changes) if directory else None
+
+    def load(self) -> tuple[dict[str, Value], tuple[str, ...]]:
+        """Return what is kept, and a sentence for each file that is damaged or cannot be read."""
+        if self._file is None:
+            return {}, ()
+        try:
+            found, notes = self._file.load()
+        except StateError as error:
+            return {}, (str(error),)
+        return ({} if found is None else dict(found.values)), notes
+
+    def save(self, values: Mapping[str, Value]) -> bool:
+        """Keep exactly these; return whether a power cut would not lose them."""
+        if self._file is None:
+            return False
+        try:
+            self._file.save(Changes(dict(values)))
+        except StateError:
+            return False
+        return True
+
+
+def with_changes(options: StackOptions) -> tuple[StackOptions, tuple[str, ...]]:
+    """Return the options with the parameters that are kept, and what people should know of them.
+
+    Raises
+    ------
+    ConfigError
+        With one line for each error of the robot's file.
+    """
+    values, notes = ParameterFile(options.state).load()
+    _, refused = with_values(options.load_file(), values, contradictions)
+    notes += tuple(
+        f"parameter {key} = {values[key]} is left out: {why}" for key, why in refused.items()
+    )
+    kept = {key: value for key, value in values.items() if key not in refused}
+    return msgspec.structs.replace(options, changes=kept), notes

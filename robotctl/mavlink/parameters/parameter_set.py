@@ -1,0 +1,224 @@
+"""The parameters of one robot: what they are, what is wanted, and what of it is in force."""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, Final, NamedTuple
+
+from pymavlink.dialects.v20 import common
+
+from robotctl.config_values import Rules, Value, problems, replaced, value_at
+from robotctl.errors import InvalidValue
+from robotctl.mavlink.parameters.parameter import (
+    REAL32,
+    Change,
+    Parameter,
+    kind_of,
+    shortest,
+    single,
+)
+from robotctl.mavlink.parameters.table import PARAMETERS
+from robotctl.mavlink.parameters.words import words
+
+
+class Problem(enum.IntEnum):
+    """Why a parameter cannot be read or set: MAV_PARAM_ERROR."""
+
+    DOES_NOT_EXIST = common.MAV_PARAM_ERROR_DOES_NOT_EXIST
+    VALUE_OUT_OF_RANGE = common.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE
+    READ_ONLY = common.MAV_PARAM_ERROR_READ_ONLY
+    TYPE_MISMATCH = 7
+    """Of MAVLink's common dialect; pymavlink's lacks it."""
+
+
+class ParameterRefused(Exception):  # noqa: N818 - is answered, no defect
+    """A value is not taken; the text says what was found and what is allowed."""
+
+    def __init__(self, problem: Problem, text: str) -> None:
+        super().__init__(text)
+        self.problem = problem
+
+
+class Facts(NamedTuple):
+    """What people should know of a parameter."""
+
+    parameter: Parameter
+    default: Value
+    unit: str
+    """Empty: it has none."""
+    description: str
+
+
+class Configurations(NamedTuple):
+    """The robot's configuration, as the parameters see it: any tree of frozen dataclasses.
+
+    Parameters
+    ----------
+    file
+        That of the robot's file, which the values are measured against.
+    began
+        That with which the processes began.
+    rules
+        What no value alone shows.
+    """
+
+    file: Any
+    began: Any
+    rules: Rules
+
+
+class ParameterSet:
+    """The parameters that a robot has, in the order of their indices.
+
+    Parameters
+    ----------
+    configurations
+        Of the robot.
+    wanted
+        Values that differ from the file's, by dotted key; all of them are allowed.
+    table
+        The parameters that there are.
+    """
+
+    def __init__(
+        self,
+        configurations: Configurations,
+        wanted: Mapping[str, Value],
+        table: Sequence[Parameter] = PARAMETERS,
+    ) -> None:
+        self._file, self._began, self._rules = configurations
+        self._wanted = self._file
+        for key, value in wanted.items():
+            self._wanted = replaced(self._wanted, key, value)
+        self._now = self._began
+        self.parameters = tuple(
+            each for each in table if _is_finite(value_at(self._file, each.key))
+        )
+        """The parameters, by index."""
+        self._index = {each.name: index for index, each in enumerate(self.parameters)}
+        for parameter in self.parameters:
+            self._take_effect(parameter)
+
+    def index_of(self, name: str) -> int | None:
+        """Return the index of a name; None: there is none."""
+        return self._index.get(name)
+
+    def value(self, parameter: Parameter) -> Value:
+        """Return the value that is wanted, which a restart brings if it is not in force yet."""
+        return _present(self._wanted, parameter)
+
+    def facts(self) -> list[Facts]:
+        """Return what people should know of each."""
+        return [
+            Facts(each, _present(self._file, each), *words(self._file, each.key))
+            for each in self.parameters
+        ]
+
+    def set(self, parameter: Parameter, raw: float, kind: int) -> str:
+        """Take a value; return what is to be said of it, empty where it is the present one.
+
+        Parameters
+        ----------
+        raw
+            The number of PARAM_SET.
+        kind
+            Its MAV_PARAM_TYPE: that of the parameter. A whole number may come as a float, too,
+            because many send nothing else.
+
+        Raises
+        ------
+        ParameterRefused
+            If it is not allowed.
+        """
+        old = self.value(parameter)
+        value = _checked(parameter, raw, kind, old, _present(self._file, parameter))
+        if value == old:
+            return ""
+        try:
+            wanted = replaced(self._wanted, parameter.key, value)
+        except InvalidValue as error:
+            raise ParameterRefused(Problem.VALUE_OUT_OF_RANGE, str(error)) from None
+        if wrong := problems(wanted, self._rules):
+            raise ParameterRefused(Problem.VALUE_OUT_OF_RANGE, "; ".join(wrong))
+        self._wanted = wanted
+        self._take_effect(parameter)
+        now = _present(self._now, parameter)
+        said = f"{_text(old)} -> {_text(value)}"
+        return said if now == value else f"{said} after a restart, {_text(now)} until then"
+
+    def _take_effect(self, parameter: Parameter) -> None:
+        """Bring into force what of a wanted value may be had at once."""
+        began_with = _present(self._began, parameter)
+        value = parameter.change.nearest(self.value(parameter), began_with)
+        if value == _present(self._now, parameter):
+            return
+        try:
+            now = replaced(self._now, parameter.key, value)
+        except InvalidValue:  # only with others that wait for a restart
+            return
+        if not problems(now, self._rules):
+            self._now = now
+
+    @property
+    def now(self) -> Any:
+        """The configuration in force."""
+        return self._now
+
+    def changes(self) -> dict[str, Value]:
+        """Return the wanted values that differ from the file's, by dotted key."""
+        return self._differences(self._file, self._wanted)
+
+    def live(self) -> dict[str, Value]:
+        """Return the values in force that the processes did not begin with, by dotted key."""
+        return self._differences(self._began, self._now)
+
+    def _differences(self, before: object, after: object) -> dict[str, Value]:
+        pairs = (
+            (each.key, _present(before, each), _present(after, each)) for each in self.parameters
+        )
+        return {key: new for key, old, new in pairs if new != old}
+
+
+NO_PARAMETERS: Final = ParameterSet(Configurations(None, None, lambda _: ()), {}, ())
+
+
+def _checked(parameter: Parameter, raw: float, kind: int, old: Value, default: Value) -> Value:
+    """Return the value that a number of PARAM_SET means."""
+    name = parameter.name
+    if parameter.change is Change.NEVER:
+        raise ParameterRefused(Problem.READ_ONLY, f"{name} stands in the robot's file only")
+    if kind not in {kind_of(old), REAL32}:
+        raise ParameterRefused(
+            Problem.TYPE_MISMATCH, f"{name}: type {kind} found, {kind_of(old)} allowed"
+        )
+    if not math.isfinite(raw):
+        raise ParameterRefused(Problem.VALUE_OUT_OF_RANGE, f"{name}: {raw} is no number")
+    if not isinstance(old, float) and raw != int(raw):
+        raise ParameterRefused(
+            Problem.TYPE_MISMATCH, f"{name}: {raw:g} found, a whole number allowed"
+        )
+    value = shortest(raw) if isinstance(old, float) else type(old)(raw)
+    if single(default) == single(value):
+        return default
+    if not single(parameter.low) <= raw <= single(parameter.high):
+        allowed = f"{parameter.low:g} to {parameter.high:g} allowed"
+        raise ParameterRefused(Problem.VALUE_OUT_OF_RANGE, f"{name}: {raw:g} found, {allowed}")
+    return value
+
+
+def _present(config: object, parameter: Parameter) -> Value:
+    """Return the value of a parameter that the robot has."""
+    value = value_at(config, parameter.key)
+    if value is None:
+        raise KeyError(parameter.key)
+    return value
+
+
+def _is_finite(value: Value | None) -> bool:
+    return value is not None and math.isfinite(value)
+
+
+def _text(value: Value) -> str:
+    return f"{int(value)}" if isinstance(value, bool) else f"{value:g}"

@@ -1,0 +1,189 @@
+"""Parameters: list, read and set. https://mavlink.io/en/services/parameter.html.
+
+Integers are sent as the 32 bit float of the same value, as ArduPilot does.
+"""
+
+from __future__ import annotations
+
+import difflib
+import json
+import zlib
+from typing import ClassVar, Final
+
+from pymavlink.dialects.v20 import common
+
+from robotctl.mavlink.context import Context
+from robotctl.mavlink.parameters.parameter import MOST_LETTERS, Parameter, kind_of
+from robotctl.mavlink.parameters.parameter_set import ParameterRefused, Problem
+from robotctl.mavlink.service import Microservice
+from robotctl.messages.control import Severity
+from robotctl.messages.mavlink_port import Message, Peer, source
+from robotctl.messages.tuning import Tuning
+
+PER_STEP: Final = 4
+"""Parameters of a list sent in a step: 400 in a second, 15 kB/s."""
+MOST_SETS: Final = 64
+"""Waiting in a step; whoever sends more has to repeat them."""
+AGAIN_NS: Final = 500_000_000
+"""What control or navigation has not taken is sent again after this [ns]."""
+LATE_NS: Final = 1_200_000_000
+"""After this people should know [ns]."""
+NO_INDEX: Final = -1
+
+
+class Parameters(Microservice):
+    """Gives and takes parameters; what changes is kept, and brought into force where it may be."""
+
+    handles = frozenset(
+        {
+            common.MAVLINK_MSG_ID_PARAM_REQUEST_LIST,
+            common.MAVLINK_MSG_ID_PARAM_REQUEST_READ,
+            common.MAVLINK_MSG_ID_PARAM_SET,
+        }
+    )
+    capabilities: ClassVar[int] = common.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST
+
+    def __init__(self, context: Context) -> None:
+        super().__init__(context)
+        self._set = context.parameters
+        self._lists: dict[Peer, int] = {}
+        """Who is sent the list, and the next index."""
+        self._asked: list[tuple[Message, Peer]] = []
+        """PARAM_SET of this step: one save for all."""
+        self._live = Tuning(0, {}, 0)
+        """What control and navigation shall have."""
+        self._sent_ns = self._changed_ns = 0
+        self._is_late = False
+        self._bring_into_force(0)
+
+    def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:  # noqa: ARG002
+        """Take a message of the protocol."""
+        match message.get_msgId():
+            case common.MAVLINK_MSG_ID_PARAM_REQUEST_LIST:
+                self._lists[peer] = 0
+            case common.MAVLINK_MSG_ID_PARAM_REQUEST_READ:
+                self._read(message, peer)
+            case _ if len(self._asked) < MOST_SETS:
+                self._asked.append((message, peer))
+
+    def step(self, now_ns: int) -> None:
+        """Send the next of each list; set what was asked for; see that it comes into force."""
+        for peer in list(self._lists):
+            self._send_next(peer)
+        if self._asked:
+            self._take_all(now_ns)
+        if now_ns - self._sent_ns >= AGAIN_NS:
+            self._follow(now_ns)
+
+    def _send_next(self, peer: Peer) -> None:
+        """Send a part of the list; end it where it, or the peer, has ended."""
+        begin = self._lists[peer]
+        part = self._set.parameters[begin : begin + PER_STEP]
+        if not part or peer not in self._context.peers:
+            del self._lists[peer]
+            return
+        self._lists[peer] += len(part)
+        for parameter in part:
+            self._context.links.reply(self._message(parameter), peer)
+
+    def _read(self, message: Message, peer: Peer) -> None:
+        """Send one parameter, by its index, or by its name where that is -1."""
+        index: int | None = message.param_index
+        if index == NO_INDEX:
+            index = self._set.index_of(message.param_id)
+        if index is not None and 0 <= index < len(self._set.parameters):
+            self._context.links.reply(self._message(self._set.parameters[index]), peer)
+        else:
+            self._refuse(Problem.DOES_NOT_EXIST, message, peer, message.param_index)
+
+    def _take_all(self, now_ns: int) -> None:
+        """Set what was asked for in this step, and answer once it is kept."""
+        taken: list[Parameter] = []
+        said: list[str] = []
+        for message, peer in self._asked:
+            index = self._set.index_of(message.param_id)
+            if index is None:
+                near = difflib.get_close_matches(message.param_id, self._names, n=1)
+                hint = f"; did you mean {near[0]}?" if near else ""
+                self._context.say(now_ns, f"Parameter {message.param_id}: unknown{hint}")
+                self._refuse(Problem.DOES_NOT_EXIST, message, peer, NO_INDEX)
+                continue
+            parameter = self._set.parameters[index]
+            try:
+                change = self._set.set(parameter, message.param_value, message.param_type)
+            except ParameterRefused as refusal:
+                self._context.say(now_ns, f"Parameter {refusal}")
+                self._refuse(refusal.problem, message, peer, index)
+                change = ""
+            if change:
+                taken.append(parameter)
+                said.append(f"Parameter {parameter.name}: {change}")
+            else:
+                self._context.links.reply(self._message(parameter), peer)
+        self._asked.clear()
+        if taken:
+            self._keep(taken, said, now_ns)
+
+    @property
+    def _names(self) -> list[str]:
+        return [each.name for each in self._set.parameters]
+
+    def _keep(self, taken: list[Parameter], said: list[str], now_ns: int) -> None:
+        """Save changes, bring them into force, and tell everybody."""
+        if not self._context.parameter_store.save(self._set.changes()):
+            said.append("Parameters cannot be saved, a restart will lose them")
+        for text in said:
+            self._context.say(now_ns, text, Severity.NOTICE)
+        self._bring_into_force(now_ns)
+        for parameter in taken:
+            message = self._message(parameter)
+            for peer in self._context.peers:
+                self._context.links.reply(message, peer)
+
+    def _bring_into_force(self, now_ns: int) -> None:
+        """Take what concerns this process; have the rest sent to the others."""
+        values = self._set.live()
+        if values == self._live.values:
+            return
+        number = zlib.crc32(json.dumps(values, sort_keys=True).encode()) if values else 0
+        self._live = Tuning(now_ns, values, number)
+        self._context.config = self._set.now.mavlink
+        self._sent_ns, self._changed_ns, self._is_late = now_ns - AGAIN_NS, now_ns, False
+
+    def _follow(self, now_ns: int) -> None:
+        """Send what control or navigation have not taken yet, or not any more: they may restart."""
+        states = {
+            "control": self._context.fresh_control(now_ns),
+            "navigation": self._context.fresh_navigation(now_ns),
+        }
+        behind = [
+            name
+            for name, state in states.items()
+            if state is not None and state.tuning != self._live.number
+        ]
+        if not behind:
+            self._changed_ns, self._is_late = now_ns, False
+            return
+        live = self._live
+        self._context.requests.append(Tuning(now_ns, live.values, live.number))
+        self._sent_ns = now_ns
+        if now_ns - self._changed_ns > LATE_NS and not self._is_late:
+            self._is_late = True
+            self._context.say(now_ns, f"Parameters: not taken yet by {', '.join(behind)}")
+
+    def _message(self, parameter: Parameter) -> Message:
+        """Return PARAM_VALUE."""
+        value, index = self._set.value(parameter), self._set.index_of(parameter.name)
+        return common.MAVLink_param_value_message(
+            parameter.name.encode(),
+            float(value),
+            kind_of(value),
+            len(self._set.parameters),
+            index,
+        )
+
+    def _refuse(self, problem: Problem, message: Message, peer: Peer, index: int) -> None:
+        """Send PARAM_ERROR."""
+        name = message.param_id.encode("ascii", "replace")[:MOST_LETTERS]
+        error = common.MAVLink_param_error_message(*source(message), name, index, problem)
+        self._context.links.reply(error, peer)

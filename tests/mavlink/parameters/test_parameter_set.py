@@ -1,0 +1,185 @@
+"""The parameters of a robot: its values under MAVLink's names, and when a new one counts."""
+
+import dataclasses
+import math
+import re
+import struct
+
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from robotctl.config.robot_file import contradictions, find_file, load_robot
+from robotctl.config_values import replaced, value_at, with_values
+from robotctl.mavlink.parameters.parameter import INT32, REAL32, Change, shortest, single
+from robotctl.mavlink.parameters.parameter_set import (
+    Configurations,
+    ParameterRefused,
+    ParameterSet,
+    Problem,
+)
+from robotctl.mavlink.parameters.table import PARAMETERS
+
+ROBOTS = {name: load_robot(find_file(name)) for name in ("diff_drive", "tricycle", "ackermann")}
+CONFIG = ROBOTS["diff_drive"]
+
+
+def parameters(began=CONFIG, **wanted):
+    """Return the set of the differential-drive robot, and a function that sets by name."""
+    values = {key.replace("__", "."): value for key, value in wanted.items()}
+    found = ParameterSet(Configurations(CONFIG, began, contradictions), values)
+
+    def put(name, value, kind=None):
+        parameter = found.parameters[found.index_of(name)]
+        kind = kind or (REAL32 if isinstance(found.value(parameter), float) else INT32)
+        return found.set(parameter, single(value), kind)
+
+    return found, put
+
+
+def refusal(put, *arguments):
+    with pytest.raises(ParameterRefused) as found:
+        put(*arguments)
+    return found.value.problem, str(found.value)
+
+
+def test_names_are_mavlinks_and_unique():
+    names = [each.name for each in PARAMETERS]
+    assert len(set(names)) == len(names)
+    assert all(re.fullmatch("[A-Z][A-Z0-9_]{0,15}", name) for name in names)
+    assert len({each.key for each in PARAMETERS}) == len(names)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_a_robot_has_the_parameters_that_its_file_has_values_for(name):
+    config = ROBOTS[name]
+    found = ParameterSet(Configurations(config, config, contradictions), {})
+    names = {each.name for each in found.parameters}
+    assert ("CTL_L_KP" in names) == (name == "diff_drive")
+    assert ("CTL_D_KP" in names) == (name != "diff_drive")
+    for index, fact in enumerate(found.facts()):
+        parameter = fact.parameter
+        assert found.index_of(parameter.name) == index
+        assert found.value(parameter) == fact.default == value_at(config, parameter.key)
+        assert parameter.low <= fact.default <= parameter.high
+        assert fact.description.endswith((".", ","))
+    units = {each.parameter.name: each.unit for each in found.facts()}
+    assert units["LIM_OMEGA_MAX"] == "rad/s"
+    assert units.get("CTL_L_KD", "V s^2/rad") == "V s^2/rad"
+    assert units["MON_PAIR_SHARE"] == ""
+
+
+def test_every_bound_of_the_table_is_allowed_by_the_constructors():
+    """What else is wrong with it has to do with other values."""
+    for parameter in PARAMETERS:
+        value = value_at(CONFIG, parameter.key)
+        if value is None or parameter.change is Change.NEVER:
+            continue
+        for bound in (parameter.low, parameter.high):
+            assert value_at(replaced(CONFIG, parameter.key, bound), parameter.key) == bound
+
+
+@given(st.floats(width=32))
+def test_the_shortest_number_is_the_one_that_was_packed(value):
+    assume(not math.isnan(value))
+    assert struct.pack("<f", shortest(value)) == struct.pack("<f", value)
+    assert shortest(single(0.1)) == 0.1
+
+
+def test_a_value_is_taken_and_kept_as_the_decimal_that_was_meant():
+    found, put = parameters()
+    assert put("CTL_L_KP", 0.7) == "0.65 -> 0.7"
+    assert found.changes() == found.live() == {"control.left.kp": 0.7}
+    assert found.now.control.left.kp == 0.7
+    assert put("CTL_L_KP", 0.7) == ""
+    assert put("CTL_L_KP", 0.65) == "0.7 -> 0.65"
+    assert found.changes() == found.live() == {}
+
+
+def test_what_protects_the_robot_changes_at_once_to_the_safe_side_of_its_start_only():
+    found, put = parameters()
+    assert put("LIM_V_MAX", 0.5) == "0.8 -> 0.5"
+    assert found.live() == {"limits.v_max_m_s": 0.5}
+    assert put("LIM_V_MAX", 1.0) == "0.5 -> 1 after a restart, 0.8 until then"
+    assert found.live() == {}
+    assert found.changes() == {"limits.v_max_m_s": 1.0}
+    assert put("GRD_MARGIN", 0.3) == "0.12 -> 0.3"
+    assert put("GRD_MARGIN", 0.1) == "0.3 -> 0.1 after a restart, 0.12 until then"
+    assert put("SAF_ARM_MS", 2000) == "1000 -> 2000 after a restart, 1000 until then"
+    assert found.value(found.parameters[found.index_of("SAF_ARM_MS")]) == 2000
+
+
+def test_a_robot_that_was_restarted_began_with_the_new_values():
+    began, _ = with_values(CONFIG, {"limits.v_max_m_s": 1.0}, contradictions)
+    found, put = parameters(began, limits__v_max_m_s=1.0)
+    assert found.live() == {}
+    assert found.changes() == {"limits.v_max_m_s": 1.0}
+    assert put("LIM_V_MAX", 0.9) == "1 -> 0.9"
+
+
+def test_a_telemetry_that_was_restarted_brings_the_live_values_into_force_again():
+    found, _ = parameters(control__left__kp=0.7, limits__v_max_m_s=1.0)
+    assert found.live() == {"control.left.kp": 0.7}
+
+
+def test_what_is_wrong_is_refused_and_said():
+    _, put = parameters()
+    assert refusal(put, "LIM_V_MAX", math.nan)[0] is Problem.VALUE_OUT_OF_RANGE
+    assert refusal(put, "LIM_V_MAX", math.inf)[0] is Problem.VALUE_OUT_OF_RANGE
+    out = refusal(put, "CTL_L_KP", 101)
+    assert out == (Problem.VALUE_OUT_OF_RANGE, "CTL_L_KP: 101 found, 0 to 100 allowed")
+    assert refusal(put, "CTL_L_KP", 1, INT32)[0] is Problem.TYPE_MISMATCH
+    assert refusal(put, "SAF_ARM_MS", 1000.5)[0] is Problem.TYPE_MISMATCH
+    assert refusal(put, "SAF_ARM_MS", 1000, 4)[0] is Problem.TYPE_MISMATCH
+    assert refusal(put, "GEO_TRACK", 0.4)[0] is Problem.READ_ONLY
+    problem, text = refusal(put, "GRD_DECEL", 3.0)
+    assert problem is Problem.VALUE_OUT_OF_RANGE
+    assert "limits.a_max_m_s2" in text
+    assert put("SAF_ARM_MS", 2000.0, REAL32)  # many send nothing else
+
+
+@given(st.lists(st.tuples(st.sampled_from(PARAMETERS), st.floats(width=32)), max_size=12))
+def test_whatever_is_set_the_robot_can_start_with_it_and_nothing_in_force_is_less_safe(asked):
+    found, _ = parameters()
+    for parameter, value in asked:
+        if found.index_of(parameter.name) is None:
+            continue
+        kind = REAL32 if isinstance(found.value(parameter), float) else INT32
+        try:
+            found.set(parameter, value, kind)
+        except ParameterRefused:
+            continue
+    config, refused = with_values(CONFIG, found.changes(), contradictions)
+    assert not refused
+    assert not list(contradictions(config))
+    assert not list(contradictions(found.now))
+    for parameter in found.parameters:
+        now, then = value_at(found.now, parameter.key), value_at(CONFIG, parameter.key)
+        assert parameter.change.nearest(now, then) == now
+
+
+def test_values_that_are_allowed_only_together_are_taken_in_any_order():
+    values = {"navigation.guard.deceleration_m_s2": 3.0, "limits.a_max_m_s2": 4.0}
+    for order in (values, dict(reversed(values.items()))):
+        config, refused = with_values(CONFIG, order, contradictions)
+        assert not refused
+        assert config.navigation.guard.deceleration_m_s2 == 3.0
+
+
+def test_a_value_that_is_no_longer_allowed_is_named_and_left_out():
+    slow = dataclasses.replace(CONFIG.limits, a_max_m_s2=0.85)
+    config = dataclasses.replace(CONFIG, limits=slow)
+    values = {
+        "navigation.guard.deceleration_m_s2": 2.0,
+        "control.left.kp": 0.7,
+        "control.left.kk": 1.0,
+        "control.right.kp": -1.0,
+        "safety.arm_timeout_ms": 10.5,
+    }
+    config, refused = with_values(config, values, contradictions)
+    assert config.control.left.kp == 0.7
+    assert refused.keys() == values.keys() - {"control.left.kp"}
+    assert "at most limits.a_max_m_s2" in refused["navigation.guard.deceleration_m_s2"]
+    assert refused["control.left.kk"] == "control.left.kk: no such key"
+    assert refused["control.right.kp"].startswith("control.right.kp: -1.0 found")
+    assert "whole number" in refused["safety.arm_timeout_ms"]
