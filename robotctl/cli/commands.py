@@ -25,6 +25,7 @@ COMMANDS: Final = {
         "goto:explore",
         "Let a robot that runs on this computer, and is armed, explore until its map is complete.",
     ),
+    "mavlink": ("mavlink:app", "MAVLink: keys for message signing."),
     "mission": ("mission:app", "Missions of a robot that runs on this computer."),
     "tune": (
         "tune.tune:tune",

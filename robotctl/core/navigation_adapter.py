@@ -153,7 +153,11 @@ class NavigationAdapter:
         """
         if localisation is not None:
             self._world.localise(localisation)
-        self.fence_by(each for each in requests if isinstance(each, SetFence | EnableFence))
+        self.fence_by(
+            each
+            for each in requests
+            if isinstance(each, SetFence | EnableFence) and not too_late(each, now_ns)
+        )
         inputs = self._inputs(control, requests, now_ns, seen)
         out = self.navigator.step(inputs, now_ns)
         offer, self._offer = self._offer, None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, TypeAlias
 
@@ -115,6 +115,11 @@ class NoStore:
         """Have nothing to remove."""
 
 
+def _take_no_key(key: bytes, stamp: int) -> str:  # noqa: ARG001
+    """Return why no key for signing is taken."""
+    return "nothing keeps it"
+
+
 @dataclass(frozen=True, slots=True)
 class GroundStation:
     """A ground station that is alive: its address, and when each link last heard it [ns]."""
@@ -133,7 +138,8 @@ class GroundStation:
 class Context:
     """The present state and the outputs of a step, shared by all microservices.
 
-    `stores` keep plans, by their kind, `parameter_store` the `parameters`; `origin` says where
+    `stores` keep plans, by their kind, `parameter_store` the `parameters`; `take_key`
+    uses and keeps a key for signing with its time stamp, and returns why not; `origin` says where
     `world` is on the globe, once that is known, `origin_users` which kinds of plans have places by
     it. `catalogue` is the sum of them, known once all are made. `peers` are served on the links
     now, `heard_ns` says when each of them was heard last [ns]. `ground_stations` are those alive,
@@ -148,6 +154,7 @@ class Context:
     stores: Mapping[str, PlanStore] = field(default_factory=dict)
     parameters: ParameterSet = field(default_factory=lambda: NO_PARAMETERS)
     parameter_store: ParameterStore = field(default_factory=NoParameterStore)
+    take_key: Callable[[bytes, int], str] = _take_no_key
     origin: Origin | None = None
     origin_users: set[str] = field(default_factory=set)
     control: ControlState | None = None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from robotctl.mavlink.config import MavlinkConfig
 from robotctl.mavlink.context import (
@@ -40,6 +40,8 @@ class Telemetry:
         What ground stations may read and set; none, without it.
     parameter_store : ParameterStore
         Keeps them; None: what is set is lost with this process.
+    take_key : callable
+        Uses and keeps a key for signing with its time stamp; returns why not, empty: it does.
     """
 
     def __init__(
@@ -52,9 +54,12 @@ class Telemetry:
         stores: Mapping[str, PlanStore] | None = None,
         parameters: ParameterSet = NO_PARAMETERS,
         parameter_store: ParameterStore | None = None,
+        take_key: Callable[[bytes, int], str] | None = None,
     ) -> None:
         store = parameter_store or NoParameterStore()
         context = Context(config, robot, links, stores or {}, parameters, store)
+        if take_key is not None:
+            context.take_key = take_key
         self._members = tuple(make(context) for make in services)
         self._config = context.config
         context.catalogue = catalogue_of(self._members)

@@ -45,6 +45,8 @@ class LinkConfig:
         `udpout:HOST:PORT` sends to a ground station, `udpin:HOST:PORT` waits for several,
         `tcpout:HOST:PORT` connects to a server, `tcpin:HOST:PORT` is one,
         `serial:/dev/NAME:BAUD` is a serial line or radio. IPv6 hosts stand in brackets.
+    safe : bool
+        A signing key may come over it: nobody else can listen, as on a cable.
 
     Raises
     ------
@@ -54,6 +56,7 @@ class LinkConfig:
     """
 
     url: str
+    safe: bool = False
 
     def __post_init__(self) -> None:
         try:

@@ -9,6 +9,7 @@ from pymavlink.dialects.v20 import common
 from robotctl.drivers.mavlink import frames as mavlink_link_frames
 from robotctl.drivers.mavlink.base import Channel, LinkContext
 from robotctl.drivers.mavlink.link import MavlinkLinks
+from robotctl.drivers.mavlink.signing import Signing
 from robotctl.messages.mavlink_port import LinkConfig, Peer
 
 SECOND_NS = 1_000_000_000
@@ -26,7 +27,7 @@ def new_beat():
 
 @pytest.fixture
 def channel():
-    return Channel(Peer(0, 0), LinkContext(None, [], 1, 1))
+    return Channel(Peer(0, 0), LinkContext(None, [], 1, 1, Signing()))
 
 
 def example(kind):

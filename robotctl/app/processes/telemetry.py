@@ -12,6 +12,7 @@ import zmq
 import robotctl
 from robotctl.app.processes.entry import enter
 from robotctl.app.processes.plan_files import plan_stores
+from robotctl.app.processes.signing_files import SigningFiles
 from robotctl.app.supervision.signals import StopFlag
 from robotctl.config.changes import ParameterFile
 from robotctl.config.options import StackOptions
@@ -77,10 +78,12 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     to_navigation = RequestSender(context, endpoints.navigation_requests)
     publisher = Publisher(context, endpoints.telemetry_notices)
     mavlink = config.mavlink
+    keys = SigningFiles(mavlink, options)
     with ExitStack() as stack:
         stack.callback(context.destroy, linger=0)
+        stack.callback(keys.close)
         links = stack.enter_context(
-            MavlinkLinks(mavlink.link, mavlink.system_id, mavlink.component_id)
+            MavlinkLinks(mavlink.link, mavlink.system_id, mavlink.component_id, keys.signing)
         )
         telemetry = Telemetry(
             mavlink,
@@ -89,6 +92,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
             stores=plan_stores(options.state),
             parameters=parameters_of(config, options),
             parameter_store=ParameterFile(options.state),
+            take_key=keys.take_key,
         )
         heartbeat = ProcessHeartbeat(os.environ)
         # The one request that is kept for a control process that is not there yet.
@@ -113,6 +117,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
                 stop = None
             for notice in telemetry.take_notices():
                 publisher.send(notice)
+            keys.save(clock.now_ns())
             heartbeat.beat()
             deadline_ns = max(deadline_ns + 1_000_000_000 // RATE_HZ, clock.now_ns())
             clock.sleep_until(deadline_ns)

@@ -14,6 +14,7 @@ from pymavlink.dialects.v20 import common
 
 from robotctl.drivers.mavlink.admission import Standing
 from robotctl.drivers.mavlink.frames import FrameReader
+from robotctl.drivers.mavlink.signing import Signing
 from robotctl.messages.mavlink_port import LinkConfig, LinkStatus, Message, Peer, Received
 
 READ_SIZE = 8192
@@ -33,6 +34,7 @@ class LinkContext(NamedTuple):
     inbox: list[Received]
     system_id: int
     component_id: int
+    signing: Signing
 
 
 class Channel:
@@ -43,14 +45,19 @@ class Channel:
     peer : Peer
         Its name towards the services.
     hub : LinkContext
-        Gives the addresses written into each frame.
+        Gives the addresses written into each frame, and the key.
+    safe : bool
+        Whether a key may come over its link.
     """
 
-    def __init__(self, peer: Peer, hub: LinkContext) -> None:
+    def __init__(self, peer: Peer, hub: LinkContext, *, safe: bool = False) -> None:
         self.peer = peer
+        self._signing = hub.signing
         self._codec = common.MAVLink(None, hub.system_id, hub.component_id)
+        self._codec.signing.link_id = peer.link & 0xFF
         self._codec_v1 = v1.MAVLink(None, hub.system_id, hub.component_id)
-        self.reader = FrameReader(self._codec)
+        decoder = common.MAVLink(None)
+        self.reader = FrameReader(decoder, hub.signing, safe=safe)
         self.standing = Standing()
         self._seq = 0
 
@@ -61,13 +68,17 @@ class Channel:
         fields that only MAVLink 2 has.
         """
         codec = self._codec
-        if self.reader.is_v1:
+        if self.reader.is_v1 and self._signing.key is None:
             kind = v1.mavlink_map.get(message.get_msgId())
             if kind is None:
                 return None
             values = (getattr(message, name) for name in kind.fieldnames)
             message = kind(*(each.encode() if isinstance(each, str) else each for each in values))
             codec = self._codec_v1
+        if self._signing.key is not None:
+            codec.signing.secret_key = self._signing.key
+            codec.signing.sign_outgoing = True
+            codec.signing.timestamp = self._signing.next_stamp()
         codec.seq = self._seq
         frame: bytes = message.pack(codec)
         self._seq = (self._seq + 1) & 0xFF
@@ -126,6 +137,7 @@ class Link(ABC):
         self.url = config.url
         self.address = config.address
         self.hub = hub
+        self._safe = config.safe
         self.counters = Counters()
         self._back_off = BackOff()
         self._last_peer = -1
@@ -166,7 +178,11 @@ class Link(ABC):
     def new_channel(self) -> Channel:
         """Return a channel for a new peer."""
         self._last_peer += 1
-        return Channel(Peer(self.number, self._last_peer), self.hub)
+        return self.channel(Peer(self.number, self._last_peer))
+
+    def channel(self, peer: Peer) -> Channel:
+        """Return a channel for a peer."""
+        return Channel(peer, self.hub, safe=self._safe)
 
     def deliver(self, messages: list[Message], channel: Channel, now_ns: int) -> None:
         """Put messages of `channel` into the inbox and account for its bad bytes."""

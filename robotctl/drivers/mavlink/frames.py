@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from pymavlink.dialects.v20 import common
 
-from robotctl.messages.mavlink_port import Message
+from robotctl.drivers.mavlink.signing import Signing
+from robotctl.messages.mavlink_port import Message, source
 
 MARKER_V1: int = common.PROTOCOL_MARKER_V1
 MARKER_V2: int = common.PROTOCOL_MARKER_V2
@@ -24,6 +25,9 @@ FORGET_NS = 10_000_000_000
 """Time without MAVLink 2 after which a MAVLink 1 sender speaks only 1 [ns]: another program may be
 at the end of the line."""
 
+_FREE = frozenset({common.MAVLINK_MSG_ID_RADIO_STATUS})
+"""Messages that need no signature: radios have no key."""
+
 # The environment must not be able to switch off the check that keeps corrupt commands out.
 common.MAVLINK_IGNORE_CRC = 0
 
@@ -31,17 +35,25 @@ common.MAVLINK_IGNORE_CRC = 0
 class FrameReader:
     """Turns bytes into messages, one reader for each sender.
 
-    Accepts MAVLink 1 and 2; signatures are not verified. `bad_bytes` counts bytes of no valid
-    frame, `unknown` frames whose message is not in the dialect (they are skipped).
+    Accepts MAVLink 1 and 2. `bad_bytes` counts bytes of no valid frame, `unknown` frames whose
+    message is not in the dialect (they are skipped).
 
     Parameters
     ----------
     codec : pymavlink.dialects.v20.common.MAVLink
-        Decodes one complete frame.
+        Decodes one complete frame; it has no key.
+    signing : Signing
+        Says which frames are taken.
+    safe : bool
+        Whether SETUP_SIGNING is taken without a signature.
     """
 
-    def __init__(self, codec: common.MAVLink) -> None:
+    def __init__(
+        self, codec: common.MAVLink, signing: Signing | None = None, *, safe: bool = False
+    ) -> None:
         self._codec = codec
+        self._signing = signing or Signing()
+        self._free = _FREE | {common.MAVLINK_MSG_ID_SETUP_SIGNING} if safe else _FREE
         self._buffer = bytearray()
         self._last_ns = 0
         self._v2_ns: int | None = None
@@ -126,6 +138,8 @@ class FrameReader:
             message = self._codec.decode(buffer[start:end])
         except common.MAVError:
             return False
+        if not self._is_taken(message, buffer[start:end]):
+            return True
         if buffer[start] == MARKER_V2:
             self._v2_ns, self.is_v1 = self._last_ns, False
         elif self._v2_ns is None or self._last_ns - self._v2_ns > FORGET_NS:
@@ -139,6 +153,12 @@ class FrameReader:
             return True
         messages.append(message)
         return True
+
+    def _is_taken(self, message: Message, frame: bytearray) -> bool:
+        """Say whether who has sent a frame may talk to the robot."""
+        if message.get_msgId() in self._free:
+            return True
+        return self._signing.accepts(frame, source(message))
 
 
 def _find_marker(buffer: bytearray, position: int) -> int:

@@ -8,6 +8,7 @@ from typing import Self
 
 from robotctl.drivers.mavlink.base import Link, LinkContext
 from robotctl.drivers.mavlink.serial import SerialLink
+from robotctl.drivers.mavlink.signing import Signing
 from robotctl.drivers.mavlink.tcp import TcpClient, TcpServer
 from robotctl.drivers.mavlink.udp import UdpLink
 from robotctl.messages.mavlink_port import LinkConfig, LinkStatus, Message, Peer, Received
@@ -33,14 +34,22 @@ class MavlinkLinks:
         The links, in the order in which `Peer.link` counts them.
     system_id, component_id : int
         Address written into every frame, 1 to 255.
+    signing : Signing
+        Whose frames are taken; None: everybody's.
     """
 
     def __init__(
-        self, configs: Sequence[LinkConfig], system_id: int = 1, component_id: int = 1
+        self,
+        configs: Sequence[LinkConfig],
+        system_id: int = 1,
+        component_id: int = 1,
+        signing: Signing | None = None,
     ) -> None:
         self._selector = selectors.EpollSelector()
         self._inbox: list[Received] = []
-        hub = LinkContext(self._selector, self._inbox, system_id, component_id)
+        hub = LinkContext(
+            self._selector, self._inbox, system_id, component_id, signing or Signing()
+        )
         self._links = [
             _LINKS[config.address.kind](number, config, hub)
             for number, config in enumerate(configs)

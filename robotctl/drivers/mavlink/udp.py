@@ -86,7 +86,7 @@ class UdpLink(Link):
     def _channel(self, sender: _Sender) -> Channel:
         """Return a channel for a peer that is not served now, a former one under its name."""
         former = self._former.get(sender)
-        return self.new_channel() if former is None else Channel(former, self.hub)
+        return self.new_channel() if former is None else self.channel(former)
 
     def _readable(self, _mask: int, now_ns: int) -> None:
         taken = 0

@@ -25,6 +25,7 @@ from robotctl.mavlink.services.parameters import Parameters
 from robotctl.mavlink.services.pose import Poses
 from robotctl.mavlink.services.reposition import Repositions
 from robotctl.mavlink.services.setpoints import Setpoints
+from robotctl.mavlink.services.signing_setup import SigningSetup
 from robotctl.mavlink.services.sonars import Sonars
 from robotctl.mavlink.services.status_text import StatusText
 from robotctl.mavlink.services.streams import Streams
@@ -43,6 +44,7 @@ SERVICES: Final[tuple[type[Microservice], ...]] = (
     ManualControls,
     ExternalPoses,
     TimeSync,
+    SigningSetup,
     MessageRequests,
     # What the robot tells; streams start in this order.
     Heartbeat,

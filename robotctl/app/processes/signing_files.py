@@ -1,0 +1,145 @@
+"""The signing key of the MAVLink links, and how far their time stamps are."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import secrets
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from robotctl.config.options import StackOptions
+from robotctl.drivers.mavlink.signing import KEY_SIZE, MINUTE, Signing
+from robotctl.errors import ConfigError
+from robotctl.mavlink.config import MavlinkConfig
+from robotctl.runtime.storage.atomic_file import part_file
+from robotctl.runtime.storage.state_file import StateError, StateFile
+
+NAME: Final = "mavlink-signing.json"
+SAVE_NS: Final = 30_000_000_000
+"""Time stamps are saved so often [ns]; after a restart they go on a minute later."""
+_HEX: Final = re.compile(r"[0-9a-fA-F]{64}")
+_FEWEST_CHARACTERS: Final = 8
+
+
+class SigningState(msgspec.Struct, frozen=True):
+    """The newest time stamp that was used [10 us since 2015]."""
+
+    stamp: int
+
+
+def read_key(path: Path) -> bytes:
+    """Return the key of a file: 64 hexadecimal digits, or a pass phrase, whose SHA-256 it is.
+
+    Raises
+    ------
+    ConfigError
+        If it cannot be read, others may read it, or it holds no key.
+    """
+    try:
+        with path.open("rb") as file:
+            mode = os.fstat(file.fileno()).st_mode & 0o777
+            text = file.read(4096).decode("utf-8").strip()
+    except OSError as error:
+        hint = f"; `robotctl mavlink keygen {path}` makes one"
+        raise ConfigError(f"{path}: no signing key: {error.strerror}{hint}") from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}: a signing key is a line of text") from error
+    if mode & 0o077:
+        raise ConfigError(f"{path}: mode {mode:04o} found, 0600 allowed: others could read the key")
+    if _HEX.fullmatch(text):
+        return bytes.fromhex(text)
+    if len(text) < _FEWEST_CHARACTERS or "\n" in text:
+        raise ConfigError(
+            f"{path}: {len(text)} characters found; allowed is one line, of 64 hexadecimal digits "
+            f"or a pass phrase of {_FEWEST_CHARACTERS} characters or more"
+        )
+    return hashlib.sha256(text.encode()).digest()
+
+
+def write_new_key(path: Path) -> str:
+    """Write a file with a new pass phrase, which only its owner may read; return the phrase.
+
+    Raises
+    ------
+    ConfigError
+        If there is such a file, or it cannot be written.
+    """
+    phrase = secrets.token_urlsafe(KEY_SIZE)
+    try:
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    except OSError as error:
+        raise ConfigError(f"{path}: no key is written: {error.strerror}") from error
+    with os.fdopen(descriptor, "w") as file:
+        file.write(f"{phrase}\n")
+    return phrase
+
+
+class SigningFiles:
+    """Signing as a robot's file sets it up, and what of it outlives a restart.
+
+    Parameters
+    ----------
+    config
+        Where the key lies; none: nothing is signed.
+    options
+        Where state lies.
+
+    Attributes
+    ----------
+    signing
+        For the links.
+
+    Raises
+    ------
+    ConfigError
+        If the key cannot be read. Where it may come over a safe link, its file may be missing;
+        nobody has the key then.
+    """
+
+    def __init__(self, config: MavlinkConfig, options: StackOptions) -> None:
+        self._path = Path(config.signing_key) if config.signing_key else None
+        self._state = None
+        self._saved_ns = 0
+        self.signing = Signing()
+        if self._path is None:
+            return
+        may_come = any(link.safe for link in config.link) and not self._path.exists()
+        key = secrets.token_bytes(KEY_SIZE) if may_come else read_key(self._path)
+        saved = None
+        if options.state:
+            self._state = StateFile(Path(options.state) / NAME, SigningState)
+            saved, _ = self._state.load()
+        self.signing = Signing(key, 0 if saved is None else saved.stamp + MINUTE)
+
+    def take_key(self, key: bytes, stamp: int) -> str:
+        """Use and keep a key that came over a safe link; return why not, empty: it is used."""
+        if self._path is None:
+            return "the robot's file names no file for a key"
+        if key == self.signing.key:
+            return ""
+        try:
+            with part_file(self._path) as file:
+                os.fchmod(file.fileno(), 0o600)
+                file.write(f"{key.hex()}\n".encode())
+        except OSError as error:
+            return f"{self._path}: {error.strerror}"
+        self.signing.take_key(key, stamp)
+        return ""
+
+    def save(self, now_ns: int) -> None:
+        """Save the time stamp if it is time."""
+        if now_ns - self._saved_ns >= SAVE_NS:
+            self._saved_ns = now_ns
+            self.close()
+
+    def close(self) -> None:
+        """Save the time stamp."""
+        if self._state is not None:
+            try:
+                self._state.save(SigningState(self.signing.stamp))
+            except StateError:
+                return  # the recorder says that the disk takes nothing

@@ -1,0 +1,28 @@
+"""`robotctl mavlink`: keys for message signing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(help="MAVLink: keys for message signing.", no_args_is_help=True)
+
+
+@app.callback()
+def group() -> None:
+    """Keep the name of each command, though there may be one alone."""
+
+
+@app.command()
+def keygen(
+    file: Annotated[Path, typer.Argument(help="The new file; one that exists is not replaced.")],
+) -> None:
+    """Write a key for message signing to a file that only its owner may read, and print it.
+
+    It is a pass phrase, as ground stations ask for; name the file in mavlink.signing_key.
+    """
+    from robotctl.app.processes.signing_files import write_new_key  # noqa: PLC0415
+
+    print(write_new_key(file))
