@@ -50,10 +50,10 @@ class FenceKeeper:
         self, limits: LimitsConfig, body: Body, period_ns: int, life_ns: int, *, steered: bool
     ) -> None:
         # A command is followed until the next one, or its end, has reached control.
-        times_s = ((each + LATENCY_NS) * 1e-9 for each in (period_ns, life_ns))
-        self._guard = FenceGuard(limits, body, *times_s, steered=steered)
-        self._a_max_m_s2 = limits.a_max_m_s2
-        self._alpha_max_rad_s2 = limits.alpha_max_rad_s2
+        self._period_s = (period_ns + LATENCY_NS) * 1e-9
+        self._life_s = (life_ns + LATENCY_NS) * 1e-9
+        self._body, self._steered = body, steered
+        self.retune(limits)
         self.fence = Fence()
         self.state = FenceState()
         self.message = ""
@@ -64,6 +64,13 @@ class FenceKeeper:
         self._said: dict[str, int] = {}
         """When each kind of notice was last true [ns]."""
         self._notices: list[str] = []
+
+    def retune(self, limits: LimitsConfig) -> None:
+        """Take other limits."""
+        self._guard = FenceGuard(
+            limits, self._body, self._period_s, self._life_s, steered=self._steered
+        )
+        self._limits = limits
 
     @property
     def planned(self) -> Fence:
@@ -154,7 +161,7 @@ class FenceKeeper:
         dt_s = (control.stamp_ns - before.stamp_ns) * 1e-9
         a = (control.v_ref_m_s - before.v_ref_m_s) / dt_s
         alpha = (control.omega_ref_rad_s - before.omega_ref_rad_s) / dt_s
-        most_a, most_alpha = self._a_max_m_s2, self._alpha_max_rad_s2
+        most_a, most_alpha = self._limits.a_max_m_s2, self._limits.alpha_max_rad_s2
         self._acceleration = Twist(
             min(max(a, -most_a), most_a), min(max(alpha, -most_alpha), most_alpha)
         )

@@ -116,7 +116,9 @@ class NavigationTick:
     def _retune(self, tuning: Tuning) -> None:
         """Take other settings."""
         try:
-            self._adapter.navigator.retune(tuning.values)
+            navigator = self._adapter.navigator
+            navigator.retune(tuning.values)
+            self._adapter.fence.retune(navigator.limits)
             self._tuning = tuning.number
         except InvalidValue as error:
             text = f"tuning refused: {error}"

@@ -163,6 +163,11 @@ class Navigator:
         """Let AUTO resume at an item, a distance along it [m], and counts of repeats and jumps."""
         self._auto.resume(item, s_m, counts)
 
+    @property
+    def limits(self) -> LimitsConfig:
+        """The speed limits in force."""
+        return self._limits
+
     def load(self, mission: Mission) -> None:
         """Take another mission, as `Auto.load`."""
         self._auto.load(mission)

@@ -1,6 +1,7 @@
 """The fence: a ground station's side of the protocol, and where a simulated robot then drives."""
 
 import math
+from dataclasses import replace
 
 import msgspec
 import numpy as np
@@ -10,6 +11,8 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as m
 
 from robotctl.app.processes.plan_files import PlanFiles, load_fence
+from robotctl.control.limiter import LimitsConfig
+from robotctl.core.fence_keeper import FenceKeeper
 from robotctl.mavlink.globe import Origin
 from robotctl.mavlink.missions.fence_items import BadItem, check_fence_item, fence_of, read_fence
 from robotctl.mavlink.missions.item import MissionItem
@@ -17,8 +20,10 @@ from robotctl.mavlink.telemetry import Telemetry
 from robotctl.messages.fence import EnableFence, FenceState, SetFence
 from robotctl.model.fence import Fence, FenceCircle, FencePolygon
 from robotctl.model.fence_clearance import Body, body_clearance
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.geometry.twist import Twist
 from robotctl.planning.guard.obstacle_guard import body_rectangle
-from tests.mavlink.conftest import FakeLinks
+from tests.mavlink.conftest import FakeLinks, control_state
 from tests.mavlink.driven_robot import DrivenRobot
 
 FENCE = m.MAV_MISSION_TYPE_FENCE
@@ -342,3 +347,18 @@ def test_a_velocity_of_guided_ends_at_the_fence_and_a_disabled_one_is_none():
     fenced.run(3.5, back)
     assert fenced.clearance() > 0.1
     assert not fenced.robot.state.fence.breached
+
+
+def test_a_keeper_brakes_by_the_limits_in_force():
+    """With a tenth of the deceleration the robot is held back much earlier."""
+
+    def held(a_max_m_s2):
+        limits = LimitsConfig()
+        keeper = FenceKeeper(limits, Body(-0.2, 0.2, 0.18), 50_000_000, 200_000_000, steered=False)
+        keeper.retune(replace(limits, a_max_m_s2=a_max_m_s2))
+        keeper.take(SetFence(0, Fence(circles=(FenceCircle(0.0, 0.0, 2.0, True),)), 1))
+        state = control_state(10**9, v_m_s=0.5, v_ref_m_s=0.5)
+        return keeper.keep(state, SE2(0.6, 0.0, 0.0), Twist(0.5, 0.0), 10**9)
+
+    assert held(1.0) == Twist(0.5, 0.0)
+    assert held(0.1).v_m_s < 0.5
