@@ -1,0 +1,1 @@
+"""Scan matching: where a scan was taken, seen from scans before."""

@@ -1,0 +1,62 @@
+"""Where the robot is expected: by odometry, or as it moved before."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotctl.estimation.slam.front_end.surface import Floats
+from robotctl.model.geometry.se2 import SE2
+
+
+@dataclass(frozen=True, slots=True)
+class Expected:
+    """A motion since the last scan, and how sure it is.
+
+    Parameters
+    ----------
+    motion
+        Pose of `base` now in `base` then.
+    sigma_m, sigma_rad
+        Standard deviations [m], [rad].
+    """
+
+    motion: SE2
+    sigma_m: float
+    sigma_rad: float
+
+    @property
+    def information(self) -> Floats:
+        """(3, 3), in the frame of the pose."""
+        return np.diag([self.sigma_m**-2, self.sigma_m**-2, self.sigma_rad**-2])
+
+
+def by_odometry(motion: SE2) -> Expected:
+    """Return what wheels say, which slip: a tenth and more of the motion."""
+    distance, turn = math.hypot(motion.x_m, motion.y_m), abs(motion.theta_rad)
+    return Expected(
+        motion, 0.02 + 0.15 * distance + 0.05 * turn, 0.02 + 0.15 * turn + 0.05 * distance
+    )
+
+
+def by_velocity(last: SE2, last_s: float, now_s: float) -> Expected:
+    """Return the motion at the velocity of the last one, for a second at most.
+
+    Parameters
+    ----------
+    last, last_s
+        The last motion, and how long it took [s]; 0: not known.
+    now_s
+        Time since [s].
+    """
+    if last_s <= 0.0:
+        return Expected(SE2(), min(0.05 + 0.5 * now_s, 0.5), min(0.05 + 0.5 * now_s, 0.5))
+    share = min(now_s, 1.0) / last_s
+    rho_x, rho_y, theta = (share * each for each in last.log())
+    return Expected(
+        SE2.exp(rho_x, rho_y, theta),
+        min(0.03 + 0.25 * now_s**2 + 0.2 * math.hypot(rho_x, rho_y), 0.5),
+        min(0.03 + 0.8 * now_s**2 + 0.2 * abs(theta), 0.5),
+    )
