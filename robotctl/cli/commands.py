@@ -61,7 +61,7 @@ COMMANDS: Final = {
     ),
     "slam": (
         "slam:slam",
-        "Make a trajectory and a map of landmarks from a recorded drive.",
+        "Make a trajectory and a map from a recorded drive, by landmarks or by lidar.",
     ),
     "plan": (
         "plan:plan",

@@ -16,7 +16,8 @@ from robotctl.errors import ConfigError
 
 def slam(
     log: Annotated[
-        Path, typer.Option(help="MRCLAM folder, another log with sightings, or a graph.")
+        Path,
+        typer.Option(help="MRCLAM folder, another log with sightings or lidar scans, or a graph."),
     ],
     out: Annotated[Path, typer.Option(metavar="DIR", help="Write the results into this folder.")],
     features: Annotated[str, typer.Option(help="What the map is made of: landmarks.")] = (
@@ -36,18 +37,33 @@ def slam(
     mrclam_robot: Annotated[
         int | None, typer.Option(min=1, help="Robot of an MRCLAM folder; default: 1.")
     ] = None,
+    sensor: Annotated[
+        str | None,
+        typer.Option(help="lidar: match scans and draw a map, in place of landmarks."),
+    ] = None,
     time_unit: TimeUnit = None,
 ) -> None:
-    """Make a trajectory and a map of landmarks from a recorded drive.
+    """Make a trajectory and a map from a recorded drive, by landmarks or by lidar.
 
-    Writes trajectory.tum, online.tum, landmarks.csv, graph.g2o and report.json; with the extra
-    `plot` plot.png.
+    Writes trajectory.tum, online.tum, graph.g2o and report.json, landmarks.csv or map.yaml, map.pgm
+    and closures.csv; with the extra `plot` plot.png.
     """
+    if sensor not in (None, "lidar"):
+        raise ConfigError(f"--sensor {sensor}: unknown; allowed is lidar")
+    if sensor is not None and (features, solver, association) != ("landmarks", "ekf", "names"):
+        raise ConfigError(
+            "--sensor lidar: --features, --solver and --association are for landmarks, leave them"
+        )
     if not out.parent.is_dir():
         raise ConfigError(f"--out {out}: the folder {out.parent} does not exist")
     if out.exists() and not out.is_dir():
         raise ConfigError(f"--out {out}: is a file, a folder is needed")
     console = plain_console(stderr=True)
+    if sensor is not None:
+        from robotctl.cli.slam_lidar import slam_by_lidar  # noqa: PLC0415
+
+        slam_by_lidar(log, out, time_unit, console)
+        return
     with progress_bar(console, log.name, "SLAM") as tell:
         # It takes a second or more, in which nothing would be seen.
         from robotctl.compiled import COMPILING, cache_is_cold  # noqa: PLC0415

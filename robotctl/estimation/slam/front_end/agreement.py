@@ -60,9 +60,7 @@ def view_of(scan: RangeScan) -> View:
 
 
 @compiled
-def _fill(
-    angles: Floats, ranges: Floats, reach: float, nearest: Floats, farthest: Floats
-) -> None:
+def _fill(angles: Floats, ranges: Floats, reach: float, nearest: Floats, farthest: Floats) -> None:
     """Enter each beam into the sectors that it covers."""
     for k in range(len(angles)):
         middle = angles[k] * _SECTORS / (2.0 * np.pi)

@@ -135,7 +135,7 @@ def _penalty(column: int, row: int, side: int, per_cell: float) -> float:
 
 
 @compiled
-def _branch_and_bound(
+def _branch_and_bound(  # noqa: C901 - one compiled loop
     cells: NDArray[np.uint8], begins: NDArray[np.int64], rows: NDArray[np.int64],
     columns: NDArray[np.int64], centre: Floats, points: Floats, turns: Floats, half: int,
     per_cell: float, per_rad: float, least: float, excluded: Floats,

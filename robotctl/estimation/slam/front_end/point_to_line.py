@@ -29,7 +29,8 @@ NARROW_M: Final = 0.06
 """Residuals beyond which a point loses its weight, at first and in the end."""
 _CELL_M: Final = 0.25
 _STEPS: Final = 30
-_SETTLED: Final = 1e-5
+_SETTLED: Final = 1e-4
+"""Steps below this are the last [m], [rad]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,13 +61,32 @@ def binned(surface: Surface) -> Bins:
     """Return a surface of at least one point in bins."""
     outline = surface.outline
     corner = np.floor(outline.min(axis=0) / _CELL_M) * _CELL_M
-    cells = ((outline - corner) / _CELL_M).astype(np.int64)
-    columns, rows = (int(each) + 1 for each in cells.max(axis=0))
-    places = cells[:, 1] * columns + cells[:, 0]
-    order = np.argsort(places, kind="stable")
+    columns, rows = (int(each) + 1 for each in (outline.max(axis=0) - corner) / _CELL_M)
     begins = np.zeros(rows * columns + 1, np.int64)
-    np.cumsum(np.bincount(places, minlength=rows * columns), out=begins[1:])
-    return Bins(outline[order], surface.outline_normals[order], begins, corner, columns, rows)
+    points, normals = np.empty_like(outline), np.empty_like(outline)
+    _sort(outline, surface.outline_normals, corner, columns, begins, points, normals)
+    return Bins(points, normals, begins, corner, columns, rows)
+
+
+@compiled
+def _sort(
+    outline: Floats, facing: Floats, corner: Floats, columns: int, begins: NDArray[np.int64],
+    points: Floats, normals: Floats,
+) -> None:  # fmt: skip
+    """Sort points into bins by counting."""
+    bins = np.empty(len(outline), np.int64)
+    for k in range(len(outline)):
+        column = int((outline[k, 0] - corner[0]) / _CELL_M)
+        row = int((outline[k, 1] - corner[1]) / _CELL_M)
+        bins[k] = row * columns + column
+        begins[bins[k] + 1] += 1
+    for each in range(1, len(begins)):
+        begins[each] += begins[each - 1]
+    ends = begins.copy()
+    for k in range(len(outline)):
+        at = ends[bins[k]]
+        ends[bins[k]] += 1
+        points[at], normals[at] = outline[k], facing[k]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,7 +182,7 @@ def _refine(
         pose[0] += short * (c * step[0] - s * step[1])
         pose[1] += short * (s * step[0] + c * step[1])
         pose[2] += short * step[2]
-        settled = length < 10.0 * _SETTLED and abs(step[2]) < _SETTLED
+        settled = length < _SETTLED and abs(step[2]) < _SETTLED
         if scale <= NARROW_M and settled:
             break
         scale = max(NARROW_M, 0.7 * scale)
@@ -230,7 +250,7 @@ def _normal_equations(
 @compiled
 def _nearest(
     points: Floats, normals: Floats, begins: NDArray[np.int64], corner: Floats, columns: int,
-    rows: int, x: float, y: float, mx: float, my: float, is_wall: bool, most: float,  # noqa: FBT001
+    rows: int, x: float, y: float, mx: float, my: float, is_wall: bool, most: float,
 ) -> int:  # fmt: skip
     """Return the nearest point that faces the same way, within `most`; -1: none."""
     best, found = most * most, -1

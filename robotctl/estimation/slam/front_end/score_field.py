@@ -83,8 +83,7 @@ def _draw(
         for i in range(2 * _REACH + 1):
             begin = middle + (i - _REACH) * width - _REACH
             for j in range(2 * _REACH + 1):
-                if stamp[i, j] > cells[begin + j]:
-                    cells[begin + j] = stamp[i, j]
+                cells[begin + j] = max(cells[begin + j], stamp[i, j])
 
 
 @compiled
@@ -100,8 +99,7 @@ def _pool(
             for column in range(width):
                 value = cells[fine + row * width + column]
                 at = coarse + (row >> 1) * wide + (column >> 1)
-                if value > cells[at]:
-                    cells[at] = value
+                cells[at] = max(cells[at], value)
     for level in range(1, len(begins)):
         begin, high, wide = begins[level], rows[level], columns[level]
         for row in range(high):

@@ -107,7 +107,7 @@ def _linked(
 
 
 @compiled
-def _fit(
+def _fit(  # noqa: C901 - one compiled loop
     points: Floats, ranges: Floats, is_linked: NDArray[np.bool_], step_rad: float, sensor: Floats,
     normals: Floats, weights: Floats,
 ) -> None:  # fmt: skip
@@ -129,7 +129,9 @@ def _fit(
             last += 1
         n = last - first + 1
         if n >= 2:
-            length = np.hypot(points[last, 0] - points[first, 0], points[last, 1] - points[first, 1])
+            length = np.hypot(
+                points[last, 0] - points[first, 0], points[last, 1] - points[first, 1]
+            )
             weights[i] = min(1.0, length / (n - 1) / _SPACING_M)
         if n < 3:
             continue

@@ -72,12 +72,10 @@ class BackEnd:
         covariance = np.linalg.inv(link.information + 1e-3 * np.eye(3))
         length = np.hypot(link.pose.x_m, link.pose.y_m)
         doubt = (
-            np.linalg.eigvalsh(covariance[:2, :2])[-1] + DRIFT_M**2 * length,
+            covariance[0, 0] + covariance[1, 1] + DRIFT_M**2 * length,
             covariance[2, 2] + DRIFT_RAD**2 * length,
         )
-        for slot, (own, other) in enumerate(
-            ((link.first, link.second), (link.second, link.first))
-        ):
+        for slot, (own, other) in enumerate(((link.first, link.second), (link.second, link.first))):
             self._following[at + slot] = self._heads[own]
             self._heads[own] = at + slot
             self._ends[at + slot] = other
@@ -88,6 +86,11 @@ class BackEnd:
     def update(self) -> None:
         """Take in what was added."""
         self._smoother.update()
+        self.poses = self._smoother.estimates(POSES)
+
+    def refine(self) -> None:
+        """Linearise anew until the estimate is that of a batch."""
+        self._smoother.refine()
         self.poses = self._smoother.estimates(POSES)
 
     def pose(self, number: int) -> SE2:
@@ -120,12 +123,12 @@ class BackEnd:
 
         Along the links with the least doubt, which is more than there is.
         """
-        return np.sqrt(
-            _least_doubt(
-                number, len(self.poses), self._heads, self._following, self._ends, self._variances,
-                self.poses,
-            )
+        variances = _least_doubt(
+            number, len(self.poses), self._heads, self._following, self._ends, self._variances,
+            self.poses,
         )  # fmt: skip
+        result: Floats = np.sqrt(variances)
+        return result
 
 
 @compiled
@@ -148,9 +151,7 @@ def _least_doubt(
             other = ends[entry]
             dx = poses[other, 0] - poses[node, 0]
             dy = poses[other, 1] - poses[node, 1]
-            position = (
-                result[node, 0] + variances[entry, 0] + result[node, 1] * (dx * dx + dy * dy)
-            )
+            position = result[node, 0] + variances[entry, 0] + result[node, 1] * (dx * dx + dy * dy)
             if position < result[other, 0]:
                 result[other, 0] = position
                 result[other, 1] = result[node, 1] + variances[entry, 1]

@@ -76,7 +76,9 @@ class _Pending:
 class LoopSearch:
     """Candidates, one at a time, and what became of them."""
 
-    def __init__(self, config: LidarSlamConfig, keyframes: list[Keyframe], back_end: BackEnd) -> None:
+    def __init__(
+        self, config: LidarSlamConfig, keyframes: list[Keyframe], back_end: BackEnd
+    ) -> None:
         self._config = config
         self._keyframes = keyframes
         self._back_end = back_end
@@ -107,7 +109,7 @@ class LoopSearch:
             if not links:
                 closure = Closure(
                     closure.keyframe, closure.other, closure.pose, closure.score,
-                    "no other closure confirms it yet",
+                    "not confirmed by another yet",
                 )  # fmt: skip
         self.log.append(closure)
         return links if not closure.reason else []
@@ -139,17 +141,17 @@ class LoopSearch:
         points = thinned(surface.points, _POINTS)
         found = search(target.field, points, window, _LEAST_SCORE)
         if found is None:
-            return Closure(k, j, centre, 0.0, f"score below {_LEAST_SCORE}"), []
+            return Closure(k, j, centre, 0.0, "low score"), []
         match = refine(target.bins, surface, found.pose)
 
         def refused(reason: str) -> tuple[Closure, list[Link]]:
             return Closure(k, j, match.pose, found.score, reason), []
 
         if match.inliers < _LEAST_INLIERS:
-            return refused(f"{match.inliers:.0%} of the echoes match")
+            return refused("few echoes match")
         if search(target.field, points, window, _AMBIGUOUS * found.score, found.pose) is not None:
-            return refused("another place fits as well")
-        links, reason = [], "no keyframe near"
+            return refused("ambiguous")
+        links = []
         at = match.pose
         by_distance = sorted(
             place,
@@ -158,14 +160,13 @@ class LoopSearch:
         for other in by_distance[: 2 * _PAIRS]:
             start = back_end.between(j, other).inverse() @ match.pose
             pair = match_pair(keyframes[other], keyframes[k], start, config, 0.15)
-            if pair.reason:
-                reason = pair.reason
+            if pair is None:
                 continue
-            links.append(Link(other, k, pair.match.pose, pair.match.information, is_loop=True))
+            links.append(Link(other, k, pair.pose, pair.information, is_loop=True))
             if len(links) == _PAIRS:
                 break
         if not links:
-            return refused(f"no pair of scans: {reason}")
+            return refused("no two scans match")
         return Closure(k, j, match.pose, found.score, ""), links
 
     def _confirmed(self, new: _Pending) -> list[Link]:

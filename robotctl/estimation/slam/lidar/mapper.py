@@ -19,7 +19,8 @@ from robotctl.estimation.slam.robust.robust_cost import OFF, scale
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
 
-_LEAST_ECHOES: Final = 10
+LEAST_ECHOES: Final = 10
+"""Scans with fewer are not matched."""
 _NEAR_M: Final = 3.0
 _LOOSE_M: Final = 0.25
 _LOOSE_RAD: Final = 0.08
@@ -67,20 +68,23 @@ class SlamMapper:
         Raises
         ------
         ValueError
-            If the first scan has no echo.
+            If the first scan has less than `LEAST_ECHOES` echoes.
         """
         surface = surface_of(scan)
         last = self._place
         if last is None:
-            if len(surface.points) == 0:
-                raise ValueError("the first scan has no echo: nothing to match the next one with")
+            if len(surface.points) < LEAST_ECHOES:
+                raise ValueError(
+                    f"the first scan has {len(surface.points)} echoes, at least {LEAST_ECHOES} "
+                    "are needed"
+                )
             self._place = Place(scan.stamp_ns, 0, SE2())
             self._odometry = odometry
             self._new_keyframe(scan, surface, SE2(), None, None)
             return self._place
         expected = self._expected(scan.stamp_ns, last, odometry)
         tracked = Tracked(last.pose @ expected.motion, None, 0.0, has_slipped=False)
-        if len(surface.points) >= _LEAST_ECHOES:
+        if len(surface.points) >= LEAST_ECHOES:
             if self._local is None:
                 self._local = self._make_local()
             tracked = track(self._local, surface, last.pose, expected, self.config)
@@ -90,11 +94,11 @@ class SlamMapper:
         self._moved, self._moved_s = step, 1e-9 * (scan.stamp_ns - last.stamp_ns)
         self._travelled_m += float(np.hypot(step.x_m, step.y_m))
         self._place = Place(scan.stamp_ns, last.keyframe, tracked.pose)
-        if len(surface.points) >= _LEAST_ECHOES and self._is_new(tracked):
+        if len(surface.points) >= LEAST_ECHOES and self._is_new(tracked):
             self._new_keyframe(scan, surface, tracked.pose, tracked, expected)
         links = self.loops.step()
         if links:
-            self._close(links)
+            self.close(links)
         return self._place
 
     def _expected(self, stamp_ns: int, last: Place, odometry: SE2 | None) -> Expected:
@@ -144,8 +148,8 @@ class SlamMapper:
         if count == 0:
             doubt = np.diag(1.0 / np.array([0.1, 0.1, 0.05]) ** 2)
             back_end.link(Link(number - 1, number, pose, doubt))
-        back_end.update()
         self._link_near(number)
+        back_end.update()
 
     def _link_last(self, number: int) -> int:
         """Link a keyframe with the last ones; return how many."""
@@ -163,9 +167,9 @@ class SlamMapper:
             self.config,
             wide_m,
         )
-        if pair.reason:
+        if pair is None:
             return False
-        self.back_end.link(Link(first, second, pair.match.pose, pair.match.information, is_loop))
+        self.back_end.link(Link(first, second, pair.pose, pair.information, is_loop))
         return True
 
     def _link_near(self, number: int) -> None:
@@ -186,12 +190,11 @@ class SlamMapper:
             if linked == _NEAR_LINKS:
                 break
         if linked:
-            self.back_end.update()
             return
         may_be = (away < _NEAR_M + 3.0 * doubts[:old, 0]) & ~certain
         self.loops.consider(number, np.flatnonzero(may_be), doubts)
 
-    def _close(self, links: list[Link]) -> None:
+    def close(self, links: list[Link]) -> None:
         """Close a loop."""
         for link in links:
             self.back_end.link(link)
@@ -199,6 +202,12 @@ class SlamMapper:
         self._reweigh()
         self._local = None
         self.epoch += 1
+
+    def finish(self) -> None:
+        """Make the estimate exact, after the last scan."""
+        self.back_end.refine()
+        self._reweigh()
+        self.back_end.refine()
 
     def _reweigh(self) -> None:
         """Take weight from links of loops that the graph contradicts."""

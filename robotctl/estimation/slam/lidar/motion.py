@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from robotctl.estimation.slam.front_end.surface import Floats
 from robotctl.model.geometry.se2 import SE2
+
+_LONGEST: Final = 1.5
+"""At most so many times the last motion is expected: after a pause, or if a clock jumps."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +46,7 @@ def by_odometry(motion: SE2) -> Expected:
 
 
 def by_velocity(last: SE2, last_s: float, now_s: float) -> Expected:
-    """Return the motion at the velocity of the last one, for a second at most.
+    """Return the motion at the velocity of the last one, or somewhat more than the last one.
 
     Parameters
     ----------
@@ -53,7 +57,7 @@ def by_velocity(last: SE2, last_s: float, now_s: float) -> Expected:
     """
     if last_s <= 0.0:
         return Expected(SE2(), min(0.05 + 0.5 * now_s, 0.5), min(0.05 + 0.5 * now_s, 0.5))
-    share = min(now_s, 1.0) / last_s
+    share = min(now_s / last_s, _LONGEST)
     rho_x, rho_y, theta = (share * each for each in last.log())
     return Expected(
         SE2.exp(rho_x, rho_y, theta),

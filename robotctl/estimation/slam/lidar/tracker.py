@@ -31,7 +31,9 @@ class LocalMap:
 
 def local_map(keyframes: list[Keyframe], poses: list[SE2]) -> LocalMap:
     """Return the map of keyframes at poses in one frame."""
-    surface = joined([each.surface.moved(pose) for each, pose in zip(keyframes, poses, strict=True)])
+    surface = joined(
+        [each.surface.moved(pose) for each, pose in zip(keyframes, poses, strict=True)]
+    )
     return LocalMap(binned(surface), score_field(surface.outline))
 
 

@@ -1,0 +1,109 @@
+"""`robotctl slam --sensor lidar`: scans to a map."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+
+from robotctl.cli.files import check_files, write_file
+from robotctl.cli.progress import progress_bar
+from robotctl.errors import ConfigError
+
+if TYPE_CHECKING:
+    from robotctl.workbench.slam.lidar import LidarResult
+
+
+def slam_by_lidar(log: Path, out: Path, time_unit: str | None, console: Console) -> None:
+    """Make trajectory, map and graph of a recorded drive and write them into a folder."""
+    with progress_bar(console, log.name, "SLAM") as tell:
+        # It takes a second or more, in which nothing would be seen.
+        from robotctl.compiled import COMPILING, cache_is_cold  # noqa: PLC0415
+        from robotctl.workbench.slam.lidar import (  # noqa: PLC0415
+            lidar_slam,
+            write_lidar_results,
+        )
+
+        if cache_is_cold():
+            console.print(COMPILING, soft_wrap=True)
+        result = lidar_slam(log, time_unit, tell)
+    for note in result.recording.notes:
+        console.print(f"note: {note}", soft_wrap=True)
+    write_file(out, lambda folder: folder.mkdir(exist_ok=True))
+    write_file(out, lambda folder: write_lidar_results(result, folder))
+    plot = out / "plot.png"
+    try:
+        check_files(plot=plot)
+    except ConfigError as error:
+        console.print(f"note: no picture: {error}", soft_wrap=True)
+    else:
+        write_file(plot, lambda file: save_lidar_plot(result, file))
+    print(_sentence(result.report()))
+
+
+def _sentence(report: dict[str, Any]) -> str:
+    """Return the outcome for people."""
+    loops, compared = report["loops"], report["trajectory"]
+    refused = sum(loops["refused"].values())
+    parts = [
+        f"{report['scans']} scans" + ("" if report["odometry"] else " without odometry"),
+        f"{report['keyframes']} keyframes",
+        f"{loops['closed']} loops closed, {refused} refused",
+        f"{report['links_of_loops']} links of loops",
+    ]
+    if report["unmatched"]:
+        parts.append(f"{report['unmatched']} scans fit nowhere")
+    if report["slips"]:
+        parts.append(f"the wheels slipped {report['slips']} times")
+    if compared is None:
+        parts.append("no reference to compare with")
+    else:
+        parts.append(
+            f"position error {compared['rmse_m']:.3f} m rms after alignment, at most "
+            f"{compared['max_m']:.3f} m"
+        )
+    times = report["time_ms"]
+    parts.append(f"{times['mean']:.1f} ms a scan, {1e-3 * (times['scans'] + times['grid']):.1f} s")
+    return ", ".join(parts)
+
+
+def save_lidar_plot(result: LidarResult, file: Path) -> None:
+    """Draw the map with trajectory and closed loops; a reference is turned onto them."""
+    import numpy as np  # noqa: PLC0415
+    from matplotlib.figure import Figure  # noqa: PLC0415 - an extra
+
+    from robotctl.cli.map_picture import draw_map  # noqa: PLC0415
+    from robotctl.model.geometry.points import align, moved  # noqa: PLC0415
+
+    figure = Figure(figsize=(11.0, 11.0), dpi=150, layout="constrained")
+    axes = figure.subplots()
+    draw_map(axes, result.grid.map_rows(strays=0.0002).whole())
+    path = result.estimate
+    pairs = [
+        (own, (true.x_m, true.y_m))
+        for own, stamp_ns in zip(path.poses, path.stamps_ns.tolist(), strict=True)
+        if result.recording.reference is not None
+        and (true := result.recording.reference.at(stamp_ns)) is not None
+    ]
+    if len(pairs) > 1:
+        places = np.array([each for _, each in pairs])
+        motion = align(places, np.array([own[:2] for own, _ in pairs]))
+        axes.plot(*moved(motion, places).T, color="tab:green", linewidth=1.0, label="reference")
+    axes.plot(*path.poses[:, :2].T, color="tab:red", linewidth=0.7, label="trajectory")
+    poses = result.mapper.back_end.poses
+    for number, loop in enumerate(each for each in result.mapper.loops.log if not each.reason):
+        axes.plot(
+            *poses[[loop.keyframe, loop.other], :2].T,
+            "o-",
+            color="tab:blue",
+            markersize=3,
+            linewidth=1.0,
+            label="closed loop" if number == 0 else None,
+        )
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel("x, m")
+    axes.set_ylabel("y, m")
+    axes.legend(loc="best")
+    figure.suptitle(result.recording.name)
+    figure.savefig(file)

@@ -1,0 +1,82 @@
+"""`robotctl slam --sensor lidar`: a CARMEN log becomes a trajectory, a map and a graph."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from robotctl.cli.commands import app
+from robotctl.errors import RobotctlError
+from robotctl.maps.map_file import load_map
+from tests.estimation.slam.lidar_world import along, box, drifting, scan_of
+
+WALLS = np.concatenate([box(-2.0, -2.0, 8.0, 5.0), box(2.0, 1.0, 0.5, 0.5)])
+
+
+def run(*words):
+    return CliRunner().invoke(app, ["slam", "--sensor", "lidar", *map(str, words)])
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    """A raw CARMEN log of a drive through a room."""
+    rng = np.random.default_rng(0)
+    poses = along([(0.0, 0.0), (4.0, 0.0), (4.0, -1.0), (0.0, -1.0)])
+    rows = []
+    for number, (pose, odometry) in enumerate(zip(poses, drifting(poses, rng), strict=True)):
+        ranges = scan_of(WALLS, pose, rng).ranges_m
+        words = " ".join(f"{each:.3f}" for each in ranges)
+        place = f"{odometry.x_m:.6f} {odometry.y_m:.6f} {odometry.theta_rad:.6f}"
+        time = f"{1000.0 + 0.4 * number:.6f}"
+        rows.append(f"ODOM {place} 0 0 0 {time} robot {time}\n")
+        rows.append(f"FLASER {len(ranges)} {words} {place} {place} {time} robot {time}\n")
+    file = tmp_path_factory.mktemp("carmen") / "room.log"
+    file.write_text("".join(rows))
+    return file
+
+
+@pytest.mark.timeout(400)  # a cold cache: all of it is compiled
+def test_the_folder_has_trajectory_map_graph_and_report(log, tmp_path):
+    out = tmp_path / "out"
+    result = run("--log", log, "--out", out)
+    assert result.exit_code == 0, result.output
+    rows = np.loadtxt(out / "trajectory.tum")
+    assert np.hypot(*rows[-1, 1:3]) == pytest.approx(np.hypot(0.3, 1.0), abs=0.05)
+    assert (out / "plot.png").stat().st_size > 1000
+    assert (out / "closures.csv").read_text().startswith("keyframe,other,")
+    report = json.loads((out / "report.json").read_text())
+    assert report["scans"] == len(rows)
+    assert report["unmatched"] == 0
+    grid = load_map(out / "map.yaml")
+    x = grid.centre_of(np.argwhere(grid.occupied()))[:, 0]
+    # The robot sees the room from (0, 0) on: its right wall stands at x = 6.
+    assert np.count_nonzero(np.abs(x - 6.0) < 0.06) > 60
+    assert np.count_nonzero(x > 6.15) < 5
+    optimized = CliRunner().invoke(app, ["optimize", str(out / "graph.g2o")])
+    assert optimized.exit_code == 0, optimized.output
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--sensor", "sonar"), "--sensor sonar: unknown; allowed is lidar"),
+        (("--solver", "graph"), "are for landmarks"),
+    ],
+)
+def test_what_is_wrong_is_said(log, tmp_path, words, message):
+    result = run("--log", log, "--out", tmp_path / "out", *words)
+    assert isinstance(result.exception, RobotctlError)
+    assert message in str(result.exception)
+
+
+def test_a_log_without_echoes_is_refused(tmp_path):
+    file = tmp_path / "empty.log"
+    file.write_text(
+        "".join(
+            f"FLASER 180 {' '.join(['81.83'] * 180)} 0 0 0 0 0 0 {t} robot {t}\n"
+            for t in range(1, 4)
+        )
+    )
+    result = run("--log", file, "--out", tmp_path / "out")
+    assert "3 lidar scans in it, none with 10 echoes" in str(result.exception)
