@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from robotctl.estimation.slam.front_end.point_to_line import Match
 from robotctl.estimation.slam.front_end.surface import Surface, surface_of
 from robotctl.estimation.slam.lidar.back_end import BackEnd, Link
 from robotctl.estimation.slam.lidar.config import LidarSlamConfig
@@ -25,6 +26,8 @@ _NEAR_M: Final = 3.0
 _LOOSE_M: Final = 0.25
 _LOOSE_RAD: Final = 0.08
 """Old keyframes with less doubt between are linked where they are; others are loops to close."""
+_UNKNOWN: Final = np.diag(1.0 / np.array([0.3, 0.3, 0.2]) ** 2)
+"""Information on a motion without odometry, beside that of scans."""
 _NEAR_LINKS: Final = 4
 _NEAR_TRIES: Final = 8
 
@@ -51,7 +54,7 @@ class SlamMapper:
         self._local: LocalMap | None = None
         self._place: Place | None = None
         self._odometry: SE2 | None = None
-        self._by_odometry = SE2()
+        self._kept_odometry: SE2 | None = None
         self._moved, self._moved_s = SE2(), 0.0
         self._travelled_m = 0.0
 
@@ -80,7 +83,7 @@ class SlamMapper:
                 )
             self._place = Place(scan.stamp_ns, 0, SE2())
             self._odometry = odometry
-            self._new_keyframe(scan, surface, SE2(), None, None)
+            self._new_keyframe(scan, surface, SE2(), None)
             return self._place
         expected = self._expected(scan.stamp_ns, last, odometry)
         tracked = Tracked(last.pose @ expected.motion, None, 0.0, has_slipped=False)
@@ -88,14 +91,16 @@ class SlamMapper:
             if self._local is None:
                 self._local = self._make_local()
             tracked = track(self._local, surface, last.pose, expected, self.config)
-        self.slips += tracked.has_slipped
+        if tracked.has_slipped:
+            self.slips += 1
+            self._kept_odometry = None
         self.lost += tracked.match is None
         step = last.pose.inverse() @ tracked.pose
         self._moved, self._moved_s = step, 1e-9 * (scan.stamp_ns - last.stamp_ns)
         self._travelled_m += float(np.hypot(step.x_m, step.y_m))
         self._place = Place(scan.stamp_ns, last.keyframe, tracked.pose)
         if len(surface.points) >= LEAST_ECHOES and self._is_new(tracked):
-            self._new_keyframe(scan, surface, tracked.pose, tracked, expected)
+            self._new_keyframe(scan, surface, tracked.pose, tracked.match)
         links = self.loops.step()
         if links:
             self.close(links)
@@ -131,8 +136,7 @@ class SlamMapper:
         scan: RangeScan,
         surface: Surface,
         pose: SE2,
-        tracked: Tracked | None,
-        expected: Expected | None,
+        match: Match | None,
     ) -> None:
         """Keep a scan, seen from the last keyframe at a pose, and link it."""
         number = len(self.keyframes)
@@ -140,14 +144,19 @@ class SlamMapper:
         self.keyframes.append(keyframe_of(scan, surface, self._travelled_m))
         self._local = None
         self._place = Place(scan.stamp_ns, number, SE2())
-        if number == 0 or tracked is None or expected is None:
+        before, self._kept_odometry = self._kept_odometry, self._odometry
+        if number == 0:
             back_end.add(pose)
             return
         back_end.add(back_end.pose(number - 1) @ pose)
-        count = self._link_last(number)
-        if count == 0:
-            doubt = np.diag(1.0 / np.array([0.1, 0.1, 0.05]) ** 2)
-            back_end.link(Link(number - 1, number, pose, doubt))
+        # It holds what scans do not see, such as the way along a corridor.
+        if before is not None and self._odometry is not None:
+            wheels = by_odometry(before.inverse() @ self._odometry)
+            back_end.link(Link(number - 1, number, wheels.motion, wheels.information))
+        else:
+            back_end.link(Link(number - 1, number, pose, _UNKNOWN))
+        if self._link_last(number) == 0 and match is not None:
+            back_end.link(Link(number - 1, number, pose, match.information))
         self._link_near(number)
         back_end.update()
 
