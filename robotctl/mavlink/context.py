@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -28,7 +29,7 @@ from robotctl.messages.control import (
     Notice,
     Severity,
 )
-from robotctl.messages.estimation import LocalisationState
+from robotctl.messages.estimation import LidarScan, LocalisationState
 from robotctl.messages.mavlink_port import MavlinkPort, Peer, Received
 from robotctl.messages.world_pose import WorldPose
 from robotctl.model.geometry.se2 import SE2
@@ -47,7 +48,7 @@ earlier, so that the robot brakes in time."""
 LOCALISER_NOT_READY = "the localiser is not ready"
 
 Request: TypeAlias = ControlRequest | NavigationRequest
-State: TypeAlias = ControlState | NavigationState | LocalisationState | Notice
+State: TypeAlias = ControlState | NavigationState | LocalisationState | LidarScan | Notice
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +142,8 @@ class Context:
     `stores` keep plans, by their kind, `parameter_store` the `parameters`; `take_key`
     uses and keeps a key for signing with its time stamp, and returns why not; `origin` says where
     `world` is on the globe, once that is known, `origin_users` which kinds of plans have places by
-    it. `catalogue` is the sum of them, known once all are made. `peers` are served on the links
+    it. `catalogue` is the sum of them, known once all are made. `wall_ns` returns the time of day
+    [ns since 1970]; `scan` is the lidar's last. `peers` are served on the links
     now, `heard_ns` says when each of them was heard last [ns]. `ground_stations` are those alive,
     by address, the longest known first. `acks` are those of this step. `texts` wait for the
     STATUSTEXT service, `notices` for the process, which may publish them; they must not come back
@@ -157,6 +159,8 @@ class Context:
     take_key: Callable[[bytes, int], str] = _take_no_key
     origin: Origin | None = None
     origin_users: set[str] = field(default_factory=set)
+    wall_ns: Callable[[], int] = time.time_ns
+    scan: LidarScan | None = None
     control: ControlState | None = None
     navigation: NavigationState | None = None
     world: WorldPose = field(init=False)
@@ -195,6 +199,8 @@ class Context:
             self.navigation = state
         elif isinstance(state, LocalisationState):
             self.world.localise(state)
+        elif isinstance(state, LidarScan):
+            self.scan = state
         else:
             self.texts.extend((state.severity, line) for line in state.text.splitlines())
 

@@ -23,6 +23,8 @@ from robotctl.messages.requests import FARTHEST_M
 from robotctl.safety.state_machine import POWERED
 
 RATE_HZ: Final = 2.0
+GPS_HZ: Final = 1.0
+_UNKNOWN: Final = 0xFFFF
 _FASTEST_M_S: Final = 300.0
 """Faster does not fit the message [m/s]."""
 _MILLI: Final = 1e3
@@ -30,18 +32,24 @@ _CENTI: Final = 1e2
 
 
 class GlobalPosition(Microservice):
-    """Takes SET_GPS_GLOBAL_ORIGIN; sends GLOBAL_POSITION_INT, GPS_GLOBAL_ORIGIN, HOME_POSITION."""
+    """Takes SET_GPS_GLOBAL_ORIGIN; sends where origin, robot and home are on the globe."""
 
     handles = frozenset({common.MAVLINK_MSG_ID_SET_GPS_GLOBAL_ORIGIN})
 
     def streams(self) -> tuple[Stream, ...]:
-        """Return the position at 2 Hz, and origin and home on request."""
+        """Return the position at 2 Hz, GPS_RAW_INT at 1 Hz, and origin and home on request."""
         return (
             Stream(
                 common.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
                 self._position,
                 RATE_HZ,
                 common.MAV_DATA_STREAM_POSITION,
+            ),
+            Stream(
+                common.MAVLINK_MSG_ID_GPS_RAW_INT,
+                self._gps,
+                GPS_HZ,
+                common.MAV_DATA_STREAM_EXTENDED_STATUS,
             ),
             Stream(common.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, self._origin, None),
             Stream(common.MAVLINK_MSG_ID_HOME_POSITION, self._home, None),
@@ -101,6 +109,16 @@ class GlobalPosition(Microservice):
                 round(heading_deg * _CENTI) % 36_000,
             )
         ]
+
+    def _gps(self, now_ns: int) -> list[Message]:
+        """Return GPS_RAW_INT: there is no GPS, and the place is the map's."""
+        return [
+            common.MAVLink_gps_raw_int_message(
+                now_ns // 1000, common.GPS_FIX_TYPE_NO_GPS, place.lat, place.lon, place.alt,
+                _UNKNOWN, _UNKNOWN, _UNKNOWN, _UNKNOWN, 0,
+            )
+            for place in self._position(now_ns)
+        ]  # fmt: skip
 
     def _origin(self, now_ns: int) -> list[Message]:  # noqa: ARG002
         origin = self._context.origin

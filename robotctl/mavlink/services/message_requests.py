@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from pymavlink.dialects.v20 import common
 
 from robotctl.mavlink.command import ACCEPTED, DENIED, TEMPORARILY_REJECTED, Command
 from robotctl.mavlink.service import Microservice
 
 REQUEST_MESSAGE: int = common.MAV_CMD_REQUEST_MESSAGE
-REQUEST_CAPABILITIES: int = common.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES
+_OLDER: Final[dict[int, int]] = {
+    common.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: common.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
+    common.MAV_CMD_GET_HOME_POSITION: common.MAVLINK_MSG_ID_HOME_POSITION,
+}
 
 
 class MessageRequests(Microservice):
-    """Takes REQUEST_MESSAGE, and the older REQUEST_AUTOPILOT_CAPABILITIES for AUTOPILOT_VERSION."""
+    """Takes REQUEST_MESSAGE, and two older commands for one message each."""
 
-    commands = frozenset({REQUEST_MESSAGE, REQUEST_CAPABILITIES})
+    commands = frozenset({REQUEST_MESSAGE, *_OLDER})
 
     def on_command(self, command: Command, now_ns: int) -> int:
         """Answer with the message; DENIED if it is not ours to send.
@@ -22,8 +27,7 @@ class MessageRequests(Microservice):
         TEMPORARILY_REJECTED where there is nothing to say in it at the moment.
         """
         message_id = command.whole(0)
-        if command.number == REQUEST_CAPABILITIES:
-            message_id = common.MAVLINK_MSG_ID_AUTOPILOT_VERSION
+        message_id = _OLDER.get(command.number, message_id)
         stream = None if message_id is None else self._context.catalogue.streams.get(message_id)
         if stream is None:
             return DENIED

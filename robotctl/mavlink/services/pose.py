@@ -1,4 +1,4 @@
-"""ATTITUDE, LOCAL_POSITION_NED and ODOMETRY: where the robot is and how it moves."""
+"""ATTITUDE(_QUATERNION), LOCAL_POSITION_NED and ODOMETRY: where the robot is and how it moves."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Poses(Microservice):
         self._resets = 0
 
     def streams(self) -> tuple[Stream, ...]:
-        """Return the three messages, each with its configured rate."""
+        """Return the messages with their configured rates; ATTITUDE_QUATERNION to who asks."""
         rates = self._context.config.rates
         return (
             Stream(
@@ -43,6 +43,7 @@ class Poses(Microservice):
                 common.MAV_DATA_STREAM_POSITION,
             ),
             Stream(common.MAVLINK_MSG_ID_ODOMETRY, self._odometry, rates.odometry_hz),
+            Stream(common.MAVLINK_MSG_ID_ATTITUDE_QUATERNION, self._quaternion, 0.0),
         )
 
     def step(self, now_ns: int) -> None:  # noqa: ARG002
@@ -56,6 +57,10 @@ class Poses(Microservice):
     def _attitude(self, now_ns: int) -> list[Message]:
         found = self._context.fresh_pose(now_ns)
         return [] if found is None else attitude(*found)
+
+    def _quaternion(self, now_ns: int) -> list[Message]:
+        found = self._context.fresh_pose(now_ns)
+        return [] if found is None else attitude_quaternion(*found)
 
     def _position(self, now_ns: int) -> list[Message]:
         found = self._context.fresh_pose(now_ns)
@@ -74,6 +79,18 @@ def attitude(state: ControlState, pose: SE2) -> list[Message]:
         return []
     euler, rates = _attitude(state, pose)
     return [common.MAVLink_attitude_message(frames.boot_ms(state.stamp_ns), *euler, *rates)]
+
+
+def attitude_quaternion(state: ControlState, pose: SE2) -> list[Message]:
+    """Return ATTITUDE_QUATERNION, as `attitude`."""
+    if not frames.fit(pose.theta_rad, state.omega_rad_s):
+        return []
+    euler, rates = _attitude(state, pose)
+    return [
+        common.MAVLink_attitude_quaternion_message(
+            frames.boot_ms(state.stamp_ns), *frames.quaternion_from_euler(euler), *rates
+        )
+    ]
 
 
 def _attitude(state: ControlState, pose: SE2) -> tuple[frames.Euler, frames.Frd]:

@@ -9,6 +9,7 @@ from robotctl.mavlink.services.arming import Arming
 from robotctl.mavlink.services.autopilot_version import AutopilotVersion
 from robotctl.mavlink.services.battery import Battery
 from robotctl.mavlink.services.commands import Commands
+from robotctl.mavlink.services.estimator import Estimator
 from robotctl.mavlink.services.external_pose import ExternalPoses
 from robotctl.mavlink.services.fences import Fences
 from robotctl.mavlink.services.global_position import GlobalPosition
@@ -21,8 +22,11 @@ from robotctl.mavlink.services.manual_control import ManualControls
 from robotctl.mavlink.services.message_requests import MessageRequests
 from robotctl.mavlink.services.missions import Missions
 from robotctl.mavlink.services.modes import Modes
+from robotctl.mavlink.services.obstacles import Obstacles
 from robotctl.mavlink.services.parameters import Parameters
+from robotctl.mavlink.services.ping import Ping
 from robotctl.mavlink.services.pose import Poses
+from robotctl.mavlink.services.refusals import Refusals
 from robotctl.mavlink.services.reposition import Repositions
 from robotctl.mavlink.services.setpoints import Setpoints
 from robotctl.mavlink.services.signing_setup import SigningSetup
@@ -30,8 +34,10 @@ from robotctl.mavlink.services.sonars import Sonars
 from robotctl.mavlink.services.status_text import StatusText
 from robotctl.mavlink.services.streams import Streams
 from robotctl.mavlink.services.system_status import SystemStatus
+from robotctl.mavlink.services.system_time import SystemTime
 from robotctl.mavlink.services.time_sync import TimeSync
 from robotctl.mavlink.services.wheels import Wheels
+from robotctl.mavlink.services.yaw_speed import YawSpeeds
 
 SERVICES: Final[tuple[type[Microservice], ...]] = (
     # Who is there, and what they ask for.
@@ -41,9 +47,12 @@ SERVICES: Final[tuple[type[Microservice], ...]] = (
     Modes,
     Setpoints,
     Repositions,
+    YawSpeeds,
+    Refusals,
     ManualControls,
     ExternalPoses,
     TimeSync,
+    Ping,
     SigningSetup,
     MessageRequests,
     # What the robot tells; streams start in this order.
@@ -57,6 +66,9 @@ SERVICES: Final[tuple[type[Microservice], ...]] = (
     SystemStatus,
     GlobalPosition,
     Hud,
+    SystemTime,
+    Estimator,
+    Obstacles,
     Missions,
     Fences,
     Parameters,

@@ -1,0 +1,140 @@
+"""What few clients ask for: estimator, obstacles, time, wheels, and refusals with reasons."""
+
+import math
+import struct
+
+import pytest
+from pymavlink.dialects.v20 import common as m
+
+from robotctl.mavlink.context import TelemetryRobot
+from robotctl.mavlink.globe import Origin
+from robotctl.mavlink.telemetry import Telemetry
+from robotctl.messages.control import Mode, SafetyState, VelocityTarget
+from robotctl.messages.estimation import LidarScan, LocalisationState
+from robotctl.model.geometry.localisation import LocalisationStatus
+from tests.mavlink.conftest import SONAR, SONARS, Bench
+
+ACCEPTED, DENIED, LATER = (
+    m.MAV_RESULT_ACCEPTED, m.MAV_RESULT_DENIED, m.MAV_RESULT_TEMPORARILY_REJECTED,
+)  # fmt: skip
+
+
+def ask(bench, name, *states):
+    """Return the messages of one name, asked for once."""
+    bench.step(*(states or (bench.control(),)))
+    bench.take()
+    bench.command(m.MAV_CMD_REQUEST_MESSAGE, getattr(m, f"MAVLINK_MSG_ID_{name}"))
+    bench.step()
+    return bench.messages(name)
+
+
+def command(bench, number, *params, **states):
+    """Return the result of a command, its requests and what is said."""
+    control = bench.control(state=states.get("state", SafetyState.ARMED), theta_rad=math.pi / 2)
+    bench.command(number, *params)
+    requests = bench.step(control, bench.navigation(mode=states.get("mode", Mode.GUIDED)))
+    sent = [each for each, _ in bench.take()]
+    (result,) = [each.result for each in sent if each.get_type() == "COMMAND_ACK"]
+    return result, requests, " ".join(x.text for x in sent if x.get_type() == "STATUSTEXT")
+
+
+def test_a_quaternion_is_that_of_the_attitude(bench):
+    state = bench.control(theta_rad=2.0)
+    (quaternion,) = ask(bench, "ATTITUDE_QUATERNION", state)
+    (attitude,) = ask(bench, "ATTITUDE", state)
+    yaw = 2.0 * math.atan2(quaternion.q4, quaternion.q1)
+    assert math.remainder(yaw - attitude.yaw, math.tau) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_the_estimator_says_how_well_the_place_is_known(bench):
+    (odometry,) = ask(bench, "ESTIMATOR_STATUS")
+    assert odometry.flags & m.ESTIMATOR_POS_HORIZ_REL
+    assert not odometry.flags & m.ESTIMATOR_POS_HORIZ_ABS
+    assert math.isnan(odometry.pos_horiz_accuracy)
+    bench.robot = described(has_localiser=True)
+    bench.telemetry = Telemetry(bench.config, bench.robot, bench.links)
+    fix = LocalisationState(
+        bench.now_ns, "mcl", LocalisationStatus.LOCALISED, 0.0, 0.0, 0.0,
+        (0.09, 0.0, 0.0, 0.16, 0.0, 0.01),
+    )  # fmt: skip
+    (known,) = ask(bench, "ESTIMATOR_STATUS", bench.control(), fix)
+    assert known.flags & m.ESTIMATOR_POS_HORIZ_ABS
+    assert known.pos_horiz_accuracy == pytest.approx(0.5)
+
+
+def described(**changes):
+    return TelemetryRobot("tester", "1.2.3", SONARS, SONAR, **changes)
+
+
+def test_the_ring_holds_what_sonars_and_lidar_see_clockwise_from_ahead(bench):
+    nothing, unseen = round(SONAR.max_range_m * 100) + 1, 65535
+    ranges = (1.0, math.inf, math.nan, 2.0, 2.0, 2.0, 0.5, 2.0)  # ahead; left: 45, 90, ...
+    (ring,) = ask(bench, "OBSTACLE_DISTANCE", bench.control(sonar_m=ranges))
+    assert ring.sensor_type == m.MAV_DISTANCE_SENSOR_ULTRASOUND
+    assert (ring.increment, ring.frame) == (5, m.MAV_FRAME_BODY_FRD)
+    assert ring.distances[0] == pytest.approx(110, abs=1)  # the mounts are 0.1 m before `base`
+    assert ring.distances[72 - 9] == nothing  # 45 degrees to the left
+    assert ring.distances[72 - 18] == unseen
+    assert min(ring.distances[15:20]) == pytest.approx(51, abs=3)  # 90 degrees to the right
+    beams = [math.inf] * 360
+    beams[90] = 2.0  # to the left
+    scan = LidarScan(
+        bench.now_ns, 0.0, 0.0, 0.0, math.radians(1.0), 8.0, struct.pack("<360f", *beams)
+    )
+    (ring,) = ask(bench, "OBSTACLE_DISTANCE", bench.control(), scan)
+    assert ring.sensor_type == m.MAV_DISTANCE_SENSOR_LASER
+    assert ring.distances[54] == 200
+    assert sum(each == 801 for each in ring.distances) == 71
+
+
+def test_time_wheels_and_the_globe_are_told():
+    bench = Bench(origin=Origin(48.0, 11.0, 500.0))
+    bench.telemetry._context.wall_ns = lambda: 1_700_000_000_123_456_789
+    bench.run(2.5)
+    times = bench.messages("SYSTEM_TIME")
+    assert [each.time_unix_usec for each in times][:1] == [1_700_000_000_123_456]
+    assert len(times) in {2, 3}
+    first, second = ask(bench, "RAW_RPM", bench.control(wheel_rad_s=(math.pi, -math.tau)))
+    assert (first.index, second.index) == (0, 1)
+    assert (first.frequency, second.frequency) == pytest.approx((30.0, -60.0))
+    (gps,) = ask(bench, "GPS_RAW_INT")
+    assert (gps.fix_type, gps.satellites_visible) == (m.GPS_FIX_TYPE_NO_GPS, 0)
+    assert gps.lat == pytest.approx(480_000_180, abs=20)
+    bench.take()
+    bench.command(m.MAV_CMD_GET_HOME_POSITION)
+    bench.step()
+    assert len(bench.messages("HOME_POSITION")) == 1
+
+
+def test_a_ping_comes_back_to_who_has_sent_it_and_answers_do_not(bench):
+    bench.receive(m.MAVLink_ping_message(12345, 7, 0, 0), system=200)
+    bench.receive(m.MAVLink_ping_message(12345, 8, 1, 1), system=200)
+    bench.step()
+    (answer,) = bench.messages("PING")
+    assert (answer.time_usec, answer.seq) == (12345, 7)
+    assert (answer.target_system, answer.target_component) == (200, 190)
+
+
+def test_refused_commands_say_why(bench):
+    for number, word in (
+        (m.MAV_CMD_DO_SET_HOME, "Home"),
+        (m.MAV_CMD_PREFLIGHT_STORAGE, "parameters"),
+        (m.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, "service"),
+    ):
+        result, requests, said = command(bench, number, 1)
+        assert (result, requests) == (DENIED, [])
+        assert word in said
+
+
+def test_a_yaw_and_a_speed_are_followed_in_guided_alone(bench):
+    number = m.MAV_CMD_NAV_SET_YAW_SPEED
+    result, (request,), _ = command(bench, number, 90.0, 0.3, 0.0)
+    assert result == ACCEPTED
+    assert isinstance(request, VelocityTarget)
+    assert request.v_m_s == pytest.approx(0.3)
+    assert request.heading_rad == pytest.approx(0.0, abs=1e-9)  # east
+    _, (request,), _ = command(bench, number, 90.0, 0.3, 1.0)
+    assert math.remainder(request.heading_rad, math.tau) == pytest.approx(0.0, abs=1e-9)
+    assert command(bench, number, math.nan, 0.3)[:2] == (DENIED, [])
+    assert command(bench, number, 0.0, 0.3, mode=Mode.HOLD)[:2] == (LATER, [])
+    assert command(bench, number, 0.0, 0.3, state=SafetyState.STANDBY)[:2] == (LATER, [])
