@@ -15,6 +15,7 @@ from robotctl.estimation.ranging.sonar_config import SonarModelConfig
 from robotctl.mavlink.catalogue import Catalogue
 from robotctl.mavlink.command import Command
 from robotctl.mavlink.config import MavlinkConfig
+from robotctl.mavlink.ftp.files import Files
 from robotctl.mavlink.globe import Origin
 from robotctl.mavlink.guards.stale_link import HeldBack
 from robotctl.mavlink.parameters.parameter_set import NO_PARAMETERS, ParameterSet
@@ -140,7 +141,8 @@ class Context:
     """The present state and the outputs of a step, shared by all microservices.
 
     `stores` keep plans, by their kind, `parameter_store` the `parameters`; `take_key`
-    uses and keeps a key for signing with its time stamp, and returns why not; `origin` says where
+    uses and keeps a key for signing with its time stamp, and returns why not. `folders` are served
+    as files by their names in the root, which is "" itself. `origin` says where
     `world` is on the globe, once that is known, `origin_users` which kinds of plans have places by
     it. `catalogue` is the sum of them, known once all are made. `wall_ns` returns the time of day
     [ns since 1970]; `scan` is the lidar's last. `peers` are served on the links
@@ -157,6 +159,7 @@ class Context:
     parameters: ParameterSet = field(default_factory=lambda: NO_PARAMETERS)
     parameter_store: ParameterStore = field(default_factory=NoParameterStore)
     take_key: Callable[[bytes, int], str] = _take_no_key
+    folders: Mapping[str, Files] = field(default_factory=dict)
     origin: Origin | None = None
     origin_users: set[str] = field(default_factory=set)
     wall_ns: Callable[[], int] = time.time_ns

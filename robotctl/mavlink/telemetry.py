@@ -13,6 +13,7 @@ from robotctl.mavlink.context import (
     State,
     TelemetryRobot,
 )
+from robotctl.mavlink.ftp.files import Files
 from robotctl.mavlink.parameters.parameter_set import NO_PARAMETERS, ParameterSet
 from robotctl.mavlink.parameters.store import NoParameterStore, ParameterStore
 from robotctl.mavlink.service import Microservice, Router, catalogue_of
@@ -42,6 +43,8 @@ class Telemetry:
         Keeps them; None: what is set is lost with this process.
     take_key : callable
         Uses and keeps a key for signing with its time stamp; returns why not, empty: it does.
+    folders : mapping of Files
+        Served as files, by their names in the root, which is "" itself.
     """
 
     def __init__(
@@ -55,9 +58,11 @@ class Telemetry:
         parameters: ParameterSet = NO_PARAMETERS,
         parameter_store: ParameterStore | None = None,
         take_key: Callable[[bytes, int], str] | None = None,
+        folders: Mapping[str, Files] | None = None,
     ) -> None:
         store = parameter_store or NoParameterStore()
         context = Context(config, robot, links, stores or {}, parameters, store)
+        context.folders = folders or {}
         if take_key is not None:
             context.take_key = take_key
         self._members = tuple(make(context) for make in services)

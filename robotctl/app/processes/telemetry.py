@@ -12,6 +12,7 @@ import zmq
 import robotctl
 from robotctl.app.processes.entry import enter
 from robotctl.app.processes.plan_files import plan_stores
+from robotctl.app.processes.served_folder import served_folders
 from robotctl.app.processes.signing_files import SigningFiles
 from robotctl.app.supervision.signals import StopFlag
 from robotctl.config.changes import ParameterFile
@@ -94,6 +95,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
             parameters=parameters_of(config, options),
             parameter_store=ParameterFile(options.state),
             take_key=keys.take_key,
+            folders=served_folders(options),
         )
         heartbeat = ProcessHeartbeat(os.environ)
         # The one request that is kept for a control process that is not there yet.

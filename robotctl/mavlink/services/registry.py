@@ -12,6 +12,7 @@ from robotctl.mavlink.services.commands import Commands
 from robotctl.mavlink.services.estimator import Estimator
 from robotctl.mavlink.services.external_pose import ExternalPoses
 from robotctl.mavlink.services.fences import Fences
+from robotctl.mavlink.services.ftp import Ftp
 from robotctl.mavlink.services.global_position import GlobalPosition
 from robotctl.mavlink.services.ground_stations import GroundStations
 from robotctl.mavlink.services.heartbeat import Heartbeat
@@ -72,6 +73,7 @@ SERVICES: Final[tuple[type[Microservice], ...]] = (
     Missions,
     Fences,
     Parameters,
+    Ftp,
     Streams,
     LinkWatch,
     StatusText,

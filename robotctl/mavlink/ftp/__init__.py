@@ -1,0 +1,1 @@
+"""MAVLink FTP: files over MAVLink. https://mavlink.io/en/services/ftp.html."""

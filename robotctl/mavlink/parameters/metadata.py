@@ -1,0 +1,66 @@
+"""What ground stations should know of the parameters: MAVLink's component metadata, JSON.
+
+https://mavlink.io/en/services/component_information.html; the schemas are general.schema.json and
+parameter.schema.json of the MAVLink repository.
+"""
+
+from __future__ import annotations
+
+import json
+import zlib
+from typing import Any, Final
+
+from robotctl.mavlink.parameters.parameter import Change
+from robotctl.mavlink.parameters.parameter_set import Facts, ParameterSet
+
+_PARAMETERS: Final = 1
+"""COMP_METADATA_TYPE_PARAMETER."""
+_FIGURES: Final = 4
+
+
+def parameter_metadata(parameters: ParameterSet) -> bytes:
+    """Return names, units, ranges, defaults and descriptions."""
+    entries = [_entry(fact) for fact in parameters.facts()]
+    return json.dumps({"version": 1, "parameters": entries}).encode()
+
+
+def _entry(fact: Facts) -> dict[str, Any]:
+    parameter, default, unit, description = fact
+    short = description.split(". ")[0].rstrip(".")
+    group = parameter.name.partition("_")[0]
+    is_float = isinstance(default, float)
+    entry: dict[str, Any] = {
+        "name": parameter.name,
+        "type": "Float" if is_float else "Int32",
+        "group": group,
+        "shortDesc": short,
+        "longDesc": f"{description} In the robot's file: {parameter.key}. "
+        f"Changes {parameter.change.value}.",
+        "default": default if is_float else int(default),
+        "min": float(parameter.low) if is_float else int(parameter.low),
+        "max": float(parameter.high) if is_float else int(parameter.high),
+        "rebootRequired": parameter.change is Change.RESTART,
+        "volatile": False,
+    }
+    if unit:
+        entry["units"] = unit
+    if is_float:
+        entry["decimalPlaces"] = _FIGURES
+    if isinstance(default, bool):
+        entry["values"] = [{"value": 0, "description": "no"}, {"value": 1, "description": "yes"}]
+    return entry
+
+
+def general_metadata(parameters: bytes, uri: str) -> bytes:
+    """Return where the metadata of the parameters are, and their checksum.
+
+    Parameters
+    ----------
+    parameters
+        What `parameter_metadata` returned.
+    uri
+        Where it is.
+    """
+    crc = zlib.crc32(parameters, 0xFFFFFFFF) ^ 0xFFFFFFFF
+    where = {"type": _PARAMETERS, "uri": uri, "fileCrc": crc}
+    return json.dumps({"version": 1, "metadataTypes": [where]}).encode()

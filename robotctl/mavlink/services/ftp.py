@@ -1,0 +1,82 @@
+"""Files over MAVLink: logs, own files of ground stations, and the parameters as files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import ClassVar, Final
+
+from pymavlink.dialects.v20 import common
+
+from robotctl.mavlink.context import Context
+from robotctl.mavlink.ftp.files import Content, Entry, Mounted, NoFiles, OpenFile
+from robotctl.mavlink.ftp.payload import FtpError, FtpRefused
+from robotctl.mavlink.ftp.server import FtpServer, Sender
+from robotctl.mavlink.parameters.metadata import general_metadata, parameter_metadata
+from robotctl.mavlink.parameters.packed import packed
+from robotctl.mavlink.service import Microservice
+from robotctl.messages.mavlink_port import Message, Peer, source
+
+PARAM: Final = "@PARAM"
+META: Final = "@META"
+PARAMETER_URI: Final = f"mftp:///{META}/parameter.json"
+
+
+class Made(NoFiles):
+    """A folder of files that are made when they are read.
+
+    Parameters
+    ----------
+    makers
+        Return the content, by name; those with a `?` are read, too, but not listed.
+    """
+
+    def __init__(self, makers: Mapping[str, Callable[[], bytes]]) -> None:
+        self._makers = makers
+
+    def list(self, path: str) -> Sequence[Entry]:
+        """Return the names, sorted."""
+        super().list(path)
+        makers = self._makers.items()
+        return sorted(Entry(name, len(make())) for name, make in makers if "?" not in name)
+
+    def open(self, path: str) -> OpenFile:
+        """Open a file as it is now."""
+        if path not in self._makers:
+            raise FtpRefused(FtpError.FILE_NOT_FOUND)
+        return Content(self._makers[path]())
+
+
+class Ftp(Microservice):
+    """Serves files. https://mavlink.io/en/services/ftp.html."""
+
+    handles = frozenset({common.MAVLINK_MSG_ID_FILE_TRANSFER_PROTOCOL})
+    capabilities: ClassVar[int] = common.MAV_PROTOCOL_CAPABILITY_FTP
+
+    def __init__(self, context: Context) -> None:
+        super().__init__(context)
+        parameters = context.parameters
+        makers = {
+            "param.pck": lambda: packed(parameters, with_defaults=False),
+            "param.pck?withdefaults=1": lambda: packed(parameters, with_defaults=True),
+        }
+        metadata = {
+            "general.json": lambda: general_metadata(parameter_metadata(parameters), PARAMETER_URI),
+            "parameter.json": lambda: parameter_metadata(parameters),
+        }
+        mounts = {PARAM: Made(makers), META: Made(metadata), **context.folders}
+        files = Mounted(mounts.pop("", NoFiles()), mounts)
+        self._server = FtpServer(files, self._send)
+
+    def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:
+        """Take a request."""
+        self._server.receive(bytes(message.payload), Sender(*source(message), peer), now_ns)
+
+    def step(self, now_ns: int) -> None:
+        """Send the next parts of what is read."""
+        self._server.step(now_ns)
+
+    def _send(self, payload: bytes, sender: Sender) -> None:
+        reply = common.MAVLink_file_transfer_protocol_message(
+            0, sender.system, sender.component, payload
+        )
+        self._context.links.reply(reply, sender.peer)
