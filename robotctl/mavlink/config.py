@@ -86,6 +86,8 @@ class MavlinkConfig:
         The robot drives by itself (AUTO, RTL, GUIDED) only while a ground station is there.
     signing_key : str
         File of the key with which messages are signed, an absolute path; empty: they are not.
+    tlog : str
+        Folder for records of the links, an absolute path; empty: none are made.
     origin : Origin
         Where the origin of `world` lies on the globe; None: a ground station may say so.
 
@@ -101,6 +103,7 @@ class MavlinkConfig:
     link: tuple[LinkConfig, ...] = ()
     rates: StreamRates = StreamRates()
     signing_key: str = ""
+    tlog: str = ""
     origin: Origin | None = None
     setpoint_timeout_s: float = 0.5
     gcs_timeout_s: float = 5.0
@@ -116,12 +119,10 @@ class MavlinkConfig:
                 )
         _check_range("setpoint_timeout_s", self.setpoint_timeout_s, 0.05, 10.0)
         _check_range("gcs_timeout_s", self.gcs_timeout_s, 1.0, 60.0)
-        if self.signing_key and not self.signing_key.startswith("/"):
-            raise InvalidValue(
-                "signing_key",
-                f"{self.signing_key} found, an absolute path allowed",
-                self.signing_key,
-            )
+        for name in ("signing_key", "tlog"):
+            path = getattr(self, name)
+            if path and not path.startswith("/"):
+                raise InvalidValue(name, f"{path} found, an absolute path allowed", path)
         urls = [link.url for link in self.link]
         if repeated := sorted({url for url in urls if urls.count(url) > 1}):
             raise ValueError(f"links must differ, found more than once: {', '.join(repeated)}")

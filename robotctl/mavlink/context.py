@@ -145,7 +145,8 @@ class Context:
     as files by their names in the root, which is "" itself. `origin` says where
     `world` is on the globe, once that is known, `origin_users` which kinds of plans have places by
     it. `catalogue` is the sum of them, known once all are made. `wall_ns` returns the time of day
-    [ns since 1970]; `scan` is the lidar's last. `peers` are served on the links
+    [ns since 1970]; `scan` is the lidar's last. `stretch` says how much longer than asked
+    for the intervals of streams are, by link. `peers` are served on the links
     now, `heard_ns` says when each of them was heard last [ns]. `ground_stations` are those alive,
     by address, the longest known first. `acks` are those of this step. `texts` wait for the
     STATUSTEXT service, `notices` for the process, which may publish them; they must not come back
@@ -168,6 +169,7 @@ class Context:
     navigation: NavigationState | None = None
     world: WorldPose = field(init=False)
     catalogue: Catalogue = field(default_factory=Catalogue)
+    stretch: dict[int, float] = field(default_factory=dict)
     peers: tuple[Peer, ...] = ()
     heard_ns: dict[Peer, int] = field(default_factory=dict)
     ground_stations: dict[tuple[int, int], GroundStation] = field(default_factory=dict)

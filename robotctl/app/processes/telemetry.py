@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from contextlib import ExitStack
+from pathlib import Path
 from typing import Final
 
 import zmq
@@ -20,6 +21,7 @@ from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig, contradictions
 from robotctl.config_values import with_values
 from robotctl.drivers.mavlink.link import MavlinkLinks
+from robotctl.drivers.mavlink.tlog import TlogRecorder
 from robotctl.mavlink.context import State, TelemetryRobot
 from robotctl.mavlink.parameters.parameter_set import Configurations, ParameterSet
 from robotctl.mavlink.telemetry import Telemetry
@@ -65,6 +67,14 @@ def parameters_of(config: RobotConfig, options: StackOptions) -> ParameterSet:
     return ParameterSet(Configurations(file, config, contradictions), wanted)
 
 
+def _keep(telemetry: Telemetry, keys: SigningFiles, tlog: TlogRecorder, now_ns: int) -> None:
+    """Keep what outlives this process."""
+    keys.save(now_ns)
+    tlog.flush(now_ns)
+    if trouble := tlog.take_trouble():
+        telemetry.say(now_ns, trouble)
+
+
 def run(config: RobotConfig, options: StackOptions) -> None:
     """Serve the links until SIGTERM or SIGINT."""
     stopped = StopFlag()
@@ -84,8 +94,10 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     with ExitStack() as stack:
         stack.callback(context.destroy, linger=0)
         stack.callback(keys.close)
+        tlog = TlogRecorder(Path(mavlink.tlog) if mavlink.tlog else None)
+        stack.callback(tlog.close)
         links = stack.enter_context(
-            MavlinkLinks(mavlink.link, mavlink.system_id, mavlink.component_id, keys.signing)
+            MavlinkLinks(mavlink.link, mavlink.system_id, mavlink.component_id, keys.signing, tlog)
         )
         telemetry = Telemetry(
             mavlink,
@@ -120,7 +132,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
                 stop = None
             for notice in telemetry.take_notices():
                 publisher.send(notice)
-            keys.save(clock.now_ns())
+            _keep(telemetry, keys, tlog, clock.now_ns())
             heartbeat.beat()
             deadline_ns = max(deadline_ns + 1_000_000_000 // RATE_HZ, clock.now_ns())
             clock.sleep_until(deadline_ns)

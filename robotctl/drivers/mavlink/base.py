@@ -15,6 +15,7 @@ from pymavlink.dialects.v20 import common
 from robotctl.drivers.mavlink.admission import Standing
 from robotctl.drivers.mavlink.frames import FrameReader
 from robotctl.drivers.mavlink.signing import Signing
+from robotctl.drivers.mavlink.tlog import TlogRecorder
 from robotctl.messages.mavlink_port import LinkConfig, LinkStatus, Message, Peer, Received
 
 READ_SIZE = 8192
@@ -35,6 +36,7 @@ class LinkContext(NamedTuple):
     system_id: int
     component_id: int
     signing: Signing
+    tlog: TlogRecorder | None = None
 
 
 class Channel:
@@ -57,7 +59,8 @@ class Channel:
         self._codec.signing.link_id = peer.link & 0xFF
         self._codec_v1 = v1.MAVLink(None, hub.system_id, hub.component_id)
         decoder = common.MAVLink(None)
-        self.reader = FrameReader(decoder, hub.signing, safe=safe)
+        self._tlog = hub.tlog
+        self.reader = FrameReader(decoder, hub.signing, self._record, safe=safe)
         self.standing = Standing()
         self._seq = 0
 
@@ -82,7 +85,12 @@ class Channel:
         codec.seq = self._seq
         frame: bytes = message.pack(codec)
         self._seq = (self._seq + 1) & 0xFF
+        self._record(frame)
         return frame
+
+    def _record(self, frame: bytes | bytearray) -> None:
+        if self._tlog is not None:
+            self._tlog.record(self.peer.link, frame)
 
 
 class BackOff:

@@ -7,6 +7,8 @@ ends in half a frame. This one steps on by a byte and leaves the decoding to `MA
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from pymavlink.dialects.v20 import common
 
 from robotctl.drivers.mavlink.signing import Signing
@@ -44,13 +46,21 @@ class FrameReader:
         Decodes one complete frame; it has no key.
     signing : Signing
         Says which frames are taken.
+    record : callable
+        Given each frame that is taken, but those that bring a key.
     safe : bool
         Whether SETUP_SIGNING is taken without a signature.
     """
 
     def __init__(
-        self, codec: common.MAVLink, signing: Signing | None = None, *, safe: bool = False
+        self,
+        codec: common.MAVLink,
+        signing: Signing | None = None,
+        record: Callable[[bytearray], object] = lambda _: None,
+        *,
+        safe: bool = False,
     ) -> None:
+        self._record = record
         self._codec = codec
         self._signing = signing or Signing()
         self._free = _FREE | {common.MAVLINK_MSG_ID_SETUP_SIGNING} if safe else _FREE
@@ -152,6 +162,8 @@ class FrameReader:
             self.unknown += 1
             return True
         messages.append(message)
+        if message.get_msgId() != common.MAVLINK_MSG_ID_SETUP_SIGNING:
+            self._record(buffer[start:end])
         return True
 
     def _is_taken(self, message: Message, frame: bytearray) -> bool:

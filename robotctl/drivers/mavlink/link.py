@@ -10,6 +10,7 @@ from robotctl.drivers.mavlink.base import Link, LinkContext
 from robotctl.drivers.mavlink.serial import SerialLink
 from robotctl.drivers.mavlink.signing import Signing
 from robotctl.drivers.mavlink.tcp import TcpClient, TcpServer
+from robotctl.drivers.mavlink.tlog import TlogRecorder
 from robotctl.drivers.mavlink.udp import UdpLink
 from robotctl.messages.mavlink_port import LinkConfig, LinkStatus, Message, Peer, Received
 
@@ -36,6 +37,8 @@ class MavlinkLinks:
         Address written into every frame, 1 to 255.
     signing : Signing
         Whose frames are taken; None: everybody's.
+    tlog : TlogRecorder
+        Records what is sent and taken; the caller closes it. None: nothing.
     """
 
     def __init__(
@@ -44,11 +47,12 @@ class MavlinkLinks:
         system_id: int = 1,
         component_id: int = 1,
         signing: Signing | None = None,
+        tlog: TlogRecorder | None = None,
     ) -> None:
         self._selector = selectors.EpollSelector()
         self._inbox: list[Received] = []
         hub = LinkContext(
-            self._selector, self._inbox, system_id, component_id, signing or Signing()
+            self._selector, self._inbox, system_id, component_id, signing or Signing(), tlog
         )
         self._links = [
             _LINKS[config.address.kind](number, config, hub)

@@ -7,6 +7,8 @@ import selectors
 import socket
 from collections.abc import Callable
 
+from pymavlink.dialects.v20 import common
+
 from robotctl.drivers.mavlink.base import READ_SIZE, Channel, Link
 from robotctl.drivers.mavlink.queue import OutputQueue
 from robotctl.messages.mavlink_port import Message
@@ -15,6 +17,11 @@ TCP_QUEUE = 32_768
 TCP_SEND_BUFFER = 32_768
 TCP_UNACKNOWLEDGED_MS = 10_000
 """Time without acknowledgement after which the kernel closes a connection [ms]."""
+
+
+KEPT = frozenset({common.MAVLINK_MSG_ID_HEARTBEAT, common.MAVLINK_MSG_ID_STATUSTEXT})
+"""Kept as answers are where room ends. Frames are never sent in another order than they were made:
+the time stamps of signed ones must rise."""
 
 
 class Stream:
@@ -84,7 +91,7 @@ class Stream:
         frame = self.channel.encode(message)
         if frame is None:
             return
-        self._queue.push(frame, answer=answer)
+        self._queue.push(frame, answer=answer or message.get_msgId() in KEPT)
         self._link.counters.sent += 1
         self._link.counters.dropped += self._queue.dropped - dropped
 

@@ -27,6 +27,7 @@ from robotctl.mavlink.services.obstacles import Obstacles
 from robotctl.mavlink.services.parameters import Parameters
 from robotctl.mavlink.services.ping import Ping
 from robotctl.mavlink.services.pose import Poses
+from robotctl.mavlink.services.radio import Radios
 from robotctl.mavlink.services.refusals import Refusals
 from robotctl.mavlink.services.reposition import Repositions
 from robotctl.mavlink.services.setpoints import Setpoints
@@ -55,6 +56,7 @@ SERVICES: Final[tuple[type[Microservice], ...]] = (
     TimeSync,
     Ping,
     SigningSetup,
+    Radios,
     MessageRequests,
     # What the robot tells; streams start in this order.
     Heartbeat,

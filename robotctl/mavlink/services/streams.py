@@ -42,12 +42,16 @@ class _Rate:
     interval_ns: int
     due_ns: int
 
-    def take(self, now_ns: int) -> bool:
-        """Return whether it is due, once; a late step does not cause a burst."""
+    def take(self, now_ns: int, stretch: float) -> bool:
+        """Return whether it is due, once; a late step does not cause a burst.
+
+        `stretch` is how many times longer the interval is while the link has no room.
+        """
         if self.interval_ns == OFF or now_ns < self.due_ns:
             return False
-        following = self.due_ns + self.interval_ns
-        self.due_ns = following if following > now_ns else now_ns + self.interval_ns
+        interval_ns = round(self.interval_ns * stretch)
+        following = self.due_ns + interval_ns
+        self.due_ns = following if following > now_ns else now_ns + interval_ns
         return True
 
 
@@ -132,14 +136,18 @@ class Streams(Microservice):
 
     def step(self, now_ns: int) -> None:
         """Send due messages, each made once for all peers that get it now."""
-        peers = self._context.peers
+        peers, stretch = self._context.peers, self._context.stretch
         self._forget(now_ns)
         self._take_defaults(now_ns)
         plans = [(peer, self._plan(peer, now_ns)) for peer in peers]
         for message_id, stream in self._context.catalogue.streams.items():
             if stream.rate_hz is None:
                 continue
-            due = [peer for peer, plan in plans if plan.rates[message_id].take(now_ns)]
+            due = [
+                peer
+                for peer, plan in plans
+                if plan.rates[message_id].take(now_ns, stretch.get(peer.link, 1.0))
+            ]
             for message in stream.build(now_ns) if due else ():
                 self._context.links.broadcast(message, due)
 
