@@ -13,6 +13,7 @@ from robotctl.mavlink.context import (
     State,
     TelemetryRobot,
 )
+from robotctl.mavlink.forwarding import Forwarder
 from robotctl.mavlink.ftp.files import Files
 from robotctl.mavlink.parameters.parameter_set import NO_PARAMETERS, ParameterSet
 from robotctl.mavlink.parameters.store import NoParameterStore, ParameterStore
@@ -70,6 +71,7 @@ class Telemetry:
         context.catalogue = catalogue_of(self._members)
         self._context = context
         self._router = Router(self._members, config)
+        self._forwarder = Forwarder(links, config)
 
     def step(self, now_ns: int, received: Sequence[State]) -> list[Request]:
         """Process received messages, send due ones.
@@ -92,7 +94,9 @@ class Telemetry:
             context.take(state)
         messages = context.links.poll(now_ns)
         context.hear(messages, now_ns)
+        self._forwarder.begin()
         for message in messages:
+            self._forwarder.take(message, now_ns)
             self._router.route(message, now_ns)
         self._router.step(now_ns)
         if context.config is not self._config:  # the rates of streams are in it

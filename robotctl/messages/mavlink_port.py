@@ -174,6 +174,9 @@ class MavlinkPort(Protocol):
     def reply(self, message: Message, peer: Peer) -> None:
         """Queue `message` for one peer; ignored if the peer is gone."""
 
+    def forward(self, message: Message, peers: Collection[Peer]) -> None:
+        """Queue the frame of a received message for others, as it came."""
+
     def flush(self) -> None:
         """Pass the queue to the operating system, as far as it accepts it."""
 

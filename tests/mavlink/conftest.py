@@ -98,6 +98,7 @@ class FakeLinks:
         self.clients = tuple(Peer(link, 0) for link in range(count))
         self.incoming = []
         self.sent = []
+        self.forwarded = []
         self._codec = common.MAVLink(None, 1, 1)
 
     def poll(self, now_ns, timeout_s=0.0):
@@ -113,6 +114,9 @@ class FakeLinks:
 
     def reply(self, message, peer):
         self.sent.append((self._over_the_wire(message), peer))
+
+    def forward(self, message, peers):
+        self.forwarded.append((message, set(peers)))
 
     def _over_the_wire(self, message):
         return self._codec.decode(bytearray(message.pack(self._codec)))

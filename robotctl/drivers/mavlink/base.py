@@ -88,6 +88,13 @@ class Channel:
         self._record(frame)
         return frame
 
+    def takes(self, frame: bytes) -> bool:
+        """Say whether the peer understands a frame of somebody else; record it then."""
+        if self.reader.is_v1 and frame[0] == common.PROTOCOL_MARKER_V2:
+            return False
+        self._record(frame)
+        return True
+
     def _record(self, frame: bytes | bytearray) -> None:
         if self._tlog is not None:
             self._tlog.record(self.peer.link, frame)
@@ -249,6 +256,10 @@ class Link(ABC):
     @abstractmethod
     def reply(self, message: Message, number: int) -> None:
         """Queue for the peer of this number, if it is there."""
+
+    @abstractmethod
+    def forward(self, frame: bytes, number: int) -> None:
+        """Queue a frame of somebody else for the peer of this number, if it is there."""
 
     @abstractmethod
     def flush(self) -> None:

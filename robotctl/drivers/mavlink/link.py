@@ -106,6 +106,12 @@ class MavlinkLinks:
         """Queue `message` for one peer; ignored if the peer is gone."""
         self._links[peer.link].reply(message, peer.number)
 
+    def forward(self, message: Message, peers: Collection[Peer]) -> None:
+        """Queue the frame of a received message for others, as it came."""
+        frame = bytes(message.get_msgbuf())
+        for peer in peers:
+            self._links[peer.link].forward(frame, peer.number)
+
     def flush(self) -> None:
         """Pass the queue to the operating system, as far as it accepts it."""
         for link in self._links:

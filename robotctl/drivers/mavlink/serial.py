@@ -54,6 +54,11 @@ class SerialLink(Link):
         if self._stream is not None:
             self._stream.send(message, answer=True)
 
+    def forward(self, frame: bytes, number: int) -> None:  # noqa: ARG002
+        """Queue a frame of somebody else."""
+        if self._stream is not None:
+            self._stream.forward(frame)
+
     def flush(self) -> None:
         """Write as much as the line accepts."""
         if self._stream is not None:

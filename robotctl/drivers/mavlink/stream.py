@@ -86,12 +86,20 @@ class Stream:
             self._link.deliver(messages, self.channel, now_ns)
 
     def send(self, message: Message, *, answer: bool) -> None:
+        """Queue one message."""
+        frame = self.channel.encode(message)
+        if frame is not None:
+            self._push(frame, answer=answer or message.get_msgId() in KEPT)
+
+    def forward(self, frame: bytes) -> None:
+        """Queue a frame of somebody else."""
+        if self.channel.takes(frame):
+            self._push(frame, answer=False)
+
+    def _push(self, frame: bytes, *, answer: bool) -> None:
         """Queue one frame."""
         dropped = self._queue.dropped
-        frame = self.channel.encode(message)
-        if frame is None:
-            return
-        self._queue.push(frame, answer=answer or message.get_msgId() in KEPT)
+        self._queue.push(frame, answer=answer)
         self._link.counters.sent += 1
         self._link.counters.dropped += self._queue.dropped - dropped
 

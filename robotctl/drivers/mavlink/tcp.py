@@ -136,6 +136,11 @@ class TcpServer(Link):
         if (stream := self._served.get(number)) is not None:
             stream.send(message, answer=True)
 
+    def forward(self, frame: bytes, number: int) -> None:
+        """Queue a frame of somebody else for one client."""
+        if (stream := self._served.get(number)) is not None:
+            stream.forward(frame)
+
     def flush(self) -> None:
         """Write to all clients."""
         for stream in self._served.values():
@@ -223,6 +228,11 @@ class TcpClient(Link):
         """Queue for the server, unless the connection is another one by now."""
         if self._stream is not None and self._stream.channel.peer.number == number:
             self._stream.send(message, answer=True)
+
+    def forward(self, frame: bytes, number: int) -> None:
+        """Queue a frame of somebody else for the server."""
+        if self._stream is not None and self._stream.channel.peer.number == number:
+            self._stream.forward(frame)
 
     def flush(self) -> None:
         """Write to the server."""

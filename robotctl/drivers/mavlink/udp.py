@@ -144,6 +144,12 @@ class UdpLink(Link):
             if channel.peer.number == number:
                 self._send(channel.encode(message), sender)
 
+    def forward(self, frame: bytes, number: int) -> None:
+        """Send a frame of somebody else."""
+        for sender, channel in self._peers.items():
+            if channel.peer.number == number and channel.takes(frame):
+                self._send(frame, sender)
+
     def _send(self, frame: bytes | None, target: _Sender) -> None:
         if frame is None or self._socket is None or self._broken:
             return
