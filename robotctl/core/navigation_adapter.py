@@ -25,7 +25,7 @@ from robotctl.messages.control import (
     VelocityCommand,
 )
 from robotctl.messages.estimation import CameraView, LidarScan, LocalisationState, PlanView
-from robotctl.messages.fence import EnableFence, SetFence
+from robotctl.messages.fence import EnableFence, SetFence, SetRally
 from robotctl.messages.mission import LoadMission
 from robotctl.messages.tuning import Tuning
 from robotctl.messages.world_pose import WorldPose
@@ -54,7 +54,9 @@ _UNSEEN: Final = (
     "the camera has seen what lies right before it; back it up a little by hand"
 )
 
-_Aside: TypeAlias = ExternalPose | GroundStationPresence | SetFence | EnableFence | Tuning
+_Aside: TypeAlias = (
+    ExternalPose | GroundStationPresence | SetFence | EnableFence | SetRally | Tuning
+)
 """Requests that are not for the navigator."""
 
 _COMMAND: Final = frozenset({"v_m_s", "omega_rad_s", "expires_ns"})
@@ -114,6 +116,7 @@ class NavigationAdapter:
         self.period_ns = round(1e9 / config.rate_hz)
         self._file, self._crc = "", 0
         """The mission's file and CRC-32, if it was loaded since the start."""
+        self._rally_crc = 0
         self._offer: _Offer | None = None
         """A mission that the navigator is asked to take in this step."""
         self._odometry = OdometryHistory()
@@ -153,11 +156,7 @@ class NavigationAdapter:
         """
         if localisation is not None:
             self._world.localise(localisation)
-        self.fence_by(
-            each
-            for each in requests
-            if isinstance(each, SetFence | EnableFence) and not too_late(each, now_ns)
-        )
+        self.bound_by(each for each in requests if not too_late(each, now_ns))
         inputs = self._inputs(control, requests, now_ns, seen)
         out = self.navigator.step(inputs, now_ns)
         offer, self._offer = self._offer, None
@@ -179,15 +178,20 @@ class NavigationAdapter:
             mission_file=self._file,
             mission_crc=self._crc,
             fence=self.fence.state,
+            rally_crc=self._rally_crc,
             **told,
         )
         return command, state
 
-    def fence_by(self, requests: Iterable[SetFence | EnableFence]) -> None:
-        """Take another fence, or switch it; planning keeps to it, too."""
+    def bound_by(self, requests: Iterable[NavigationRequest]) -> None:
+        """Take fences, which planning keeps to, too, and rally points; leave all else."""
         before = self.fence.planned
         for each in requests:
-            self.fence.take(each)
+            if isinstance(each, SetFence | EnableFence):
+                self.fence.take(each)
+            elif isinstance(each, SetRally):
+                self.navigator.use_rally(each.places)
+                self._rally_crc = each.crc
         if self.fence.planned != before:
             self.navigator.use_fence(self.fence.planned)
 

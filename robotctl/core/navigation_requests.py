@@ -11,7 +11,7 @@ from robotctl.messages.control import (
     SetMode,
     VelocityTarget,
 )
-from robotctl.messages.fence import EnableFence, SetFence
+from robotctl.messages.fence import EnableFence, SetFence, SetRally
 from robotctl.messages.mission import (
     AbortMission,
     ExploreTarget,
@@ -54,7 +54,7 @@ def too_late(message: NavigationRequest, now_ns: int) -> bool:
         return False
     old = now_ns - message.stamp_ns > REQUEST_LIFE_NS
     return old and isinstance(
-        message, SetMode | PositionTarget | MissionCommand | SetFence | EnableFence
+        message, SetMode | PositionTarget | MissionCommand | SetFence | EnableFence | SetRally
     )
 
 

@@ -13,7 +13,7 @@ from typing import TypeAlias
 import msgspec
 
 from robotctl.messages.faults import Fault, FaultCode
-from robotctl.messages.fence import FenceRequest, FenceState
+from robotctl.messages.fence import FenceRequest, FenceState, SetRally
 from robotctl.messages.mission import MissionCommand
 from robotctl.messages.mode import Mode as Mode  # noqa: PLC0414 - part of the messages
 from robotctl.messages.tuning import Tuning
@@ -368,6 +368,7 @@ NavigationRequest: TypeAlias = (
     | GroundStationPresence
     | MissionCommand
     | FenceRequest
+    | SetRally
     | Tuning
 )
 """Requests to the navigation process."""
@@ -474,7 +475,8 @@ class NavigationState(msgspec.Struct, frozen=True, tag=True):
     asked of the mission was done. `loop_counts` says how often each repeat and jump
     was taken, `loops` the same for people. `waits`: for an operator's go-ahead. `trouble` is the
     last failure of an item in this run of the mission. `held`: the robot went to HOLD by itself,
-    and `message` says why. `fence`: how it keeps to its fence. `tuning` is the number of the
+    and `message` says why. `fence`: how it keeps to its fence. `rally_crc`
+    names its rally points, 0: there are none. `tuning` is the number of the
     `Tuning` in force.
     """
 
@@ -503,6 +505,7 @@ class NavigationState(msgspec.Struct, frozen=True, tag=True):
     trouble: str = ""
     held: bool = False
     fence: FenceState = FenceState()
+    rally_crc: int = 0
     tuning: int = 0
 
 

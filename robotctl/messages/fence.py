@@ -1,4 +1,4 @@
-"""Requests about the fence of a robot, and how it keeps to it."""
+"""Requests about a robot's fence and rally points, and how it keeps to the fence."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TypeAlias
 
 import msgspec
 
-from robotctl.model.fence import Fence
+from robotctl.model.fence import Fence, Point
 
 
 class SetFence(msgspec.Struct, frozen=True, tag=True):
@@ -25,6 +25,17 @@ class EnableFence(msgspec.Struct, frozen=True, tag=True):
 
     stamp_ns: int
     enabled: bool
+
+
+class SetRally(msgspec.Struct, frozen=True, tag=True):
+    """Return to the nearest of these places of `world` (m) in place of home; none: home again.
+
+    `crc` names them in `NavigationState.rally_crc`; 0: there are none.
+    """
+
+    stamp_ns: int
+    places: tuple[Point, ...]
+    crc: int
 
 
 class FenceState(msgspec.Struct, frozen=True):
@@ -47,6 +58,12 @@ class FenceFile(msgspec.Struct, frozen=True):
     """What navigation reads of the file that a fence is kept in."""
 
     fence: Fence
+
+
+class RallyFile(msgspec.Struct, frozen=True):
+    """What navigation reads of the file that rally points are kept in."""
+
+    places: tuple[Point, ...]
 
 
 FenceRequest: TypeAlias = SetFence | EnableFence

@@ -21,7 +21,7 @@ from robotctl.messages.requests import (
     VelocityRequest,
 )
 from robotctl.model.drives.drives import Drive
-from robotctl.model.fence import Fence
+from robotctl.model.fence import Fence, Point
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.behaviours.breadcrumbs import Breadcrumbs
@@ -198,6 +198,10 @@ class Navigator:
         self._fence = fence
         if self._robot.pilot is not None:
             self._robot.pilot.use_fence(fence)
+
+    def use_rally(self, places: tuple[Point, ...]) -> None:
+        """Return to the nearest of these from now on, if there are some and it plans its way."""
+        self._robot.rally = places
 
     def outlook(self) -> Outlook | None:
         """Return what the pilot drives by and sees; None: there is none."""

@@ -12,7 +12,7 @@ import zmq
 from robotctl.app.localisation.load_estimators import load_estimators
 from robotctl.app.processes.entry import enter
 from robotctl.app.processes.navigator import equip, load_mission, make_navigation
-from robotctl.app.processes.plan_files import load_fence
+from robotctl.app.processes.plan_files import load_bounds
 from robotctl.app.processes.progress import StoredProgress, last_pose, load_progress
 from robotctl.app.supervision.signals import StopFlag
 from robotctl.config.options import StackOptions
@@ -60,13 +60,12 @@ def resume(
     return (f"the mission is at item {saved.item + 1}; mode AUTO resumes there",)
 
 
-def take_fence(adapter: NavigationAdapter, options: StackOptions) -> tuple[str, ...]:
-    """Keep to the fence from the first step on; return notices."""
+def take_bounds(adapter: NavigationAdapter, options: StackOptions) -> tuple[str, ...]:
+    """Keep to the fence from the first step on, and know the rally points; return notices."""
     try:
-        fence = load_fence(options.state)
+        adapter.bound_by(load_bounds(options.state))
     except DiskError as error:
-        return (f"{error}; until then the robot has no fence",)
-    adapter.fence_by([] if fence is None else [fence])
+        return (f"{error}; until then the robot has neither",)
     return ()
 
 
@@ -87,7 +86,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     heartbeat = ProcessHeartbeat(os.environ)
     adapter = make_navigation(config, options)
     saved, notes = load_progress(options)
-    if notes := (*notes, *resume(adapter, options, saved), *take_fence(adapter, options)):
+    if notes := (*notes, *resume(adapter, options, saved), *take_bounds(adapter, options)):
         publisher.greet(Notice(clock.now_ns(), Severity.WARNING, "\n".join(notes)))
 
     def say(text: str) -> None:

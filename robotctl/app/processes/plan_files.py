@@ -10,10 +10,10 @@ from zlib import crc32
 import msgspec
 
 from robotctl.errors import DiskError
-from robotctl.messages.fence import FenceFile, SetFence
+from robotctl.messages.fence import FenceFile, RallyFile, SetFence, SetRally
 from robotctl.runtime.storage.atomic_file import write_whole
 
-ENDINGS: Final = {"mission": "toml", "fence": "json"}
+ENDINGS: Final = {"mission": "toml", "fence": "json", "rally points": "json"}
 """Of the files of each kind."""
 
 
@@ -36,7 +36,7 @@ class PlanFiles:
         self._kind = kind
 
     def _name(self, word: str) -> str:
-        return f"mavlink-{self._kind}-{word}.{ENDINGS[self._kind]}"
+        return f"mavlink-{self._kind.replace(' ', '-')}-{word}.{ENDINGS[self._kind]}"
 
     def _files(self) -> list[Path]:
         """Return all there are, the oldest first."""
@@ -77,19 +77,24 @@ def plan_stores(directory: str) -> dict[str, PlanFiles]:
     return {kind: PlanFiles(directory, kind) for kind in ENDINGS}
 
 
-def load_fence(directory: str) -> SetFence | None:
-    """Return the fence that a robot of this folder keeps to from its start; None: there is none.
+def load_bounds(directory: str) -> tuple[SetFence | SetRally, ...]:
+    """Return the fence and the rally points that a robot of this folder has from its start.
 
     Raises
     ------
     DiskError
-        If its file is damaged.
+        If one of the files is damaged.
     """
-    content = PlanFiles(directory, "fence").load()
-    if not content:
-        return None
+    fence, rally = (PlanFiles(directory, kind).load() for kind in ("fence", "rally points"))
+    found: list[SetFence | SetRally] = []
     try:
-        fence = msgspec.json.decode(content, type=FenceFile).fence
+        if fence:
+            shapes = msgspec.json.decode(fence, type=FenceFile).fence
+            found.append(SetFence(0, shapes, crc32(fence)))
+        if rally:
+            places = msgspec.json.decode(rally, type=RallyFile).places
+            found.append(SetRally(0, places, crc32(rally)))
     except (msgspec.DecodeError, ValueError) as error:
-        raise DiskError(f"{directory}: the fence is damaged, upload it anew: {error}") from error
-    return SetFence(0, fence, crc32(content))
+        text = "the fence or the rally points are damaged, upload them anew"
+        raise DiskError(f"{directory}: {text}: {error}") from error
+    return tuple(found)

@@ -82,7 +82,7 @@ def check_fence_item(item: MissionItem, seq: int, origin: Origin | None) -> None
     if item.command not in _POLYGONS and item.command not in _CIRCLES:
         why = f"command {item.command} is none of a fence"
         raise BadItem(seq, common.MAV_MISSION_UNSUPPORTED, why)
-    _place(item, seq, origin)
+    bounded_place(item, seq, origin)
     first, group = item.params[:2]
     if item.command in _CIRCLES and not 0.0 < first < FARTHEST_M:
         raise BadItem(seq, _INVALID_1, f"radius {first:g} m found, above 0 allowed")
@@ -111,13 +111,13 @@ def fence_of(items: Sequence[MissionItem], origin: Origin | None) -> tuple[Fence
             seq += len(corners)
             continue
         if item.command in _CIRCLES:
-            place = _place(item, seq, origin)
+            place = bounded_place(item, seq, origin)
             circles.append(FenceCircle(*place, item.params[0], _CIRCLES[item.command]))
         else:
             notes.append(f"item {seq}: the robot stops at the fence, and returns nowhere")
         seq += 1
     fence = Fence(tuple(polygons), tuple(circles))
-    items = tuple(_plain(item) for item in items)
+    items = tuple(plain(item) for item in items)
     if fence.is_empty:
         raise BadItem(0, _INVALID, "nothing that bounds the robot")
     used = origin if any(each.is_global and each.command != _RETURN for each in items) else None
@@ -125,7 +125,7 @@ def fence_of(items: Sequence[MissionItem], origin: Origin | None) -> tuple[Fence
     return FencePlan(items, fence, used, content), notes
 
 
-def _plain(item: MissionItem) -> MissionItem:
+def plain(item: MissionItem) -> MissionItem:
     """Return an item without values that are no number, which JSON has not: they say nothing."""
     a, b, c, d = (0.0 if math.isnan(each) else each for each in item.params)
     return item._replace(params=(a, b, c, d), z=item.z if math.isfinite(item.z) else 0.0)
@@ -143,10 +143,10 @@ def _corners(items: Sequence[MissionItem], seq: int, origin: Origin | None) -> t
         if other is None or other.command != first.command or other.params[0] != said:
             why = f"a polygon of {count} corners has {offset}"
             raise BadItem(seq, _INVALID_1, why)
-    return tuple(_place(items[k], k, origin) for k in range(seq, seq + count))
+    return tuple(bounded_place(items[k], k, origin) for k in range(seq, seq + count))
 
 
-def _place(item: MissionItem, seq: int, origin: Origin | None) -> Point:
+def bounded_place(item: MissionItem, seq: int, origin: Origin | None) -> Point:
     """Return x and y in `world` [m]."""
     place = place_of(item, origin)
     if place is None:

@@ -27,7 +27,7 @@ ANSWER_NS: Final = 1_500_000_000
 """Navigation has this long to take a plan [ns]."""
 GUIDED_ITEM: Final = 2
 """`current` of an item that is no part of a mission but a place to go to at once."""
-OTHERS: Final = frozenset({common.MAV_MISSION_TYPE_FENCE})
+OTHERS: Final = frozenset({common.MAV_MISSION_TYPE_FENCE, common.MAV_MISSION_TYPE_RALLY})
 """Kinds that have a service, beside missions."""
 
 

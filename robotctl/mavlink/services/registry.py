@@ -28,6 +28,7 @@ from robotctl.mavlink.services.parameters import Parameters
 from robotctl.mavlink.services.ping import Ping
 from robotctl.mavlink.services.pose import Poses
 from robotctl.mavlink.services.radio import Radios
+from robotctl.mavlink.services.rally import RallyPoints
 from robotctl.mavlink.services.refusals import Refusals
 from robotctl.mavlink.services.reposition import Repositions
 from robotctl.mavlink.services.setpoints import Setpoints
@@ -74,6 +75,7 @@ SERVICES: Final[tuple[type[Microservice], ...]] = (
     Obstacles,
     Missions,
     Fences,
+    RallyPoints,
     Parameters,
     Ftp,
     Streams,

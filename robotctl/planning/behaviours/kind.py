@@ -124,6 +124,8 @@ class NavigatedRobot:
         Free paths through the world; None: paths are straight lines.
     pilot
         Plans; None: the robot has nothing to plan by.
+    rally
+        Places of `world` that it may return to in place of home [m].
     """
 
     config: NavigationConfig
@@ -134,6 +136,7 @@ class NavigatedRobot:
     sees_markers: bool = False
     paths: Paths | None = None
     pilot: Pilot | None = None
+    rally: tuple[Point, ...] = ()
 
     @property
     def abilities(self) -> Abilities:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 from robotctl.messages.mode import Mode
 from robotctl.model.drives.drives import Drive
+from robotctl.model.fence import Point
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behaviours.breadcrumbs import Breadcrumbs, Leg
 from robotctl.planning.behaviours.follow_path import FollowPath
@@ -100,6 +103,8 @@ class ReturnHome(Behaviour):
 class PlannedReturn(Behaviour):
     """Drives home by plan, and along the breadcrumbs where that fails.
 
+    With rally points, it drives to the nearest of those that a way leads to, and home if none does.
+
     Parameters
     ----------
     robot
@@ -107,10 +112,8 @@ class PlannedReturn(Behaviour):
     """
 
     def __init__(self, robot: NavigatedRobot) -> None:
-        home, speed_m_s = robot.crumbs.home, robot.config.return_speed_m_s
-        goal = Goal(home.x_m, home.y_m)
+        self._robot = robot
         self._crumbs = robot.crumbs
-        self._plan = Piloted(lambda pilot: pilot.journey(goal, speed_m_s), robot)
         self._trail = _trail(robot)
         self.reset()
 
@@ -121,7 +124,11 @@ class PlannedReturn(Behaviour):
     def reset(self) -> None:
         """Plan again."""
         self._failure = ""
-        self._plan.reset()
+        self._rally: list[Point] | None = None
+        """The rally points that are left to try, the nearest last; None: not begun."""
+        self._rallies = False
+        """Whether it drives to one of them now."""
+        self._plan = self._to(self._home)
         self._trail.pause()
 
     def join(self) -> None:
@@ -134,13 +141,20 @@ class PlannedReturn(Behaviour):
         self._trail.pause()
 
     def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
-        """Return the next velocity; done at home."""
+        """Return the next velocity; done at home, or at a rally point."""
         if not self._failure:
             # The way back to the way it came has to be known should the plan fail.
             self._crumbs.record(situation.pose)
+            if self._rally is None:
+                self._rally = self._sorted(situation.pose)
+                self._next()
             step = self._plan.step(situation, now_ns)
+            while step.status is Status.FAILED and self._rallies:
+                self._next()
+                step = self._plan.step(situation, now_ns)
             if step.status is not Status.FAILED:
-                return done("home") if step.status is Status.DONE else step
+                place = "at a rally point" if self._rallies else "home"
+                return done(place) if step.status is Status.DONE else step
             if self._crumbs.has_gap:
                 return failed(f"{step.text}; and it does not know all of the way it came")
             self._failure = step.text
@@ -149,6 +163,25 @@ class PlannedReturn(Behaviour):
         if step.status is Status.DONE:
             return step
         return step._replace(text=f"back the way it came ({self._failure}): {step.text}")
+
+    @property
+    def _home(self) -> Point:
+        home = self._crumbs.home
+        return home.x_m, home.y_m
+
+    def _sorted(self, pose: SE2) -> list[Point]:
+        """Return the rally points, the nearest last."""
+        here = pose.x_m, pose.y_m
+        return sorted(self._robot.rally, key=lambda each: -math.dist(each, here))
+
+    def _next(self) -> None:
+        """Drive to the nearest rally point that was not tried, or home after the last."""
+        self._rallies = bool(self._rally)
+        self._plan = self._to(self._rally.pop() if self._rally else self._home)
+
+    def _to(self, place: Point) -> Piloted:
+        goal, speed_m_s = Goal(*place), self._robot.config.return_speed_m_s
+        return Piloted(lambda pilot: pilot.journey(goal, speed_m_s), self._robot)
 
 
 def _trail(robot: NavigatedRobot) -> ReturnHome:

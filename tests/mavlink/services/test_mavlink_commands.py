@@ -427,7 +427,7 @@ def test_the_autopilot_version_tells_version_and_capabilities(bench):
     assert version.capabilities & common.MAV_PROTOCOL_CAPABILITY_MAVLINK2
     assert version.capabilities & common.MAV_PROTOCOL_CAPABILITY_MISSION_INT
     assert version.capabilities & common.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE
-    assert not version.capabilities & common.MAV_PROTOCOL_CAPABILITY_MISSION_RALLY
+    assert version.capabilities & common.MAV_PROTOCOL_CAPABILITY_MISSION_RALLY
     assert version.uid != 0
 
 

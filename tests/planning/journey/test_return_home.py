@@ -23,13 +23,14 @@ ROUND = [
 ]
 
 
-def returning(bench, way, *, pilot=True):
+def returning(bench, way, *, pilot=True, rally=()):
     """Return the behaviour of a robot that came a way, and its breadcrumbs."""
     crumbs = Breadcrumbs(SE2(1.0, 2.0, 0.0), steered=False)
     for x, y in way:
         crumbs.record(SE2(x, y, 0.0))
     guard = ObstacleGuard(CONFIG.guard, ())
-    robot = NavigatedRobot(CONFIG, DRIVE, (), guard, crumbs, pilot=bench.pilot if pilot else None)
+    planner = bench.pilot if pilot else None
+    robot = NavigatedRobot(CONFIG, DRIVE, (), guard, crumbs, pilot=planner, rally=rally)
     return RETURN_HOME.make(Mode.RTL, robot), crumbs
 
 
@@ -88,3 +89,15 @@ def test_a_robot_without_map_and_lidar_drives_the_way_it_came():
     step, off = drive(bench, behaviour)
     assert step.text == "home"
     assert off < 0.2
+
+
+def test_the_nearest_rally_point_that_a_way_leads_to_takes_the_place_of_home():
+    bench = Bench(room(), room(), start=SE2(3.5, 2.0, 0.0), config=CONFIG)
+    behaviour, _ = returning(bench, AWAY, rally=((1.2, 0.8), (90.0, 2.0), (2.5, 0.8)))
+    step, _ = drive(bench, behaviour)
+    assert (step.status, step.text) == (Status.DONE, "at a rally point")
+    assert math.dist((bench.pose.x_m, bench.pose.y_m), (2.5, 0.8)) < 0.15
+    behaviour, _ = returning(bench, AWAY, rally=((90.0, 2.0),))
+    step, _ = drive(bench, behaviour)
+    assert step.text == "home"
+    assert math.dist((bench.pose.x_m, bench.pose.y_m), (1.0, 2.0)) < 0.15
