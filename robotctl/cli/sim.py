@@ -105,6 +105,10 @@ def sim(
     mapping: Annotated[
         bool, typer.Option("--mapping", help="Build a map of what the sensors see.")
     ] = False,
+    slam: Annotated[
+        bool,
+        typer.Option("--slam", help="Know no map: make one from the lidar, and drive by that."),
+    ] = False,
     camera: Annotated[
         bool,
         typer.Option("--camera", help="Use the camera: ranges, obstacles, and their score."),
@@ -146,6 +150,8 @@ def sim(
         if reason := refusal(record):
             raise LogError(reason)
     pose = _start(start)
+    if slam and (localiser is not None or world_map or start == "unknown"):
+        raise ConfigError("--slam: not allowed with --localiser, --map and --start unknown")
     if goal and mission:
         raise ConfigError("--goal: not allowed with --mission, which says where to drive")
     options = SimOptions(
@@ -162,7 +168,11 @@ def sim(
         record=record,
         faults=find_file(faults, "scenarios") if faults else None,
         localisation=_localisation(
-            localiser, start == "unknown", world_map, sensors, mapping=mapping
+            "slam" if slam else localiser,
+            start == "unknown",
+            world_map,
+            sensors,
+            mapping=mapping or slam,
         ),
         hard_real_time=hard_real_time,
     )

@@ -267,7 +267,7 @@ def contradictions(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]
         problem = f"the bus carries at most {MAX_SONARS} sonars, found {len(names)}"
         yield ("sonar", MAX_SONARS), problem
     settings = config.localisation
-    if settings.method != "none" and not settings.map:
+    if settings.method in ("ekf", "mcl") and not settings.map:
         problem = "needs localisation.map, a world (.toml) or a ROS map (.yaml)"
         yield ("localisation", "method"), f'"{settings.method}" {problem}'
 

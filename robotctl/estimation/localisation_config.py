@@ -29,7 +29,8 @@ class LocalisationConfig:
     method
         `none`: odometry only. `ekf`: odometry corrected by sonar ranges to walls and by poses from
         outside (MAVLink). `mcl`: particles, weighed by sonars and lidar, which also find a robot
-        that was carried away.
+        that was carried away. `slam`: lidar scans matched with those before; it needs no map and
+        makes one.
     map
         A world (`.toml`, walls) or a ROS map (`.yaml`, cells); `ekf` needs walls.
     start
@@ -59,7 +60,7 @@ class LocalisationConfig:
         If a value is out of its range, or settings contradict each other.
     """
 
-    method: Literal["none", "ekf", "mcl"] = "none"
+    method: Literal["none", "ekf", "mcl", "slam"] = "none"
     map: str = ""
     start: Literal["known", "unknown"] = "known"
     start_sigma_m: float = 0.1

@@ -19,6 +19,7 @@ from robotctl.app.localisation.localiser import (
 )
 from robotctl.app.localisation.mapper import Mapper
 from robotctl.app.localisation.mcl_localiser import make_mcl
+from robotctl.app.localisation.slam_localiser import SlamDrawing, make_slam
 from robotctl.config.robot_file import RobotConfig
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
 from robotctl.estimation.mcl.free_space import free_area_m2
@@ -95,7 +96,7 @@ class Estimators:
     def __init__(
         self,
         localiser: Localiser | None,
-        mapper: Mapper | None,
+        mapper: Mapper | SlamDrawing | None,
         history: OdometryHistory,
         robot: SensedRobot,
         notices: Sequence[str] = (),
@@ -236,8 +237,11 @@ def make_estimators(config: RobotConfig, start: SE2, beside: Path) -> Estimators
     settings = config.localisation
     history = OdometryHistory()
     localiser: Localiser | None = None
-    mapper, given, notices = None, None, []
-    if settings.method != "none":
+    mapper: Mapper | SlamDrawing | None = None
+    given, notices = None, []
+    if settings.method == "slam":
+        localiser, mapper = make_slam(config, sensed_robot(config), start, history)
+    elif settings.method != "none":
         world_map = load_localisation_map(settings.map, beside)
         given = world_map.grid
         begin = LocaliserBegin(config, world_map, start, history, beside)
@@ -246,7 +250,7 @@ def make_estimators(config: RobotConfig, start: SE2, beside: Path) -> Estimators
             notices = [said]
         if settings.start == "unknown":
             notices += filter(None, [too_large(free_area_m2(world_map.grid))])
-    if settings.mapping:
+    if settings.mapping and mapper is None:
         mapper = _mapper(config, history)
     return Estimators(localiser, mapper, history, sensed_robot(config), notices, given)
 

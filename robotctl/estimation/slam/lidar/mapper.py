@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from robotctl.estimation.slam.front_end.point_to_line import Match
-from robotctl.estimation.slam.front_end.surface import Surface, surface_of
+from robotctl.estimation.slam.front_end.surface import Floats, Surface, surface_of
 from robotctl.estimation.slam.lidar.back_end import BackEnd, Link
 from robotctl.estimation.slam.lidar.config import LidarSlamConfig
 from robotctl.estimation.slam.lidar.keyframe import Keyframe, keyframe_of, match_pair
@@ -42,7 +42,19 @@ class Place:
 
 
 class SlamMapper:
-    """A map from lidar scans, as they come, with odometry or without."""
+    """A map from lidar scans, as they come, with odometry or without.
+
+    Attributes
+    ----------
+    keyframes, back_end, loops
+        Scans that are kept; their poses and links; what became of possible loops.
+    epoch
+        Counts closed loops, with which poses jump.
+    slips, lost, lost_in_a_row
+        Scans that contradict odometry; that fit nowhere; of these the last ones.
+    covariance
+        Of the pose on the map of the last keyframes, (3, 3) in its own frame [m, m, rad].
+    """
 
     def __init__(self, config: LidarSlamConfig | None = None) -> None:
         self.config = config or LidarSlamConfig()
@@ -50,7 +62,8 @@ class SlamMapper:
         self.back_end = BackEnd()
         self.loops = LoopSearch(self.config, self.keyframes, self.back_end)
         self.epoch = 0
-        self.slips = self.lost = 0
+        self.slips = self.lost = self.lost_in_a_row = 0
+        self.covariance: Floats = 1e-6 * np.eye(3)
         self._local: LocalMap | None = None
         self._place: Place | None = None
         self._odometry: SE2 | None = None
@@ -94,7 +107,7 @@ class SlamMapper:
         if tracked.has_slipped:
             self.slips += 1
             self._kept_odometry = None
-        self.lost += tracked.match is None
+        self._account(tracked.match, expected)
         step = last.pose.inverse() @ tracked.pose
         self._moved, self._moved_s = step, 1e-9 * (scan.stamp_ns - last.stamp_ns)
         self._travelled_m += float(np.hypot(step.x_m, step.y_m))
@@ -105,6 +118,22 @@ class SlamMapper:
         if links:
             self.close(links)
         return self._place
+
+    def begin_odometry(self) -> None:
+        """Take the odometry of the next scan for another one, which begins anew."""
+        self._odometry = self._kept_odometry = None
+
+    def _account(self, match: Match | None, expected: Expected) -> None:
+        """Count scans that fit nowhere; keep how well the pose on the local map is known."""
+        motion = np.diag([expected.sigma_m**2, expected.sigma_m**2, expected.sigma_rad**2])
+        if match is None:
+            self.lost += 1
+            self.lost_in_a_row += 1
+            self.covariance = self.covariance + motion
+        else:
+            self.lost_in_a_row = 0
+            covariance: Floats = np.linalg.inv(match.information + expected.information)
+            self.covariance = covariance
 
     def _expected(self, stamp_ns: int, last: Place, odometry: SE2 | None) -> Expected:
         """Return the motion since the last scan as far as it is known before the match."""

@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from robotctl.estimation.slam.front_end.correlative import Window, search
-from robotctl.estimation.slam.front_end.point_to_line import Bins, Match, binned, refine
+from robotctl.estimation.slam.front_end.point_to_line import (
+    NARROW_M,
+    Bins,
+    Match,
+    binned,
+    refine,
+)
 from robotctl.estimation.slam.front_end.score_field import ScoreField, score_field
 from robotctl.estimation.slam.front_end.surface import Floats, Surface, joined
 from robotctl.estimation.slam.lidar.config import LidarSlamConfig
@@ -15,9 +22,20 @@ from robotctl.estimation.slam.lidar.keyframe import Keyframe
 from robotctl.estimation.slam.lidar.motion import Expected
 from robotctl.model.geometry.se2 import SE2
 
-SEARCH_POINTS = 180
-_WIDER = 2.5
-_SLIP = 16.27
+SEARCH_POINTS: Final = 180
+_SURE: Final = 0.6
+"""A match with a lower score is compared with those of a wider search."""
+_BETTER: Final = 0.2
+"""Of the score of one farther from the prior that replaces it."""
+_WIDER: Final = 2.5
+_LOST_M: Final = 0.5
+_LOST_RAD: Final = 0.5
+"""Doubt of the prior in the wider search at least: wheels slip, clocks jump."""
+_FARTHEST_M: Final = 2.5
+_CORRIDOR: Final = 0.01
+"""Information along, beside that across, where walls say nothing of the place along them."""
+_STILL_MATCHES: Final = 0.75
+_SLIP: Final = 16.27
 """chi2 of 3 numbers that one in a thousand exceeds."""
 
 
@@ -71,20 +89,55 @@ def track(
 ) -> Tracked:
     """Return where a scan was taken, after a motion from a last pose on a local map."""
     prior = last @ expected.motion
-    points = thinned(surface.points, SEARCH_POINTS)
-    for wider in (1.0, _WIDER):
-        sigma_m, sigma_rad = wider * expected.sigma_m, wider * expected.sigma_rad
-        window = Window(
-            prior, min(3.0 * sigma_m, 2.5), min(3.0 * sigma_rad, np.pi), sigma_m, sigma_rad
+    score, match = _attempt(local, surface, prior, expected)
+    if score < _SURE or match.inliers < config.least_inliers:
+        lost = Expected(
+            expected.motion,
+            max(_WIDER * expected.sigma_m, _LOST_M),
+            max(_WIDER * expected.sigma_rad, _LOST_RAD),
         )
-        found = search(local.field, points, window, -1.0)
-        if found is None:
-            break
-        information = expected.information / wider**2
-        match = refine(local.bins, surface, found.pose, prior, information)
-        if found.score >= config.least_score and match.inliers >= config.least_inliers:
-            return Tracked(match.pose, match, found.score, _contradicts(prior, expected, match))
-    return Tracked(prior, None, 0.0, False)
+        wide_score, wide = _attempt(local, surface, prior, lost)
+        fits = score >= config.least_score and match.inliers >= config.least_inliers
+        if not fits or wide_score > score + _BETTER:
+            score, match = wide_score, wide
+    if score < config.least_score or match.inliers < config.least_inliers:
+        return Tracked(prior, None, 0.0, has_slipped=False)
+    return Tracked(match.pose, match, score, _contradicts(prior, expected, match))
+
+
+def _attempt(
+    local: LocalMap, surface: Surface, prior: SE2, expected: Expected
+) -> tuple[float, Match]:
+    """Return score and refined match of the best pose around a prior."""
+    window = Window(
+        prior,
+        min(3.0 * expected.sigma_m, _FARTHEST_M),
+        min(3.0 * expected.sigma_rad, np.pi),
+        expected.sigma_m,
+        expected.sigma_rad,
+    )
+    found = search(local.field, thinned(surface.points, SEARCH_POINTS), window, -1.0)
+    start, score = (prior, 0.0) if found is None else (found.pose, found.score)
+    match = refine(local.bins, surface, start, prior, expected.information)
+    return score, _held(local, surface, match, prior, expected)
+
+
+def _held(local: LocalMap, surface: Surface, match: Match, prior: SE2, expected: Expected) -> Match:
+    """Return a match which the prior holds along a corridor, if it is in one.
+
+    There the search prefers to stand still, where all of a scan overlaps with the map. Zhang,
+    Kaess, Singh: On degeneracy of optimization-based state estimation problems, ICRA 2016.
+    """
+    H = match.information
+    by_place = H[:2, :2] - np.outer(H[:2, 2], H[:2, 2]) / max(H[2, 2], 1e-9)
+    information, directions = np.linalg.eigh(by_place)
+    if information[0] > _CORRIDOR * information[1]:
+        return match
+    off = match.pose.inverse() @ prior
+    along = directions[:, 0] * (directions[:, 0] @ np.array([off.x_m, off.y_m]))
+    start = match.pose @ SE2(float(along[0]), float(along[1]))
+    held = refine(local.bins, surface, start, prior, expected.information, NARROW_M)
+    return held if held.inliers > _STILL_MATCHES * match.inliers else match
 
 
 def _contradicts(prior: SE2, expected: Expected, match: Match) -> bool:

@@ -1,0 +1,113 @@
+"""SLAM by lidar on public logs of ROBOTCTL_DATA: published relations, corrected poses, time."""
+
+from __future__ import annotations
+
+import gzip
+import math
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks import machine
+from robotctl.logs.formats.recorded_log import read_recording
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.recording import Recording
+from robotctl.model.trajectory import Trajectory
+from robotctl.workbench.slam.lidar import LidarResult, lidar_slam_of
+
+GOALS = "0.031 m, 1.0 deg of relations; ape 0.15 m; 15 ms a scan, p99 60 ms; Intel 20 s"
+LOGS = (
+    ("intel-odometry", True),
+    ("intel-odometry", False),
+    ("seattle-corrected", False),
+    ("freiburg-079-corrected", False),
+    ("fhw-odometry", True),
+    ("fhw-odometry", False),
+    ("acapulco-odometry", True),
+    ("acapulco-odometry", False),
+)
+EXACT_NS = 1_000_000
+"""A relation is between two scans if they have its times to a millisecond."""
+
+
+def relations(path: Path, estimate: Trajectory) -> tuple[int, float, float, float, float]:
+    """Return the number of relations, the mean and the greatest error [m], the same [deg].
+
+    Kümmerle et al., On measuring the accuracy of SLAM algorithms, Autonomous Robots 27 (2009),
+    equation 4: each published relation against that of the estimate, translation and rotation.
+    """
+    rows = {stamp_ns: row for row, stamp_ns in enumerate(estimate.stamps_ns.tolist())}
+    stamps_ns = np.array(list(rows))
+    shifts, turns = [], []
+    with gzip.open(path, "rt", encoding="ascii") as file:
+        for line in file:
+            first, second, x, y, _, _, _, yaw = map(float, line.split())
+            ends = []
+            for time_s in (first, second):
+                nearest = int(np.argmin(np.abs(stamps_ns - 1e9 * time_s)))
+                if abs(float(stamps_ns[nearest]) - 1e9 * time_s) < EXACT_NS:
+                    ends.append(SE2(*estimate.poses[rows[int(stamps_ns[nearest])]].tolist()))
+            if len(ends) == 2:
+                off = SE2(x, y, yaw).inverse() @ ends[0].inverse() @ ends[1]
+                shifts.append(math.hypot(off.x_m, off.y_m))
+                turns.append(math.degrees(abs(off.theta_rad)))
+    return len(shifts), *(f(each) for each in (shifts, turns) for f in (np.mean, np.max))
+
+
+def without_odometry(recording: Recording) -> Recording:
+    """Return a recording whose odometry is as good as none: that of a log corrected in place."""
+    scans = tuple(replace(each, reference=each.odometry) for each in recording.scans)
+    return replace(recording, scans=scans)
+
+
+def row_of(name: str, result: LidarResult) -> tuple[str, ...]:
+    """Return the figures of a log."""
+    report = result.report()
+    times = report["time_ms"]
+    return (
+        name,
+        "yes" if report["odometry"] else "no",
+        str(report["scans"]),
+        str(report["keyframes"]),
+        f"{report['loops']['closed']} / {sum(report['loops']['refused'].values())}",
+        str(report["links_of_loops"]),
+        str(report["unmatched"]),
+        f"{report['trajectory']['rmse_m']:.3f}",
+        f"{report['online']['rmse_m']:.3f}",
+        f"{times['mean']:.1f} / {times['p99']:.1f} / {times['max']:.1f}",
+        f"{1e-3 * (times['scans'] + times['grid']):.1f}",
+    )
+
+
+def run(rounds: int, seconds: float) -> None:
+    """Map the public logs."""
+    machine.note("\n# SLAM by lidar")
+    if "ROBOTCTL_DATA" not in os.environ:
+        machine.note("ROBOTCTL_DATA is not set: no public logs")
+        return
+    folder = Path(os.environ["ROBOTCTL_DATA"]) / "carmen"
+    rows, notes = [], []
+    for name, with_odometry in LOGS:
+        recording = read_recording(folder / f"{name}.log.gz", with_sonars=False)
+        if not with_odometry:
+            recording = without_odometry(recording)
+        result = lidar_slam_of(recording, lambda *_: None)
+        rows.append(row_of(name, result))
+        if name == "intel-odometry":
+            count, shift, most, turn, turned = relations(
+                folder / "intel.relations.gz", result.estimate
+            )
+            notes.append(
+                f"Intel {'with' if with_odometry else 'without'} odometry, {count} relations: mean "
+                f"{shift:.4f} m (at most {most:.3f}), {turn:.3f} deg (at most {turned:.2f})"
+            )
+    heads = (
+        "log", "odometry", "scans", "keyframes", "loops closed / refused", "links of loops",
+        "unmatched", "ape m", "ape online m", "ms a scan mean / p99 / max", "CPU s",
+    )  # fmt: skip
+    machine.table("Public logs; ape against the log's own reference, aligned", heads, rows)
+    for each in notes:
+        machine.note(each)
+    machine.note(f"goals: {GOALS}")
