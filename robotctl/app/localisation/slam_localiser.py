@@ -54,8 +54,8 @@ class SlamLocaliser:
         self.mapper = mapper
         self._history = history
         self.T_world_map = start
-        self._begun = start
-        """Pose in `world` while there is no scan."""
+        self._begun = self._pose = start
+        """Pose in `world` where the odometry began, and now."""
         self._T_world_odom: SE2 | None = None
         self._last: SE2 | None = None
         """Odometry at the last scan that was taken."""
@@ -70,7 +70,7 @@ class SlamLocaliser:
     def begin_odometry(self) -> None:
         """Keep the map; the next control state's odometry is another one."""
         self.mapper.begin_odometry()
-        self._begun = self.T_world_map @ self.mapper.pose
+        self._begun = self._pose
         self._T_world_odom = self._last = None
 
     def take_notices(self) -> list[str]:
@@ -89,8 +89,9 @@ class SlamLocaliser:
         is_placed = bool(self.mapper.keyframes) and self.mapper.lost_in_a_row < _LOST
         status = LocalisationStatus.LOCALISED if is_placed else LocalisationStatus.SEARCHING
         odometry = control.T_odom_base
-        pose = self._T_world_odom @ odometry
-        estimate = PoseEstimate(control.stamp_ns, pose, self._covariance(pose), status)
+        self._pose = self._T_world_odom @ odometry
+        covariance = self._covariance(self._pose)
+        estimate = PoseEstimate(control.stamp_ns, self._pose, covariance, status)
         return localisation_state("slam", estimate, odometry, now_ns)
 
     def _is_new(self, odometry: SE2) -> bool:

@@ -132,7 +132,7 @@ def test_the_odometrys_frame_is_found_wherever_it_lies(world: Path) -> None:
     assert (found.x_m, found.y_m) == pytest.approx((inverse.x_m, inverse.y_m), abs=0.3)
 
 
-@pytest.mark.parametrize("method", ["ekf", "mcl"])
+@pytest.mark.parametrize("method", ["ekf", "mcl", "slam"])
 @pytest.mark.parametrize("T_new_old", [SE2(5.0, -3.0, 2.0), SE2(-0.5, 0.0, 0.0)])
 def test_another_odometry_is_no_motion(world: Path, method: str, T_new_old: SE2) -> None:
     """The control process has started again: its odometry says another pose, the robot stands."""

@@ -129,11 +129,11 @@ class SlamMapper:
         if match is None:
             self.lost += 1
             self.lost_in_a_row += 1
-            self.covariance = self.covariance + motion
+            self.covariance += motion
         else:
             self.lost_in_a_row = 0
-            covariance: Floats = np.linalg.inv(match.information + expected.information)
-            self.covariance = covariance
+            both = np.linalg.inv(match.information + expected.information)
+            self.covariance = both.astype(np.float64)
 
     def _expected(self, stamp_ns: int, last: Place, odometry: SE2 | None) -> Expected:
         """Return the motion since the last scan as far as it is known before the match."""
