@@ -25,7 +25,7 @@ COMMANDS: Final = {
         "goto:explore",
         "Let a robot that runs on this computer, and is armed, explore until its map is complete.",
     ),
-    "mavlink": ("mavlink:app", "MAVLink: keys for message signing."),
+    "mavlink": ("mavlink.mavlink:app", "MAVLink: parameters of a robot, its messages, keys."),
     "mission": ("mission:app", "Missions of a robot that runs on this computer."),
     "tune": (
         "tune.tune:tune",

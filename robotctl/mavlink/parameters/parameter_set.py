@@ -139,9 +139,11 @@ class ParameterSet:
         try:
             wanted = replaced(self._wanted, parameter.key, value)
         except InvalidValue as error:
-            raise ParameterRefused(Problem.VALUE_OUT_OF_RANGE, str(error)) from None
+            text = f"{parameter.name}: {error}"
+            raise ParameterRefused(Problem.VALUE_OUT_OF_RANGE, text) from None
         if wrong := problems(wanted, self._rules):
-            raise ParameterRefused(Problem.VALUE_OUT_OF_RANGE, "; ".join(wrong))
+            text = f"{parameter.name}: {'; '.join(wrong)}"
+            raise ParameterRefused(Problem.VALUE_OUT_OF_RANGE, text)
         self._wanted = wanted
         self._take_effect(parameter)
         now = _present(self._now, parameter)

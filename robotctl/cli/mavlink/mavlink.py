@@ -1,4 +1,4 @@
-"""`robotctl mavlink`: keys for message signing."""
+"""`robotctl mavlink`: keys for message signing, parameters, and what comes over a link."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ from typing import Annotated
 
 import typer
 
-app = typer.Typer(help="MAVLink: keys for message signing.", no_args_is_help=True)
+from robotctl.cli.mavlink import monitor, params
+
+app = typer.Typer(help="MAVLink: parameters of a robot, its messages, keys.", no_args_is_help=True)
 
 
-@app.callback()
-def group() -> None:
-    """Keep the name of each command, though there may be one alone."""
+app.add_typer(params.app, name="params")
+app.command()(monitor.monitor)
 
 
 @app.command()
