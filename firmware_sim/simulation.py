@@ -86,7 +86,7 @@ class Simulation:
     start_ns
         Time at which the simulation starts [ns].
     people
-        How many people walk about.
+        How many people walk about, besides those of the world.
 
     Raises
     ------
@@ -125,7 +125,7 @@ class Simulation:
         self._camera: Camera | None = None
         self._pictures = 0
         self._lidar = None if lidar is None else Lidar(lidar, room.seen_from(lidar.z_m), streams[3])
-        self._people = People(room, people, streams[6]) if people else None
+        self._people = People(room, people, streams[6]) if people or room.people else None
         self._people_ns, self._motion_before = start_ns, self.plant.motion
         memory = _memory(state_directory)
         self.stores: dict[str, FragileStore] = {}

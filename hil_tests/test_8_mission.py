@@ -32,13 +32,15 @@ def drive(command: list[str]) -> tuple[int, str]:
     return process.returncode, said
 
 
-def patrol(bus: str, robot: str, folder: Path, *options: str) -> dict[str, Any]:
-    """Drive the patrol to its end and return the score."""
+def complete(
+    bus: str, robot: str, folder: Path, *options: str, mission: str = "patrol"
+) -> dict[str, Any]:
+    """Drive a mission to its end and return the score."""
     report = folder / "report.json"
     channel = f"simcan:patrol-{os.getpid()}" if bus == "simcan" else bus
     command = [
         *(sys.executable, "-c", "from robotctl.cli.main import main; main()", "sim"),
-        *("--headless", "--until-done", "--max-seconds", "340", "--seed", "3"),
+        *("--mission", mission, "--headless", "--max-seconds", "340", "--seed", "3"),
         *("--robot", robot, "--bus", channel, "--report", str(report)),
         *("--record", str(folder)),
         *("--set", "mavlink.link=[]"),
@@ -54,13 +56,13 @@ def patrol(bus: str, robot: str, folder: Path, *options: str) -> dict[str, Any]:
 
 
 @pytest.mark.timeout(400)
-def test_a_robot_that_is_not_told_its_place_finds_it_and_maps_on_its_way(
+def test_a_robot_that_is_not_told_its_place_finds_it_and_runs_its_errand_round_who_walks_there(
     bus: str, tmp_path: Path
 ) -> None:
     if bus != "simcan":
         pytest.skip("what a localiser does, the bus does not change: on simcan alone")
     options = ("--localiser", "mcl", "--start", "unknown", "--mapping")
-    score = patrol(bus, "diff_drive", tmp_path, *options)
+    score = complete(bus, "diff_drive", tmp_path, *options, mission="errand")
     place = score["localisation"]
     assert place["localised_after_s"] < 60.0
     assert place["localised_share"] > 0.9
@@ -72,7 +74,7 @@ def test_a_robot_that_is_not_told_its_place_finds_it_and_maps_on_its_way(
 @pytest.mark.timeout(400)
 @pytest.mark.parametrize("robot", ["diff_drive", "tricycle", "ackermann"])
 def test_patrol_is_completed_without_collision(bus: str, robot: str, tmp_path: Path) -> None:
-    score = patrol(bus, robot, tmp_path)
+    score = complete(bus, robot, tmp_path)
     assert score["distance_m"] > 15
     assert score["pose_error"]["max_m"] < 0.02 * score["distance_m"]
     assert score["bus"]["errors"] == 0

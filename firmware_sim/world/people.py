@@ -70,16 +70,18 @@ class _Person:
 
 
 class People:
-    """Discs that walk at steady speeds from place to place, round walls, through each other.
+    """Discs that walk at steady speeds, through each other.
+
+    They are those of the world, on their ways, and others from place to place, round walls.
 
     Who touches the robot stands for two seconds, then turns round.
 
     Parameters
     ----------
     world
-        The room with its obstacles; robots start at its start.
+        The room with its obstacles and people; robots start at its start.
     count
-        How many, >= 1.
+        How many others, >= 0.
     rng
         Draws speeds and places.
 
@@ -97,15 +99,11 @@ class People:
     """
 
     def __init__(self, world: World, count: int, rng: np.random.Generator) -> None:
-        space = FreeSpace(world, RADIUS_M + ROOM_M, world.start[:2])
-        far = np.hypot(*(space.places - world.start[:2]).T) >= FROM_START_M
-        begins = space.places[far] if far.any() else space.places
-        if len(space.places) < PLACES:
-            raise SimulationError(f"{world.name}: no room for people to walk")
         self._people = [
-            _Person(_round(space, begins, rng), rng.uniform(SLOWEST_M_S, FASTEST_M_S))
-            for _ in range(count)
+            _Person(np.array([*each.points, each.points[0]]), each.speed_m_s)
+            for each in world.people
         ]
+        self._people += _walkers(world, count, rng) if count else ()
         self.hit = 0
         self.ran_into = 0
         angles = (np.arange(SIDES) + 0.5) * (2.0 * math.pi / SIDES)
@@ -148,6 +146,19 @@ class People:
                 person.touches = True
                 self.hit += closing_m_s > CREEP_M_S
                 self.ran_into += closing_m_s <= CREEP_M_S
+
+
+def _walkers(world: World, count: int, rng: np.random.Generator) -> list[_Person]:
+    """Return people who walk from place to place."""
+    space = FreeSpace(world, RADIUS_M + ROOM_M, world.start[:2])
+    far = np.hypot(*(space.places - world.start[:2]).T) >= FROM_START_M
+    begins = space.places[far] if far.any() else space.places
+    if len(space.places) < PLACES:
+        raise SimulationError(f"{world.name}: no room for people to walk")
+    return [
+        _Person(_round(space, begins, rng), rng.uniform(SLOWEST_M_S, FASTEST_M_S))
+        for _ in range(count)
+    ]
 
 
 def _round(space: FreeSpace, begins: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -186,6 +186,19 @@ class Marker:
     family: Literal["4x4_50", "5x5_100", "6x6_250"] = "4x4_50"
 
 
+@closed
+@dataclass(frozen=True, slots=True)
+class Person:
+    """Somebody who walks a closed way of `points` at a steady speed, over and over."""
+
+    points: Annotated[tuple[Point, ...], Field(min_length=2)]
+    speed_m_s: Positive = 0.8
+
+    def __post_init__(self) -> None:
+        if any(a == b for a, b in itertools.pairwise((*self.points, self.points[0]))):
+            raise ValueError("points: two that follow each other coincide")
+
+
 def _rectangle(centre: Point, size: tuple[float, float], heading_deg: float) -> list[Corner]:
     c, s = math.cos(math.radians(heading_deg)), math.sin(math.radians(heading_deg))
     if heading_deg % 90.0 == 0.0:

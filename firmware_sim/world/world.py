@@ -10,13 +10,14 @@ camera, and any number of
 - `[[furniture]]`: a named `kind = "box"`, or a round `kind = "pillar"` with `centre` and
   `radius_m`, drawn as a polygon of `sides` sides about the circle,
 - `[[obstacle]]`: objects on the floor that are on no map: `centre`, `radius_m` or `size`,
-  `height_m`.
+  `height_m`,
+- `[[person]]`: who walks about: `points` of a closed way, `speed_m_s`.
 
 Each may have a `height_m` (default 2.5 m for walls, 0.8 m for boxes and furniture) and a `colour`
 (`#rrggbb`, default drawn from the floor's seed). The robot touches all of them and the camera sees
 all of them; a sonar or a lidar sees what is higher than it is mounted. The map that robotctl makes
-of a world has walls, boxes and furniture, not the obstacles. Everything is within 500 m of the
-origin.
+of a world has walls, boxes and furniture, not the obstacles and people. Everything is within
+500 m of the origin.
 
 A map as ROS has it, `.yaml`, is a world too: its occupied cells are walls of 2.5 m, on an evenly
 lit floor of tiles; the robot starts where there is the most room.
@@ -45,6 +46,7 @@ from firmware_sim.world.shapes import (
     Box,
     Marker,
     Obstacle,
+    Person,
     Pillar,
     Thing,
     Wall,
@@ -117,6 +119,7 @@ class WorldFile:
     box: tuple[Box, ...] = ()
     furniture: tuple[Annotated[Box | Pillar, Field(discriminator="kind")], ...] = ()
     obstacle: tuple[Obstacle, ...] = ()
+    person: tuple[Person, ...] = ()
     floor: Floor = Floor()
     lamp: tuple[Lamp, ...] = ()
     board: tuple[Board, ...] = ()
@@ -157,6 +160,8 @@ class World:
         Printed chessboards on it.
     markers
         Printed markers on things.
+    people
+        Who walks about, besides those that a run asks for.
     cells
         Of a world that is a map; else None.
     """
@@ -171,6 +176,7 @@ class World:
     lamps: tuple[Lamp, ...] = ()
     boards: tuple[Board, ...] = ()
     markers: tuple[Marker, ...] = ()
+    people: tuple[Person, ...] = ()
     cells: Cells | None = None
 
     @property
@@ -286,6 +292,7 @@ def load_world(path: Path) -> World:
         lamps=file.lamp,
         boards=file.board,
         markers=file.marker,
+        people=file.person,
     )
 
 

@@ -25,8 +25,10 @@ if TYPE_CHECKING:
     from robotctl.app.supervision.signals import StopFlag
 
 NOT_COMPLETED = 3
+ERRAND = "errand"
+"""What a robot drives that is told nothing; it has to find out where it is, too."""
 PATROL = "patrol"
-"""The default mission, unless the robot drives in a map."""
+"""The default mission in another world, unless that is a map."""
 GOAL_WORLD = "flat"
 """Where a goal lies unless the user says."""
 OWN_BUS = "simcan"
@@ -43,7 +45,8 @@ def sim(
     mission: Annotated[
         str,
         typer.Option(
-            help="Mission file or name; default: patrol, in a ROS map the longest straight line."
+            help="Mission file or name; default: errand; with --world patrol, in a ROS map the "
+            "longest straight line."
         ),
     ] = "",
     bus: Annotated[
@@ -75,7 +78,9 @@ def sim(
     ] = "",
     localiser: Annotated[
         Literal["none", "ekf", "mcl"] | None,
-        typer.Option(help="Localisation method; default: as the robot's file says."),
+        typer.Option(
+            help="Localisation method; default: as the robot's file says, mcl for the errand."
+        ),
     ] = None,
     goal: Annotated[
         str,
@@ -89,13 +94,13 @@ def sim(
         typer.Option(min=0, help="How many boxes and cylinders stand about that are on no map."),
     ] = 0,
     start: Annotated[
-        str,
+        str | None,
         typer.Option(
             metavar="X,Y[,DEG]",
-            help="Where the robot starts, or `unknown`: there, and its localiser does not know it; "
-            "default: as mission or world say.",
+            help="Where the robot starts; `known`: where mission or world say, the default; "
+            "`unknown`: there, and its localiser does not know it, the default for the errand.",
         ),
-    ] = "known",
+    ] = None,
     world_map: Annotated[
         str,
         typer.Option(
@@ -149,9 +154,12 @@ def sim(
         make_folder(record)
         if reason := refusal(record):
             raise LogError(reason)
-    pose = _start(start)
     if slam and (localiser is not None or world_map or start == "unknown"):
         raise ConfigError("--slam: not allowed with --localiser, --map and --start unknown")
+    if not (mission or goal or world or slam):
+        mission, localiser = ERRAND, localiser or "mcl"
+        start = start or ("unknown" if localiser == "mcl" else None)
+    pose = _start(start or "known")
     if goal and mission:
         raise ConfigError("--goal: not allowed with --mission, which says where to drive")
     options = SimOptions(

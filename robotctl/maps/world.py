@@ -2,7 +2,7 @@
 
 This is robotctl's own reading: `firmware_sim.world` has another, and tests compare the two. It
 reads the parts of a world that are on a map: `[[wall]]`, `[[box]]` and `[[furniture]]`. Obstacles
-are on none; floor, lamps and boards are the camera's, and only the simulator reads them.
+and people are on none; floor, lamps and boards are the camera's, and only the simulator reads them.
 """
 
 from __future__ import annotations
@@ -153,6 +153,7 @@ class _WorldFile:
     box: tuple[_Box, ...] = ()
     furniture: tuple[Annotated[_Box | _Pillar, Field(discriminator="kind")], ...] = ()
     obstacle: tuple[dict[str, Any], ...] = ()
+    person: tuple[dict[str, Any], ...] = ()
     floor: dict[str, Any] = field(default_factory=dict)
     lamp: tuple[dict[str, Any], ...] = ()
     board: tuple[dict[str, Any], ...] = ()

@@ -125,7 +125,7 @@ def test_files_are_written_and_the_status_is_kept_whoever_reads_along(
     )
     log.write_text(f"FLASER 180 {'2.0 ' * 180}1 1 0 1 1 0 1.0 host 1.0\n")
     commands = [
-        ["sim", "--lockstep", "--max-seconds", "1", "--report", str(report)],
+        ["sim", "--mission", "patrol", "--lockstep", "--max-seconds", "1", "--report", str(report)],
         ["tune", "--wheel", "left", "--out", str(patch)],
         ["map", "--log", str(log), "--out", str(tmp_path / "room")],
     ]
@@ -243,7 +243,8 @@ LogFolder.new = on_a_full_disk
 from robotctl.cli.main import main
 main()
 """
-    command = ["sim", "--lockstep", "--max-seconds", "2", "--record", str(tmp_path)]
+    command = ["sim", "--mission", "patrol", "--lockstep", "--max-seconds", "2"]
+    command += ["--record", str(tmp_path)]
     done = subprocess.run(
         [sys.executable, "-c", program, *command],
         env=os.environ | {"COLUMNS": "300"},

@@ -148,10 +148,19 @@ def test_the_simulated_firmware_knows_the_same_names(here: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ("sim --map flat", "--map: has no effect without a localiser; add --localiser mcl or ekf"),
-        ("sim --start known", "--start: has no effect without a localiser"),
-        ("sim --start unknown", 'localisation.start: "unknown" needs method "mcl"'),
-        ("sim --sensors sonar --set localisation.method='none'", "--sensors: has no effect"),
+        (
+            "sim --mission patrol --map flat",
+            "--map: has no effect without a localiser; add --localiser mcl or ekf",
+        ),
+        ("sim --mission patrol --start known", "--start: has no effect without a localiser"),
+        (
+            "sim --mission patrol --start unknown",
+            'localisation.start: "unknown" needs method "mcl"',
+        ),
+        (
+            "sim --mission patrol --sensors sonar --set localisation.method='none'",
+            "--sensors: has no effect",
+        ),
         ("sim --lockstep --stay", "--stay: has no effect with --lockstep"),
         ("sim --lockstep --hard-real-time", "--hard-real-time: has no effect with --lockstep"),
         ("calibrate odometry --log x.log --seed 2", "--seed: has no effect with recorded drives"),
@@ -173,7 +182,7 @@ def test_an_option_without_effect_is_refused(
 
 @pytest.mark.parametrize("localiser", ["mcl", "ekf"])
 def test_with_a_localiser_the_map_is_that_of_the_world(localiser: str) -> None:
-    short = ["sim", "--lockstep", "--max-seconds", "1", "--localiser", localiser]
+    short = ["sim", "--world", "flat", "--lockstep", "--max-seconds", "1", "--localiser", localiser]
     assert status_of(*short) == 3
     assert status_of(*short, "--map", "flat") == 3
 
@@ -187,5 +196,5 @@ def test_a_localiser_in_the_robots_file_gives_them_their_effect(here: Path) -> N
         "--map",
         "flat",
     ]
-    short = ["sim", "--lockstep", "--max-seconds", "1"]
+    short = ["sim", "--mission", "patrol", "--lockstep", "--max-seconds", "1"]
     assert status_of(*short, *options) == 3

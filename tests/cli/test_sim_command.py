@@ -33,7 +33,7 @@ def sim(runtime: Path, *arguments: str) -> Iterator[subprocess.Popen[str]]:
     """Start `robotctl sim` on a bus of its own, with `runtime` as the folder of its sockets."""
     runtime.chmod(0o700)
     bus = [] if "--lockstep" in arguments else ["--bus", f"simcan:{runtime}/hub"]
-    command = [*ROBOTCTL, "sim", "--headless", *bus]
+    command = [*ROBOTCTL, "sim", "--headless", "--mission", "patrol", *bus]
     with subprocess.Popen(
         [*command, "--set", "mavlink.link=[]", *arguments],
         stdout=subprocess.PIPE,
@@ -163,7 +163,16 @@ main()
 def test_who_stops_the_robot_by_key_may_arm_it_again_and_drive_on(runtime: Path) -> None:
     terminal, child = pty.openpty()
     environment = {"XDG_RUNTIME_DIR": str(runtime), "TERM": "xterm", "COLUMNS": "80", "LINES": "24"}
-    command = [*ROBOTCTL, "sim", "--bus", f"simcan:{runtime}/hub", "--set", "mavlink.link=[]"]
+    command = [
+        *ROBOTCTL,
+        "sim",
+        "--mission",
+        "patrol",
+        "--bus",
+        f"simcan:{runtime}/hub",
+        "--set",
+        "mavlink.link=[]",
+    ]
     runtime.chmod(0o700)
     with subprocess.Popen(
         command,

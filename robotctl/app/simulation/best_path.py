@@ -11,6 +11,7 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.model.wall_map import WallMap
 from robotctl.planning.behaviours.goto import GotoItem
 from robotctl.planning.behaviours.mission import Mission
+from robotctl.planning.behaviours.wait import WaitItem
 from robotctl.planning.guard.body import body_outline
 
 
@@ -19,18 +20,19 @@ class Best(NamedTuple):
 
     length_m: float
     time_s: float
-    """At the largest speed that is allowed all along, without turns on the spot [s]."""
+    """At the largest speed that is allowed all along, without turns on the spot [s]; with waits."""
 
 
 def best_path(robot: RobotConfig, room: World, start: SE2, mission: Mission) -> Best | None:
     """Return the best path from goal to goal of a mission.
 
-    None if the mission has anything but goals, or the planner, which knows all that stands there
-    but no people and no zones, finds no path. That of a robot that steers is up to 15 % longer than
+    None if the mission has anything but goals and waits, or the planner, which knows all that
+    stands there but no people and no zones, finds no path. That of a robot that steers is up to 15 % longer than
     the shortest one.
     """
     goals = [item for item in mission.item if isinstance(item, GotoItem)]
-    if not goals or len(goals) < len(mission.item):
+    waits = [item for item in mission.item if isinstance(item, WaitItem)]
+    if not goals or len(goals) + len(waits) < len(mission.item):
         return None
     # numba and scipy take a while to load.
     from robotctl.estimation.grid.wall_raster import grid_of_walls  # noqa: PLC0415
@@ -51,7 +53,7 @@ def best_path(robot: RobotConfig, room: World, start: SE2, mission: Mission) -> 
             turning_radius_m=robot.drive.min_turning_radius_m or outline.inscribed_m,
         )
     )
-    here, length_m, time_s = start, 0.0, 0.0
+    here, length_m, time_s = start, 0.0, sum(wait.duration_s for wait in waits)
     for goal in goals:
         there = facing(here, goal.x_m, goal.y_m)
         if goal.heading_deg is not None:

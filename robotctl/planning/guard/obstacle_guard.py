@@ -22,6 +22,11 @@ MOST_BLOCKED_S: Final = 1e6
 
 _LEAST_CLOSING: Final = 1e-9
 """A corner that approaches a wall by less than this, per distance of `base`, moves along it."""
+_PASSING: Final = 0.2
+"""One that approaches what comes nearer by less than this passes it, if it does so slowly: standing
+would not keep the two apart."""
+_GRAZE_M_S: Final = 0.04
+"""Nobody is run into by a corner that moves towards them as slowly as this [m/s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -294,6 +299,8 @@ class ObstacleGuard:
                 gap_m = max(range_m - reach_m - self._config.margin_m - w * t, 0.0)
                 b = t + w / (a * c)
                 v_m_s = a * (math.sqrt(b * b + 2.0 * gap_m / (a * c)) - b)
+                if c <= _PASSING:
+                    v_m_s = max(v_m_s, _GRAZE_M_S / c)
                 if v_m_s < v_max_m_s:
                     v_max_m_s, who = v_m_s, f"{view.name} sees something that may come nearer"
         return GuardStep(v_max_m_s, who)

@@ -30,6 +30,8 @@ _KNOWN: Final = 16
 """First velocities that are remembered."""
 _LET_PASS_S: Final = 0.8
 """What moves claims the place where it is so long after."""
+_LATER_S: Final = 2.0
+"""So long beyond the time ahead the robot had better not be in somebody's way."""
 
 
 class Motion(NamedTuple):
@@ -142,15 +144,44 @@ def braked(problem: Problem) -> tuple[float, float]:
 def is_admissible(problem: Problem, v: float, omega: float) -> bool:
     """Return whether the robot can stop after a step with a velocity.
 
-    It takes effect between at once and after the reaction time: both are looked at.
+    It takes effect between at once and after the reaction time: both are looked at. Who walks
+    would meet a robot that stops in their way: it may also drive on where that leads out of it.
     """
-    motion, space = problem.motion, problem.space
+    if _can_stop(problem, problem.space, v, omega):
+        return True
+    space = problem.space
+    if len(space.moving) == 0:
+        return False
+    still = Surroundings(space.blocked, space.clearance, space.moving[:0])
+    return _can_stop(problem, still, v, omega) and _is_past(problem, v, omega)
+
+
+@compiled
+def _can_stop(problem: Problem, space: Surroundings, v: float, omega: float) -> bool:
+    """Return whether nothing is touched before the robot stands."""
+    motion = problem.motion
     brake_s = max(abs(v) / motion.brake, abs(omega) / motion.turn_brake)
     body = problem.tight if abs(v) <= motion.creep else problem.body
     late_s = motion.dt_s + motion.reaction_s
     return can_stop(space, body, problem.pose, v, omega, late_s, brake_s) and can_stop(
         space, body, problem.soon, v, omega, motion.dt_s, brake_s
     )
+
+
+@compiled
+def _is_past(problem: Problem, v: float, omega: float) -> bool:
+    """Return whether the robot gets out of everybody's way if it goes on like this."""
+    x, y, angle = problem.soon
+    step_s = problem.tau_s / problem.steps
+    for i in range(problem.steps):
+        half = 0.5 * omega * step_s
+        x += v * step_s * np.cos(angle + half)
+        y += v * step_s * np.sin(angle + half)
+        angle += 2.0 * half
+        c, s = float(np.cos(angle)), float(np.sin(angle))
+        if gap_to_moving(problem.space, problem.body, x, y, c, s, (i + 1) * step_s) <= 0.0:
+            return False
+    return True
 
 
 @compiled
@@ -213,10 +244,11 @@ def price(problem: Problem, targets: NDArray[np.float64], drawn: NDArray[np.floa
             near = gap(clearance, tight_outline, COARSE, tight_discs, x, y, c, s)
         else:
             near = gap(clearance, outline, COARSE, discs, x, y, c, s)
-        if moving and moves:
+        if moving:
+            # People may walk on into a robot that stands: it had better not stand there.
             crowded = _crowded(problem, problem.body, (x, y, c, s), (i + 1) * step_s)
             people += crowded
-            near = TOUCH if crowded > 1.0 else near
+            near = TOUCH if moves and crowded > 1.0 else near
         if near == TOUCH and moves:
             missing = float(problem.steps - i) / problem.steps
             for m in range(i, len(drawn)):
@@ -238,7 +270,7 @@ def price(problem: Problem, targets: NDArray[np.float64], drawn: NDArray[np.floa
         + weights.clearance * close / count
         + weights.heading * _looking_elsewhere(problem, j, (x, y, c, s))
         + weights.smoothness * swayed / motion.omega_max
-        + weights.people * people / count
+        + weights.people * (people / count + _in_the_way(problem, x, y, v * c, v * s))
         + weights.blocked * missing
     )
 
@@ -256,6 +288,20 @@ def _crowded(
     between = gap_to_moving(problem.space, body, x, y, c, s, time + 0.5 * _LET_PASS_S)
     least = max(min(now, between, later), 0.0)
     return max(1.0 - least / problem.weights.people_comfort, 0.0) ** 2
+
+
+@compiled
+def _in_the_way(problem: Problem, x: float, y: float, on_x: float, on_y: float) -> float:
+    """Return 0 to 1, the nearer somebody will come to a robot that goes on from x, y like that."""
+    most, comfort = 0.0, problem.weights.people_comfort
+    for i in range(len(problem.space.moving)):
+        mx, my, vx, vy, radius = problem.space.moving[i]
+        dx, dy = mx + problem.tau_s * vx - x, my + problem.tau_s * vy - y
+        vx, vy = vx - on_x, vy - on_y
+        later = min(max(-(dx * vx + dy * vy) / (vx * vx + vy * vy + 1e-9), 0.0), _LATER_S)
+        gap = np.hypot(dx + later * vx, dy + later * vy) - radius - problem.body.reach
+        most = max(most, 1.0 - max(gap, 0.0) / comfort)
+    return most * most
 
 
 @compiled

@@ -111,7 +111,19 @@ def faults_of_a_failed_run(
     faults, file = folder / "scenario.toml", folder / "report.json"
     faults.write_text(scenario)
     with pytest.raises(SystemExit) as ended:
-        app(["sim", "--lockstep", "--headless", "--report", str(file), "--faults", str(faults)])
+        app(
+            [
+                "sim",
+                "--mission",
+                "patrol",
+                "--lockstep",
+                "--headless",
+                "--report",
+                str(file),
+                "--faults",
+                str(faults),
+            ]
+        )
     assert ended.value.code == 3
     report = json.loads(file.read_text())
     assert report["mission_completed"]

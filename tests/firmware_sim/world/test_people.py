@@ -223,3 +223,38 @@ def test_a_run_with_people_repeats_and_they_meet_the_robot_that_stands() -> None
     assert truths[0].ran_into > 0
     assert truths[0].collisions == 0
     assert truths[0].distance_m < 0.05
+
+
+PATH = """
+[[person]]
+points = [[3.0, 1.0], [3.0, 3.0]]
+speed_m_s = 0.5
+"""
+
+
+def test_who_is_in_a_worlds_file_walks_to_and_fro_on_their_way(tmp_path: Path) -> None:
+    file = tmp_path / "room.toml"
+    file.write_text((CONFIGS / "worlds" / "flat.toml").read_text() + PATH)
+    world = load_world(file)
+    people = People(world, 0, np.random.default_rng(1))
+    for k in range(1, 1200):
+        people.step(k * STEP_NS, far_away)
+        done_m = 0.5 * k * STEP_NS * 1e-9
+        ((x_m, y_m),) = people.places_m
+        assert (x_m, y_m) == pytest.approx((3.0, 1.0 + 2.0 - abs(done_m % 4.0 - 2.0)))
+    assert len(People(world, 2, np.random.default_rng(1)).places_m) == 3
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ("points = [[3.0, 1.0]]", "person.0.points: "),
+        ("points = [[3.0, 1.0], [3.0, 1.0]]", "two that follow each other coincide"),
+        ("points = [[3.0, 1.0], [3.0, 3.0]]\nspeed_m_s = 0.0", "person.0.speed_m_s: "),
+    ],
+)
+def test_people_who_cannot_walk_are_refused(wrong: str, said: str, tmp_path: Path) -> None:
+    file = tmp_path / "room.toml"
+    file.write_text((CONFIGS / "worlds" / "flat.toml").read_text() + f"[[person]]\n{wrong}\n")
+    with pytest.raises(SimulationError, match=said):
+        load_world(file)

@@ -14,6 +14,7 @@ from robotctl.planning.guard.obstacle_guard import GuardConfig, ObstacleGuard
 
 DT_S = 0.05
 FRONT = SonarMount("front", 0.2, 0.0, 0.0)
+SIDE = SonarMount("right", 0.0, -0.16, -90.0)
 CONFIG = GuardConfig(nose_m=0.2)
 
 
@@ -79,6 +80,16 @@ def test_the_robot_stands_when_somebody_who_comes_towards_it_is_there(walks):
             break
     assert gap_m <= 0.0
     assert v < 0.05
+
+
+def test_a_robot_that_passes_somebody_at_its_side_need_not_stop_in_their_way():
+    guard = ObstacleGuard(CONFIG, [FRONT, SIDE])
+    guard.observe((4.0, 0.5), (True, True), approaches=(STANDS, Approach(0.5, 0.7)))
+    for omega in (-0.01, -0.05, -0.1):
+        assert guard.step(0.4, omega).v_max_m_s >= 0.4
+    towards = guard.step(0.4, -1.0)
+    assert towards.v_max_m_s < 0.2
+    assert "right sees something that may come nearer" in towards.obstacle
 
 
 def test_who_comes_nearer_and_leaves_the_beam_is_expected_beside_it_for_a_second():

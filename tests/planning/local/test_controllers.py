@@ -158,3 +158,30 @@ def test_it_lets_somebody_pass_who_crosses(name, late_s):
     assert motion.arrived
     assert time_s < 14.0
     assert slowest < 0.7
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+@pytest.mark.parametrize(
+    ("begin", "velocity"),
+    [
+        pytest.param((7.0, 4.05), (-0.7, 0.0), id="ahead"),
+        pytest.param((2.6, 5.4), (0.0, -0.7), id="from the side, as the robot is nearly past"),
+    ],
+)
+def test_it_gets_out_of_the_way_of_who_does_not_evade(name, begin, velocity):
+    """Whoever stopped there would be met."""
+
+    def walker(time_s):
+        x_m, y_m = np.add(begin, np.multiply(velocity, time_s))
+        return np.array([[x_m, y_m, *velocity, 0.25]])
+
+    start = SE2(1.0, 4.0, 0.0)
+    plan = Plan(np.array([[1.0, 4.0, 0.0], [7.0, 4.0, 0.0]]), 6.0, 0)
+    for time_s, pose, _, motion in drive(name, empty(BODY), plan, start, 20.0, moving=walker):
+        ((x_m, y_m, *_),) = walker(time_s + 0.05)
+        away_x, away_y = pose.inverse().apply(x_m, y_m)
+        gap_m = math.hypot(max(abs(away_x) - 0.2, 0.0), max(abs(away_y) - 0.15, 0.0)) - 0.25
+        assert gap_m > 0.0
+        if motion.arrived:
+            break
+    assert motion.arrived
