@@ -27,8 +27,8 @@ def best_path(robot: RobotConfig, room: World, start: SE2, mission: Mission) -> 
     """Return the best path from goal to goal of a mission.
 
     None if the mission has anything but goals and waits, or the planner, which knows all that
-    stands there but no people and no zones, finds no path. That of a robot that steers is up to 15 % longer than
-    the shortest one.
+    stands there but no people and no zones, finds no path. That of a robot that steers is up to
+    15 % longer than the shortest one.
     """
     goals = [item for item in mission.item if isinstance(item, GotoItem)]
     waits = [item for item in mission.item if isinstance(item, WaitItem)]
