@@ -475,8 +475,8 @@ class NavigationState(msgspec.Struct, frozen=True, tag=True):
     asked of the mission was done. `loop_counts` says how often each repeat and jump
     was taken, `loops` the same for people. `waits`: for an operator's go-ahead. `trouble` is the
     last failure of an item in this run of the mission. `held`: the robot went to HOLD by itself,
-    and `message` says why. `fence`: how it keeps to its fence. `rally_crc`
-    names its rally points, 0: there are none. `tuning` is the number of the
+    and `message` says why. `fence`: how it keeps to its fence. `rally_crc` names its rally points,
+    0: there are none. `goal` is where in `world` it drives now (m). `tuning` is the number of the
     `Tuning` in force.
     """
 
@@ -506,6 +506,7 @@ class NavigationState(msgspec.Struct, frozen=True, tag=True):
     held: bool = False
     fence: FenceState = FenceState()
     rally_crc: int = 0
+    goal: tuple[float, float] | None = None
     tuning: int = 0
 
 

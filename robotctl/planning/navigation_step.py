@@ -86,6 +86,8 @@ class NavigationOutputs(NamedTuple):
     """Positions and explorations taken in GUIDED."""
     goal_reached: bool | None
     """How the last of them ended; None: it is under way, or was given up for something else."""
+    goal: Point | None
+    """Where in `world` the robot drives now [m]; None: to no place that is known."""
     mission_runs: int
     """How often a mission was loaded, begun anew or aborted."""
     mission_commands: int

@@ -134,6 +134,8 @@ class Navigator:
         self._held = False
         """Whether `_ended` says why the robot went to HOLD by itself."""
         self._refused = ""
+        self._goal: Point | None = None
+        """Of the last position of GUIDED."""
         self._goals = 0
         self._commands = 0
         self._goal_reached: bool | None = None
@@ -330,6 +332,7 @@ class Navigator:
             return
         self._velocity, self._ended = None, ""
         self._goals, self._goal_reached = self._goals + 1, None
+        self._goal = (request.x_m, request.y_m) if isinstance(request, PositionRequest) else None
         self._behaviour = behaviour_for(request, self._robot)
 
     def _command(self, request: LoadRequest | GoAheadRequest | JumpRequest | AbortRequest) -> None:
@@ -398,6 +401,17 @@ class Navigator:
         remote = {Mode.MANUAL: self._sticks, Mode.GUIDED: self._velocity}.get(self._mode)
         return remote and remote.expires_ns
 
+    def _present_goal(self) -> Point | None:
+        """Return where in `world` the robot drives now [m]; None: to no place that has a name."""
+        if self._mode is Mode.AUTO:
+            return self._auto.goal
+        if self._behaviour is None:
+            return None
+        if self._mode is Mode.GUIDED:
+            return self._goal
+        home = self._crumbs.home
+        return None if self._robot.rally else (home.x_m, home.y_m)
+
     def _outputs(self, step: BehaviourOutput) -> NavigationOutputs:
         """Return a step as outputs."""
         pilot = self._robot.pilot
@@ -412,6 +426,7 @@ class Navigator:
             pilot.recoveries if pilot else 0,
             self._goals,
             self._goal_reached,
+            self._present_goal(),
             self._auto.runs,
             self._commands,
             **self._auto.progress._asdict(),

@@ -372,3 +372,15 @@ def test_a_robot_that_looks_around_goes_by_its_odometry_and_not_by_guesses(armed
         assert state.message == "looking around"
         turned_rad += step_rad
         looked += 1
+
+
+def test_where_the_robot_drives_is_told(armed: Armed) -> None:
+    assert armed.step()[1].goal is None
+    _, state = armed.step(SetMode(armed.next_ns(), Mode.AUTO))
+    assert state.goal == (9.0, 0.0)
+    _, state = armed.step(SetMode(armed.next_ns(), Mode.GUIDED))
+    assert state.goal is None
+    _, state = armed.step(PositionTarget(armed.next_ns(), 2.0, 1.0))
+    assert state.goal == (2.0, 1.0)
+    _, state = armed.step(SetMode(armed.next_ns(), Mode.HOLD))
+    assert state.goal is None

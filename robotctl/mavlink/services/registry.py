@@ -23,6 +23,7 @@ from robotctl.mavlink.services.manual_control import ManualControls
 from robotctl.mavlink.services.message_requests import MessageRequests
 from robotctl.mavlink.services.missions import Missions
 from robotctl.mavlink.services.modes import Modes
+from robotctl.mavlink.services.navigation_output import NavigationOutput
 from robotctl.mavlink.services.obstacles import Obstacles
 from robotctl.mavlink.services.parameters import Parameters
 from robotctl.mavlink.services.ping import Ping
@@ -70,6 +71,7 @@ SERVICES: Final[tuple[type[Microservice], ...]] = (
     SystemStatus,
     GlobalPosition,
     Hud,
+    NavigationOutput,
     SystemTime,
     Estimator,
     Obstacles,

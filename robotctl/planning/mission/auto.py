@@ -73,6 +73,12 @@ class Auto:
         return self._runner is not None and self._runner.completed
 
     @property
+    def goal(self) -> tuple[float, float] | None:
+        """Where in `world` it drives now [m]; None: to no place that its item names."""
+        runner = self._runner
+        return runner.goal if runner is not None and self.is_under_way else None
+
+    @property
     def is_under_way(self) -> bool:
         """There is something left to drive that has not failed."""
         runner = self._runner

@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from robotctl.planning.behaviours.flow import Target
+from robotctl.planning.behaviours.follow_path import DriveItem
+from robotctl.planning.behaviours.goto import GotoItem
 from robotctl.planning.behaviours.kind import NavigatedRobot
 from robotctl.planning.behaviours.mission import Mission
 from robotctl.planning.behaviours.registry import behaviour_for
 from robotctl.planning.behaviours.rejoin import Rejoining
+from robotctl.planning.behaviours.straight_to import StraightToItem
 from robotctl.planning.behaviours.wait_for import WaitForItem
 from robotctl.planning.guard.behaviour import (
     BehaviourInput,
@@ -71,6 +74,14 @@ class MissionRunner:
             return ""
         item = self.mission.item[self.index]
         return item.name or item.kind
+
+    @property
+    def goal(self) -> tuple[float, float] | None:
+        """Where in `world` the present item leads [m]; None: to no place that it names."""
+        item = None if self.completed else self.mission.item[self.index]
+        if isinstance(item, GotoItem | StraightToItem):
+            return item.x_m, item.y_m
+        return item.waypoints[-1] if isinstance(item, DriveItem) else None
 
     @property
     def item_s_m(self) -> float:

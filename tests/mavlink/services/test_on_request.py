@@ -138,3 +138,15 @@ def test_a_yaw_and_a_speed_are_followed_in_guided_alone(bench):
     assert command(bench, number, math.nan, 0.3)[:2] == (DENIED, [])
     assert command(bench, number, 0.0, 0.3, mode=Mode.HOLD)[:2] == (LATER, [])
     assert command(bench, number, 0.0, 0.3, state=SafetyState.STANDBY)[:2] == (LATER, [])
+
+
+def test_the_way_to_the_goal_is_told_while_there_is_one(bench):
+    bench.step(bench.control(), bench.navigation(goal=(5.0, 5.0)))
+    bench.take()
+    bench.command(m.MAV_CMD_REQUEST_MESSAGE, m.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT)
+    bench.step(bench.control(x_m=2.0, y_m=1.0), bench.navigation(goal=(5.0, 5.0)))
+    (output,) = bench.messages("NAV_CONTROLLER_OUTPUT")
+    assert (output.target_bearing, output.wp_dist) == (37, 5)  # 3 m east, 4 m north
+    bench.command(m.MAV_CMD_REQUEST_MESSAGE, m.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT)
+    bench.step(bench.control(), bench.navigation())
+    assert bench.messages("NAV_CONTROLLER_OUTPUT") == []
