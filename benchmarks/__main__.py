@@ -28,6 +28,7 @@ from benchmarks import (
     loop_lag,
     machine,
     map_worlds,
+    mavlink_parameters,
     memory,
     navigation_step,
     odometry_calibration,
@@ -71,6 +72,7 @@ SUBJECTS = {
     "walls": wall_following.run,
     "exploring": exploration.run,
     "layers": live_map.run,
+    "mavlink": mavlink_parameters.run,
     "camera-homography": camera_homography.run,
 }
 

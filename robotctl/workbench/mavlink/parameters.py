@@ -20,7 +20,7 @@ AGAIN_S: Final = 0.4
 """What is not answered is asked again after this [s],"""
 TRIES: Final = 12
 """so often."""
-MOST_GAPS: Final = 20
+MOST_GAPS: Final = 100
 """Asked for at a time."""
 _REASON_S: Final = 0.3
 """The reason comes with the refusal, or right after it [s]."""
