@@ -55,7 +55,7 @@ class SystemStatus(Microservice):
 
     def _build(self, now_ns: int) -> list[Message]:
         context = self._context
-        navigation = context.fresh_navigation(now_ns)
+        navigation = context.navigation  # a fence stays, though navigation may be silent
         found = Found(
             knows_pose=context.known_pose(now_ns) is not None,
             can_arm=not context.against_arming(now_ns),
