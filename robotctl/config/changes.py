@@ -63,4 +63,7 @@ def with_changes(options: StackOptions) -> tuple[StackOptions, tuple[str, ...]]:
         f"parameter {key} = {values[key]} is left out: {why}" for key, why in refused.items()
     )
     kept = {key: value for key, value in values.items() if key not in refused}
+    if kept:
+        words = ", ".join(f"{key} = {value}" for key, value in kept.items())
+        notes += (f"parameters that replace those of the robot's file: {words}",)
     return msgspec.structs.replace(options, changes=kept), notes

@@ -18,7 +18,10 @@ def options(tmp_path):
 def test_the_processes_begin_with_the_file_and_what_is_kept(options, tmp_path):
     assert ParameterFile(str(tmp_path)).save(VALUES)
     options, notes = with_changes(options)
-    assert notes == ()
+    (note,) = notes
+    assert note.startswith(
+        "parameters that replace those of the robot's file: control.left.kp = 0.7"
+    )
     started = options_of_command_line(options.command("module")[2:])
     config = started.load()
     assert config.control.left.kp == 0.7
@@ -38,7 +41,7 @@ def test_what_the_file_no_longer_allows_is_named_and_the_rest_is_taken(options, 
     ParameterFile(str(tmp_path)).save(VALUES | bad)
     options, notes = with_changes(options)
     assert options.changes == VALUES
-    assert len(notes) == 2
+    assert len(notes) == 3
     assert notes[0].startswith("parameter control.middle.kp = 1.0 is left out: ")
     assert "limits.a_max_m_s2" in notes[1]
 
