@@ -20,6 +20,7 @@ _CLEAR_NS: Final = 1_000_000_000
 """Held back again within this, nothing is said anew [ns]."""
 _STANDS: Final = Twist(0.0, 0.0)
 LOST: Final = "fence: the robot does not know where it is, and stands"
+DAMAGED: Final = "fence: its file is damaged; the robot stands until a fence is uploaded or cleared"
 
 
 class FenceKeeper:
@@ -42,6 +43,8 @@ class FenceKeeper:
         The present one.
     state
         How it is kept.
+    is_damaged
+        Whether there is a fence that cannot be read: until the next one is taken, the robot stands.
     message
         Why the robot is held back now; empty: it is not.
     """
@@ -56,6 +59,7 @@ class FenceKeeper:
         self.retune(limits)
         self.fence = Fence()
         self.state = FenceState()
+        self.is_damaged = False
         self.message = ""
         self._before = _STANDS
         """The last command."""
@@ -81,6 +85,7 @@ class FenceKeeper:
         """Take another fence, or switch it."""
         state = self.state
         if isinstance(request, SetFence):
+            self.is_damaged = False
             self.fence = request.fence
             self.state = FenceState(
                 crc=request.crc, enabled=not request.fence.is_empty, breaches=state.breaches
@@ -102,7 +107,10 @@ class FenceKeeper:
         """
         self._note_acceleration(control)
         self.message = ""
-        if not self.state.enabled:
+        if self.is_damaged:
+            twist = _STANDS
+            self._explain(DAMAGED, now_ns)
+        elif not self.state.enabled:
             twist = wanted
         elif pose is None:
             twist = _STANDS

@@ -12,7 +12,7 @@ import zmq
 from robotctl.app.localisation.load_estimators import load_estimators
 from robotctl.app.processes.entry import enter
 from robotctl.app.processes.navigator import equip, load_mission, make_navigation
-from robotctl.app.processes.plan_files import load_bounds
+from robotctl.app.processes.plan_files import load_fence, load_rally
 from robotctl.app.processes.progress import StoredProgress, last_pose, load_progress
 from robotctl.app.supervision.signals import StopFlag
 from robotctl.config.options import StackOptions
@@ -62,11 +62,17 @@ def resume(
 
 def take_bounds(adapter: NavigationAdapter, options: StackOptions) -> tuple[str, ...]:
     """Keep to the fence from the first step on, and know the rally points; return notices."""
+    notices = []
     try:
-        adapter.bound_by(load_bounds(options.state))
+        adapter.bound_by(load_fence(options.state))
     except DiskError as error:
-        return (f"{error}; until then the robot has neither",)
-    return ()
+        adapter.fence.is_damaged = True
+        notices.append(f"{error}; until then the robot stands")
+    try:
+        adapter.bound_by(load_rally(options.state))
+    except DiskError as error:
+        notices.append(f"{error}: RTL drives home")
+    return tuple(notices)
 
 
 def run(config: RobotConfig, options: StackOptions) -> None:

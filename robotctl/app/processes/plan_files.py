@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeVar
 from zlib import crc32
 
 import msgspec
@@ -12,6 +12,8 @@ import msgspec
 from robotctl.errors import DiskError
 from robotctl.messages.fence import FenceFile, RallyFile, SetFence, SetRally
 from robotctl.runtime.storage.atomic_file import write_whole
+
+F = TypeVar("F", FenceFile, RallyFile)
 
 ENDINGS: Final = {"mission": "toml", "fence": "json", "rally points": "json"}
 """Of the files of each kind."""
@@ -77,24 +79,37 @@ def plan_stores(directory: str) -> dict[str, PlanFiles]:
     return {kind: PlanFiles(directory, kind) for kind in ENDINGS}
 
 
-def load_bounds(directory: str) -> tuple[SetFence | SetRally, ...]:
-    """Return the fence and the rally points that a robot of this folder has from its start.
+def load_fence(directory: str) -> tuple[SetFence, ...]:
+    """Return the fence that a robot of this folder has from its start, none or one.
 
     Raises
     ------
     DiskError
-        If one of the files is damaged.
+        If the file is damaged.
     """
-    fence, rally = (PlanFiles(directory, kind).load() for kind in ("fence", "rally points"))
-    found: list[SetFence | SetRally] = []
+    content = PlanFiles(directory, "fence").load()
+    found = _decoded(content, FenceFile, f"{directory}: the fence is damaged, upload it anew")
+    return () if found is None else (SetFence(0, found.fence, crc32(content)),)
+
+
+def load_rally(directory: str) -> tuple[SetRally, ...]:
+    """Return the rally points that a robot of this folder has from its start, none or one set.
+
+    Raises
+    ------
+    DiskError
+        If the file is damaged.
+    """
+    content = PlanFiles(directory, "rally points").load()
+    found = _decoded(content, RallyFile, f"{directory}: the rally points are damaged")
+    return () if found is None else (SetRally(0, found.places, crc32(content)),)
+
+
+def _decoded(content: bytes, kind: type[F], refusal: str) -> F | None:
+    """Return what a file says; None: it is empty."""
+    if not content:
+        return None
     try:
-        if fence:
-            shapes = msgspec.json.decode(fence, type=FenceFile).fence
-            found.append(SetFence(0, shapes, crc32(fence)))
-        if rally:
-            places = msgspec.json.decode(rally, type=RallyFile).places
-            found.append(SetRally(0, places, crc32(rally)))
+        return msgspec.json.decode(content, type=kind)
     except (msgspec.DecodeError, ValueError) as error:
-        text = "the fence or the rally points are damaged, upload them anew"
-        raise DiskError(f"{directory}: {text}: {error}") from error
-    return tuple(found)
+        raise DiskError(f"{refusal}: {error}") from error

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import msgspec
 import numpy as np
@@ -10,9 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as m
 
-from robotctl.app.processes.plan_files import PlanFiles, load_bounds
+from robotctl.app.processes.navigation import take_bounds
+from robotctl.app.processes.plan_files import PlanFiles, load_fence
 from robotctl.control.limiter import LimitsConfig
-from robotctl.core.fence_keeper import FenceKeeper
+from robotctl.core.fence_keeper import DAMAGED, FenceKeeper
 from robotctl.mavlink.globe import Origin
 from robotctl.mavlink.missions.fence_items import BadItem, check_fence_item, fence_of, read_fence
 from robotctl.mavlink.missions.item import MissionItem
@@ -232,7 +234,7 @@ def test_a_fence_outlives_a_power_cut_for_navigation_and_telemetry(make_bench, t
     navigation = started()
     navigation.step()
     assert navigation.upload(PLAN) == ACCEPTED
-    (kept,) = load_bounds(str(tmp_path))
+    (kept,) = load_fence(str(tmp_path))
     assert kept.fence == SHAPES
     again = started()
     again.fence = FenceState(kept.crc, True)  # navigation has read the file, too
@@ -242,6 +244,20 @@ def test_a_fence_outlives_a_power_cut_for_navigation_and_telemetry(make_bench, t
     late = started()  # navigation could not
     late.step()
     assert late.taken[-1].fence == SHAPES
+
+
+def test_a_robot_whose_fence_is_damaged_stands_until_there_is_one_or_none(tmp_path):
+    PlanFiles(str(tmp_path), "fence").save(b'{"fence": ')
+    body = Body(-0.2, 0.2, 0.18)
+    keeper = FenceKeeper(LimitsConfig(), body, 50_000_000, 200_000_000, steered=False)
+    adapter = SimpleNamespace(fence=keeper, bound_by=lambda _: None)
+    (notice,) = take_bounds(adapter, SimpleNamespace(state=str(tmp_path)))
+    assert "the fence is damaged" in notice
+    control, wanted = control_state(0), Twist(0.3, 0.0)
+    assert keeper.keep(control, SE2(), wanted, 0) == Twist(0.0, 0.0)
+    assert keeper.message == DAMAGED
+    keeper.take(SetFence(0, Fence(), 0))
+    assert keeper.keep(control, SE2(), wanted, 0) == wanted
 
 
 @settings(max_examples=30)
