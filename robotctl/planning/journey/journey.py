@@ -44,6 +44,9 @@ _STANDS_RAD_S: Final = 0.05
 _PROGRESS_M: Final = 0.5
 """Of way driven in which a robot counts as having got on [m]."""
 _WAIT_NS: Final = 2_500_000_000
+"""At most, for what is in the way to move [ns]."""
+_PAUSE_NS: Final = 1_000_000_000
+"""Before it plans again on a higher rung: who is in the way gets time to go [ns]."""
 _BLIND_NS: Final = 10_000_000_000
 """A robot that sees nothing for this long gives up [ns]."""
 _BEHIND_M: Final = (0.05, 0.1, 0.2)
@@ -255,7 +258,7 @@ class Journey(Behaviour):
         spent_ns = now_ns - attempt.begin_ns
         v, omega = 0.0, 0.0
         if attempt.rung is Rung.WAIT:
-            goes_on = spent_ns < _WAIT_NS
+            goes_on = spent_ns < _WAIT_NS and not self._may_go_on(situation, now_ns)
         elif attempt.rung is Rung.BACK_OFF:
             v = -_BACK_M_S
             behind = _poses(pose, [SE2(-x_m, 0.0, 0.0) for x_m in _BEHIND_M])
@@ -268,10 +271,21 @@ class Journey(Behaviour):
             turned = _poses(pose, [SE2(0.0, 0.0, turn_rad) for turn_rad in (0.1, 0.2, 0.4)])
             goes_on = attempt.turned_rad < math.tau and not pilot.touches(turned)
         else:
-            goes_on = False
+            goes_on = spent_ns < _PAUSE_NS
         if not goes_on or spent_ns > _TRY_NS:
             return None
         return BehaviourOutput(v, omega, text=attempt.text)
+
+
+    def _may_go_on(self, situation: BehaviourInput, now_ns: int) -> bool:
+        """Return whether there is a path again, and the first step on it is free."""
+        if now_ns - self._planned_ns < _AGAIN_NS:
+            return False
+        answer = self._plan(situation.pose, now_ns)
+        if isinstance(answer, PlanFailure):
+            return False
+        self._route = answer
+        return not self._follow(situation, answer.plan).blocked
 
 
 class _Attempt:
