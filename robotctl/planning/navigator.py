@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from robotctl.planning.behaviours.outlook import Outlook  # which loads numpy
 
 _LONGEST_STEP_NS = 500_000_000
+_LONGEST_SEARCH_NS = 2_000_000_000
 """Gap between steps after which a user may think the mission has ended [ns]."""
 
 _STOPPED = "the robot was stopped"
@@ -76,8 +77,10 @@ class Navigator:
     While `enabled` is false the output is zero. A robot that was enabled and is not any more, or
     whose navigator was held up for longer than half a second, goes to HOLD: it shall not drive
     on by itself when it is armed again or when the computer has time again. AUTO, asked for
-    again, goes on where it was left. MANUAL stays: there the operator's hand is on the stick. So it
-    is where a ground station is lost, and while `attended` is false: no other mode can be had then.
+    again, goes on where it was left. A localiser that searches its whole map takes its time; that
+    counts as held up only beyond two seconds. MANUAL stays: there the operator's hand is on the
+    stick. So it is where a ground station is lost, and while `attended` is false: no other mode can
+    be had then.
 
     Parameters
     ----------
@@ -144,6 +147,7 @@ class Navigator:
         self._stopped_ns = -1
         """When a stop of the robot was last received [ns]."""
         self._last_ns: int | None = None
+        self._searched_ns = 0
         """Time of the last step, None if that did not drive."""
 
     @property
@@ -249,7 +253,7 @@ class Navigator:
             self._pause()
             text = "not armed" if inputs.heard else "no messages from control"
             return self._outputs(BehaviourOutput(0.0, 0.0, text=text))
-        self._last_ns = now_ns
+        self._last_ns, self._searched_ns = now_ns, 0
         if self._searches(inputs.localised):
             return self._outputs(self._look_around.step(situation))
         return self._outputs(self._decide(situation, now_ns))
@@ -284,6 +288,10 @@ class Navigator:
             self._change_mode(Mode.HOLD)
             self._ended, self._held = f"hold: {reason}", True
 
+    def searched(self, spent_ns: int) -> None:
+        """Note how long the localiser took since the last step [ns], while the robot stood."""
+        self._searched_ns = min(spent_ns, _LONGEST_SEARCH_NS)
+
     def _fall_back(self, inputs: NavigationInputs, now_ns: int, *, stopped: bool) -> None:
         """Go to HOLD where a robot must not drive, or drive on, by itself, and say why."""
         if self._mode in _BY_HAND:
@@ -296,7 +304,7 @@ class Navigator:
         elif stopped:
             reason = _STOPPED
         elif self._last_ns is not None:
-            reason = _interruption(inputs, now_ns - self._last_ns)
+            reason = _interruption(inputs, now_ns - self._last_ns - self._searched_ns)
         if reason:
             self._change_mode(Mode.HOLD)
             self._ended, self._held = f"hold: {reason}", True

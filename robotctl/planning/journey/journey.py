@@ -276,7 +276,6 @@ class Journey(Behaviour):
             return None
         return BehaviourOutput(v, omega, text=attempt.text)
 
-
     def _may_go_on(self, situation: BehaviourInput, now_ns: int) -> bool:
         """Return whether there is a path again, and the first step on it is free."""
         if now_ns - self._planned_ns < _AGAIN_NS:

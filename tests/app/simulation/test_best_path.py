@@ -40,6 +40,16 @@ def test_it_leads_round_what_stands_there_and_there_is_none_where_that_closes_th
     assert best("diff_drive", goal, [(4, 0, 4, 4)]) is None
 
 
+WAIT = '[[item]]\nkind = "wait"\nduration_s = 1.5\n'
+
+
 def test_a_mission_that_does_more_than_drive_to_goals_has_none():
     goal = '[[item]]\nkind = "goto"\nx_m = 7.0\ny_m = 1.0\n'
-    assert best("diff_drive", goal + '[[item]]\nkind = "wait"\nduration_s = 1.0\n') is None
+    assert best("diff_drive", goal + '[[item]]\nkind = "turn_to"\nheading_deg = 90.0\n') is None
+
+
+def test_a_wait_takes_its_time():
+    goal = '[[item]]\nkind = "goto"\nx_m = 7.0\ny_m = 1.0\n'
+    plain, waits = (best("diff_drive", goal + more) for more in ("", WAIT))
+    assert waits.length_m == plain.length_m
+    assert waits.time_s == pytest.approx(plain.time_s + 1.5)

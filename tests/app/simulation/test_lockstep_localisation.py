@@ -122,7 +122,7 @@ def test_without_a_localiser_nothing_is_reported_of_one() -> None:
     ("settings", "says"),
     [
         (EKF + UNKNOWN, "start"),
-        (('localisation.method="slam"',), "localisation.method"),
+        (('localisation.method="slma"',), "localisation.method"),
         ((*MCL, 'localisation.map="nowhere"'), "nowhere"),
         ((*MCL, 'localisation.map="flt"'), 'did you mean "flat"'),
         ((*MCL, 'localisation.map="nowhere.yaml"'), "nowhere.yaml"),
