@@ -49,8 +49,8 @@ class ParameterFile:
         return True
 
 
-def with_changes(options: StackOptions) -> tuple[StackOptions, tuple[str, ...]]:
-    """Return the options with the parameters that are kept, and what people should know of them.
+def kept_values(options: StackOptions) -> tuple[dict[str, Value], tuple[str, ...]]:
+    """Return the parameters that are kept and allowed, and what is wrong with others.
 
     Raises
     ------
@@ -62,7 +62,18 @@ def with_changes(options: StackOptions) -> tuple[StackOptions, tuple[str, ...]]:
     notes += tuple(
         f"parameter {key} = {values[key]} is left out: {why}" for key, why in refused.items()
     )
-    kept = {key: value for key, value in values.items() if key not in refused}
+    return {key: value for key, value in values.items() if key not in refused}, notes
+
+
+def with_changes(options: StackOptions) -> tuple[StackOptions, tuple[str, ...]]:
+    """Return the options with the parameters that are kept, and what people should know of them.
+
+    Raises
+    ------
+    ConfigError
+        With one line for each error of the robot's file.
+    """
+    kept, notes = kept_values(options)
     if kept:
         words = ", ".join(f"{key} = {value}" for key, value in kept.items())
         notes += (f"parameters that replace those of the robot's file: {words}",)

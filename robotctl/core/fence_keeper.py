@@ -8,9 +8,9 @@ from robotctl.control.limiter import LimitsConfig
 from robotctl.messages.control import ControlState
 from robotctl.messages.fence import EnableFence, FenceRequest, FenceState, SetFence
 from robotctl.model.fence import Fence
-from robotctl.model.fence_clearance import Body
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
+from robotctl.model.rectangle import Rectangle
 from robotctl.safety.fence.fence_guard import FenceGuard
 from robotctl.safety.fence.prediction import MotionNow
 
@@ -20,7 +20,9 @@ _CLEAR_NS: Final = 1_000_000_000
 """Held back again within this, nothing is said anew [ns]."""
 _STANDS: Final = Twist(0.0, 0.0)
 LOST: Final = "fence: the robot does not know where it is, and stands"
-DAMAGED: Final = "fence: its file is damaged; the robot stands until a fence is uploaded or cleared"
+DAMAGED: Final = (
+    "fence: its file cannot be read; the robot stands until a fence is uploaded or cleared"
+)
 
 
 class FenceKeeper:
@@ -50,7 +52,7 @@ class FenceKeeper:
     """
 
     def __init__(
-        self, limits: LimitsConfig, body: Body, period_ns: int, life_ns: int, *, steered: bool
+        self, limits: LimitsConfig, body: Rectangle, period_ns: int, life_ns: int, *, steered: bool
     ) -> None:
         # A command is followed until the next one, or its end, has reached control.
         self._period_s = (period_ns + LATENCY_NS) * 1e-9

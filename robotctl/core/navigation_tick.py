@@ -126,7 +126,6 @@ class NavigationTick:
 
     def publish(self, now_ns: int, localise_us: float = 0.0, step_us: float = 0.0) -> None:
         """Tell what was found and decided, with how long that took [us] where it was measured."""
-        self._adapter.navigator.searched(round(localise_us * 1000))
         tell, estimators = self._operator.tell, self._estimators
         if estimators is not None and self._control is not None:
             if self.localisation is not None:

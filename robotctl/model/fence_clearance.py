@@ -8,28 +8,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.model.fence import Fence, FenceCircle, FencePolygon, Point
+from robotctl.model.fence import Fence, FenceCircle, FencePolygon
+from robotctl.model.rectangle import Rectangle
 
 _TINY: Final = 1e-300
-
-
-class Body(NamedTuple):
-    """The rectangle of the body in `base`, which is inside [m]; `rear_m` < 0."""
-
-    rear_m: float
-    front_m: float
-    half_width_m: float
-
-    @property
-    def reach_m(self) -> float:
-        """From `base` to the outermost corner [m]."""
-        return math.hypot(max(self.front_m, -self.rear_m), self.half_width_m)
-
-    @property
-    def corners(self) -> tuple[Point, ...]:
-        """The four corners."""
-        half = self.half_width_m
-        return tuple((x, y) for x in (self.rear_m, self.front_m) for y in (-half, half))
 
 
 class _Side(NamedTuple):
@@ -68,7 +50,7 @@ class _Side(NamedTuple):
 
 
 def body_clearance(
-    fence: Fence, body: Body, poses: NDArray[np.float64], cap_m: float = math.inf
+    fence: Fence, body: Rectangle, poses: NDArray[np.float64], cap_m: float = math.inf
 ) -> NDArray[np.float64]:
     """Return the distance of the body from the fence at poses of `base` in `world`, (n,) [m].
 
@@ -92,7 +74,7 @@ def body_clearance(
 
 
 def _from_polygon(
-    polygon: FencePolygon, body: Body, poses: NDArray[np.float64], cap_m: float
+    polygon: FencePolygon, body: Rectangle, poses: NDArray[np.float64], cap_m: float
 ) -> NDArray[np.float64]:
     """Return the clearance from one polygon."""
     here = _sides(polygon, poses[:1])
@@ -136,7 +118,7 @@ def _each_distance(sides: _Side) -> NDArray[np.float64]:
     return distance
 
 
-def _outline_distance(sides: _Side, body: Body) -> NDArray[np.float64]:
+def _outline_distance(sides: _Side, body: Rectangle) -> NDArray[np.float64]:
     """Return the distance of the body from the nearest side that does not cross it, (n,) [m].
 
     Of two convex shapes that do not meet, the nearest points are a corner of one of them and any
@@ -150,7 +132,7 @@ def _outline_distance(sides: _Side, body: Body) -> NDArray[np.float64]:
     return distance
 
 
-def _crosses(sides: _Side, body: Body) -> NDArray[np.bool_]:
+def _crosses(sides: _Side, body: Rectangle) -> NDArray[np.bool_]:
     """Return whether one of the sides has a point in the body, (n,).
 
     The side is clipped to the slab between each two opposite sides of the body (Liang and Barsky,
@@ -169,7 +151,7 @@ def _crosses(sides: _Side, body: Body) -> NDArray[np.bool_]:
     return meets
 
 
-def _depth(polygon: FencePolygon, sides: _Side, body: Body) -> NDArray[np.float64]:
+def _depth(polygon: FencePolygon, sides: _Side, body: Rectangle) -> NDArray[np.float64]:
     """Return how far the body sticks out where a side crosses it, (n,) [m], >= 0."""
     depth = np.zeros(len(sides.ax))
     for corner in body.corners:
@@ -184,7 +166,7 @@ def _depth(polygon: FencePolygon, sides: _Side, body: Body) -> NDArray[np.float6
 
 
 def _from_circle(
-    circle: FenceCircle, body: Body, poses: NDArray[np.float64]
+    circle: FenceCircle, body: Rectangle, poses: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the clearance from one circle."""
     away_x, away_y = circle.x_m - poses[:, 0], circle.y_m - poses[:, 1]

@@ -48,8 +48,9 @@ if TYPE_CHECKING:
     from robotctl.planning.behaviours.outlook import Outlook  # which loads numpy
 
 _LONGEST_STEP_NS = 500_000_000
-_LONGEST_SEARCH_NS = 2_000_000_000
 """Gap between steps after which a user may think the mission has ended [ns]."""
+_LONGEST_SEARCH_NS = 2_000_000_000
+"""So much of a gap may be the localiser's own work [ns]."""
 
 _STOPPED = "the robot was stopped"
 
@@ -147,8 +148,9 @@ class Navigator:
         self._stopped_ns = -1
         """When a stop of the robot was last received [ns]."""
         self._last_ns: int | None = None
-        self._searched_ns = 0
         """Time of the last step, None if that did not drive."""
+        self._searched_ns = 0
+        """Of the time since then, what the localiser took."""
 
     @property
     def mode(self) -> Mode:
@@ -289,7 +291,10 @@ class Navigator:
             self._ended, self._held = f"hold: {reason}", True
 
     def searched(self, spent_ns: int) -> None:
-        """Note how long the localiser took since the last step [ns], while the robot stood."""
+        """Note how long the localiser took before the coming step [ns].
+
+        The last command has expired by then, so the robot stands.
+        """
         self._searched_ns = min(spent_ns, _LONGEST_SEARCH_NS)
 
     def _fall_back(self, inputs: NavigationInputs, now_ns: int, *, stopped: bool) -> None:

@@ -8,9 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robotctl.model.fence import Fence, FenceCircle, FencePolygon
-from robotctl.model.fence_clearance import Body, body_clearance
+from robotctl.model.fence_clearance import body_clearance
+from robotctl.model.rectangle import Rectangle
 
-BODY = Body(-0.25, 0.2, 0.18)
+BODY = Rectangle(-0.25, 0.2, 0.18)
 places = st.floats(-3.0, 3.0).map(lambda value: round(value, 3))
 points = st.tuples(places, places)
 

@@ -21,6 +21,7 @@ from robotctl.messages.estimation import LiveMap, LocalisationState
 from robotctl.messages.map_message import map_message
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.localisation import LocalisationStatus
+from robotctl.model.geometry.points import moved, rotation
 from robotctl.model.geometry.pose_estimate import PoseEstimate
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
@@ -34,7 +35,6 @@ _AT_ONCE: Final = 40
 """Keyframes that are drawn in one step, when the map is drawn anew."""
 _SHIFT_M: Final = 0.03
 """A keyframe that moved farther since it was drawn has the map drawn anew."""
-_OCCUPIED_ABOVE: Final = 0.65
 
 
 class SlamLocaliser:
@@ -122,9 +122,9 @@ class SlamLocaliser:
 
     def _covariance(self, pose: SE2) -> NDArray[np.float64]:
         """Return the covariance (3, 3) of the last match, in `world`."""
-        c, s = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
-        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        result: NDArray[np.float64] = turn @ self.mapper.covariance @ turn.T
+        turn = np.eye(3)
+        turn[:2, :2] = rotation(pose.theta_rad)
+        result: NDArray[np.float64] = turn.T @ self.mapper.covariance @ turn
         return result
 
 
@@ -163,10 +163,9 @@ class SlamDrawing:
         new = mapper.back_end.poses[begin : begin + _AT_ONCE]
         if len(new) == 0:
             return drawn
-        c, s = math.cos(T_world_map.theta_rad), math.sin(T_world_map.theta_rad)
-        placed = new + np.array([0.0, 0.0, T_world_map.theta_rad])
-        placed[:, 0] = T_world_map.x_m + c * new[:, 0] - s * new[:, 1]
-        placed[:, 1] = T_world_map.y_m + s * new[:, 0] + c * new[:, 1]
+        placed = np.column_stack(
+            [moved(T_world_map, new[:, :2]), new[:, 2] + T_world_map.theta_rad]
+        )
         grid.update_scans(
             placed, [each.scan for each in mapper.keyframes[begin : begin + len(new)]]
         )
@@ -176,7 +175,7 @@ class SlamDrawing:
         """Return the map; None if nothing has been seen yet."""
         if len(self._drawn) == 0:
             return None
-        return map_message(self.grid.to_map(_OCCUPIED_ABOVE), now_ns)
+        return map_message(self.grid.to_map(), now_ns)
 
 
 def make_slam(

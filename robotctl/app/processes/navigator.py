@@ -14,7 +14,6 @@ from robotctl.config.robot_file import RobotConfig
 from robotctl.core.fence_keeper import FenceKeeper
 from robotctl.core.navigation_adapter import COMMAND_LIFE_PERIODS, NavigationAdapter
 from robotctl.errors import ConfigError, InvalidValue
-from robotctl.model.fence_clearance import Body
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.planning.behaviours.kind import Abilities, Pilot
@@ -73,7 +72,7 @@ def make_navigation(config: RobotConfig, options: StackOptions) -> NavigationAda
         config.navigation,
         FenceKeeper(
             config.limits,
-            Body(*body_rectangle(config.navigation.guard, config.sonar)),
+            body_rectangle(config.navigation.guard, config.sonar),
             period_ns,
             COMMAND_LIFE_PERIODS * period_ns,
             steered=config.drive.steered,

@@ -45,11 +45,15 @@ class PlanFiles:
         found = [] if self._folder is None else self._folder.glob(self._name("*"))
         return sorted(found, key=lambda file: file.stat().st_mtime_ns)
 
+    def read(self) -> bytes:
+        """Return the last plan that was kept; empty: none was. `OSError`: it cannot be read."""
+        files = self._files()
+        return files[0].read_bytes() if files else b""
+
     def load(self) -> bytes:
-        """Return the last plan that was kept; empty: none was."""
+        """Return the last plan that was kept; empty: none was, or it cannot be read."""
         try:
-            files = self._files()
-            return files[0].read_bytes() if files else b""
+            return self.read()
         except OSError:
             return b""
 
@@ -85,10 +89,9 @@ def load_fence(directory: str) -> tuple[SetFence, ...]:
     Raises
     ------
     DiskError
-        If the file is damaged.
+        If the file is damaged, or cannot be read.
     """
-    content = PlanFiles(directory, "fence").load()
-    found = _decoded(content, FenceFile, f"{directory}: the fence is damaged, upload it anew")
+    content, found = _decoded(directory, "fence", FenceFile)
     return () if found is None else (SetFence(0, found.fence, crc32(content)),)
 
 
@@ -98,18 +101,16 @@ def load_rally(directory: str) -> tuple[SetRally, ...]:
     Raises
     ------
     DiskError
-        If the file is damaged.
+        If the file is damaged, or cannot be read.
     """
-    content = PlanFiles(directory, "rally points").load()
-    found = _decoded(content, RallyFile, f"{directory}: the rally points are damaged")
+    content, found = _decoded(directory, "rally points", RallyFile)
     return () if found is None else (SetRally(0, found.places, crc32(content)),)
 
 
-def _decoded(content: bytes, kind: type[F], refusal: str) -> F | None:
-    """Return what a file says; None: it is empty."""
-    if not content:
-        return None
+def _decoded(directory: str, kind: str, form: type[F]) -> tuple[bytes, F | None]:
+    """Return a file's content and what it says; None: there is none."""
     try:
-        return msgspec.json.decode(content, type=kind)
-    except (msgspec.DecodeError, ValueError) as error:
-        raise DiskError(f"{refusal}: {error}") from error
+        content = PlanFiles(directory, kind).read()
+        return content, msgspec.json.decode(content, type=form) if content else None
+    except (OSError, msgspec.DecodeError, ValueError) as error:
+        raise DiskError(f"{directory}: the {kind} cannot be read, upload anew: {error}") from error

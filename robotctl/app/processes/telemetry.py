@@ -16,10 +16,9 @@ from robotctl.app.processes.plan_files import plan_stores
 from robotctl.app.processes.served_folder import served_folders
 from robotctl.app.processes.signing_files import SigningFiles
 from robotctl.app.supervision.signals import StopFlag
-from robotctl.config.changes import ParameterFile
+from robotctl.config.changes import ParameterFile, kept_values
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig, contradictions
-from robotctl.config_values import with_values
 from robotctl.drivers.mavlink.link import MavlinkLinks
 from robotctl.drivers.mavlink.tlog import TlogRecorder
 from robotctl.mavlink.context import State, TelemetryRobot
@@ -60,11 +59,8 @@ def described(config: RobotConfig, options: StackOptions) -> TelemetryRobot:
 
 def parameters_of(config: RobotConfig, options: StackOptions) -> ParameterSet:
     """Return the parameters of a robot, those included that were set since its start."""
-    file = options.load_file()
-    values, _ = ParameterFile(options.state).load()
-    _, refused = with_values(file, values, contradictions)
-    wanted = {key: value for key, value in values.items() if key not in refused}
-    return ParameterSet(Configurations(file, config, contradictions), wanted)
+    wanted, _ = kept_values(options)
+    return ParameterSet(Configurations(options.load_file(), config, contradictions), wanted)
 
 
 def _keep(telemetry: Telemetry, keys: SigningFiles, tlog: TlogRecorder, now_ns: int) -> None:

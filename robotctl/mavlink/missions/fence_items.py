@@ -12,8 +12,8 @@ import msgspec
 from pymavlink.dialects.v20 import common
 
 from robotctl.mavlink.globe import Origin
-from robotctl.mavlink.missions.item import MissionItem, place_of
-from robotctl.mavlink.missions.translate import BadItem
+from robotctl.mavlink.missions.item import MissionItem
+from robotctl.mavlink.missions.translate import BadItem, bounded_place
 from robotctl.messages.fence import FenceFile
 from robotctl.messages.requests import FARTHEST_M
 from robotctl.model.fence import Fence, FenceCircle, FencePolygon, Point
@@ -144,19 +144,3 @@ def _corners(items: Sequence[MissionItem], seq: int, origin: Origin | None) -> t
             why = f"a polygon of {count} corners has {offset}"
             raise BadItem(seq, _INVALID_1, why)
     return tuple(bounded_place(items[k], k, origin) for k in range(seq, seq + count))
-
-
-def bounded_place(item: MissionItem, seq: int, origin: Origin | None) -> Point:
-    """Return x and y in `world` [m]."""
-    place = place_of(item, origin)
-    if place is None:
-        why = "the map has no origin on the globe" if item.is_global else "it is not supported"
-        raise BadItem(seq, common.MAV_MISSION_UNSUPPORTED_FRAME, f"frame {item.frame}: {why}")
-    for value, result in zip(
-        place,
-        (common.MAV_MISSION_INVALID_PARAM5_X, common.MAV_MISSION_INVALID_PARAM6_Y),
-        strict=True,
-    ):
-        if not abs(value) < FARTHEST_M:
-            raise BadItem(seq, result, f"{value:.0f} m away, less than {FARTHEST_M:g} allowed")
-    return place

@@ -131,13 +131,15 @@ class Transfer(Microservice, Generic[P]):
         """Return whether navigation has a plan."""
         raise NotImplementedError
 
-    def may_offer(self, navigation: NavigationState) -> bool:
+    def may_offer(self, navigation: NavigationState) -> bool:  # noqa: ARG002
         """Return whether navigation, which has another plan, may be offered that of before."""
-        raise NotImplementedError
+        return True
 
     def listed(self, now_ns: int) -> tuple[MissionItem, ...]:
-        """Return the items that a ground station is told of."""
-        raise NotImplementedError
+        """Return the items; none while navigation has another plan, or is silent."""
+        navigation = self._context.fresh_navigation(now_ns)
+        there = navigation is not None and self.is_taken(self._plan, navigation)
+        return self._plan.items if there else ()
 
     def seq(self, now_ns: int) -> int:  # noqa: ARG002
         """Return the number of the present item; -1: there is no such thing."""

@@ -35,6 +35,7 @@ _FASTEST_M_S: Final = 100.0
 _MOST_TIMES: Final = 32_767
 _UNSUPPORTED: Final[int] = common.MAV_MISSION_UNSUPPORTED
 _FRAME: Final[int] = common.MAV_MISSION_UNSUPPORTED_FRAME
+_AXES: Final = (common.MAV_MISSION_INVALID_PARAM5_X, common.MAV_MISSION_INVALID_PARAM6_Y)
 
 
 class BadItem(Exception):  # noqa: N818 - what it is, not that it went wrong
@@ -135,7 +136,9 @@ class _Translator:
             raise BadItem(seq, common.MAV_MISSION_INVALID, "an infinite parameter")
         command = item.command
         if command in PLACES:
-            self._drive_to(seq, *self._place(item, seq), self._heading_deg(item))
+            self._drive_to(
+                seq, *bounded_place(item, seq, self._around.origin), self._heading_deg(item)
+            )
             self._wait(seq, item.params[0])
         elif command == common.MAV_CMD_NAV_RETURN_TO_LAUNCH:
             home = self._around.home
@@ -201,21 +204,6 @@ class _Translator:
             table["times"] = int(times)
         self._append(seq, **table)
 
-    def _place(self, item: MissionItem, seq: int) -> tuple[float, float]:
-        """Return x and y in `world` [m]."""
-        place = place_of(item, self._around.origin)
-        if place is None:
-            why = "the map has no origin on the globe" if item.is_global else "it is not supported"
-            raise BadItem(seq, _FRAME, f"frame {item.frame}: {why}")
-        x_m, y_m = place
-        for value, result in (
-            (x_m, common.MAV_MISSION_INVALID_PARAM5_X),
-            (y_m, common.MAV_MISSION_INVALID_PARAM6_Y),
-        ):
-            if not abs(value) < FARTHEST_M:
-                raise BadItem(seq, result, f"{value:.0f} m away, less than {FARTHEST_M:g} allowed")
-        return x_m, y_m
-
     @staticmethod
     def _heading_deg(item: MissionItem) -> float | None:
         """Return the heading in `world` [deg]; 0 and no number are any, as for ArduPilot."""
@@ -223,3 +211,21 @@ class _Translator:
         if math.isnan(yaw_deg) or yaw_deg == 0.0:
             return None
         return math.degrees(theta_from_yaw_ned(math.radians(yaw_deg)))
+
+
+def bounded_place(item: MissionItem, seq: int, origin: Origin | None) -> tuple[float, float]:
+    """Return x and y of an item in `world` [m].
+
+    Raises
+    ------
+    BadItem
+        If its frame means nothing here, or the place is too far away.
+    """
+    place = place_of(item, origin)
+    if place is None:
+        why = "the map has no origin on the globe" if item.is_global else "it is not supported"
+        raise BadItem(seq, _FRAME, f"frame {item.frame}: {why}")
+    for value, result in zip(place, _AXES, strict=True):
+        if not abs(value) < FARTHEST_M:
+            raise BadItem(seq, result, f"{value:.0f} m away, less than {FARTHEST_M:g} allowed")
+    return place

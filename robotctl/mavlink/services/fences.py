@@ -76,16 +76,6 @@ class Fences(Transfer[FencePlan]):
         """Return whether the robot keeps to it."""
         return navigation.fence.crc == plan.crc
 
-    def may_offer(self, navigation: NavigationState) -> bool:  # noqa: ARG002
-        """Return true: the fence of before always counts."""
-        return True
-
-    def listed(self, now_ns: int) -> tuple[MissionItem, ...]:
-        """Return the items; none while navigation has another fence, or is silent."""
-        navigation = self._context.fresh_navigation(now_ns)
-        there = navigation is not None and self.is_taken(self._plan, navigation)
-        return self._plan.items if there else ()
-
     def _status(self, now_ns: int) -> list[Message]:
         """Return FENCE_STATUS, of a robot that has a fence."""
         navigation = self._context.fresh_navigation(now_ns)

@@ -12,10 +12,10 @@ from pymavlink.dialects.v20 import common
 
 from robotctl.mavlink.context import Request
 from robotctl.mavlink.globe import Origin
-from robotctl.mavlink.missions.fence_items import bounded_place, plain
+from robotctl.mavlink.missions.fence_items import plain
 from robotctl.mavlink.missions.item import MissionItem
 from robotctl.mavlink.missions.transfer import Transfer
-from robotctl.mavlink.missions.translate import BadItem
+from robotctl.mavlink.missions.translate import BadItem, bounded_place
 from robotctl.messages.control import NavigationState
 from robotctl.messages.fence import RallyFile, SetRally
 
@@ -90,13 +90,3 @@ class RallyPoints(Transfer[RallyPlan]):
     def is_taken(self, plan: RallyPlan, navigation: NavigationState) -> bool:
         """Return whether the robot has them."""
         return navigation.rally_crc == plan.crc
-
-    def may_offer(self, navigation: NavigationState) -> bool:  # noqa: ARG002
-        """Return true: those of before always count."""
-        return True
-
-    def listed(self, now_ns: int) -> tuple[MissionItem, ...]:
-        """Return the items; none while navigation has others, or is silent."""
-        navigation = self._context.fresh_navigation(now_ns)
-        there = navigation is not None and self.is_taken(self._plan, navigation)
-        return self._plan.items if there else ()

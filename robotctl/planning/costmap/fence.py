@@ -25,9 +25,10 @@ def close_fence(cells: NDArray[np.int8], grid: GridMap, fence: Fence) -> None:
         _close_sides(cells, grid, polygon.corners)
     if not fence.circles:
         return
-    x_m, y_m = _centres(grid)
+    every = np.indices(grid.shape).reshape(2, -1).T
+    x_m, y_m = grid.centre_of(every).T
     for circle in fence.circles:
-        away_m = np.hypot(x_m - circle.x_m, y_m - circle.y_m)
+        away_m = np.hypot(x_m - circle.x_m, y_m - circle.y_m).reshape(grid.shape)
         if circle.keeps_in:
             cells[away_m > circle.radius_m - MARGIN_M] = OCCUPIED
         else:
@@ -57,14 +58,6 @@ def _in_cells(points: Sequence[Point], grid: GridMap) -> NDArray[np.float64]:
     c, s = math.cos(grid.origin.theta_rad), math.sin(grid.origin.theta_rad)
     away = (np.array(points) - (grid.origin.x_m, grid.origin.y_m)) / grid.resolution_m
     return np.stack([c * away[:, 0] + s * away[:, 1], c * away[:, 1] - s * away[:, 0]], axis=1)
-
-
-def _centres(grid: GridMap) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return x and y of all cells in `world`, (rows, columns) each [m]."""
-    c, s = math.cos(grid.origin.theta_rad), math.sin(grid.origin.theta_rad)
-    y, x = np.mgrid[: grid.shape[0], : grid.shape[1]] + 0.5
-    x_m, y_m = x * grid.resolution_m, y * grid.resolution_m
-    return grid.origin.x_m + c * x_m - s * y_m, grid.origin.y_m + s * x_m + c * y_m
 
 
 def _close_sides(cells: NDArray[np.int8], grid: GridMap, corners: Sequence[Point]) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
 from robotctl.errors import InvalidValue
+from robotctl.model.rectangle import Rectangle
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.guard.echo_motion import STANDS, Approach
 
@@ -77,19 +78,6 @@ class GuardConfig:
                 f"{self.blocked_max_s} found, at most {MOST_BLOCKED_S:.0f} allowed",
                 self.blocked_max_s,
             )
-
-
-class Rectangle(NamedTuple):
-    """The body in `base` [m]; `rear_m` < 0."""
-
-    rear_m: float
-    front_m: float
-    half_width_m: float
-
-    @property
-    def reach_m(self) -> float:
-        """From `base` to the outermost corner [m]."""
-        return math.hypot(max(self.front_m, -self.rear_m), self.half_width_m)
 
 
 class GuardStep(NamedTuple):

@@ -8,7 +8,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.planning.guard.obstacle_guard import Point, Rectangle
+from robotctl.model.rectangle import Rectangle
+from robotctl.planning.guard.obstacle_guard import Point
 
 _STRAIGHT: Final = 1e-4
 """An arc of a smaller curvature is a straight line [1/m]: half a millimetre in three metres."""

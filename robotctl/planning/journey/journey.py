@@ -284,7 +284,9 @@ class Journey(Behaviour):
         if isinstance(answer, PlanFailure):
             return False
         self._route = answer
-        return not self._follow(situation, answer.plan).blocked
+        motion = self._follow(situation, answer.plan)
+        self._pilot.controller.reset()  # nothing has followed this step
+        return not motion.blocked
 
 
 class _Attempt:

@@ -144,8 +144,8 @@ def braked(problem: Problem) -> tuple[float, float]:
 def is_admissible(problem: Problem, v: float, omega: float) -> bool:
     """Return whether the robot can stop after a step with a velocity.
 
-    It takes effect between at once and after the reaction time: both are looked at. Who walks
-    would meet a robot that stops in their way: it may also drive on where that leads out of it.
+    It takes effect between at once and after the reaction time: both are looked at. People who walk
+    on would run into a robot that stops in their way, so it may also drive on if it gets out of it.
     """
     if _can_stop(problem, problem.space, v, omega):
         return True

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from robotctl.control.limiter import LimitsConfig, scale_to_limits
 from robotctl.model.fence import Fence
-from robotctl.model.fence_clearance import Body, body_clearance
+from robotctl.model.fence_clearance import body_clearance
 from robotctl.model.geometry.twist import Twist
+from robotctl.model.rectangle import Rectangle
 from robotctl.safety.fence.prediction import MotionNow, longest_way, predict
 
 MARGIN_M: Final = 0.05
@@ -60,7 +61,13 @@ class FenceGuard:
     """
 
     def __init__(
-        self, limits: LimitsConfig, body: Body, period_s: float, life_s: float, *, steered: bool
+        self,
+        limits: LimitsConfig,
+        body: Rectangle,
+        period_s: float,
+        life_s: float,
+        *,
+        steered: bool,
     ) -> None:
         self._limits = limits
         self._body = body

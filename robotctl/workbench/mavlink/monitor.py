@@ -75,6 +75,7 @@ class LinkMonitor:
             return
         kind = self._kinds.setdefault((*address, name), _Kind())
         kind.count += 1
+        _forget(kind.recent, now_s)
         kind.recent.append((now_s, len(message.get_msgbuf())))
         self._number(self._senders.setdefault(address, _Sender()), message.get_seq(), now_s)
 
@@ -87,6 +88,7 @@ class LinkMonitor:
         sender.last = seq
         sender.received += 1
         sender.lost += gap
+        _forget(sender.recent, now_s)
         sender.recent.append((now_s, 1, gap))
 
     def rows(self, now_s: float) -> list[Row]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import fnmatch
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -161,8 +161,8 @@ class ParameterClient:
         return said[-1].removeprefix("Parameter ") if said else ""
 
 
-def _request(name: bytes, index: int) -> Message:
-    """Return what makes PARAM_REQUEST_READ."""
+def _request(name: bytes, index: int) -> Callable[[int, int], Message]:
+    """Return what makes PARAM_REQUEST_READ for a system and component."""
     return lambda system, component: common.MAVLink_param_request_read_message(
         system, component, name, index
     )

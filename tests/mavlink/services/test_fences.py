@@ -21,9 +21,10 @@ from robotctl.mavlink.missions.item import MissionItem
 from robotctl.mavlink.telemetry import Telemetry
 from robotctl.messages.fence import EnableFence, FenceState, SetFence
 from robotctl.model.fence import Fence, FenceCircle, FencePolygon
-from robotctl.model.fence_clearance import Body, body_clearance
+from robotctl.model.fence_clearance import body_clearance
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
+from robotctl.model.rectangle import Rectangle
 from robotctl.planning.guard.obstacle_guard import body_rectangle
 from tests.mavlink.conftest import FakeLinks, control_state
 from tests.mavlink.driven_robot import DrivenRobot
@@ -248,11 +249,11 @@ def test_a_fence_outlives_a_power_cut_for_navigation_and_telemetry(make_bench, t
 
 def test_a_robot_whose_fence_is_damaged_stands_until_there_is_one_or_none(tmp_path):
     PlanFiles(str(tmp_path), "fence").save(b'{"fence": ')
-    body = Body(-0.2, 0.2, 0.18)
+    body = Rectangle(-0.2, 0.2, 0.18)
     keeper = FenceKeeper(LimitsConfig(), body, 50_000_000, 200_000_000, steered=False)
     adapter = SimpleNamespace(fence=keeper, bound_by=lambda _: None)
     (notice,) = take_bounds(adapter, SimpleNamespace(state=str(tmp_path)))
-    assert "the fence is damaged" in notice
+    assert "the fence cannot be read" in notice
     control, wanted = control_state(0), Twist(0.3, 0.0)
     assert keeper.keep(control, SE2(), wanted, 0) == Twist(0.0, 0.0)
     assert keeper.message == DAMAGED
@@ -299,7 +300,7 @@ class Fenced:
         self.robot = DrivenRobot(self.links, **robot)
         self.robot.arm(mode)
         config = self.robot.config
-        self.body = Body(*body_rectangle(config.navigation.guard, config.sonar))
+        self.body = body_rectangle(config.navigation.guard, config.sonar)
         self.fence = fence_of([MissionItem(c, NED, p, y, x, 0.0) for c, p, x, y in plan], None)[
             0
         ].fence
@@ -370,7 +371,9 @@ def test_a_keeper_brakes_by_the_limits_in_force():
 
     def held(a_max_m_s2):
         limits = LimitsConfig()
-        keeper = FenceKeeper(limits, Body(-0.2, 0.2, 0.18), 50_000_000, 200_000_000, steered=False)
+        keeper = FenceKeeper(
+            limits, Rectangle(-0.2, 0.2, 0.18), 50_000_000, 200_000_000, steered=False
+        )
         keeper.retune(replace(limits, a_max_m_s2=a_max_m_s2))
         keeper.take(SetFence(0, Fence(circles=(FenceCircle(0.0, 0.0, 2.0, True),)), 1))
         state = control_state(10**9, v_m_s=0.5, v_ref_m_s=0.5)

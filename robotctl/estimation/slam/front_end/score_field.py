@@ -72,14 +72,12 @@ def _draw(
     cells: NDArray[np.uint8],
 ) -> None:  # fmt: skip
     """Draw the finest level."""
-    drawn = 0
     for k in range(len(outline)):
         column = int((outline[k, 0] - x_m) / RESOLUTION_M)
         row = int((outline[k, 1] - y_m) / RESOLUTION_M)
         middle = row * width + column
         if cells[middle] == 255:
             continue
-        drawn += 1
         for i in range(2 * _REACH + 1):
             begin = middle + (i - _REACH) * width - _REACH
             for j in range(2 * _REACH + 1):

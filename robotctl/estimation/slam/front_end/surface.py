@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.compiled import compiled
+from robotctl.model.geometry.points import moved, rotation
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
 
@@ -55,14 +56,12 @@ class Surface:
 
     def moved(self, T_a_b: SE2) -> Surface:
         """Return the surface, given in frame b, in frame a."""
-        c, s = np.cos(T_a_b.theta_rad), np.sin(T_a_b.theta_rad)
-        turn = np.array([[c, s], [-s, c]])
-        shift = np.array([T_a_b.x_m, T_a_b.y_m])
+        turn = rotation(T_a_b.theta_rad)
         return Surface(
-            self.points @ turn + shift,
+            moved(T_a_b, self.points),
             self.normals @ turn,
             self.weights,
-            self.outline @ turn + shift,
+            moved(T_a_b, self.outline),
             self.outline_normals @ turn,
         )
 

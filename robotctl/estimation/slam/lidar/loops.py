@@ -30,7 +30,7 @@ _AMBIGUOUS: Final = 0.93
 _PAIRS: Final = 3
 _APART_M: Final = 0.4
 _FORGET_M: Final = 20.0
-"""Way between two closures that confirm each other."""
+"""Least and greatest way between two closures that confirm each other."""
 _AGREE_M: Final = 0.2
 _AGREE_RAD: Final = 0.05
 _QUEUE: Final = 6
