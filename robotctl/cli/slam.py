@@ -9,8 +9,8 @@ import typer
 
 from robotctl.cli.arguments import TimeUnit
 from robotctl.cli.console import plain_console
-from robotctl.cli.files import check_files, write_file
 from robotctl.cli.progress import progress_bar
+from robotctl.cli.slam_output import error_words, write_slam
 from robotctl.errors import ConfigError
 
 
@@ -50,9 +50,11 @@ def slam(
     """
     if sensor not in (None, "lidar"):
         raise ConfigError(f"--sensor {sensor}: unknown; allowed is lidar")
-    if sensor is not None and (features, solver, association) != ("landmarks", "ekf", "names"):
+    of_landmarks = (features, solver, association, mrclam_robot)
+    if sensor is not None and of_landmarks != ("landmarks", "ekf", "names", None):
         raise ConfigError(
-            "--sensor lidar: --features, --solver and --association are for landmarks, leave them"
+            "--sensor lidar: --features, --solver, --association and --mrclam-robot are for "
+            "landmarks, leave them"
         )
     if not out.parent.is_dir():
         raise ConfigError(f"--out {out}: the folder {out.parent} does not exist")
@@ -84,19 +86,13 @@ def slam(
         if cache_is_cold():
             console.print(COMPILING, soft_wrap=True)
         result = run(options, tell)
-    for note in result.notes:
-        console.print(f"note: {note}", soft_wrap=True)
-    write_file(out, lambda folder: folder.mkdir(exist_ok=True))
-    write_file(out, lambda folder: write_results(result, folder))
-    plot = out / "plot.png"
-    try:
-        check_files(plot=plot)
-    except ConfigError as error:
-        console.print(f"note: no picture: {error}", soft_wrap=True)
-    else:
+
+    def draw(file: Path) -> None:
         from robotctl.cli.slam_plot import save_plot  # noqa: PLC0415
 
-        write_file(plot, lambda file: save_plot(result, file))
+        save_plot(result, file)
+
+    write_slam(out, console, result.notes, lambda folder: write_results(result, folder), draw)
     print(_sentence(result.report()))
 
 
@@ -106,14 +102,8 @@ def _sentence(report: dict[str, Any]) -> str:
     parts = [f"{report['landmarks']} landmarks", f"{seen['used']} sightings"]
     if seen["unused"]:
         parts.append(f"{seen['unused']} unused")
-    if compared is None:
-        parts.append("no reference to compare with")
-    else:
-        parts.append(
-            f"position error {compared['rmse_m']:.3f} m rms after alignment, at most "
-            f"{compared['max_m']:.3f} m"
-        )
-        if "nees_inside_95" in compared:
-            parts.append(f"NEES inside 95 % bounds {compared['nees_inside_95']:.1%}")
+    parts.append(error_words(compared))
+    if compared is not None and "nees_inside_95" in compared:
+        parts.append(f"NEES inside 95 % bounds {compared['nees_inside_95']:.1%}")
     parts.append(f"{1e-3 * sum(report['time_ms'].values()):.1f} s")
     return ", ".join(parts)

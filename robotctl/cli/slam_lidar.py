@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
-from robotctl.cli.files import check_files, write_file
 from robotctl.cli.progress import progress_bar
-from robotctl.errors import ConfigError
+from robotctl.cli.slam_output import error_words, write_slam
 
 if TYPE_CHECKING:
     from robotctl.workbench.slam.lidar import LidarResult
@@ -28,17 +27,13 @@ def slam_by_lidar(log: Path, out: Path, time_unit: str | None, console: Console)
         if cache_is_cold():
             console.print(COMPILING, soft_wrap=True)
         result = lidar_slam(log, time_unit, tell)
-    for note in result.recording.notes:
-        console.print(f"note: {note}", soft_wrap=True)
-    write_file(out, lambda folder: folder.mkdir(exist_ok=True))
-    write_file(out, lambda folder: write_lidar_results(result, folder))
-    plot = out / "plot.png"
-    try:
-        check_files(plot=plot)
-    except ConfigError as error:
-        console.print(f"note: no picture: {error}", soft_wrap=True)
-    else:
-        write_file(plot, lambda file: save_lidar_plot(result, file))
+    write_slam(
+        out,
+        console,
+        result.recording.notes,
+        lambda folder: write_lidar_results(result, folder),
+        lambda file: save_lidar_plot(result, file),
+    )
     print(_sentence(result.report()))
 
 
@@ -56,13 +51,7 @@ def _sentence(report: dict[str, Any]) -> str:
         parts.append(f"{report['unmatched']} scans fit nowhere")
     if report["slips"]:
         parts.append(f"the wheels slipped {report['slips']} times")
-    if compared is None:
-        parts.append("no reference to compare with")
-    else:
-        parts.append(
-            f"position error {compared['rmse_m']:.3f} m rms after alignment, at most "
-            f"{compared['max_m']:.3f} m"
-        )
+    parts.append(error_words(compared))
     times = report["time_ms"]
     parts.append(f"{times['mean']:.1f} ms a scan, {1e-3 * (times['scans'] + times['grid']):.1f} s")
     return ", ".join(parts)
