@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from pymavlink.dialects.v20 import common
 
+from robotctl.dialect import additions
 from robotctl.messages.mavlink_port import Peer
 
 ACCEPTED: int = common.MAV_RESULT_ACCEPTED
@@ -14,8 +15,7 @@ TEMPORARILY_REJECTED: int = common.MAV_RESULT_TEMPORARILY_REJECTED
 DENIED: int = common.MAV_RESULT_DENIED
 UNSUPPORTED: int = common.MAV_RESULT_UNSUPPORTED
 INT_ONLY: int = common.MAV_RESULT_COMMAND_INT_ONLY
-UNSUPPORTED_FRAME: int = 9
-"""MAV_RESULT_COMMAND_UNSUPPORTED_MAV_FRAME of MAVLink's common dialect; pymavlink's lacks it."""
+UNSUPPORTED_FRAME: int = additions.MAV_RESULT_COMMAND_UNSUPPORTED_MAV_FRAME
 
 MAX_PENDING = 8
 """Maximum waiting requests of each kind, no more than control answers at once: a flood of invented

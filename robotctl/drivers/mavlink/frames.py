@@ -11,6 +11,7 @@ from collections.abc import Callable
 
 from pymavlink.dialects.v20 import common
 
+import robotctl.dialect  # noqa: F401 - the codec knows its messages
 from robotctl.drivers.mavlink.signing import Signing
 from robotctl.messages.mavlink_port import Message, source
 

@@ -10,6 +10,7 @@ from typing import Any, Final, NamedTuple
 from pymavlink.dialects.v20 import common
 
 from robotctl.config_values import Rules, Value, problems, replaced, value_at
+from robotctl.dialect import additions
 from robotctl.errors import InvalidValue
 from robotctl.mavlink.parameters.parameter import (
     REAL32,
@@ -29,8 +30,7 @@ class Problem(enum.IntEnum):
     DOES_NOT_EXIST = common.MAV_PARAM_ERROR_DOES_NOT_EXIST
     VALUE_OUT_OF_RANGE = common.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE
     READ_ONLY = common.MAV_PARAM_ERROR_READ_ONLY
-    TYPE_MISMATCH = 7
-    """Of MAVLink's common dialect; pymavlink's lacks it."""
+    TYPE_MISMATCH = additions.MAV_PARAM_ERROR_TYPE_MISMATCH
 
 
 class ParameterRefused(Exception):  # noqa: N818 - is answered, no defect
