@@ -13,6 +13,8 @@ from robotctl.messages.mavlink_port import Peer
 ACCEPTED: int = common.MAV_RESULT_ACCEPTED
 TEMPORARILY_REJECTED: int = common.MAV_RESULT_TEMPORARILY_REJECTED
 DENIED: int = common.MAV_RESULT_DENIED
+IN_PROGRESS: int = common.MAV_RESULT_IN_PROGRESS
+CANCELLED: int = additions.MAV_RESULT_CANCELLED
 UNSUPPORTED: int = common.MAV_RESULT_UNSUPPORTED
 INT_ONLY: int = common.MAV_RESULT_COMMAND_INT_ONLY
 UNSUPPORTED_FRAME: int = additions.MAV_RESULT_COMMAND_UNSUPPORTED_MAV_FRAME
@@ -36,6 +38,11 @@ class Command(NamedTuple):
     peer: Peer
     confirmation: int = 0
     frame: int | None = None
+
+    @property
+    def key(self) -> tuple[tuple[int, int], int, Peer]:
+        """What tells it from others that wait."""
+        return self.sender, self.number, self.peer
 
     def whole(self, index: int) -> int | None:
         """Return one of `params` that must be a whole number, None if it is none."""

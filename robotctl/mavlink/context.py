@@ -136,6 +136,15 @@ class GroundStation:
         return tuple(sorted(self.heard_ns))
 
 
+@dataclass(slots=True)
+class Pending:
+    """A command that waits for its result: since when, and when its sender heard of it [ns]."""
+
+    command: Command
+    asked_ns: int
+    told_ns: int
+
+
 @dataclass
 class Context:
     """The present state and the outputs of a step, shared by all microservices.
@@ -148,7 +157,8 @@ class Context:
     [ns since 1970]; `scan` is the lidar's last. `stretch` says how much longer than asked
     for the intervals of streams are, by link. `peers` are served on the links
     now, `heard_ns` says when each of them was heard last [ns]. `ground_stations` are those alive,
-    by address, the longest known first. `acks` are those of this step. `texts` wait for the
+    by address, the longest known first. `pending` are the commands that wait for their results, by
+    sender, number and peer. `acks` are those of this step. `texts` wait for the
     STATUSTEXT service, `notices` for the process, which may publish them; they must not come back
     as input, they are sent already.
     """
@@ -174,6 +184,7 @@ class Context:
     heard_ns: dict[Peer, int] = field(default_factory=dict)
     ground_stations: dict[tuple[int, int], GroundStation] = field(default_factory=dict)
     held_back: HeldBack = field(default_factory=HeldBack)
+    pending: dict[tuple[tuple[int, int], int, Peer], Pending] = field(default_factory=dict)
     acks: list[Ack] = field(default_factory=list)
     requests: list[Request] = field(default_factory=list)
     notices: deque[Notice] = field(default_factory=lambda: deque(maxlen=MAX_TEXTS))
@@ -221,10 +232,15 @@ class Context:
         self.notices.append(Notice(now_ns, severity, text))
 
     def acknowledge(self, command: Command, result: int) -> None:
+        """Send COMMAND_ACK with a MAV_RESULT to the sender of `command`, which has ended."""
+        self.pending.pop(command.key, None)
+        self.tell_result(command, result)
+
+    def tell_result(self, command: Command, result: int, progress: int = 0) -> None:
         """Send COMMAND_ACK with a MAV_RESULT to the sender of `command`."""
         system, component = command.sender
         ack = common.MAVLink_command_ack_message(
-            command.number, result, 0, 0, target_system=system, target_component=component
+            command.number, result, progress, 0, target_system=system, target_component=component
         )
         self.links.reply(ack, command.peer)
 

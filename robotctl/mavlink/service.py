@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import ClassVar
 
-from robotctl.mavlink.catalogue import Catalogue, CommandHandler, Stream
+from robotctl.mavlink.catalogue import CancelHandler, Catalogue, CommandHandler, Stream
 from robotctl.mavlink.command import Command
 from robotctl.mavlink.config import MavlinkConfig
 from robotctl.mavlink.context import Context
@@ -41,6 +41,12 @@ class Microservice:
         """Carry out one command; return its MAV_RESULT, None if `acknowledge` follows."""
         raise NotImplementedError
 
+    def on_cancel(self, command: Command, now_ns: int) -> None:
+        """Take back a command whose result is awaited, and acknowledge it with CANCELLED.
+
+        Of a service that lets commands wait.
+        """
+
     def step(self, now_ns: int) -> None:
         """Do what time or the robot's state requires."""
 
@@ -55,6 +61,7 @@ def catalogue_of(services: Sequence[Microservice]) -> Catalogue:
     """
     streams: dict[int, Stream] = {}
     commands: dict[int, CommandHandler] = {}
+    cancels: dict[int, CancelHandler] = {}
     owners: dict[tuple[str, int], str] = {}
     capabilities = 0
     for service in services:
@@ -63,10 +70,11 @@ def catalogue_of(services: Sequence[Microservice]) -> Catalogue:
         for number in sorted(service.commands):
             _claim(owners, ("MAV_CMD", number), name)
             commands[number] = service.on_command
+            cancels[number] = service.on_cancel
         for stream in service.streams():
             _claim(owners, ("message", stream.message_id), name)
             streams[stream.message_id] = stream
-    return Catalogue(streams, commands, capabilities)
+    return Catalogue(streams, commands, cancels, capabilities)
 
 
 def _claim(owners: dict[tuple[str, int], str], what: tuple[str, int], name: str) -> None:

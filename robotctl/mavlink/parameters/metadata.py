@@ -61,6 +61,10 @@ def general_metadata(parameters: bytes, uri: str) -> bytes:
     uri
         Where it is.
     """
-    crc = zlib.crc32(parameters, 0xFFFFFFFF) ^ 0xFFFFFFFF
-    where = {"type": _PARAMETERS, "uri": uri, "fileCrc": crc}
+    where = {"type": _PARAMETERS, "uri": uri, "fileCrc": file_crc(parameters)}
     return json.dumps({"version": 1, "metadataTypes": [where]}).encode()
+
+
+def file_crc(content: bytes) -> int:
+    """Return the CRC-32 of a file as MAVLink FTP has it: it begins with 0, nothing is inverted."""
+    return zlib.crc32(content, 0xFFFFFFFF) ^ 0xFFFFFFFF

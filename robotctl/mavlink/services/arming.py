@@ -24,6 +24,7 @@ from pymavlink.dialects.v20 import common
 
 from robotctl.mavlink.command import (
     ACCEPTED,
+    CANCELLED,
     DENIED,
     MAX_PENDING,
     TEMPORARILY_REJECTED,
@@ -133,6 +134,18 @@ class Arming(Microservice):
         if (repeated := self._find(command.sender, arm=False)) is not None:
             before = self._pending.pop(repeated).commands  # answered with the new request
         return self._ask(command, before, now_ns, arm=False)
+
+    def on_cancel(self, command: Command, now_ns: int) -> None:
+        """Take back a request to arm: disarm, in case control is about to do it."""
+        if command.number != ARM_DISARM:
+            return
+        number = self._find(command.sender, arm=True)
+        if number is None:
+            return
+        for waiting in self._pending.pop(number).commands.values():
+            self._context.acknowledge(waiting, CANCELLED)
+        self._last_request = max(self._last_request + 1, now_ns)
+        self._context.requests.append(Arm(now_ns, self._last_request, arm=False))
 
     def _find(self, sender: tuple[int, int], *, arm: bool) -> int | None:
         """Return the number of this sender's request that waits for its answer."""

@@ -1,4 +1,4 @@
-"""AUTOPILOT_VERSION: the robot's identity, software and capabilities."""
+"""AUTOPILOT_VERSION and PROTOCOL_VERSION: the robot's identity, software and capabilities."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from pymavlink.dialects.v20 import common
 
+from robotctl.dialect import additions
 from robotctl.mavlink.catalogue import Stream
 from robotctl.mavlink.context import TelemetryRobot
 from robotctl.mavlink.service import Microservice
@@ -19,12 +20,20 @@ class AutopilotVersion(Microservice):
     capabilities: ClassVar[int] = common.MAV_PROTOCOL_CAPABILITY_MAVLINK2
 
     def streams(self) -> tuple[Stream, ...]:
-        """Return AUTOPILOT_VERSION, which has no rate."""
-        return (Stream(common.MAVLINK_MSG_ID_AUTOPILOT_VERSION, self._version, None),)
+        """Return both messages, which have no rate."""
+        return (
+            Stream(common.MAVLINK_MSG_ID_AUTOPILOT_VERSION, self._version, None),
+            Stream(additions.MAVLINK_MSG_ID_PROTOCOL_VERSION, self._protocol, None),
+        )
 
     def _version(self, now_ns: int) -> list[Message]:  # noqa: ARG002
         context = self._context
         return [autopilot_version(context.robot, context.catalogue.capabilities)]
+
+    def _protocol(self, now_ns: int) -> list[Message]:  # noqa: ARG002
+        """Return PROTOCOL_VERSION: 200 is MAVLink 2.0."""
+        hashes = [0] * 8, [0] * 8
+        return [additions.MAVLink_protocol_version_message(200, 100, 200, *hashes)]
 
 
 def autopilot_version(robot: TelemetryRobot, capabilities: int) -> Message:

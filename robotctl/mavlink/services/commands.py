@@ -1,24 +1,47 @@
-"""COMMAND_LONG and COMMAND_INT: dispatches a command and acknowledges its result."""
+"""COMMAND_LONG and COMMAND_INT: dispatches a command and acknowledges its result.
+
+One whose result takes long is acknowledged with IN_PROGRESS meanwhile, and may be given up by
+COMMAND_CANCEL. https://mavlink.io/en/services/command.html.
+"""
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import ClassVar, Final
 
 from pymavlink.dialects.v20 import common
 
-from robotctl.mavlink.command import UNSUPPORTED, Command
+from robotctl.dialect import additions
+from robotctl.mavlink.command import IN_PROGRESS, UNSUPPORTED, Command
+from robotctl.mavlink.context import Pending
 from robotctl.mavlink.service import Microservice
 from robotctl.messages.mavlink_port import Message, Peer, source
+
+LONG_NS: Final = 1_200_000_000
+"""A result that takes longer is announced, again and again [ns]: control refuses to arm after 1 s,
+and who takes the first answer for the result shall get that."""
+UNKNOWN: Final = 255
+"""`progress` of COMMAND_ACK that nobody knows."""
+FORGOTTEN_NS: Final = 20_000_000_000
+"""No service waits as long for a result [ns]."""
 
 
 class Commands(Microservice):
     """Hands commands to their services; those of none are answered with UNSUPPORTED."""
 
-    handles = frozenset({common.MAVLINK_MSG_ID_COMMAND_LONG, common.MAVLINK_MSG_ID_COMMAND_INT})
+    handles = frozenset(
+        {
+            common.MAVLINK_MSG_ID_COMMAND_LONG,
+            common.MAVLINK_MSG_ID_COMMAND_INT,
+            additions.MAVLINK_MSG_ID_COMMAND_CANCEL,
+        }
+    )
     capabilities: ClassVar[int] = common.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
 
     def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:
-        """Carry out one command."""
+        """Carry out one command, or give one up."""
+        if message.get_msgId() == additions.MAVLINK_MSG_ID_COMMAND_CANCEL:
+            self._cancel(message, peer, now_ns)
+            return
         first = (message.param1, message.param2, message.param3, message.param4)
         if message.get_msgId() == common.MAVLINK_MSG_ID_COMMAND_INT:
             last = (float(message.x), float(message.y), message.z)
@@ -31,3 +54,20 @@ class Commands(Microservice):
         result = UNSUPPORTED if handler is None else handler(command, now_ns)
         if result is not None:
             self._context.acknowledge(command, result)
+        elif command.key not in self._context.pending:
+            self._context.pending[command.key] = Pending(command, now_ns, now_ns)
+
+    def _cancel(self, message: Message, peer: Peer, now_ns: int) -> None:
+        """Have a waiting command taken back, which its service acknowledges."""
+        pending = self._context.pending.get((source(message), message.command, peer))
+        if pending is not None:
+            self._context.catalogue.cancels[message.command](pending.command, now_ns)
+
+    def step(self, now_ns: int) -> None:
+        """Tell who waits for long that it takes long."""
+        for key, pending in list(self._context.pending.items()):
+            if now_ns - pending.asked_ns > FORGOTTEN_NS:
+                del self._context.pending[key]
+            elif now_ns - pending.told_ns >= LONG_NS:
+                pending.told_ns = now_ns
+                self._context.tell_result(pending.command, IN_PROGRESS, UNKNOWN)

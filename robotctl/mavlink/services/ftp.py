@@ -7,11 +7,14 @@ from typing import ClassVar, Final
 
 from pymavlink.dialects.v20 import common
 
+from robotctl.dialect import additions
+from robotctl.mavlink.catalogue import Stream
 from robotctl.mavlink.context import Context
+from robotctl.mavlink.frames import boot_ms
 from robotctl.mavlink.ftp.files import Content, Entry, Mounted, NoFiles, OpenFile
 from robotctl.mavlink.ftp.payload import FtpError, FtpRefused
 from robotctl.mavlink.ftp.server import FtpServer, Sender
-from robotctl.mavlink.parameters.metadata import general_metadata, parameter_metadata
+from robotctl.mavlink.parameters.metadata import file_crc, general_metadata, parameter_metadata
 from robotctl.mavlink.parameters.packed import packed
 from robotctl.mavlink.service import Microservice
 from robotctl.messages.mavlink_port import Message, Peer, source
@@ -19,6 +22,7 @@ from robotctl.messages.mavlink_port import Message, Peer, source
 PARAM: Final = "@PARAM"
 META: Final = "@META"
 PARAMETER_URI: Final = f"mftp:///{META}/parameter.json"
+GENERAL: Final = "general.json"
 
 
 class Made(NoFiles):
@@ -59,13 +63,21 @@ class Ftp(Microservice):
             "param.pck": lambda: packed(parameters, with_defaults=False),
             "param.pck?withdefaults=1": lambda: packed(parameters, with_defaults=True),
         }
-        metadata = {
-            "general.json": lambda: general_metadata(parameter_metadata(parameters), PARAMETER_URI),
+        self._metadata = {
+            GENERAL: lambda: general_metadata(parameter_metadata(parameters), PARAMETER_URI),
             "parameter.json": lambda: parameter_metadata(parameters),
         }
-        mounts = {PARAM: Made(makers), META: Made(metadata), **context.folders}
+        mounts = {PARAM: Made(makers), META: Made(self._metadata), **context.folders}
         files = Mounted(mounts.pop("", NoFiles()), mounts)
         self._server = FtpServer(files, self._send)
+
+    def streams(self) -> tuple[Stream, ...]:
+        """Return COMPONENT_METADATA, which tells of the files about parameters, on request."""
+        return (Stream(additions.MAVLINK_MSG_ID_COMPONENT_METADATA, self._where, None),)
+
+    def _where(self, now_ns: int) -> list[Message]:
+        crc, uri = file_crc(self._metadata[GENERAL]()), f"mftp:///{META}/{GENERAL}".encode()
+        return [additions.MAVLink_component_metadata_message(boot_ms(now_ns), crc, uri)]
 
     def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:
         """Take a request."""

@@ -6,6 +6,7 @@ from typing import Final
 
 from pymavlink.dialects.v20 import common
 
+from robotctl.dialect import additions
 from robotctl.mavlink.command import ACCEPTED, DENIED, TEMPORARILY_REJECTED, Command
 from robotctl.mavlink.service import Microservice
 
@@ -13,11 +14,12 @@ REQUEST_MESSAGE: int = common.MAV_CMD_REQUEST_MESSAGE
 _OLDER: Final[dict[int, int]] = {
     common.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: common.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
     common.MAV_CMD_GET_HOME_POSITION: common.MAVLINK_MSG_ID_HOME_POSITION,
+    common.MAV_CMD_REQUEST_PROTOCOL_VERSION: additions.MAVLINK_MSG_ID_PROTOCOL_VERSION,
 }
 
 
 class MessageRequests(Microservice):
-    """Takes REQUEST_MESSAGE, and two older commands for one message each."""
+    """Takes REQUEST_MESSAGE, and three older commands for one message each."""
 
     commands = frozenset({REQUEST_MESSAGE, *_OLDER})
 
@@ -32,6 +34,10 @@ class MessageRequests(Microservice):
         if stream is None:
             return DENIED
         messages = stream.build(now_ns)
+        if stream.picked_by and (wanted := command.params[1]) > 0.0:
+            messages = [each for each in messages if getattr(each, stream.picked_by) == wanted]
+            if not messages:
+                return DENIED
         for message in messages:
             self._context.links.reply(message, command.peer)
         return ACCEPTED if messages else TEMPORARILY_REJECTED

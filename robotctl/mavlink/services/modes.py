@@ -8,11 +8,13 @@ however often it comes.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Final
 
 from pymavlink.dialects.v20 import common
 
 from robotctl.mavlink.command import (
     ACCEPTED,
+    CANCELLED,
     DENIED,
     MAX_PENDING,
     TEMPORARILY_REJECTED,
@@ -21,6 +23,7 @@ from robotctl.mavlink.command import (
 from robotctl.mavlink.context import Context
 from robotctl.mavlink.guards.command_dedup import LateCopies
 from robotctl.mavlink.service import Microservice
+from robotctl.mavlink.services.mode_list import STANDARD
 from robotctl.messages.control import Mode, SafetyState, SetMode
 from robotctl.messages.mavlink_port import Message, Peer, source
 from robotctl.messages.requests import REQUEST_LIFE_NS
@@ -29,7 +32,9 @@ from robotctl.safety.state_machine import POWERED
 DO_SET_MODE: int = common.MAV_CMD_DO_SET_MODE
 MISSION_START: int = common.MAV_CMD_MISSION_START
 RETURN: int = common.MAV_CMD_NAV_RETURN_TO_LAUNCH
+SET_STANDARD_MODE: int = common.MAV_CMD_DO_SET_STANDARD_MODE
 PAUSE_CONTINUE: int = common.MAV_CMD_DO_PAUSE_CONTINUE
+BY_STANDARD: Final = {float(number): mode for mode, number in STANDARD.items()}
 CUSTOM: int = common.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
 TIMEOUT_NS = REQUEST_LIFE_NS + 100_000_000
 """Maximum time of the navigation process's answer [ns].
@@ -52,7 +57,7 @@ class Modes(Microservice):
     """Asks for modes; the command is accepted when the navigation process is in the mode."""
 
     handles = frozenset({common.MAVLINK_MSG_ID_SET_MODE})
-    commands = frozenset({DO_SET_MODE, MISSION_START, RETURN, PAUSE_CONTINUE})
+    commands = frozenset({DO_SET_MODE, SET_STANDARD_MODE, MISSION_START, RETURN, PAUSE_CONTINUE})
 
     def __init__(self, context: Context) -> None:
         super().__init__(context)
@@ -75,7 +80,8 @@ class Modes(Microservice):
         """Take DO_SET_MODE: param1 flags with CUSTOM_MODE_ENABLED, param2 ArduRover's number.
 
         MISSION_START asks for AUTO, which begins with arming where the robot is not armed,
-        NAV_RETURN_TO_LAUNCH for RTL, DO_PAUSE_CONTINUE for HOLD (param1 0) and AUTO (1).
+        NAV_RETURN_TO_LAUNCH for RTL, DO_PAUSE_CONTINUE for HOLD (param1 0) and AUTO (1),
+        DO_SET_STANDARD_MODE for AUTO and RTL by their MAV_STANDARD_MODE.
         """
         mode = self._mode_of(command, now_ns)
         if mode is None:
@@ -92,6 +98,14 @@ class Modes(Microservice):
             return TEMPORARILY_REJECTED
         self._pending[command.sender].commands[command.peer] = command
         return None
+
+    def on_cancel(self, command: Command, now_ns: int) -> None:
+        """Take back a request for a mode: HOLD, in case navigation is about to take it."""
+        pending = self._pending.pop(command.sender, None)
+        if pending is not None:
+            for waiting in pending.commands.values():
+                self._context.acknowledge(waiting, CANCELLED)
+            self._context.requests.append(SetMode(now_ns, Mode.HOLD))
 
     def _is_held_back(self, peer: Peer, sender: tuple[int, int], mode: Mode, now_ns: int) -> bool:
         """Say whether a mode in which the robot may move may be a wish of long ago."""
@@ -127,6 +141,8 @@ class Modes(Microservice):
             return Mode.AUTO
         if command.number == RETURN:
             return Mode.RTL
+        if command.number == SET_STANDARD_MODE:
+            return BY_STANDARD.get(command.params[0])
         if command.number == PAUSE_CONTINUE:
             return {0.0: Mode.HOLD, 1.0: Mode.AUTO}.get(command.params[0])
         return self._wanted(command.params[0], command.params[1], now_ns)

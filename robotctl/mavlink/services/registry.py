@@ -22,7 +22,9 @@ from robotctl.mavlink.services.link_watch import LinkWatch
 from robotctl.mavlink.services.manual_control import ManualControls
 from robotctl.mavlink.services.message_requests import MessageRequests
 from robotctl.mavlink.services.missions import Missions
+from robotctl.mavlink.services.mode_list import ModeList
 from robotctl.mavlink.services.modes import Modes
+from robotctl.mavlink.services.motor_controllers import MotorControllers
 from robotctl.mavlink.services.navigation_output import NavigationOutput
 from robotctl.mavlink.services.obstacles import Obstacles
 from robotctl.mavlink.services.parameters import Parameters
@@ -75,6 +77,8 @@ SERVICES: Final[tuple[type[Microservice], ...]] = (
     SystemTime,
     Estimator,
     Obstacles,
+    ModeList,
+    MotorControllers,
     Missions,
     Fences,
     RallyPoints,

@@ -6,6 +6,7 @@ import struct
 import pytest
 from pymavlink.dialects.v20 import common as m
 
+from robotctl.dialect import additions
 from robotctl.mavlink.context import TelemetryRobot
 from robotctl.mavlink.globe import Origin
 from robotctl.mavlink.telemetry import Telemetry
@@ -23,7 +24,8 @@ def ask(bench, name, *states):
     """Return the messages of one name, asked for once."""
     bench.step(*(states or (bench.control(),)))
     bench.take()
-    bench.command(m.MAV_CMD_REQUEST_MESSAGE, getattr(m, f"MAVLINK_MSG_ID_{name}"))
+    number = f"MAVLINK_MSG_ID_{name}"
+    bench.command(m.MAV_CMD_REQUEST_MESSAGE, getattr(additions, number, 0) or getattr(m, number))
     bench.step()
     return bench.messages(name)
 
