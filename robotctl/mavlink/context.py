@@ -249,6 +249,11 @@ class Context:
         state = self.control
         return state if state is not None and now_ns - state.stamp_ns <= FRESH_NS else None
 
+    def is_armed(self, now_ns: int) -> bool:
+        """Say whether the robot is known to be armed."""
+        control = self.fresh_control(now_ns)
+        return control is not None and control.state in POWERED
+
     def fresh_navigation(self, now_ns: int) -> NavigationState | None:
         """Return the navigation process's state, None if it is silent."""
         state = self.navigation

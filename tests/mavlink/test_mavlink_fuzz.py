@@ -8,7 +8,10 @@ from robotctl.drivers.mavlink.frames import STALE_NS, FrameReader
 from robotctl.messages.control import EmergencyStop
 from robotctl.messages.mavlink_port import Peer, Received
 
-HANDLED = [0, 11, 20, 21, 23, 41, 44, 45, 48, 66, 69, 75, 76, 84, 102, 110, 111, 331]
+HANDLED = [
+    0, 11, 20, 21, 23, 38, 39, 41, 44, 45, 48, 66, 69, 73, 75, 76, 80, 84, 102, 110, 111, 117, 119,
+    121, 122, 331,
+]  # fmt: skip
 
 ACTING = [
     common.MAVLink_command_long_message(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0),

@@ -106,7 +106,7 @@ class Transfer(Microservice, Generic[P]):
             common.MAVLINK_MSG_ID_MISSION_REQUEST_INT: self._tell_item,
             common.MAVLINK_MSG_ID_MISSION_REQUEST: self._tell_item,
             common.MAVLINK_MSG_ID_MISSION_CLEAR_ALL: self._clear,
-            common.MAVLINK_MSG_ID_MISSION_WRITE_PARTIAL_LIST: self._refuse,
+            common.MAVLINK_MSG_ID_MISSION_WRITE_PARTIAL_LIST: self._begin_part,
         }
 
     # What differs between the kinds.
@@ -201,6 +201,19 @@ class Transfer(Microservice, Generic[P]):
             self._upload = Upload(partner, peer, message.count, now_ns)
             self._ask(self._upload)
 
+    def _begin_part(self, message: Message, peer: Peer, now_ns: int) -> None:
+        """Begin to replace some items of the plan, which counts once it is checked as a whole."""
+        partner, items = source(message), self.listed(now_ns)
+        first, last = message.start_index, message.end_index
+        if self._is_busy(partner):
+            self._acknowledge(common.MAV_MISSION_DENIED, partner, peer)
+        elif not 0 <= first <= last < len(items):
+            self._say(now_ns, f"no items {first} to {last} to replace, there are {len(items)}")
+            self._acknowledge(common.MAV_MISSION_INVALID_SEQUENCE, partner, peer)
+        else:
+            self._upload = Upload(partner, peer, last + 1, now_ns, items[:first], items[last + 1 :])
+            self._ask(self._upload)
+
     def _is_busy(self, partner: tuple[int, int]) -> bool:
         """Return whether another station's upload, or navigation's answer, has to be waited for."""
         upload = self._upload
@@ -236,7 +249,7 @@ class Transfer(Microservice, Generic[P]):
             if not upload.is_complete:
                 self._ask(upload)
                 return
-            plan, notes = self.plan_of(upload.items)
+            plan, notes = self.plan_of(upload.whole)
         except BadItem as error:
             self._upload = None
             self._say(now_ns, str(error))
@@ -310,11 +323,6 @@ class Transfer(Microservice, Generic[P]):
     def _acknowledge(self, result: int, partner: tuple[int, int], peer: Peer) -> None:
         ack = common.MAVLink_mission_ack_message(*partner, result, self.kind)
         self._context.links.reply(ack, peer)
-
-    def _refuse(self, message: Message, peer: Peer, now_ns: int) -> None:
-        """Refuse a part of a plan: what counts is always one that came whole."""
-        self._say(now_ns, "parts are not taken, upload the whole")
-        self._acknowledge(common.MAV_MISSION_UNSUPPORTED, source(message), peer)
 
     # Download.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 from robotctl.mavlink.missions.item import MissionItem
@@ -21,16 +22,27 @@ class Upload:
     partner, peer
         Address of the sender, and its connection.
     count
-        Of all items, at least 1.
+        Of the last item that is wanted, and those before it: at least 1.
     now_ns
         Time of the first request [ns].
+    before, behind
+        Items that stay as they are: the first ones, and those after `count`.
     """
 
-    def __init__(self, partner: tuple[int, int], peer: Peer, count: int, now_ns: int) -> None:
+    def __init__(
+        self,
+        partner: tuple[int, int],
+        peer: Peer,
+        count: int,
+        now_ns: int,
+        before: Sequence[MissionItem] = (),
+        behind: Sequence[MissionItem] = (),
+    ) -> None:
         self.partner = partner
         self.peer = peer
         self.count = count
-        self.items: list[MissionItem] = []
+        self.items = list(before)
+        self._behind = tuple(behind)
         self._asked_ns = now_ns
         self._tries = 1
 
@@ -43,6 +55,11 @@ class Upload:
     def is_complete(self) -> bool:
         """Whether all have come."""
         return len(self.items) == self.count
+
+    @property
+    def whole(self) -> list[MissionItem]:
+        """All items of the plan, once the upload is complete."""
+        return [*self.items, *self._behind]
 
     def take(self, item: MissionItem, now_ns: int) -> None:
         """Take the next item."""

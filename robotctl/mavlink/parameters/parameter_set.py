@@ -133,9 +133,36 @@ class ParameterSet:
             If it is not allowed.
         """
         old = self.value(parameter)
-        value = _checked(parameter, raw, kind, old, _present(self._file, parameter))
+        wanted = self._with(parameter, raw, kind)
+        value = _present(wanted, parameter)
         if value == old:
             return ""
+        self._wanted = wanted
+        self._take_effect(parameter)
+        now = _present(self._now, parameter)
+        said = f"{_text(old)} -> {_text(value)}"
+        return said if now == value else f"{said} after a restart, {_text(now)} until then"
+
+    def reset(self) -> list[tuple[Parameter, str]]:
+        """Take the values of the robot's file; return which changed, and what is to be said."""
+        changed = [(each, self.value(each)) for each in self.parameters]
+        self._wanted = self._file
+        for parameter, _ in changed:
+            self._take_effect(parameter)
+        return [
+            (parameter, f"{_text(old)} -> {_text(self.value(parameter))}")
+            for parameter, old in changed
+            if old != self.value(parameter)
+        ]
+
+    def allowed(self, parameter: Parameter, raw: float) -> Value:
+        """Return a value that might be set, without doing it; raises as `set`."""
+        return _present(self._with(parameter, raw, REAL32), parameter)
+
+    def _with(self, parameter: Parameter, raw: float, kind: int) -> Any:
+        """Return the wanted configuration with another value; raises as `set`."""
+        old = self.value(parameter)
+        value = _checked(parameter, raw, kind, old, _present(self._file, parameter))
         try:
             wanted = replaced(self._wanted, parameter.key, value)
         except InvalidValue as error:
@@ -144,11 +171,7 @@ class ParameterSet:
         if wrong := problems(wanted, self._rules):
             text = f"{parameter.name}: {'; '.join(wrong)}"
             raise ParameterRefused(Problem.VALUE_OUT_OF_RANGE, text)
-        self._wanted = wanted
-        self._take_effect(parameter)
-        now = _present(self._now, parameter)
-        said = f"{_text(old)} -> {_text(value)}"
-        return said if now == value else f"{said} after a restart, {_text(now)} until then"
+        return wanted
 
     def _take_effect(self, parameter: Parameter) -> None:
         """Bring into force what of a wanted value may be had at once."""

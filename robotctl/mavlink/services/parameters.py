@@ -12,6 +12,15 @@ from typing import ClassVar, Final
 
 from pymavlink.dialects.v20 import common
 
+from robotctl.config_values import Value
+from robotctl.mavlink.command import (
+    ACCEPTED,
+    DENIED,
+    FAILED,
+    TEMPORARILY_REJECTED,
+    UNSUPPORTED,
+    Command,
+)
 from robotctl.mavlink.context import Context
 from robotctl.mavlink.parameters.parameter import MOST_LETTERS, Parameter, kind_of
 from robotctl.mavlink.parameters.parameter_set import ParameterRefused, Problem
@@ -29,6 +38,12 @@ AGAIN_NS: Final = 500_000_000
 LATE_NS: Final = 1_200_000_000
 """After this people should know [ns]."""
 NO_INDEX: Final = -1
+STORAGE: Final[int] = common.MAV_CMD_PREFLIGHT_STORAGE
+CHANGE_SPEED: Final[int] = common.MAV_CMD_DO_CHANGE_SPEED
+SPEED: Final = "CRUISE_SPEED"
+_WRITE, _RESET = 1, 2
+"""PARAMETERS of PREFLIGHT_STORAGE: keep them, or take those of the robot's file."""
+_OWN_SPEED, _SAME_SPEED = -1.0, -2.0
 
 
 class Parameters(Microservice):
@@ -41,6 +56,7 @@ class Parameters(Microservice):
             common.MAVLINK_MSG_ID_PARAM_SET,
         }
     )
+    commands = frozenset({STORAGE, CHANGE_SPEED})
     capabilities: ClassVar[int] = common.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST
 
     def __init__(self, context: Context) -> None:
@@ -52,6 +68,8 @@ class Parameters(Microservice):
         """PARAM_SET of this step: one save for all."""
         self._live = Tuning(0, {}, 0)
         """What control and navigation shall have."""
+        self._speed: dict[str, Value] = {}
+        """The speed of DO_CHANGE_SPEED, by its key: it is not kept."""
         self._sent_ns = self._changed_ns = 0
         self._is_late = False
         self._bring_into_force(0)
@@ -65,6 +83,51 @@ class Parameters(Microservice):
                 self._read(message, peer)
             case _ if len(self._asked) < MOST_SETS:
                 self._asked.append((message, peer))
+
+    def on_command(self, command: Command, now_ns: int) -> int:
+        """Take PREFLIGHT_STORAGE: param1 1 keeps the parameters, 2 forgets what was set.
+
+        DO_CHANGE_SPEED: param2 is the speed [m/s], -1 the robot's own, -2 the present one.
+        """
+        if command.number == CHANGE_SPEED:
+            return self._change_speed(command.params[1], now_ns)
+        if command.params[0] == _WRITE:
+            saved = self._context.parameter_store.save(self._set.changes())
+            return ACCEPTED if saved else FAILED
+        if command.params[0] == _RESET:
+            return self._reset(now_ns)
+        self._context.say(now_ns, "Storage: param1 1 keeps the parameters, 2 forgets what was set")
+        return DENIED
+
+    def _reset(self, now_ns: int) -> int:
+        """Take the values of the robot's file."""
+        if self._context.is_armed(now_ns):
+            self._context.say(now_ns, "Storage: not while armed")
+            return TEMPORARILY_REJECTED
+        changed = self._set.reset()
+        said = [f"Parameter {parameter.name}: {change}" for parameter, change in changed]
+        self._keep([parameter for parameter, _ in changed], said, now_ns)
+        return ACCEPTED
+
+    def _change_speed(self, speed_m_s: float, now_ns: int) -> int:
+        """Drive to the coming places at another speed, until a restart or `SPEED` is set."""
+        index = self._set.index_of(SPEED)
+        if speed_m_s == _SAME_SPEED:
+            return ACCEPTED
+        if index is None:
+            return UNSUPPORTED
+        parameter = self._set.parameters[index]
+        try:
+            self._speed = (
+                {}
+                if speed_m_s == _OWN_SPEED
+                else {parameter.key: self._set.allowed(parameter, speed_m_s)}
+            )
+        except ParameterRefused as refusal:
+            self._context.say(now_ns, f"Speed: {refusal}")
+            return DENIED
+        self._bring_into_force(now_ns)
+        return ACCEPTED
 
     def step(self, now_ns: int) -> None:
         """Send the next of each list; set what was asked for; see that it comes into force."""
@@ -117,6 +180,7 @@ class Parameters(Microservice):
                 change = ""
             if change:
                 taken.append(parameter)
+                self._speed.pop(parameter.key, None)
                 said.append(f"Parameter {parameter.name}: {change}")
             else:
                 self._context.links.reply(self._message(parameter), peer)
@@ -142,7 +206,7 @@ class Parameters(Microservice):
 
     def _bring_into_force(self, now_ns: int) -> None:
         """Take what concerns this process; have the rest sent to the others."""
-        values = self._set.live()
+        values = self._set.live() | self._speed
         if values == self._live.values:
             return
         number = zlib.crc32(json.dumps(values, sort_keys=True).encode()) if values else 0

@@ -19,6 +19,7 @@ from robotctl.mavlink.services.heartbeat import Heartbeat
 from robotctl.mavlink.services.hud import Hud
 from robotctl.mavlink.services.inertial import Inertial
 from robotctl.mavlink.services.link_watch import LinkWatch
+from robotctl.mavlink.services.log_download import LogDownload
 from robotctl.mavlink.services.manual_control import ManualControls
 from robotctl.mavlink.services.message_requests import MessageRequests
 from robotctl.mavlink.services.missions import Missions
@@ -84,6 +85,7 @@ SERVICES: Final[tuple[type[Microservice], ...]] = (
     RallyPoints,
     Parameters,
     Ftp,
+    LogDownload,
     Streams,
     LinkWatch,
     StatusText,

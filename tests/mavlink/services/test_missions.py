@@ -139,6 +139,33 @@ def test_a_mission_is_taken_means_what_it_says_and_comes_back_as_it_was(navigati
     assert back[0].command == WAYPOINT
 
 
+def test_some_items_are_replaced_and_the_whole_is_checked(navigation):
+    assert upload(navigation, PLAN) == ACCEPTED
+    before, bench = navigation.mission, navigation.bench
+    changed = [item(3, x=7.0, y=8.0), item(4, JUMP, (1, 5))]
+
+    def replace(first, last, items):
+        bench.take()
+        bench.receive(m.MAVLink_mission_write_partial_list_message(1, 1, first, last))
+        for _ in range(20):
+            navigation.step()
+            for message in [each for each, _ in bench.take()]:
+                if message.get_type() == "MISSION_ACK":
+                    return message.type
+                if message.get_type() == "MISSION_REQUEST_INT":
+                    bench.receive(items[message.seq])
+        raise AssertionError("no answer")
+
+    for first, last in ((4, 3), (3, 6), (-1, 2)):
+        assert replace(first, last, {}) == m.MAV_MISSION_INVALID_SEQUENCE
+    bad = {4: item(4, JUMP, (99, 5))}
+    assert replace(4, 4, bad) == m.MAV_MISSION_INVALID_PARAM1
+    assert navigation.mission == before
+    assert replace(3, 4, {each.seq: each for each in changed}) == ACCEPTED
+    expected = [*PLAN[1:3], *changed, PLAN[5]]
+    assert [numbers(each) for each in download(navigation)[1:]] == [numbers(e) for e in expected]
+
+
 def test_what_went_wrong_leaves_the_old_mission_and_is_said(navigation):
     assert upload(navigation, PLAN) == ACCEPTED
     before = navigation.mission

@@ -12,11 +12,13 @@ from robotctl.config.robot_file import contradictions, find_file, load_robot
 from robotctl.mavlink.parameters.parameter_set import Configurations, ParameterSet
 from robotctl.mavlink.services.parameters import AGAIN_NS
 from robotctl.mavlink.telemetry import Telemetry
+from robotctl.messages.control import SafetyState
 from robotctl.messages.mavlink_port import Peer
 from robotctl.messages.tuning import Tuning
 from tests.mavlink.conftest import Bench
 
 REAL32, INT32 = m.MAV_PARAM_TYPE_REAL32, m.MAV_PARAM_TYPE_INT32
+ACCEPTED = m.MAV_RESULT_ACCEPTED
 CONFIG = load_robot(find_file("diff_drive"))
 FIRST, SECOND = Peer(0, 0), Peer(1, 0)
 
@@ -278,3 +280,44 @@ def test_whatever_comes_each_set_and_read_is_answered_and_the_robot_could_start(
             assert any(to == peer for _, to in found)
     assert not list(contradictions(bench.parameters.now))
     assert (store.values or {}) == bench.parameters.changes()
+
+
+def commanded(bench, number, *params, state=SafetyState.STANDBY):
+    """Return the result of a command and the last values in force that are sent."""
+    bench.take()
+    bench.command(number, *params)
+    requests = bench.step(bench.control(state=state))
+    requests += bench.step(bench.control(state=state), advance_s=AGAIN_NS / 1e9)
+    (ack,) = bench.messages("COMMAND_ACK")
+    tunings = [each for each in requests if isinstance(each, Tuning)]
+    return ack.result, tunings[-1].values if tunings else None
+
+
+def test_another_speed_is_in_force_at_once_and_is_not_kept(bench, store):
+    key = "navigation.guided_speed_m_s"
+    speed = m.MAV_CMD_DO_CHANGE_SPEED
+    assert commanded(bench, speed, 1, 0.25, -1) == (ACCEPTED, {key: 0.25})
+    (value,) = [each for each, _ in answers(bench, read("CRUISE_SPEED"))]
+    assert value.param_value == pytest.approx(CONFIG.navigation.guided_speed_m_s)
+    assert store.values is None
+    for nonsense in (math.nan, -3.0, 1e9, 0.0):
+        assert commanded(bench, speed, 1, nonsense)[0] == m.MAV_RESULT_DENIED
+    assert commanded(bench, speed, 1, -2)[0] == ACCEPTED
+    assert commanded(bench, speed, 0, -1) == (ACCEPTED, None)  # nothing differs any more
+
+
+def test_storage_keeps_and_forgets_what_was_set(bench, store):
+    answers(bench, put("CRUISE_SPEED", 0.3))
+    storage, later = m.MAV_CMD_PREFLIGHT_STORAGE, m.MAV_RESULT_TEMPORARILY_REJECTED
+    assert commanded(bench, storage, 1)[0] == ACCEPTED
+    assert commanded(bench, storage, 2, state=SafetyState.ARMED)[0] == later
+    assert store.values
+    bench.take()
+    bench.command(storage, 2)
+    bench.step(bench.control())
+    told = {each.param_id: each.param_value for each in bench.messages("PARAM_VALUE")}
+    assert told == {"CRUISE_SPEED": pytest.approx(CONFIG.navigation.guided_speed_m_s)}
+    assert store.values == {}
+    store.works = False
+    assert commanded(bench, storage, 1)[0] == m.MAV_RESULT_FAILED
+    assert commanded(bench, storage, 0)[0] == m.MAV_RESULT_DENIED
