@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from robotctl.errors import InvalidValue
 from robotctl.mavlink.globe import Origin
+from robotctl.mavlink.personality import Name
 from robotctl.messages.mavlink_port import LinkConfig
 
 MIN_RATE_HZ = 0.001
@@ -68,6 +69,9 @@ class MavlinkConfig:
     ----------
     system_id, component_id : int
         Address of the robot in the MAVLink network, 1 to 255 each.
+    personality : str
+        What the robot claims to be: "ardupilot" (a rover of ArduPilot), "px4" or "generic".
+        Stations conclude from it how modes are numbered and parameters packed.
     link : tuple of LinkConfig
         The links, all used at once.
     rates : StreamRates
@@ -100,6 +104,7 @@ class MavlinkConfig:
 
     system_id: int = 1
     component_id: int = 1
+    personality: Name = "ardupilot"
     link: tuple[LinkConfig, ...] = ()
     rates: StreamRates = StreamRates()
     signing_key: str = ""

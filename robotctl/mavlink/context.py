@@ -20,6 +20,7 @@ from robotctl.mavlink.globe import Origin
 from robotctl.mavlink.guards.stale_link import HeldBack
 from robotctl.mavlink.parameters.parameter_set import NO_PARAMETERS, ParameterSet
 from robotctl.mavlink.parameters.store import NoParameterStore, ParameterStore
+from robotctl.mavlink.personality import PERSONALITIES, Personality
 from robotctl.messages.control import (
     Ack,
     ControlRequest,
@@ -194,6 +195,11 @@ class Context:
         """Wait for the localiser, where the robot has one; begin with the configured origin."""
         self.origin = self.origin or self.config.origin
         self.world = WorldPose(has_localiser=self.robot.has_localiser)
+
+    @property
+    def personality(self) -> Personality:
+        """What the robot claims to be."""
+        return PERSONALITIES[self.config.personality]
 
     def store_of(self, word: str) -> PlanStore:
         """Return what keeps one kind of plans."""

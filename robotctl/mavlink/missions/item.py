@@ -58,9 +58,14 @@ def place_of(item: MissionItem, origin: Origin | None) -> tuple[float, float] | 
     return (item.x, item.y) if item.frame == common.MAV_FRAME_LOCAL_ENU else None
 
 
-def item_of(message: Message) -> MissionItem:
-    """Return the item of a MISSION_ITEM_INT or a MISSION_ITEM."""
+def item_of(message: Message, hidden: int = 0) -> MissionItem:
+    """Return the item of a MISSION_ITEM_INT or a MISSION_ITEM.
+
+    `hidden` items come before the first one that the sender knows of.
+    """
     params = (message.param1, message.param2, message.param3, message.param4)
+    if message.command == common.MAV_CMD_DO_JUMP:
+        params = (message.param1 + hidden, *params[1:])
     item = MissionItem(
         message.command, message.frame, params, 0.0, 0.0, message.z, bool(message.autocontinue)
     )
@@ -76,18 +81,25 @@ def message_of(
     current: bool,
     whole: bool,
     kind: int,
+    hidden: int = 0,
 ) -> Message:
-    """Return MISSION_ITEM_INT (`whole`), or the older MISSION_ITEM, for a ground station."""
+    """Return MISSION_ITEM_INT (`whole`), or the older MISSION_ITEM, for a ground station.
+
+    `hidden` items come before the first one that it knows of.
+    """
+    params = item.params
+    if item.command == common.MAV_CMD_DO_JUMP:
+        params = (params[0] - hidden, *params[1:])
     make = common.MAVLink_mission_item_int_message if whole else common.MAVLink_mission_item_message
     place = [_whole(each * item.scale) if whole else each for each in (item.x, item.y)]
     return make(
         *target,
-        seq,
+        seq - hidden,
         item.frame,
         item.command,
         int(current),
         int(item.autocontinue),
-        *item.params,
+        *params,
         *place,
         item.z if math.isfinite(item.z) else 0.0,
         kind,

@@ -145,6 +145,15 @@ class Transfer(Microservice, Generic[P]):
         """Return the number of the present item; -1: there is no such thing."""
         return -1
 
+    @property
+    def hidden(self) -> int:
+        """Items at the beginning that stations do not know of: they count from the one behind."""
+        return 0
+
+    def hidden_items(self) -> list[MissionItem]:
+        """Return what stands for them in a plan."""
+        return []
+
     def adopt(self, plan: P, navigation: NavigationState) -> None:  # noqa: ARG002
         """Note that a plan is navigation's."""
         self._plan = plan
@@ -189,26 +198,27 @@ class Transfer(Microservice, Generic[P]):
 
     def _begin(self, message: Message, peer: Peer, now_ns: int) -> None:
         """Begin an upload, or begin it anew."""
-        partner = source(message)
+        partner, count = source(message), message.count + self.hidden
         if self._is_busy(partner):
             self._acknowledge(common.MAV_MISSION_DENIED, partner, peer)
         elif message.count > MOST_ITEMS:
             self._say(now_ns, f"{message.count} items, {MOST_ITEMS} allowed")
             self._acknowledge(common.MAV_MISSION_NO_SPACE, partner, peer)
-        elif message.count <= self.first:
+        elif count <= self.first:
             self._clear(message, peer, now_ns)
         else:
-            self._upload = Upload(partner, peer, message.count, now_ns)
+            self._upload = Upload(partner, peer, count, now_ns, self.hidden_items())
             self._ask(self._upload)
 
     def _begin_part(self, message: Message, peer: Peer, now_ns: int) -> None:
         """Begin to replace some items of the plan, which counts once it is checked as a whole."""
         partner, items = source(message), self.listed(now_ns)
-        first, last = message.start_index, message.end_index
+        first, last = message.start_index + self.hidden, message.end_index + self.hidden
         if self._is_busy(partner):
             self._acknowledge(common.MAV_MISSION_DENIED, partner, peer)
-        elif not 0 <= first <= last < len(items):
-            self._say(now_ns, f"no items {first} to {last} to replace, there are {len(items)}")
+        elif not self.hidden <= first <= last < len(items):
+            found = f"{message.start_index} to {message.end_index}"
+            self._say(now_ns, f"no items {found} to replace")
             self._acknowledge(common.MAV_MISSION_INVALID_SEQUENCE, partner, peer)
         else:
             self._upload = Upload(partner, peer, last + 1, now_ns, items[:first], items[last + 1 :])
@@ -222,7 +232,7 @@ class Transfer(Microservice, Generic[P]):
     def _ask(self, upload: Upload) -> None:
         """Ask for the next item."""
         request = common.MAVLink_mission_request_int_message(
-            *upload.partner, upload.wanted, self.kind
+            *upload.partner, upload.wanted - self.hidden, self.kind
         )
         self._context.links.reply(request, upload.peer)
 
@@ -235,9 +245,9 @@ class Transfer(Microservice, Generic[P]):
         elif upload is None or upload.partner != partner:
             if self._answered is not None and self._answered[0] == partner:
                 self._acknowledge(self._answered[1], partner, peer)
-        elif message.seq == upload.wanted:
-            self._add(upload, item_of(message), now_ns)
-        elif message.seq > upload.wanted:
+        elif message.seq + self.hidden == upload.wanted:
+            self._add(upload, item_of(message, self.hidden), now_ns)
+        elif message.seq + self.hidden > upload.wanted:
             self._ask(upload)
 
     def _add(self, upload: Upload, item: MissionItem, now_ns: int) -> None:
@@ -252,7 +262,7 @@ class Transfer(Microservice, Generic[P]):
             plan, notes = self.plan_of(upload.whole)
         except BadItem as error:
             self._upload = None
-            self._say(now_ns, str(error))
+            self._say(now_ns, f"item {error.seq - self.hidden}: {error.why}")
             self._answer(error.result, upload)
             return
         self._upload = None
@@ -328,24 +338,25 @@ class Transfer(Microservice, Generic[P]):
 
     def _tell_count(self, message: Message, peer: Peer, now_ns: int) -> None:
         """Say how many items there are."""
-        count = len(self.listed(now_ns))
+        count = max(len(self.listed(now_ns)) - self.hidden, 0)
         answer = common.MAVLink_mission_count_message(*source(message), count, self.kind)
         self._context.links.reply(answer, peer)
 
     def _tell_item(self, message: Message, peer: Peer, now_ns: int) -> None:
         """Send one item in the form in which it is asked for."""
-        items = self.listed(now_ns)
-        if not message.seq < len(items):
+        items, seq = self.listed(now_ns), message.seq + self.hidden
+        if not seq < len(items):
             self._acknowledge(common.MAV_MISSION_INVALID_SEQUENCE, source(message), peer)
             return
         whole = message.get_msgId() == common.MAVLINK_MSG_ID_MISSION_REQUEST_INT
-        current = message.seq == self.seq(now_ns)
+        current = seq == self.seq(now_ns)
         answer = message_of(
-            items[message.seq],
-            message.seq,
+            items[seq],
+            seq,
             source(message),
             current=current,
             whole=whole,
             kind=self.kind,
+            hidden=self.hidden,
         )
         self._context.links.reply(answer, peer)

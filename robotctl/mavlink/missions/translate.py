@@ -44,6 +44,7 @@ class BadItem(Exception):  # noqa: N818 - what it is, not that it went wrong
     def __init__(self, seq: int, result: int, why: str) -> None:
         super().__init__(f"item {seq}: {why}")
         self.seq = seq
+        self.why = why
         self.result = result
 
 
@@ -56,6 +57,8 @@ class Surroundings(NamedTuple):
     """Of `world` on the globe; None: global frames mean nothing."""
     plans: bool
     """Whether the robot plans its way; else it drives straight to a place."""
+    hidden: int = 0
+    """Items before the first one that the station knows of: its numbers are so much smaller."""
 
 
 @dataclass(slots=True)
@@ -108,11 +111,12 @@ def translate(items: Sequence[MissionItem], around: Surroundings) -> Translation
     for seq, index, target in translator.jumps:
         to = first_from(done.sources, target)
         if to is None or not HOME <= target < len(items):
-            last = len(items) - 1
+            first, last = HOME - around.hidden, len(items) - 1 - around.hidden
             raise BadItem(
                 seq,
                 common.MAV_MISSION_INVALID_PARAM1,
-                f"jumps to {target}, {HOME} to {last} allowed, and something to drive there",
+                f"jumps to {target - around.hidden}, {first} to {last} allowed, "
+                "and something to drive there",
             )
         done.items[index]["to"] = to + 1
     if not done.items:
@@ -150,7 +154,8 @@ class _Translator:
         elif command == common.MAV_CMD_DO_JUMP:
             self._jump(seq, item.params)
         elif command in _LOOKS:
-            self.done.notes.append(f"item {seq}: the camera does not turn, ignored")
+            number = seq - self._around.hidden
+            self.done.notes.append(f"item {number}: the camera does not turn, ignored")
         else:
             raise BadItem(seq, _UNSUPPORTED, f"command {command} is not supported")
 

@@ -28,7 +28,8 @@ class AutopilotVersion(Microservice):
 
     def _version(self, now_ns: int) -> list[Message]:  # noqa: ARG002
         context = self._context
-        return [autopilot_version(context.robot, context.catalogue.capabilities)]
+        capabilities = context.catalogue.capabilities | context.personality.capabilities
+        return [autopilot_version(context.robot, capabilities)]
 
     def _protocol(self, now_ns: int) -> list[Message]:  # noqa: ARG002
         """Return PROTOCOL_VERSION: 200 is MAVLink 2.0."""

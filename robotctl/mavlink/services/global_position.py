@@ -141,9 +141,7 @@ class GlobalPosition(Microservice):
                 east,
                 0.0,
                 quaternion_from_yaw_ned(yaw_ned_from_theta(home.theta_rad)),
-                0.0,
-                0.0,
-                0.0,
+                *[self._context.personality.unused] * 3,  # the approach
             )
         ]
 

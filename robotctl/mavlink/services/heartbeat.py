@@ -1,7 +1,7 @@
 """HEARTBEAT: the robot's type, mode and state, once a second and at once when they change.
 
-The robot claims to be an ArduPilot rover with its mode numbers, since that is what makes ground
-stations offer the functions of a rover.
+The robot claims to be an ArduPilot rover with its mode numbers, unless `[mavlink] personality` says
+otherwise: that is what makes ground stations offer the functions of a rover.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from pymavlink.dialects.v20 import common
 
 from robotctl.mavlink.catalogue import Stream
 from robotctl.mavlink.context import Context
+from robotctl.mavlink.personality import Personality
 from robotctl.mavlink.service import Microservice
 from robotctl.messages.control import Mode, SafetyState
 from robotctl.messages.mavlink_port import Message
@@ -73,10 +74,13 @@ class Heartbeat(Microservice):
             self._next_ns = following if following > now_ns else now_ns + INTERVAL_NS
         if is_due or now != self._told:
             self._told = now
-            self._context.links.broadcast(heartbeat(now))
+            self._context.links.broadcast(self._message(now))
 
     def _build(self, now_ns: int) -> list[Message]:
-        return [heartbeat(self.condition(now_ns))]
+        return [self._message(self.condition(now_ns))]
+
+    def _message(self, condition: Condition) -> Message:
+        return heartbeat(condition, self._context.personality)
 
     def condition(self, now_ns: int) -> Condition:
         """Return the robot's present condition.
@@ -95,13 +99,13 @@ class Heartbeat(Microservice):
         return Condition(flags, mode, MAV_STATES[control.state])
 
 
-def heartbeat(condition: Condition) -> Message:
+def heartbeat(condition: Condition, personality: Personality) -> Message:
     """Return a HEARTBEAT."""
     return common.MAVLink_heartbeat_message(
         common.MAV_TYPE_GROUND_ROVER,
-        common.MAV_AUTOPILOT_ARDUPILOTMEGA,
+        personality.autopilot,
         condition.flags,
-        int(condition.mode),
+        personality.modes[condition.mode],
         condition.state,
         3,  # mavlink_version, the value of both protocol versions
     )

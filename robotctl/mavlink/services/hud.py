@@ -29,8 +29,8 @@ class Hud(Microservice):
     def _hud(self, now_ns: int) -> list[Message]:
         """Return VFR_HUD: speed over ground [m/s], heading [deg], mean power of the motors [%].
 
-        There is no speed of air; most stations show that of the ground in its place, as for
-        ArduRover. Altitude is that of the map's origin [m].
+        There is no speed of air; as an ArduPilot rover it sends that of the ground in its place,
+        which stations show. Altitude is that of the map's origin [m].
         """
         context = self._context
         control, pose = context.fresh_control(now_ns), context.known_pose(now_ns)
@@ -43,7 +43,12 @@ class Hud(Microservice):
         altitude_m = 0.0 if context.origin is None else context.origin.altitude_m
         return [
             common.MAVLink_vfr_hud_message(
-                speed_m_s, speed_m_s, heading_deg, percent, altitude_m, 0.0
+                math.nan if math.isnan(context.personality.unused) else speed_m_s,
+                speed_m_s,
+                heading_deg,
+                percent,
+                altitude_m,
+                0.0,
             )
         ]
 

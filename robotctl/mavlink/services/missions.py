@@ -1,6 +1,6 @@
 """Missions: upload, download, and how far the robot is.
 
-Item 0 is home, as ArduPilot has it.
+Item 0 is home, as ArduPilot has it; stations to which the robot is none do not see it.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class Missions(Transfer[MissionPlan]):
         if objection := self._objection(command.peer, command.sender, now_ns):
             self._say(now_ns, objection)
             return TEMPORARILY_REJECTED
-        return ACCEPTED if self._jump(seq, now_ns) else DENIED
+        return ACCEPTED if self._jump(seq + self.hidden, now_ns) else DENIED
 
     def step(self, now_ns: int) -> None:
         """Go on with transfers; say what the robot has reached."""
@@ -111,6 +111,15 @@ class Missions(Transfer[MissionPlan]):
         items = self._plan.items if self._is_there(now_ns) else ()
         return (self._home(), *items[HOME:]) if items else ()
 
+    @property
+    def hidden(self) -> int:
+        """Home, where the personality has it in no mission."""
+        return 0 if self._context.personality.has_home_item else HOME
+
+    def hidden_items(self) -> list[MissionItem]:
+        """Return home, if it is hidden."""
+        return [self._home()] * self.hidden
+
     def _home(self) -> MissionItem:
         """Return where the robot started, in degrees where that can be said."""
         home, origin = self._context.robot.home, self._context.origin
@@ -126,7 +135,7 @@ class Missions(Transfer[MissionPlan]):
     @property
     def _around(self) -> Surroundings:
         robot = self._context.robot
-        return Surroundings(robot.home, self._context.origin, robot.plans)
+        return Surroundings(robot.home, self._context.origin, robot.plans, self.hidden)
 
     def _is_loaded(self, navigation: NavigationState) -> bool:
         """Return whether the robot's mission is the one that came over MAVLink."""
@@ -147,7 +156,7 @@ class Missions(Transfer[MissionPlan]):
         """Take MISSION_SET_CURRENT, which is answered by MISSION_CURRENT."""
         why = self._objection(peer, source(message), now_ns)
         result = common.MAV_MISSION_DENIED
-        if not why and not self._jump(message.seq, now_ns):
+        if not why and not self._jump(message.seq + self.hidden, now_ns):
             why = f"there is no item {message.seq} to go on with"
             result = common.MAV_MISSION_INVALID_SEQUENCE
         if why:
@@ -171,7 +180,7 @@ class Missions(Transfer[MissionPlan]):
     def _jump(self, seq: int, now_ns: int) -> bool:
         """Ask to go on with an item; home is the first. Return whether there is one."""
         to = self._plan.first_of(max(seq, HOME))
-        if to is None or not 0 <= seq < len(self._plan.items):
+        if to is None or not self.hidden <= seq < len(self._plan.items):
             return False
         self._context.requests.append(JumpToItem(now_ns, to + 1))
         return True
@@ -183,7 +192,7 @@ class Missions(Transfer[MissionPlan]):
         here = self._plan.seq_of(navigation.item) if navigation.item < len(sources) else None
         for seq in sorted({sources[k] for k in range(passed, min(navigation.item, len(sources)))}):
             if seq != here:
-                reached = common.MAVLink_mission_item_reached_message(seq)
+                reached = common.MAVLink_mission_item_reached_message(seq - self.hidden)
                 self._context.links.broadcast(reached)
 
     def _current(self, now_ns: int) -> list[Message]:
@@ -194,7 +203,8 @@ class Missions(Transfer[MissionPlan]):
         state = _state_of(navigation)
         mode = 1 if navigation.mode is Mode.AUTO else 2
         total = max(len(self._plan.items) - HOME, 0) if self._is_there(now_ns) else 0
-        return [common.MAVLink_mission_current_message(self.seq(now_ns), total, state, mode)]
+        seq = max(self.seq(now_ns) - self.hidden, 0)
+        return [common.MAVLink_mission_current_message(seq, total, state, mode)]
 
 
 def _state_of(navigation: NavigationState) -> int:

@@ -53,9 +53,10 @@ class ModeList(Microservice):
 
     def _modes(self, now_ns: int) -> list[Message]:  # noqa: ARG002
         """Return one AVAILABLE_MODES for each mode, numbered from 1."""
+        numbers = self._context.personality.modes
         return [
             additions.MAVLink_available_modes_message(
-                len(Mode), index, _standard(mode), int(mode), 0, mode.name.encode()
+                len(Mode), index, _standard(mode), numbers[mode], 0, mode.name.encode()
             )
             for index, mode in enumerate(Mode, 1)
         ]
@@ -65,7 +66,8 @@ class ModeList(Microservice):
         if navigation is None:
             return []
         mode = navigation.mode
-        return [additions.MAVLink_current_mode_message(_standard(mode), int(mode), int(mode))]
+        number = self._context.personality.modes[mode]
+        return [additions.MAVLink_current_mode_message(_standard(mode), number, number)]
 
 
 def _standard(mode: Mode) -> int:

@@ -77,7 +77,7 @@ class Modes(Microservice):
             self._ask(sender, mode, now_ns)
 
     def on_command(self, command: Command, now_ns: int) -> int | None:
-        """Take DO_SET_MODE: param1 flags with CUSTOM_MODE_ENABLED, param2 ArduRover's number.
+        """Take DO_SET_MODE: param1 flags with CUSTOM_MODE_ENABLED, param2 the personality's number.
 
         MISSION_START asks for AUTO, which begins with arming where the robot is not armed,
         NAV_RETURN_TO_LAUNCH for RTL, DO_PAUSE_CONTINUE for HOLD (param1 0) and AUTO (1),
@@ -145,16 +145,18 @@ class Modes(Microservice):
             return BY_STANDARD.get(command.params[0])
         if command.number == PAUSE_CONTINUE:
             return {0.0: Mode.HOLD, 1.0: Mode.AUTO}.get(command.params[0])
-        return self._wanted(command.params[0], command.params[1], now_ns)
+        base_mode, second, third, *_ = command.params
+        return self._wanted(base_mode, self._context.personality.custom_mode(second, third), now_ns)
 
     def _wanted(self, base_mode: float, custom_mode: float, now_ns: int) -> Mode | None:
         if not (0.0 <= base_mode <= 255.0 and int(base_mode) & CUSTOM):
             self._context.say(now_ns, "Mode: needs the flag CUSTOM_MODE_ENABLED")
             return None
-        for mode in Mode:
-            if custom_mode == float(mode):
-                return mode
-        allowed = ", ".join(f"{mode.name} {mode.value}" for mode in Mode)
+        personality = self._context.personality
+        mode = personality.mode_of(custom_mode)
+        if mode is not None:
+            return mode
+        allowed = ", ".join(f"{mode.name} {number}" for mode, number in personality.modes.items())
         self._context.say(now_ns, f"Mode {custom_mode:g}: allowed {allowed}")
         return None
 

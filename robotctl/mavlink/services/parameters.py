@@ -1,6 +1,6 @@
 """Parameters: list, read and set. https://mavlink.io/en/services/parameter.html.
 
-Integers are sent as the 32 bit float of the same value, as ArduPilot does.
+Integers are packed as the robot's personality says.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 import difflib
 import json
 import zlib
-from typing import ClassVar, Final
+from typing import Final
 
 from pymavlink.dialects.v20 import common
 
@@ -57,7 +57,6 @@ class Parameters(Microservice):
         }
     )
     commands = frozenset({STORAGE, CHANGE_SPEED})
-    capabilities: ClassVar[int] = common.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST
 
     def __init__(self, context: Context) -> None:
         super().__init__(context)
@@ -173,7 +172,9 @@ class Parameters(Microservice):
                 continue
             parameter = self._set.parameters[index]
             try:
-                change = self._set.set(parameter, message.param_value, message.param_type)
+                kind = message.param_type
+                raw = self._context.personality.value_of(message.param_value, kind)
+                change = self._set.set(parameter, raw, kind)
             except ParameterRefused as refusal:
                 self._context.say(now_ns, f"Parameter {refusal}")
                 self._refuse(refusal.problem, message, peer, index)
@@ -240,7 +241,7 @@ class Parameters(Microservice):
         value, index = self._set.value(parameter), self._set.index_of(parameter.name)
         return common.MAVLink_param_value_message(
             parameter.name.encode(),
-            float(value),
+            self._context.personality.param_value(value),
             kind_of(value),
             len(self._set.parameters),
             index,

@@ -42,6 +42,8 @@ class Companion:
         self._beat_s = -BEAT_S
         self._robot: tuple[int, int] | None = None
         self._peer: Peer | None = None
+        self.is_ardupilot = True
+        """Whether the robot claims to be of ArduPilot, which packs parameters in its own way."""
         self._heard: deque[Message] = deque()
         """What has come and nobody has taken yet."""
         self.texts: list[str] = []
@@ -78,6 +80,7 @@ class Companion:
                 is_beat = message.get_msgId() == common.MAVLINK_MSG_ID_HEARTBEAT
                 if is_beat and message.autopilot != common.MAV_AUTOPILOT_INVALID:
                     self._robot, self._peer = source(message), peer
+                    self.is_ardupilot = message.autopilot == common.MAV_AUTOPILOT_ARDUPILOTMEGA
                     return
         raise LinkError(
             f"{self._url}: no robot is heard; --link URL says where it is, as a [[mavlink.link]] "

@@ -11,6 +11,7 @@ from pymavlink.dialects.v20 import common
 
 from robotctl.errors import ConfigError, LinkError, RobotctlError
 from robotctl.mavlink.parameters.parameter import REAL32, shortest, single
+from robotctl.mavlink.personality import number_of, whole_of
 from robotctl.messages.mavlink_port import Message
 from robotctl.runtime.storage.atomic_file import write_whole
 from robotctl.toml_source import nearest
@@ -66,7 +67,7 @@ class ParameterClient:
             before = len(found)
             for message in self._values(AGAIN_S):
                 count = message.param_count
-                found[message.param_index] = message.param_id, _reading(message)
+                found[message.param_index] = message.param_id, self._reading(message)
                 if len(found) == count:
                     break
             tries = 0 if len(found) > before else tries + 1
@@ -109,7 +110,7 @@ class ParameterClient:
             if answer is None:
                 continue
             if answer.get_msgId() == common.MAVLINK_MSG_ID_PARAM_VALUE:
-                return _reading(answer)
+                return self._reading(answer)
             raise ParameterRefusedError(
                 f"{name}: no such parameter{nearest(name, [*self.read_all()])}"
             )
@@ -126,11 +127,13 @@ class ParameterClient:
             If no answer comes.
         """
         kind = self.get(name).kind
+        is_whole = kind != REAL32 and not self._robot.is_ardupilot
+        sent = number_of(int(value)) if is_whole and value == int(value) else value
         self._robot.texts.clear()
         for _ in range(TRIES):
             self._robot.send(
                 lambda system, component: common.MAVLink_param_set_message(
-                    system, component, name.encode(), value, kind
+                    system, component, name.encode(), sent, kind
                 )
             )
             answer = self._answer(name, AGAIN_S)
@@ -138,11 +141,15 @@ class ParameterClient:
                 continue
             said = self._said(name)
             if answer.get_msgId() == common.MAVLINK_MSG_ID_PARAM_VALUE:
-                reading = _reading(answer)
+                reading = self._reading(answer)
                 if reading.value == single(value):
                     return reading, said
             raise ParameterRefusedError(said or f"{name}: {value:g} is refused")
         raise LinkError(f"{name}: no answer")
+
+    def _reading(self, message: Message) -> Reading:
+        value, kind = message.param_value, message.param_type
+        return Reading(value if self._robot.is_ardupilot else whole_of(value, kind), kind)
 
     def _answer(self, name: str, seconds: float) -> Message | None:
         """Return the answer about a parameter within a time [s]; None: there is none."""
@@ -166,10 +173,6 @@ def _request(name: bytes, index: int) -> Callable[[int, int], Message]:
     return lambda system, component: common.MAVLink_param_request_read_message(
         system, component, name, index
     )
-
-
-def _reading(message: Message) -> Reading:
-    return Reading(message.param_value, message.param_type)
 
 
 def matching(readings: Mapping[str, Reading], pattern: str) -> dict[str, Reading]:
