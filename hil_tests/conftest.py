@@ -145,11 +145,15 @@ def short(report: pytest.TestReport) -> str:
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Say which tests were run again and why, and which of their processes died."""
+    """Say which tests were run again and why, which were not run, and which processes died."""
     for report in terminalreporter.stats.get("rerun", []):
         stood_ms = dict(report.user_properties)[STOOD]
         why = f"the machine stood for {stood_ms:.0f} ms; {short(report)}"
         terminalreporter.line(f"RUN AGAIN {report.nodeid}: {why}")
+    for report in terminalreporter.stats.get("skipped", []):
+        reason = str(report.longrepr[2]).removeprefix("Skipped: ")
+        if reason.startswith("not run, "):
+            terminalreporter.line(f"{reason}: {report.nodeid}")
     for worker, error in terminalreporter.config.stash[DEAD].items():
         terminalreporter.line(f"FAILED worker {worker}: {error}")
 

@@ -1,0 +1,183 @@
+"""Ground stations as people use them drive the robot: MAVSDK and MAVProxy, in processes of theirs.
+
+They are no dependency of robotctl. ROBOTCTL_STATIONS names the Python of a virtual environment with
+what hil_tests/stations/requirements.txt says.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import subprocess
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from hil_tests.rig import PATIENT_S, Rig
+from robotctl.app.supervision.stack import CONTROL, NAVIGATION, TELEMETRY
+from robotctl.mavlink.globe import Origin
+from robotctl.messages.control import Mode, SafetyState
+
+PYTHON = os.environ.get("ROBOTCTL_STATIONS", "")
+HERE = Path(__file__).parent / "stations"
+LONGEST_S = 240.0
+ORIGIN = Origin(48.13, 11.57, 520.0)
+HOME, PLACES, GOAL = (2.0, 2.0), ((3.2, 2.2), (3.2, 3.0)), (2.6, 2.2)
+"""In `world` [m]."""
+
+pytestmark = pytest.mark.skipif(
+    not PYTHON, reason="not run, no Python with MAVSDK and MAVProxy in ROBOTCTL_STATIONS"
+)
+
+
+def on_globe(place: tuple[float, float]) -> tuple[float, float]:
+    return ORIGIN.from_world(*place)
+
+
+@pytest.fixture
+def robot(without_floods: None, make_rig: Callable[..., Rig]) -> Callable[[str], tuple[Rig, int]]:
+    """Return what starts a robot of a personality; the port of its TCP server comes with it."""
+
+    def start(personality: str) -> tuple[Rig, int]:
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            port = probe.getsockname()[1]
+        origin = f"{{latitude_deg={ORIGIN.latitude_deg},longitude_deg={ORIGIN.longitude_deg}}}"
+        link = f'{{url="tcpin:127.0.0.1:{port}"}}'
+        rig = make_rig(
+            override=f'mavlink={{personality="{personality}",origin={origin},link=[{link}]}}'
+        )
+        rig.start_firmware()
+        for module in (CONTROL, NAVIGATION, TELEMETRY):
+            rig.start(module)
+        rig.wait_for_state(SafetyState.STANDBY)
+        rig.prefer(NAVIGATION, TELEMETRY)
+        return rig, port
+
+    return start
+
+
+@pytest.mark.timeout(2 * LONGEST_S)
+@pytest.mark.parametrize("personality", ["ardupilot", "px4"])
+def test_a_program_of_mavsdk_does_all_with_it(
+    robot: Callable[[str], tuple[Rig, int]], personality: str
+) -> None:
+    rig, port = robot(personality)
+    plan = {
+        "home": on_globe(HOME),
+        "places": [on_globe(place) for place in PLACES],
+        "goto": on_globe(GOAL),
+        "first": int(personality == "ardupilot"),
+    }
+    command = [PYTHON, str(HERE / "mavsdk_drive.py"), f"tcpout://127.0.0.1:{port}"]
+    said = subprocess.run(
+        [*command, json.dumps(plan)], capture_output=True, text=True, timeout=LONGEST_S, check=False
+    )
+    steps = dict(json.loads(line) for line in said.stdout.splitlines() if line.startswith('["'))
+    scaled = [[round(degrees * 1e7) for degrees in place] for place in plan["places"]]
+    assert steps == {
+        **dict.fromkeys(
+            ("connect", "parameters", "set", "set whole", "upload", "download", "arm", "start"),
+            "done",
+        ),
+        **dict.fromkeys(("goto", "return", "hold", "disarm"), "done"),
+        **dict.fromkeys(("armable", "position", "complete", "there", "home", "disarmed"), True),
+        "how many": steps["how many"],
+        "set to": 0.35,
+        "set whole to": 1500,
+        "downloaded": scaled,
+    }, said.stdout + said.stderr
+    assert sum(steps["how many"]) > 50
+    rig.wait_for_state(SafetyState.STANDBY)
+
+
+class Proxy:
+    """MAVProxy on its command line."""
+
+    def __init__(self, port: int, folder: Path) -> None:
+        command = [PYTHON, "-m", "MAVProxy.mavproxy", f"--master=tcp:127.0.0.1:{port}"]
+        self._process = subprocess.Popen(
+            command, cwd=folder, text=True,
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        )  # fmt: skip
+        self._lines: list[str] = []
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self) -> None:
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            self._lines.append(line.rstrip())
+
+    def expect(self, *words: str) -> None:
+        """Wait until each of some words was said since the last command."""
+        end_s = time.monotonic() + PATIENT_S
+        while time.monotonic() < end_s:
+            said = "\n".join(self._lines)
+            if all(word in said for word in words):
+                return
+            time.sleep(0.1)
+        raise AssertionError(f"not said: {words}\n" + "\n".join(self._lines))
+
+    def enter(self, line: str, *words: str) -> None:
+        """Enter a command, and wait for words of the answer."""
+        self._lines.clear()
+        assert self._process.stdin is not None
+        self._process.stdin.write(line + "\n")
+        self._process.stdin.flush()
+        self.expect(*words)
+
+    def close(self) -> None:
+        self._process.kill()  # it takes no SIGTERM while it reads commands
+        self._process.wait(PATIENT_S)
+
+
+def items(folder: Path, name: str, lines: list[tuple[float, ...]]) -> str:
+    """Write a file of items as all stations read them; return its name."""
+    text = ["QGC WPL 110"]
+    for seq, (command, first, latitude_deg, longitude_deg) in enumerate(lines):
+        place = f"{latitude_deg:.7f}\t{longitude_deg:.7f}\t0"
+        text.append(f"{seq}\t0\t3\t{command}\t{first}\t0\t0\t0\t{place}\t1")
+    (folder / name).write_text("\n".join(text) + "\n", encoding="ascii")
+    return name
+
+
+@pytest.mark.timeout(2 * LONGEST_S)
+def test_mavproxy_does_all_with_it(robot: Callable[[str], tuple[Rig, int]], tmp_path: Path) -> None:
+    rig, port = robot("ardupilot")
+    proxy = Proxy(port, tmp_path)
+    try:
+        proxy.expect("Mode HOLD", "Received ", "parameters (ftp)")
+        proxy.enter("param set CRUISE_SPEED 0.45", "Parameter CRUISE_SPEED: 0.4 -> 0.45")
+        corners = [(5001, 4, *on_globe(each)) for each in ((0.6, 0.6), (4.2, 0.6), (4.2, 4.2))]
+        corners.append((5001, 4, *on_globe((0.6, 4.2))))
+        fence = items(tmp_path, "fence.txt", corners)
+        proxy.enter(f"fence load {fence}", "TYPE_FENCE: ACCEPTED", "fence present")
+        rally = items(tmp_path, "rally.txt", [(5100, 0, *on_globe(GOAL))])
+        proxy.enter(f"rally load {rally}", "TYPE_RALLY: ACCEPTED")
+        proxy.enter("rally list", "5100 3 ", "Saved 1 rally items")
+        way = [(16, 0, *on_globe(HOME)), *((16, 0, *on_globe(each)) for each in PLACES)]
+        proxy.enter(f"wp load {items(tmp_path, 'way.txt', way)}", "TYPE_MISSION: ACCEPTED")
+        proxy.enter("wp list", "Saved 3 waypoints")
+        proxy.enter("mode AUTO", "DO_SET_MODE: ACCEPTED", "Mode AUTO")
+        proxy.enter("arm throttle", "COMPONENT_ARM_DISARM: ACCEPTED")
+        rig.wait(
+            lambda: rig.navigation is not None and rig.navigation.mission_completed,
+            LONGEST_S, "the mission is complete",
+        )  # fmt: skip
+        proxy.enter("mode RTL", "Mode RTL")
+        rig.wait(lambda: _is_at(rig, HOME), PATIENT_S, "the robot is home")
+        proxy.enter("disarm", "COMPONENT_ARM_DISARM: ACCEPTED")
+        rig.wait_for_state(SafetyState.STANDBY)
+    finally:
+        proxy.close()
+
+
+def _is_at(rig: Rig, place: tuple[float, float]) -> bool:
+    truth, mode = rig.fresh_truth(), rig.navigation and rig.navigation.mode
+    gap_m = abs(complex(truth.x_m, truth.y_m) - complex(*place))
+    return mode is Mode.RTL and gap_m < 0.3
