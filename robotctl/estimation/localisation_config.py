@@ -50,6 +50,9 @@ class LocalisationConfig:
     places
         File of the places that the robot knows by its sonars (`robotctl places learn`), which
         particles are weighed by when it has turned on the spot; empty: none.
+    keyframes
+        File of the map that `slam` goes on with, and keeps; without `mapping` it localises the
+        robot and the file stays as it is. Empty: in the folder of what survives restarts.
     lidar, camera, sonar, grid
         Sensor parameters, for the particles and for the map. Ranges that a camera sees share the
         errors of its mount and of the robot's pitch, so they say less than a lidar's.
@@ -70,6 +73,7 @@ class LocalisationConfig:
     particles_max: int = 20_000
     sensors: tuple[SensorName, ...] = tuple(SENSORS)
     places: str = ""
+    keyframes: str = ""
     lidar: LikelihoodFieldConfig = field(default_factory=LikelihoodFieldConfig)
     camera: LikelihoodFieldConfig = field(
         default_factory=lambda: LikelihoodFieldConfig(beams=40, beam_correlation=0.2)
@@ -98,6 +102,12 @@ class LocalisationConfig:
                 "places",
                 f'needs method "mcl", found "{self.method}": only particles weigh places',
                 self.places,
+            )
+        if self.keyframes and self.method != "slam":
+            raise InvalidValue(
+                "keyframes",
+                f'needs method "slam", found "{self.method}": only that makes and reads them',
+                self.keyframes,
             )
         if self.start == "unknown" and self.method != "mcl":
             raise InvalidValue(

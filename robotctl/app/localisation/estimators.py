@@ -19,9 +19,11 @@ from robotctl.app.localisation.localiser import (
 )
 from robotctl.app.localisation.mapper import Mapper
 from robotctl.app.localisation.mcl_localiser import make_mcl
-from robotctl.app.localisation.slam_localiser import SlamDrawing, make_slam
+from robotctl.app.localisation.slam_files import NAME
+from robotctl.app.localisation.slam_localiser import MapPlaces, SlamDrawing, make_slam
 from robotctl.config.robot_file import RobotConfig
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
+from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.estimation.mcl.free_space import free_area_m2
 from robotctl.estimation.mcl.search_size import too_large
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
@@ -91,6 +93,8 @@ class Estimators:
         Notices to publish at once.
     given
         The map that the robot localises itself in; None: there is none.
+    close
+        Saves what is kept, at the end.
     """
 
     def __init__(
@@ -101,7 +105,9 @@ class Estimators:
         robot: SensedRobot,
         notices: Sequence[str] = (),
         given: GridMap | None = None,
+        close: Callable[[], None] = lambda: None,
     ) -> None:
+        self.close = close
         self.localiser = localiser
         self.mapper = mapper
         self.rejected = 0
@@ -224,23 +230,28 @@ class Estimators:
         return [GivenMap(now_ns, self._given)]
 
 
-def make_estimators(config: RobotConfig, start: SE2, beside: Path) -> Estimators:
+def make_estimators(
+    config: RobotConfig, start: SE2, beside: Path, state: Path | None = None
+) -> Estimators:
     """Return the estimators of a robot that starts at a pose, compiled and ready.
 
-    `beside` is the folder of the robot's file, where its map may lie.
+    `beside` is the folder of the robot's file, where its map may lie, `state` that of what survives
+    restarts; None: there is none.
 
     Raises
     ------
-    ConfigError
-        If the map cannot be read or does not fit the method.
+    ConfigError, DiskError
+        If the map cannot be read or does not fit the method; if it cannot be kept.
     """
     settings = config.localisation
     history = OdometryHistory()
     localiser: Localiser | None = None
     mapper: Mapper | SlamDrawing | None = None
-    given, notices = None, []
+    given, notices, close = None, [], lambda: None
     if settings.method == "slam":
-        localiser, mapper = make_slam(config, sensed_robot(config), start, history)
+        places = keyframes_of(settings, beside, state)
+        slam, mapper = make_slam(config, sensed_robot(config), start, history, places)
+        localiser, close = slam, slam.close
     elif settings.method != "none":
         world_map = load_localisation_map(settings.map, beside)
         given = world_map.grid
@@ -252,7 +263,20 @@ def make_estimators(config: RobotConfig, start: SE2, beside: Path) -> Estimators
             notices += filter(None, [too_large(free_area_m2(world_map.grid))])
     if settings.mapping and mapper is None:
         mapper = _mapper(config, history)
-    return Estimators(localiser, mapper, history, sensed_robot(config), notices, given)
+    return Estimators(localiser, mapper, history, sensed_robot(config), notices, given, close)
+
+
+def keyframes_of(settings: LocalisationConfig, beside: Path, state: Path | None) -> MapPlaces:
+    """Return where a robot keeps its map: as its file says, else in the folder `state`.
+
+    A relative path counts from the folder `beside`, if the file is there, else from the working
+    directory.
+    """
+    if settings.keyframes:
+        here = beside / settings.keyframes
+        file = here if here.is_file() else Path(settings.keyframes)
+        return MapPlaces(file, is_read_only=not settings.mapping)
+    return MapPlaces(None if state is None else state / NAME, is_read_only=False)
 
 
 def _mapper(config: RobotConfig, history: OdometryHistory) -> Mapper:

@@ -58,7 +58,9 @@ def load_estimators(
         from robotctl.app.supervision.compile_progress import compile_progress  # noqa: PLC0415
 
         with compile_progress(say):
-            return make_estimators(config, start, Path(options.robot).resolve().parent)
+            beside = Path(options.robot).resolve().parent
+            state = Path(options.state) if options.state else None
+            return make_estimators(config, start, beside, state)
     except OSError as error:
         place = "" if error.filename is None else f"{error.filename}: "
         why = error.strerror or error

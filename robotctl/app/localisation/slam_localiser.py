@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import math
-from typing import Final
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.app.localisation.localiser import LocaliserInput, localisation_state
+from robotctl.app.localisation.slam_files import KeyframeFile, keyframes_to_localise
 from robotctl.config.robot_file import RobotConfig
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.estimation.sensors.registry import LIDAR, load_sensors
 from robotctl.estimation.sensors.sensor import SensedRobot
 from robotctl.estimation.slam.lidar.config import LidarSlamConfig
+from robotctl.estimation.slam.lidar.keyframe import Keyframe
+from robotctl.estimation.slam.lidar.map_search import MapSearch
 from robotctl.estimation.slam.lidar.mapper import LEAST_ECHOES, SlamMapper
+from robotctl.estimation.slam.lidar.saved_map import KeyframeMap
 from robotctl.messages.control import ControlState
 from robotctl.messages.estimation import LiveMap, LocalisationState
 from robotctl.messages.map_message import map_message
@@ -29,12 +35,14 @@ from robotctl.model.sensors.range_scan import RangeScan
 _LEAST_M: Final = 0.05
 _LEAST_RAD: Final = 0.05
 """A robot at rest sees the same again."""
-_LOST: Final = 10
-"""So many scans in a row that fit nowhere: the robot does not know its place."""
+_REST_NS: Final = 1_000_000_000
+"""But it may have been carried away: a scan is looked at after this time [ns]."""
 _AT_ONCE: Final = 40
 """Keyframes that are drawn in one step, when the map is drawn anew."""
 _SHIFT_M: Final = 0.03
 """A keyframe that moved farther since it was drawn has the map drawn anew."""
+_REDRAW_NS: Final = 2_000_000_000
+"""Not more often [ns]."""
 
 
 class SlamLocaliser:
@@ -48,18 +56,36 @@ class SlamLocaliser:
         `base` in `world` at the start.
     history
         Of the odometry; kept up to date by the caller.
+    saved
+        A map to go on with, in place of a start; the robot is expected where it was last on it.
+    file
+        Keeps the map; None: it is not kept.
     """
 
-    def __init__(self, mapper: SlamMapper, start: SE2, history: OdometryHistory) -> None:
+    def __init__(
+        self,
+        mapper: SlamMapper,
+        start: SE2,
+        history: OdometryHistory,
+        saved: KeyframeMap | None = None,
+        file: KeyframeFile | None = None,
+    ) -> None:
         self.mapper = mapper
         self._history = history
+        self._file = file
         self.T_world_map = start
+        if saved is not None:
+            mapper.resume(saved, is_there=True)
+            self.T_world_map = saved.frame
+            start = saved.frame @ mapper.pose
         self._begun = self._pose = start
         """Pose in `world` where the odometry began, and now."""
         self._T_world_odom: SE2 | None = None
         self._last: SE2 | None = None
         """Odometry at the last scan that was taken."""
         self._notices: list[str] = []
+        self._taken_ns = 0
+        """Time of that."""
         self._closed = 0
 
     @property
@@ -76,17 +102,26 @@ class SlamLocaliser:
     def take_notices(self) -> list[str]:
         """Return which loops were closed since the last call."""
         notices, self._notices = self._notices, []
-        return notices
+        return notices if self._file is None else notices + self._file.take_notices()
+
+    def close(self) -> None:
+        """Have the whole map saved."""
+        if self._file is not None:
+            self._file.close()
 
     def step(self, control: ControlState, seen: LocaliserInput, now_ns: int) -> LocalisationState:
         """Take the scans since the last step; return the present estimate."""
         for scan in seen.measured.get(LIDAR, ()):
             odometry = self._history.at(scan.stamp_ns)
-            if odometry is not None and self._is_new(odometry):
+            if odometry is not None and self._is_new(scan, odometry):
                 self._take(scan, odometry)
+        if self.mapper.look() and self._last is not None:
+            self._T_world_odom = self.T_world_map @ self.mapper.pose @ self._last.inverse()
         if self._T_world_odom is None:
             self._T_world_odom = self._begun @ control.T_odom_base.inverse()
-        is_placed = bool(self.mapper.keyframes) and self.mapper.lost_in_a_row < _LOST
+        if self._file is not None:
+            self._file.step(self, now_ns)
+        is_placed = bool(self.mapper.keyframes) and not self.mapper.is_lost
         status = LocalisationStatus.LOCALISED if is_placed else LocalisationStatus.SEARCHING
         odometry = control.T_odom_base
         self._pose = self._T_world_odom @ odometry
@@ -94,9 +129,9 @@ class SlamLocaliser:
         estimate = PoseEstimate(control.stamp_ns, self._pose, covariance, status)
         return localisation_state("slam", estimate, odometry, now_ns)
 
-    def _is_new(self, odometry: SE2) -> bool:
-        """Return whether the robot has moved since the last scan."""
-        if self._last is None:
+    def _is_new(self, scan: RangeScan, odometry: SE2) -> bool:
+        """Return whether a scan says more than the last one."""
+        if self._last is None or self.mapper.is_lost or scan.stamp_ns - self._taken_ns > _REST_NS:
             return True
         motion = self._last.inverse() @ odometry
         return (
@@ -114,7 +149,7 @@ class SlamLocaliser:
             before = self._T_world_odom
             self.T_world_map = self._begun if before is None else before @ odometry
         self.mapper.add(scan, odometry)
-        self._last = odometry
+        self._last, self._taken_ns = odometry, scan.stamp_ns
         self._T_world_odom = self.T_world_map @ self.mapper.pose @ odometry.inverse()
         if self.mapper.epoch > self._closed:
             self._closed = self.mapper.epoch
@@ -128,67 +163,128 @@ class SlamLocaliser:
         return result
 
 
+class MapPlaces(NamedTuple):
+    """Where the map of a robot is kept."""
+
+    path: Path | None
+    is_read_only: bool
+
+
+class _Picture:
+    """A grid, and where which keyframes are in it."""
+
+    def __init__(self, grid: OccupancyGrid, renewals: int) -> None:
+        self.grid = grid
+        self.renewals = renewals
+        """How many keyframes had got a new scan when it was begun."""
+        self.drawn = np.empty((0, 3))
+        """Poses of keyframes in it; nan: not in it yet."""
+
+    def missing(self, keyframes: Sequence[Keyframe]) -> NDArray[np.int64]:
+        """Return the keyframes that are not in it, in the order in which they were seen."""
+        more = np.full((len(keyframes) - len(self.drawn), 3), np.nan)
+        self.drawn = np.concatenate([self.drawn, more])
+        missing = np.flatnonzero(np.isnan(self.drawn[:, 0]))
+        seen_m = np.array([keyframes[each].travelled_m for each in missing.tolist()])
+        result: NDArray[np.int64] = missing[np.argsort(seen_m, kind="stable")]
+        return result
+
+
 class SlamDrawing:
     """The occupancy grid of a `SlamLocaliser`: its keyframes, drawn where they are now.
 
-    After a closure all are drawn anew, some in each step, and shown when that is done.
+    After a closure, and where a keyframe got a new scan, all are drawn anew, some in each step, and
+    shown when that is done; what was seen last comes last and prevails.
     """
 
     def __init__(self, localiser: SlamLocaliser, grid: OccupancyGrid) -> None:
         self._localiser = localiser
-        self.grid = grid
-        self._drawn = np.empty((0, 3))
-        """Poses at which keyframes are in the grid."""
-        self._next: OccupancyGrid | None = None
-        self._next_drawn = np.empty((0, 3))
+        self._picture = _Picture(grid, 0)
+        self._next: _Picture | None = None
+        self._begun_ns = -_REDRAW_NS
 
-    def step(self, _localisation: LocalisationState | None, _seen: LocaliserInput) -> None:
+    @property
+    def grid(self) -> OccupancyGrid:
+        """The map."""
+        return self._picture.grid
+
+    def step(self, localisation: LocalisationState | None, _seen: LocaliserInput) -> None:
         """Draw keyframes that are new, or some of those that have moved."""
-        poses = self._localiser.mapper.back_end.poses
-        known = len(self._drawn)
-        off = np.hypot(*(poses[:known, :2] - self._drawn[:, :2]).T)
-        if self._next is None and off.max(initial=0.0) > _SHIFT_M:
-            self._next, self._next_drawn = OccupancyGrid(self.grid.config), np.empty((0, 3))
-        self._drawn = self._draw(self.grid, self._drawn)
-        if self._next is None:
-            return
-        self._next_drawn = self._draw(self._next, self._next_drawn)
-        if len(self._next_drawn) == len(poses):
-            self.grid, self._drawn, self._next = self._next, self._next_drawn, None
+        mapper, now_ns = self._localiser.mapper, localisation.stamp_ns if localisation else 0
+        if self._next is None and self._is_old() and now_ns - self._begun_ns >= _REDRAW_NS:
+            self._begun_ns = now_ns
+            self._next = _Picture(OccupancyGrid(self.grid.config), mapper.renewals)
+        self._draw(self._picture)
+        if self._next is not None and self._draw(self._next):
+            self._picture, self._next = self._next, None
 
-    def _draw(self, grid: OccupancyGrid, drawn: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Draw keyframes from the first that is not in a grid; return the poses of all in it."""
+    def _is_old(self) -> bool:
+        """Return whether keyframes are elsewhere by now, or have another scan."""
+        mapper, drawn = self._localiser.mapper, self._picture.drawn
+        off = np.hypot(*(mapper.back_end.poses[: len(drawn), :2] - drawn[:, :2]).T)
+        has_moved = bool(np.nan_to_num(off).max(initial=0.0) > _SHIFT_M)
+        return has_moved or mapper.renewals != self._picture.renewals
+
+    def _draw(self, picture: _Picture) -> bool:
+        """Draw some keyframes that are not in a picture; return whether it is complete."""
         mapper, T_world_map = self._localiser.mapper, self._localiser.T_world_map
-        begin = len(drawn)
-        new = mapper.back_end.poses[begin : begin + _AT_ONCE]
-        if len(new) == 0:
-            return drawn
-        placed = np.column_stack(
-            [moved(T_world_map, new[:, :2]), new[:, 2] + T_world_map.theta_rad]
-        )
-        grid.update_scans(
-            placed, [each.scan for each in mapper.keyframes[begin : begin + len(new)]]
-        )
-        return np.concatenate([drawn, new])
+        missing = picture.missing(mapper.keyframes)
+        new = missing[:_AT_ONCE]
+        if len(new):
+            poses = mapper.back_end.poses[new]
+            placed = np.column_stack(
+                [moved(T_world_map, poses[:, :2]), poses[:, 2] + T_world_map.theta_rad]
+            )
+            picture.grid.update_scans(
+                placed, [mapper.keyframes[each].scan for each in new.tolist()]
+            )
+            picture.drawn[new] = poses
+        return len(missing) == len(new)
 
     def live_map(self, now_ns: int) -> LiveMap | None:
         """Return the map; None if nothing has been seen yet."""
-        if len(self._drawn) == 0:
+        if len(self._picture.drawn) == 0:
             return None
         return map_message(self.grid.to_map(), now_ns)
 
 
 def make_slam(
-    config: RobotConfig, robot: SensedRobot, start: SE2, history: OdometryHistory
+    config: RobotConfig,
+    robot: SensedRobot,
+    start: SE2,
+    history: OdometryHistory,
+    places: MapPlaces,
 ) -> tuple[SlamLocaliser, SlamDrawing]:
-    """Return the mapper of a robot that knows no map, compiled, and what draws it."""
+    """Return the mapper of a robot that knows no map or goes on with its own, and what draws it.
+
+    Raises
+    ------
+    ConfigError, DiskError
+        If the map that the robot localises itself in cannot be read; if it cannot be kept.
+    """
     lidar = load_sensors()[LIDAR].rehearsal(robot)
+    grid = config.localisation.grid
     rehearsed = SlamLocaliser(SlamMapper(LidarSlamConfig(keyframe_m=0.0)), SE2(), OdometryHistory())
     if lidar is not None:
-        for _ in range(rehearsed.mapper.config.linked_keyframes + 2):
-            rehearsed.mapper.add(lidar, SE2())
-        drawing = SlamDrawing(rehearsed, OccupancyGrid(config.localisation.grid))
+        _rehearse(rehearsed, lidar)
+        drawing = SlamDrawing(rehearsed, OccupancyGrid(grid))
         drawing.step(None, LocaliserInput())
         drawing.live_map(0)
-    localiser = SlamLocaliser(SlamMapper(), start, history)
-    return localiser, SlamDrawing(localiser, OccupancyGrid(config.localisation.grid))
+    is_kept = places.path is not None and not places.is_read_only
+    file = KeyframeFile(places.path) if places.path is not None and is_kept else None
+    saved = None if file is None else file.saved
+    if places.path is not None and places.is_read_only:
+        saved = keyframes_to_localise(places.path)
+    mapper = SlamMapper(LidarSlamConfig(is_live=True, is_fixed=places.is_read_only))
+    localiser = SlamLocaliser(mapper, start, history, saved, file)
+    return localiser, SlamDrawing(localiser, OccupancyGrid(grid))
+
+
+def _rehearse(localiser: SlamLocaliser, lidar: RangeScan) -> None:
+    """Have all kernels compiled."""
+    mapper = localiser.mapper
+    for _ in range(mapper.config.linked_keyframes + 2):
+        mapper.add(lidar, SE2())
+    search = MapSearch(mapper.config, mapper.keyframes, mapper.back_end, mapper.keyframes[0])
+    while not search.step():
+        pass

@@ -125,6 +125,8 @@ def run(config: RobotConfig, options: StackOptions) -> None:
             heartbeat.beat()
     finally:
         context.destroy(linger=0)
+        if estimators is not None:
+            estimators.close()
 
 
 if __name__ == "__main__":

@@ -153,6 +153,8 @@ class LockstepRun:
                 self._log(logs)
             self._faults += not_begun(self._scenario, self._faults)
             stack.control.robot.close()
+            if self._estimators is not None:
+                self._estimators.close()
             if logs is not None:
                 self._save_score(logs)
         if logs is not None:

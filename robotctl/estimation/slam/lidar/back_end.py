@@ -83,6 +83,16 @@ class BackEnd:
         self.links.append(link)
         self.weights.append(1.0)
 
+    def load(self, poses: Floats, links: list[Link], weights: list[float]) -> None:
+        """Take a whole graph, near its optimum; nothing has been added before."""
+        for row in poses.tolist():
+            self.add(SE2(*row))
+        for number, (link, weight) in enumerate(zip(links, weights, strict=True)):
+            self.link(link)
+            if weight != 1.0:
+                self.weigh(number, weight)
+        self.refine()
+
     def update(self) -> None:
         """Take in what was added."""
         self._smoother.update()

@@ -25,6 +25,11 @@ class LidarSlamConfig:
         Share of the echoes on the map, below which a match counts for nothing.
     least_agreement
         Share of what two scans say of each other that must agree, 0 to 1.
+    is_live
+        A robot's map for life: a place that is on it gets no keyframe more, but a new scan where it
+        changed; scans that fit nowhere get none, and a robot that is lost is looked for.
+    is_fixed
+        Leave the map alone: the robot is only localised in it; with `is_live`.
     """
 
     keyframe_m: float = 0.3
@@ -35,3 +40,5 @@ class LidarSlamConfig:
     least_score: float = 0.35
     least_inliers: float = 0.3
     least_agreement: float = 0.75
+    is_live: bool = False
+    is_fixed: bool = False

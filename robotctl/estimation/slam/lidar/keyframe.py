@@ -50,6 +50,16 @@ def keyframe_of(scan: RangeScan, surface: Surface, travelled_m: float) -> Keyfra
     return Keyframe(scan.stamp_ns, scan, surface, binned(surface), view_of(scan), travelled_m)
 
 
+def compared(old: Keyframe, new: Keyframe, pose: SE2) -> tuple[float, float]:
+    """Return of two scans how much is the same at least, and contradicts at most, 0 to 1.
+
+    The first is a share of all echoes, the second of those that the other scan says something of.
+    """
+    there = agreement(old.view, new.surface.points, new.surface.weights, pose)
+    back = agreement(new.view, old.surface.points, old.surface.weights, pose.inverse())
+    return min(there.agrees, back.agrees), max(1.0 - there.of_seen, 1.0 - back.of_seen)
+
+
 def match_pair(
     first: Keyframe, second: Keyframe, start: SE2, config: LidarSlamConfig, wide_m: float
 ) -> Match | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -11,9 +11,17 @@ from robotctl.estimation.slam.front_end.point_to_line import Match
 from robotctl.estimation.slam.front_end.surface import Floats, Surface, surface_of
 from robotctl.estimation.slam.lidar.back_end import BackEnd, Link
 from robotctl.estimation.slam.lidar.config import LidarSlamConfig
-from robotctl.estimation.slam.lidar.keyframe import Keyframe, keyframe_of, match_pair
+from robotctl.estimation.slam.lidar.keyframe import Keyframe, compared, keyframe_of, match_pair
+from robotctl.estimation.slam.lidar.known_places import (
+    certain,
+    known_place,
+    nearest,
+    renewed,
+)
 from robotctl.estimation.slam.lidar.loops import LoopSearch
+from robotctl.estimation.slam.lidar.map_search import MapSearch
 from robotctl.estimation.slam.lidar.motion import Expected, by_odometry, by_velocity
+from robotctl.estimation.slam.lidar.saved_map import KeyframeMap
 from robotctl.estimation.slam.lidar.tracker import LocalMap, Tracked, local_map, track
 from robotctl.estimation.slam.robust.kernels import KERNELS
 from robotctl.estimation.slam.robust.robust_cost import OFF, scale
@@ -22,14 +30,22 @@ from robotctl.model.sensors.range_scan import RangeScan
 
 LEAST_ECHOES: Final = 10
 """Scans with fewer are not matched."""
+LOST: Final = 10
+"""So many scans in a row that fit nowhere: the robot does not know its place."""
 _NEAR_M: Final = 3.0
-_LOOSE_M: Final = 0.25
-_LOOSE_RAD: Final = 0.08
-"""Old keyframes with less doubt between are linked where they are; others are loops to close."""
 _UNKNOWN: Final = np.diag(1.0 / np.array([0.3, 0.3, 0.2]) ** 2)
 """Information on a motion without odometry, beside that of scans."""
 _NEAR_LINKS: Final = 4
 _NEAR_TRIES: Final = 8
+_RESUMED: Final = Expected(SE2(), 0.5, 0.17)
+"""Where a robot is that goes on: it may have rolled on before it came to rest."""
+_ASKED: Final = 4
+_MOVED: Final = 0.05
+"""Share of two scans that may contradict, of half of the keyframes asked about a place."""
+_UNSURE_M: Final = 5.0
+"""Way after a slip, or after the robot was found, on which the map's keyframes keep their scans."""
+_SURE: Final = 0.6
+"""Score of a match that does not follow from where the robot was, at least."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +68,8 @@ class SlamMapper:
         Counts closed loops, with which poses jump.
     slips, lost, lost_in_a_row
         Scans that contradict odometry; that fit nowhere; of these the last ones.
+    renewals, found
+        Keyframes that got a new scan; how often the robot was found on the map.
     covariance
         Of the pose on the map of the last keyframes, (3, 3) in its own frame [m, m, rad].
     """
@@ -65,9 +83,20 @@ class SlamMapper:
         self.slips = self.lost = self.lost_in_a_row = 0
         self.covariance: Floats = 1e-6 * np.eye(3)
         self._local: LocalMap | None = None
+        self.renewals = self.found = 0
+        self._trail: list[int] = []
+        """Keyframes that were passed last, the newest at the end."""
         self._place: Place | None = None
+        self._resumed = False
+        self._by_wheels = True
+        """Whether the motion to the last scan was measured."""
+        self._unsure_until_m = 0.0
+        self._search: MapSearch | None = None
+        self._since_search = SE2()
         self._odometry: SE2 | None = None
         self._kept_odometry: SE2 | None = None
+        self._kept_pose = SE2()
+        """Where the robot was in its keyframe then."""
         self._moved, self._moved_s = SE2(), 0.0
         self._travelled_m = 0.0
 
@@ -77,6 +106,28 @@ class SlamMapper:
         if self._place is None:
             return SE2()
         return self.back_end.pose(self._place.keyframe) @ self._place.pose
+
+    @property
+    def place(self) -> Place:
+        """Where the last scan was taken; before the first, the origin."""
+        return self._place or Place(0, 0, SE2())
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether so many scans fit nowhere that the robot does not know its place."""
+        return self.lost_in_a_row >= LOST
+
+    def resume(self, saved: KeyframeMap, *, is_there: bool) -> None:
+        """Go on with a saved map, before the first scan.
+
+        With `is_there`, the robot is expected where it was last; else it may be anywhere.
+        """
+        self.keyframes += saved.keyframes
+        self.back_end.load(saved.poses, saved.links, saved.weights)
+        self._travelled_m = max(each.travelled_m for each in saved.keyframes)
+        self._place = Place(0, *saved.place)
+        self._trail = self._around(saved.place[0])
+        self._resumed, self.lost_in_a_row = is_there, LOST
 
     def add(self, scan: RangeScan, odometry: SE2 | None = None) -> Place:
         """Take in a scan, in the order of time, and the pose of `base` in `odom` at its time.
@@ -96,14 +147,12 @@ class SlamMapper:
                 )
             self._place = Place(scan.stamp_ns, 0, SE2())
             self._odometry = odometry
-            self._new_keyframe(scan, surface, SE2(), None)
+            self._new_keyframe(keyframe_of(scan, surface, 0.0), SE2(), None)
             return self._place
         expected = self._expected(scan.stamp_ns, last, odometry)
-        tracked = Tracked(last.pose @ expected.motion, None, 0.0, has_slipped=False)
-        if len(surface.points) >= LEAST_ECHOES:
-            if self._local is None:
-                self._local = self._make_local()
-            tracked = track(self._local, surface, last.pose, expected, self.config)
+        if self.config.is_live and self.is_lost and not self._resumed:
+            return self._look_for(scan, surface, last, expected)
+        tracked = self._track(scan, surface, last, expected)
         if tracked.has_slipped:
             self.slips += 1
             self._kept_odometry = None
@@ -113,15 +162,110 @@ class SlamMapper:
         self._travelled_m += float(np.hypot(step.x_m, step.y_m))
         self._place = Place(scan.stamp_ns, last.keyframe, tracked.pose)
         if len(surface.points) >= LEAST_ECHOES and self._is_new(tracked):
-            self._new_keyframe(scan, surface, tracked.pose, tracked.match)
+            new = keyframe_of(scan, surface, self._travelled_m)
+            if not (self.config.is_live and self._is_known(new, tracked.pose)):
+                self._new_keyframe(new, tracked.pose, tracked.match)
         links = self.loops.step()
         if links:
             self.close(links)
         return self._place
 
+    def _track(self, scan: RangeScan, surface: Surface, last: Place, expected: Expected) -> Tracked:
+        """Match a scan with the map of the last keyframes."""
+        resumed = self._resumed
+        nowhere = Tracked(last.pose @ expected.motion, None, 0.0, has_slipped=False)
+        if len(surface.points) < LEAST_ECHOES:
+            return nowhere
+        if self._local is None:
+            self._local = self._make_local()
+        self._resumed = False
+        tracked = track(self._local, surface, last.pose, expected, self.config)
+        follows = self._by_wheels and not tracked.has_slipped and self.lost_in_a_row == 0
+        if not self.config.is_live or follows:
+            return tracked
+        if tracked.score < _SURE or not self._is_proved(scan, surface, tracked):
+            return nowhere
+        self._unsure_until_m = self._travelled_m + _UNSURE_M
+        return replace(tracked, has_slipped=tracked.has_slipped and not resumed)
+
+    def _is_proved(self, scan: RangeScan, surface: Surface, tracked: Tracked) -> bool:
+        """Return whether the last keyframes bear out a place that does not follow from the last.
+
+        A robot that was carried away may be where much looks the same.
+        """
+        new, last = keyframe_of(scan, surface, self._travelled_m), self.place.keyframe
+        asked = self._trail[-_ASKED:]
+        agreeing = 0
+        for other in asked:
+            pose = self.back_end.between(other, last) @ tracked.pose
+            agreeing += compared(self.keyframes[other], new, pose)[1] < _MOVED
+        return 2 * agreeing >= len(asked)
+
+    def _look_for(
+        self, scan: RangeScan, surface: Surface, last: Place, expected: Expected
+    ) -> Place:
+        """Take a scan of a robot that is anywhere on the map: `look` looks for it."""
+        self._since_search = self._since_search @ expected.motion
+        if self._search is None and len(surface.points) >= LEAST_ECHOES:
+            new = keyframe_of(scan, surface, self._travelled_m)
+            self._search = MapSearch(self.config, self.keyframes, self.back_end, new)
+            self._since_search = SE2()
+        self._place = Place(scan.stamp_ns, last.keyframe, last.pose @ expected.motion)
+        return self._place
+
+    def look(self) -> bool:
+        """Look for a robot that is lost in another piece of the map; return whether it is found."""
+        search = self._search
+        if search is None or not search.step():
+            return False
+        self._search = None
+        if search.found is None:
+            return False
+        number, pose = search.found
+        self._place = Place(self.place.stamp_ns, number, pose @ self._since_search)
+        self._trail, self._local = self._around(number), None
+        self._kept_odometry, self._kept_pose = self._odometry, self._place.pose
+        self.covariance = 1e-3 * np.eye(3)
+        self._unsure_until_m = self._travelled_m + _UNSURE_M
+        self.lost_in_a_row = 0
+        self.found += 1
+        return True
+
+    def _around(self, number: int) -> list[int]:
+        """Return keyframes around one, the nearest last."""
+        poses, sure = self.back_end.poses, certain(self.back_end.doubts(number))
+        away = np.hypot(*(poses[:, :2] - poses[number, :2]).T)
+        nearest = np.argsort(np.where(sure, away, np.inf))[: self.config.local_keyframes]
+        return [int(each) for each in nearest[::-1] if sure[each]]
+
+    def _is_known(self, new: Keyframe, pose: SE2) -> bool:
+        """Return whether a scan, seen from the last keyframe, is of a known place; be there."""
+        last = self.place.keyframe
+        known = known_place(new, last, pose, self.keyframes, self.back_end, self.config)
+        if known is None and self.config.is_fixed:
+            known = nearest(last, pose, self.back_end)
+        if known is None:
+            return False
+        may_change = self._travelled_m > self._unsure_until_m and not self.config.is_fixed
+        if known.is_changed and may_change:
+            self.keyframes[known.number] = renewed(new, known.pose)
+            self.renewals += 1
+            self._local = None
+        self._pass(known.number, known.pose)
+        self._place = Place(self.place.stamp_ns, known.number, known.pose)
+        return True
+
+    def _pass(self, number: int, pose: SE2) -> None:
+        """Have a keyframe be the last one that was passed, with the robot at a pose in it."""
+        if not self._trail or self._trail[-1] != number:
+            self._local = None
+        before = max(self.config.local_keyframes, self.config.linked_keyframes) - 1
+        self._trail = [*[each for each in self._trail if each != number][-before:], number]
+        self._kept_odometry, self._kept_pose = self._odometry, pose
+
     def begin_odometry(self) -> None:
         """Take the odometry of the next scan for another one, which begins anew."""
-        self._odometry = self._kept_odometry = None
+        self._odometry = self._kept_odometry = self._search = None
 
     def _account(self, match: Match | None, expected: Expected) -> None:
         """Count scans that fit nowhere; keep how well the pose on the local map is known."""
@@ -138,6 +282,9 @@ class SlamMapper:
     def _expected(self, stamp_ns: int, last: Place, odometry: SE2 | None) -> Expected:
         """Return the motion since the last scan as far as it is known before the match."""
         before, self._odometry = self._odometry, odometry
+        self._by_wheels = odometry is not None and before is not None and not self._resumed
+        if self._resumed:
+            return _RESUMED
         if odometry is not None and before is not None:
             return by_odometry(before.inverse() @ odometry)
         return by_velocity(self._moved, self._moved_s, 1e-9 * (stamp_ns - last.stamp_ns))
@@ -145,6 +292,8 @@ class SlamMapper:
     def _is_new(self, tracked: Tracked) -> bool:
         """Return whether a scan becomes a keyframe."""
         config, pose = self.config, tracked.pose
+        if config.is_live and tracked.match is None:
+            return False
         return (
             float(np.hypot(pose.x_m, pose.y_m)) >= config.keyframe_m
             or abs(pose.theta_rad) >= config.keyframe_rad
@@ -153,48 +302,40 @@ class SlamMapper:
 
     def _make_local(self) -> LocalMap:
         """Return the map of the last keyframes in the frame of the newest."""
-        count = len(self.keyframes)
-        chosen = range(max(count - self.config.local_keyframes, 0), count)
+        chosen = self._trail[-self.config.local_keyframes :]
         return local_map(
             [self.keyframes[each] for each in chosen],
-            [self.back_end.between(count - 1, each) for each in chosen],
+            [self.back_end.between(chosen[-1], each) for each in chosen],
         )
 
-    def _new_keyframe(
-        self,
-        scan: RangeScan,
-        surface: Surface,
-        pose: SE2,
-        match: Match | None,
-    ) -> None:
+    def _new_keyframe(self, new: Keyframe, pose: SE2, match: Match | None) -> None:
         """Keep a scan, seen from the last keyframe at a pose, and link it."""
-        number = len(self.keyframes)
+        number, last = len(self.keyframes), self.place.keyframe
         back_end = self.back_end
-        self.keyframes.append(keyframe_of(scan, surface, self._travelled_m))
+        self.keyframes.append(new)
         self._local = None
-        self._place = Place(scan.stamp_ns, number, SE2())
-        before, self._kept_odometry = self._kept_odometry, self._odometry
+        self._place = Place(new.stamp_ns, number, SE2())
+        before, kept_pose = self._kept_odometry, self._kept_pose
+        passed = self._trail[-self.config.linked_keyframes :]
+        self._pass(number, SE2())
         if number == 0:
             back_end.add(pose)
             return
-        back_end.add(back_end.pose(number - 1) @ pose)
+        back_end.add(back_end.pose(last) @ pose)
         # It holds what scans do not see, such as the way along a corridor.
         if before is not None and self._odometry is not None:
             wheels = by_odometry(before.inverse() @ self._odometry)
-            back_end.link(Link(number - 1, number, wheels.motion, wheels.information))
+            back_end.link(Link(last, number, kept_pose @ wheels.motion, wheels.information))
         else:
-            back_end.link(Link(number - 1, number, pose, _UNKNOWN))
-        if self._link_last(number) == 0 and match is not None:
-            back_end.link(Link(number - 1, number, pose, match.information))
-        self._link_near(number)
+            back_end.link(Link(last, number, pose, _UNKNOWN))
+        if self._link_last(number, passed) == 0 and match is not None:
+            back_end.link(Link(last, number, pose, match.information))
+        self._link_near(number, passed)
         back_end.update()
 
-    def _link_last(self, number: int) -> int:
-        """Link a keyframe with the last ones; return how many."""
-        count = 0
-        for other in range(number - 1, max(number - 1 - self.config.linked_keyframes, -1), -1):
-            count += self._link(other, number, 0.15, is_loop=False)
-        return count
+    def _link_last(self, number: int, passed: list[int]) -> int:
+        """Link a keyframe with the last ones that were passed; return how many."""
+        return sum(self._link(other, number, 0.15, is_loop=False) for other in reversed(passed))
 
     def _link(self, first: int, second: int, wide_m: float, *, is_loop: bool) -> bool:
         """Match two keyframes where they are and link them; return whether they match."""
@@ -210,16 +351,14 @@ class SlamMapper:
         self.back_end.link(Link(first, second, pair.pose, pair.information, is_loop))
         return True
 
-    def _link_near(self, number: int) -> None:
+    def _link_near(self, number: int, passed: list[int]) -> None:
         """Link a keyframe with old ones near it; those that may be near are loops to look for."""
-        old = number - self.config.linked_keyframes
-        if old <= 0:
-            return
-        poses = self.back_end.poses
-        away = np.hypot(*(poses[:old, :2] - poses[number, :2]).T)
-        doubts = self.back_end.doubts(number)
-        certain = (doubts[:old, 0] < _LOOSE_M) & (doubts[:old, 1] < _LOOSE_RAD)
-        near = np.flatnonzero((away < _NEAR_M) & certain)
+        poses, doubts = self.back_end.poses, self.back_end.doubts(number)
+        is_old = np.ones(number + 1, np.bool_)
+        is_old[[*passed, number]] = False
+        away = np.hypot(*(poses[:, :2] - poses[number, :2]).T)
+        sure = certain(doubts)
+        near = np.flatnonzero(is_old & (away < _NEAR_M) & sure)
         turn = np.abs(np.angle(np.exp(1j * (poses[near, 2] - poses[number, 2]))))
         linked = 0
         for other in near[np.argsort(away[near] + turn)][:_NEAR_TRIES].tolist():
@@ -229,7 +368,7 @@ class SlamMapper:
                 break
         if linked:
             return
-        may_be = (away < _NEAR_M + 3.0 * doubts[:old, 0]) & ~certain
+        may_be = is_old & (away < _NEAR_M + 3.0 * doubts[:, 0]) & ~sure
         self.loops.consider(number, np.flatnonzero(may_be), doubts)
 
     def close(self, links: list[Link]) -> None:

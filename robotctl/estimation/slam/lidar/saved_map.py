@@ -1,0 +1,261 @@
+"""A map of keyframes as bytes: each change on its own, and all together.
+
+Changes follow each other; the later one holds. Arrays are little-endian: scans in 32 bits, numbers
+of the graph in 64. A change is whole: a keyframe comes with the links that hold it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+import msgspec
+import numpy as np
+
+from robotctl.estimation.slam.front_end.surface import Floats, surface_of
+from robotctl.estimation.slam.lidar.back_end import BackEnd, Link, as_row
+from robotctl.estimation.slam.lidar.keyframe import Keyframe, keyframe_of
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.sensors.range_scan import RangeScan
+
+HEADING: Final = b"robotctl-keyframes 1\n"
+"""How a file of changes begins."""
+
+Row = tuple[float, float, float]
+
+
+class SavedScan(msgspec.Struct, frozen=True, array_like=True):
+    """A keyframe.
+
+    Parameters
+    ----------
+    number
+        Of the keyframe; one that is there has this scan from now on.
+    stamp_ns, travelled_m
+        As in `Keyframe`.
+    x_m, y_m, max_range_m
+        As in `RangeScan` [m].
+    angles, ranges
+        As in `RangeScan`, "<f4" [rad], [m].
+    """
+
+    number: int
+    stamp_ns: int
+    travelled_m: float
+    x_m: float
+    y_m: float
+    max_range_m: float
+    angles: bytes
+    ranges: bytes
+
+
+class Change(msgspec.Struct, frozen=True, omit_defaults=True):
+    """What is new about a map.
+
+    Parameters
+    ----------
+    frame
+        `map` in `world`: x, y [m], theta [rad].
+    scans
+        Keyframes that are new, or have another scan.
+    new_poses
+        Where those behind the last of `poses` began, (k, 3) "<f8".
+    links
+        New ones, (l, 12) "<f8": first, second, x, y, theta, upper triangle of the information,
+        whether it is of a loop.
+    poses, weights
+        Of all keyframes, (n, 3), and of all links, (m,), "<f8"; empty: as they were.
+    place
+        The robot's keyframe, and `base` in it.
+    """
+
+    frame: Row | None = None
+    scans: list[SavedScan] = []
+    new_poses: bytes = b""
+    links: bytes = b""
+    poses: bytes = b""
+    weights: bytes = b""
+    place: tuple[int, Row] | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class KeyframeMap:
+    """A map that was saved.
+
+    Parameters
+    ----------
+    frame
+        `map` in `world`.
+    keyframes
+        Scans that are kept.
+    poses
+        Theirs in `map`, (n, 3) [m, m, rad].
+    links, weights
+        Between them, and how much each counts.
+    place
+        The robot's last place: a keyframe, and `base` in it.
+    """
+
+    frame: SE2
+    keyframes: list[Keyframe]
+    poses: Floats
+    links: list[Link]
+    weights: list[float]
+    place: tuple[int, SE2]
+
+
+_DECODER: Final = msgspec.msgpack.Decoder(Change)
+_UPPER: Final = np.triu_indices(3)
+
+
+def encoded(change: Change) -> bytes:
+    """Return a change as a record."""
+    return msgspec.msgpack.encode(change)
+
+
+def compacted(records: Sequence[bytes]) -> list[bytes]:
+    """Return one record for many; none for none.
+
+    Raises
+    ------
+    ValueError
+        If one is no change.
+    """
+    return [encoded(joined_changes(records))] if records else []
+
+
+def joined_changes(records: Sequence[bytes]) -> Change:
+    """Return all changes as one.
+
+    Raises
+    ------
+    ValueError
+        If one is none.
+    """
+    frame, place, scans = None, None, dict[int, SavedScan]()
+    poses, weights, links = b"", b"", []
+    for record in records:
+        change = _DECODER.decode(record)
+        frame, place = change.frame or frame, change.place or place
+        scans |= {each.number: each for each in change.scans}
+        poses = (change.poses or poses) + change.new_poses
+        links.append(change.links)
+        weights = change.weights or weights
+    return Change(frame, list(scans.values()), b"", b"".join(links), poses, weights, place)
+
+
+def saved_scan(number: int, keyframe: Keyframe) -> SavedScan:
+    """Return a keyframe as it is saved."""
+    scan = keyframe.scan
+    return SavedScan(
+        number,
+        scan.stamp_ns,
+        keyframe.travelled_m,
+        scan.x_m,
+        scan.y_m,
+        scan.max_range_m,
+        scan.angles_rad.astype("<f4").tobytes(),
+        scan.ranges_m.astype("<f4").tobytes(),
+    )
+
+
+def saved_links(links: Sequence[Link]) -> bytes:
+    """Return links as they are saved."""
+    rows = [
+        (each.first, each.second, *as_row(each.pose), *each.information[_UPPER], each.is_loop)
+        for each in links
+    ]
+    return np.array(rows, "<f8").tobytes()
+
+
+def restored(records: Sequence[bytes]) -> KeyframeMap | None:
+    """Return the map of all changes; None if there is no keyframe in it.
+
+    Raises
+    ------
+    ValueError
+        If they make no map.
+    """
+    change = joined_changes(records)
+    if not change.scans or change.frame is None or change.place is None:
+        return None
+    scans = sorted(change.scans, key=lambda each: each.number)
+    keyframes = [_keyframe(each) for each in scans]
+    poses = np.frombuffer(change.poses, "<f8").reshape(-1, 3)
+    links = [_link(row) for row in np.frombuffer(change.links, "<f8").reshape(-1, 12)]
+    weights = np.ones(len(links))
+    known = np.frombuffer(change.weights, "<f8")
+    count = len(keyframes)
+    ends = [end for link in links for end in (link.first, link.second, change.place[0])]
+    if scans[-1].number != count - 1 or len(poses) != count or len(known) > len(links):
+        raise ValueError(f"{count} keyframes, {len(poses)} poses and {len(links)} links of one map")
+    if any(not 0 <= end < count for end in ends):
+        raise ValueError(f"a link to a keyframe that is none of {count}")
+    weights[: len(known)] = known
+    number, place = change.place
+    return KeyframeMap(
+        SE2(*change.frame), keyframes, poses, links, weights.tolist(), (number, SE2(*place))
+    )
+
+
+def _keyframe(saved: SavedScan) -> Keyframe:
+    scan = RangeScan(
+        saved.stamp_ns,
+        np.frombuffer(saved.angles, "<f4").astype(np.float64),
+        np.frombuffer(saved.ranges, "<f4").astype(np.float64),
+        saved.max_range_m,
+        saved.x_m,
+        saved.y_m,
+    )
+    return keyframe_of(scan, surface_of(scan), saved.travelled_m)
+
+
+def _link(row: Floats) -> Link:
+    information = np.zeros((3, 3))
+    information[_UPPER] = row[5:11]
+    information += np.triu(information, 1).T
+    return Link(int(row[0]), int(row[1]), SE2(*row[2:5].tolist()), information, bool(row[11]))
+
+
+class Mapped(Protocol):
+    """What a `SlamMapper` has."""
+
+    keyframes: list[Keyframe]
+    back_end: BackEnd
+    epoch: int
+
+
+class ChangeLog:
+    """Tells what is new about a map since it was asked last."""
+
+    def __init__(self) -> None:
+        self._keyframes: list[Keyframe] = []
+        self._links = 0
+        self._epoch = 0
+
+    def skip(self, saved: KeyframeMap) -> None:
+        """Take a map for told."""
+        self._keyframes = list(saved.keyframes)
+        self._links = len(saved.links)
+
+    def changes(self, mapper: Mapped) -> Change:
+        """Return what is new: scans, links, and after a closed loop all poses and weights."""
+        known, before = len(self._keyframes), self._links
+        keyframes, back_end = mapper.keyframes, mapper.back_end
+        numbers = [
+            number
+            for number, each in enumerate(keyframes)
+            if number >= known or each is not self._keyframes[number]
+        ]
+        has_jumped = mapper.epoch != self._epoch
+        self._keyframes, self._links = list(keyframes), len(back_end.links)
+        self._epoch = mapper.epoch
+        poses = back_end.poses.astype("<f8")
+        return Change(
+            scans=[saved_scan(number, keyframes[number]) for number in numbers],
+            new_poses=b"" if has_jumped else poses[known:].tobytes(),
+            links=saved_links(back_end.links[before:]),
+            poses=poses.tobytes() if has_jumped else b"",
+            weights=np.array(back_end.weights, "<f8").tobytes() if has_jumped else b"",
+        )

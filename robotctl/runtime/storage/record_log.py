@@ -1,0 +1,218 @@
+"""A file of records that only grows, for state too large to be written anew at each change.
+
+Each record has its length and a CRC-32 of both; whenever the writer is killed or the power is cut,
+all whole records are read again, and a last one that is not whole is left out. Anything else that
+does not fit is damage. A thread writes, so nobody waits for the disk, and brings what it wrote
+there, twice a second at most. A file that has doubled is compacted, by itself.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import queue
+import struct
+import threading
+import zlib
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Final, TypeAlias
+
+from robotctl.errors import DiskError
+from robotctl.runtime.storage.atomic_file import write_whole
+from robotctl.runtime.storage.ring_file import hold
+from robotctl.runtime.storage.state_file import damaged_name
+
+Compacted: TypeAlias = Callable[[Sequence[bytes]], list[bytes]]
+
+_RECORD: Final = struct.Struct("<III")
+"""Length of a record [B], its CRC-32, and that of these eight bytes."""
+_PERIOD_S: Final = 0.5
+_AGAIN_S: Final = 5.0
+"""Between tries on a disk that refuses."""
+_GROWTH_BYTES: Final = 16 << 20
+"""A file is compacted when it is twice as long as after the last time, and so much longer."""
+
+
+class DamagedLogError(DiskError):
+    """A file is no log of records, or not as it was written."""
+
+
+def packed(records: Sequence[bytes]) -> bytes:
+    """Return records as they stand in a file."""
+    parts = []
+    for record in records:
+        sizes = struct.pack("<II", len(record), zlib.crc32(record))
+        parts += [sizes, struct.pack("<I", zlib.crc32(sizes)), record]
+    return b"".join(parts)
+
+
+def unpacked(content: bytes) -> list[bytes]:
+    """Return the whole records at the beginning of a file's content, after its heading.
+
+    Raises
+    ------
+    ValueError
+        If there is anything else than records, the last of which may not be whole.
+    """
+    records, at = [], 0
+    while len(content) - at >= _RECORD.size:
+        length, checksum, own = _RECORD.unpack_from(content, at)
+        if zlib.crc32(content[at : at + 8]) != own:
+            if content.count(0, at) == len(content) - at:  # grown, but never written: a power cut
+                break
+            raise ValueError(f"no record begins at byte {at}")
+        end = at + _RECORD.size + length
+        record = content[at + _RECORD.size : end]
+        if zlib.crc32(record) != checksum:
+            if end >= len(content):
+                break
+            raise ValueError(f"the checksum of the record at byte {at} is wrong")
+        records.append(record)
+        at = end
+    return records
+
+
+def read_records(path: Path, heading: bytes) -> list[bytes]:
+    """Return the whole records of a file; none if it is not there.
+
+    Raises
+    ------
+    DamagedLogError
+        If it is no such file, or damaged.
+    DiskError
+        If it cannot be read.
+    """
+    try:
+        content = path.read_bytes()
+    except FileNotFoundError:
+        return []
+    except OSError as error:
+        raise DiskError(f"{path}: cannot be read: {error.strerror}") from error
+    if not content.startswith(heading):
+        if heading.startswith(content):  # killed before the heading was written
+            return []
+        raise DamagedLogError(f"{path}: damaged: it does not begin with {heading!r}")
+    try:
+        return unpacked(content[len(heading) :])
+    except ValueError as error:
+        raise DamagedLogError(f"{path}: damaged: {error}") from error
+
+
+def set_aside(path: Path) -> Path:
+    """Rename a damaged file to a name that is free; return that.
+
+    Raises
+    ------
+    DiskError
+        If the disk refuses.
+    """
+    try:
+        target = path.with_name(
+            damaged_name(path.name, {each.name for each in path.parent.iterdir()})
+        )
+        return path.rename(target)
+    except OSError as error:
+        raise DiskError(f"{path}: cannot be set aside: {error.strerror}") from error
+
+
+class RecordLog:
+    """Writes a log of records that begins with those given.
+
+    Parameters
+    ----------
+    path, heading
+        The file; how it begins.
+    records
+        What is in it; the file is written anew with that.
+    compacted
+        Returns fewer records that say the same.
+
+    Raises
+    ------
+    DiskError
+        If it cannot be written, or another process writes it.
+    """
+
+    def __init__(
+        self, path: Path, heading: bytes, records: Sequence[bytes], compacted: Compacted
+    ) -> None:
+        self._path = path
+        self._heading = heading
+        self._compacted = compacted
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with io.FileIO(path, "a+") as before:
+                if not hold(before):
+                    raise DiskError(f"{path}: another process writes it")
+                self._file = self._written(records)
+        except OSError as error:
+            raise DiskError(f"{path}: cannot be written: {error.strerror}") from error
+        self._problem = ""
+        self._queue: queue.SimpleQueue[Sequence[bytes] | None] = queue.SimpleQueue()
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="record-log", daemon=True)
+        self._thread.start()
+
+    @property
+    def problem(self) -> str:
+        """Why the disk does not take what was added last; empty: it does."""
+        return self._problem
+
+    def add(self, records: Sequence[bytes]) -> None:
+        """Have records written soon."""
+        self._queue.put(records)
+
+    def close(self) -> None:
+        """Write what was added, unless the disk refuses, and end."""
+        self._closing.set()
+        self._queue.put(None)
+        self._thread.join()
+        self._file.close()
+
+    def _written(self, records: Sequence[bytes]) -> io.FileIO:
+        """Write the file anew; return it open at its end, locked."""
+        write_whole(self._path, self._heading + packed(records))
+        file = io.FileIO(self._path, "a")
+        hold(file)
+        self._size = self._least = os.fstat(file.fileno()).st_size
+        return file
+
+    def _run(self) -> None:
+        """Write what is added."""
+        pending = b""
+        is_last = False
+        while not is_last:
+            is_last = (first := self._queue.get()) is None
+            pending += packed(first or ())
+            while not self._queue.empty():
+                more = self._queue.get()
+                is_last = is_last or more is None
+                pending += packed(more or ())
+            while pending:
+                try:
+                    self._write(pending)
+                    pending, self._problem = b"", ""
+                    self._compact()
+                except OSError as error:
+                    self._problem = f"{self._path}: cannot be written: {error.strerror}"
+                    if self._closing.wait(_AGAIN_S):
+                        break
+            self._closing.wait(_PERIOD_S)
+
+    def _write(self, content: bytes) -> None:
+        """Append to the file and bring it to the disk; what is left of a failure goes first."""
+        os.ftruncate(self._file.fileno(), self._size)
+        left = memoryview(content)
+        while left:
+            left = left[os.write(self._file.fileno(), left) :]
+        os.fdatasync(self._file.fileno())
+        self._size += len(content)
+
+    def _compact(self) -> None:
+        """Write the file anew if it has become long."""
+        if self._size <= 2 * self._least + _GROWTH_BYTES:
+            return
+        records = unpacked(self._path.read_bytes()[len(self._heading) :])
+        with self._file:
+            self._file = self._written(self._compacted(records))
