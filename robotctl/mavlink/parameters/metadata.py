@@ -1,4 +1,4 @@
-"""What ground stations should know of the parameters: MAVLink's component metadata, JSON.
+"""What ground stations should know of the robot: MAVLink's component metadata, JSON.
 
 https://mavlink.io/en/services/component_information.html; the schemas are general.schema.json and
 parameter.schema.json of the MAVLink repository.
@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import json
 import zlib
+from collections.abc import Mapping
 from typing import Any, Final
 
 from robotctl.mavlink.parameters.parameter import Change
 from robotctl.mavlink.parameters.parameter_set import Facts, ParameterSet
 
-_PARAMETERS: Final = 1
-"""COMP_METADATA_TYPE_PARAMETER."""
+PARAMETERS: Final = 1
+EVENTS: Final = 4
+"""COMP_METADATA_TYPE."""
 _FIGURES: Final = 4
 
 
@@ -51,18 +53,19 @@ def _entry(fact: Facts) -> dict[str, Any]:
     return entry
 
 
-def general_metadata(parameters: bytes, uri: str) -> bytes:
-    """Return where the metadata of the parameters are, and their checksum.
+def general_metadata(files: Mapping[int, tuple[str, bytes]]) -> bytes:
+    """Return where metadata are, and their checksums.
 
     Parameters
     ----------
-    parameters
-        What `parameter_metadata` returned.
-    uri
-        Where it is.
+    files
+        URI and content, by COMP_METADATA_TYPE.
     """
-    where = {"type": _PARAMETERS, "uri": uri, "fileCrc": file_crc(parameters)}
-    return json.dumps({"version": 1, "metadataTypes": [where]}).encode()
+    where = [
+        {"type": kind, "uri": uri, "fileCrc": file_crc(content)}
+        for kind, (uri, content) in files.items()
+    ]
+    return json.dumps({"version": 1, "metadataTypes": where}).encode()
 
 
 def file_crc(content: bytes) -> int:

@@ -10,18 +10,26 @@ from pymavlink.dialects.v20 import common
 from robotctl.dialect import additions
 from robotctl.mavlink.catalogue import Stream
 from robotctl.mavlink.context import Context
+from robotctl.mavlink.event_kinds import event_metadata
 from robotctl.mavlink.frames import boot_ms
 from robotctl.mavlink.ftp.files import Content, Entry, Mounted, NoFiles, OpenFile
 from robotctl.mavlink.ftp.payload import FtpError, FtpRefused
 from robotctl.mavlink.ftp.server import FtpServer, Sender
-from robotctl.mavlink.parameters.metadata import file_crc, general_metadata, parameter_metadata
+from robotctl.mavlink.parameters.metadata import (
+    EVENTS,
+    PARAMETERS,
+    file_crc,
+    general_metadata,
+    parameter_metadata,
+)
 from robotctl.mavlink.parameters.packed import packed
 from robotctl.mavlink.service import Microservice
 from robotctl.messages.mavlink_port import Message, Peer, source
 
 PARAM: Final = "@PARAM"
 META: Final = "@META"
-PARAMETER_URI: Final = f"mftp:///{META}/parameter.json"
+PARAMETER_FILE: Final = "parameter.json"
+EVENT_FILE: Final = "events.json"
 GENERAL: Final = "general.json"
 
 
@@ -63,9 +71,10 @@ class Ftp(Microservice):
             "param.pck": lambda: packed(parameters, with_defaults=False),
             "param.pck?withdefaults=1": lambda: packed(parameters, with_defaults=True),
         }
-        self._metadata = {
-            GENERAL: lambda: general_metadata(parameter_metadata(parameters), PARAMETER_URI),
-            "parameter.json": lambda: parameter_metadata(parameters),
+        self._metadata: dict[str, Callable[[], bytes]] = {
+            GENERAL: self._general,
+            EVENT_FILE: lambda: event_metadata(context.config.component_id),
+            PARAMETER_FILE: lambda: parameter_metadata(parameters),
         }
         mounts = {PARAM: Made(makers), META: Made(self._metadata), **context.folders}
         files = Mounted(mounts.pop("", NoFiles()), mounts)
@@ -75,8 +84,14 @@ class Ftp(Microservice):
         """Return COMPONENT_METADATA, which tells of the files about parameters, on request."""
         return (Stream(additions.MAVLINK_MSG_ID_COMPONENT_METADATA, self._where, None),)
 
+    def _general(self) -> bytes:
+        files = {PARAMETERS: PARAMETER_FILE, EVENTS: EVENT_FILE}
+        return general_metadata(
+            {kind: (_uri(name), self._metadata[name]()) for kind, name in files.items()}
+        )
+
     def _where(self, now_ns: int) -> list[Message]:
-        crc, uri = file_crc(self._metadata[GENERAL]()), f"mftp:///{META}/{GENERAL}".encode()
+        crc, uri = file_crc(self._metadata[GENERAL]()), _uri(GENERAL).encode()
         return [additions.MAVLink_component_metadata_message(boot_ms(now_ns), crc, uri)]
 
     def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:
@@ -92,3 +107,7 @@ class Ftp(Microservice):
             0, sender.system, sender.component, payload
         )
         self._context.links.reply(reply, sender.peer)
+
+
+def _uri(name: str) -> str:
+    return f"mftp:///{META}/{name}"

@@ -10,12 +10,14 @@ from robotctl.mavlink.services.autopilot_version import AutopilotVersion
 from robotctl.mavlink.services.battery import Battery
 from robotctl.mavlink.services.commands import Commands
 from robotctl.mavlink.services.estimator import Estimator
+from robotctl.mavlink.services.events import Events
 from robotctl.mavlink.services.external_pose import ExternalPoses
 from robotctl.mavlink.services.fences import Fences
 from robotctl.mavlink.services.ftp import Ftp
 from robotctl.mavlink.services.global_position import GlobalPosition
 from robotctl.mavlink.services.ground_stations import GroundStations
 from robotctl.mavlink.services.heartbeat import Heartbeat
+from robotctl.mavlink.services.high_latency import HighLatency
 from robotctl.mavlink.services.hud import Hud
 from robotctl.mavlink.services.inertial import Inertial
 from robotctl.mavlink.services.link_watch import LinkWatch
@@ -80,6 +82,8 @@ SERVICES: Final[tuple[type[Microservice], ...]] = (
     Obstacles,
     ModeList,
     MotorControllers,
+    HighLatency,
+    Events,
     Missions,
     Fences,
     RallyPoints,

@@ -22,6 +22,7 @@ from robotctl.mavlink.services.heartbeat import INTERVAL_NS as BEAT_NS
 from robotctl.messages.mavlink_port import Message, Peer
 
 SET_INTERVAL: int = common.MAV_CMD_SET_MESSAGE_INTERVAL
+HIGH_LATENCY: int = common.MAV_CMD_CONTROL_HIGH_LATENCY
 GET_INTERVAL: int = common.MAV_CMD_GET_MESSAGE_INTERVAL
 MAX_INTERVAL_US = 0x7FFF_FFFF
 """MESSAGE_INTERVAL carries a signed 32 bit number [us]: 36 minutes at most."""
@@ -30,6 +31,8 @@ SILENT_NS: Final = 10_000_000_000
 """A peer that has been silent for longer has gone [ns]; ground stations send every second."""
 
 OFF = -1
+HIGH_LATENCY_NS: Final = 5_000_000_000
+"""Interval of HIGH_LATENCY2, where it is asked for by its own command [ns]."""
 SHORTEST_NS = round(1e9 / MAX_RATE_HZ)
 PHASE_NS = 20_000_000
 """The streams start one after the other by this [ns], so that they do not fall into one step."""
@@ -57,17 +60,21 @@ class _Rate:
 
 @dataclass(slots=True)
 class _Plan:
-    """What one peer gets: the rates by message, and whether it has asked for other ones."""
+    """What one peer gets: the rates by message, and whether it has asked for other ones.
+
+    Those that outlast silence hold though nothing comes from it.
+    """
 
     rates: dict[int, _Rate] = field(default_factory=dict)
     is_asked_for: bool = False
+    outlasts_silence: bool = False
 
 
 class Streams(Microservice):
     """Sends the streams of all services; a peer may change its own rates."""
 
     handles = frozenset({common.MAVLINK_MSG_ID_REQUEST_DATA_STREAM})
-    commands = frozenset({SET_INTERVAL, GET_INTERVAL})
+    commands = frozenset({SET_INTERVAL, GET_INTERVAL, HIGH_LATENCY})
 
     def __init__(self, context: Context) -> None:
         super().__init__(context)
@@ -90,13 +97,31 @@ class Streams(Microservice):
                 plan.is_asked_for = True
 
     def on_command(self, command: Command, now_ns: int) -> int:
-        """Take SET_ and GET_MESSAGE_INTERVAL; DENIED where the message is not ours to send."""
+        """Take SET_ and GET_MESSAGE_INTERVAL; DENIED where the message is not ours to send.
+
+        CONTROL_HIGH_LATENCY: param1 1 leaves its sender HIGH_LATENCY2 alone, beside heartbeats.
+        """
+        if command.number == HIGH_LATENCY:
+            return self._high_latency(command, now_ns)
         message_id = command.whole(0)
         if message_id is None:
             return DENIED
         if command.number == GET_INTERVAL:
             return self._tell_interval(message_id, command, now_ns)
         return self._set_interval(message_id, command, now_ns)
+
+    def _high_latency(self, command: Command, now_ns: int) -> int:
+        """Send a peer one small message, or what all others get again."""
+        if command.params[0] not in {0.0, 1.0}:
+            return DENIED
+        self._plans.pop(command.peer, None)
+        if command.params[0] == 1.0:
+            plan = self._plan(command.peer, now_ns)
+            for message_id in plan.rates:
+                is_it = message_id == common.MAVLINK_MSG_ID_HIGH_LATENCY2
+                plan.rates[message_id] = _Rate(HIGH_LATENCY_NS if is_it else OFF, now_ns)
+            plan.is_asked_for = plan.outlasts_silence = True
+        return ACCEPTED
 
     def _set_interval(self, message_id: int, command: Command, now_ns: int) -> int:
         """Change the interval for the sender: 0 is the default, -1 is off.
@@ -169,7 +194,8 @@ class Streams(Microservice):
         context = self._context
         for peer, plan in list(self._plans.items()):
             silent_ns = now_ns - context.heard_ns.get(peer, 0)
-            if peer not in context.peers or (plan.is_asked_for and silent_ns > SILENT_NS):
+            ends = plan.is_asked_for and not plan.outlasts_silence and silent_ns > SILENT_NS
+            if ends or peer not in context.peers:
                 del self._plans[peer]
 
     def _plan(self, peer: Peer, now_ns: int) -> _Plan:

@@ -271,10 +271,12 @@ def test_the_packed_parameters_are_those_of_the_list(bench, query):
 def test_the_metadata_name_each_parameter_with_its_unit_and_range(bench):
     client = Client(bench)
     general = json.loads(client.burst("@META/general.json"))
-    ((kind, uri, crc),) = [tuple(each.values()) for each in general["metadataTypes"]]
-    content = client.burst(uri.removeprefix("mftp:///"))
-    assert kind == 1
-    assert crc == crc_bit_by_bit(content)
+    contents = {}
+    for kind, uri, crc in [tuple(each.values()) for each in general["metadataTypes"]]:
+        contents[kind] = client.burst(uri.removeprefix("mftp:///"))
+        assert crc == crc_bit_by_bit(contents[kind])
+    assert contents.keys() == {1, 4}  # parameters, events
+    content = contents[1]
     entries = {each["name"]: each for each in json.loads(content)["parameters"]}
     assert list(entries) == [each.name for each in bench.parameters.parameters]
     limit = entries["LIM_V_MAX"]
