@@ -87,7 +87,6 @@ def test_what_a_service_says_of_itself_is_what_is_dispatched(bench):
         | common.MAV_PROTOCOL_CAPABILITY_MISSION_INT
         | common.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE
         | common.MAV_PROTOCOL_CAPABILITY_MISSION_RALLY
-        | common.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST
         | common.MAV_PROTOCOL_CAPABILITY_FTP
     )
 
