@@ -1,12 +1,14 @@
 """Ground stations as people use them drive the robot: MAVSDK and MAVProxy, in processes of theirs.
 
 They are no dependency of robotctl. ROBOTCTL_STATIONS names the Python of a virtual environment with
-what hil_tests/stations/requirements.txt says.
+what hil_tests/stations/requirements.txt says; ROBOTCTL_NODE a folder in which `npm install
+node-mavlink@2.3.0` was run, a codec that others wrote.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import os
 import socket
 import subprocess
@@ -14,22 +16,29 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from hil_tests.ground_station import GroundStation, mavlink
 from hil_tests.rig import PATIENT_S, Rig
 from robotctl.app.supervision.stack import CONTROL, NAVIGATION, TELEMETRY
+from robotctl.mavlink.config import MavlinkConfig
+from robotctl.mavlink.context import Context, TelemetryRobot
 from robotctl.mavlink.globe import Origin
+from robotctl.mavlink.service import catalogue_of
+from robotctl.mavlink.services.registry import SERVICES
 from robotctl.messages.control import Mode, SafetyState
 
 PYTHON = os.environ.get("ROBOTCTL_STATIONS", "")
+NODE = os.environ.get("ROBOTCTL_NODE", "")
 HERE = Path(__file__).parent / "stations"
 LONGEST_S = 240.0
 ORIGIN = Origin(48.13, 11.57, 520.0)
 HOME, PLACES, GOAL = (2.0, 2.0), ((3.2, 2.2), (3.2, 3.0)), (2.6, 2.2)
 """In `world` [m]."""
 
-pytestmark = pytest.mark.skipif(
+needs_stations = pytest.mark.skipif(
     not PYTHON, reason="not run, no Python with MAVSDK and MAVProxy in ROBOTCTL_STATIONS"
 )
 
@@ -61,6 +70,7 @@ def robot(without_floods: None, make_rig: Callable[..., Rig]) -> Callable[[str],
     return start
 
 
+@needs_stations
 @pytest.mark.timeout(2 * LONGEST_S)
 @pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 def test_a_program_of_mavsdk_does_all_with_it(
@@ -146,6 +156,7 @@ def items(folder: Path, name: str, lines: list[tuple[float, ...]]) -> str:
     return name
 
 
+@needs_stations
 @pytest.mark.timeout(2 * LONGEST_S)
 def test_mavproxy_does_all_with_it(robot: Callable[[str], tuple[Rig, int]], tmp_path: Path) -> None:
     rig, port = robot("ardupilot")
@@ -181,3 +192,58 @@ def _is_at(rig: Rig, place: tuple[float, float]) -> bool:
     truth, mode = rig.fresh_truth(), rig.navigation and rig.navigation.mode
     gap_m = abs(complex(truth.x_m, truth.y_m) - complex(*place))
     return mode is Mode.RTL and gap_m < 0.3
+
+
+@pytest.mark.skipif(not NODE, reason="not run, no node-mavlink in ROBOTCTL_NODE")
+def test_a_codec_that_others_wrote_reads_each_message_field_by_field(
+    make_station: Callable[..., GroundStation],
+) -> None:
+    station = make_station(
+        override=f"mavlink.origin={{latitude_deg={ORIGIN.latitude_deg},longitude_deg=11.57}}"
+    )
+    context = Context(MavlinkConfig(), TelemetryRobot(), SimpleNamespace(count=0))
+    streams = catalogue_of([make(context) for make in SERVICES]).streams
+    for number, stream in streams.items():
+        if stream.rate_hz is not None:
+            station.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, number, 500_000)
+    for number in streams:
+        station.command(mavlink.MAV_CMD_REQUEST_MESSAGE, number)
+    found = {}
+    end_s = time.monotonic() + 3.0
+    while time.monotonic() < end_s:
+        message = station.link.recv_match(blocking=True, timeout=0.1)
+        if message is not None:
+            found[message.get_msgId()] = message
+    messages = list(found.values())
+    frames = "\n".join(bytes(message.get_msgbuf()).hex() for message in messages)
+    read = subprocess.run(
+        ["node", str(HERE / "read_frames.cjs")],
+        input=frames, capture_output=True, text=True, timeout=60.0, check=False,
+        env={**os.environ, "NODE_PATH": str(Path(NODE) / "node_modules")},
+    )  # fmt: skip
+    assert read.returncode == 0, read.stderr
+    answers = [json.loads(line) for line in read.stdout.splitlines()]
+    known = [pair for pair in zip(messages, answers, strict=True) if pair[1] is not None]
+    assert len(known) > 20
+    for message, (name, fields) in known:
+        assert name == message.get_type()
+        expected = {key: plain(value) for key, value in message.to_dict().items()}
+        del expected["mavpackettype"]
+        found = {key: plain(value) for key, value in fields.items()}
+        # Either may have fields that were added later: nothing is in those.
+        added = found.keys() - expected.keys()
+        assert not any(found.pop(key) for key in added), name
+        assert found == {key: value for key, value in expected.items() if key in found}, name
+        assert len(found) > 0.7 * len(expected), name
+
+
+def plain(value: object) -> object:
+    """Return a field in one form: not all write numbers, text and arrays alike."""
+    if isinstance(value, list | tuple | bytearray):
+        return [plain(each) for each in value]
+    if isinstance(value, str):
+        text = value.rstrip("\0")
+        return text.lower() if text.lower() in {"nan", "infinity", "-infinity"} else text
+    if isinstance(value, float) and not math.isfinite(value):
+        return {math.inf: "infinity", -math.inf: "-infinity"}.get(value, "nan")
+    return float(value) if isinstance(value, int | float) else value
