@@ -12,7 +12,7 @@ from typing import Final
 from pymavlink.dialects.v20 import common
 
 from robotctl.mavlink.config import MavlinkConfig
-from robotctl.messages.mavlink_port import MavlinkPort, Peer, Received, source
+from robotctl.messages.mavlink_port import MavlinkPort, Message, Peer, Received, source
 
 MOST_ROUTES: Final = 128
 """Components that are remembered, the longest silent go first."""
@@ -40,12 +40,13 @@ class Forwarder:
     links
         Take what is passed on.
     config
-        Address of the robot.
+        Address of the robot, and what its links do not take.
     """
 
     def __init__(self, links: MavlinkPort, config: MavlinkConfig) -> None:
         self._links = links
         self._self = (config.system_id, config.component_id)
+        self._filters = dict(enumerate(config.link))
         self._routes: dict[tuple[int, int], Peer] = {}
         self._frames: dict[bytes, int] = {}
         """When each frame came last, the oldest first [ns]."""
@@ -68,10 +69,23 @@ class Forwarder:
         if message.get_msgId() in _OURS_ALONE:
             return
         system = getattr(message, "target_system", 0)
-        targets = self._behind(system, getattr(message, "target_component", 0)) - {peer}
+        behind = self._behind(system, getattr(message, "target_component", 0)) - {peer}
+        targets = {each for each in behind if self._passes(message, each.link)}
         if targets and self._left:
             self._left -= 1
             self._links.forward(message, targets)
+
+    def _passes(self, message: Message, link: int) -> bool:
+        """Say whether a link takes a message of others."""
+        config = self._filters.get(link)
+        if config is None:
+            return True
+        system, component = source(message)
+        return not (
+            message.get_msgId() in config.blocked_messages
+            or system in config.blocked_systems
+            or component in config.blocked_components
+        )
 
     def _behind(self, system: int, component: int) -> set[Peer]:
         """Return the peers that lead to a target; 0 is all of them."""

@@ -47,18 +47,32 @@ class LinkConfig:
         `serial:/dev/NAME:BAUD` is a serial line or radio. IPv6 hosts stand in brackets.
     safe : bool
         A signing key may come over it: nobody else can listen, as on a cable.
+    blocked_messages, blocked_systems, blocked_components : tuple of int
+        Of what others send, that is not passed on to it: by number of the message, and by who has
+        sent it.
 
     Raises
     ------
     ValueError
-        If `url` has none of these forms or its host cannot be one; the message names what is
-        allowed.
+        If `url` has none of these forms or its host cannot be one, or a number is none; the message
+        names what is allowed.
     """
 
     url: str
     safe: bool = False
+    blocked_messages: tuple[int, ...] = ()
+    blocked_systems: tuple[int, ...] = ()
+    blocked_components: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
+        for name, most in (
+            ("blocked_messages", 0xFF_FFFF),
+            ("blocked_systems", 0xFF),
+            ("blocked_components", 0xFF),
+        ):
+            for number in getattr(self, name):
+                if not 0 <= number <= most:
+                    raise InvalidValue(name, f"must be 0 to {most}, not {number}", number)
         try:
             parse_link_url(self.url)
         except ValueError as error:

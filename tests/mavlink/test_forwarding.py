@@ -1,8 +1,11 @@
 """Between links: broadcasts to all others, the rest to where its target was heard, none twice."""
 
+import dataclasses
+
 import pytest
 from pymavlink.dialects.v20 import common as m
 
+from robotctl.errors import InvalidValue
 from robotctl.mavlink.forwarding import MOST_IN_A_STEP, MOST_ROUTES
 from robotctl.messages.mavlink_port import Peer, Received
 from tests.mavlink.conftest import Bench
@@ -15,8 +18,8 @@ seq = iter(range(10**9))
 class Net(Bench):
     """A robot with three links."""
 
-    def __init__(self):
-        super().__init__(links=3)
+    def __init__(self, **config):
+        super().__init__(links=3, **config)
 
     def arrive(self, peer, message, system=255, component=190, number=None):
         """Let a message come; return where it goes on."""
@@ -37,6 +40,26 @@ def net():
     assert found.arrive(COMPANION, BEAT, 1, 191) == {STATION, RADIO}
     assert found.arrive(RADIO, BEAT, 7, 1) == {STATION, COMPANION}
     return found
+
+
+def test_a_link_gets_nothing_that_its_filters_name(link_config):
+    plain, filtered = link_config("udpin:127.0.0.1:0", "udpin:127.0.0.1:1")
+    quiet = dataclasses.replace(
+        filtered,
+        blocked_messages=(m.MAVLINK_MSG_ID_PING,),
+        blocked_systems=(8,),
+        blocked_components=(158,),
+    )
+    net = Net(link=(plain, quiet))
+    for peer, system in ((STATION, 255), (COMPANION, 1), (RADIO, 7)):
+        net.arrive(peer, BEAT, system, 191)
+    assert net.arrive(RADIO, BEAT, 9, 1) == {STATION, COMPANION}
+    assert net.arrive(RADIO, ping(0, 0), 9, 1) == {STATION}
+    assert net.arrive(RADIO, BEAT, 8, 1) == {STATION}
+    assert net.arrive(RADIO, BEAT, 9, 158) == {STATION}
+    assert net.arrive(STATION, ping(1, 191)) == set()
+    with pytest.raises(InvalidValue, match="0 to 255, not 256"):
+        dataclasses.replace(filtered, blocked_systems=(256,))
 
 
 def ping(system, component):
