@@ -38,6 +38,7 @@ from benchmarks import (
     sensor_models,
     start_up,
     tick_cost,
+    visual_places,
     wall_following,
 )
 
@@ -65,6 +66,7 @@ SUBJECTS = {
     "mcl": localisation_accuracy.run,
     "mcl-sonar": localisation_sonar.run,
     "places": place_recognition.run,
+    "visual-places": visual_places.run,
     "graphs": graphs.run,
     "planning": global_planning.run,
     "local": local_planning.run,

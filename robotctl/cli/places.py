@@ -1,4 +1,4 @@
-"""`robotctl places`: places that the robot knows by its sonars."""
+"""`robotctl places`: places that the robot knows by its sonars, or by images."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from rich.table import Table
 from robotctl.cli.arguments import Overrides, RobotName, refuse_unused
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
+from robotctl.cli.places_images import match, train_vocabulary
 
 if TYPE_CHECKING:
     from robotctl.estimation.places.database import PlaceBook
@@ -24,7 +25,9 @@ if TYPE_CHECKING:
 
 REFUSED = 3
 
-app = typer.Typer(no_args_is_help=True, help="Learn and recognise places by sonar.")
+app = typer.Typer(no_args_is_help=True, help="Learn and recognise places by sonar or images.")
+app.command("train-vocabulary")(train_vocabulary)
+app.command()(match)
 
 Book = Annotated[Path, typer.Option(metavar="FILE", help="File of known places.")]
 Log = Annotated[

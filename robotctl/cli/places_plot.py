@@ -1,4 +1,4 @@
-"""Signatures of places as pictures; needs the extra `plot`."""
+"""Signatures of places, and recognised images, as pictures; needs the extra `plot`."""
 
 from __future__ import annotations
 
@@ -9,9 +9,11 @@ from typing import Any, Final
 
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from robotctl.estimation.places.database import PlaceBook
 from robotctl.estimation.places.signatures import Signature
+from robotctl.workbench.places.images import MatchedImages
 from robotctl.workbench.places.places import Recognised
 
 _IN_A_ROW: Final = 4
@@ -45,6 +47,32 @@ def save_recognition(book: PlaceBook, found: Sequence[Recognised], file: Path) -
             _draw(panel, visit.signature, 0.0, book, "tab:gray")
         _draw(panel, signature, turned_rad, book, "tab:red")
         panel.set_title(title)
+    figure.savefig(file)
+
+
+def save_matched(matched: MatchedImages, truth: NDArray[np.bool_] | None, file: Path) -> None:
+    """Draw the scores of all candidates, what was recognised, and the truth if it is known."""
+    figure = Figure(figsize=(7.0, 7.0), dpi=120, layout="constrained")
+    axes = figure.subplots()
+    if truth is not None:
+        axes.plot(*np.argwhere(truth).T[::-1], "s", color="0.85", markersize=5, label="truth")
+    looked_at = [
+        (each.image, i, each.score)
+        for i, recognition in enumerate(matched.recognitions)
+        for each in recognition.candidates
+    ]
+    if looked_at:
+        columns, rows, scores = zip(*looked_at, strict=True)
+        shades = axes.scatter(columns, rows, 9, scores, cmap="viridis", label="candidates")
+        figure.colorbar(shades, label="score", shrink=0.6)
+    if matched.pairs:
+        found = np.array(matched.pairs)
+        axes.plot(found[:, 1], found[:, 0], "o", color="tab:red", mfc="none", label="recognised")
+    axes.set_xlabel("known image")
+    axes.set_ylabel("image")
+    axes.set_aspect("equal")
+    axes.invert_yaxis()
+    axes.legend(loc="upper right")
     figure.savefig(file)
 
 

@@ -1,0 +1,1 @@
+"""Recognising places by what a camera sees: bags of visual words."""
