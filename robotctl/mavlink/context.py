@@ -118,6 +118,40 @@ class NoStore:
         """Have nothing to remove."""
 
 
+class CanTap(Protocol):
+    """The robot's CAN bus, for who watches it; nothing waits or raises."""
+
+    def open(self) -> bool:
+        """Open it, if it is not; return whether it is."""
+
+    def receive(self) -> Sequence[tuple[int, bytes]]:
+        """Return identifiers and data of what came since the last call."""
+
+    def send(self, number: int, data: bytes) -> None:
+        """Send a frame, if the bus takes it."""
+
+    def close(self) -> None:
+        """Release it."""
+
+
+class NoCan:
+    """No bus."""
+
+    def open(self) -> bool:
+        """Fail."""
+        return False
+
+    def receive(self) -> Sequence[tuple[int, bytes]]:
+        """Hear nothing."""
+        return ()
+
+    def send(self, number: int, data: bytes) -> None:
+        """Send nothing."""
+
+    def close(self) -> None:
+        """Have nothing to do."""
+
+
 def _take_no_key(key: bytes, stamp: int) -> str:  # noqa: ARG001
     """Return why no key for signing is taken."""
     return "nothing keeps it"
@@ -150,18 +184,17 @@ class Pending:
 class Context:
     """The present state and the outputs of a step, shared by all microservices.
 
-    `stores` keep plans, by their kind, `parameter_store` the `parameters`; `take_key`
-    uses and keeps a key for signing with its time stamp, and returns why not. `folders` are served
-    as files by their names in the root, which is "" itself. `origin` says where
+    `stores` keep plans, by their kind, `parameter_store` the `parameters`; `take_key` uses and
+    keeps a key for signing with its time stamp, and returns why not. `folders` are served as files
+    by their names in the root, which is "" itself. `can` is the robot's bus. `origin` says where
     `world` is on the globe, once that is known, `origin_users` which kinds of plans have places by
     it. `catalogue` is the sum of them, known once all are made. `wall_ns` returns the time of day
-    [ns since 1970]; `scan` is the lidar's last. `stretch` says how much longer than asked
-    for the intervals of streams are, by link. `peers` are served on the links
-    now, `heard_ns` says when each of them was heard last [ns]. `ground_stations` are those alive,
-    by address, the longest known first. `pending` are the commands that wait for their results, by
-    sender, number and peer. `acks` are those of this step. `texts` wait for the
-    STATUSTEXT service, `notices` for the process, which may publish them; they must not come back
-    as input, they are sent already.
+    [ns since 1970]; `scan` is the lidar's last. `stretch` says how much longer than asked for the
+    intervals of streams are, by link. `peers` are served on the links now, `heard_ns` says when
+    each of them was heard last [ns]. `ground_stations` are those alive, by address, the longest
+    known first. `pending` are the commands that wait for their results, by sender, number and peer.
+    `acks` are those of this step. `texts` wait for the STATUSTEXT service, `notices` for the
+    process, which may publish them; they must not come back as input, they are sent already.
     """
 
     config: MavlinkConfig
@@ -172,6 +205,7 @@ class Context:
     parameter_store: ParameterStore = field(default_factory=NoParameterStore)
     take_key: Callable[[bytes, int], str] = _take_no_key
     folders: Mapping[str, Files] = field(default_factory=dict)
+    can: CanTap = field(default_factory=NoCan)
     origin: Origin | None = None
     origin_users: set[str] = field(default_factory=set)
     wall_ns: Callable[[], int] = time.time_ns

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from robotctl.mavlink.config import MavlinkConfig
 from robotctl.mavlink.context import (
+    CanTap,
     Context,
     GroundStation,
     PlanStore,
@@ -46,6 +47,8 @@ class Telemetry:
         Uses and keeps a key for signing with its time stamp; returns why not, empty: it does.
     folders : mapping of Files
         Served as files, by their names in the root, which is "" itself.
+    can : CanTap
+        The robot's bus, for who asks for its frames; the caller closes it.
     """
 
     def __init__(
@@ -60,10 +63,12 @@ class Telemetry:
         parameter_store: ParameterStore | None = None,
         take_key: Callable[[bytes, int], str] | None = None,
         folders: Mapping[str, Files] | None = None,
+        can: CanTap | None = None,
     ) -> None:
         store = parameter_store or NoParameterStore()
         context = Context(config, robot, links, stores or {}, parameters, store)
         context.folders = folders or {}
+        context.can = can or context.can
         if take_key is not None:
             context.take_key = take_key
         self._members = tuple(make(context) for make in services)

@@ -10,7 +10,7 @@ from robotctl.messages.mavlink_port import Peer, Received
 
 HANDLED = [
     0, 11, 20, 21, 23, 38, 39, 41, 44, 45, 48, 66, 69, 73, 75, 76, 80, 84, 102, 110, 111, 117, 119,
-    121, 122, 331, 412,
+    121, 122, 331, 386, 388, 412,
 ]  # fmt: skip
 
 ACTING = [

@@ -11,6 +11,7 @@ from typing import Final
 import zmq
 
 import robotctl
+from robotctl.app.processes.can_tap import BusTap
 from robotctl.app.processes.entry import enter
 from robotctl.app.processes.plan_files import plan_stores
 from robotctl.app.processes.served_folder import served_folders
@@ -95,6 +96,8 @@ def run(config: RobotConfig, options: StackOptions) -> None:
         links = stack.enter_context(
             MavlinkLinks(mavlink.link, mavlink.system_id, mavlink.component_id, keys.signing, tlog)
         )
+        tap = BusTap(config.can)
+        stack.callback(tap.close)
         telemetry = Telemetry(
             mavlink,
             described(config, options),
@@ -104,6 +107,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
             parameter_store=ParameterFile(options.state),
             take_key=keys.take_key,
             folders=served_folders(options),
+            can=tap,
         )
         heartbeat = ProcessHeartbeat(os.environ)
         # The one request that is kept for a control process that is not there yet.

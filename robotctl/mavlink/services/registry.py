@@ -8,6 +8,7 @@ from robotctl.mavlink.service import Microservice
 from robotctl.mavlink.services.arming import Arming
 from robotctl.mavlink.services.autopilot_version import AutopilotVersion
 from robotctl.mavlink.services.battery import Battery
+from robotctl.mavlink.services.can_forward import CanForward
 from robotctl.mavlink.services.commands import Commands
 from robotctl.mavlink.services.estimator import Estimator
 from robotctl.mavlink.services.events import Events
@@ -90,6 +91,7 @@ SERVICES: Final[tuple[type[Microservice], ...]] = (
     Parameters,
     Ftp,
     LogDownload,
+    CanForward,
     Streams,
     LinkWatch,
     StatusText,

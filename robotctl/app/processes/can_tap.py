@@ -1,0 +1,76 @@
+"""A second socket on the robot's CAN bus, for who watches it over MAVLink."""
+
+from __future__ import annotations
+
+import struct
+from typing import Final
+
+import can
+
+from robotctl.drivers.can.config import CanConfig
+from robotctl.drivers.can.port import Descriptor, opener
+
+_FRAME: Final = struct.Struct("=IB3x8s")
+_NUMBER: Final = 0x7FF
+MOST: Final = 256
+"""Frames read at a time: a babbling node must not hold telemetry."""
+
+
+class BusTap:
+    """Hears and sends frames while it is open; nothing here waits or raises.
+
+    Parameters
+    ----------
+    config
+        Which bus.
+    """
+
+    def __init__(self, config: CanConfig) -> None:
+        self._open = opener(config, ())
+        self._descriptor: Descriptor | None = None
+
+    def open(self) -> bool:
+        """Open the bus, if it is not; return whether it is."""
+        if self._descriptor is None:
+            try:
+                self._descriptor = self._open()
+            except (OSError, can.CanError, ValueError):
+                return False
+        return True
+
+    def receive(self) -> list[tuple[int, bytes]]:
+        """Return identifiers and data of the data frames that came since the last call."""
+        frames: list[tuple[int, bytes]] = []
+        for _ in range(MOST):
+            if self._descriptor is None:
+                break
+            try:
+                raw = self._descriptor.socket.recv(_FRAME.size)
+            except BlockingIOError:
+                break
+            except OSError:
+                raw = b""
+            if len(raw) < _FRAME.size:
+                self.close()
+                break
+            number, length, data = _FRAME.unpack(raw)
+            if number <= _NUMBER:  # no flag of extended, remote or error frames
+                frames.append((number, data[: min(length, len(data))]))
+        return frames
+
+    def send(self, number: int, data: bytes) -> None:
+        """Send one frame, if the bus takes it."""
+        if self._descriptor is None:
+            return
+        try:
+            self._descriptor.socket.send(_FRAME.pack(number, len(data), data))
+        except BlockingIOError:
+            return
+        except OSError:
+            self.close()
+
+    def close(self) -> None:
+        """Release the bus."""
+        if self._descriptor is not None:
+            self._descriptor.close()
+            self._descriptor = None
