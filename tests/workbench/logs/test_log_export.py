@@ -21,6 +21,7 @@ from robotctl.logs.mcap.entries import Published
 from robotctl.logs.mcap.log import McapLog
 from robotctl.logs.mcap.table import header_of, rows_of, unit_of
 from robotctl.messages.control import Notice
+from robotctl.runtime.flight.recorder import LENGTH
 from robotctl.workbench.logs.export import Exported, export_csv
 from robotctl.workbench.logs.rows import RecordingError, Survey
 from tests.app.simulation.missions import PATROL
@@ -231,7 +232,10 @@ def test_a_record_of_the_control_loop_tells_the_same_states_as_the_log_beside_it
 def test_a_record_that_was_cut_is_read_up_to_the_cut(run: Path, tmp_path: Path) -> None:
     path = tmp_path / "cut.rec"
     content = (run / "control-0001.rec").read_bytes()
-    path.write_bytes(content[: len(content) // 2])
+    cut = 0
+    while cut < len(content) // 2:
+        cut += LENGTH.size + LENGTH.unpack_from(content, cut)[0]
+    path.write_bytes(content[: cut + LENGTH.size + 1])  # between two messages it would look whole
     result = exported(path, tmp_path)
     assert any("was cut short, read up to there" in note for note in result.notes)
     assert len(pd.read_csv(tmp_path / "tick.csv")) > 20
