@@ -124,6 +124,16 @@ class PlanningMap:
         )
         return hits
 
+    def has_room_at(self, pose: SE2) -> bool:
+        """Return whether the body touches nothing at a pose of `world`."""
+        here = self.to_cells(pose)
+        return not self.collides(np.array([[here.x_m, here.y_m, here.theta_rad]]))[0]
+
+    def can_turn_at(self, pose: SE2) -> bool:
+        """Return whether the body can turn on the spot at a pose of `world` on the map."""
+        here = self.to_cells(pose)
+        return bool(self.clearance[math.floor(here.y_m), math.floor(here.x_m)] > self.circumscribed)
+
     def gaps_m(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the distance of the body from blocked cells, for poses (n, 3) in cells, (n,) [m].
 

@@ -28,6 +28,7 @@ from robotctl.planning.global_planning.plan import (
 )
 from robotctl.planning.global_planning.smoothing import straightened
 from robotctl.planning.global_planning.straight import collisions, radii, straight_poses
+from robotctl.planning.global_planning.widest_way import widest_way
 
 _CLASSES: Final = 250
 """Costs between the margin and comfort."""
@@ -59,14 +60,18 @@ class GridPlanner:
             return failure
         side_m = space.grid.resolution_m
         margin = self._config.margin_m / side_m
-        expanded = 0
+        expanded, widest = 0, math.inf
         for radius in radii(space, margin):
+            if radius > widest:
+                continue
             found = self._search(space, radius, start, goal, goes_on)
             expanded += found.expanded
             if isinstance(found, PlanFailure):
                 return replace(found, expanded=expanded)
             if len(found.poses):
                 return replace(found, expanded=expanded)
+            if widest == math.inf and self._config.corners == "both":
+                widest = _widest(space, start, goal)
         return no_path(space, start, goal, expanded)
 
     def _search(
@@ -138,3 +143,14 @@ class GridPlanner:
         if self._config.any_angle:
             points = points[straightened(points, space.clearance, factors[costs])]
         return straight_poses(points, *ends)
+
+
+def _widest(space: PlanningMap, start: SE2, goal: SE2) -> float:
+    """Return half the width of the widest way between places that have room [cells]; -1: none."""
+    here, there = space.to_cells(start), space.to_cells(goal)
+    ends = [(math.floor(end.y_m), math.floor(end.x_m)) for end in (here, there)]
+    room = space.clearance.copy()
+    for end in ends:
+        room[end] = math.inf
+    way = widest_way(room, *ends)
+    return -1.0 if way is None else way[0]

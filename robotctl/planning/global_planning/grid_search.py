@@ -276,11 +276,16 @@ def _put(
     state[_LIVE] += 1
 
 
+@compiled
 def _path(came: NDArray[np.int8], width: int, begin: int, end: int) -> NDArray[np.int64]:
     """Return the cells (n, 2) from start to goal by the direction in which each was reached."""
-    cells = [end]
-    while cells[-1] != begin:
-        direction = came[cells[-1]]
-        cells.append(int(cells[-1] - _ROW_STEPS[direction] * width - _COLUMN_STEPS[direction]))
-    flat = np.array(cells[::-1])
-    return np.stack([flat // width - 1, flat % width - 1], axis=1)
+    count, cell = 1, end
+    while cell != begin:
+        cell -= _ROW_STEPS[came[cell]] * width + _COLUMN_STEPS[came[cell]]
+        count += 1
+    cells = np.empty((count, 2), np.int64)
+    cell = end
+    for at in range(count - 1, -1, -1):
+        cells[at, 0], cells[at, 1] = cell // width - 1, cell % width - 1
+        cell -= _ROW_STEPS[came[cell]] * width + _COLUMN_STEPS[came[cell]]
+    return cells

@@ -9,11 +9,9 @@ from numpy.typing import NDArray
 from scipy import ndimage  # type: ignore[import-untyped]
 
 from robotctl.model.geometry.se2 import SE2
-from robotctl.planning.costmap.planning_map import PlanningMap, clearance_of
+from robotctl.planning.costmap.planning_map import PlanningMap
 from robotctl.planning.global_planning.plan import PlanFailure, Point, Reason
-
-_HALVINGS = 24
-"""Of the width of a passage: beyond the resolution of any map."""
+from robotctl.planning.global_planning.widest_way import widest_way
 
 
 def blocked_ends(space: PlanningMap, start: SE2, goal: SE2) -> PlanFailure | None:
@@ -32,7 +30,7 @@ def _blocked_end(space: PlanningMap, name: str, pose: SE2) -> PlanFailure | None
         reason = Reason.START_OFF_MAP if name == "start" else Reason.GOAL_OFF_MAP
         text = f"{said} lies off the map of {columns * side_m:.2f} m x {rows * side_m:.2f} m"
         return PlanFailure(reason, text, place)
-    if not space.collides(np.array([[here.x_m, here.y_m, here.theta_rad]]))[0]:
+    if space.has_room_at(pose):
         return None
     reason = Reason.START_BLOCKED if name == "start" else Reason.GOAL_BLOCKED
     row, column = math.floor(here.y_m), math.floor(here.x_m)
@@ -54,8 +52,9 @@ def _blocked_end(space: PlanningMap, name: str, pose: SE2) -> PlanFailure | None
 def no_path(space: PlanningMap, start: SE2, goal: SE2, expanded: int) -> PlanFailure:
     """Return why no path joins two ends at which the robot can stand."""
     ends = _cell(space, (start.x_m, start.y_m)), _cell(space, (goal.x_m, goal.y_m))
-    width, place = _narrowest(space.clearance, *ends)
-    if place is not None:
+    widest = widest_way(space.clearance, *ends)
+    if widest is not None:
+        width, place = widest[0], np.array(widest[1])
         x_m, y_m = _centre(space, place)
         side_m = space.grid.resolution_m
         has_m, needs_m = (
@@ -75,8 +74,8 @@ def no_path(space: PlanningMap, start: SE2, goal: SE2, expanded: int) -> PlanFai
         )
         return PlanFailure(Reason.NOT_FOUND, text, (x_m, y_m), expanded)
     if not space.through_unknown:
-        open_width, _ = _narrowest(clearance_of(space.obstacle), *ends)
-        if open_width > 0.0:
+        labels, _ = ndimage.label(~space.obstacle)
+        if labels[ends[0]] == labels[ends[1]]:
             unknown = space.blocked & ~space.obstacle
             x_m, y_m = _entry(space, unknown, ends)
             text = (
@@ -134,57 +133,6 @@ def _free_beside(space: PlanningMap, here: SE2) -> str:
         return "; there is no place on this map where the robot can stand and turn"
     x_m, y_m = nearest(space, free, here)
     return f"; the nearest place with room for it is x {x_m:.2f} m, y {y_m:.2f} m"
-
-
-def _narrowest(
-    clearance: NDArray[np.float32], start: tuple[int, int], goal: tuple[int, int]
-) -> tuple[float, NDArray[np.int64] | None]:
-    """Return half the width of the widest path between two cells [cells], and its narrowest place.
-
-    0 and None if there is none. Ways go from side to side of cells, as diagonal steps need both.
-    """
-    low, high = 0.0, float(min(clearance[start], clearance[goal]))
-    if high <= 0.0 or not _joined(clearance, low, start, goal):
-        return 0.0, None
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        if _joined(clearance, middle, start, goal):
-            low = middle
-        else:
-            high = middle
-    # The widest path opens with the cells of just this clearance, and closes without them.
-    inside = clearance >= low - 1e-6
-    labels, _ = ndimage.label(clearance > high + 1e-6)
-    bridge = np.argwhere(inside & (labels == 0))
-    return low, bridge[_between(bridge, labels, inside, start, goal)]
-
-
-def _between(
-    bridge: NDArray[np.int64],
-    labels: NDArray[np.int32],
-    inside: NDArray[np.bool_],
-    start: tuple[int, int],
-    goal: tuple[int, int],
-) -> int:
-    """Return the cell of the bridge on the widest path, the first from the start."""
-    from robotctl.planning.global_planning.grid_search import search_cells  # noqa: PLC0415
-
-    costs = np.where(inside, np.where(labels == 0, 1, 0), 254).astype(np.uint8)
-    factors = np.full(256, np.inf)
-    factors[:2] = 1.0, 50.0
-    cells = search_cells(costs, factors, start, goal).cells
-    on_way = cells[costs[tuple(cells.T)] == 1]
-    place = on_way[0] if len(on_way) else cells[len(cells) // 2]
-    away = np.abs(bridge - place).sum(axis=1)
-    return int(np.argmin(away))
-
-
-def _joined(
-    clearance: NDArray[np.float32], least: float, start: tuple[int, int], goal: tuple[int, int]
-) -> bool:
-    """Return whether a path with a clearance joins two cells."""
-    labels, _ = ndimage.label(clearance >= least)
-    return bool(labels[start] == labels[goal] != 0)
 
 
 def _entry(

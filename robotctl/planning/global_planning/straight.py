@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.model.geometry.angles import wrap_angle
+from robotctl.compiled import compiled
 from robotctl.model.geometry.se2 import SE2
-from robotctl.planning.costmap.planning_map import PlanningMap
+from robotctl.planning.costmap.planning_map import PlanningMap, body_hits
 
 _STEP: Final = 0.25
 """The greatest distance that a corner of the body moves between two checks [cells]."""
@@ -51,14 +50,35 @@ def straight_poses(points: NDArray[np.float64], start: SE2, goal: SE2) -> NDArra
 
 def collisions(space: PlanningMap, poses: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return where `base` is as its body first touches something, of each piece, (k, 2) [cells]."""
-    stuck = []
-    for a, b in itertools.pairwise(poses):
-        turn = wrap_angle(b[2] - a[2])
-        corner = max(math.dist(a[:2], b[:2]), abs(turn) * space.circumscribed)
-        count = 1 + int(corner / _STEP)
-        share = np.linspace(0.0, 1.0, count + 1)[:, np.newaxis]
-        between = a + share * np.array([b[0] - a[0], b[1] - a[1], turn])
-        hits = space.collides(between)
-        if hits.any():
-            stuck.append(between[int(np.argmax(hits)), :2])
-    return np.array(stuck).reshape(-1, 2)
+    stuck: NDArray[np.float64] = _collisions(
+        space.blocked, space.clearance, space.samples, space.discs, space.circumscribed, poses
+    )
+    return stuck
+
+
+@compiled
+def _collisions(
+    blocked: NDArray[np.bool_],
+    clearance: NDArray[np.float32],
+    samples: NDArray[np.float64],
+    discs: NDArray[np.float64],
+    reach: float,
+    poses: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Go along each piece until the body touches something."""
+    stuck = np.empty((max(len(poses) - 1, 0), 2))
+    found = 0
+    for i in range(len(poses) - 1):
+        x, y, theta = poses[i]
+        right, up = poses[i + 1, 0] - x, poses[i + 1, 1] - y
+        turn = poses[i + 1, 2] - theta
+        turn -= math.tau * math.ceil((turn - math.pi) / math.tau)  # to (-pi, pi]
+        count = 1 + int(max(np.hypot(right, up), abs(turn) * reach) / _STEP)
+        for j in range(count + 1):
+            share = j / count
+            at_x, at_y = x + share * right, y + share * up
+            if body_hits(blocked, clearance, samples, discs, at_x, at_y, theta + share * turn):
+                stuck[found] = at_x, at_y
+                found += 1
+                break
+    return stuck[:found]

@@ -346,8 +346,12 @@ class MapPilot:
         answer = self._planner.plan(space, start, goal, self._goes_on)
         if not isinstance(answer, PlanFailure) or answer.reason not in _NO_ROOM:
             return answer
+        if not self.steered and answer.reason is Reason.NOT_FOUND and space.can_turn_at(start):
+            return answer
         for on_m, aside_m in _WAYS_OUT_M:
             out = start @ SE2(on_m, aside_m, 0.0)
+            if not space.has_room_at(out):
+                continue
             other = self._planner.plan(space, out, goal, self._goes_on)
             if isinstance(other, Plan):
                 return other if aside_m else _led_by(start, other, reverse=on_m < 0.0)
