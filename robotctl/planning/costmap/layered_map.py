@@ -12,14 +12,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage  # type: ignore[import-untyped]
 
-from robotctl.errors import InvalidValue
 from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.points import moved
 from robotctl.model.geometry.se2 import SE2
@@ -29,14 +27,16 @@ from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.costmap import marks
 from robotctl.planning.costmap.body_cells import cells_at, shrunk
 from robotctl.planning.costmap.clearance import Clearance
+from robotctl.planning.costmap.layers_config import LayersConfig
 from robotctl.planning.costmap.planning_map import PlanningMap
+from robotctl.planning.costmap.take_over import take_over
 from robotctl.planning.costmap.zones import Closed, slowness, speed_limits
 
 _OCCUPIED_PERCENT: Final = 50
 _BEYOND_M: Final = 1.0
 """Clearance is known up to this beyond the circle in which the robot turns [m]: more than any
 planner's margin and comfort."""
-_FARTHEST_M: Final = 10.0
+FARTHEST_M: Final = 10.0
 """What a lidar sees beyond is left for later [m]."""
 _AGREE_M: Final = 0.1
 """A point this near to an obstacle of the map is that [m], and farther away as the heading errs:"""
@@ -52,40 +52,11 @@ _STOOD_NS: Final = 1_000_000_000
 _FLOOR_REACH_M: Final = 1.5
 """`FloorMemory` has all points within this of the robot [m]."""
 _REMEMBERS_S: Final = 86400.0
+_ROUNDING: Final = 1e-9
 _BESIDE_M: Final = 0.15
 """Points this near to a moving obstacle's circle belong to it [m]."""
 
 NOTHING_MOVES: Final = np.empty((0, 5))
-
-
-@dataclass(frozen=True, slots=True)
-class LayersConfig:
-    """How long the map remembers, and what it may assume.
-
-    Parameters
-    ----------
-    decay_s
-        What no sensor has seen again for this long is forgotten [s], 0.1 to 86400.
-    through_unknown
-        Whether the robot may pass where neither map nor sensors know anything.
-    sonar_beam_deg
-        Opening of a sonar's cone, from edge to edge [deg], 1 to 90.
-
-    Raises
-    ------
-    ValueError
-        If a value is out of its range.
-    """
-
-    decay_s: float = 30.0
-    through_unknown: bool = False
-    sonar_beam_deg: float = 25.0
-
-    def __post_init__(self) -> None:
-        for key, low, high in (("decay_s", 0.1, 86400.0), ("sonar_beam_deg", 1.0, 90.0)):
-            value = getattr(self, key)
-            if not low <= value <= high:
-                raise InvalidValue(key, f"{value} found, {low:g} to {high:g} allowed", value)
 
 
 class LayeredMap:
@@ -166,12 +137,37 @@ class LayeredMap:
         Parameters
         ----------
         low, high
-            Its corners in `world` [m]; beyond, everything is blocked.
+            Its corners in `world` [m], moved to whole cells from there; beyond, everything is
+            blocked.
         """
-        shape = tuple(math.ceil((high[i] - low[i]) / resolution_m) for i in (1, 0))
-        grid = GridMap(np.full(shape, UNKNOWN, np.int8), resolution_m, SE2(low[0], low[1], 0.0))
+        first = [math.floor(low[i] / resolution_m + _ROUNDING) for i in (1, 0)]
+        last = [math.ceil(high[i] / resolution_m - _ROUNDING) for i in (1, 0)]
+        cells = np.full((last[0] - first[0], last[1] - first[1]), UNKNOWN, np.int8)
+        origin = SE2(first[1] * resolution_m, first[0] * resolution_m, 0.0)
+        grid = GridMap(cells, resolution_m, origin)
         config = LayersConfig(_REMEMBERS_S, through_unknown=True)
         return cls(grid, footprint, config, closed, full_speed_m_s)
+
+    def take_over(self, old: LayeredMap) -> None:
+        """Take what a smaller map `without_map` with the same cells has seen."""
+        corner = old._space.grid.centre_of(np.zeros((1, 2), np.int64))
+        at = self._space.grid.cell_of(corner)[0].tolist()
+        take_over(self._cells, self._layers, old._cells, old._layers, at)
+
+    def room_m(self, pose: SE2) -> float:
+        """Return how far a pose of `world` on the map is from the map's edge [m]."""
+        here = self._space.to_cells(pose)
+        rows, columns = self._space.shape
+        room = min(here.x_m, here.y_m, columns - here.x_m, rows - here.y_m)
+        return room * self._space.grid.resolution_m
+
+    @property
+    def corners(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Of a map `without_map`, the lowest and the highest in `world` [m]."""
+        grid = self._space.grid
+        low = grid.origin.x_m, grid.origin.y_m
+        rows, columns = grid.shape
+        return low, (low[0] + columns * grid.resolution_m, low[1] + rows * grid.resolution_m)
 
     def forget(self) -> None:
         """Forget all that was seen: the pose was wrong, and so are the places."""
@@ -215,8 +211,8 @@ class LayeredMap:
         sensor = self._space.to_cells(T_world_base @ SE2(scan.x_m, scan.y_m, 0.0))
         angles = scan.angles_rad + sensor.theta_rad
         away = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        lengths = np.minimum(scan.ranges_m, min(scan.max_range_m, _FARTHEST_M)) / side_m
-        echo = (scan.ranges_m < scan.max_range_m) & (scan.ranges_m <= _FARTHEST_M)
+        lengths = np.minimum(scan.ranges_m, min(scan.max_range_m, FARTHEST_M)) / side_m
+        echo = (scan.ranges_m < scan.max_range_m) & (scan.ranges_m <= FARTHEST_M)
         reach = np.where(echo, lengths, np.nan)
         points = (sensor.x_m, sensor.y_m) + reach[:, np.newaxis] * away
         agree = (_AGREE_M + _AGREE_PER_M * scan.ranges_m) / side_m

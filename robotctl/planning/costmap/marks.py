@@ -288,7 +288,11 @@ def _walk(
     length: float,
     now_ns: int,
 ) -> None:
-    """Visit a cell of each row of a steep beam, of each column of a flat one."""
+    """Visit a cell of each row of a steep beam, of each column of a flat one.
+
+    A beam that passes what stands there may be wrong: it makes that weaker, as others did or will,
+    and until it is gone nothing becomes known behind it.
+    """
     rows, columns = cells.live.shape
     if not (0.0 <= x < columns and 0.0 <= y < rows):
         return
@@ -298,12 +302,15 @@ def _walk(
     length = min(length, ((columns - 1e-6 if cos > 0.0 else 0.0) - x) / cos if cos else np.inf)
     length = min(length, ((rows - 1e-6 if sin > 0.0 else 0.0) - y) / sin if sin else np.inf)
     live = cells.live.ravel()
+    learns = True
     for k in range(int(length / step) + 1):
         cell = int(y + k * up) * columns + int(x + k * right)
         if live[cell] != 0:
             row, column = cell // columns, cell % columns
             _pass(cells, layer, row, column, now_ns)
-            if cells.base[row, column] < 0:
+            if cells.marks[row, column] & layer.bit or cells.from_static[row, column] == 0:
+                learns = False
+            if learns and cells.base[row, column] < 0:
                 _learn_free(cells, row, column)
 
 

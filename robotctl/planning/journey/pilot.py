@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -24,7 +23,8 @@ from robotctl.planning.behaviours.kind import Goal, Seen
 from robotctl.planning.behaviours.outlook import NOWHERE, Outlook
 from robotctl.planning.config import NavigationConfig
 from robotctl.planning.costmap.costs import costs_of
-from robotctl.planning.costmap.layered_map import NOTHING_MOVES, LayeredMap, LayersConfig
+from robotctl.planning.costmap.layered_map import FARTHEST_M, NOTHING_MOVES, LayeredMap
+from robotctl.planning.costmap.layers_config import LayersConfig
 from robotctl.planning.costmap.planning_map import PlanningMap
 from robotctl.planning.costmap.tracks import MovingObstacles
 from robotctl.planning.costmap.zone import Zone
@@ -41,6 +41,7 @@ from robotctl.planning.global_planning.planners import PLANNERS
 from robotctl.planning.journey.exploration import Exploration
 from robotctl.planning.journey.journey import Journey
 from robotctl.planning.journey.route import Route
+from robotctl.planning.journey.way_out import find_way
 from robotctl.planning.local.controller import ControllerConfig, LocalSituation
 from robotctl.planning.local.controllers import CONTROLLERS
 
@@ -54,7 +55,6 @@ _LOOK_M: Final = 4.0
 """Half of the side of the map that the controller gets [m]."""
 _WIDER: Final = 1.3
 """Than its smallest circle a path of a robot that steers is bent, so that it can be corrected."""
-_NO_ROOM: Final = frozenset({Reason.START_BLOCKED, Reason.NOT_FOUND})
 _FOR_EVER: Final = frozenset(
     {
         Reason.GOAL_OFF_MAP,
@@ -64,15 +64,10 @@ _FOR_EVER: Final = frozenset(
     }
 )
 """Reasons that stay as long as the map is right; others may be those of the robot's own place."""
-_WAYS_OUT_M: Final = (
-    *((-0.1, 0.0), (0.1, 0.0), (0.0, 0.05), (0.0, -0.05), (-0.2, 0.0), (0.2, 0.0)),
-    *((0.0, 0.1), (0.0, -0.1), (-0.4, 0.0), (0.4, 0.0)),
-)
-"""From a place without room to one with: on and to the left [m]."""
 _CELL_M: Final = 0.05
 """Of a map that the robot makes itself."""
 _AROUND_M: Final = 20.0
-"""Such a map reaches this far beyond the robot and its goal [m]."""
+"""Such a map reaches this far beyond where it was when it came near the edge, and goals [m]."""
 
 
 class MapPilot:
@@ -153,7 +148,7 @@ class MapPilot:
         self.controller = CONTROLLERS[wanted.controller](self.config, drive, limits, footprint)
         self.moving = NOTHING_MOVES
         self._new_echoes = [0] * len(mounts)
-        self._map = self._around(home, home) if grid is None else self._with_map(grid)
+        self._map = self._around(home) if grid is None else self._with_map(grid)
         self._given = self._map.space()
         """Before anything was seen."""
         self._tracks = MovingObstacles()
@@ -208,17 +203,31 @@ class MapPilot:
             self._full_speed_m_s,
         )
 
-    def _around(self, pose: SE2, goal: SE2) -> LayeredMap:
-        """Return a map of which nothing is known and that holds robot and goal."""
-        low = min(pose.x_m, goal.x_m) - _AROUND_M, min(pose.y_m, goal.y_m) - _AROUND_M
-        high = max(pose.x_m, goal.x_m) + _AROUND_M, max(pose.y_m, goal.y_m) + _AROUND_M
+    def _around(self, pose: SE2) -> LayeredMap:
+        """Return a map of which nothing is known."""
+        low, high = ((pose.x_m + away_m, pose.y_m + away_m) for away_m in (-_AROUND_M, _AROUND_M))
         return LayeredMap.without_map(
             low, high, _CELL_M, self._footprint, self._closed, self._full_speed_m_s
         )
 
+    def _reach(self, pose: SE2) -> None:
+        """Let the map that the robot makes reach beyond a pose; what it has seen stays."""
+        old, (low, high) = self._map, self._map.corners
+        self._map = LayeredMap.without_map(
+            (min(low[0], pose.x_m - _AROUND_M), min(low[1], pose.y_m - _AROUND_M)),
+            (max(high[0], pose.x_m + _AROUND_M), max(high[1], pose.y_m + _AROUND_M)),
+            _CELL_M,
+            self._footprint,
+            self._closed,
+            self._full_speed_m_s,
+        )
+        self._map.take_over(old)
+
     def see(self, pose: SE2, seen: Seen, now_ns: int) -> None:
         """Take in what was seen; `pose` is that of `base` in `world` now."""
         self._here, self._now_ns, self._goes_on = pose, now_ns, self._budget()
+        if self._grid is None and self._map.room_m(pose) < FARTHEST_M:
+            self._reach(pose)
         self._map.stand_at(pose)
         for T_odom_base, scan in seen.scans:
             if scan.stamp_ns > self._scan_ns:
@@ -285,7 +294,7 @@ class MapPilot:
             return
         self._closed = closed
         grid = self._grid
-        self._map = self._around(self._here, self._here) if grid is None else self._with_map(grid)
+        self._map = self._around(self._here) if grid is None else self._with_map(grid)
         self._given = self._map.space()
         self.forget()
 
@@ -332,36 +341,19 @@ class MapPilot:
         space = self._map.space()
         here = space.to_cells(there)
         if self._grid is None and not space.contains(here.x_m, here.y_m):
-            self._map = self._around(pose, there)
+            self._reach(there)
             space = self._map.space()
-        return self._find(space, pose, there)
+        return self._way(space, pose, there)
 
-    def _find(self, space: PlanningMap, start: SE2, goal: SE2) -> Plan | PlanFailure:
-        """Return a path.
-
-        Where the robot has no room to turn, or stands nearer to something than its outline allows,
-        the path begins beside it: straight on or back, which it drives first, or a little to the
-        side, where the local controller gets away from what is too near.
-        """
-        answer = self._planner.plan(space, start, goal, self._goes_on)
-        if not isinstance(answer, PlanFailure) or answer.reason not in _NO_ROOM:
-            return answer
-        if not self.steered and answer.reason is Reason.NOT_FOUND and space.can_turn_at(start):
-            return answer
-        for on_m, aside_m in _WAYS_OUT_M:
-            out = start @ SE2(on_m, aside_m, 0.0)
-            if not space.has_room_at(out):
-                continue
-            other = self._planner.plan(space, out, goal, self._goes_on)
-            if isinstance(other, Plan):
-                return other if aside_m else _led_by(start, other, reverse=on_m < 0.0)
-        return answer
+    def _way(self, space: PlanningMap, start: SE2, goal: SE2) -> Plan | PlanFailure:
+        """Return a path that the robot can take from where it is."""
+        return find_way(self._planner, space, start, goal, self._goes_on, steered=self.steered)
 
     def hopeless(self, pose: SE2, goal: Goal) -> str:
         """Return why the goal could not be reached if nothing but the map were there; else ""."""
         if self._grid is None:
             return ""
-        answer = self._find(self._given, pose, _as_pose(pose, goal))
+        answer = self._way(self._given, pose, _as_pose(pose, goal))
         if isinstance(answer, PlanFailure) and answer.reason in _FOR_EVER:
             return answer.text
         return ""
@@ -392,10 +384,3 @@ def _as_pose(pose: SE2, goal: Goal) -> SE2:
     if goal.heading_rad is None:
         return facing(pose, goal.x_m, goal.y_m)
     return SE2(goal.x_m, goal.y_m, goal.heading_rad)
-
-
-def _led_by(start: SE2, plan: Plan, *, reverse: bool) -> Plan:
-    """Return a path with a straight piece before it."""
-    first = [start.x_m, start.y_m, start.theta_rad]
-    poses = np.vstack([first, plan.poses])
-    return replace(plan, poses=poses, reverse=np.concatenate([[reverse], plan.reverse]))

@@ -12,7 +12,8 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.model.sensors.sonar import SonarMount
-from robotctl.planning.costmap.layered_map import LayeredMap, LayersConfig
+from robotctl.planning.costmap.layered_map import LayeredMap
+from robotctl.planning.costmap.layers_config import LayersConfig
 from robotctl.planning.costmap.planning_map import clearance_of
 from robotctl.planning.costmap.zone import Zone
 from robotctl.planning.costmap.zones import Closed, cells_of
@@ -387,3 +388,46 @@ def test_echoes_from_the_robots_own_edge_leave_no_marks_below_it():
     live.stand_at(pose)
     assert not any(is_blocked(live, *place) for place in places)
     assert is_blocked(live, *pose.apply(0.35, 0.0))
+
+
+def test_a_stray_beam_makes_nothing_known_behind_a_wall_and_beams_where_it_was_do():
+    live = open_map()
+    for i in range(1, 20):
+        seen = scan(HERE, ROOM)
+        seen.ranges_m[i] = 5.0
+        live.see_scan(HERE, seen, i * TENTH_NS)
+    cells = live.space().grid.cells
+    known = live.space().grid.centre_of(np.argwhere(cells >= 0))
+    assert known.min() > -0.1
+    assert np.all(known < (4.1, 3.1))
+    for i in range(20, 26):
+        live.see_scan(HERE, scan(HERE, box(-0.9, 0.0, 4.0, 3.0)), i * TENTH_NS)
+    assert live.is_known(np.array([[-0.5, 1.5, 0.0]]))
+
+
+@settings(max_examples=10)
+@given(st.integers(0, 2**32 - 1))
+def test_a_map_that_grew_says_what_one_that_was_large_from_the_start_says(seed):
+    rng = np.random.default_rng(seed)
+    corners = (-5.3, -4.0), (9.0, 7.25)
+    large = LayeredMap.without_map(*corners, SIDE_M, BODY, Closed(ZONES), 0.5)
+    grown = LayeredMap.without_map((-1.0, -1.0), (5.0, 4.0), SIDE_M, BODY, Closed(ZONES), 0.5)
+    for i in range(8):
+        if i == 4:
+            small, grown = grown, LayeredMap.without_map(*corners, SIDE_M, BODY, Closed(ZONES), 0.5)
+            grown.take_over(small)
+        pose = HERE @ SE2(*rng.uniform(-0.5, 0.5, 3).tolist())
+        # All of it on the small map, until that has grown.
+        ranges_m = rng.uniform(0.1, 1.2 if i < 4 else 5.0, 40)
+        angles = np.sort(rng.uniform(-3, 3, 40))
+        seen = RangeScan(0, angles, ranges_m, 6.0)
+        for live in (large, grown):
+            live.see_scan(pose, seen, i * TENTH_NS)
+            live.see_echoes(pose, SONARS, [ranges_m[0]], i * TENTH_NS)
+    a, b = large.space(), grown.space()
+    for name in ("blocked", "obstacle"):
+        assert np.array_equal(getattr(a, name), getattr(b, name))
+    assert np.array_equal(a.grid.cells, b.grid.cells)
+    assert a.grid.origin == b.grid.origin
+    assert np.allclose(np.minimum(a.clearance, 13.0), np.minimum(b.clearance, 13.0))
+    assert np.array_equal(large.marked_world(), grown.marked_world())
