@@ -27,6 +27,7 @@ from robotctl.messages.estimation import (
     SensorMessage,
 )
 from robotctl.messages.tuning import Tuning
+from robotctl.model.grid_map import GridMap
 
 
 class Estimation(Protocol):
@@ -46,6 +47,9 @@ class Estimation(Protocol):
 
     def given_map(self, now_ns: int) -> Sequence[GivenMap]:
         """Return the localiser's map, if it is time to publish it again."""
+
+    def settled_map(self) -> GridMap | None:
+        """Return the map that is made to find the robot in, if it is drawn as it is known now."""
 
     def take_notices(self) -> Sequence[str]:
         """Return sentences on changes since the last call."""
@@ -87,6 +91,8 @@ class NavigationTick:
         self._control: ControlState | None = None
         self._seen: tuple[SensorMessage, ...] = ()
         self._requests: tuple[NavigationRequest, ...] = ()
+        self._recalled_ns = 0
+        """Epoch of `world` in which the navigator was told what the map knows."""
         self._tuning = 0
         """Number of the tuning in force."""
 
@@ -110,8 +116,19 @@ class NavigationTick:
         command, state = self._adapter.step(
             self._control, self.localisation, self._requests, now_ns, self._seen
         )
+        self._recall()
         self.state = msgspec.structs.replace(state, tuning=self._tuning)
         return command, self.state
+
+    def _recall(self) -> None:
+        """Tell the navigator, which forgot what it saw when the pose jumped, what the map knows."""
+        found = self.localisation
+        if self._estimators is None or found is None or found.epoch_ns == self._recalled_ns:
+            return
+        grid = self._estimators.settled_map()
+        if grid is not None:
+            self._adapter.navigator.recall(grid)
+            self._recalled_ns = found.epoch_ns
 
     def _retune(self, tuning: Tuning) -> None:
         """Take other settings."""

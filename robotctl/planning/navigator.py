@@ -23,6 +23,7 @@ from robotctl.messages.requests import (
 from robotctl.model.drives.drives import Drive
 from robotctl.model.fence import Fence, Point
 from robotctl.model.geometry.se2 import SE2
+from robotctl.model.grid_map import GridMap
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.behaviours.breadcrumbs import Breadcrumbs
 from robotctl.planning.behaviours.goto import NO_PILOT
@@ -210,6 +211,11 @@ class Navigator:
     def use_rally(self, places: tuple[Point, ...]) -> None:
         """Return to the nearest of these from now on, if there are some and it plans its way."""
         self._robot.rally = places
+
+    def recall(self, grid: GridMap) -> None:
+        """Take what a map that the robot has made knows."""
+        if self._robot.pilot is not None:
+            self._robot.pilot.recall(grid)
 
     def outlook(self) -> Outlook | None:
         """Return what the pilot drives by and sees; None: there is none."""

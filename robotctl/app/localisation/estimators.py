@@ -194,6 +194,10 @@ class Estimators:
                 self.rejected += 1
         return good
 
+    def settled_map(self) -> GridMap | None:
+        """Return the map that is made to find the robot in, if it is drawn as it is known now."""
+        return self.mapper.settled_map() if isinstance(self.mapper, SlamDrawing) else None
+
     def take_notices(self) -> list[str]:
         """Return sentences on changes since the last call."""
         said, self._notices = self._notices, []

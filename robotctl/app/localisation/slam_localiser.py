@@ -30,6 +30,7 @@ from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.model.geometry.points import moved, rotation
 from robotctl.model.geometry.pose_estimate import PoseEstimate
 from robotctl.model.geometry.se2 import SE2
+from robotctl.model.grid_map import GridMap
 from robotctl.model.sensors.range_scan import RangeScan
 
 _LEAST_M: Final = 0.05
@@ -240,6 +241,11 @@ class SlamDrawing:
             )
             picture.drawn[new] = poses
         return len(missing) == len(new)
+
+    def settled_map(self) -> GridMap | None:
+        """Return the map, if all keyframes are drawn where they are now."""
+        drawn = len(self._picture.missing(self._localiser.mapper.keyframes)) == 0
+        return self.grid.to_map() if drawn and not self._is_old() else None
 
     def live_map(self, now_ns: int) -> LiveMap | None:
         """Return the map; None if nothing has been seen yet."""

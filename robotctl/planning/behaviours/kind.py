@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 from robotctl.model.drives.drives import Drive
 from robotctl.model.fence import Fence
 from robotctl.model.geometry.se2 import SE2
+from robotctl.model.grid_map import GridMap
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.behaviours.breadcrumbs import Breadcrumbs
 from robotctl.planning.guard.behaviour import Behaviour
@@ -81,6 +82,9 @@ class Pilot(Protocol):
 
     def forget(self) -> None:
         """Forget what was seen: the robot's pose in `world` has jumped."""
+
+    def recall(self, grid: GridMap) -> None:
+        """Know what a map knows that the robot has made, in place of what was seen so far."""
 
     def journey(self, goal: Goal, speed_m_s: float) -> Behaviour:
         """Return the behaviour that drives to a goal."""

@@ -29,7 +29,7 @@ from robotctl.planning.costmap.body_cells import cells_at, shrunk
 from robotctl.planning.costmap.clearance import Clearance
 from robotctl.planning.costmap.layers_config import LayersConfig
 from robotctl.planning.costmap.planning_map import PlanningMap
-from robotctl.planning.costmap.take_over import take_over
+from robotctl.planning.costmap.take_over import take_over, take_values
 from robotctl.planning.costmap.zones import Closed, slowness, speed_limits
 
 _OCCUPIED_PERCENT: Final = 50
@@ -153,6 +153,18 @@ class LayeredMap:
         corner = old._space.grid.centre_of(np.zeros((1, 2), np.int64))
         at = self._space.grid.cell_of(corner)[0].tolist()
         take_over(self._cells, self._layers, old._cells, old._layers, at)
+
+    def recall(self, grid: GridMap, now_ns: int) -> None:
+        """Take what another map of the same place knows, which was seen by lidar until a time [ns].
+
+        It replaces what the lidar has seen, where that map is.
+        """
+        rows, columns = np.divmod(np.arange(self._cells.live.size), self._space.shape[1])
+        there = grid.cell_of(self._space.grid.centre_of(np.column_stack([rows, columns])))
+        inside = np.all((there >= 0) & (there < grid.shape), axis=1)
+        values = np.full(self._space.shape, UNKNOWN, np.int8)
+        values.ravel()[inside] = grid.cells[tuple(there[inside].T)]
+        take_values(self._cells, self._lidar, values, now_ns)
 
     def room_m(self, pose: SE2) -> float:
         """Return how far a pose of `world` on the map is from the map's edge [m]."""

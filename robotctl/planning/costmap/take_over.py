@@ -1,10 +1,11 @@
-"""What one live map has seen, taken into a larger one."""
+"""What another map knows, taken into a live one."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robotctl.model.grid_map import OCCUPIED
 from robotctl.planning.costmap.marks import Cells, Layer
@@ -33,9 +34,30 @@ def take_over(
         layer.evidence[part] = seen.evidence
         layer.stamp_ns[part] = seen.stamp_ns
         layer.since_ns[part] = seen.since_ns
-        listed = np.flatnonzero(layer.evidence)
-        layer.listed[: len(listed)] = listed
-        layer.in_list[0] = len(listed)
+        _list(layer)
+    _settle(cells)
+
+
+def take_values(cells: Cells, layer: Layer, values: NDArray[np.int8], now_ns: int) -> None:
+    """Take cells of another map (rows, columns) as what a sensor has seen at a time [ns]."""
+    cells.base[(values >= 0) & (values < cells.occupied) & (cells.base < 0)] = 0
+    seen = values >= cells.occupied
+    layer.evidence[seen] = layer.most
+    layer.stamp_ns[seen] = layer.since_ns[seen] = now_ns
+    cells.marks[seen] |= layer.bit
+    _list(layer)
+    _settle(cells)
+
+
+def _list(layer: Layer) -> None:
+    """List the cells with evidence."""
+    listed = np.flatnonzero(layer.evidence)
+    layer.listed[: len(listed)] = listed
+    layer.in_list[0] = len(listed)
+
+
+def _settle(cells: Cells) -> None:
+    """Work out what the base and the marks say together."""
     cells.live[:] = np.where(cells.marks > 0, OCCUPIED, cells.base)
     cells.obstacle[:] = cells.live >= cells.occupied
     cells.blocked[:] = cells.obstacle | ((cells.live < 0) & (not cells.through_unknown))

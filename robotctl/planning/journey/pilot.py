@@ -205,29 +205,31 @@ class MapPilot:
 
     def _around(self, pose: SE2) -> LayeredMap:
         """Return a map of which nothing is known."""
-        low, high = ((pose.x_m + away_m, pose.y_m + away_m) for away_m in (-_AROUND_M, _AROUND_M))
-        return LayeredMap.without_map(
-            low, high, _CELL_M, self._footprint, self._closed, self._full_speed_m_s
-        )
+        return self._open(_beside(pose))
 
-    def _reach(self, pose: SE2) -> None:
-        """Let the map that the robot makes reach beyond a pose; what it has seen stays."""
-        old, (low, high) = self._map, self._map.corners
-        self._map = LayeredMap.without_map(
-            (min(low[0], pose.x_m - _AROUND_M), min(low[1], pose.y_m - _AROUND_M)),
-            (max(high[0], pose.x_m + _AROUND_M), max(high[1], pose.y_m + _AROUND_M)),
+    def _open(self, points: NDArray[np.float64]) -> LayeredMap:
+        """Return a map of which nothing is known and that holds points (n, 2) [m]."""
+        low, high = points.min(axis=0).tolist(), points.max(axis=0).tolist()
+        return LayeredMap.without_map(
+            (low[0], low[1]),
+            (high[0], high[1]),
             _CELL_M,
             self._footprint,
             self._closed,
             self._full_speed_m_s,
         )
+
+    def _reach(self, points: NDArray[np.float64]) -> None:
+        """Let the map that the robot makes hold points (n, 2) [m]; what it has seen stays."""
+        old = self._map
+        self._map = self._open(np.vstack([points, old.corners]))
         self._map.take_over(old)
 
     def see(self, pose: SE2, seen: Seen, now_ns: int) -> None:
         """Take in what was seen; `pose` is that of `base` in `world` now."""
         self._here, self._now_ns, self._goes_on = pose, now_ns, self._budget()
         if self._grid is None and self._map.room_m(pose) < FARTHEST_M:
-            self._reach(pose)
+            self._reach(_beside(pose))
         self._map.stand_at(pose)
         for T_odom_base, scan in seen.scans:
             if scan.stamp_ns > self._scan_ns:
@@ -304,6 +306,15 @@ class MapPilot:
         self._tracks.reset()
         self.moving = NOTHING_MOVES
 
+    def recall(self, grid: GridMap) -> None:
+        """Know what a map knows that the robot has made, in place of what was seen so far."""
+        self.forget()
+        if self._grid is None:
+            rows, columns = grid.shape
+            corners = grid.centre_of(np.array([[0, 0], [0, columns], [rows, 0], [rows, columns]]))
+            self._reach(corners)
+            self._map.recall(grid, self._now_ns)
+
     def forget_unseen(self) -> None:
         """Forget obstacles that no sensor has seen lately."""
         self._map.forget_unseen(self._now_ns - _LATELY_NS)
@@ -341,7 +352,7 @@ class MapPilot:
         space = self._map.space()
         here = space.to_cells(there)
         if self._grid is None and not space.contains(here.x_m, here.y_m):
-            self._reach(there)
+            self._reach(_beside(there))
             space = self._map.space()
         return self._way(space, pose, there)
 
@@ -377,6 +388,11 @@ class MapPilot:
     def speed_limit(self, pose: SE2) -> float:
         """Return the limit of the slow zones [m/s]; inf: none."""
         return self._map.speed_limit_at(pose.x_m, pose.y_m)
+
+
+def _beside(pose: SE2) -> NDArray[np.float64]:
+    """Return the corners of a square around a pose, (2, 2) [m]."""
+    return np.array([(pose.x_m + away_m, pose.y_m + away_m) for away_m in (-_AROUND_M, _AROUND_M)])
 
 
 def _as_pose(pose: SE2, goal: Goal) -> SE2:

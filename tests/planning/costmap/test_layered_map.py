@@ -431,3 +431,25 @@ def test_a_map_that_grew_says_what_one_that_was_large_from_the_start_says(seed):
     assert a.grid.origin == b.grid.origin
     assert np.allclose(np.minimum(a.clearance, 13.0), np.minimum(b.clearance, 13.0))
     assert np.array_equal(large.marked_world(), grown.marked_world())
+
+
+@pytest.mark.parametrize("side_m", [SIDE_M, 0.1])
+def test_what_a_map_made_by_the_robot_knows_counts_until_the_lidar_sees_otherwise(side_m):
+    cells = np.full((round(5.0 / side_m), round(6.0 / side_m)), -1, np.int8)
+    drawn = GridMap(cells, side_m, SE2(-1.0, -1.0, 0.0))
+    places = drawn.centre_of(np.argwhere(cells < 0)).reshape(*cells.shape, 2)
+    outside = np.abs(places - (2.0, 1.5)) - (2.0, 1.5)
+    cells[outside.max(axis=2) < 0.0] = 3
+    cells[np.abs(outside.max(axis=2)) < 0.6 * side_m] = 97
+    live = open_map()
+    live.recall(GridMap(cells, side_m, drawn.origin), TENTH_NS)
+    assert live.is_known(np.array([[2.0, 1.5, 0.0], [0.5, 2.5, 1.0]]))
+    assert not live.is_known(np.array([[-0.7, 1.5, 0.0]]))
+    assert all(is_blocked(live, x, 1.5) for x in (0.0, 4.0))
+    assert not is_blocked(live, 2.0, 1.5)
+    exact = clearance_of(live.space().blocked)
+    assert np.allclose(np.minimum(live.space().clearance, 13.0), np.minimum(exact, 13.0))
+    for i in range(2, 6):
+        live.see_scan(HERE, scan(HERE, box(-0.9, 0.0, 4.0, 3.0)), i * TENTH_NS)
+    assert not is_blocked(live, 0.0, 1.5)
+    assert is_blocked(live, 4.0, 1.5)
