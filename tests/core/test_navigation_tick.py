@@ -45,7 +45,7 @@ def test_after_each_jump_the_navigator_is_told_once_what_the_map_knows_when_it_i
     adapter, estimation = make_navigation(CONFIG, StackOptions("x", "")), Estimation()
     told = []
     monkeypatch.setattr(adapter.navigator, "recall", lambda grid: told.append((now_ns, grid)))
-    tick = NavigationTick(adapter, estimation, Operator(lambda: [], lambda message: None))
+    tick = NavigationTick(adapter, estimation, Operator(list, lambda message: None))
     for step in range(1, 13):
         now_ns = step * STEP_NS
         if step == 7:
