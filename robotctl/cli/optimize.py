@@ -18,7 +18,10 @@ def optimize(
     graph: Annotated[Path, typer.Argument(help="A g2o, TORO or GTSAM file.", metavar="IN")],
     solver: Annotated[str, typer.Option(help="gn, lm, dogleg, isam, gbp or ekf.")] = "lm",
     robust: Annotated[
-        str, typer.Option(metavar="KERNEL", help="huber, cauchy, geman-mcclure, dcs or gnc.")
+        str,
+        typer.Option(
+            metavar="KERNEL", help="consistent, huber, cauchy, geman-mcclure, dcs or gnc."
+        ),
     ] = "",
     init: Annotated[str, typer.Option(help="odometry, tree, chordal or file.")] = "",
     out: Annotated[Path | None, typer.Option(help="Write the optimum here.")] = None,

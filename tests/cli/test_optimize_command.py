@@ -68,8 +68,8 @@ def test_belief_propagation_says_its_rounds_and_how_far_its_means_may_be_off(squ
     [
         (("--solver", "lmm"), 'did you mean "lm"'),
         (("--robust", "hubert"), 'did you mean "huber"'),
-        (("--robust", "huber", "--solver", "isam"), "isam has no robust kernels"),
-        (("--robust", "huber", "--solver", "ekf"), "works with gn, lm, dogleg, gbp; ekf has no"),
+        (("--robust", "huber", "--solver", "isam"), "does not work with isam; allowed: consistent"),
+        (("--robust", "huber", "--solver", "ekf"), "works with all solvers but ekf"),
         (("--init", "cordal"), 'did you mean "chordal"'),
         (("--marginals", "12"), "--marginals 12: there is no such variable; ids go from 0 to 9"),
         (("--out", "x.csv"), "the suffix says the format"),

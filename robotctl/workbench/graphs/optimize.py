@@ -17,8 +17,9 @@ from robotctl.estimation.slam.graph.factor_graph import FactorGraph, Values, chi
 from robotctl.estimation.slam.marginals import factored, marginals
 from robotctl.estimation.slam.robust.kernels import KERNELS
 from robotctl.estimation.slam.robust.robust_cost import OFF
+from robotctl.estimation.slam.solvers.incremental import incremental
 from robotctl.estimation.slam.solvers.problem import Problem, Solution, gauge
-from robotctl.estimation.slam.solvers.registry import IN_ORDER, SOLVERS
+from robotctl.estimation.slam.solvers.registry import CONSISTENT, IN_ORDER, SOLVERS
 from robotctl.estimation.slam.start.registry import STARTS, start_values
 from robotctl.logs.graphs.graph_files import format_of, read_graph
 from robotctl.logs.graphs.graph_format import GraphFile
@@ -178,9 +179,12 @@ def optimize(
     ):
         if name not in names:
             raise ConfigError(f"{option} {name}: unknown{nearest(name, list(names))}")
-    if options.robust and options.solver in IN_ORDER:
-        robust = ", ".join(name for name in SOLVERS if name not in IN_ORDER)
-        raise ConfigError(f"--robust works with {robust}; {options.solver} has no robust kernels")
+    if options.robust and options.solver == "ekf":
+        raise ConfigError("--robust works with all solvers but ekf, which cannot take back a loop")
+    if options.robust not in ("", CONSISTENT) and options.solver in IN_ORDER:
+        raise ConfigError(
+            f"--robust {options.robust} does not work with {options.solver}; allowed: {CONSISTENT}"
+        )
     if options.keeps_course and options.solver in IN_ORDER:
         whole = ", ".join(name for name in SOLVERS if name not in IN_ORDER)
         raise ConfigError(f"--animate works with {whole}; {options.solver} adds pose after pose")
@@ -197,6 +201,10 @@ def optimize(
     course: list[Values] = []
     if options.keeps_course:
         problem = replace(problem, watch=lambda values: course.append(_copy(values)))
+    if options.robust == CONSISTENT and options.solver not in IN_ORDER:
+        first = incremental(problem, clock)
+        clock.steps.clear()
+        problem = replace(problem, start=first.values, kernel=None, weights=first.weights)
     solution = SOLVERS[options.solver](problem, clock)
     clock.lap("optimise")
     covariances = {}

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,9 @@ from robotctl.estimation.slam.incremental.bayes_tree import (
     compact,
     solve_down,
 )
+from robotctl.estimation.slam.incremental.grown import Grown
 from robotctl.estimation.slam.incremental.renewal import renew
+from robotctl.estimation.slam.incremental.uncertainty import projected_covariance
 
 _FIXED: Final = -1
 _EXACT: Final = 1e-4
@@ -83,42 +85,16 @@ def _terms(  # noqa: C901 - one compiled loop
             terms[at + width * width + j] = gradient
 
 
-class _Grown:
-    """An array that grows at its end."""
-
-    __slots__ = ("array", "size")
-
-    def __init__(self, shape: tuple[int, ...], dtype: Any) -> None:
-        self.array = np.zeros((64, *shape), dtype)
-        self.size = 0
-
-    def add(self, rows: Any) -> int:
-        """Append rows; return where they begin."""
-        begin, count = self.size, len(rows)
-        if begin + count > len(self.array):
-            larger = np.zeros((2 * (begin + count), *self.array.shape[1:]), self.array.dtype)
-            larger[:begin] = self.array[:begin]
-            self.array = larger
-        self.array[begin : begin + count] = rows
-        self.size = begin + count
-        return begin
-
-    @property
-    def view(self) -> NDArray[Any]:
-        """What is in it."""
-        return self.array[: self.size]
-
-
 class _Kind:
     """All factors of one kind, with what linearising them needs."""
 
     def __init__(self, kind: FactorKind) -> None:
         self.kind = kind
-        self.variables = _Grown((len(kind.variables),), np.int64)
-        self.measurements = _Grown((kind.measurement,), float)
-        self.information = _Grown((kind.size, kind.size), float)
-        self.numbers = _Grown((), np.int64)
-        self.weights = _Grown((), float)
+        self.variables = Grown((len(kind.variables),), np.int64)
+        self.measurements = Grown((kind.measurement,), float)
+        self.information = Grown((kind.size, kind.size), float)
+        self.numbers = Grown((), np.int64)
+        self.weights = Grown((), float)
 
 
 class IncrementalSmoother:
@@ -131,17 +107,17 @@ class IncrementalSmoother:
         self.config = config or SmootherConfig()
         self._kinds: list[VariableKind] = []
         self._rows: list[int] = []
-        self._values: dict[VariableKind, _Grown] = {}
-        self._members: dict[VariableKind, _Grown] = {}
+        self._values: dict[VariableKind, Grown] = {}
+        self._members: dict[VariableKind, Grown] = {}
         self._blocks: dict[FactorKind, _Kind] = {}
         self._block_of: list[tuple[_Kind, int]] = []
-        self._column: dict[VariableKind, _Grown] = {}
-        self._offsets, self._dof = _Grown((), np.int64), _Grown((), np.int64)
-        self._owner, self._increments = _Grown((), np.int64), _Grown((), float)
-        self._clique_of, self._heads = _Grown((), np.int64), _Grown((), np.int64)
-        self._first, self._second = _Grown((), np.int64), _Grown((), np.int64)
-        self._places, self._terms = _Grown((), np.int64), _Grown((), float)
-        self._following = _Grown((), np.int64)
+        self._column: dict[VariableKind, Grown] = {}
+        self._offsets, self._dof = Grown((), np.int64), Grown((), np.int64)
+        self._owner, self._increments = Grown((), np.int64), Grown((), float)
+        self._clique_of, self._heads = Grown((), np.int64), Grown((), np.int64)
+        self._first, self._second = Grown((), np.int64), Grown((), np.int64)
+        self._places, self._terms = Grown((), np.int64), Grown((), float)
+        self._following = Grown((), np.int64)
         empty = np.empty(64, np.int64)
         self._cliques = Cliques(
             empty,
@@ -162,7 +138,7 @@ class IncrementalSmoother:
         """Add a variable at a value (size,), perhaps one that keeps it; return its number."""
         number = len(self._kinds)
         self._kinds.append(kind)
-        values = self._values.setdefault(kind, _Grown((kind.size,), float))
+        values = self._values.setdefault(kind, Grown((kind.size,), float))
         self._rows.append(values.add(value[None]))
         width = 0 if fixed else kind.dof
         begin = self._increments.size
@@ -171,8 +147,8 @@ class IncrementalSmoother:
         self._owner.add(np.full(width, number))
         self._increments.add(np.zeros(width))
         columns = np.full(kind.dof, _FIXED) if fixed else np.arange(begin, begin + width)
-        self._column.setdefault(kind, _Grown((kind.dof,), np.int64)).add(columns[None])
-        self._members.setdefault(kind, _Grown((), np.int64)).add((number,))
+        self._column.setdefault(kind, Grown((kind.dof,), np.int64)).add(columns[None])
+        self._members.setdefault(kind, Grown((), np.int64)).add((number,))
         self._clique_of.add((-1,))
         self._heads.add((-1,))
         if not fixed:
@@ -215,6 +191,32 @@ class IncrementalSmoother:
     def remove(self, factor: int) -> None:
         """Take a factor out again, from the next update on."""
         self.weigh(factor, 0.0)
+
+    def forecast(
+        self, kind: FactorKind, variables: Sequence[int], measurement: Floats
+    ) -> tuple[Floats, Floats]:
+        """Return the residual (size,) that a factor would have, and its covariance J P J^T.
+
+        P is the covariance of the estimate as it was updated last; without the factor's own noise.
+        """
+        values = tuple(self.estimate(each)[None] for each in variables)
+        block = FactorBlock(
+            kind, (), measurement[None], np.empty((1, kind.size, kind.size))
+        )
+        at = Linearised.empty(block)
+        at.fill(block, values)
+        free = [slot for slot, each in enumerate(variables) if self._dof.array[each]]
+        numbers = np.array([variables[slot] for slot in free], np.int64)
+        starts, widths = self._offsets.array[numbers], self._dof.array[numbers]
+        columns = np.concatenate(
+            [np.arange(a, a + w) for a, w in zip(starts, widths, strict=True)] or [numbers]
+        )
+        jacobian = np.hstack([at.jacobians[slot][0] for slot in free] or [np.empty((kind.size, 0))])
+        covariance = projected_covariance(
+            self._cliques, self._clique_of.view, numbers, columns, np.ascontiguousarray(jacobian),
+            self._increments.size,
+        )  # fmt: skip
+        return at.residuals[0], covariance
 
     def update(self) -> bool:
         """Take in what was added; return whether anything changed."""
@@ -313,6 +315,29 @@ class IncrementalSmoother:
         """Return the present values of all variables of a kind, (n, size), as they were added."""
         padded = np.append(self._increments.view, 0.0)
         return kind.retract(self._values[kind].view, padded[self._column[kind].view])
+
+    def row(self, number: int) -> int:
+        """Return which row a variable is among those of its kind."""
+        return self._rows[number]
+
+    def estimates_of(self, kind: VariableKind, rows: Ints) -> Floats:
+        """Return the present values of some variables of a kind, by their rows, (m, size)."""
+        padded = np.append(self._increments.view, 0.0)
+        return kind.retract(self._values[kind].array[rows], padded[self._column[kind].array[rows]])
+
+    def chi2(self) -> float:
+        """Return the sum of r^T Omega r of all factors, by their weights, at the estimate."""
+        total = 0.0
+        for own in self._blocks.values():
+            values = [
+                self.estimates(each)[rows]
+                for each, rows in zip(own.kind.variables, own.variables.view.T, strict=True)
+            ]
+            r = own.kind.residual(*values, own.measurements.view)
+            total += float(
+                np.einsum("n,ni,nij,nj->", own.weights.view, r, own.information.view, r)
+            )
+        return total
 
     def estimate(self, number: int) -> Floats:
         """Return the present value of a variable, (size,)."""

@@ -12,12 +12,15 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import chdtri  # type: ignore[import-untyped]
 
 from robotctl.estimation.slam.graph.factor_graph import FactorGraph
 from robotctl.estimation.slam.graph.variables import Floats
-from robotctl.estimation.slam.robust.robust_cost import scale
+from robotctl.estimation.slam.robust.robust_cost import MARGIN, scale
 
 GROWTH: Final = 1.4
+_LEAST: Final = 1e-6
+"""Of the scale of the noise: simulated loops may fit to the last digit."""
 _SHARP: Final = 1e4
 """Of mu: from here on all weights but those at the very edge are 0 or 1."""
 
@@ -30,11 +33,22 @@ class Graduation:
     doubtful: Sequence[NDArray[np.bool_]]
     mu: float = 0.0
 
+    def _shares(self, squares: Sequence[Floats]) -> list[Floats]:
+        """Return squares of doubtful factors over what a right one seldom exceeds.
+
+        Half of them are taken for right: their median says how far the information is off.
+        """
+        if not any(mask.any() for mask in self.doubtful):
+            return [s[mask] for s, mask in zip(squares, self.doubtful, strict=True)]
+        own = [s[mask] for s, mask in zip(squares, self.doubtful, strict=True)]
+        sizes = [block.kind.size for block in self.graph.blocks]
+        ratios = [s / float(chdtri(size, 0.5)) for s, size in zip(own, sizes, strict=True)]
+        noise = MARGIN * max(float(np.median(np.concatenate(ratios))), _LEAST)
+        return [s / (noise * scale(size)) for s, size in zip(own, sizes, strict=True)]
+
     def begin(self, squares: Sequence[Floats]) -> None:
         """Start convex, by the worst residual."""
-        worst = 1.0
-        for block, s, mask in zip(self.graph.blocks, squares, self.doubtful, strict=True):
-            worst = max(worst, float((s[mask] / scale(block.kind.size)).max(initial=0.0)))
+        worst = max((float(each.max(initial=1.0)) for each in self._shares(squares)), default=1.0)
         self.mu = 1.0 / max(2.0 * worst - 1.0, 1e-6)
 
     def advance(self) -> None:
@@ -49,10 +63,7 @@ class Graduation:
         """Return the weight of each factor, (n,) a block."""
         mu = self.mu
         weights = [np.ones(len(each)) for each in squares]
-        for block, w, s, mask in zip(
-            self.graph.blocks, weights, squares, self.doubtful, strict=True
-        ):
-            share = np.maximum(s[mask] / scale(block.kind.size), 1e-12)
-            between = np.sqrt(mu * (mu + 1.0) / share) - mu
+        for w, share, mask in zip(weights, self._shares(squares), self.doubtful, strict=True):
+            between = np.sqrt(mu * (mu + 1.0) / np.maximum(share, 1e-12)) - mu
             w[mask] = np.clip(between, 0.0, 1.0)
         return weights

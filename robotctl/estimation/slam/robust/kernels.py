@@ -81,5 +81,7 @@ KERNELS: Final[dict[str, RobustKernel]] = {
     "geman-mcclure": RobustKernel(_geman_mcclure_cost, _geman_mcclure_weight),
     "dcs": RobustKernel(_dcs_cost, _dcs_weight),
     "gnc": RobustKernel(_truncated_cost, _truncated_weight),
+    "consistent": RobustKernel(_truncated_cost, _truncated_weight),
 }
-"""By name; `gnc`, truncated least squares, needs graduated non-convexity to get anywhere."""
+"""By name. Truncated least squares get nowhere by themselves: `gnc` is for graduated non-convexity,
+`consistent` for what `ConsistentClosures` leaves on."""

@@ -226,6 +226,7 @@ def descend(
     tell("order", 1, 1)
     suspects = doubtful(problem.graph)
     descent = Descent(problem, equations, RobustCost(problem.graph, problem.kernel, suspects))
+    descent.hold_weights(problem.weights)
     history = [descent.at.chi2]
     problem.watch(descent.at.values)
     rule, goes_on = make_rule(), True

@@ -16,7 +16,8 @@ from robotctl.estimation.slam.equations import GraphError
 from robotctl.estimation.slam.graph.factor import Ints, Linearised, inverses
 from robotctl.estimation.slam.graph.factor_graph import FactorGraph, chi2_of, values_of
 from robotctl.estimation.slam.graph.variables import SE3, Floats, VariableKind
-from robotctl.estimation.slam.solvers.incremental import arrivals, carried
+from robotctl.estimation.slam.incremental.placing import carried
+from robotctl.estimation.slam.solvers.incremental import arrivals
 from robotctl.estimation.slam.solvers.problem import Problem, Solution, Tell, check_determined
 from robotctl.estimation.slam.start.chordal import matrices
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from robotctl.estimation.slam.graph.factor_graph import FactorGraph, Values, chi2_of
-from robotctl.estimation.slam.graph.variables import SE2, SE3, Floats, VariableKind
+from robotctl.estimation.slam.graph.variables import Floats, VariableKind
+from robotctl.estimation.slam.incremental.consistency import Closure, ConsistentClosures
+from robotctl.estimation.slam.incremental.placing import carried
 from robotctl.estimation.slam.incremental.smoother import IncrementalSmoother
-from robotctl.estimation.slam.solvers.problem import Problem, Solution, Tell, check_determined
-from robotctl.estimation.slam.start.chordal import matrices
-from robotctl.estimation.slam.start.spanning import compose_3d
+from robotctl.estimation.slam.solvers.problem import Problem, Solution, Tell, check_determined, doubtful
 
 
 def arrivals(graph: FactorGraph) -> list[list[tuple[int, int]]]:
@@ -30,34 +30,6 @@ def arrivals(graph: FactorGraph) -> list[list[tuple[int, int]]]:
     return steps
 
 
-def carried(
-    kind: VariableKind, value: Floats, anchor: VariableKind, before: Floats, now: Floats
-) -> Floats:
-    """Return a value (size,) as seen from a pose `before`, at where that pose is `now`."""
-    if anchor is SE2:
-        turn = now[2] - before[2]
-        c, s = np.cos(turn), np.sin(turn)
-        dx, dy = value[:2] - before[:2]
-        result = value.copy()
-        result[:2] = now[0] + c * dx - s * dy, now[1] + s * dx + c * dy
-        if kind is SE2:
-            result[2] += turn
-        return result
-    R = matrices(before[None, 3:])[0].T
-    local = np.zeros(7)
-    local[6] = 1.0
-    local[:3] = R @ (value[:3] - before[:3])
-    if kind is SE3:
-        inverse = before * np.array([0.0, 0.0, 0.0, -1.0, -1.0, -1.0, 1.0])
-        inverse[:3] = 0.0
-        turned = np.empty(7)
-        compose_3d(inverse, np.concatenate([np.zeros(3), value[3:]]), 0, turned)
-        local[3:] = turned[3:]
-    placed = np.empty(7)
-    compose_3d(now, local, 0, placed)
-    return placed[: kind.size]
-
-
 class _Replay:
     """A problem, fed to a smoother."""
 
@@ -67,6 +39,12 @@ class _Replay:
         graph = problem.graph
         self._numbers = {kind: np.full(len(ids), -1, np.int64) for kind, ids in graph.ids.items()}
         self._fixed = set(problem.fixed.tolist())
+        self._closures = ConsistentClosures(smoother)
+        self._doubtful = [np.zeros(len(each), np.bool_) for each in graph.blocks]
+        if problem.kernel is not None:
+            self._doubtful = doubtful(graph)
+        self._placed = {kind: np.zeros(len(ids), np.int64) for kind, ids in graph.ids.items()}
+        self._of: dict[tuple[int, int], Closure] = {}
 
     def _add(self, kind: VariableKind, row: int, value: Floats) -> None:
         is_fixed = self._problem.graph.first(kind) + row in self._fixed
@@ -88,19 +66,48 @@ class _Replay:
         graph, poses = self._problem.graph, self._problem.graph.poses
         if poses is not None:
             self.place(poses, pose, (poses, pose - 1) if pose else None)
-        for index, row in factors:
+        # What links poses in a row places them, before anything doubtful is looked at.
+        for index, row in sorted(factors, key=lambda each: bool(self._doubtful[each[0]][each[1]])):
             block = graph.blocks[index]
             ends = list(
                 zip(block.kind.variables, (int(each[row]) for each in block.variables), strict=True)
             )
             for kind, at in ends:
                 self.place(kind, at, None if poses is None else (poses, pose))
-            self._smoother.factor(
+            factor = (
                 block.kind,
-                [int(self._numbers[kind][at]) for kind, at in ends],
+                tuple(int(self._numbers[kind][at]) for kind, at in ends),
                 block.measurements[row],
                 block.information[row],
             )
+            if self._doubtful[index][row] and self._is_placed(ends):
+                self._of[index, row] = self._closures.add(*factor)
+            else:
+                self._smoother.factor(*factor)
+            for kind, at in ends:
+                self._placed[kind][at] += block.kind.size
+        self._smoother.update()
+        self._closures.settle()
+
+    def _is_placed(self, ends: list[tuple[VariableKind, int]]) -> bool:
+        """Return whether factors before have placed all variables: what places one must count."""
+        first = self._problem.graph.first
+        return all(
+            self._placed[kind][at] >= kind.dof or first(kind) + at in self._fixed
+            for kind, at in ends
+        )
+
+    def finish(self) -> None:
+        """Make the estimate exact."""
+        self._smoother.refine()
+        self._closures.finish()
+
+    def weights(self) -> list[Floats]:
+        """Return of each block which factors are on, 0 or 1."""
+        weights = [np.ones(len(each)) for each in self._problem.graph.blocks]
+        for (index, row), (table, at) in self._of.items():
+            weights[index][row] = float(table.is_on[at])
+        return weights
 
     def values(self) -> Values:
         """Return the estimate of all variables."""
@@ -119,10 +126,8 @@ def incremental(problem: Problem, tell: Tell) -> Solution:
     tell("order", 1, 1)
     for pose, factors in enumerate(steps):
         replay.step(pose, factors)
-        smoother.update()
         tell("step", pose + 1, len(steps))
     history = [chi2_of(problem.graph, each) for each in (problem.start, replay.values())]
-    smoother.refine()
+    replay.finish()
     history.append(chi2_of(problem.graph, replay.values()))
-    weights = [np.ones(len(block)) for block in problem.graph.blocks]
-    return Solution(replay.values(), history, weights, True)
+    return Solution(replay.values(), history, replay.weights(), True)

@@ -33,6 +33,8 @@ class Problem:
         Robust kernel of the factors that may be wrong (`doubtful`); None: least squares.
     graduated
         Whether the kernel grows from a convex one: graduated non-convexity.
+    weights
+        Of each block, factors on the information that stay, (n,); None: those of the kernel.
     most_iterations
         At which a solver gives up.
     watch
@@ -44,6 +46,7 @@ class Problem:
     fixed: Ints
     kernel: RobustKernel | None = None
     graduated: bool = False
+    weights: list[Floats] | None = None
     most_iterations: int = 100
     watch: Callable[[Values], None] = field(default=lambda _: None)
 

@@ -19,4 +19,6 @@ SOLVERS: Final[dict[str, Solver]] = {
     "ekf": extended_kalman,
 }
 IN_ORDER: Final = ("isam", "ekf")
-"""Solvers that go pose by pose: from odometry, without robust kernels."""
+"""Solvers that go pose by pose, from odometry."""
+CONSISTENT: Final = "consistent"
+"""The only robust kernel of `isam`; for others, `isam` says first what is on."""
