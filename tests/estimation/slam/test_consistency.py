@@ -1,5 +1,7 @@
 """Loops that the graph contradicts are off as soon as it does, and what was off in error is on."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -47,7 +49,7 @@ def line(kind, pose_of, count):
     ends = [smoother.variable(kind, pose_of(k), fixed=k == 0) for k in range(count)]
     information = np.diag([100.0] * (kind.dof // 2 + kind.dof % 2) + [1e4] * (kind.dof // 2))
     factor = BETWEEN_2D if kind is SE2 else BETWEEN_3D
-    for a, b in zip(ends, ends[1:], strict=False):
+    for a, b in itertools.pairwise(ends):
         smoother.factor(factor, (a, b), pose_of(1), information)
     smoother.update()
     return smoother, factor, information
@@ -101,4 +103,4 @@ def test_a_forecast_has_the_covariance_of_the_whole_system():
     theta = solution.values[SE2][300, 2]
     turn = np.eye(3)
     turn[:2, :2] = [[np.cos(theta), -np.sin(theta)], [np.sin(theta), np.cos(theta)]]
-    assert P == pytest.approx(turn @ exact @ turn.T, rel=1e-6, abs=1e-9)
+    assert pytest.approx(turn @ exact @ turn.T, rel=1e-6, abs=1e-9) == P

@@ -108,6 +108,15 @@ class Linearised:
             tuple(np.empty((n, size, each.dof)) for each in block.kind.variables),
         )
 
+    @staticmethod
+    def of_one(kind: FactorKind, values: tuple[Floats, ...], measurement: Floats) -> Linearised:
+        """Return one factor about the values of its variables, each (size of its kind,)."""
+        none = np.empty((1, kind.size, kind.size))
+        block = FactorBlock(kind, (), measurement[np.newaxis], none)
+        result = Linearised.empty(block)
+        result.fill(block, tuple(each[np.newaxis] for each in values))
+        return result
+
     def fill(self, block: FactorBlock, values: tuple[Floats, ...]) -> None:
         """Linearise a block about the values of its variables, each (n, size of its kind)."""
         kind = block.kind

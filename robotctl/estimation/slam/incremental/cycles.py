@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from robotctl.estimation.slam.graph.factor import FactorBlock, FactorKind, Linearised
+from robotctl.estimation.slam.graph.factor import FactorKind, Linearised
 from robotctl.estimation.slam.graph.variables import Floats
 from robotctl.estimation.slam.incremental.closures import Closures
 from robotctl.estimation.slam.incremental.placing import carried
@@ -34,12 +34,12 @@ def cycle_nis(smoother: IncrementalSmoother, closures: Closures, a: int, b: int)
         )
         seen = carried(pose, z, pose, identity, first)
         at = carried(pose, y, pose, second, seen)
-        return kind.residual(x[None], at[None], closures.measurement(b)[None])[0]
+        r: Floats = kind.residual(x[None], at[None], closures.measurement(b)[None])[0]
+        return r
 
     # Covariances are those of residuals; in space these are half of a rotation vector.
-    block = FactorBlock(kind, (), closures.measurement(a)[None], np.empty((1, kind.size, kind.size)))
-    exact = Linearised.empty(block)
-    exact.fill(block, (identity[None], closures.measurement(a)[None]))
+    z = closures.measurement(a)
+    exact = Linearised.of_one(kind, (identity, z), z)
     to_increments = np.linalg.inv(exact.jacobians[1][0])
     none = np.zeros((3, pose.dof))
     r = left(none)

@@ -199,12 +199,7 @@ class IncrementalSmoother:
 
         P is the covariance of the estimate as it was updated last; without the factor's own noise.
         """
-        values = tuple(self.estimate(each)[None] for each in variables)
-        block = FactorBlock(
-            kind, (), measurement[None], np.empty((1, kind.size, kind.size))
-        )
-        at = Linearised.empty(block)
-        at.fill(block, values)
+        at = Linearised.of_one(kind, tuple(map(self.estimate, variables)), measurement)
         free = [slot for slot, each in enumerate(variables) if self._dof.array[each]]
         numbers = np.array([variables[slot] for slot in free], np.int64)
         starts, widths = self._offsets.array[numbers], self._dof.array[numbers]
@@ -334,9 +329,7 @@ class IncrementalSmoother:
                 for each, rows in zip(own.kind.variables, own.variables.view.T, strict=True)
             ]
             r = own.kind.residual(*values, own.measurements.view)
-            total += float(
-                np.einsum("n,ni,nij,nj->", own.weights.view, r, own.information.view, r)
-            )
+            total += float(np.einsum("n,ni,nij,nj->", own.weights.view, r, own.information.view, r))
         return total
 
     def estimate(self, number: int) -> Floats:

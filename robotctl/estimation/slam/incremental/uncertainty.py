@@ -15,7 +15,7 @@ from robotctl.estimation.slam.incremental.bayes_tree import Cliques, Floats, Int
 
 
 @compiled
-def projected_covariance(
+def projected_covariance(  # noqa: C901 - one compiled loop
     cliques: Cliques, clique_of: Ints, variables: Ints, columns: Ints, jacobian: Floats, size: int
 ) -> Floats:
     """Return J P J^T, (m, m).

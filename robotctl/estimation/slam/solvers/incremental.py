@@ -9,7 +9,13 @@ from robotctl.estimation.slam.graph.variables import Floats, VariableKind
 from robotctl.estimation.slam.incremental.consistency import Closure, ConsistentClosures
 from robotctl.estimation.slam.incremental.placing import carried
 from robotctl.estimation.slam.incremental.smoother import IncrementalSmoother
-from robotctl.estimation.slam.solvers.problem import Problem, Solution, Tell, check_determined, doubtful
+from robotctl.estimation.slam.solvers.problem import (
+    Problem,
+    Solution,
+    Tell,
+    check_determined,
+    doubtful,
+)
 
 
 def arrivals(graph: FactorGraph) -> list[list[tuple[int, int]]]:
