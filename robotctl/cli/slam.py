@@ -25,7 +25,10 @@ def slam(
     ),
     solver: Annotated[
         str,
-        typer.Option(help="ekf: one Gaussian of robot and map. graph: then the best fit of all."),
+        typer.Option(
+            help="ekf: one Gaussian of robot and map. graph: then the best fit of all. submaps: "
+            "local maps, joined, for logs that are graphs."
+        ),
     ] = "ekf",
     association: Annotated[
         str,

@@ -27,23 +27,30 @@ _SECOND_NS = 1_000_000_000
 _TOLD = 200
 
 
-def slam_of_graph(name: str, file: GraphFile, progress: Callable[[int, int], None]) -> SlamResult:
+def slam_of_graph(
+    name: str,
+    file: GraphFile,
+    progress: Callable[[int, int], None],
+    most_features: int | None = None,
+) -> SlamResult:
     """Filter along a graph of poses in a row and landmarks; its poses get their row as time [s].
+
+    With `most_features` in local maps, that are joined.
 
     Raises
     ------
     ValueError
         If the graph is none.
     """
-    drive = GraphDrive(file.graph, PAST_POSES)
+    drive = GraphDrive(file.graph, PAST_POSES, most_features)
     count = len(drive.deltas)
     began_ns = time.process_time_ns()
     for done in drive.steps():
         if done % _TOLD == 0:
             progress(done, count)
     spent_ms = 1e-6 * (time.process_time_ns() - began_ns)
-    slam, ids = drive.slam, file.graph.ids.get(POINT2, np.empty(0, np.int64))
-    numbers = [slam.names.index(row) for row in range(len(ids))]
+    ids = file.graph.ids.get(POINT2, np.empty(0, np.int64))
+    marks = [drive.point(row) for row in range(len(ids))]
     seen = np.zeros(len(ids), np.int64)
     for block in file.graph.blocks:
         if block.kind.variables[-1] is POINT2:
@@ -51,7 +58,7 @@ def slam_of_graph(name: str, file: GraphFile, progress: Callable[[int, int], Non
     rows, covariances = drive.past()
     stamps_ns = np.arange(count) * _SECOND_NS
     poses = drive.poses()
-    points = slam.belief.features[numbers]
+    points = np.array([place for place, _ in marks]).reshape(-1, 2)
     values: Values = {SE2: poses, POINT2: points} if len(ids) else {SE2: poses}
     return SlamResult(
         name,
@@ -60,7 +67,7 @@ def slam_of_graph(name: str, file: GraphFile, progress: Callable[[int, int], Non
         Landmarks(
             tuple(ids.tolist()),
             points,
-            np.array([slam.belief.block(number, number) for number in numbers]).reshape(-1, 2, 2),
+            np.array([covariance for _, covariance in marks]).reshape(-1, 2, 2),
             tuple(seen.tolist()),
         ),
         _separated(file, values),

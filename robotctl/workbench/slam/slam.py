@@ -16,6 +16,7 @@ from robotctl.estimation.landmarks.config import LandmarkConfig
 from robotctl.estimation.landmarks.localisation import CountedOdometry
 from robotctl.estimation.slam.ekf_slam.bookkeeping import ASSOCIATIONS, Association
 from robotctl.estimation.slam.ekf_slam.camera_points import CAMERA_POINT
+from robotctl.estimation.slam.ekf_slam.joined_maps import MOST_FEATURES
 from robotctl.estimation.slam.ekf_slam.recorded import RecordedSlam
 from robotctl.estimation.slam.graph.variables import SE2 as POSES
 from robotctl.logs.formats.recorded_log import read_recording
@@ -36,7 +37,7 @@ from robotctl.workbench.slam.result import Estimated, Landmarks, SlamResult
 Progress: TypeAlias = Callable[[int, int], None]
 
 FEATURES: Final = ("landmarks",)
-SOLVERS: Final = ("ekf", "graph")
+SOLVERS: Final = ("ekf", "graph", "submaps")
 _TOLD: Final = 1000
 
 
@@ -102,9 +103,15 @@ def slam(options: SlamOptions, progress: Progress) -> SlamResult:
                 "only names is possible"
             )
         try:
-            result = slam_of_graph(log.name, read_graph(log), progress)
+            most = MOST_FEATURES if options.solver == "submaps" else None
+            result = slam_of_graph(log.name, read_graph(log), progress, most)
         except ValueError as error:
             raise SlamError(f"{log}: {error}; robotctl optimize solves any graph") from error
+    elif options.solver == "submaps":
+        raise ConfigError(
+            f"--solver submaps: {log} is no graph; the filter of recordings calibrates their "
+            "sensors, which couples all local maps. Allowed here are ekf and graph"
+        )
     else:
         recording = read_recording(
             log, options.mrclam_robot, with_sonars=False, time_unit=options.time_unit

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from robotctl.estimation.slam.ekf_slam.features import POINT, SEEN_POINT, FeatureKind
 from robotctl.estimation.slam.ekf_slam.filter import EkfSlam
+from robotctl.estimation.slam.ekf_slam.joined_maps import JoinedMaps
 from robotctl.estimation.slam.ekf_slam.way import way_of
 from robotctl.estimation.slam.factors.between import BETWEEN_2D
 from robotctl.estimation.slam.factors.landmarks import RANGE_BEARING, SEEN_2D
@@ -28,12 +29,16 @@ MEASURED: Final[dict[FactorKind, FeatureKind]] = {SEEN_2D: SEEN_POINT, RANGE_BEA
 class GraphDrive:
     """SLAM along the poses of a graph, in the order of their ids, with known association.
 
+    The world is where the first pose is.
+
     Parameters
     ----------
     graph
         Poses in the plane, each linked with the next one, and points.
     past_poses
         About how many poses are kept, evenly along the way.
+    most_features
+        Of a local map, kept poses counting as two; None: one map for all.
 
     Raises
     ------
@@ -41,7 +46,9 @@ class GraphDrive:
         If poses are not linked in a row, or there are factors of other kinds.
     """
 
-    def __init__(self, graph: FactorGraph, past_poses: int) -> None:
+    def __init__(
+        self, graph: FactorGraph, past_poses: int, most_features: int | None = None
+    ) -> None:
         for block in graph.blocks:
             if block.kind is not BETWEEN_2D and block.kind not in MEASURED:
                 raise ValueError(f"factors {block.kind.name!r} are not for the filter")
@@ -70,32 +77,46 @@ class GraphDrive:
         marks = np.floor(np.cumsum(steps_m) / max(steps_m.sum(), 1e-9) * past_poses)
         kept = np.flatnonzero(np.diff(marks) > 0) + 1
         self._kept = [0, *kept[kept < count - 1].tolist(), count - 1]
-        self.slam = EkfSlam(np.zeros(3), 1e-12 * np.eye(3))
-        """The filter; the world is where the first pose is. Landmarks have their rows as names."""
+        self._slam = EkfSlam(np.zeros(3), 1e-12 * np.eye(3))
+        self._maps = None if most_features is None else JoinedMaps(most_features)
         self.online = np.zeros((count, 3))
         """Poses as they were estimated at their time, (n, 3)."""
 
     def steps(self) -> Iterator[int]:
         """Go along the poses; yield how many are done."""
-        slam, kept = self.slam, set(self._kept)
+        kept, maps = set(self._kept), self._maps
         for row in range(len(self.deltas)):
             if row:
                 self._move(self.deltas[row], self._noises[row])
             if row in kept:
-                slam.remember(row)
+                self._slam.remember(row)
             self._see(row)
-            pose = slam.pose
+            pose = self._slam.pose if maps is None else maps.base @ self._slam.pose
             self.online[row] = pose.x_m, pose.y_m, pose.theta_rad
+            is_last = row == len(self.deltas) - 1
+            if maps is not None and (is_last or maps.is_full(self._slam)):
+                self._slam = maps.join(self._slam)
             yield row + 1
+
+    def point(self, row: int) -> tuple[Array, Array]:
+        """Return where a landmark is, by its row (2,), and the covariance of that (2, 2)."""
+        if self._maps is not None:
+            return self._maps.feature(row)
+        number, belief = self._slam.names.index(row), self._slam.belief
+        return belief.features[number], belief.block(number, number)
+
+    def _past(self, row: int) -> tuple[SE2, Array]:
+        """Return a pose that was kept, and its covariance (3, 3)."""
+        return (self._maps or self._slam).past(row)
 
     def poses(self) -> Array:
         """Return all poses with all that was seen, (n, 3)."""
-        known = [self.slam.past(row)[0] for row in self._kept]
+        known = [self._past(row)[0] for row in self._kept]
         return way_of(self.deltas, self._kept, known)
 
     def past(self) -> tuple[NDArray[np.int64], Array]:
         """Return the rows of the poses that were kept, (k,), and their covariances (k, 3, 3)."""
-        return np.array(self._kept), np.array([self.slam.past(row)[1] for row in self._kept])
+        return np.array(self._kept), np.array([self._past(row)[1] for row in self._kept])
 
     def _sort(self, kind: FeatureKind, block: FactorBlock) -> None:
         """Put sightings to the poses that they are from."""
@@ -108,14 +129,14 @@ class GraphDrive:
 
     def _move(self, delta: Array, noise: Array) -> None:
         """Move by what odometry says; its noise is in the frame of the pose behind the motion."""
-        pose = self.slam.pose
+        pose = self._slam.pose
         end = pose @ SE2(*delta.tolist())
         F = np.eye(3)
         F[0, 2], F[1, 2] = pose.y_m - end.y_m, end.x_m - pose.x_m
         c, s = math.cos(end.theta_rad), math.sin(end.theta_rad)
         G = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         x_v = np.array([end.x_m, end.y_m, end.theta_rad])
-        self.slam.predict(x_v, F, G @ noise @ G.T)
+        self._slam.predict(x_v, F, G @ noise @ G.T)
 
     def _see(self, row: int) -> None:
         """Take what a pose sees, kind by kind."""
@@ -125,4 +146,4 @@ class GraphDrive:
             if mine:
                 names = [point for point, _, _ in mine]
                 z, R = (np.array([each[column] for each in mine]) for column in (1, 2))
-                self.slam.sight(kind, names, z, R)
+                self._slam.sight(kind, names, z, R)
