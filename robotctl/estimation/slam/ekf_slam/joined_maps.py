@@ -52,7 +52,7 @@ class JoinedMaps:
     def __init__(self, most_features: int = MOST_FEATURES) -> None:
         self.most_features = most_features
         self.x = np.zeros(_POSE)
-        """The pose x [m], y [m], theta [rad] in `world`, then two numbers for each feature, (n,)."""
+        """The pose x [m], y [m], theta [rad] in `world`, then two numbers a feature, (n,)."""
         self.P = np.zeros((_POSE, _POSE))
         """Its covariance (n, n)."""
         self.names: list[int | str] = []

@@ -15,7 +15,7 @@ from robotctl.model.geometry.se2 import SE2
 
 NOISE = MotionNoise(0.02, 0.02, 0.03)
 R = np.diag([0.05**2, 0.02**2])
-SEEDS = 20
+SEEDS = 12
 
 
 def driven(seed, most_features, *, exact=False):
