@@ -10,8 +10,10 @@ A local map begins where the robot is, without doubt, and uses no measurement of
 local maps are independent until they are joined (Tardós, Neira, Newman, Leonard: Robust mapping and
 localization in indoor environments using sonar data, IJRR 21(4), 2002). Joining puts a local map
 behind the pose at which it began. Features that were known before are there twice then; that both
-are the same is a measurement without noise. As in `EkfSlam` the correction moves positions along
-the exponential of SE(2), and the covariance follows: a turn of the whole stays unobservable.
+are the same is a measurement without noise. As in `EkfSlam` errors turn with the heading, here of
+the pose at which the local map began: the innovation does not depend on how far the two places are
+apart, the correction moves positions along the exponential of SE(2), and the covariance follows.
+A turn of the whole stays unobservable.
 
 A join costs what one update of a filter of all features costs, a few times. In between, an update
 costs what the local map is worth; loops close when their map is joined. Association is by names.
@@ -33,11 +35,10 @@ from robotctl.model.geometry.se2 import SE2
 
 Array: TypeAlias = NDArray[np.float64]
 
-MOST_FEATURES: Final = 60
+MOST_FEATURES: Final = 30
 """Of a local map."""
 _POSE: Final = 3
 _NOISE_M2: Final = 1e-12
-_ROUNDS: Final = 3
 
 
 class JoinedMaps:
@@ -85,6 +86,7 @@ class JoinedMaps:
         ]
         if twice:
             self._unite(np.array(twice))
+        self._move_base()
         for k, name in enumerate(local.names):
             self._index.setdefault(name, first + k)
         if twice:
@@ -106,8 +108,8 @@ class JoinedMaps:
         return SE2(x, y, wrap_angle(theta)), self.P[np.ix_(at, at)]
 
     def _append(self, local: EkfSlam) -> None:
-        """Move the base to where a local map ends, and put its features behind all others."""
-        base, belief, n = self.base, local.belief, len(self.x)
+        """Put the features of a local map behind all others, and at last the pose where it ends."""
+        base, belief = self.base, local.belief
         R = rotation(-base.theta_rad)
         turns = np.array([kind is not HEADING for kind in local.kinds], np.bool_)
         moved = belief.x.copy()
@@ -126,41 +128,39 @@ class JoinedMaps:
         by_base[headings, 2] = 1.0
         own = by_local @ belief.covariance() @ by_local.T
         own += by_base @ self.P[:_POSE, :_POSE] @ by_base.T
-        across = by_base @ self.P[:_POSE, _POSE:]
-        size = n + belief.n - _POSE
-        P = np.empty((size, size))
-        P[_POSE:n, _POSE:n] = self.P[_POSE:, _POSE:]
-        new = np.concatenate([np.arange(_POSE), np.arange(n, size)])
-        P[np.ix_(new, new)] = own
-        P[new, _POSE:n] = across
-        P[_POSE:n, new] = across.T
-        self.P, self.x = P, np.concatenate([moved[:_POSE], self.x[_POSE:], moved[_POSE:]])
+        across = by_base @ self.P[:_POSE]
+        own, across = np.roll(own, -_POSE, (0, 1)), np.roll(across, -_POSE, 0)
+        self.P = np.block([[self.P, across.T], [across, own]])
+        self.x = np.concatenate([self.x, np.roll(moved, -_POSE)])
         self.names += local.names
         self._turns = np.concatenate([self._turns, turns])
+
+    def _move_base(self) -> None:
+        """Begin the next local map at the pose that is behind all features."""
+        end = len(self.x) - _POSE
+        order = np.concatenate([np.arange(end, end + _POSE), np.arange(_POSE, end)])
+        self.x, self.P = self.x[order], self.P[np.ix_(order, order)]
 
     def _unite(self, twice: NDArray[np.int64]) -> None:
         """Take in that pairs of features (m, 2) are the same."""
         first, second = (_POSE + 2 * twice[:, k, None] + [0, 1] for k in (0, 1))
         a, b = first.ravel(), second.ravel()
         off = self.x[b] - self.x[a]
-        HP = self.P[a] - self.P[b]
-        S = HP[:, a] - HP[:, b]
+        # Errors turn with the heading of the base, those of both places about the origin.
+        turned = np.stack([-off[1::2], off[::2]], axis=1).ravel()
+        HP = self.P[a] - self.P[b] + np.outer(turned, self.P[2])
+        S = HP[:, a] - HP[:, b] + np.outer(HP[:, 2], turned)
         L = np.linalg.cholesky(S + _NOISE_M2 * np.eye(len(S)))
         W = np.linalg.solve(L, HP)
-        # The correction turns what it moves; both places are the same after that.
-        V = np.eye(2)
-        for _ in range(_ROUNDS):
-            change = W.T @ np.linalg.solve(L, (off.reshape(-1, 2) @ np.linalg.inv(V).T).ravel())
-            V = _along(float(change[2]))
         self.P -= W.T @ W
-        self._correct(change, V)
+        self._correct(W.T @ np.linalg.solve(L, off))
 
-    def _correct(self, change: Array, V: Array) -> None:
+    def _correct(self, change: Array) -> None:
         """Correct the state along the exponential of SE(2), and let the covariance follow."""
-        places = np.flatnonzero(np.concatenate([[True], self._turns]))
-        at = np.where(places == 0, 0, _POSE + 2 * (places - 1))
+        places = _POSE + 2 * np.flatnonzero(self._turns)
+        at = np.concatenate([[0], places, [len(self.x) - _POSE]])
         rows = np.stack([at, at + 1], axis=1)
-        change[rows] = change[rows] @ V.T
+        change[rows] = change[rows] @ _along(float(change[2])).T
         self.x += change
         u = np.zeros(len(self.x))
         u[at], u[at + 1] = -change[at + 1], change[at]

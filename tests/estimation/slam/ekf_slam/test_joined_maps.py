@@ -13,6 +13,7 @@ from robotctl.model.drives.motion import arc
 from robotctl.model.drives.motion_noise import MotionNoise
 from robotctl.model.geometry.se2 import SE2
 
+pytestmark = pytest.mark.timeout(600)  # the first of them compiles
 NOISE = MotionNoise(0.02, 0.02, 0.03)
 R = np.diag([0.05**2, 0.02**2])
 SEEDS = 12
