@@ -124,6 +124,41 @@ SEEN_POINT: Final = FeatureKind("point", _in_base, _in_world, (False, False))
 """Points (x, y) [m] of `world`, of which a sensor tells x and y in `base` [m]."""
 
 
+@compiled
+def _faced(x_v: Array, y: Array) -> tuple[Array, Array, Array]:
+    """Return lines (k, 2) in the frame of the robot, direction [rad] and distance [m]."""
+    count = len(y)
+    z, by_feature = np.empty((count, 2)), np.zeros((count, 2, 2))
+    by_robot = np.zeros((count, 2, len(x_v)))
+    for k in range(count):
+        c, s = math.cos(y[k, 0]), math.sin(y[k, 0])
+        turned = y[k, 0] - x_v[2]
+        z[k, 0] = turned - math.tau * round(turned / math.tau)
+        z[k, 1] = y[k, 1] - c * x_v[0] - s * x_v[1]
+        by_feature[k, 0, 0] = by_feature[k, 1, 1] = 1.0
+        by_feature[k, 1, 0] = s * x_v[0] - c * x_v[1]
+        by_robot[k, 0, 2] = -1.0
+        by_robot[k, 1, 0], by_robot[k, 1, 1] = -c, -s
+    return z, by_robot, by_feature
+
+
+@compiled
+def _line(x_v: Array, z: Array) -> Array:
+    """Return the line of `world` that the robot sees in a direction [rad], at a distance [m]."""
+    alpha = x_v[2] + z[0]
+    return np.array([alpha, z[1] + math.cos(alpha) * x_v[0] + math.sin(alpha) * x_v[1]])
+
+
+LINE: Final = FeatureKind("line", _faced, _line, (True, False), turns=False)
+"""Lines (alpha, r), x cos(alpha) + y sin(alpha) = r in `world` [rad], [m], as a scan shows them in
+`base` (`find_lines`). The normal points away from the side that is seen, so r may be negative, and
+two sides of a wall are two lines.
+
+A turn of the whole about its origin adds to alpha and leaves r, wherever the line is: these errors
+need not turn with the heading, and are those of the invariant filter as they stand.
+Source: Castellanos, Tardós: Mobile Robot Localization and Map Building, Kluwer 1999, chapter 2."""
+
+
 def _unmeasured(*_: Array) -> NoReturn:
     raise NotImplementedError("past poses are not measured")
 
