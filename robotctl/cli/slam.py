@@ -44,12 +44,20 @@ def slam(
         str | None,
         typer.Option(help="lidar: match scans and draw a map, in place of landmarks."),
     ] = None,
+    onto: Annotated[
+        Path | None,
+        typer.Option(
+            "--map",
+            metavar="FILE",
+            help="With lidar: go on with this map of keyframes; the log may be another one.",
+        ),
+    ] = None,
     time_unit: TimeUnit = None,
 ) -> None:
     """Make a trajectory and a map from a recorded drive, by landmarks or by lidar.
 
-    Writes trajectory.tum, online.tum, graph.g2o and report.json, landmarks.csv or map.yaml, map.pgm
-    and closures.csv; with the extra `plot` plot.png.
+    Writes trajectory.tum, online.tum, graph.g2o and report.json, landmarks.csv or map.yaml,
+    map.pgm, map.keyframes and closures.csv; with the extra `plot` plot.png.
     """
     if sensor not in (None, "lidar"):
         raise ConfigError(f"--sensor {sensor}: unknown; allowed is lidar")
@@ -59,6 +67,8 @@ def slam(
             "--sensor lidar: --features, --solver, --association and --mrclam-robot are for "
             "landmarks, leave them"
         )
+    if onto is not None and sensor is None:
+        raise ConfigError("--map: needs --sensor lidar")
     if not out.parent.is_dir():
         raise ConfigError(f"--out {out}: the folder {out.parent} does not exist")
     if out.exists() and not out.is_dir():
@@ -67,7 +77,7 @@ def slam(
     if sensor is not None:
         from robotctl.cli.slam_lidar import slam_by_lidar  # noqa: PLC0415
 
-        slam_by_lidar(log, out, time_unit, console)
+        slam_by_lidar(log, out, time_unit, console, onto)
         return
     with progress_bar(console, log.name, "SLAM") as tell:
         # It takes a second or more, in which nothing would be seen.

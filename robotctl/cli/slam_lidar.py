@@ -14,7 +14,9 @@ if TYPE_CHECKING:
     from robotctl.workbench.slam.lidar import LidarResult
 
 
-def slam_by_lidar(log: Path, out: Path, time_unit: str | None, console: Console) -> None:
+def slam_by_lidar(
+    log: Path, out: Path, time_unit: str | None, console: Console, onto: Path | None
+) -> None:
     """Make trajectory, map and graph of a recorded drive and write them into a folder."""
     with progress_bar(console, log.name, "SLAM") as tell:
         # It takes a second or more, in which nothing would be seen.
@@ -26,7 +28,7 @@ def slam_by_lidar(log: Path, out: Path, time_unit: str | None, console: Console)
 
         if cache_is_cold():
             console.print(COMPILING, soft_wrap=True)
-        result = lidar_slam(log, time_unit, tell)
+        result = lidar_slam(log, time_unit, tell, onto)
     write_slam(
         out,
         console,

@@ -15,8 +15,8 @@ from robotctl.estimation.slam.lidar.saved_map import (
     KeyframeMap,
     compacted,
     encoded,
-    restored,
 )
+from robotctl.logs.formats.keyframes_log import load_keyframes
 from robotctl.runtime.storage.record_log import (
     DamagedLogError,
     RecordLog,
@@ -31,22 +31,6 @@ NAME: Final = "slam.keyframes"
 """In the folder of what survives restarts."""
 _PLACE_NS: Final = 500_000_000
 """Between two saved places of the robot [ns]."""
-
-
-def load_keyframes(path: Path) -> KeyframeMap | None:
-    """Return the map in a file; None if there is none in it, or no file.
-
-    Raises
-    ------
-    DamagedLogError
-        If it is no such file, or damaged.
-    DiskError
-        If it cannot be read.
-    """
-    try:
-        return restored(read_records(path, HEADING))
-    except ValueError as error:
-        raise DamagedLogError(f"{path}: damaged: {error}") from error
 
 
 def keyframes_to_localise(path: Path) -> KeyframeMap:

@@ -13,6 +13,7 @@ import numpy as np
 
 from robotctl.errors import ConfigError
 from robotctl.logs.formats.carmen_log import CARMEN
+from robotctl.logs.formats.keyframes_log import KEYFRAMES
 from robotctl.logs.formats.lego_log import LEGO
 from robotctl.logs.formats.log_format import LogFormat, ReadOptions
 from robotctl.logs.formats.log_text import LogFormatError, first_word, hint
@@ -31,6 +32,7 @@ LOG_FORMATS: tuple[LogFormat, ...] = (
     ROS_BAG,
     LEGO,
     TUM,
+    KEYFRAMES,
 )
 """All that is read; the first that matches reads. A new format is a file and a line here."""
 

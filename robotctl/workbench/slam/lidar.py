@@ -22,8 +22,10 @@ from robotctl.estimation.slam.graph.variables import SE2 as POSES
 from robotctl.estimation.slam.lidar.back_end import as_row
 from robotctl.estimation.slam.lidar.config import LidarSlamConfig
 from robotctl.estimation.slam.lidar.loops import Closure
-from robotctl.estimation.slam.lidar.mapper import LEAST_ECHOES, SlamMapper
+from robotctl.estimation.slam.lidar.mapper import LEAST_ECHOES, Place, SlamMapper
+from robotctl.estimation.slam.lidar.saved_map import HEADING, KeyframeMap, whole_map
 from robotctl.estimation.slam.robust.robust_cost import OFF
+from robotctl.logs.formats.keyframes_log import load_keyframes
 from robotctl.logs.formats.recorded_log import read_recording
 from robotctl.logs.formats.tum import write_tum
 from robotctl.logs.graphs.g2o import G2O
@@ -32,6 +34,7 @@ from robotctl.maps.map_file import save_map
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.recording import RecordedScan, Recording
 from robotctl.model.trajectory import Trajectory
+from robotctl.runtime.storage.record_log import packed
 from robotctl.workbench.slam.result import Estimated
 
 Progress: TypeAlias = Callable[[int, int], None]
@@ -65,6 +68,8 @@ class LidarResult:
         CPU time of each scan, (n,) [ms].
     grid_ms
         CPU time of the map [ms].
+    frame
+        The map's frame in `world`.
     """
 
     recording: Recording
@@ -75,6 +80,7 @@ class LidarResult:
     has_odometry: bool
     times_ms: np.ndarray
     grid_ms: float
+    frame: SE2
 
     def report(self) -> dict[str, Any]:
         """Return the figures; the keys stand in docs/slam.md."""
@@ -120,13 +126,15 @@ def has_odometry(recording: Recording) -> bool:
     )
 
 
-def lidar_slam(log: Path, time_unit: str | None, progress: Progress) -> LidarResult:
-    """Make trajectory and map of a log.
+def lidar_slam(
+    log: Path, time_unit: str | None, progress: Progress, onto: Path | None = None
+) -> LidarResult:
+    """Make trajectory and map of a log; with `onto`, go on with that map of keyframes.
 
     Raises
     ------
     RobotctlError
-        If the log cannot be read, or has no scans.
+        If log or map cannot be read, the log has no scans, or is not found on the map.
     OSError
         If a file cannot be read.
     """
@@ -144,7 +152,12 @@ def lidar_slam(log: Path, time_unit: str | None, progress: Progress) -> LidarRes
         recording = replace(
             recording, scans=recording.scans[first:], notes=(*recording.notes, note)
         )
-    return lidar_slam_of(recording, progress)
+    if onto is None:
+        return lidar_slam_of(recording, progress)
+    saved = load_keyframes(onto)
+    if saved is None:
+        raise LidarSlamError(f"{onto}: no map of keyframes")
+    return lidar_slam_onto(recording, saved, progress)
 
 
 def _echoes(each: RecordedScan) -> int:
@@ -155,35 +168,105 @@ def _echoes(each: RecordedScan) -> int:
 def lidar_slam_of(recording: Recording, progress: Progress) -> LidarResult:
     """Map a recording, whose first scan has `LEAST_ECHOES` echoes."""
     _compile(recording)
-    mapper, places, online, times_ms = SlamMapper(), [], [], []
     count, by_wheels = len(recording.scans), has_odometry(recording)
-    for done, each in enumerate(recording.scans, 1):
-        began_ns = time.process_time_ns()
-        places.append(mapper.add(each.scan, each.odometry if by_wheels else None))
-        times_ms.append(1e-6 * (time.process_time_ns() - began_ns))
-        online.append(mapper.pose)
-        progress(done, count)
+    drive = _Drive(SlamMapper(), recording, by_wheels)
+    for row in range(count):
+        drive.add(row)
+        progress(row + 1, count)
+    drive.mapper.finish()
+    return drive.result()
+
+
+def lidar_slam_onto(recording: Recording, saved: KeyframeMap, progress: Progress) -> LidarResult:
+    """Go on with a map: from the first scan that is found on it to the end, then to the begin.
+
+    Raises
+    ------
+    LidarSlamError
+        If no scan is found.
+    """
+    _compile(recording)
+    count, by_wheels = len(recording.scans), has_odometry(recording)
+    mapper = SlamMapper(LidarSlamConfig(is_live=True))
+    mapper.resume(saved, is_there=False)
+    drive, first = _Drive(mapper, recording, by_wheels, saved), 0
+    drive.add(first)
+    while mapper.is_lost:
+        first += 1
+        if first == count:
+            raise LidarSlamError(
+                f"{recording.name}: none of its {count} scans is found on the map of "
+                f"{len(saved.keyframes)} scans"
+            )
+        drive.add(first)
+    place = mapper.place
+    for row in range(first + 1, count):
+        drive.add(row)
+        progress(row - first, count)
+    mapper.stand(place, recording.scans[first].odometry if by_wheels else None)
+    for row in range(first - 1, -1, -1):
+        drive.add(row)
+        progress(count - row, count)
     mapper.finish()
-    stamps_ns = [each.scan.stamp_ns for each in recording.scans]
-    poses = [mapper.back_end.pose(each.keyframe) @ each.pose for each in places]
-    estimate = Trajectory.of(stamps_ns, poses)
-    began_ns = time.process_time_ns()
-    grid = OccupancyGrid()
-    scans = [each.scan for each in recording.scans]
-    for begin in range(0, count, _AT_ONCE):
-        end = begin + _AT_ONCE
-        grid.update_scans(estimate.poses[begin:end], scans[begin:end])
-    grid_ms = 1e-6 * (time.process_time_ns() - began_ns)
-    return LidarResult(
-        recording,
-        mapper,
-        estimate,
-        Trajectory.of(stamps_ns, online),
-        grid,
-        by_wheels,
-        np.array(times_ms),
-        grid_ms,
-    )
+    return drive.result()
+
+
+class _Drive:
+    """Scans of a recording on their way through a mapper."""
+
+    def __init__(
+        self,
+        mapper: SlamMapper,
+        recording: Recording,
+        by_wheels: bool,
+        saved: KeyframeMap | None = None,
+    ) -> None:
+        self.mapper = mapper
+        self._saved = saved
+        self._recording = recording
+        self._by_wheels = by_wheels
+        count = len(recording.scans)
+        self._places = [Place(0, 0, SE2())] * count
+        self._online = [SE2()] * count
+        self._times_ms = np.zeros(count)
+
+    def add(self, row: int) -> None:
+        """Take a scan; look for it on the whole map, if the robot is lost on one."""
+        mapper, each = self.mapper, self._recording.scans[row]
+        began_ns = time.process_time_ns()
+        mapper.add(each.scan, each.odometry if self._by_wheels else None)
+        while mapper.looks:
+            mapper.look()
+        self._places[row], self._online[row] = mapper.place, mapper.pose
+        self._times_ms[row] = 1e-6 * (time.process_time_ns() - began_ns)
+
+    def result(self) -> LidarResult:
+        """Return all of it."""
+        mapper, scans = self.mapper, [each.scan for each in self._recording.scans]
+        stamps_ns = [each.stamp_ns for each in scans]
+        poses = [mapper.back_end.pose(each.keyframe) @ each.pose for each in self._places]
+        estimate = Trajectory.of(stamps_ns, poses)
+        began_ns = time.process_time_ns()
+        drawn, placed = scans, estimate.poses
+        if self._saved is not None:
+            drawn = [each.scan for each in mapper.keyframes]
+            placed = mapper.back_end.poses
+        grid = OccupancyGrid()
+        for begin in range(0, len(drawn), _AT_ONCE):
+            end = begin + _AT_ONCE
+            grid.update_scans(placed[begin:end], drawn[begin:end])
+        grid_ms = 1e-6 * (time.process_time_ns() - began_ns)
+        return LidarResult(
+            self._recording,
+            mapper,
+            estimate,
+            Trajectory.of(stamps_ns, self._online),
+            grid,
+            self._by_wheels,
+            self._times_ms,
+            grid_ms,
+            SE2() if self._saved is None else self._saved.frame,
+        )
 
 
 def _compile(recording: Recording) -> None:
@@ -224,6 +307,9 @@ def write_lidar_results(result: LidarResult, folder: Path) -> None:
     write_tum(folder / "online.tum", result.online)
     save_map(folder / "map", result.grid.map_rows(strays=_STRAYS))
     G2O.write(folder / "graph.g2o", graph_of(result.mapper))
+    place = result.mapper.place
+    record = whole_map(result.mapper, result.frame, (place.keyframe, place.pose))
+    (folder / "map.keyframes").write_bytes(HEADING + packed([record]))
     _write_closures(folder / "closures.csv", result.mapper)
     text = json.dumps(result.report(), indent=2) + "\n"
     (folder / "report.json").write_text(text, encoding="utf-8")

@@ -2,8 +2,9 @@
 
 import pytest
 
-from robotctl.app.localisation.slam_files import KeyframeFile, load_keyframes
+from robotctl.app.localisation.slam_files import KeyframeFile
 from robotctl.errors import RobotctlError
+from robotctl.logs.formats.keyframes_log import load_keyframes
 from tests.app.simulation.missions import drive
 
 pytestmark = pytest.mark.timeout(400)  # a cold cache: all of it is compiled

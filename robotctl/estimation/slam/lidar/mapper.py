@@ -213,6 +213,11 @@ class SlamMapper:
         self._place = Place(scan.stamp_ns, last.keyframe, last.pose @ expected.motion)
         return self._place
 
+    @property
+    def looks(self) -> bool:
+        """Whether a search for the robot goes on."""
+        return self._search is not None
+
     def look(self) -> bool:
         """Look for a robot that is lost in another piece of the map; return whether it is found."""
         search = self._search
@@ -222,14 +227,18 @@ class SlamMapper:
         if search.found is None:
             return False
         number, pose = search.found
-        self._place = Place(self.place.stamp_ns, number, pose @ self._since_search)
-        self._trail, self._local = self._around(number), None
-        self._kept_odometry, self._kept_pose = self._odometry, self._place.pose
+        self.stand(Place(self.place.stamp_ns, number, pose @ self._since_search), self._odometry)
+        self.found += 1
+        return True
+
+    def stand(self, place: Place, odometry: SE2 | None) -> None:
+        """Have the robot be at a place on the map, with `base` in `odom`."""
+        self._place, self._odometry = place, odometry
+        self._trail, self._local = self._around(place.keyframe), None
+        self._kept_odometry, self._kept_pose = odometry, place.pose
         self.covariance = 1e-3 * np.eye(3)
         self._unsure_until_m = self._travelled_m + _UNSURE_M
         self.lost_in_a_row = 0
-        self.found += 1
-        return True
 
     def _around(self, number: int) -> list[int]:
         """Return keyframes around one, the nearest last."""

@@ -234,6 +234,10 @@ class ChangeLog:
         self._links = 0
         self._epoch = 0
 
+    def forget(self) -> None:
+        """Tell all, at the next time."""
+        self._epoch = -1
+
     def skip(self, saved: KeyframeMap) -> None:
         """Take a map for told."""
         self._keyframes = list(saved.keyframes)
@@ -259,3 +263,21 @@ class ChangeLog:
             poses=poses.tobytes() if has_jumped else b"",
             weights=np.array(back_end.weights, "<f8").tobytes() if has_jumped else b"",
         )
+
+
+def whole_map(mapper: Mapped, frame: SE2, place: tuple[int, SE2]) -> bytes:
+    """Return the record of a whole map; `map` in `world`, and the robot's keyframe and place in it.
+
+    A file is `HEADING` and the records.
+    """
+    log = ChangeLog()
+    log.forget()
+    number, pose = place
+    change = msgspec.structs.replace(
+        log.changes(mapper), frame=_row(frame), place=(number, _row(pose))
+    )
+    return encoded(change)
+
+
+def _row(pose: SE2) -> Row:
+    return pose.x_m, pose.y_m, pose.theta_rad
