@@ -40,6 +40,8 @@ from robotctl.workbench.slam.result import Estimated
 Progress: TypeAlias = Callable[[int, int], None]
 
 _AT_ONCE: Final = 256
+_LOOK_M: Final = 0.4
+"""Way after which a lost robot is looked for again [m]."""
 _STRAYS: Final = 0.0002
 """As in `robotctl map`: a map is cropped where that cuts off no more of the known cells."""
 
@@ -189,24 +191,24 @@ def lidar_slam_onto(recording: Recording, saved: KeyframeMap, progress: Progress
     count, by_wheels = len(recording.scans), has_odometry(recording)
     mapper = SlamMapper(LidarSlamConfig(is_live=True))
     mapper.resume(saved, is_there=False)
-    drive, first = _Drive(mapper, recording, by_wheels, saved), 0
-    drive.add(first)
-    while mapper.is_lost:
-        first += 1
-        if first == count:
+    drive, first, row = _Drive(mapper, recording, by_wheels, saved), 0, 0
+    while not mapper.is_sure:
+        if row == count:
             raise LidarSlamError(
-                f"{recording.name}: none of its {count} scans is found on the map of "
+                f"{recording.name}: none of its {count} scans is found for sure on the map of "
                 f"{len(saved.keyframes)} scans"
             )
-        drive.add(first)
-    place = mapper.place
-    for row in range(first + 1, count):
+        found = mapper.found
         drive.add(row)
-        progress(row - first, count)
-    mapper.stand(place, recording.scans[first].odometry if by_wheels else None)
-    for row in range(first - 1, -1, -1):
-        drive.add(row)
-        progress(count - row, count)
+        first = row if mapper.found > found else first
+        row += 1
+    for later in range(row, count):
+        drive.add(later)
+        progress(later - first, count)
+    mapper.stand(drive.places[first], recording.scans[first].odometry if by_wheels else None)
+    for earlier in range(first - 1, -1, -1):
+        drive.add(earlier)
+        progress(count - earlier, count)
     mapper.finish()
     return drive.result()
 
@@ -223,10 +225,11 @@ class _Drive:
     ) -> None:
         self.mapper = mapper
         self._saved = saved
+        self._looked: SE2 | None = None
         self._recording = recording
         self._by_wheels = by_wheels
         count = len(recording.scans)
-        self._places = [Place(0, 0, SE2())] * count
+        self.places = [Place(0, 0, SE2())] * count
         self._online = [SE2()] * count
         self._times_ms = np.zeros(count)
 
@@ -235,16 +238,18 @@ class _Drive:
         mapper, each = self.mapper, self._recording.scans[row]
         began_ns = time.process_time_ns()
         mapper.add(each.scan, each.odometry if self._by_wheels else None)
-        while mapper.looks:
-            mapper.look()
-        self._places[row], self._online[row] = mapper.place, mapper.pose
+        if mapper.looks and _is_away(self._looked, mapper.pose):
+            while mapper.looks and not mapper.look():
+                pass
+            self._looked = mapper.pose
+        self.places[row], self._online[row] = mapper.place, mapper.pose
         self._times_ms[row] = 1e-6 * (time.process_time_ns() - began_ns)
 
     def result(self) -> LidarResult:
         """Return all of it."""
         mapper, scans = self.mapper, [each.scan for each in self._recording.scans]
         stamps_ns = [each.stamp_ns for each in scans]
-        poses = [mapper.back_end.pose(each.keyframe) @ each.pose for each in self._places]
+        poses = [mapper.back_end.pose(each.keyframe) @ each.pose for each in self.places]
         estimate = Trajectory.of(stamps_ns, poses)
         began_ns = time.process_time_ns()
         drawn, placed = scans, estimate.poses
@@ -267,6 +272,11 @@ class _Drive:
             grid_ms,
             SE2() if self._saved is None else self._saved.frame,
         )
+
+
+def _is_away(before: SE2 | None, now: SE2) -> bool:
+    """Return whether a lost robot may see something new."""
+    return before is None or float(np.hypot(now.x_m - before.x_m, now.y_m - before.y_m)) > _LOOK_M
 
 
 def _compile(recording: Recording) -> None:

@@ -14,6 +14,8 @@ from robotctl.estimation.slam.factors.between import BETWEEN_2D, residual_2d
 from robotctl.estimation.slam.front_end.surface import Floats
 from robotctl.estimation.slam.graph.variables import SE2 as POSES
 from robotctl.estimation.slam.incremental.smoother import IncrementalSmoother
+from robotctl.estimation.slam.robust.kernels import KERNELS
+from robotctl.estimation.slam.robust.robust_cost import OFF, scale
 from robotctl.model.geometry.se2 import SE2
 
 DRIFT_M: Final = 0.02
@@ -127,6 +129,17 @@ class BackEnd:
         """Change the weight of a link from the next update on."""
         self._smoother.weigh(number, weight)
         self.weights[number] = weight
+
+    def reweigh(self) -> None:
+        """Take weight from links of loops that the graph contradicts."""
+        numbers = [number for number, link in enumerate(self.links) if link.is_loop]
+        if not numbers:
+            return
+        weights = KERNELS["dcs"].weight(self.squares(numbers), scale(3))
+        for number, weight in zip(numbers, weights.tolist(), strict=True):
+            if abs(weight - self.weights[number]) > OFF:
+                self.weigh(number, weight)
+        self.update()
 
     def doubts(self, number: int) -> Floats:
         """Return standard deviations of position [m] and heading [rad] of all others, (n, 2).

@@ -5,12 +5,13 @@ So a robot that stays in one building keeps a map of one size, which shows what 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
-from robotctl.estimation.slam.front_end.surface import surface_of
+from robotctl.estimation.slam.front_end.surface import Floats, surface_of
 from robotctl.estimation.slam.lidar.back_end import BackEnd
 from robotctl.estimation.slam.lidar.config import LidarSlamConfig
 from robotctl.estimation.slam.lidar.keyframe import Keyframe, compared, keyframe_of, match_pair
@@ -22,11 +23,15 @@ LOOSE_M: Final = 0.25
 LOOSE_RAD: Final = 0.08
 """With less doubt between, old keyframes are where they are; others are loops to close."""
 _TRIES: Final = 3
-_CHANGED: Final = 0.04
+CHANGED: Final = 0.04
 """Of what two scans say of each other: with more contradicting, something was moved."""
 _YOUNG_M: Final = 5.0
 """Way after which a scan may be replaced: people walk about."""
 _WIDE_M: Final = 0.15
+_MOVED: Final = 0.05
+"""Share of two scans that may contradict, of half of the keyframes asked about a place."""
+_PASSES: Final = 6
+"""Keyframes to pass until a place where the robot was found is sure: half of them bear it out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,13 +44,16 @@ class Known:
         Of the keyframe.
     pose
         Of `base` in it.
-    is_changed
-        Whether the place looks otherwise now.
+    contradicts
+        Share of what the two scans say of each other.
+    is_young
+        Whether its scan was taken on the last metres.
     """
 
     number: int
     pose: SE2
-    is_changed: bool
+    contradicts: float
+    is_young: bool
 
 
 def certain(doubts: np.ndarray) -> np.ndarray:
@@ -87,9 +95,9 @@ def known_place(
         overlap, contradicts = compared(old, new, there)
         is_young = new.travelled_m - old.travelled_m < _YOUNG_M
         if pair is not None and overlap >= config.keyframe_overlap:
-            return Known(other, there, contradicts > _CHANGED and not is_young)
+            return Known(other, there, contradicts, is_young)
         if contradicts > 1.0 - config.least_agreement and not is_young:
-            return Known(other, there, is_changed=True)
+            return Known(other, there, contradicts, is_young)
     return None
 
 
@@ -99,7 +107,7 @@ def nearest(reference: int, pose: SE2, back_end: BackEnd) -> Known:
     away = np.hypot(*(back_end.poses[:, :2] - (at.x_m, at.y_m)).T)
     sure = certain(back_end.doubts(reference))
     number = int(np.argmin(np.where(sure, away, np.inf)))
-    return Known(number, back_end.between(number, reference) @ pose, is_changed=False)
+    return Known(number, back_end.between(number, reference) @ pose, 0.0, is_young=True)
 
 
 def renewed(new: Keyframe, pose: SE2) -> Keyframe:
@@ -118,3 +126,35 @@ def _is_open(old: Keyframe, pose: SE2) -> bool:
     sectors = len(old.view.nearest)
     sector = int(np.floor(np.arctan2(y, x) * sectors / (2.0 * np.pi))) % sectors
     return bool(old.view.farthest[sector] == 0.0 or np.hypot(x, y) < old.view.nearest[sector])
+
+
+def is_borne_out(new: Keyframe, at: SE2, asked: Sequence[Keyframe], poses: Floats) -> bool:
+    """Return whether keyframes at poses (n, 3) bear out that a scan was taken at a pose.
+
+    A robot that was carried away may be where much looks the same.
+    """
+    agreeing = 0
+    for old, row in zip(asked, poses.tolist(), strict=True):
+        agreeing += compared(old, new, SE2(*row).inverse() @ at)[1] < _MOVED
+    return 2 * agreeing >= len(asked)
+
+
+class Probation:
+    """Judges the place where a robot was found by the keyframes that it passes.
+
+    Until then the map is left alone: what is not on it may look like what is.
+    """
+
+    def __init__(self) -> None:
+        self._passed = self._against = 0
+
+    def ends_with(self, known: Known | None) -> bool:
+        """Take a keyframe that was passed, None where none is; return whether all is clear."""
+        self._passed += 1
+        self._against += known is None or known.contradicts > CHANGED
+        return self.is_refuted or self._passed >= _PASSES
+
+    @property
+    def is_refuted(self) -> bool:
+        """Whether too many contradict it."""
+        return 2 * self._against > _PASSES

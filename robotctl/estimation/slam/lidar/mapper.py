@@ -11,9 +11,13 @@ from robotctl.estimation.slam.front_end.point_to_line import Match
 from robotctl.estimation.slam.front_end.surface import Floats, Surface, surface_of
 from robotctl.estimation.slam.lidar.back_end import BackEnd, Link
 from robotctl.estimation.slam.lidar.config import LidarSlamConfig
-from robotctl.estimation.slam.lidar.keyframe import Keyframe, compared, keyframe_of, match_pair
+from robotctl.estimation.slam.lidar.keyframe import Keyframe, keyframe_of, match_pair
 from robotctl.estimation.slam.lidar.known_places import (
+    CHANGED,
+    Known,
+    Probation,
     certain,
+    is_borne_out,
     known_place,
     nearest,
     renewed,
@@ -22,9 +26,7 @@ from robotctl.estimation.slam.lidar.loops import LoopSearch
 from robotctl.estimation.slam.lidar.map_search import MapSearch
 from robotctl.estimation.slam.lidar.motion import Expected, by_odometry, by_velocity
 from robotctl.estimation.slam.lidar.saved_map import KeyframeMap
-from robotctl.estimation.slam.lidar.tracker import LocalMap, Tracked, local_map, track
-from robotctl.estimation.slam.robust.kernels import KERNELS
-from robotctl.estimation.slam.robust.robust_cost import OFF, scale
+from robotctl.estimation.slam.lidar.tracker import LocalMap, Tracked, is_new, local_map, track
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
 
@@ -40,8 +42,6 @@ _NEAR_TRIES: Final = 8
 _RESUMED: Final = Expected(SE2(), 0.5, 0.17)
 """Where a robot is that goes on: it may have rolled on before it came to rest."""
 _ASKED: Final = 4
-_MOVED: Final = 0.05
-"""Share of two scans that may contradict, of half of the keyframes asked about a place."""
 _UNSURE_M: Final = 5.0
 """Way after a slip, or after the robot was found, on which the map's keyframes keep their scans."""
 _SURE: Final = 0.6
@@ -91,6 +91,7 @@ class SlamMapper:
         self._by_wheels = True
         """Whether the motion to the last scan was measured."""
         self._unsure_until_m = 0.0
+        self._probation: Probation | None = None
         self._search: MapSearch | None = None
         self._since_search = SE2()
         self._odometry: SE2 | None = None
@@ -111,6 +112,11 @@ class SlamMapper:
     def place(self) -> Place:
         """Where the last scan was taken; before the first, the origin."""
         return self._place or Place(0, 0, SE2())
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether the robot is on its map and what it passed has borne that out."""
+        return not self.is_lost and self._probation is None
 
     @property
     def is_lost(self) -> bool:
@@ -161,7 +167,7 @@ class SlamMapper:
         self._moved, self._moved_s = step, 1e-9 * (scan.stamp_ns - last.stamp_ns)
         self._travelled_m += float(np.hypot(step.x_m, step.y_m))
         self._place = Place(scan.stamp_ns, last.keyframe, tracked.pose)
-        if len(surface.points) >= LEAST_ECHOES and self._is_new(tracked):
+        if len(surface.points) >= LEAST_ECHOES and is_new(tracked, self.config):
             new = keyframe_of(scan, surface, self._travelled_m)
             if not (self.config.is_live and self._is_known(new, tracked.pose)):
                 self._new_keyframe(new, tracked.pose, tracked.match)
@@ -183,23 +189,14 @@ class SlamMapper:
         follows = self._by_wheels and not tracked.has_slipped and self.lost_in_a_row == 0
         if not self.config.is_live or follows:
             return tracked
-        if tracked.score < _SURE or not self._is_proved(scan, surface, tracked):
+        new, asked = keyframe_of(scan, surface, self._travelled_m), self._trail[-_ASKED:]
+        at = self.back_end.pose(last.keyframe) @ tracked.pose
+        if tracked.score < _SURE or not is_borne_out(
+            new, at, [self.keyframes[each] for each in asked], self.back_end.poses[asked]
+        ):
             return nowhere
         self._unsure_until_m = self._travelled_m + _UNSURE_M
         return replace(tracked, has_slipped=tracked.has_slipped and not resumed)
-
-    def _is_proved(self, scan: RangeScan, surface: Surface, tracked: Tracked) -> bool:
-        """Return whether the last keyframes bear out a place that does not follow from the last.
-
-        A robot that was carried away may be where much looks the same.
-        """
-        new, last = keyframe_of(scan, surface, self._travelled_m), self.place.keyframe
-        asked = self._trail[-_ASKED:]
-        agreeing = 0
-        for other in asked:
-            pose = self.back_end.between(other, last) @ tracked.pose
-            agreeing += compared(self.keyframes[other], new, pose)[1] < _MOVED
-        return 2 * agreeing >= len(asked)
 
     def _look_for(
         self, scan: RangeScan, surface: Surface, last: Place, expected: Expected
@@ -228,6 +225,7 @@ class SlamMapper:
             return False
         number, pose = search.found
         self.stand(Place(self.place.stamp_ns, number, pose @ self._since_search), self._odometry)
+        self._probation = Probation()
         self.found += 1
         return True
 
@@ -251,18 +249,28 @@ class SlamMapper:
         """Return whether a scan, seen from the last keyframe, is of a known place; be there."""
         last = self.place.keyframe
         known = known_place(new, last, pose, self.keyframes, self.back_end, self.config)
-        if known is None and self.config.is_fixed:
+        left_alone = self.config.is_fixed or self._probation is not None
+        self._judge(known)
+        if known is None and left_alone:
             known = nearest(last, pose, self.back_end)
         if known is None:
             return False
-        may_change = self._travelled_m > self._unsure_until_m and not self.config.is_fixed
-        if known.is_changed and may_change:
+        may_change = self._travelled_m > self._unsure_until_m and not left_alone
+        if known.contradicts > CHANGED and may_change and not known.is_young:
             self.keyframes[known.number] = renewed(new, known.pose)
             self.renewals += 1
             self._local = None
         self._pass(known.number, known.pose)
         self._place = Place(self.place.stamp_ns, known.number, known.pose)
         return True
+
+    def _judge(self, known: Known | None) -> None:
+        """Learn more of the place where the robot was found, until it is sure."""
+        if self._probation is None or not self._probation.ends_with(known):
+            return
+        if self._probation.is_refuted:
+            self.lost_in_a_row = LOST
+        self._probation = None
 
     def _pass(self, number: int, pose: SE2) -> None:
         """Have a keyframe be the last one that was passed, with the robot at a pose in it."""
@@ -297,17 +305,6 @@ class SlamMapper:
         if odometry is not None and before is not None:
             return by_odometry(before.inverse() @ odometry)
         return by_velocity(self._moved, self._moved_s, 1e-9 * (stamp_ns - last.stamp_ns))
-
-    def _is_new(self, tracked: Tracked) -> bool:
-        """Return whether a scan becomes a keyframe."""
-        config, pose = self.config, tracked.pose
-        if config.is_live and tracked.match is None:
-            return False
-        return (
-            float(np.hypot(pose.x_m, pose.y_m)) >= config.keyframe_m
-            or abs(pose.theta_rad) >= config.keyframe_rad
-            or (tracked.match is not None and tracked.match.inliers < config.keyframe_overlap)
-        )
 
     def _make_local(self) -> LocalMap:
         """Return the map of the last keyframes in the frame of the newest."""
@@ -385,24 +382,12 @@ class SlamMapper:
         for link in links:
             self.back_end.link(link)
         self.back_end.update()
-        self._reweigh()
+        self.back_end.reweigh()
         self._local = None
         self.epoch += 1
 
     def finish(self) -> None:
         """Make the estimate exact, after the last scan."""
         self.back_end.refine()
-        self._reweigh()
+        self.back_end.reweigh()
         self.back_end.refine()
-
-    def _reweigh(self) -> None:
-        """Take weight from links of loops that the graph contradicts."""
-        back_end = self.back_end
-        numbers = [number for number, link in enumerate(back_end.links) if link.is_loop]
-        if not numbers:
-            return
-        weights = KERNELS["dcs"].weight(back_end.squares(numbers), scale(3))
-        for number, weight in zip(numbers, weights.tolist(), strict=True):
-            if abs(weight - back_end.weights[number]) > OFF:
-                back_end.weigh(number, weight)
-        back_end.update()

@@ -105,6 +105,18 @@ def track(
     return Tracked(match.pose, match, score, _contradicts(prior, expected, match))
 
 
+def is_new(tracked: Tracked, config: LidarSlamConfig) -> bool:
+    """Return whether a scan, placed in the frame of the last keyframe, becomes a keyframe."""
+    pose, match = tracked.pose, tracked.match
+    if config.is_live and match is None:
+        return False
+    return (
+        float(np.hypot(pose.x_m, pose.y_m)) >= config.keyframe_m
+        or abs(pose.theta_rad) >= config.keyframe_rad
+        or (match is not None and match.inliers < config.keyframe_overlap)
+    )
+
+
 def _attempt(
     local: LocalMap, surface: Surface, prior: SE2, expected: Expected
 ) -> tuple[float, Match]:

@@ -1,0 +1,76 @@
+"""Two drives of one building become one map, from wherever the second began."""
+
+import numpy as np
+import pytest
+
+from robotctl.logs.formats.keyframes_log import load_keyframes
+from robotctl.model.geometry.points import moved
+from robotctl.model.recording import RecordedScan, Recording
+from robotctl.workbench.slam.lidar import (
+    LidarSlamError,
+    lidar_slam,
+    lidar_slam_of,
+    lidar_slam_onto,
+    write_lidar_results,
+)
+from tests.estimation.slam.lidar.test_slam_mapper import OFFICE
+from tests.estimation.slam.lidar_world import along, box, drifting, scan_of
+
+FULL_CIRCLE = np.radians(np.arange(-180.0, 180.0, 3.0))
+FIRST = along([(1.0, 1.0), (13.0, 1.0), (13.0, 4.0)], 0.3)
+SECOND = along([(4.0, 9.0), (13.0, 9.0), (13.0, 1.0), (9.0, 1.0)], 0.25)
+"""It begins where the first has never been."""
+
+pytestmark = pytest.mark.timeout(400)  # a cold cache: all of it is compiled
+
+
+def recording(walls, poses, seed):
+    rng = np.random.default_rng(seed)
+    scans = tuple(
+        RecordedScan(
+            scan_of(walls, pose, rng, stamp_ns=number * 400_000_000, angles=FULL_CIRCLE), wheels
+        )
+        for number, (pose, wheels) in enumerate(zip(poses, drifting(poses, rng), strict=True))
+    )
+    return Recording("a drive", scans)
+
+
+def silent(_done, _count):
+    pass
+
+
+@pytest.fixture(scope="module")
+def first(tmp_path_factory):
+    """Folder of the first drive's map."""
+    folder = tmp_path_factory.mktemp("first")
+    write_lidar_results(lidar_slam_of(recording(OFFICE, FIRST, 1), silent), folder)
+    return folder
+
+
+def saved(folder):
+    return load_keyframes(folder / "map.keyframes")
+
+
+def test_the_second_drive_is_joined_to_the_first(first):
+    before = saved(first)
+    result = lidar_slam_onto(recording(OFFICE, SECOND, 2), before, silent)
+    true = np.array([(each.x_m, each.y_m) for each in SECOND])
+    off = moved(FIRST[0], result.estimate.poses[:, :2]) - true
+    assert np.sqrt(np.mean(np.sum(off**2, axis=1))) < 0.05
+    assert len(result.mapper.keyframes) > len(before.keyframes) + 15
+
+
+def test_a_map_joined_to_itself_stays_as_it_is(first):
+    file = first / "map.keyframes"
+    result = lidar_slam(file, None, silent, file)
+    before = saved(first)
+    assert len(result.mapper.keyframes) == len(before.keyframes)
+    off = result.estimate.poses - before.poses
+    assert np.abs(off[:, :2]).max() < 0.02
+
+
+def test_another_building_is_refused(first):
+    other = np.concatenate([box(0.0, 0.0, 9.0, 7.0), box(3.0, 2.0, 1.0, 3.0)])
+    poses = along([(1.0, 1.0), (8.0, 1.0), (8.0, 3.0)], 0.5)
+    with pytest.raises(LidarSlamError, match=r"none of its .* scans is found"):
+        lidar_slam_onto(recording(other, poses, 3), saved(first), silent)
