@@ -145,6 +145,14 @@ class Transfer(Microservice, Generic[P]):
         """Return the number of the present item; -1: there is no such thing."""
         return -1
 
+    def always(self) -> tuple[MissionItem, ...]:
+        """Return what may be read where there is no plan."""
+        return ()
+
+    def take_single(self, message: Message, peer: Peer, now_ns: int) -> int:  # noqa: ARG002
+        """Take an item that is no part of a plan; return MAV_MISSION_RESULT."""
+        return int(common.MAV_MISSION_UNSUPPORTED)
+
     @property
     def hidden(self) -> int:
         """Items at the beginning that stations do not know of: they count from the one behind."""
@@ -231,17 +239,17 @@ class Transfer(Microservice, Generic[P]):
 
     def _ask(self, upload: Upload) -> None:
         """Ask for the next item."""
-        request = common.MAVLink_mission_request_int_message(
-            *upload.partner, upload.wanted - self.hidden, self.kind
-        )
+        make = common.MAVLink_mission_request_int_message
+        if upload.asks_old:
+            make = common.MAVLink_mission_request_message
+        request = make(*upload.partner, upload.wanted - self.hidden, self.kind)
         self._context.links.reply(request, upload.peer)
 
     def _take_item(self, message: Message, peer: Peer, now_ns: int) -> None:
         """Take an item if it is the next; repeat the answer to a sender that has not heard it."""
         partner, upload = source(message), self._upload
         if message.current >= GUIDED_ITEM:
-            self._say(now_ns, "a single item is no mission; use GUIDED positions")
-            self._acknowledge(common.MAV_MISSION_UNSUPPORTED, partner, peer)
+            self._acknowledge(self.take_single(message, peer, now_ns), partner, peer)
         elif upload is None or upload.partner != partner:
             if self._answered is not None and self._answered[0] == partner:
                 self._acknowledge(self._answered[1], partner, peer)
@@ -344,7 +352,7 @@ class Transfer(Microservice, Generic[P]):
 
     def _tell_item(self, message: Message, peer: Peer, now_ns: int) -> None:
         """Send one item in the form in which it is asked for."""
-        items, seq = self.listed(now_ns), message.seq + self.hidden
+        items, seq = self.listed(now_ns) or self.always(), message.seq + self.hidden
         if not seq < len(items):
             self._acknowledge(common.MAV_MISSION_INVALID_SEQUENCE, source(message), peer)
             return

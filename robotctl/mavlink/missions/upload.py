@@ -45,6 +45,8 @@ class Upload:
         self._behind = tuple(behind)
         self._asked_ns = now_ns
         self._tries = 1
+        self._is_old: bool | None = None
+        """Whether the sender answers the older MISSION_REQUEST; None: it has answered nothing."""
 
     @property
     def wanted(self) -> int:
@@ -61,8 +63,18 @@ class Upload:
         """All items of the plan, once the upload is complete."""
         return [*self.items, *self._behind]
 
+    @property
+    def asks_old(self) -> bool:
+        """Whether to ask by the older MISSION_REQUEST.
+
+        A sender that knows nothing else, as dronekit, is silent at first: one that is silent is
+        asked in turns, and from then on as it has answered.
+        """
+        return self._tries % 2 == 0 if self._is_old is None else self._is_old
+
     def take(self, item: MissionItem, now_ns: int) -> None:
         """Take the next item."""
+        self._is_old = self.asks_old
         self.items.append(item)
         self._asked_ns, self._tries = now_ns, 1
 

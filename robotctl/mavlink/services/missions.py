@@ -20,10 +20,18 @@ from robotctl.mavlink.missions.file import (
     mission_file,
     read_mission_file,
 )
-from robotctl.mavlink.missions.item import MissionItem
-from robotctl.mavlink.missions.transfer import MISSION, Transfer
-from robotctl.mavlink.missions.translate import HOME, PLACES, Surroundings, check_item, translate
-from robotctl.messages.control import Mode, NavigationState
+from robotctl.mavlink.missions.item import MissionItem, item_of
+from robotctl.mavlink.missions.transfer import GUIDED_ITEM, MISSION, Transfer
+from robotctl.mavlink.missions.translate import (
+    HOME,
+    PLACES,
+    BadItem,
+    Surroundings,
+    bounded_place,
+    check_item,
+    translate,
+)
+from robotctl.messages.control import Mode, NavigationState, PositionTarget
 from robotctl.messages.mavlink_port import Message, Peer, source
 from robotctl.messages.mission import JumpToItem, LoadMission
 
@@ -115,6 +123,37 @@ class Missions(Transfer[MissionPlan]):
     def hidden(self) -> int:
         """Home, where the personality has it in no mission."""
         return 0 if self._context.personality.has_home_item else HOME
+
+    def always(self) -> tuple[MissionItem, ...]:
+        """Return home: ArduPilot's may always be read, and dronekit waits for it."""
+        return () if self.hidden else (self._home(),)
+
+    def take_single(self, message: Message, peer: Peer, now_ns: int) -> int:
+        """Drive to a place at once, in GUIDED: `simple_goto` of dronekit, `guided` of MAVProxy."""
+        result, why, place = self._single(message, peer, now_ns)
+        if why:
+            self._say(now_ns, f"a single item: {why}")
+        if place is not None:
+            self._context.requests.append(PositionTarget(now_ns, *place))
+        return result
+
+    def _single(
+        self, message: Message, peer: Peer, now_ns: int
+    ) -> tuple[int, str, tuple[float, float] | None]:
+        """Return the result, why it is not driven to, and else the place in `world` [m]."""
+        context, item = self._context, item_of(message)
+        denied = int(common.MAV_MISSION_DENIED)
+        if message.current != GUIDED_ITEM or item.command != common.MAV_CMD_NAV_WAYPOINT:
+            return int(common.MAV_MISSION_UNSUPPORTED), "only a way-point is driven to", None
+        if not context.is_armed(now_ns) or context.mode(now_ns) is not Mode.GUIDED:
+            return denied, "arm first, in GUIDED", None
+        if why := context.held_back.objection(peer, source(message), now_ns):
+            return denied, why, None
+        try:
+            place = bounded_place(item, 0, context.origin)
+        except BadItem as error:
+            return error.result, error.why, None
+        return int(common.MAV_MISSION_ACCEPTED), "", place
 
     def hidden_items(self) -> list[MissionItem]:
         """Return home, if it is hidden."""

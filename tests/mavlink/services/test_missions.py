@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import common as m
 from robotctl.mavlink.context import TelemetryRobot
 from robotctl.mavlink.globe import Origin
 from robotctl.mavlink.telemetry import Telemetry
-from robotctl.messages.control import Mode, SetMode
+from robotctl.messages.control import Mode, PositionTarget, SafetyState, SetMode
 from robotctl.messages.mission import JumpToItem, LoadMission
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behaviours.mission import parse_mission
@@ -230,7 +230,7 @@ def test_an_upload_that_ends_early_is_given_up_and_another_station_may_begin(nav
     for _ in range(600):
         navigation.step()
         sent = bench.take()
-        requests += sum(x.get_type() == "MISSION_REQUEST_INT" for x, _ in sent)
+        requests += sum(x.get_type().startswith("MISSION_REQUEST") for x, _ in sent)
         acks = [x.type for x, _ in sent if x.get_type() == "MISSION_ACK"]
         if acks:
             break
@@ -522,3 +522,66 @@ def test_another_station_can_neither_upload_nor_clear_during_an_upload(navigatio
         navigation.step()
         assert [x.type for x in bench.messages("MISSION_ACK")] == [DENIED]
     assert len(download(navigation)) == len(PLAN)
+
+
+def test_home_may_be_read_without_a_mission(navigation):
+    """As ArduPilot has it; dronekit asks for item 0 whatever the count is."""
+    bench = navigation.bench
+    assert download(navigation) == []
+    bench.receive(m.MAVLink_mission_request_message(1, 1, 0))
+    navigation.step()
+    (home,) = bench.messages("MISSION_ITEM")
+    assert (home.seq, home.command) == (0, WAYPOINT)
+    bench.receive(m.MAVLink_mission_request_message(1, 1, 1))
+    navigation.step()
+    assert [e.type for e in bench.messages("MISSION_ACK")] == [m.MAV_MISSION_INVALID_SEQUENCE]
+
+
+@pytest.mark.parametrize(
+    ("changes", "state", "mode", "result"),
+    [
+        ({}, SafetyState.ARMED, Mode.GUIDED, ACCEPTED),
+        ({}, SafetyState.ARMED, Mode.HOLD, DENIED),
+        ({}, SafetyState.STANDBY, Mode.GUIDED, DENIED),
+        ({"current": 3}, SafetyState.ARMED, Mode.GUIDED, m.MAV_MISSION_UNSUPPORTED),
+        ({"command": JUMP}, SafetyState.ARMED, Mode.GUIDED, m.MAV_MISSION_UNSUPPORTED),
+        (
+            {"frame": m.MAV_FRAME_GLOBAL}, SafetyState.ARMED, Mode.GUIDED,
+            m.MAV_MISSION_UNSUPPORTED_FRAME,
+        ),
+    ],
+)  # fmt: skip
+def test_a_single_item_is_driven_to_in_guided(navigation, changes, state, mode, result):
+    bench = navigation.bench
+    bench.step(bench.control(state=state), bench.navigation(mode=mode))
+    bench.take()
+    bench.receive(item(0, **({"current": 2, "x": 3.0, "y": 1.5} | changes)))
+    requests = bench.step(bench.control(state=state), bench.navigation(mode=mode))
+    assert [e.type for e in bench.messages("MISSION_ACK")] == [result]
+    wanted = [(1.5, 3.0)] if result == ACCEPTED else []
+    assert [(e.x_m, e.y_m) for e in requests if isinstance(e, PositionTarget)] == wanted
+    assert download(navigation) == []
+
+
+def test_a_station_that_knows_only_the_older_messages_uploads_too(navigation):
+    """dronekit: silent until MISSION_REQUEST comes, and then answers by MISSION_ITEM."""
+    bench = navigation.bench
+    bench.receive(m.MAVLink_mission_count_message(1, 1, 3))
+    asked, began_ns = [], bench.now_ns
+    for _ in range(150):
+        navigation.step()
+        for message, _ in bench.take():
+            if message.get_type() == "MISSION_ACK":
+                assert message.type == ACCEPTED
+                assert asked == [0, 1, 2]
+                assert bench.now_ns - began_ns < 1.5e9  # only the first waits
+                return
+            if message.get_type() == "MISSION_REQUEST":
+                asked.append(message.seq)
+                place = float(message.seq), 2.0, 0.0
+                bench.receive(
+                    m.MAVLink_mission_item_message(
+                        1, 1, message.seq, NED, WAYPOINT, 0, 1, 0.0, 0.0, 0.0, 0.0, *place
+                    )
+                )
+    raise AssertionError("no answer")
