@@ -78,7 +78,8 @@ def test_a_parameter_is_set_and_what_the_robot_says_is_told(loss):
     client = client_of(link)
     reading, said = client.set("SAF_ARM_MS", 1500.0)
     assert reading.text == "1500"
-    assert said in {"SAF_ARM_MS: 1000 -> 1500 after a restart, 1000 until then", ""}
+    whole = "SAF_ARM_MS: 1000 -> 1500 after a restart, 1000 until then"
+    assert whole.startswith(said)  # parts of a text may be lost
     assert said or loss
     assert client.get("SAF_ARM_MS").value == 1500.0
 
