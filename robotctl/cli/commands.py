@@ -55,6 +55,7 @@ COMMANDS: Final = {
         "localize.localize:localize",
         "Localise on a recorded log, and compare with its reference.",
     ),
+    "topology": ("topology:app", "Divide a map into places and the passages between them."),
     "map": (
         "map:map_log",
         "Map the lidar scans of a recorded log, at its reference poses or its odometry.",

@@ -7,27 +7,38 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from robotctl.cli.arguments import Overrides, place
+from robotctl.cli.arguments import Overrides, place, refuse_unused
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
+from robotctl.cli.topology import way_lines
+from robotctl.errors import ConfigError
 
 if TYPE_CHECKING:
     from robotctl.workbench.planning.plan import PlanResult
 
 
 def plan(
+    ctx: typer.Context,
+    places: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[PLACE PLACE]", help="With --topological: from where to where."),
+    ] = None,
+    topological: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Map of places, of `robotctl topology build`."),
+    ] = None,
     world_map: Annotated[
         str,
         typer.Option(
             "--map", help="ROS map (.yaml), world, or MovingAI map (.map): there cells are meant."
         ),
-    ],
+    ] = "",
     start: Annotated[
         str, typer.Option(metavar="X,Y[,DEG]", help="Start [m, m, deg]; of a .map: COLUMN,ROW.")
-    ],
+    ] = "",
     goal: Annotated[
         str, typer.Option(metavar="X,Y[,DEG]", help="Goal [m, m, deg]; of a .map: COLUMN,ROW.")
-    ],
+    ] = "",
     planner: Annotated[
         str, typer.Option(help="astar, dijkstra, hybrid, rrt, rrt-connect or rrtstar.")
     ] = "astar",
@@ -55,8 +66,12 @@ def plan(
     """Find the path between two places of a map, or say why there is none.
 
     The status is 0 if there is a path, and 1 if there is none. On a MovingAI map the robot is
-    a point, and lengths are in cells.
+    a point, and lengths are in cells. With --topological the way leads through places by name.
     """
+    if topological is not None:
+        _plan_by_places(ctx, topological, places or [])
+        return
+    _check_given(places or [], {"--map": world_map, "--start": start, "--goal": goal})
     check_files(out, report, plot=plot)
     # It loads numba, which other subcommands can do without.
     from robotctl.compiled import COMPILING, cache_is_cold  # noqa: PLC0415
@@ -94,6 +109,32 @@ def plan(
     print(summary(result))
     if not found:
         raise typer.Exit(1)
+
+
+def _plan_by_places(ctx: typer.Context, file: Path, places: list[str]) -> None:
+    """Print the way between two places; status 1 if there is none."""
+    from robotctl.workbench.topology.topology import find_way  # noqa: PLC0415 - it loads scipy
+
+    others = ("world_map", "start", "goal", "planner", "steering", "robot", "overrides")
+    refuse_unused(ctx, "with --topological", *others, "time_limit", "seed", "out", "plot", "report")
+    if len(places) != 2:
+        found = ", ".join(places) or "none"
+        raise ConfigError(f"--topological {file}: two places are needed, found {found}")
+    way = find_way(file, *places)
+    if way is None:
+        print(f"no way from {places[0]} to {places[1]}")
+        raise typer.Exit(1)
+    print("\n".join(way_lines(places[0], way)))
+
+
+def _check_given(places: list[str], needed: dict[str, str]) -> None:
+    """Refuse a plan by coordinates without them, or with names of places."""
+    if places:
+        raise ConfigError(f"{places[0]}: places are for --topological FILE")
+    if missing := [option for option, value in needed.items() if not value]:
+        raise ConfigError(
+            f"{', '.join(missing)}: needed for a plan by coordinates; or --topological FILE"
+        )
 
 
 def summary(result: PlanResult) -> str:

@@ -1,0 +1,1 @@
+"""Maps of places and passages, without coordinates."""

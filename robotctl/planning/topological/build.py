@@ -1,0 +1,296 @@
+"""Places and passages from an occupancy grid.
+
+Free floor is divided where it gets narrow (watershed of the distance from the walls; doors as necks
+between wide regions: Thrun, Artificial Intelligence 99(1), 1998). From the widest spots on, cells
+join the region beside them; where two regions meet, they become one unless the neck is no wider
+than a door and clearly narrower than both.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage  # type: ignore[import-untyped]
+
+from robotctl.model.grid_map import GridMap
+from robotctl.planning.topological.graph import Passage, TopologicalMap, TopologicalPlace
+
+DOOR_M: Final = 1.5
+"""Width of the widest passage that divides."""
+NECK: Final = 0.75
+"""Of the lesser width of two regions, a passage between them has less."""
+LEAST_AREA_M2: Final = 1.0
+"""Of a place; what is smaller joins the place beside it, or is left out."""
+FURNITURE_M: Final = 3.5
+"""Things that stand free and are no longer than this do not divide a room."""
+_POST_M, _WALL_M = 0.5, 0.4
+"""What is longer than the first and thinner than the second is a wall between two doors."""
+BEARINGS: Final = 72
+REACH_M: Final = 8.0
+"""Of a place's appearance."""
+_CORRIDOR: Final = 3.0
+"""Length over width from which on a place is a corridor."""
+_NARROWER: Final = 0.5
+"""Of an open area's width, a corridor that leads off it without a door has less."""
+_CORRIDOR_WIDTH_M: Final = 1.0
+"""Of such a corridor, at least."""
+_BESIDE: Final = ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Topology:
+    """A topological map, and the place of each cell.
+
+    Parameters
+    ----------
+    map
+        Places and passages.
+    labels
+        (rows, columns): index of the place in the map, -1 for none.
+    """
+
+    map: TopologicalMap
+    labels: NDArray[np.int64]
+
+    def place_at(self, grid: GridMap, x_m: float, y_m: float) -> int | None:
+        """Return the index of the place at a point of the world, None if it is at none."""
+        row, column = grid.cell_of(np.array([[x_m, y_m]]))[0].tolist()
+        rows, columns = self.labels.shape
+        if not (0 <= row < rows and 0 <= column < columns):
+            return None
+        found = int(self.labels[row, column])
+        return found if found >= 0 else None
+
+
+def build(grid: GridMap, radius_m: float) -> Topology:
+    """Divide the free floor of a map into places for a robot of a radius [m].
+
+    Unknown cells count as walls.
+    """
+    side_m = grid.resolution_m
+    floor = _floor(grid)
+    depth_m = _depth_m(_without_furniture(floor, side_m), side_m)
+    labels = _regions(depth_m, radius_m)
+    if not (labels >= 0).any():
+        return Topology(TopologicalMap((), ()), labels)
+    labels = _with_corridors(labels, depth_m, side_m)
+    labels = _without_small(labels, depth_m, side_m)
+    can_stand = _depth_m(floor, side_m) >= radius_m
+    return _topology(grid, labels, depth_m, can_stand)
+
+
+def _depth_m(free: NDArray[np.bool_], side_m: float) -> NDArray[np.float64]:
+    """Return the distance of each free cell from what is not [m]; the edge of a map is a wall."""
+    cells: NDArray[np.float64] = ndimage.distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1]
+    return (cells - 0.5) * side_m
+
+
+def _floor(grid: GridMap) -> NDArray[np.bool_]:
+    """Return which cells are free and not walled in, like the inside of a table's outline."""
+    free: NDArray[np.bool_] = grid.free()
+    floors, _ = ndimage.label(free)
+    sizes = np.bincount(floors.ravel())
+    large: NDArray[np.bool_] = sizes[floors] * grid.resolution_m**2 >= FURNITURE_M**2
+    return free & large
+
+
+def _without_furniture(floor: NDArray[np.bool_], side_m: float) -> NDArray[np.bool_]:
+    """Return the floor as it would be without small things that stand free."""
+    free = floor.copy()
+    things, _ = ndimage.label(~free, np.ones((3, 3)))
+    most = FURNITURE_M / side_m
+    edge = np.zeros_like(free)
+    edge[[0, -1], :] = edge[:, [0, -1]] = True
+    at_edge = set(np.unique(things[edge]).tolist())
+    depth_m = ndimage.distance_transform_edt(~free) * side_m
+    for number, (rows, columns) in enumerate(ndimage.find_objects(things), start=1):
+        longest = max(rows.stop - rows.start, columns.stop - columns.start)
+        thing = things[rows, columns] == number
+        is_thin = float(depth_m[rows, columns][thing].max()) < _WALL_M / 2
+        is_wall = is_thin and longest * side_m > _POST_M
+        if number not in at_edge and longest <= most and not is_wall:
+            free[rows, columns] |= thing
+    return free
+
+
+def _regions(depth_m: NDArray[np.float64], radius_m: float) -> NDArray[np.int64]:
+    """Return the region of each cell that the robot fits on, -1 elsewhere."""
+    depths = np.pad(depth_m, 1)
+    columns = depths.shape[1]
+    flat = depths.ravel().tolist()
+    steps = [row * columns + column for row, column in _BESIDE]
+    order = np.argsort(-depths.ravel(), kind="stable")
+    label = [-1] * len(flat)
+    parent: list[int] = []
+    widest: list[float] = []
+
+    def root(region: int) -> int:
+        while parent[region] != region:
+            parent[region] = parent[parent[region]]
+            region = parent[region]
+        return region
+
+    for cell in order[: np.count_nonzero(depths >= radius_m)].tolist():
+        known = [cell + step for step in steps if label[cell + step] >= 0]
+        if not known:
+            label[cell] = len(parent)
+            parent.append(len(parent))
+            widest.append(flat[cell])
+            continue
+        # Uphill: regions do not creep along each other's walls.
+        label[cell] = label[max(known, key=flat.__getitem__)]
+        regions = sorted({root(label[each]) for each in known})
+        for i, region in enumerate(regions):
+            for other in regions[i + 1 :]:
+                a, b = root(region), root(other)
+                lesser = min(widest[a], widest[b])
+                if a != b and (flat[cell] > DOOR_M / 2 or flat[cell] > NECK * lesser):
+                    wide, narrow = (a, b) if widest[a] >= widest[b] else (b, a)
+                    parent[narrow] = wide
+    roots = np.array([root(each) if each >= 0 else -1 for each in label], np.int64)
+    return roots.reshape(depths.shape)[1:-1, 1:-1]
+
+
+def _with_corridors(
+    labels: NDArray[np.int64], depth_m: NDArray[np.float64], side_m: float
+) -> NDArray[np.int64]:
+    """Give corridors that lead off an open area without a door regions of their own."""
+    labels = labels.copy()
+    unused = int(labels.max()) + 1
+    for region in np.unique(labels[labels >= 0]).tolist():
+        inside = labels == region
+        half_m = _NARROWER * float(depth_m[inside].max())
+        core = inside & (depth_m >= half_m)
+        # What circles of that radius cover; a corridor is beyond.
+        beyond = inside & (ndimage.distance_transform_edt(~core) * side_m > half_m)
+        parts, count = ndimage.label(beyond, np.ones((3, 3)))
+        for part in range(1, count + 1):
+            cells = parts == part
+            width_m = 2.0 * float(depth_m[cells].max())
+            area_m2 = np.count_nonzero(cells) * side_m**2
+            if width_m >= _CORRIDOR_WIDTH_M and area_m2 >= _CORRIDOR * width_m**2:
+                labels[cells] = unused
+                unused += 1
+    return labels
+
+
+def _without_small(
+    labels: NDArray[np.int64], depth_m: NDArray[np.float64], side_m: float
+) -> NDArray[np.int64]:
+    """Join small regions to the one beside them that is reached by the widest passage."""
+    labels = labels.copy()
+    for region in np.unique(labels[labels >= 0]).tolist():
+        inside = labels == region
+        if np.count_nonzero(inside) * side_m**2 >= LEAST_AREA_M2:
+            continue
+        border = ndimage.binary_dilation(inside, np.ones((3, 3))) & ~inside & (labels >= 0)
+        labels[inside] = -1
+        if border.any():
+            best = np.argmax(np.where(border, depth_m, -1.0))
+            labels[inside] = labels.ravel()[best]
+    _, inverse = np.unique(labels, return_inverse=True)
+    compact: NDArray[np.int64] = inverse.reshape(labels.shape) - int((labels < 0).any())
+    return compact
+
+
+def _topology(
+    grid: GridMap,
+    labels: NDArray[np.int64],
+    depth_m: NDArray[np.float64],
+    can_stand: NDArray[np.bool_],
+) -> Topology:
+    """Return places, largest first, and passages of regions."""
+    sizes = np.bincount(labels[labels >= 0], minlength=labels.max() + 1)
+    rank = np.empty(len(sizes), np.int64)
+    rank[np.argsort(-sizes, kind="stable")] = np.arange(len(sizes))
+    labels = np.where(labels >= 0, rank[labels], -1)
+    places = [_place(grid, labels == i, depth_m, can_stand, i) for i in range(len(sizes))]
+    passages = _passages(grid, labels, depth_m, places)
+    around = [replace(each, passages=_around(each, passages)) for each in places]
+    return Topology(TopologicalMap(tuple(around), tuple(passages)), labels)
+
+
+def _place(
+    grid: GridMap,
+    inside: NDArray[np.bool_],
+    depth_m: NDArray[np.float64],
+    can_stand: NDArray[np.bool_],
+    number: int,
+) -> TopologicalPlace:
+    """Return a place, without its passages."""
+    area_m2 = float(np.count_nonzero(inside)) * grid.resolution_m**2
+    width_m = 2.0 * float(depth_m[inside].max())
+    free = inside & can_stand if (inside & can_stand).any() else inside
+    spots = np.argwhere(free & (depth_m == depth_m[free].max()))
+    middle = spots[np.argmin(np.sum((spots - spots.mean(axis=0)) ** 2, axis=1))]
+    long = area_m2 >= _CORRIDOR * width_m**2
+    kind: Literal["room", "corridor"] = "corridor" if long else "room"
+    x_m, y_m = grid.centre_of(middle[None])[0].tolist()
+    seen = _seen_from(grid, x_m, y_m)
+    return TopologicalPlace(f"{kind} {number + 1}", kind, (), area_m2, width_m, seen, x_m, y_m)
+
+
+def _passages(
+    grid: GridMap,
+    labels: NDArray[np.int64],
+    depth_m: NDArray[np.float64],
+    places: list[TopologicalPlace],
+) -> list[Passage]:
+    """Return a passage for each connected border between two places."""
+    meetings: dict[tuple[int, int], NDArray[np.bool_]] = {}
+    for row, column in ((0, 1), (1, 0), (1, 1), (1, -1)):
+        shifted = np.full_like(labels, -1)
+        begin, end = max(0, -column), labels.shape[1] - max(0, column)
+        shifted[: labels.shape[0] - row, begin:end] = labels[row:, begin + column : end + column]
+        border = (labels >= 0) & (shifted >= 0) & (labels != shifted)
+        for cell in np.argwhere(border):
+            a, b = sorted((int(labels[tuple(cell)]), int(shifted[tuple(cell)])))
+            meetings.setdefault((a, b), np.zeros(labels.shape, np.bool_))[tuple(cell)] = True
+    result: list[Passage] = []
+    for (a, b), border in sorted(meetings.items(), key=lambda each: each[0]):
+        # Borders jump from one side to the other by a cell.
+        parts, count = ndimage.label(ndimage.binary_dilation(border, np.ones((3, 3))))
+        for part in range(1, count + 1):
+            cells = np.argwhere(border & (parts == part))
+            widths_m = depth_m[cells[:, 0], cells[:, 1]]
+            cell = cells[np.argmax(widths_m)]
+            x_m, y_m = grid.centre_of(cell[None])[0].tolist()
+            length_m = sum(_apart_m(places[end], x_m, y_m) for end in (a, b))
+            name, width_m = f"passage {len(result) + 1}", 2.0 * float(widths_m.max())
+            between = places[a].name, places[b].name
+            result.append(Passage(name, between, width_m, length_m, x_m, y_m))
+    return result
+
+
+def _apart_m(place: TopologicalPlace, x_m: float, y_m: float) -> float:
+    return math.hypot(place.x_m - x_m, place.y_m - y_m)
+
+
+def _around(place: TopologicalPlace, passages: list[Passage]) -> tuple[str, ...]:
+    """Return the names of a place's passages, counter-clockwise around it."""
+
+    def bearing(passage: Passage) -> float:
+        return math.atan2(passage.y_m - place.y_m, passage.x_m - place.x_m)
+
+    mine = [each for each in passages if place.name in each.between]
+    return tuple(each.name for each in sorted(mine, key=bearing))
+
+
+def _seen_from(grid: GridMap, x_m: float, y_m: float) -> tuple[float, ...]:
+    """Return how far free floor reaches in each direction, at most `REACH_M` [m]."""
+    ranges_m = np.arange(0.0, REACH_M, 0.5 * grid.resolution_m)
+    bearings = np.arange(BEARINGS) * (math.tau / BEARINGS)
+    x = x_m + np.multiply.outer(np.cos(bearings), ranges_m)
+    y = y_m + np.multiply.outer(np.sin(bearings), ranges_m)
+    cells = grid.cell_of(np.column_stack([x.ravel(), y.ravel()]))
+    rows, columns = grid.shape
+    inside = (cells >= 0).all(axis=1) & (cells[:, 0] < rows) & (cells[:, 1] < columns)
+    free = np.zeros(len(cells), np.bool_)
+    free[inside] = grid.free()[cells[inside, 0], cells[inside, 1]]
+    blocked = ~free.reshape(x.shape)
+    first = np.where(blocked.any(axis=1), blocked.argmax(axis=1), len(ranges_m) - 1)
+    return tuple(np.round(ranges_m[first], 3).tolist())

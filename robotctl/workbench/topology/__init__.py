@@ -1,0 +1,1 @@
+"""Topological maps: made of metric ones, named, and asked for a way."""

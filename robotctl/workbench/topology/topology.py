@@ -1,0 +1,95 @@
+"""`robotctl topology` and `robotctl plan --topological`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from robotctl import toml_source
+from robotctl.config.robot_file import find_file, load_robot
+from robotctl.errors import ConfigError, InvalidValue
+from robotctl.maps.localisation_map import load_localisation_map
+from robotctl.maps.topology_file import load_topology, save_topology
+from robotctl.model.grid_map import GridMap
+from robotctl.planning.guard.body import body_outline
+from robotctl.planning.topological.build import Topology, build
+from robotctl.planning.topological.graph import Step
+from robotctl.toml_source import nearest
+from robotctl.workbench.places.places import Marks
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BuiltTopology:
+    """A topological map and the metric one it was made of."""
+
+    grid: GridMap
+    topology: Topology
+
+
+def build_topology(
+    name: str, robot: str, overrides: tuple[str, ...], marks: Path | None
+) -> BuiltTopology:
+    """Divide a map into places; a place with a mark gets its name.
+
+    Raises
+    ------
+    ConfigError
+        If a file is wrong, the robot fits nowhere, or two marks would name one place.
+    """
+    robot_config = load_robot(find_file(robot), overrides)
+    outline = body_outline(robot_config.navigation.guard, robot_config.sonar)
+    grid = load_localisation_map(name, Path()).grid
+    built = build(grid, outline.inscribed_m)
+    topology = built.map
+    if not topology.places:
+        raise ConfigError(f"{name}: no place for {robot} in it")
+    if marks is not None:
+        named: dict[int, str] = {}
+        for mark in toml_source.load(marks, Marks).mark:
+            number = built.place_at(grid, mark.x_m, mark.y_m)
+            if number is None:
+                raise ConfigError(f"{marks}: {mark.name} is at no place of {name}")
+            if number in named:
+                raise ConfigError(
+                    f"{marks}: {named[number]} and {mark.name} are at one place of {name}"
+                )
+            named[number] = mark.name
+        for number, new in named.items():
+            topology = topology.renamed(topology.places[number].name, new)
+    return BuiltTopology(grid, Topology(topology, built.labels))
+
+
+def rename_place(file: Path, old: str, new: str) -> None:
+    """Give a place of a file another name.
+
+    Raises
+    ------
+    ConfigError
+        If the file is wrong, has no such place, or has the name already.
+    OSError
+        If it cannot be written.
+    """
+    topology = load_topology(file)
+    if topology.place(old) is None:
+        known = nearest(old, [each.name for each in topology.places])
+        raise ConfigError(f"{file}: no place {old!r}{known}")
+    try:
+        save_topology(topology.renamed(old, new), file)
+    except InvalidValue as error:
+        raise ConfigError(f"{file}: {error}") from error
+
+
+def find_way(file: Path, start: str, goal: str) -> list[Step] | None:
+    """Return the way between two places of a file, None if there is none.
+
+    Raises
+    ------
+    ConfigError
+        If the file is wrong or has no such place.
+    """
+    topology = load_topology(file)
+    for name in (start, goal):
+        if topology.place(name) is None:
+            known = nearest(name, [each.name for each in topology.places])
+            raise ConfigError(f"{file}: no place {name!r}{known}")
+    return topology.way(start, goal)

@@ -1,0 +1,80 @@
+"""`robotctl topology` and `robotctl plan --topological` as a user types them."""
+
+import math
+
+import pytest
+from typer.testing import CliRunner
+
+from robotctl.cli.commands import app
+from robotctl.errors import ConfigError
+from robotctl.maps.topology_file import load_topology, save_topology
+
+
+def run(*words):
+    return CliRunner().invoke(app, [*map(str, words)])
+
+
+@pytest.fixture
+def flat(tmp_path):
+    """The file of the flat, with names."""
+    file = tmp_path / "flat.toml"
+    marks = tmp_path / "marks.toml"
+    marks.write_text('[[mark]]\nname = "lounge"\nx_m = 2.0\ny_m = 2.0\n', encoding="utf-8")
+    built = run("topology", "build", "flat", "--marks", marks, "--out", file,
+                "--plot", tmp_path / "flat.png")  # fmt: skip
+    assert built.exit_code == 0, built.output
+    assert "lounge: " in built.output
+    assert "2 places, 1 passages" in built.output
+    assert (tmp_path / "flat.png").read_bytes().startswith(b"\x89PNG")
+    assert run("topology", "name", file, "room 2", "kitchen").exit_code == 0
+    return file
+
+
+def test_a_way_leads_through_places_by_name(flat):
+    result = run("plan", "--topological", flat, "lounge", "kitchen")
+    assert result.exit_code == 0, result.output
+    assert result.output.startswith("lounge\n  through passage 1 (0.9")
+    assert "\nkitchen\n1 passages, about " in result.output
+
+
+def test_a_file_without_coordinates_is_as_good(flat):
+    lines = flat.read_text(encoding="utf-8").splitlines()
+    bare = [line for line in lines if line.split(" ")[0] not in {"x_m", "y_m", "depth_m"}]
+    flat.write_text("\n".join(bare), encoding="utf-8")
+    assert math.isnan(load_topology(flat).places[0].x_m)
+    assert run("plan", "--topological", flat, "lounge", "kitchen").exit_code == 0
+
+
+def test_a_file_gives_the_map_back(flat, tmp_path):
+    again = tmp_path / "again.toml"
+    save_topology(load_topology(flat), again)
+    assert again.read_bytes() == flat.read_bytes()
+
+
+def test_no_way_is_status_1(flat):
+    text = flat.read_text(encoding="utf-8").partition("[[passage]]")[0]
+    flat.write_text(text.replace('["passage 1"]', "[]"), encoding="utf-8")
+    result = run("plan", "--topological", flat, "lounge", "kitchen")
+    assert result.exit_code == 1
+    assert result.output == "no way from lounge to kitchen\n"
+
+
+def test_bad_input_is_said(flat, tmp_path):
+    refused = {
+        ("plan", "--topological", flat, "lounge", "kitchn"): "no place 'kitchn'; did you mean",
+        ("plan", "--topological", flat, "lounge"): "two places are needed, found lounge",
+        ("plan", "--topological", flat, "lounge", "kitchen", "--start", "1,1"): "has no effect",
+        ("plan", "--topological", tmp_path / "none.toml", "a", "b"): "cannot be read",
+        ("plan", "lounge", "kitchen"): "places are for --topological",
+        ("plan", "--map", "flat"): "--start, --goal: needed",
+        ("topology", "name", flat, "lounge", "kitchen"): "must be unique, found 'kitchen'",
+        ("topology", "name", flat, "attic", "loft"): "no place 'attic'",
+    }
+    for words, text in refused.items():
+        result = run(*words)
+        assert isinstance(result.exception, ConfigError), result.output
+        assert text in str(result.exception)
+    passages = flat.read_text(encoding="utf-8").replace('["lounge", "kitchen"]', '["lounge", "x"]')
+    flat.write_text(passages, encoding="utf-8")
+    result = run("plan", "--topological", flat, "lounge", "kitchen")
+    assert "disagree on passage 'passage 1'" in str(result.exception)

@@ -1,0 +1,136 @@
+"""Places found in maps are the rooms that are known to be there."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robotctl.maps.localisation_map import load_localisation_map
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.grid_map import FREE, OCCUPIED, GridMap
+from robotctl.planning.topological.build import build
+
+RADIUS_M = 0.2
+OFFICE = {
+    "south 1": (3.0, 2.0),
+    "south 2": (8.5, 3.2),
+    "south 3": (14.0, 4.5),
+    "south 4": (19.3, 3.1),
+    "south 5": (24.5, 3.1),
+    "north 1": (3.0, 13.2),
+    "north 2": (8.5, 11.9),
+    "north 3": (15.0, 11.0),
+    "north 4": (20.0, 11.5),
+    "corridor": (12.0, 7.5),
+    "open area": (29.0, 12.5),
+}
+"""A spot in each room that `configs/worlds/office.toml` has between its walls."""
+
+
+def of_world(name):
+    grid = load_localisation_map(name, Path()).grid
+    return grid, build(grid, RADIUS_M)
+
+
+def rooms(*doors, columns=3):
+    """Make a row of rooms of 4 m with doors of given widths [m] in the walls between them."""
+    side = 20  # cells of 0.1 m
+    side *= 2
+    cells = np.full((side + 2, columns * (side + 2)), OCCUPIED, np.int8)
+    for column in range(columns):
+        begin = column * (side + 2) + 1
+        cells[1:-1, begin : begin + side] = FREE
+    for column, width_m in enumerate(doors):
+        wall, half = (column + 1) * (side + 2) - 1, round(width_m / 0.2)
+        middle = cells.shape[0] // 2
+        cells[middle - half : middle + half, wall : wall + 2] = FREE
+    return GridMap(cells, 0.1, SE2(-2.0, 1.0, 0.0))
+
+
+def test_the_flat_has_two_rooms_and_a_door():
+    grid, found = of_world("flat")
+    left, right = found.place_at(grid, 2.0, 2.0), found.place_at(grid, 6.5, 2.5)
+    assert {left, right} == {0, 1}
+    assert len(found.map.places) == 2
+    (door,) = found.map.passages
+    assert (door.x_m, door.y_m) == pytest.approx((5.0, 2.5), abs=0.15)
+    assert door.width_m == pytest.approx(1.0, abs=0.1)
+
+
+def test_the_office_has_nine_rooms_a_corridor_and_an_open_area():
+    grid, found = of_world("office")
+    at = {name: found.place_at(grid, *spot) for name, spot in OFFICE.items()}
+    assert sorted(at.values()) == list(range(len(found.map.places)))
+    corridor = found.map.places[at["corridor"]]
+    assert corridor.kind == "corridor"
+    assert corridor.width_m == pytest.approx(2.2, abs=0.1)
+    ends = {name for each in found.map.passages for name in each.between}
+    assert ends == {place.name for place in found.map.places}
+    assert all(corridor.name in each.between for each in found.map.passages)
+    doors = [each for each in found.map.passages if found.map.places[at["open area"]].name
+             not in each.between]  # fmt: skip
+    assert all(each.width_m == pytest.approx(1.0, abs=0.1) for each in doors)
+    assert len(doors) == 9
+
+
+def test_passages_of_the_corridor_are_counted_as_one_walks_along_it():
+    grid, found = of_world("office")
+    name = {key: found.map.places[found.place_at(grid, *at)].name for key, at in OFFICE.items()}
+    # Out of the room in the north-west, the open area lies left behind three doors.
+    _, step = found.map.way(name["north 1"], name["open area"])
+    assert step.left == 4
+    _, step = found.map.way(name["south 1"], name["open area"])
+    assert step.of - step.left == 5
+
+
+@pytest.mark.parametrize(("width_m", "places"), [(0.8, 3), (1.2, 3), (3.6, 1)])
+def test_doors_divide_and_wide_openings_do_not(width_m, places):
+    found = build(rooms(width_m, width_m), RADIUS_M)
+    assert len(found.map.places) == places
+    assert len(found.map.passages) == places - 1
+
+
+def test_where_the_robot_does_not_fit_is_no_passage():
+    found = build(rooms(0.8, 0.2), RADIUS_M)
+    assert len(found.map.places) == 3
+    assert len(found.map.passages) == 1
+    first, last = found.map.places[0].name, found.map.places[-1].name
+    ways = [found.map.way(first, each.name) for each in found.map.places]
+    assert sum(way is None for way in ways) == (1 if last != first else 0)
+
+
+def test_two_doors_between_two_rooms_are_two_passages():
+    grid = rooms(columns=2)
+    cells = grid.cells.copy()
+    cells[5:14, 41:43] = cells[28:37, 41:43] = FREE
+    found = build(GridMap(cells, 0.1), RADIUS_M)
+    assert len(found.map.places) == 2
+    assert len(found.map.passages) == 2
+
+
+def test_a_table_in_a_room_does_not_divide_it():
+    grid = rooms(0.8, 0.8)
+    cells = grid.cells.copy()
+    cells[10:32, 15:27] = OCCUPIED
+    assert len(build(GridMap(cells, 0.1), RADIUS_M).map.places) == 3
+
+
+def test_a_map_turned_in_the_world_has_the_same_places():
+    grid = rooms(0.9, 1.1)
+    turned = build(GridMap(grid.cells, 0.1, SE2(3.0, -1.0, 0.7)), RADIUS_M).map
+    straight = build(grid, RADIUS_M).map
+    for a, b in zip(straight.places, turned.places, strict=True):
+        assert (a.name, a.area_m2, a.width_m) == (b.name, b.area_m2, b.width_m)
+    for a, b in zip(straight.passages, turned.passages, strict=True):
+        assert (a.between, a.width_m) == (b.between, b.width_m)
+
+
+def test_a_place_looks_as_far_as_its_walls():
+    place = build(rooms(columns=1), RADIUS_M).map.places[0]
+    east, north = place.depth_m[0], place.depth_m[18]
+    assert (east, north) == pytest.approx((2.0, 2.0), abs=0.15)
+    assert place.depth_m[9] == pytest.approx(2.0 * 2**0.5, abs=0.2)
+
+
+def test_nothing_free_has_no_places():
+    assert build(GridMap(np.full((30, 30), OCCUPIED, np.int8), 0.1), RADIUS_M).map.places == ()
