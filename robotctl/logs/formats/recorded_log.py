@@ -31,8 +31,8 @@ LOG_FORMATS: tuple[LogFormat, ...] = (
     ROBOTCTL,  # before ROS bags: its folders may hold what looks like one
     ROS_BAG,
     LEGO,
-    TUM,
     KEYFRAMES,
+    TUM,
 )
 """All that is read; the first that matches reads. A new format is a file and a line here."""
 

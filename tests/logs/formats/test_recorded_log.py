@@ -188,6 +188,7 @@ def test_no_two_formats_claim_one_file(tmp_path):
     (tmp_path / "a.bag").write_bytes(b"#ROSBAG V2.0\n")
     (tmp_path / "a.mcap").write_bytes(b"\x89MCAP0\r\n robotctl")
     (tmp_path / "b.mcap").write_bytes(b"\x89MCAP0\r\n ros2")
+    (tmp_path / "a.keyframes").write_bytes(b"robotctl-keyframes 1\n")
     claims = {
         path.name: [kind.name for kind in recorded_log.LOG_FORMATS if kind.matches(path)]
         for path in tmp_path.iterdir()
