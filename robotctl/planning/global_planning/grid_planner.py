@@ -61,7 +61,7 @@ class GridPlanner:
         side_m = space.grid.resolution_m
         margin = self._config.margin_m / side_m
         expanded, widest = 0, math.inf
-        for radius in radii(space, margin):
+        for i, radius in enumerate(radii(space, margin)):
             if radius > widest:
                 continue
             found = self._search(space, radius, start, goal, goes_on)
@@ -70,7 +70,8 @@ class GridPlanner:
                 return replace(found, expanded=expanded)
             if len(found.poses):
                 return replace(found, expanded=expanded)
-            if widest == math.inf and self._config.corners == "both":
+            # The second circle mostly does; where it does not, few of the others may.
+            if i == 1 and self._config.corners == "both":
                 widest = _widest(space, start, goal)
         return no_path(space, start, goal, expanded)
 
