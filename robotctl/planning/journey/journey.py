@@ -41,6 +41,9 @@ _AGAIN_NS: Final = 500_000_000
 """Between two looks for a path past somebody who is in the way [ns]."""
 _STANDS_M_S: Final = 0.02
 _STANDS_RAD_S: Final = 0.05
+_LEFT_M: Final = 0.03
+_LEFT_RAD: Final = 0.05
+"""A robot that only sways where it came to stand, since the guard holds it, still stands."""
 _PROGRESS_M: Final = 0.5
 """Of way driven in which a robot counts as having got on [m]."""
 _WAIT_NS: Final = 2_500_000_000
@@ -100,6 +103,7 @@ class Journey(Behaviour):
         self._planned_ns = 0
         self._attempt: _Attempt | None = None
         self._stuck_ns: int | None = None
+        self._stuck_at = SE2()
         self._blind_ns = 0
         self._driven_m = 0.0
         self._last: SE2 | None = None
@@ -207,15 +211,16 @@ class Journey(Behaviour):
 
     def _is_stuck(self, situation: BehaviourInput, motion: LocalMotion, now_ns: int) -> bool:
         """Return whether the robot has stood for too long though it is not there."""
-        twist = situation.twist
+        pose, twist = situation.pose, situation.twist
         stands = abs(twist.v_m_s) < _STANDS_M_S and abs(twist.omega_rad_s) < _STANDS_RAD_S
-        if not stands and not motion.blocked:
-            self._stuck_ns = None
-        elif self._stuck_ns is None:
-            self._stuck_ns = now_ns
+        if self._stuck_ns is None:
+            if stands or motion.blocked:
+                self._stuck_ns, self._stuck_at = now_ns, pose
             if motion.blocked:
                 self._route = None  # perhaps another path leads there
-        longest_ns = _PATIENT_NS if self._pilot.is_somebody_near(situation.pose) else _STUCK_NS
+        elif not motion.blocked and _has_left(self._stuck_at, pose):
+            self._stuck_ns = None
+        longest_ns = _PATIENT_NS if self._pilot.is_somebody_near(pose) else _STUCK_NS
         return self._stuck_ns is not None and now_ns - self._stuck_ns > longest_ns
 
     def _find_route(self, pose: SE2, now_ns: int) -> Route | BehaviourOutput:
@@ -228,7 +233,8 @@ class Journey(Behaviour):
             return answer
         if why := self._pilot.hopeless(pose, self._goal):
             return failed(why)
-        self._stuck_ns = self._stuck_ns or now_ns
+        if self._stuck_ns is None:
+            self._stuck_ns, self._stuck_at = now_ns, pose
         if self._is_patient(pose, now_ns):
             return BehaviourOutput(0.0, 0.0, text=f"waiting for somebody: {answer.text}")
         return self._in_trouble(answer.text, pose, now_ns)
@@ -305,3 +311,9 @@ def _poses(pose: SE2, motions: list[SE2]) -> NDArray[np.float64]:
     """Return where each motion leads to, (n, 3)."""
     ends = [pose @ motion for motion in motions]
     return np.array([(end.x_m, end.y_m, end.theta_rad) for end in ends])
+
+
+def _has_left(place: SE2, pose: SE2) -> bool:
+    """Return whether a robot is elsewhere, or has turned."""
+    away_m = math.dist((place.x_m, place.y_m), (pose.x_m, pose.y_m))
+    return away_m > _LEFT_M or abs(wrap_angle(pose.theta_rad - place.theta_rad)) > _LEFT_RAD
