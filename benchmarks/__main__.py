@@ -29,6 +29,7 @@ from benchmarks import (
     machine,
     map_worlds,
     mavlink_parameters,
+    mavlink_stations,
     memory,
     navigation_step,
     odometry_calibration,
@@ -77,6 +78,7 @@ SUBJECTS = {
     "exploring": exploration.run,
     "layers": live_map.run,
     "mavlink": mavlink_parameters.run,
+    "stations": mavlink_stations.run,
     "camera-homography": camera_homography.run,
 }
 
