@@ -93,7 +93,8 @@ class Router:
     """
 
     def __init__(self, services: Sequence[Microservice], config: MavlinkConfig) -> None:
-        self._services = tuple(services)
+        idle = Microservice.step
+        self._stepped = tuple(each for each in services if type(each).step is not idle)
         self._handlers: dict[int, list[Microservice]] = {}
         for service in services:
             for message_id in service.handles:
@@ -122,6 +123,6 @@ class Router:
                 service.on_message(message, received.peer, now_ns)
 
     def step(self, now_ns: int) -> None:
-        """Step all services in their order."""
-        for service in self._services:
+        """Step all services that have something to do in their order."""
+        for service in self._stepped:
             service.step(now_ns)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from heapq import heapify, heapreplace
 from typing import Final
 
 from pymavlink.dialects.v20 import common
@@ -45,17 +46,14 @@ class _Rate:
     interval_ns: int
     due_ns: int
 
-    def take(self, now_ns: int, stretch: float) -> bool:
-        """Return whether it is due, once; a late step does not cause a burst.
+    def follow(self, now_ns: int, stretch: float) -> None:
+        """Note when it is due next; a late step does not cause a burst.
 
         `stretch` is how many times longer the interval is while the link has no room.
         """
-        if self.interval_ns == OFF or now_ns < self.due_ns:
-            return False
         interval_ns = round(self.interval_ns * stretch)
         following = self.due_ns + interval_ns
         self.due_ns = following if following > now_ns else now_ns + interval_ns
-        return True
 
 
 @dataclass(slots=True)
@@ -68,6 +66,27 @@ class _Plan:
     rates: dict[int, _Rate] = field(default_factory=dict)
     is_asked_for: bool = False
     outlasts_silence: bool = False
+    queue: list[tuple[int, int]] | None = None
+    """When each is due [ns], and its message, the first first; None: rates have changed."""
+
+    def change(self, message_id: int, interval_ns: int, due_ns: int) -> None:
+        """Send a message at another rate."""
+        self.rates[message_id] = _Rate(interval_ns, due_ns)
+        self.queue = None
+
+    def take(self, now_ns: int, stretch: float) -> list[int]:
+        """Return which messages are due, each once; `stretch` as for a rate."""
+        if self.queue is None:
+            self.queue = [(r.due_ns, key) for key, r in self.rates.items() if r.interval_ns != OFF]
+            heapify(self.queue)
+        due = []
+        while self.queue and self.queue[0][0] <= now_ns:
+            message_id = self.queue[0][1]
+            rate = self.rates[message_id]
+            rate.follow(now_ns, stretch)
+            heapreplace(self.queue, (rate.due_ns, message_id))
+            due.append(message_id)
+        return due
 
 
 class Streams(Microservice):
@@ -93,7 +112,7 @@ class Streams(Microservice):
             is_wanted = message.req_stream_id in (group, common.MAV_DATA_STREAM_ALL)
             # One that repeats its request, as many do, gets no more for it.
             if group is not None and is_wanted and rate.interval_ns != interval_ns:
-                plan.rates[message_id] = _Rate(interval_ns, now_ns + place * PHASE_NS)
+                plan.change(message_id, interval_ns, now_ns + place * PHASE_NS)
                 plan.is_asked_for = True
 
     def on_command(self, command: Command, now_ns: int) -> int:
@@ -119,7 +138,7 @@ class Streams(Microservice):
             plan = self._plan(command.peer, now_ns)
             for message_id in plan.rates:
                 is_it = message_id == common.MAVLINK_MSG_ID_HIGH_LATENCY2
-                plan.rates[message_id] = _Rate(HIGH_LATENCY_NS if is_it else OFF, now_ns)
+                plan.change(message_id, HIGH_LATENCY_NS if is_it else OFF, now_ns)
             plan.is_asked_for = plan.outlasts_silence = True
         return ACCEPTED
 
@@ -139,7 +158,7 @@ class Streams(Microservice):
             interval_ns = OFF
         elif interval_us == 0.0:
             interval_ns = _default_ns(self._context.catalogue.streams[message_id])
-        plan.rates[message_id] = _Rate(interval_ns, now_ns)
+        plan.change(message_id, interval_ns, now_ns)
         plan.is_asked_for = True
         return ACCEPTED
 
@@ -164,17 +183,13 @@ class Streams(Microservice):
         peers, stretch = self._context.peers, self._context.stretch
         self._forget(now_ns)
         self._take_defaults(now_ns)
-        plans = [(peer, self._plan(peer, now_ns)) for peer in peers]
-        for message_id, stream in self._context.catalogue.streams.items():
-            if stream.rate_hz is None:
-                continue
-            due = [
-                peer
-                for peer, plan in plans
-                if plan.rates[message_id].take(now_ns, stretch.get(peer.link, 1.0))
-            ]
-            for message in stream.build(now_ns) if due else ():
-                self._context.links.broadcast(message, due)
+        due: dict[int, list[Peer]] = {}
+        for peer in peers:
+            for message_id in self._plan(peer, now_ns).take(now_ns, stretch.get(peer.link, 1.0)):
+                due.setdefault(message_id, []).append(peer)
+        for message_id, wanting in due.items():
+            for message in self._context.catalogue.streams[message_id].build(now_ns):
+                self._context.links.broadcast(message, wanting)
 
     def _take_defaults(self, now_ns: int) -> None:
         """Give whoever gets a message at its configured rate the new one, where that changed."""
@@ -187,7 +202,7 @@ class Streams(Microservice):
                     _default_ns(each.streams[key]) for each in (before, self._context.catalogue)
                 )
                 if new_ns != old_ns == rate.interval_ns:
-                    plan.rates[key] = _Rate(new_ns, now_ns)
+                    plan.change(key, new_ns, now_ns)
 
     def _forget(self, now_ns: int) -> None:
         """Drop the plans of peers that have gone."""
@@ -207,7 +222,7 @@ class Streams(Microservice):
             plan = self._plans[peer] = _Plan()
             for place, stream in enumerate(periodic):
                 first_ns = now_ns + place * PHASE_NS
-                plan.rates[stream.message_id] = _Rate(_default_ns(stream), first_ns)
+                plan.change(stream.message_id, _default_ns(stream), first_ns)
         return plan
 
 
