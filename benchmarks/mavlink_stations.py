@@ -127,37 +127,48 @@ def run(_rounds: int, seconds: float) -> None:
         [*command, "--localiser", "none", "--set", link, "--set", ORIGIN], stdout=subprocess.DEVNULL
     ) as robot:
         try:
+            first = Station(port, 255)
+            first.link.close()
+            idle = _share(_telemetry(robot.pid), lambda: time.sleep(seconds))
             stations = [Station(port, 255), Station(port, 254)]
             times = known(stations[0])
             machine.table(
                 "What a ground station knows, after", ("", "s"), [(n, f"{t:.2f}") for n, t in times]
             )
             machine.note(f"{times[-1][1] / CONNECT_S:.2f} of the {CONNECT_S:g} s allowed")
-            _measure(stations, _telemetry(robot.pid), seconds)
+            _measure(stations, _telemetry(robot.pid), idle, seconds)
         finally:
             robot.terminate()
             robot.wait(30.0)
 
 
-def _measure(stations: list[Station], pid: int, seconds: float) -> None:
+def _measure(stations: list[Station], pid: int, idle: float, seconds: float) -> None:
     """Read all streams for a while."""
     readers = [
-        threading.Thread(target=each.wait, args=((), 1.0 + seconds), daemon=True)
-        for each in stations
+        threading.Thread(target=each.wait, args=((), seconds), daemon=True) for each in stations
     ]
-    for each in readers:
-        each.start()
-    time.sleep(1.0)
-    cpu_s, count, begin_s = _cpu_s(pid), _count(stations), time.monotonic()
-    for each in readers:
-        each.join()
-    took_s = time.monotonic() - begin_s
-    share = (_cpu_s(pid) - cpu_s) / took_s
-    rate = (_count(stations) - count) / took_s
+
+    def read() -> None:
+        for each in readers:
+            each.start()
+        for each in readers:
+            each.join()
+
+    before = _count(stations)
+    share = _share(pid, read)
+    rate = (_count(stations) - before) / seconds
     machine.note(
-        f"two stations, {rate:.0f} messages a second in all: {100.0 * share:.1f} % of a core, "
-        f"{share / SHARE:.2f} of the {100.0 * SHARE:g} % allowed"
+        f"telemetry: {100.0 * idle:.1f} % of a core without a station, {100.0 * share:.1f} % with "
+        f"two, {rate:.0f} messages a second in all; {(share - idle) / SHARE:.2f} of the "
+        f"{100.0 * SHARE:g} % allowed for their streams"
     )
+
+
+def _share(pid: int, work: Callable[[], None]) -> float:
+    """Return how much of a core a process takes while something is done."""
+    cpu_s, begin_s = _cpu_s(pid), time.monotonic()
+    work()
+    return (_cpu_s(pid) - cpu_s) / (time.monotonic() - begin_s)
 
 
 def _count(stations: list[Station]) -> int:

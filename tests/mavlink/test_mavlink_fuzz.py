@@ -95,7 +95,7 @@ def test_any_payload_with_a_right_checksum_is_survived(make_bench, number, paylo
 
 
 def test_a_signed_frame_is_read_without_its_signature(make_bench):
-    """Signatures are not verified yet; such frames must not be lost for that."""
+    """A robot without keys does not look at signatures."""
     codec = common.MAVLink(None, 255, 190)
     codec.signing.secret_key = b"k" * 32
     codec.signing.sign_outgoing = True
