@@ -55,7 +55,7 @@ COMMANDS: Final = {
         "localize.localize:localize",
         "Localise on a recorded log, and compare with its reference.",
     ),
-    "topology": ("topology:app", "Divide a map into places and the passages between them."),
+    "topology": ("topology:app", "Divide a map into places and passages."),
     "map": (
         "map:map_log",
         "Map the lidar scans of a recorded log, at its reference poses or its odometry.",
@@ -80,7 +80,7 @@ COMMANDS: Final = {
     "can": ("can:app", "The CAN bus."),
     "record": ("logs.record:app", "The flight recorder and the logs."),
     "calibrate": ("calibrate.calibrate:app", "Calibrate the robot from drives and recordings."),
-    "places": ("places:app", "Learn and recognise places by sonar."),
+    "places": ("places:app", "Learn and recognise places by sonar or images."),
     "camera": ("camera.camera:app", "Calibrate a camera, and measure on the floor with it."),
 }
 """Of each subcommand, module and function (or group) below `robotctl.cli`, and how its help begins.

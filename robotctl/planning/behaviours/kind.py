@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 from robotctl.model.drives.drives import Drive
 from robotctl.model.fence import Fence
 from robotctl.model.geometry.se2 import SE2
-from robotctl.model.grid_map import GridMap
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.behaviours.breadcrumbs import Breadcrumbs
 from robotctl.planning.guard.behaviour import Behaviour
@@ -18,6 +17,7 @@ from robotctl.planning.guard.sonars import sonar_directions
 from robotctl.planning.local.path import Point
 
 if TYPE_CHECKING:
+    from robotctl.model.grid_map import GridMap  # which loads numpy
     from robotctl.model.sensors.range_scan import RangeScan  # which loads numpy
     from robotctl.planning.behaviours.outlook import Outlook  # which loads numpy
     from robotctl.planning.config import NavigationConfig  # which has settings of behaviours
