@@ -144,6 +144,10 @@ class Proxy:
     def close(self) -> None:
         self._process.kill()  # it takes no SIGTERM while it reads commands
         self._process.wait(PATIENT_S)
+        self._reader.join(PATIENT_S)
+        for pipe in (self._process.stdin, self._process.stdout):
+            if pipe is not None:
+                pipe.close()
 
 
 def items(folder: Path, name: str, lines: list[tuple[float, ...]]) -> str:
