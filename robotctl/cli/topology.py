@@ -43,12 +43,13 @@ def build_command(
     for place in found.places:
         print(
             f"{place.name}: {place.area_m2:.1f} m2, {place.width_m:.1f} m wide, "
-            f"{len(place.passages)} passages"
+            f"{_counted(len(place.passages), 'passage')}"
         )
     for passage in found.passages:
         print(f"{passage.name}: {' - '.join(passage.between)}, {passage.width_m:.2f} m wide")
     write_file(out, lambda file: save_topology(found, file))
-    print(f"{out}: {len(found.places)} places, {len(found.passages)} passages")
+    places, passages = len(found.places), len(found.passages)
+    print(f"{out}: {_counted(places, 'place')}, {_counted(passages, 'passage')}")
     if plot is not None:
         from robotctl.cli.topology_plot import save_plot  # noqa: PLC0415 - an extra
 
@@ -79,11 +80,14 @@ def way_lines(start: str, way: Sequence[Step]) -> list[str]:
             f"{step.place.name}"
         )
     length_m = sum(step.passage.length_m for step in way)
-    return [*lines, f"{len(way)} passages, about {length_m:.1f} m"]
+    return [*lines, f"{_counted(len(way), 'passage')}, about {length_m:.1f} m"]
+
+
+def _counted(number: int, thing: str) -> str:
+    return f"{number} {thing}" if number == 1 else f"{number} {thing}s"
 
 
 def _turn(left: int, of: int) -> str:
     """Say which passage it is, counted from the one through which the robot came."""
-    if 2 * left <= of:
-        return f"number {left} on the left of {of}"
-    return f"number {of - left} on the right of {of}"
+    number, side = (left, "left") if 2 * left <= of else (of - left, "right")
+    return f"number {number} to the {side}, of {of} passages"

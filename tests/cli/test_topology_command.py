@@ -24,7 +24,7 @@ def flat(tmp_path):
                 "--plot", tmp_path / "flat.png")  # fmt: skip
     assert built.exit_code == 0, built.output
     assert "lounge: " in built.output
-    assert "2 places, 1 passages" in built.output
+    assert "2 places, 1 passage\n" in built.output
     assert (tmp_path / "flat.png").read_bytes().startswith(b"\x89PNG")
     assert run("topology", "name", file, "room 2", "kitchen").exit_code == 0
     return file
@@ -34,7 +34,7 @@ def test_a_way_leads_through_places_by_name(flat):
     result = run("plan", "--topological", flat, "lounge", "kitchen")
     assert result.exit_code == 0, result.output
     assert result.output.startswith("lounge\n  through passage 1 (0.9")
-    assert "\nkitchen\n1 passages, about " in result.output
+    assert "\nkitchen\n1 passage, about " in result.output
 
 
 def test_a_file_without_coordinates_is_as_good(flat):
@@ -74,6 +74,11 @@ def test_bad_input_is_said(flat, tmp_path):
         result = run(*words)
         assert isinstance(result.exception, ConfigError), result.output
         assert text in str(result.exception)
+    marks = tmp_path / "taken.toml"
+    marks.write_text('[[mark]]\nname = "room 2"\nx_m = 2.0\ny_m = 2.0\n', encoding="utf-8")
+    taken = run("topology", "build", "flat", "--marks", marks, "--out", tmp_path / "taken")
+    assert isinstance(taken.exception, ConfigError)
+    assert "must be unique, found 'room 2'" in str(taken.exception)
     passages = flat.read_text(encoding="utf-8").replace('["lounge", "kitchen"]', '["lounge", "x"]')
     flat.write_text(passages, encoding="utf-8")
     result = run("plan", "--topological", flat, "lounge", "kitchen")

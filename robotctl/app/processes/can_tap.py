@@ -2,18 +2,10 @@
 
 from __future__ import annotations
 
-import struct
-from typing import Final
-
 import can
 
 from robotctl.drivers.can.config import CanConfig
-from robotctl.drivers.can.port import Descriptor, opener
-
-_FRAME: Final = struct.Struct("=IB3x8s")
-_NUMBER: Final = 0x7FF
-MOST: Final = 256
-"""Frames read at a time: a babbling node must not hold telemetry."""
+from robotctl.drivers.can.port import CAN_SFF_MASK, DRAIN_LIMIT, FRAME, Descriptor, opener
 
 
 class BusTap:
@@ -41,20 +33,20 @@ class BusTap:
     def receive(self) -> list[tuple[int, bytes]]:
         """Return identifiers and data of the data frames that came since the last call."""
         frames: list[tuple[int, bytes]] = []
-        for _ in range(MOST):
+        for _ in range(DRAIN_LIMIT):
             if self._descriptor is None:
                 break
             try:
-                raw = self._descriptor.socket.recv(_FRAME.size)
+                raw = self._descriptor.socket.recv(FRAME.size)
             except BlockingIOError:
                 break
             except OSError:
                 raw = b""
-            if len(raw) < _FRAME.size:
+            if len(raw) < FRAME.size:
                 self.close()
                 break
-            number, length, data = _FRAME.unpack(raw)
-            if number <= _NUMBER:  # no flag of extended, remote or error frames
+            number, length, data = FRAME.unpack(raw)
+            if number <= CAN_SFF_MASK:  # no flag of extended, remote or error frames
                 frames.append((number, data[: min(length, len(data))]))
         return frames
 
@@ -63,7 +55,7 @@ class BusTap:
         if self._descriptor is None:
             return
         try:
-            self._descriptor.socket.send(_FRAME.pack(number, len(data), data))
+            self._descriptor.socket.send(FRAME.pack(number, len(data), data))
         except BlockingIOError:
             return
         except OSError:

@@ -14,11 +14,10 @@ from typing import Final
 import can
 
 from robotctl.drivers.can.config import CanConfig
-from robotctl.drivers.can.port import Descriptor
+from robotctl.drivers.can.port import FRAME, Descriptor
 from robotctl.messages.ports import Clock
 from robotctl.runtime.clock import wall_offset_ns
 
-_FRAME: Final = struct.Struct("=IB3x8s")
 _STAMP: Final = struct.Struct("=q")
 _TIMESPEC: Final = struct.Struct("@ll")
 _ANCILLARY_SIZE: Final = socket.CMSG_SPACE(_TIMESPEC.size)
@@ -121,8 +120,8 @@ class CandumpReader:
             message = receive(64)
             if not message:
                 raise ConnectionResetError("the bus has hung up")
-            if len(message) >= _FRAME.size + _STAMP.size:
-                (stamp_ns,) = _STAMP.unpack_from(message, _FRAME.size)
+            if len(message) >= FRAME.size + _STAMP.size:
+                (stamp_ns,) = _STAMP.unpack_from(message, FRAME.size)
                 lines.append(self._line(message, stamp_ns))
 
     def _drain_kernel(self, lines: list[str]) -> None:
@@ -131,7 +130,7 @@ class CandumpReader:
         receive = self._descriptor.socket.recvmsg
         for _ in range(_MOST_FRAMES):
             message, ancillary, _flags, _address = receive(64, _ANCILLARY_SIZE)
-            if len(message) < _FRAME.size:
+            if len(message) < FRAME.size:
                 continue
             stamp_ns = self._now_ns()
             if ancillary:
@@ -141,7 +140,7 @@ class CandumpReader:
 
     def _line(self, message: bytes, stamp_ns: int) -> str:
         """Return one frame as a line."""
-        can_id, length, data = _FRAME.unpack_from(message)
+        can_id, length, data = FRAME.unpack_from(message)
         return candump_line(
             can_id, data[:length], (stamp_ns + self._epoch_ns) // 1000, self._channel
         )

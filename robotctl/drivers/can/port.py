@@ -34,8 +34,9 @@ RETRY_NS: Final = 500_000_000
 DRAIN_LIMIT: Final = 256
 """Frames taken in one `receive`; a babbling node must not hold the loop. The rest waits."""
 
-_FRAME = struct.Struct("=IB3x8s")
-_FRAME_SIZE = _FRAME.size
+FRAME: Final = struct.Struct("=IB3x8s")
+"""SocketCAN's `struct can_frame`: identifier with flags, number of bytes, data."""
+_FRAME_SIZE = FRAME.size
 _STAMP = struct.Struct("=q")
 _TIMESPEC = struct.Struct("@ll")
 _ANCILLARY_SIZE = socket.CMSG_SPACE(_TIMESPEC.size)
@@ -160,7 +161,7 @@ class SocketPort:
         """Queue one frame without waiting; False if the bus did not take it."""
         meter = self._meter
         try:
-            self._send(_FRAME.pack(arbitration_id, len(data), data))
+            self._send(FRAME.pack(arbitration_id, len(data), data))
         except OSError as error:
             meter.send_failures += 1
             # A full queue refuses one frame; anything else means that the bus is gone.
@@ -276,7 +277,7 @@ class SocketPort:
 
     def _take(self, now_ns: int, stamp_ns: int, frames: list[Frame]) -> None:
         """Keep the frame in the buffer if it is wanted; note it if it is an error frame."""
-        can_id, length, data = _FRAME.unpack_from(self._buffer)
+        can_id, length, data = FRAME.unpack_from(self._buffer)
         if can_id in self._wanted:
             self._meter.bits += FRAME_BITS[min(length, 8)]
             frames.append(Frame(can_id, data[:length], min(stamp_ns, now_ns)))

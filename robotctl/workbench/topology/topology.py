@@ -13,7 +13,7 @@ from robotctl.maps.topology_file import load_topology, save_topology
 from robotctl.model.grid_map import GridMap
 from robotctl.planning.guard.body import body_outline
 from robotctl.planning.topological.build import Topology, build
-from robotctl.planning.topological.graph import Step
+from robotctl.planning.topological.graph import Step, TopologicalMap
 from robotctl.toml_source import nearest
 from robotctl.workbench.places.places import Marks
 
@@ -34,7 +34,8 @@ def build_topology(
     Raises
     ------
     ConfigError
-        If a file is wrong, the robot fits nowhere, or two marks would name one place.
+        If a file is wrong, the robot fits nowhere, two marks are at one place, or a mark has the
+        name that another place keeps.
     """
     robot_config = load_robot(find_file(robot), overrides)
     outline = body_outline(robot_config.navigation.guard, robot_config.sonar)
@@ -54,8 +55,11 @@ def build_topology(
                     f"{marks}: {named[number]} and {mark.name} are at one place of {name}"
                 )
             named[number] = mark.name
-        for number, new in named.items():
-            topology = topology.renamed(topology.places[number].name, new)
+        try:
+            for number, new in named.items():
+                topology = topology.renamed(topology.places[number].name, new)
+        except InvalidValue as error:
+            raise ConfigError(f"{marks}: {error}") from error
     return BuiltTopology(grid, Topology(topology, built.labels))
 
 
@@ -70,9 +74,7 @@ def rename_place(file: Path, old: str, new: str) -> None:
         If it cannot be written.
     """
     topology = load_topology(file)
-    if topology.place(old) is None:
-        known = nearest(old, [each.name for each in topology.places])
-        raise ConfigError(f"{file}: no place {old!r}{known}")
+    _check_place(file, topology, old)
     try:
         save_topology(topology.renamed(old, new), file)
     except InvalidValue as error:
@@ -89,7 +91,12 @@ def find_way(file: Path, start: str, goal: str) -> list[Step] | None:
     """
     topology = load_topology(file)
     for name in (start, goal):
-        if topology.place(name) is None:
-            known = nearest(name, [each.name for each in topology.places])
-            raise ConfigError(f"{file}: no place {name!r}{known}")
+        _check_place(file, topology, name)
     return topology.way(start, goal)
+
+
+def _check_place(file: Path, topology: TopologicalMap, name: str) -> None:
+    """Raise ConfigError if a file has no such place."""
+    if topology.place(name) is None:
+        known = nearest(name, [each.name for each in topology.places])
+        raise ConfigError(f"{file}: no place {name!r}{known}")

@@ -9,9 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.compiled import compiled
-
-_BEGIN = 4096
-"""Entries for which there is room at first."""
+from robotctl.estimation.grown import Grown
 
 
 class InvertedIndex:
@@ -25,25 +23,18 @@ class InvertedIndex:
 
     def __init__(self, words: int) -> None:
         self._last = np.full(words, -1, np.int64)
-        self._before = np.empty(_BEGIN, np.int64)
-        self._image = np.empty(_BEGIN, np.int64)
-        self._weight = np.empty(_BEGIN)
-        self._entries = 0
+        """The newest entry of each word."""
+        self._before = Grown((), np.int64)
+        """Of each entry the one before with its word, its image, and the word's weight there."""
+        self._image, self._weight = Grown((), np.int64), Grown((), np.float64)
         self.images = 0
 
     def add(self, words: NDArray[np.int64], weights: NDArray[np.float64]) -> None:
         """Add an image: its distinct words and their weights."""
-        end = self._entries + len(words)
-        while end > len(self._weight):
-            self._before = np.concatenate([self._before, np.empty_like(self._before)])
-            self._image = np.concatenate([self._image, np.empty_like(self._image)])
-            self._weight = np.concatenate([self._weight, np.empty_like(self._weight)])
-        new = slice(self._entries, end)
-        self._before[new] = self._last[words]
-        self._image[new] = self.images
-        self._weight[new] = weights
-        self._last[words] = np.arange(self._entries, end)
-        self._entries = end
+        begin = self._before.add(self._last[words])
+        self._image.add(np.full(len(words), self.images))
+        self._weight.add(weights)
+        self._last[words] = np.arange(begin, begin + len(words))
         self.images += 1
 
     def scores(self, words: NDArray[np.int64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -53,7 +44,8 @@ class InvertedIndex:
         bags (Nistér, Stewénius 2006).
         """
         result = np.zeros(self.images)
-        _add_scores(self._last, self._before, self._image, self._weight, words, weights, result)
+        entries = self._before.array, self._image.array, self._weight.array
+        _add_scores(self._last, *entries, words, weights, result)
         return result
 
 

@@ -21,7 +21,6 @@ costs what the local map is worth; loops close when their map is joined. Associa
 
 from __future__ import annotations
 
-import math
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -29,7 +28,7 @@ from numpy.typing import NDArray
 
 from robotctl.estimation.slam.ekf_slam.features import HEADING
 from robotctl.estimation.slam.ekf_slam.filter import EkfSlam
-from robotctl.model.geometry.angles import wrap_angle
+from robotctl.model.geometry.angles import sinc, wrap_angle
 from robotctl.model.geometry.points import rotation
 from robotctl.model.geometry.se2 import SE2
 
@@ -182,5 +181,5 @@ class JoinedMaps:
 def _along(turn_rad: float) -> Array:
     """Return V (2, 2) of SE(2): a motion V dp goes with dp along a turn of this angle."""
     half = 0.5 * turn_rad
-    result: Array = float(np.sinc(half / math.pi)) * rotation(-half)
+    result: Array = sinc(half) * rotation(-half)
     return result

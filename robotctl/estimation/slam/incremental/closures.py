@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri  # type: ignore[import-untyped]
 
+from robotctl.estimation.grown import Grown
 from robotctl.estimation.slam.graph.factor import FactorKind
 from robotctl.estimation.slam.graph.variables import Floats
-from robotctl.estimation.slam.incremental.grown import Grown
 from robotctl.estimation.slam.incremental.smoother import IncrementalSmoother
 from robotctl.estimation.slam.robust.robust_cost import scale
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.compiled import compiled
+from robotctl.estimation.grown import Grown
 from robotctl.estimation.slam.graph.factor import FactorBlock, FactorKind, Ints, Linearised
 from robotctl.estimation.slam.graph.variables import Floats, VariableKind
 from robotctl.estimation.slam.incremental.bayes_tree import (
@@ -22,7 +23,6 @@ from robotctl.estimation.slam.incremental.bayes_tree import (
     compact,
     solve_down,
 )
-from robotctl.estimation.slam.incremental.grown import Grown
 from robotctl.estimation.slam.incremental.renewal import renew
 from robotctl.estimation.slam.incremental.uncertainty import projected_covariance
 

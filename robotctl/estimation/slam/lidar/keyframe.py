@@ -73,10 +73,6 @@ def match_pair(
     match = refine(first.bins, second.surface, start, start, LOOSE, wide_m)
     if match.inliers < config.least_inliers:
         return None
-    there = agreement(first.view, points, weights, match.pose)
-    back = agreement(second.view, first.surface.points, first.surface.weights, match.pose.inverse())
-    is_same = (
-        min(there.of_seen, back.of_seen) >= config.least_agreement
-        and min(there.agrees, back.agrees) >= _LEAST_OVERLAP
-    )
+    overlap, contradicts = compared(first, second, match.pose)
+    is_same = contradicts <= 1.0 - config.least_agreement and overlap >= _LEAST_OVERLAP
     return match if is_same else None

@@ -38,9 +38,9 @@ class Graduation:
 
         Half of them are taken for right: their median says how far the information is off.
         """
-        if not any(mask.any() for mask in self.doubtful):
-            return [s[mask] for s, mask in zip(squares, self.doubtful, strict=True)]
         own = [s[mask] for s, mask in zip(squares, self.doubtful, strict=True)]
+        if not any(len(each) for each in own):
+            return own
         sizes = [block.kind.size for block in self.graph.blocks]
         ratios = [s / float(chdtri(size, 0.5)) for s, size in zip(own, sizes, strict=True)]
         noise = MARGIN * max(float(np.median(np.concatenate(ratios))), _LEAST)
