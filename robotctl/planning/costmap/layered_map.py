@@ -85,6 +85,7 @@ class LayeredMap:
         full_speed_m_s: float = 1.0,
     ) -> None:
         self.config = config or LayersConfig()
+        self._closed, self._full_speed_m_s = closed, full_speed_m_s
         self._given = grid.cells.copy()
         static = grid.occupied(_OCCUPIED_PERCENT)
         closed.close(self._given, grid)
@@ -148,11 +149,25 @@ class LayeredMap:
         config = LayersConfig(_REMEMBERS_S, through_unknown=True)
         return cls(grid, footprint, config, closed, full_speed_m_s)
 
-    def take_over(self, old: LayeredMap) -> None:
-        """Take what a smaller map `without_map` with the same cells has seen."""
-        corner = old._space.grid.centre_of(np.zeros((1, 2), np.int64))
-        at = self._space.grid.cell_of(corner)[0].tolist()
-        take_over(self._cells, self._layers, old._cells, old._layers, at)
+    def grown(self, points_world: NDArray[np.float64]) -> LayeredMap:
+        """Return a map `without_map` that holds some points (n, 2) [m], too, and knows the same."""
+        grid = self._space.grid
+        rows, columns = grid.shape
+        first = np.array([grid.origin.x_m, grid.origin.y_m])
+        last = first + np.array([columns, rows]) * grid.resolution_m
+        corners = np.vstack([points_world, first, last])
+        low, high = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
+        larger = LayeredMap.without_map(
+            (low[0], low[1]),
+            (high[0], high[1]),
+            grid.resolution_m,
+            self._space.footprint,
+            self._closed,
+            self._full_speed_m_s,
+        )
+        at = larger._space.grid.cell_of(grid.centre_of(np.zeros((1, 2), np.int64)))[0].tolist()
+        take_over(larger._cells, larger._layers, self._cells, self._layers, at)
+        return larger
 
     def recall(self, grid: GridMap, now_ns: int) -> None:
         """Take what another map of the same place knows, which was seen by lidar until a time [ns].
@@ -167,19 +182,11 @@ class LayeredMap:
         take_values(self._cells, self._lidar, values, now_ns)
 
     def room_m(self, pose: SE2) -> float:
-        """Return how far a pose of `world` on the map is from the map's edge [m]."""
+        """Return how far a pose of `world` is from the map's edge [m]; < 0: off the map."""
         here = self._space.to_cells(pose)
         rows, columns = self._space.shape
         room = min(here.x_m, here.y_m, columns - here.x_m, rows - here.y_m)
         return room * self._space.grid.resolution_m
-
-    @property
-    def corners(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Of a map `without_map`, the lowest and the highest in `world` [m]."""
-        grid = self._space.grid
-        low = grid.origin.x_m, grid.origin.y_m
-        rows, columns = grid.shape
-        return low, (low[0] + columns * grid.resolution_m, low[1] + rows * grid.resolution_m)
 
     def forget(self) -> None:
         """Forget all that was seen: the pose was wrong, and so are the places."""

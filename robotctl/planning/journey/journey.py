@@ -142,7 +142,7 @@ class Journey(Behaviour):
             route = found
         motion = self._looked_at(pose, self._follow(situation, route.plan))
         self._pilot.show(route.rest, motion.ahead)
-        if motion.arrived or self._is_there(pose):
+        if (motion.arrived and route.leads_there) or self._is_there(pose):
             return done()
         if self._is_stuck(situation, motion, now_ns):
             return self._in_trouble(motion.text or "the way is blocked", pose, now_ns)
@@ -168,14 +168,16 @@ class Journey(Behaviour):
     def _plan(self, pose: SE2, now_ns: int) -> Route | PlanFailure:
         """Plan from here; keep the present path where it is free and hardly worse."""
         self._planned_ns = now_ns
+        leads_there = not self._pilot.is_far(pose, self._goal)
         old, answer = self._route, self._pilot.plan(pose, self._goal)
         is_free = old is not None and not self._pilot.touches(old.rest)
         if isinstance(answer, PlanFailure):
             return old if old is not None and is_free else answer
-        if old is not None and is_free and answer.length_m > _BETTER * old.left_m:
+        may_stay = old is not None and is_free and old.leads_there
+        if old is not None and may_stay and answer.length_m > _BETTER * old.left_m:
             return old
         self.plans += 1
-        return Route(answer)
+        return Route(answer, leads_there=leads_there)
 
     def _is_there(self, pose: SE2) -> bool:
         """Return whether the robot is at a goal where any heading will do."""

@@ -15,8 +15,7 @@ from robotctl.model.drives.drives import Drive
 from robotctl.model.fence import Fence
 from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
-from robotctl.model.geometry.twist import Twist
-from robotctl.model.grid_map import OCCUPIED, GridMap
+from robotctl.model.grid_map import GridMap
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.behaviours.kind import Goal, Seen
@@ -29,6 +28,7 @@ from robotctl.planning.costmap.planning_map import PlanningMap
 from robotctl.planning.costmap.tracks import MovingObstacles
 from robotctl.planning.costmap.zone import Zone
 from robotctl.planning.costmap.zones import Closed
+from robotctl.planning.global_planning.obstructions import nearest
 from robotctl.planning.global_planning.plan import (
     GoesOn,
     Plan,
@@ -40,9 +40,9 @@ from robotctl.planning.global_planning.plan import (
 from robotctl.planning.global_planning.planners import PLANNERS
 from robotctl.planning.journey.exploration import Exploration
 from robotctl.planning.journey.journey import Journey
-from robotctl.planning.journey.route import Route
+from robotctl.planning.journey.rehearsal import rehearse
 from robotctl.planning.journey.way_out import find_way
-from robotctl.planning.local.controller import ControllerConfig, LocalSituation
+from robotctl.planning.local.controller import ControllerConfig
 from robotctl.planning.local.controllers import CONTROLLERS
 
 _BLIND_NS: Final = 500_000_000
@@ -64,6 +64,8 @@ _FOR_EVER: Final = frozenset(
     }
 )
 """Reasons that stay as long as the map is right; others may be those of the robot's own place."""
+_STAGE_M: Final = 25.0
+"""So far a robot without a map plans towards a goal that lies beyond what it has seen [m]."""
 _CELL_M: Final = 0.05
 """Of a map that the robot makes itself."""
 _AROUND_M: Final = 20.0
@@ -162,27 +164,7 @@ class MapPilot:
 
     def warm_up(self) -> None:
         """Plan and drive a step on a small map, so that all is compiled before the robot moves."""
-        side_m = max(self._footprint.circumscribed_m, 1.0)
-        cells = np.zeros((13, 13), np.int8)
-        cells[:9, 6] = OCCUPIED
-        live = LayeredMap(GridMap(cells, side_m), self._footprint)
-        start, goal = (SE2(x * side_m, 2.5 * side_m, 0.0) for x in (2.5, 10.5))
-        plan = self._planner.plan(live.space(), start, goal)
-        if isinstance(plan, Plan):
-            route = Route(plan)
-            self.controller.step(
-                LocalSituation(
-                    start,
-                    Twist(0.0, 0.0),
-                    plan.poses,
-                    plan.reverse,
-                    live.space_around(start, _LOOK_M),
-                    np.array([[9.0 * side_m, 2.5 * side_m, 0.0, 0.0, 0.2]]),
-                    1.0,
-                )
-            )
-            live.collides(route.rest)
-        self.controller.reset()
+        rehearse(self._planner, self.controller, self._footprint)
 
     @property
     def plans(self) -> int:
@@ -205,11 +187,7 @@ class MapPilot:
 
     def _around(self, pose: SE2) -> LayeredMap:
         """Return a map of which nothing is known."""
-        return self._open(_beside(pose))
-
-    def _open(self, points: NDArray[np.float64]) -> LayeredMap:
-        """Return a map of which nothing is known and that holds points (n, 2) [m]."""
-        low, high = points.min(axis=0).tolist(), points.max(axis=0).tolist()
+        low, high = _beside(pose).tolist()
         return LayeredMap.without_map(
             (low[0], low[1]),
             (high[0], high[1]),
@@ -219,17 +197,11 @@ class MapPilot:
             self._full_speed_m_s,
         )
 
-    def _reach(self, points: NDArray[np.float64]) -> None:
-        """Let the map that the robot makes hold points (n, 2) [m]; what it has seen stays."""
-        old = self._map
-        self._map = self._open(np.vstack([points, old.corners]))
-        self._map.take_over(old)
-
     def see(self, pose: SE2, seen: Seen, now_ns: int) -> None:
         """Take in what was seen; `pose` is that of `base` in `world` now."""
         self._here, self._now_ns, self._goes_on = pose, now_ns, self._budget()
         if self._grid is None and self._map.room_m(pose) < FARTHEST_M:
-            self._reach(_beside(pose))
+            self._map = self._map.grown(_beside(pose))
         self._map.stand_at(pose)
         for T_odom_base, scan in seen.scans:
             if scan.stamp_ns > self._scan_ns:
@@ -312,7 +284,7 @@ class MapPilot:
         if self._grid is None:
             rows, columns = grid.shape
             corners = grid.centre_of(np.array([[0, 0], [0, columns], [rows, 0], [rows, columns]]))
-            self._reach(corners)
+            self._map = self._map.grown(corners)
             self._map.recall(grid, self._now_ns)
 
     def forget_unseen(self) -> None:
@@ -348,13 +320,32 @@ class MapPilot:
 
     def plan(self, pose: SE2, goal: Goal) -> Plan | PlanFailure:
         """Return the path from a pose to a goal through what is known now."""
+        if self.is_far(pose, goal):
+            return self._way(*self._stage(pose, goal))
         there = _as_pose(pose, goal)
+        if not self._holds(goal):
+            self._map = self._map.grown(_beside(there))
+        return self._way(self._map.space(), pose, there)
+
+    def is_far(self, pose: SE2, goal: Goal) -> bool:
+        """Whether a goal is so far beyond what is known that paths lead only towards it."""
+        away_m = math.dist((pose.x_m, pose.y_m), (goal.x_m, goal.y_m))
+        return away_m > _STAGE_M and not self._holds(goal)
+
+    def _holds(self, goal: Goal) -> bool:
+        """Return whether a goal is on the map, or no map can be made that has it."""
+        return self._grid is not None or self._map.room_m(SE2(goal.x_m, goal.y_m, 0.0)) > 0.0
+
+    def _stage(self, pose: SE2, goal: Goal) -> tuple[PlanningMap, SE2, SE2]:
+        """Return the map, a pose, and a place with room on the straight line to a goal far away."""
+        there = facing(pose, goal.x_m, goal.y_m)
+        stage = SE2(pose.x_m, pose.y_m, there.theta_rad) @ SE2(_STAGE_M, 0.0, 0.0)
+        self._map = self._map.grown(_beside(stage))
         space = self._map.space()
-        here = space.to_cells(there)
-        if self._grid is None and not space.contains(here.x_m, here.y_m):
-            self._reach(_beside(there))
-            space = self._map.space()
-        return self._way(space, pose, there)
+        roomy = space.clearance >= space.circumscribed
+        if not space.has_room_at(stage) and roomy.any():
+            stage = facing(pose, *nearest(space, roomy, space.to_cells(stage)))
+        return space, pose, stage
 
     def _way(self, space: PlanningMap, start: SE2, goal: SE2) -> Plan | PlanFailure:
         """Return a path that the robot can take from where it is."""

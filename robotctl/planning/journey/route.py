@@ -23,10 +23,13 @@ class Route:
     ----------
     plan
         The path.
+    leads_there
+        Whether it ends at the goal; else on the way there.
     """
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: Plan, *, leads_there: bool = True) -> None:
         self.plan = plan
+        self.leads_there = leads_there
         self._places = dense(plan.poses, _STEP_M)
         steps = np.hypot(*np.diff(self._places[:, :2], axis=0).T)
         self._along_m = np.concatenate([[0.0], np.cumsum(steps)])

@@ -414,8 +414,7 @@ def test_a_map_that_grew_says_what_one_that_was_large_from_the_start_says(seed):
     grown = LayeredMap.without_map((-1.0, -1.0), (5.0, 4.0), SIDE_M, BODY, Closed(ZONES), 0.5)
     for i in range(8):
         if i == 4:
-            small, grown = grown, LayeredMap.without_map(*corners, SIDE_M, BODY, Closed(ZONES), 0.5)
-            grown.take_over(small)
+            grown = grown.grown(np.array(corners))
         pose = HERE @ SE2(*rng.uniform(-0.5, 0.5, 3).tolist())
         # All of it on the small map, until that has grown.
         ranges_m = rng.uniform(0.1, 1.2 if i < 4 else 5.0, 40)

@@ -7,13 +7,14 @@ import pytest
 
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
-from robotctl.planning.behaviours.kind import Seen
+from robotctl.planning.behaviours.kind import Goal, Seen
 from robotctl.planning.config import NavigationConfig, PilotConfig
-from robotctl.planning.global_planning.plan import PlanFailure, Reason
+from robotctl.planning.costmap.zone import Zone
+from robotctl.planning.global_planning.plan import Plan, PlanFailure, Reason
 from robotctl.planning.guard.behaviour import Status
 from robotctl.planning.journey.recovery import LADDER, Ladder, Rung
 from robotctl.planning.local.controller import LocalMotion
-from tests.planning.journey.bench import SIDE_M, Bench, room, two_rooms
+from tests.planning.journey.bench import BODY, SIDE_M, Bench, room, two_rooms
 
 
 def test_it_arrives_through_a_door_with_the_heading_that_was_asked_for():
@@ -39,6 +40,26 @@ def test_without_a_map_it_finds_its_way_round_a_wall():
     world[10:80, 60] = 100
     bench = Bench(world)
     assert bench.drive(5.0, 3.0).status is Status.DONE
+
+
+def test_a_goal_far_beyond_what_is_known_is_driven_to_by_stages():
+    bench = Bench(room(32.0, 4.0))
+    end = bench.drive(31.0, 2.0, seconds=60.0)
+    assert end.status is Status.DONE
+    assert math.dist((bench.pose.x_m, bench.pose.y_m), (31.0, 2.0)) < 0.06
+
+
+def test_the_map_stays_small_however_far_the_goal_and_a_stage_has_room():
+    pit = Zone("pit", ((24.0, 1.0), (28.0, 1.0), (28.0, 3.0), (24.0, 3.0)))
+    config = NavigationConfig(pilot=PilotConfig(zone=(pit,)))
+    bench = Bench(room(44.0, 4.0), config=config)
+    bench.look()
+    plan = bench.pilot.plan(bench.pose, Goal(4000.0, 2.0))
+    assert isinstance(plan, Plan)
+    end = plan.poses[-1]
+    assert 1.0 + BODY.inscribed_m < abs(end[1] - 2.0) < 1.5  # beside the pit
+    assert abs(end[0] - 26.0) < 0.5
+    assert max(bench.pilot.space().shape) * SIDE_M < 70.0
 
 
 def test_what_the_map_itself_forbids_is_said_at_once():

@@ -1,0 +1,39 @@
+"""A journey of one step on a small map, for which all code is compiled."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robotctl.model.footprint import Footprint
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.geometry.twist import Twist
+from robotctl.model.grid_map import OCCUPIED, GridMap
+from robotctl.planning.costmap.layered_map import LayeredMap
+from robotctl.planning.global_planning.plan import Plan, Planner
+from robotctl.planning.journey.route import Route
+from robotctl.planning.local.controller import Controller, LocalSituation
+
+
+def rehearse(planner: Planner, controller: Controller, footprint: Footprint) -> None:
+    """Plan and drive a step."""
+    side_m = max(footprint.circumscribed_m, 1.0)
+    cells = np.zeros((13, 13), np.int8)
+    cells[:9, 6] = OCCUPIED
+    live = LayeredMap(GridMap(cells, side_m), footprint)
+    start, goal = (SE2(x * side_m, 2.5 * side_m, 0.0) for x in (2.5, 10.5))
+    plan = planner.plan(live.space(), start, goal)
+    if isinstance(plan, Plan):
+        route = Route(plan)
+        controller.step(
+            LocalSituation(
+                start,
+                Twist(0.0, 0.0),
+                plan.poses,
+                plan.reverse,
+                live.space_around(start, side_m),
+                np.array([[9.0 * side_m, 2.5 * side_m, 0.0, 0.0, 0.2]]),
+                1.0,
+            )
+        )
+        live.collides(route.rest)
+    controller.reset()
