@@ -116,7 +116,7 @@ def run(
         with Voice() as voice, Supervisor(stack, notifier, log) as supervisor, Keys() as keys:
             if keys.usable:
                 voice.say(f"{HINT}; {AFTERWARDS}")
-            while not stopped():
+            while not stopped() and not stack.shut_down:
                 if keys.emergency():
                     stack.emergency_stop()
                 for line in supervisor.step(messages.receive(), time.monotonic()):

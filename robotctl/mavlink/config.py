@@ -88,6 +88,9 @@ class MavlinkConfig:
         The robot goes to HOLD when a ground station that was there is lost.
     hold_without_gcs : bool
         The robot drives by itself (AUTO, RTL, GUIDED) only while a ground station is there.
+    allow_shutdown : bool
+        A ground station may end robotctl on the robot (PREFLIGHT_REBOOT_SHUTDOWN, param1 2); only
+        somebody at its computer starts it again then.
     signing_key : str
         File of the key with which messages are signed, an absolute path; empty: they are not.
     tlog : str
@@ -115,6 +118,7 @@ class MavlinkConfig:
     gcs_system_id: int = 255
     hold_on_gcs_loss: bool = True
     hold_without_gcs: bool = False
+    allow_shutdown: bool = False
 
     def __post_init__(self) -> None:
         for name in ("system_id", "component_id", "gcs_system_id"):

@@ -33,6 +33,7 @@ from robotctl.messages.control import (
 )
 from robotctl.messages.estimation import LidarScan, LocalisationState
 from robotctl.messages.mavlink_port import MavlinkPort, Peer, Received
+from robotctl.messages.supervision import SupervisorRequest
 from robotctl.messages.world_pose import WorldPose
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarMount
@@ -157,6 +158,11 @@ def _take_no_key(key: bytes, stamp: int) -> str:  # noqa: ARG001
     return "nothing keeps it"
 
 
+def _have_no_supervisor(request: SupervisorRequest) -> bool:  # noqa: ARG001
+    """Return that nobody takes a request."""
+    return False
+
+
 @dataclass(frozen=True, slots=True)
 class GroundStation:
     """A ground station that is alive: its address, and when each link last heard it [ns]."""
@@ -185,16 +191,17 @@ class Context:
     """The present state and the outputs of a step, shared by all microservices.
 
     `stores` keep plans, by their kind, `parameter_store` the `parameters`; `take_key` uses and
-    keeps a key for signing with its time stamp, and returns why not. `folders` are served as files
-    by their names in the root, which is "" itself. `can` is the robot's bus. `origin` says where
-    `world` is on the globe, once that is known, `origin_users` which kinds of plans have places by
-    it. `catalogue` is the sum of them, known once all are made. `wall_ns` returns the time of day
-    [ns since 1970]; `scan` is the lidar's last. `stretch` says how much longer than asked for the
-    intervals of streams are, by link. `peers` are served on the links now, `heard_ns` says when
-    each of them was heard last [ns]. `ground_stations` are those alive, by address, the longest
-    known first. `pending` are the commands that wait for their results, by sender, number and peer.
-    `acks` are those of this step. `texts` wait for the STATUSTEXT service, `notices` for the
-    process, which may publish them; they must not come back as input, they are sent already.
+    keeps a key for signing with its time stamp, and returns why not. `ask_supervisor` hands it a
+    request, and returns whether it is there. `folders` are served as files by their names in the
+    root, which is "" itself. `can` is the robot's bus. `origin` says where `world` is on the globe,
+    once that is known, `origin_users` which kinds of plans have places by it. `catalogue` is the
+    sum of them, known once all are made. `wall_ns` returns the time of day [ns since 1970]; `scan`
+    is the lidar's last. `stretch` says how much longer than asked for the intervals of streams are,
+    by link. `peers` are served on the links now, `heard_ns` says when each of them was heard last
+    [ns]. `ground_stations` are those alive, by address, the longest known first. `pending` are the
+    commands that wait for their results, by sender, number and peer. `acks` are those of this step.
+    `texts` wait for the STATUSTEXT service, `notices` for the process, which may publish them; they
+    must not come back as input, they are sent already.
     """
 
     config: MavlinkConfig
@@ -204,6 +211,7 @@ class Context:
     parameters: ParameterSet = field(default_factory=lambda: NO_PARAMETERS)
     parameter_store: ParameterStore = field(default_factory=NoParameterStore)
     take_key: Callable[[bytes, int], str] = _take_no_key
+    ask_supervisor: Callable[[SupervisorRequest], bool] = _have_no_supervisor
     folders: Mapping[str, Files] = field(default_factory=dict)
     can: CanTap = field(default_factory=NoCan)
     origin: Origin | None = None

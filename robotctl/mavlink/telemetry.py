@@ -22,6 +22,7 @@ from robotctl.mavlink.service import Microservice, Router, catalogue_of
 from robotctl.mavlink.services.registry import SERVICES
 from robotctl.messages.control import Notice, Severity
 from robotctl.messages.mavlink_port import MavlinkPort
+from robotctl.messages.supervision import SupervisorRequest
 
 
 class Telemetry:
@@ -45,6 +46,8 @@ class Telemetry:
         Keeps them; None: what is set is lost with this process.
     take_key : callable
         Uses and keeps a key for signing with its time stamp; returns why not, empty: it does.
+    ask_supervisor : callable
+        Hands the supervisor a request; returns whether it is there to take it.
     folders : mapping of Files
         Served as files, by their names in the root, which is "" itself.
     can : CanTap
@@ -62,6 +65,7 @@ class Telemetry:
         parameters: ParameterSet = NO_PARAMETERS,
         parameter_store: ParameterStore | None = None,
         take_key: Callable[[bytes, int], str] | None = None,
+        ask_supervisor: Callable[[SupervisorRequest], bool] | None = None,
         folders: Mapping[str, Files] | None = None,
         can: CanTap | None = None,
     ) -> None:
@@ -71,6 +75,8 @@ class Telemetry:
         context.can = can or context.can
         if take_key is not None:
             context.take_key = take_key
+        if ask_supervisor is not None:
+            context.ask_supervisor = ask_supervisor
         self._members = tuple(make(context) for make in services)
         self._config = context.config
         context.catalogue = catalogue_of(self._members)

@@ -85,6 +85,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     states = Subscriber[State](context, tuple(heard), State)
     to_control = RequestSender(context, endpoints.control_requests)
     to_navigation = RequestSender(context, endpoints.navigation_requests)
+    to_supervisor = RequestSender(context, endpoints.supervisor_requests)
     publisher = Publisher(context, endpoints.telemetry_notices)
     mavlink = config.mavlink
     keys = SigningFiles(mavlink, options)
@@ -106,6 +107,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
             parameters=parameters_of(config, options),
             parameter_store=ParameterFile(options.state),
             take_key=keys.take_key,
+            ask_supervisor=to_supervisor.send,
             folders=served_folders(options),
             can=tap,
         )

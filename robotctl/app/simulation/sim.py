@@ -293,7 +293,7 @@ class SimRun:
             progress.real_time_factor = 1e9 * now_s / real_ns if real_ns else 1.0
             late_ns = 0 if progress.truth is None else progress.truth.late_max_ns
             progress.lines += self._held_up.step(progress.control, late_ns)
-            stopped = self._stopped()
+            stopped = self._stopped() or (self._stack is not None and self._stack.shut_down)
             if stopped:
                 progress.lines.append("stopped by the user")
             yield progress

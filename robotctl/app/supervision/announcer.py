@@ -1,4 +1,4 @@
-"""The supervisor's notices for ground stations and logs: a publisher of its own."""
+"""The supervisor's sockets: its notices for ground stations and logs, and requests to it."""
 
 from __future__ import annotations
 
@@ -8,14 +8,20 @@ from typing import Any, Final
 import zmq
 
 from robotctl.messages.control import Notice, Severity
-from robotctl.runtime.ipc.topics import Endpoints, Publisher, endpoint_directory
+from robotctl.messages.supervision import SupervisorRequest
+from robotctl.runtime.ipc.topics import (
+    Endpoints,
+    Publisher,
+    RequestReceiver,
+    endpoint_directory,
+)
 
 _KEPT_NS: Final = 10_000_000_000
 """Time for which notices are kept for new subscribers, mainly for the process concerned [ns]."""
 
 
 class Announcer:
-    """Publishes notices of the supervisor, once it may.
+    """Publishes notices of the supervisor and takes requests, once it may.
 
     Parameters
     ----------
@@ -27,14 +33,18 @@ class Announcer:
         self._instance = instance
         self._context: zmq.Context[Any] | None = None
         self._publisher: Publisher | None = None
+        self._requests: RequestReceiver[SupervisorRequest] | None = None
         self._kept: deque[Notice] = deque(maxlen=32)
 
     def open(self) -> None:
         """Begin to publish: now this supervisor is known to be the only one of the robot."""
         if self._publisher is None:
             self._context = zmq.Context()
-            address = Endpoints(endpoint_directory(self._instance)).supervisor_notices
-            self._publisher = Publisher(self._context, address)
+            endpoints = Endpoints(endpoint_directory(self._instance))
+            self._publisher = Publisher(self._context, endpoints.supervisor_notices)
+            self._requests = RequestReceiver(
+                self._context, endpoints.supervisor_requests, SupervisorRequest
+            )
             self._greet()
 
     def say(self, text: str, severity: Severity, now_ns: int) -> None:
@@ -44,6 +54,10 @@ class Announcer:
             self._publisher.send(notice)
         self._kept.append(notice)
         self._greet()
+
+    def take_requests(self) -> list[SupervisorRequest]:
+        """Return the requests since the last call, oldest first."""
+        return [] if self._requests is None else self._requests.receive()
 
     def step(self, now_ns: int) -> None:
         """Greet new subscribers; drop old notices."""
@@ -69,4 +83,4 @@ class Announcer:
         if self._publisher is not None and self._context is not None:
             self._publisher.close()
             self._context.destroy(linger=100)
-            self._publisher = self._context = None
+            self._publisher = self._context = self._requests = None

@@ -4,6 +4,8 @@ Control is started first and alone; the others follow when its loop ticks. It ne
 what becomes of navigation and telemetry changes nothing for it. A control process that ended is
 restarted too, because it starts disarmed and the drive has stopped by itself; its odometry
 continues from the saved pose, and navigation restarts.
+
+Asked to restart, all processes start again in that order, with the parameters as they are kept.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ from robotctl.config.changes import with_changes
 from robotctl.config.options import StackOptions
 from robotctl.errors import RobotctlError
 from robotctl.messages.control import Severity
+from robotctl.messages.supervision import LIFE_NS, Restart
 from robotctl.model.sensors.lidar import SOCKET
 
 CONTROL = "robotctl.app.processes.control"
@@ -69,7 +72,8 @@ class Stack:
     """
 
     def __init__(self, options: StackOptions) -> None:
-        options, notes = with_changes(options.validated())
+        self._options = options.validated()
+        options, notes = with_changes(self._options)
         config = options.load()
         roles: tuple[Role, ...] = ROLES
         if config.camera is not None and config.camera.enabled:
@@ -80,6 +84,9 @@ class Stack:
             role.module: Supervised(role, options.command(role.module)) for role in roles
         }
         self._control = self._processes[CONTROL]
+        self._restarts = False
+        self.shut_down = False
+        """Whether it was asked to end with all its processes; the caller closes it."""
         self._stop_beats: int | None = None
         """Heartbeats of the control process when it last received an emergency stop."""
         self.exits: list[Exit | Pause] = []
@@ -144,6 +151,7 @@ class Stack:
         if self._control.phase is ProcessPhase.READY:
             self._announcer.open()
         self._announcer.step(self._clock.now_ns())
+        self._take_requests()
         for process in self._processes.values():
             if process.phase is ProcessPhase.IDLE and self._control.phase is ProcessPhase.READY:
                 process.let_start(now_s)
@@ -175,8 +183,43 @@ class Stack:
                 f"the {name} process ended {process.role.restart.crashes + 1} times within "
                 f"{process.role.restart.window_s:g} s ({status_words(ended.status)})"
             )
+        if self._restarts:
+            self._restarts = False
+            self._start_others_again()
+            return
         # Navigation restarts with control: its poses belong to the odometry that ended.
         self._processes[NAVIGATION].renew()
+
+    def _take_requests(self) -> None:
+        """Carry out requests that are not too old."""
+        for request in self._announcer.take_requests():
+            if self._clock.now_ns() - request.stamp_ns > LIFE_NS:
+                continue
+            if isinstance(request, Restart):
+                self.restart()
+            else:
+                self.tell("shutting down, as a ground station asked", Severity.WARNING)
+                self.shut_down = True
+
+    def restart(self) -> None:
+        """Start all processes again, control first, with the parameters as they are kept."""
+        options, notes = with_changes(self._options)
+        self.tell("restarting, as a ground station asked")
+        for note in notes:
+            self.tell(note, Severity.WARNING)
+        for module, process in self._processes.items():
+            process.command = options.command(module)
+        if self._control.phase is ProcessPhase.READY:
+            self._restarts = True
+            self._control.renew()
+        else:
+            self._start_others_again()
+
+    def _start_others_again(self) -> None:
+        """Restart all processes but control."""
+        for process in self._processes.values():
+            if process is not self._control:
+                process.revive(time.monotonic())
 
     def _fail(self, problem: str) -> NoReturn:
         """Give up; tell the remaining processes why."""

@@ -146,7 +146,8 @@ class Supervised:
         self.starts = 0
         self.was_ready = False
         """Whether it ever worked, in this life or an earlier one."""
-        self._command = list(command)
+        self.command = list(command)
+        """Program and arguments from the next start on."""
         self._budget = CrashBudget(role.restart)
         self._process: subprocess.Popen[bytes] | None = None
         self._monitor: HeartbeatMonitor | None = None
@@ -180,7 +181,7 @@ class Supervised:
         self._killed_for_memory = killed_for_memory()
         monitor = self._monitor = HeartbeatMonitor()
         self._process = start_child(
-            self._command,
+            self.command,
             pass_fds=(monitor.descriptor,),
             env=os.environ | {VARIABLE: str(monitor.descriptor)},
         )
@@ -293,6 +294,13 @@ class Supervised:
         """Restart the process; this is no crash."""
         if self.signal(signal.SIGTERM):
             self._renewed = True
+
+    def revive(self, now_s: float) -> None:
+        """Restart the process, also one that was given up."""
+        self.renew()
+        if self.phase is ProcessPhase.GIVEN_UP:
+            self._budget = CrashBudget(self.role.restart)
+            self.let_start(now_s)
 
     def end(self, seconds: float) -> None:
         """Wait for the process to end, kill it after a time [s], and do not restart it."""

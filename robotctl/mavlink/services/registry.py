@@ -36,6 +36,7 @@ from robotctl.mavlink.services.ping import Ping
 from robotctl.mavlink.services.pose import Poses
 from robotctl.mavlink.services.radio import Radios
 from robotctl.mavlink.services.rally import RallyPoints
+from robotctl.mavlink.services.reboot import Reboots
 from robotctl.mavlink.services.refusals import Refusals
 from robotctl.mavlink.services.reposition import Repositions
 from robotctl.mavlink.services.setpoints import Setpoints
@@ -58,6 +59,7 @@ SERVICES: Final[tuple[type[Microservice], ...]] = (
     Setpoints,
     Repositions,
     YawSpeeds,
+    Reboots,
     Refusals,
     ManualControls,
     ExternalPoses,

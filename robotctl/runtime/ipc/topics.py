@@ -148,6 +148,7 @@ class Endpoints:
         self.recorder_notices = f"ipc://{directory}/recorder.notices"
         self.supervisor_notices = f"ipc://{directory}/supervisor.notices"
         """Not among `published`: the supervisor has reported it."""
+        self.supervisor_requests = f"ipc://{directory}/supervisor.requests"
         self.truth = f"ipc://{directory}/truth"
         self.lidar = f"ipc://{directory}/lidar"
         self.camera = f"ipc://{directory}/camera"

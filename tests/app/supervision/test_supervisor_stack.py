@@ -36,10 +36,17 @@ from robotctl.app.supervision.stack import (
     StackError,
 )
 from robotctl.app.supervision.supervised import ProcessPhase
+from robotctl.config.changes import ParameterFile
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file
 from robotctl.messages.control import ControlState, NavigationState, Notice, SafetyState
-from robotctl.runtime.ipc.topics import Endpoints, Subscriber, endpoint_directory
+from robotctl.messages.supervision import LIFE_NS, Restart, ShutDown
+from robotctl.runtime.ipc.topics import (
+    Endpoints,
+    RequestSender,
+    Subscriber,
+    endpoint_directory,
+)
 
 DEADLINE_S = 40.0
 
@@ -164,6 +171,47 @@ def test_processes_started_again_have_the_configuration_of_before_whatever_the_f
             ),
             "all are ready again",
         )
+
+
+def ask(stack: Stack, request: Restart | ShutDown) -> None:
+    """Send a request as telemetry does."""
+    context: zmq.Context = zmq.Context()
+    sender = RequestSender(context, Endpoints(endpoint_directory("robot")).supervisor_requests)
+    watch_until(stack, lambda: sender.send(request), "the supervisor takes requests")
+    context.destroy(linger=1000)
+
+
+def test_a_restart_that_is_asked_for_renews_all_processes_with_the_parameters_kept_now(
+    channel: str, ear: Ear, tmp_path: Path
+) -> None:
+    robot = str(find_file("diff_drive").resolve())
+    options = StackOptions("robot", robot, overrides(channel), state=str(tmp_path))
+    with contextlib.closing(Stack(options)) as stack:
+        watch_until(stack, lambda: stack.ready, "ready")
+        ask(stack, Restart(time.monotonic_ns() - 2 * LIFE_NS))
+        ticks = stack.ticks[1]
+        watch_until(stack, lambda: stack.ticks[1] > ticks + 50, "control ticks on")
+        assert stack.ticks[0] == 1, "the request is too old"
+        before = {each: stack.pid(each) for each in stack.modules}
+        assert ParameterFile(str(tmp_path)).save({"limits.v_max_m_s": 0.25})
+        ask(stack, Restart(time.monotonic_ns()))
+        again = lambda: all(stack.starts(each) == 2 for each in stack.modules)  # noqa: E731
+        lines = watch_until(stack, lambda: again() and stack.ready, "back")
+        assert next(line for line in lines if "begins anew" in line).startswith("control")
+        for module, pid in before.items():
+            assert stack.pid(module) != pid
+            command = Path(f"/proc/{stack.pid(module)}/cmdline").read_bytes()
+            assert b'"changes":{"limits.v_max_m_s":0.25}' in command
+
+
+def test_shutting_down_that_is_asked_for_is_left_to_who_has_the_stack(
+    stack: Stack, ear: Ear
+) -> None:
+    watch_until(stack, lambda: stack.ready, "ready")
+    assert not stack.shut_down
+    ask(stack, ShutDown(time.monotonic_ns()))
+    watch_until(stack, lambda: stack.shut_down, "it is to end")
+    assert stack.starts(CONTROL) == 1
 
 
 def camera_stack(channel: str, *settings: str) -> Stack:

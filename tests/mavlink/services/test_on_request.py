@@ -123,7 +123,6 @@ def test_refused_commands_say_why(bench):
         (m.MAV_CMD_PREFLIGHT_CALIBRATION, "calibrate"),
         (m.MAV_CMD_DO_MOTOR_TEST, "tune"),
         (m.MAV_CMD_DO_SET_REVERSE, "chooses"),
-        (m.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, "service"),
     ):
         result, requests, said = command(bench, number, 1)
         assert (result, requests) == (DENIED, [])
