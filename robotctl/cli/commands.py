@@ -62,7 +62,7 @@ COMMANDS: Final = {
     ),
     "slam": (
         "slam:slam",
-        "Make a trajectory and a map from a recorded drive, by landmarks or by lidar.",
+        "Make a trajectory and a map from a recorded drive, by landmarks or by scans.",
     ),
     "plan": (
         "plan:plan",

@@ -12,12 +12,14 @@ from robotctl.cli.console import plain_console
 from robotctl.cli.progress import progress_bar
 from robotctl.cli.slam_output import error_words, write_slam
 from robotctl.errors import ConfigError
+from robotctl.estimation.sensors.registry import LIDAR
+from robotctl.estimation.slam.local_scans.registry import SCAN_SOURCES
 
 
 def slam(
     log: Annotated[
         Path,
-        typer.Option(help="MRCLAM folder, another log with sightings or lidar scans, or a graph."),
+        typer.Option(help="MRCLAM folder, another log with sightings or scans, or a graph."),
     ],
     out: Annotated[Path, typer.Option(metavar="DIR", help="Write the results into this folder.")],
     features: Annotated[str, typer.Option(help="What the map is made of: landmarks.")] = (
@@ -42,7 +44,10 @@ def slam(
     ] = None,
     sensor: Annotated[
         str | None,
-        typer.Option(help="lidar: match scans and draw a map, in place of landmarks."),
+        typer.Option(
+            help=f"{', '.join(SCAN_SOURCES)}: match what it sees and draw a map, in place of "
+            "landmarks."
+        ),
     ] = None,
     onto: Annotated[
         Path | None,
@@ -54,20 +59,20 @@ def slam(
     ] = None,
     time_unit: TimeUnit = None,
 ) -> None:
-    """Make a trajectory and a map from a recorded drive, by landmarks or by lidar.
+    """Make a trajectory and a map from a recorded drive, by landmarks or by scans.
 
     Writes trajectory.tum, online.tum, graph.g2o and report.json, landmarks.csv or map.yaml,
     map.pgm, map.keyframes and closures.csv; with the extra `plot` plot.png.
     """
-    if sensor not in (None, "lidar"):
-        raise ConfigError(f"--sensor {sensor}: unknown; allowed is lidar")
+    if sensor is not None and sensor not in SCAN_SOURCES:
+        raise ConfigError(f"--sensor {sensor}: unknown; allowed is {', '.join(SCAN_SOURCES)}")
     of_landmarks = (features, solver, association, mrclam_robot)
     if sensor is not None and of_landmarks != ("landmarks", "ekf", "names", None):
         raise ConfigError(
-            "--sensor lidar: --features, --solver, --association and --mrclam-robot are for "
+            f"--sensor {sensor}: --features, --solver, --association and --mrclam-robot are for "
             "landmarks, leave them"
         )
-    if onto is not None and sensor is None:
+    if onto is not None and sensor != LIDAR:
         raise ConfigError("--map: needs --sensor lidar")
     if not out.parent.is_dir():
         raise ConfigError(f"--out {out}: the folder {out.parent} does not exist")
@@ -75,9 +80,9 @@ def slam(
         raise ConfigError(f"--out {out}: is a file, a folder is needed")
     console = plain_console(stderr=True)
     if sensor is not None:
-        from robotctl.cli.slam_lidar import slam_by_lidar  # noqa: PLC0415
+        from robotctl.cli.slam_lidar import slam_by_scans  # noqa: PLC0415
 
-        slam_by_lidar(log, out, time_unit, console, onto)
+        slam_by_scans(log, out, time_unit, console, onto, sensor)
         return
     with progress_bar(console, log.name, "SLAM") as tell:
         # It takes a second or more, in which nothing would be seen.

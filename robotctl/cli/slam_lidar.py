@@ -1,4 +1,4 @@
-"""`robotctl slam --sensor lidar`: scans to a map."""
+"""`robotctl slam --sensor NAME`: scans to a map."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from robotctl.workbench.slam.lidar import LidarResult
 
 
-def slam_by_lidar(
-    log: Path, out: Path, time_unit: str | None, console: Console, onto: Path | None
+def slam_by_scans(
+    log: Path, out: Path, time_unit: str | None, console: Console, onto: Path | None, sensor: str
 ) -> None:
     """Make trajectory, map and graph of a recorded drive and write them into a folder."""
     with progress_bar(console, log.name, "SLAM") as tell:
@@ -28,7 +28,7 @@ def slam_by_lidar(
 
         if cache_is_cold():
             console.print(COMPILING, soft_wrap=True)
-        result = lidar_slam(log, time_unit, tell, onto)
+        result = lidar_slam(log, time_unit, tell, onto, sensor)
     write_slam(
         out,
         console,

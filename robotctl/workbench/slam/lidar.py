@@ -1,4 +1,4 @@
-"""`robotctl slam --sensor lidar`: trajectory and map of a recorded drive, by its lidar scans."""
+"""`robotctl slam --sensor NAME`: trajectory and map of a recorded drive, by scans."""
 
 from __future__ import annotations
 
@@ -15,6 +15,9 @@ import numpy as np
 
 from robotctl.errors import RobotctlError
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
+from robotctl.estimation.localisation_config import LocalisationConfig
+from robotctl.estimation.sensors.registry import LIDAR, SONAR
+from robotctl.estimation.sensors.sensor import SensedRobot
 from robotctl.estimation.slam.factors.between import BETWEEN_2D
 from robotctl.estimation.slam.front_end.surface import surface_of
 from robotctl.estimation.slam.graph.builder import GraphBuilder
@@ -24,9 +27,12 @@ from robotctl.estimation.slam.lidar.config import LidarSlamConfig
 from robotctl.estimation.slam.lidar.loops import Closure
 from robotctl.estimation.slam.lidar.mapper import LEAST_ECHOES, Place, SlamMapper
 from robotctl.estimation.slam.lidar.saved_map import HEADING, KeyframeMap, whole_map
+from robotctl.estimation.slam.local_scans.registry import load_source
+from robotctl.estimation.slam.local_scans.source import ScanSource
 from robotctl.estimation.slam.robust.robust_cost import OFF
 from robotctl.logs.formats.keyframes_log import load_keyframes
 from robotctl.logs.formats.recorded_log import read_recording
+from robotctl.logs.formats.robotctl_log import ROBOTCTL
 from robotctl.logs.formats.tum import write_tum
 from robotctl.logs.graphs.g2o import G2O
 from robotctl.logs.graphs.graph_format import GraphFile
@@ -47,17 +53,17 @@ _STRAYS: Final = 0.0002
 
 
 class LidarSlamError(RobotctlError):
-    """A log has no scans."""
+    """A log has nothing of a sensor, or its map is not one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LidarResult:
-    """A drive after SLAM by lidar.
+    """A drive after SLAM by scans.
 
     Parameters
     ----------
     recording
-        The log.
+        The log, with the scans that were matched.
     mapper
         With keyframes, graph and closures.
     estimate, online
@@ -129,7 +135,11 @@ def has_odometry(recording: Recording) -> bool:
 
 
 def lidar_slam(
-    log: Path, time_unit: str | None, progress: Progress, onto: Path | None = None
+    log: Path,
+    time_unit: str | None,
+    progress: Progress,
+    onto: Path | None = None,
+    sensor: str = LIDAR,
 ) -> LidarResult:
     """Make trajectory and map of a log; with `onto`, go on with that map of keyframes.
 
@@ -140,14 +150,15 @@ def lidar_slam(
     OSError
         If a file cannot be read.
     """
-    recording = read_recording(log, with_sonars=False, time_unit=time_unit)
+    recording = read_recording(log, with_sonars=sensor == SONAR, time_unit=time_unit)
+    recording, source = _scanned(recording, sensor, log)
     first = next(
         (row for row, each in enumerate(recording.scans) if _echoes(each) >= LEAST_ECHOES), None
     )
     if first is None:
         raise LidarSlamError(
-            f"{log}: {len(recording.scans)} lidar scans in it, none with {LEAST_ECHOES} echoes, "
-            "which --sensor lidar needs"
+            f"{log}: {len(recording.scans)} {sensor} scans in it, none with {LEAST_ECHOES} echoes, "
+            f"which --sensor {sensor} needs"
         )
     if first:
         note = f"{first} scans left out, before the first with {LEAST_ECHOES} echoes"
@@ -155,11 +166,37 @@ def lidar_slam(
             recording, scans=recording.scans[first:], notes=(*recording.notes, note)
         )
     if onto is None:
-        return lidar_slam_of(recording, progress)
+        return lidar_slam_of(recording, progress, source.config)
     saved = load_keyframes(onto)
     if saved is None:
         raise LidarSlamError(f"{onto}: no map of keyframes")
     return lidar_slam_onto(recording, saved, progress)
+
+
+def _scanned(recording: Recording, sensor: str, log: Path) -> tuple[Recording, ScanSource[Any]]:
+    """Return a recording with the scans of a sensor, and the source that made them."""
+    source = load_source(sensor)
+    if sensor == LIDAR:
+        return recording, source
+    measured = source.recorded(recording)
+    if not measured:
+        raise LidarSlamError(
+            f"{log}: nothing of a {sensor} in it, which --sensor {sensor} needs; it has "
+            f"{_sensors_of(recording)}"
+        )
+    try:
+        maker = source.maker(SensedRobot(recording.sonar_mounts, LocalisationConfig()))
+    except ValueError as error:
+        raise LidarSlamError(f"{log}: {error}; {ROBOTCTL.name} says it") from error
+    scans = [scan for each, odometry in measured for scan in maker.add(each, odometry)]
+    return replace(recording, scans=tuple(scans)), source
+
+
+def _sensors_of(recording: Recording) -> str:
+    """Return of which sensors a recording has something, for messages."""
+    counts = {"lidar scans": recording.scans, "readings of sonars": recording.sonars}
+    found = [f"{len(each)} {name}" for name, each in counts.items() if each]
+    return " and ".join(found) or "no sensor that --sensor knows"
 
 
 def _echoes(each: RecordedScan) -> int:
@@ -167,11 +204,13 @@ def _echoes(each: RecordedScan) -> int:
     return len(surface_of(each.scan).points)
 
 
-def lidar_slam_of(recording: Recording, progress: Progress) -> LidarResult:
+def lidar_slam_of(
+    recording: Recording, progress: Progress, config: LidarSlamConfig | None = None
+) -> LidarResult:
     """Map a recording, whose first scan has `LEAST_ECHOES` echoes."""
     _compile(recording)
     count, by_wheels = len(recording.scans), has_odometry(recording)
-    drive = _Drive(SlamMapper(), recording, by_wheels)
+    drive = _Drive(SlamMapper(config), recording, by_wheels)
     for row in range(count):
         drive.add(row)
         progress(row + 1, count)

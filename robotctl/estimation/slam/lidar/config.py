@@ -1,8 +1,34 @@
-"""What SLAM by lidar takes for granted."""
+"""What SLAM by scans takes for granted."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True, slots=True)
+class WheelNoise:
+    """What odometry is worth; by default of wheels that slip: a tenth and more of the motion.
+
+    Parameters
+    ----------
+    position
+        Standard deviation of a motion's length: at least [m], for each metre, for each radian [m].
+    heading
+        Of its turn: at least [rad], for each metre [rad], for each radian.
+    """
+
+    position: tuple[float, float, float] = (0.02, 0.15, 0.05)
+    heading: tuple[float, float, float] = (0.02, 0.05, 0.15)
+
+    def sigma_m(self, distance_m: float, turn_rad: float) -> float:
+        """Return the standard deviation of a motion's length [m]."""
+        least, by_distance, by_turn = self.position
+        return least + by_distance * distance_m + by_turn * turn_rad
+
+    def sigma_rad(self, distance_m: float, turn_rad: float) -> float:
+        """Return the standard deviation of a motion's turn [rad]."""
+        least, by_distance, by_turn = self.heading
+        return least + by_distance * distance_m + by_turn * turn_rad
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +56,11 @@ class LidarSlamConfig:
         changed; scans that fit nowhere get none, and a robot that is lost is looked for.
     is_fixed
         Leave the map alone: the robot is only localised in it; with `is_live`.
+    stretch_m
+        Way that a scan is made of [m]; 0: it is taken at once. Such scans lie along the odometry
+        until the robot comes back: two that share a stretch say nothing of each other.
+    wheels
+        What odometry is worth.
     """
 
     keyframe_m: float = 0.3
@@ -42,3 +73,5 @@ class LidarSlamConfig:
     least_agreement: float = 0.75
     is_live: bool = False
     is_fixed: bool = False
+    stretch_m: float = 0.0
+    wheels: WheelNoise = field(default_factory=WheelNoise)

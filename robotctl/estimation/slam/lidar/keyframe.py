@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from robotctl.estimation.slam.front_end.agreement import View, agreement, view_of
 from robotctl.estimation.slam.front_end.point_to_line import Bins, Match, binned, refine
-from robotctl.estimation.slam.front_end.surface import Surface
+from robotctl.estimation.slam.front_end.surface import Floats, Surface
 from robotctl.estimation.slam.lidar.config import LidarSlamConfig
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
@@ -17,6 +17,12 @@ from robotctl.model.sensors.range_scan import RangeScan
 LOOSE = np.diag(1.0 / np.array([0.3, 0.3, 0.1]) ** 2)
 """Holds a match along corridors near its start; of no weight elsewhere."""
 _LEAST_OVERLAP: Final = 0.25
+_SHARE: Final = 0.25
+_CORRIDOR: Final = 0.15
+"""Information along, beside that across, with which a stretch counts as a corridor."""
+_LEAST: Final = np.array([1.0, 1.0, 25.0])
+_BENT: Final = np.array([0.03, 0.03, 0.01]) ** 2
+"""Variances by which the odometry bends a stretch [m^2, m^2, rad^2]."""
 _HOPELESS: Final = 0.1
 """Overlap at the start with which a match is not even tried."""
 
@@ -75,4 +81,23 @@ def match_pair(
         return None
     overlap, contradicts = compared(first, second, match.pose)
     is_same = contradicts <= 1.0 - config.least_agreement and overlap >= _LEAST_OVERLAP
-    return match if is_same else None
+    if not is_same:
+        return None
+    return replace(match, information=honest(match.information)) if config.stretch_m else match
+
+
+def honest(information: Floats) -> Floats:
+    """Return what a match of scans that were made along the odometry says, (3, 3).
+
+    Echoes of one stretch share its errors, and where most of them lie along a corridor the few
+    others say little of the place along it.
+    """
+    H = _SHARE * information
+    by_place = H[:2, :2] - np.outer(H[:2, 2], H[:2, 2]) / max(H[2, 2], 1e-9)
+    seen, directions = np.linalg.eigh(by_place)
+    if seen[0] < _CORRIDOR * seen[1]:
+        across = np.eye(3)
+        across[:2, :2] -= np.outer(directions[:, 0], directions[:, 0])
+        H = across @ H @ across
+    result: Floats = np.linalg.inv(np.linalg.inv(H + np.diag(_LEAST)) + np.diag(_BENT))
+    return result

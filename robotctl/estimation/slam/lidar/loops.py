@@ -24,6 +24,8 @@ _WITH: Final = 4
 _WITH_M: Final = 2.0
 """The last keyframes that are looked for together."""
 _LEAST_SCORE: Final = 0.45
+_LEAST_OF_STRETCHES: Final = 0.75
+"""Two walls side by side are in many places."""
 _LEAST_INLIERS: Final = 0.5
 _AMBIGUOUS: Final = 0.93
 """Another place in the window with this share of the score leaves it open which is right."""
@@ -88,6 +90,7 @@ class LoopSearch:
 
     def consider(self, number: int, others: np.ndarray, doubts: np.ndarray) -> None:
         """Put old keyframes that may be near on the list; the nearest of each visit."""
+        others = others[others < number - 2 * _AROUND]
         if len(others) == 0:
             return
         poses = self._back_end.poses
@@ -139,7 +142,8 @@ class LoopSearch:
             2.0 * task.sigma_rad + 0.1,
         )
         points = thinned(surface.points, _POINTS)
-        found = search(target.field, points, window, _LEAST_SCORE)
+        least = _LEAST_OF_STRETCHES if config.stretch_m else _LEAST_SCORE
+        found = search(target.field, points, window, least)
         if found is None:
             return Closure(k, j, centre, 0.0, "low score"), []
         match = refine(target.bins, surface, found.pose)

@@ -180,7 +180,7 @@ class SlamMapper:
         """Match a scan with the map of the last keyframes."""
         resumed = self._resumed
         nowhere = Tracked(last.pose @ expected.motion, None, 0.0, has_slipped=False)
-        if len(surface.points) < LEAST_ECHOES:
+        if len(surface.points) < LEAST_ECHOES or self.config.stretch_m:
             return nowhere
         if self._local is None:
             self._local = self._make_local()
@@ -287,7 +287,9 @@ class SlamMapper:
     def _account(self, match: Match | None, expected: Expected) -> None:
         """Count scans that fit nowhere; keep how well the pose on the local map is known."""
         motion = np.diag([expected.sigma_m**2, expected.sigma_m**2, expected.sigma_rad**2])
-        if match is None:
+        if match is None and self.config.stretch_m:
+            self.covariance += motion
+        elif match is None:
             self.lost += 1
             self.lost_in_a_row += 1
             self.covariance += motion
@@ -303,7 +305,7 @@ class SlamMapper:
         if self._resumed:
             return _RESUMED
         if odometry is not None and before is not None:
-            return by_odometry(before.inverse() @ odometry)
+            return by_odometry(before.inverse() @ odometry, self.config.wheels)
         return by_velocity(self._moved, self._moved_s, 1e-9 * (stamp_ns - last.stamp_ns))
 
     def _make_local(self) -> LocalMap:
@@ -330,7 +332,7 @@ class SlamMapper:
         back_end.add(back_end.pose(last) @ pose)
         # It holds what scans do not see, such as the way along a corridor.
         if before is not None and self._odometry is not None:
-            wheels = by_odometry(before.inverse() @ self._odometry)
+            wheels = by_odometry(before.inverse() @ self._odometry, self.config.wheels)
             back_end.link(Link(last, number, kept_pose @ wheels.motion, wheels.information))
         else:
             back_end.link(Link(last, number, pose, _UNKNOWN))
@@ -341,6 +343,8 @@ class SlamMapper:
 
     def _link_last(self, number: int, passed: list[int]) -> int:
         """Link a keyframe with the last ones that were passed; return how many."""
+        if self.config.stretch_m:
+            return 0
         return sum(self._link(other, number, 0.15, is_loop=False) for other in reversed(passed))
 
     def _link(self, first: int, second: int, wide_m: float, *, is_loop: bool) -> bool:
@@ -362,6 +366,9 @@ class SlamMapper:
         poses, doubts = self.back_end.poses, self.back_end.doubts(number)
         is_old = np.ones(number + 1, np.bool_)
         is_old[[*passed, number]] = False
+        if self.config.stretch_m:
+            ways_m = np.array([each.travelled_m for each in self.keyframes])
+            is_old &= ways_m < ways_m[number] - self.config.stretch_m
         away = np.hypot(*(poses[:, :2] - poses[number, :2]).T)
         sure = certain(doubts)
         near = np.flatnonzero(is_old & (away < _NEAR_M) & sure)

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from robotctl.estimation.slam.front_end.surface import Floats
+from robotctl.estimation.slam.lidar.config import WheelNoise
 from robotctl.model.geometry.se2 import SE2
 
 _LONGEST: Final = 1.5
@@ -37,12 +38,10 @@ class Expected:
         return np.diag([self.sigma_m**-2, self.sigma_m**-2, self.sigma_rad**-2])
 
 
-def by_odometry(motion: SE2) -> Expected:
-    """Return what wheels say, which slip: a tenth and more of the motion."""
+def by_odometry(motion: SE2, noise: WheelNoise) -> Expected:
+    """Return what wheels say."""
     distance, turn = math.hypot(motion.x_m, motion.y_m), abs(motion.theta_rad)
-    return Expected(
-        motion, 0.02 + 0.15 * distance + 0.05 * turn, 0.02 + 0.15 * turn + 0.05 * distance
-    )
+    return Expected(motion, noise.sigma_m(distance, turn), noise.sigma_rad(distance, turn))
 
 
 def by_velocity(last: SE2, last_s: float, now_s: float) -> Expected:

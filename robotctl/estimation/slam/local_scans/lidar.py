@@ -1,0 +1,26 @@
+"""Scans of a lidar: each is one as it comes."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from robotctl.estimation.slam.lidar.config import LidarSlamConfig
+from robotctl.estimation.slam.local_scans.source import ScanSource
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.recording import RecordedScan
+from robotctl.model.sensors.range_scan import RangeScan
+
+
+class LidarScans:
+    """Takes the scans of a lidar as they are."""
+
+    def add(self, scan: RangeScan, odometry: SE2) -> list[RecordedScan]:
+        """Return the scan."""
+        return [RecordedScan(scan, odometry)]
+
+
+SOURCE: Final = ScanSource(
+    LidarSlamConfig(),
+    lambda _: LidarScans(),
+    lambda recording: [(each.scan, each.odometry) for each in recording.scans],
+)

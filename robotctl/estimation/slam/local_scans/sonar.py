@@ -1,0 +1,152 @@
+"""Local scans of a sonar ring.
+
+A sonar tells how far something is, not where in its cone. While the robot moves, the ranges of one
+sonar to one piece of wall change with the place as the wall's direction says: r_j = r_i - n (p_j -
+p_i), with n from the sonar square to the wall. So neighbouring readings tell the direction of n,
+and what none of them bears out, an echo of another sonar or of a person, is left out. A corner or a
+post fits as well: over so short a way it looks like a wall square to the sound.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.estimation.ranging.sonar_config import SonarModelConfig
+from robotctl.estimation.sensors.sensor import SensedRobot
+from robotctl.estimation.slam.lidar.config import LidarSlamConfig
+from robotctl.estimation.slam.local_scans.gathered import GatheredScans
+from robotctl.estimation.slam.local_scans.source import CALIBRATED, ScanSource
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.recording import RecordedScan
+from robotctl.model.sensors.sonar import SonarMount, SonarReading
+from robotctl.model.sensors.sonar_mounts import mount_rows
+
+STRETCH_M: Final = 2.0
+_NEAR_M: Final = 0.2
+"""Readings on the way up to here before and after bear each other out."""
+_STEP_M: Final = 0.01
+_DIRECTIONS: Final = 31
+_FITS_M: Final = 0.03
+_LEAST: Final = 4
+_SHARE: Final = 0.5
+_VAGUE_M: Final = 0.5
+"""Echoes that may lie anywhere on a longer arc are left out."""
+_NOISE_M: Final = 0.01
+
+
+def echo_direction(
+    own: NDArray[np.float64], near: NDArray[np.float64], half_beam_rad: float
+) -> float | None:
+    """Return the direction in which a reading's echo came back, by readings around it.
+
+    Parameters
+    ----------
+    own, near
+        The reading, (4,), and those of the same sonar around it with itself, (n, 4): x, y and
+        direction of the sonar in `odom` [m, m, rad], range [m].
+    half_beam_rad
+        Half opening of the cone [rad].
+
+    Returns
+    -------
+    In `odom` [rad]; None if too few readings agree, or it stays open.
+    """
+    directions = own[2] + np.linspace(-half_beam_rad, half_beam_rad, _DIRECTIONS)
+    c, s = np.cos(directions)[:, None], np.sin(directions)[:, None]
+    dx, dy = near[:, 0] - own[0], near[:, 1] - own[1]
+    residuals = near[:, 3] - own[3] + c * dx + s * dy
+    off = np.angle(np.exp(1j * (directions[:, None] - near[:, 2])))
+    fits = (np.abs(residuals) < _FITS_M) & (np.abs(off) <= 1.1 * half_beam_rad)
+    counts = fits.sum(axis=1)
+    most = int(counts.max())
+    if most < max(_LEAST, _SHARE * len(near)):
+        return None
+    squares = np.where(fits, residuals**2, 0.0).sum(axis=1) + _FITS_M**2 * (most - counts)
+    # As chi2: what is less than 4 more than the least is as good.
+    good = directions[squares <= squares.min() + 4.0 * _NOISE_M**2]
+    if (good[-1] - good[0]) * own[3] > _VAGUE_M:
+        return None
+    return float(good.mean())
+
+
+class SonarScans:
+    """Makes local scans of the readings of a ring.
+
+    Parameters
+    ----------
+    mounts
+        The sonars, in the order of the ranges.
+    config
+        Cone and range of the sonars.
+
+    Raises
+    ------
+    ValueError
+        If there are no sonars.
+    """
+
+    def __init__(self, mounts: Sequence[SonarMount], config: SonarModelConfig) -> None:
+        if not mounts:
+            raise ValueError("no sonars are mounted")
+        self._mounts = mount_rows(mounts)
+        self._half_beam_rad = math.radians(0.5 * config.beam_deg)
+        self._max_range_m = config.max_range_m
+        self._gathered = GatheredScans(STRETCH_M, config.max_range_m)
+        self._rows: list[list[tuple[float, NDArray[np.float64]]]] = [[] for _ in mounts]
+        """Of each sonar the last readings: place of the way; x, y, direction, range."""
+        self._next = [0] * len(mounts)
+        """The first of those whose echo has not been placed yet."""
+
+    def add(self, reading: SonarReading, odometry: SE2) -> list[RecordedScan]:
+        """Take a reading in the order of time, with `base` in `odom` then; return new scans."""
+        gathered = self._gathered
+        gathered.move(reading.stamp_ns, odometry)
+        for sonar, range_m in enumerate(reading.ranges_m):
+            if range_m < self._max_range_m:
+                self._hear(sonar, odometry, range_m)
+            for way_m, point in self._placed(sonar):
+                gathered.see(way_m, point)
+        return gathered.take(gathered.way_m - _NEAR_M)
+
+    def _hear(self, sonar: int, odometry: SE2, range_m: float) -> None:
+        """Keep a reading, if the sonar stands elsewhere than at the last one."""
+        pose, rows = odometry @ SE2(*self._mounts[sonar].tolist()), self._rows[sonar]
+        way_m = self._gathered.way_m
+        if not rows or way_m - rows[-1][0] >= _STEP_M:
+            rows.append((way_m, np.array([pose.x_m, pose.y_m, pose.theta_rad, range_m])))
+
+    def _placed(self, sonar: int) -> list[tuple[float, NDArray[np.float64]]]:
+        """Return the echoes that can be placed by now; forget what is not needed any more."""
+        rows, result = self._rows[sonar], []
+        while self._next[sonar] < len(rows):
+            way_m, own = rows[self._next[sonar]]
+            if way_m > self._gathered.way_m - _NEAR_M:
+                break
+            self._next[sonar] += 1
+            near = [row for place_m, row in rows if abs(place_m - way_m) <= _NEAR_M]
+            direction = echo_direction(own, np.array(near), self._half_beam_rad)
+            if direction is not None:
+                along = np.array([[math.cos(direction), math.sin(direction)]])
+                result.append((way_m, own[:2] + own[3] * along))
+        old = 0
+        while old < self._next[sonar] and rows[old][0] < self._gathered.way_m - 3.0 * _NEAR_M:
+            old += 1
+        del rows[:old]
+        self._next[sonar] -= old
+        return result
+
+
+def _maker(robot: SensedRobot) -> SonarScans:
+    return SonarScans(robot.mounts, robot.settings.sonar)
+
+
+SOURCE: Final = ScanSource(
+    LidarSlamConfig(keyframe_m=0.5, keyframe_rad=0.5, stretch_m=STRETCH_M, wheels=CALIBRATED),
+    _maker,
+    lambda recording: [(each.reading, each.odometry) for each in recording.sonars],
+)
