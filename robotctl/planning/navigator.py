@@ -50,8 +50,6 @@ if TYPE_CHECKING:
 
 _LONGEST_STEP_NS = 500_000_000
 """Gap between steps after which a user may think the mission has ended [ns]."""
-_LONGEST_SEARCH_NS = 2_000_000_000
-"""So much of a gap may be the localiser's own work [ns]."""
 
 _STOPPED = "the robot was stopped"
 
@@ -79,10 +77,8 @@ class Navigator:
     While `enabled` is false the output is zero. A robot that was enabled and is not any more, or
     whose navigator was held up for longer than half a second, goes to HOLD: it shall not drive
     on by itself when it is armed again or when the computer has time again. AUTO, asked for
-    again, goes on where it was left. A localiser that searches its whole map takes its time; that
-    counts as held up only beyond two seconds. MANUAL stays: there the operator's hand is on the
-    stick. So it is where a ground station is lost, and while `attended` is false: no other mode can
-    be had then.
+    again, goes on where it was left. MANUAL stays: there the operator's hand is on the stick. So it
+    is where a ground station is lost, and while `attended` is false: no other mode can be had then.
 
     Parameters
     ----------
@@ -150,8 +146,6 @@ class Navigator:
         """When a stop of the robot was last received [ns]."""
         self._last_ns: int | None = None
         """Time of the last step, None if that did not drive."""
-        self._searched_ns = 0
-        """Of the time since then, what the localiser took."""
 
     @property
     def mode(self) -> Mode:
@@ -261,7 +255,7 @@ class Navigator:
             self._pause()
             text = "not armed" if inputs.heard else "no messages from control"
             return self._outputs(BehaviourOutput(0.0, 0.0, text=text))
-        self._last_ns, self._searched_ns = now_ns, 0
+        self._last_ns = now_ns
         if self._searches(inputs.localised):
             return self._outputs(self._look_around.step(situation))
         return self._outputs(self._decide(situation, now_ns))
@@ -296,13 +290,6 @@ class Navigator:
             self._change_mode(Mode.HOLD)
             self._ended, self._held = f"hold: {reason}", True
 
-    def searched(self, spent_ns: int) -> None:
-        """Note how long the localiser took before the coming step [ns].
-
-        The last command has expired by then, so the robot stands.
-        """
-        self._searched_ns = min(spent_ns, _LONGEST_SEARCH_NS)
-
     def _fall_back(self, inputs: NavigationInputs, now_ns: int, *, stopped: bool) -> None:
         """Go to HOLD where a robot must not drive, or drive on, by itself, and say why."""
         if self._mode in _BY_HAND:
@@ -315,7 +302,7 @@ class Navigator:
         elif stopped:
             reason = _STOPPED
         elif self._last_ns is not None:
-            reason = _interruption(inputs, now_ns - self._last_ns - self._searched_ns)
+            reason = _interruption(inputs, now_ns - self._last_ns)
         if reason:
             self._change_mode(Mode.HOLD)
             self._ended, self._held = f"hold: {reason}", True

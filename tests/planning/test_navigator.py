@@ -356,18 +356,6 @@ def test_a_navigator_held_up_for_long_holds(robot, make_run, gap_s, mode):
     assert ("held up for 0.6" in out.message) == (mode is Mode.HOLD)
 
 
-@pytest.mark.parametrize(("gap_s", "mode"), [(2.4, Mode.AUTO), (2.6, Mode.HOLD)])
-def test_a_search_of_the_localiser_is_excused_for_two_seconds(robot, make_run, gap_s, mode):
-    run = make_run(robot, mission=mission(ahead(3.5)))
-    run.step(AUTO)
-    run.until(lambda out: run.world.pose.x_m > 2.0, 10.0)
-    run.navigator.searched(9_000_000_000)
-    run.now_ns += round(gap_s * 1e9)
-    assert run.step().mode is mode
-    run.now_ns += 550_000_000  # the next step without a search
-    assert run.step().mode is Mode.HOLD
-
-
 def test_asking_for_auto_again_repeats_a_completed_mission(differential, make_run):
     run = make_run(differential, mission=mission(WaitItem("wait", 0.2)))
     run.step(AUTO)

@@ -27,6 +27,7 @@ from robotctl.estimation.mcl.free_space import free_area_m2, free_poses
 from robotctl.estimation.mcl.localiser import MonteCarloLocaliser
 from robotctl.estimation.mcl.map_symmetry import symmetries
 from robotctl.estimation.mcl.search_size import search_size
+from robotctl.estimation.mcl.sliced import Sliced
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.estimation.ranging.log_likelihood import LogLikelihood
 from robotctl.estimation.sensors.registry import SONAR
@@ -39,6 +40,9 @@ _OUTSIDE: Final = "outside"
 _PLACE: Final = "place"
 _BLIND_NS: Final = 500_000_000
 """Time to wait for measurements [ns]; those of sensors arrive within a tenth of it."""
+_WEIGHED: Final = 10_000
+"""Poses after which a step leaves the rest of a measurement to the next one: it is one of a search
+over the whole map. A robot that waited for it would stand in the way, deaf to its operator."""
 _FITS_NOWHERE: Final = (
     "what the robot sees matches no place on the map: is it the right map, and up to date?"
 )
@@ -77,6 +81,8 @@ class MclLocaliser:
         self._fitted_nowhere = False
         self._at: tuple[int, SE2] | None = None
         """Time and odometry pose that the particles stand at."""
+        self._measuring: Sliced[None] | None = None
+        """A measurement that is under way."""
 
     @property
     def particles(self) -> NDArray[np.float64]:
@@ -99,13 +105,26 @@ class MclLocaliser:
         """Process everything since the last step; return the present estimate."""
         if self._at is None:
             self._at = (control.stamp_ns, control.T_odom_base)
+        left = self._measure(_WEIGHED)
         for stamp_ns, sensor, measurement in sorted(self._measurements(seen), key=itemgetter(0, 1)):
-            if self._move_to(stamp_ns) and self._mcl.due(sensor):
-                self._mcl.measure(measurement(), sensor)
+            has_time = left > 0 and self._measuring is None
+            if self._move_to(stamp_ns) and has_time and self._mcl.due(sensor):
+                self._measuring = self._mcl.measuring(measurement(), sensor)
+                left = self._measure(left)
         # Without measurements the belief still moves, and reports that it fades.
         self._move_to(control.stamp_ns - _BLIND_NS)
         state = localisation_state("mcl", self._mcl.estimate(self._at[0]), self._at[1], now_ns)
         return msgspec.structs.replace(state, particles=len(self._mcl.poses))
+
+    def _measure(self, left: int) -> int:
+        """Go on with the measurement until so many poses are weighed; return how many are left."""
+        while self._measuring is not None and left > 0:
+            weighed = next(self._measuring, None)
+            if weighed is None:
+                self._measuring = None
+            else:
+                left -= weighed
+        return left
 
     def _measurements(
         self, seen: LocaliserInput

@@ -119,7 +119,6 @@ def run(config: RobotConfig, options: StackOptions) -> None:
             localised_ns = clock.now_ns()
             command, _ = tick.navigate(begin_ns)
             to_control.send(command)
-            adapter.navigator.searched(localised_ns - begin_ns)
             done_ns = clock.now_ns()
             tick.publish(begin_ns, (localised_ns - begin_ns) / 1000, (done_ns - begin_ns) / 1000)
             heartbeat.beat()

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from robotctl.estimation.mcl.particles import effective_size, posterior, resample_systematic
 from robotctl.estimation.mcl.pose_bins import BinSize
+from robotctl.estimation.mcl.sliced import Sliced, evaluated_in_slices
 from robotctl.estimation.mcl.tempering import bearable_exponent
-from robotctl.estimation.ranging.log_likelihood import LogLikelihood, evaluated
+from robotctl.estimation.ranging.log_likelihood import LogLikelihood
 
 _STEPS = 10
 """If the exponent is not 1 by then it is kept; the next measurement continues."""
@@ -34,7 +35,8 @@ def anneal(
     trials: BinSize,
     n_eff_floor: float,
     rng: np.random.Generator,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    each: int = 1,
+) -> Sliced[tuple[NDArray[np.float64], NDArray[np.float64]] | None]:
     """Return poses and weights after a measurement, from those before it.
 
     None if the measurement is impossible at all poses.
@@ -51,9 +53,11 @@ def anneal(
         Share of the effective particles that stay so in each step, (0, 1).
     rng
         Draws trials and their fate.
+    each
+        Of how many measurements the log-likelihood is the sum.
     """
     n = len(poses)
-    logs = evaluated(log_likelihood, poses)
+    logs = yield from evaluated_in_slices(log_likelihood, poses, each)
     if logs.max() == -math.inf:
         return None
     reached = 0.0
@@ -68,19 +72,19 @@ def anneal(
         chosen = resample_systematic(weights, n, rng)
         poses, logs, weights = poses.take(chosen, axis=0), logs[chosen], np.full(n, 1.0 / n)
         for _ in range(_TRIALS):
-            poses, logs = _tried(poses, logs, log_likelihood, reached, trials, rng)
+            others = _moved(poses, trials, rng)
+            their_logs = yield from evaluated_in_slices(log_likelihood, others, each)
+            # Metropolis rule; log1p(-u) of a uniform u in [0, 1) is never log(0).
+            better = np.log1p(-rng.random(n)) < reached * (their_logs - logs)
+            poses = np.where(better[:, np.newaxis], others, poses)
+            logs = np.where(better, their_logs, logs)
     return poses, weights
 
 
-def _tried(
-    poses: NDArray[np.float64],
-    logs: NDArray[np.float64],
-    log_likelihood: LogLikelihood,
-    exponent: float,
-    trials: BinSize,
-    rng: np.random.Generator,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the poses after one trial each, and their log-likelihoods."""
+def _moved(
+    poses: NDArray[np.float64], trials: BinSize, rng: np.random.Generator
+) -> NDArray[np.float64]:
+    """Return a place to try near each pose, (n, 3)."""
     n = len(poses)
     off = rng.standard_normal((n, 3))
     off *= (trials.side_m, trials.side_m, math.tau / trials.headings)
@@ -88,7 +92,4 @@ def _tried(
     off *= _FINEST ** rng.random((n, 1))
     others = poses + off
     others[:, 2] -= math.tau * np.round(others[:, 2] / math.tau)
-    their_logs = evaluated(log_likelihood, others)
-    # Metropolis rule; log1p(-u) of a uniform u in [0, 1) is never log(0).
-    better = np.log1p(-rng.random(n)) < exponent * (their_logs - logs)
-    return np.where(better[:, np.newaxis], others, poses), np.where(better, their_logs, logs)
+    return others

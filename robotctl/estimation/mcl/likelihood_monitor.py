@@ -16,6 +16,7 @@ alarm and several in a row are.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Final
 
 _MEMORY: Final = 100
@@ -34,6 +35,14 @@ _ALARM: Final = 8.0
 """Sum of standard deviations, less the slack, at which the fit is called bad if both fell."""
 _ALARM_ALONE: Final = 40.0
 """The same for the evidence alone. On public lidar logs the sum of a tracked robot reaches 22."""
+_CALM: Final = 1.0
+"""Sum of the advantage below which a sensor has nothing against the belief: a robot that was
+carried away exceeds it with the first measurement. The evidence alone falls for a crowd, so"""
+_CALM_EVIDENCE: Final = 4.0
+"""its sum may be greater."""
+_SAYS_MORE: Final = 1.5
+"""A sensor says more than another one if its measurements usually favour the belief by this factor
+more."""
 
 
 class LikelihoodMonitor:
@@ -50,19 +59,32 @@ class LikelihoodMonitor:
         """Whether an evidence is so far below its level that it counts."""
         return self._evidence.is_low(evidence)
 
-    def is_bad(self, evidence: float, elsewhere: float) -> bool:
+    def is_bad(
+        self, evidence: float, elsewhere: float, others: Iterable[LikelihoodMonitor] = ()
+    ) -> bool:
         """Take in a measurement; return whether the fit has become bad.
 
         Parameters
         ----------
         evidence, elsewhere
             Log-evidence of the belief, and of poses anywhere; not both -inf.
+        others
+            Those of other sensors that were heard lately. Somebody beside the robot hides the map
+            from one sonar for as long as he stays: a fall of both figures counts only while none of
+            the sensors that say more is content with the place.
         """
         fallen = self._evidence.fallen(evidence)
         # Carried away, both fall. A crowd lowers only the first, an ambiguous empty place only the
         # second.
         both = min(fallen, self._advantage.fallen(evidence - elsewhere))
-        return both > _ALARM or fallen > _ALARM_ALONE
+        if fallen > _ALARM_ALONE:
+            return True
+        return both > _ALARM and not any(each._overrules(self) for each in others)
+
+    def _overrules(self, other: LikelihoodMonitor) -> bool:
+        """Whether this sensor says more than another one, and nothing against the belief."""
+        is_calm = self._advantage.sum < _CALM and self._evidence.sum < _CALM_EVIDENCE
+        return is_calm and self._advantage.level > _SAYS_MORE * other._advantage.level
 
     def forgive(self) -> None:
         """Begin new sums; levels and scatters stay."""
@@ -71,11 +93,17 @@ class LikelihoodMonitor:
 
 
 class _Watched:
-    """Level and scatter of a figure [nat], and the sum of its falls [standard deviations]."""
+    """Level and scatter of a figure [nat], and the sum of its falls [standard deviations].
+
+    Attributes
+    ----------
+    level, sum
+        As they are now.
+    """
 
     def __init__(self, level: float, scatter: float) -> None:
         self._count = _WORTH
-        self._level = level
+        self.level = level
         self._variance = scatter**2
         self.sum = 0.0
 
@@ -85,12 +113,12 @@ class _Watched:
 
     def is_low(self, figure: float) -> bool:
         """Whether the sum would grow."""
-        return figure < self._level - _SLACK * self._scatter
+        return figure < self.level - _SLACK * self._scatter
 
     def fallen(self, figure: float) -> float:
         """Take in a figure and return the sum."""
         scatter = self._scatter
-        off = (figure - self._level) / scatter
+        off = (figure - self.level) / scatter
         self.sum = max(0.0, self.sum - min(max(off, -_GREATEST), _GREATEST) - _SLACK)
         # Learnt from clipped figures, so that a bad fit raises the alarm before it becomes normal.
         self._learn(min(max(off, -_LEARNT_FROM), _LEARNT_FROM) * scatter)
@@ -100,5 +128,5 @@ class _Watched:
         """Move level and variance by a figure that was so far off [nat]."""
         self._count += 1
         gain = max(1.0 / self._count, 1.0 / _MEMORY)
-        self._level += gain * off
+        self.level += gain * off
         self._variance = (1.0 - gain) * (self._variance + gain * off * off)

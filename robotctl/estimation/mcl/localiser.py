@@ -34,7 +34,8 @@ from robotctl.estimation.mcl.particle_motion import OdometrySegment
 from robotctl.estimation.mcl.particles import posterior
 from robotctl.estimation.mcl.remembered import Remembered
 from robotctl.estimation.mcl.rival import Rival, RivalVerdict
-from robotctl.estimation.ranging.log_likelihood import Forgiving, LogLikelihood, evaluated, forgiven
+from robotctl.estimation.mcl.sliced import Sliced, at_once, evaluated_in_slices
+from robotctl.estimation.ranging.log_likelihood import Forgiving, LogLikelihood, forgiven
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.model.geometry.pose_estimate import PoseEstimate
 from robotctl.model.geometry.se2 import SE2
@@ -110,7 +111,9 @@ class MonteCarloLocaliser:
         """Measurements since a search began."""
         self._misfit = Misfit()
         self._heard: set[str] = set()
-        """Sensors that have weighted the belief on this stretch."""
+        """Sensors that have weighted the belief on this stretch, and"""
+        self._heard_before: set[str] = set()
+        """on the one before."""
         self._way.reset()
         self._lost = False
         self._elsewhere = -math.inf
@@ -155,7 +158,7 @@ class MonteCarloLocaliser:
         """How far the estimate may be trusted."""
         if self._lost or self.fits_nowhere:
             return LocalisationStatus.LOST
-        if self._rival is None and self._belief.is_sure:
+        if self._rival is None and self._belief.is_sure and not self._belief.searching:
             return LocalisationStatus.LOCALISED
         return LocalisationStatus.SEARCHING
 
@@ -165,7 +168,14 @@ class MonteCarloLocaliser:
         return self._misfit.is_bad
 
     def measure(self, log_likelihood: LogLikelihood, sensor: str = "") -> None:
-        """Weigh the belief by a measurement, made now.
+        """Weigh the belief by a measurement, made now; see `measuring`."""
+        at_once(self.measuring(log_likelihood, sensor))
+
+    def measuring(self, log_likelihood: LogLikelihood, sensor: str = "") -> Sliced[None]:
+        """Weigh the belief by a measurement, made when the first slice begins.
+
+        Between its slices the robot may `move` and its `estimate` be asked for. It must be done
+        before the next measurement.
 
         Parameters
         ----------
@@ -180,7 +190,7 @@ class MonteCarloLocaliser:
             If the function gives a nan or +inf, or not one number for each pose.
         """
         if self._has_moved:
-            self._heard.clear()
+            self._heard, self._heard_before = set(), self._heard
         self._heard.add(sensor)
         distance_m, angle_rad = self._way.distance_m, self._way.angle_rad
         self._belief.advance(self._way, self._rng)
@@ -190,18 +200,18 @@ class MonteCarloLocaliser:
         self._way.reset()
         self._lost = False
         if self._belief.searching:
-            self._lost = not self._belief.search(log_likelihood, self._sample_free, self._rng)
+            fits = yield from self._belief.search(log_likelihood, self._sample_free, self._rng)
+            self._lost = not fits
             self._remembered.add(log_likelihood)
             self._see_fit(log_likelihood, self._belief)
             if self._belief.is_sure and not self.fits_nowhere:
-                self._settle()
+                yield from self._settle()
         else:
-            self._track(log_likelihood, sensor, distance_m, angle_rad)
+            yield from self._track(log_likelihood, sensor, distance_m, angle_rad)
 
-    def _settle(self) -> None:
+    def _settle(self) -> Sliced[None]:
         """Track the place that a search has found, with the others that resemble it."""
-        self._belief.searching = False
-        others = look_alikes(
+        others = yield from look_alikes(
             self._belief,
             self._remembered,
             self._sample_free,
@@ -209,6 +219,7 @@ class MonteCarloLocaliser:
             self._rng,
             self._symmetries,
         )
+        self._belief.searching = False
         if others is None:
             self._end_search()
         else:
@@ -241,13 +252,13 @@ class MonteCarloLocaliser:
 
     def _track(
         self, log_likelihood: LogLikelihood, sensor: str, distance_m: float, angle_rad: float
-    ) -> None:
+    ) -> Sliced[None]:
         """Weigh a compact belief, and ask whether the robot may be elsewhere."""
-        logs = evaluated(log_likelihood, self._belief.poses)
+        logs = yield from evaluated_in_slices(log_likelihood, self._belief.poses)
         uniform_probes = self._sample_free(
             self._rng, math.ceil(self.config.uniform_probes * len(logs))
         )
-        probe_logs = evaluated(log_likelihood, uniform_probes)
+        probe_logs = yield from evaluated_in_slices(log_likelihood, uniform_probes)
         if max(logs.max(), probe_logs.max()) == -math.inf:
             self._lost = True
             return
@@ -261,12 +272,12 @@ class MonteCarloLocaliser:
             np.full(len(uniform_probes), 1.0 / len(uniform_probes)), probe_logs
         )
         if self._rival is not None:
-            self._contend(self._rival, log_likelihood, evidence, distance_m, angle_rad)
-        elif self._is_doubtful(evidence, elsewhere, watch):
+            yield from self._contend(self._rival, log_likelihood, evidence, distance_m, angle_rad)
+        elif self._is_doubtful(evidence, elsewhere, sensor):
             self._lost = True
             self._rival = Rival(self._anywhere())
             self._remembered.add(log_likelihood)
-            self._rival.belief.search(log_likelihood, self._sample_free, self._rng)
+            yield from self._rival.belief.search(log_likelihood, self._sample_free, self._rng)
 
     def _forgiveness(
         self, log_likelihood: LogLikelihood, belief: ParticleBelief, logs: NDArray[np.float64]
@@ -275,11 +286,13 @@ class MonteCarloLocaliser:
         best = _heaviest(belief)
         return float(np.mean(forgiven(log_likelihood, belief.poses[best]) - logs[best]))
 
-    def _is_doubtful(self, evidence: float, elsewhere: float, watch: LikelihoodMonitor) -> bool:
+    def _is_doubtful(self, evidence: float, elsewhere: float, sensor: str) -> bool:
         """Whether the measurements have come to speak against the belief."""
         self._elsewhere = max(self._elsewhere, math.log(self.config.carried_away))
         self._elsewhere += elsewhere - evidence
-        is_bad = watch.is_bad(evidence, elsewhere)
+        heard = self._watches.keys() & (self._heard | self._heard_before) - {sensor}
+        others = [self._watches[each] for each in sorted(heard)]
+        is_bad = self._watches[sensor].is_bad(evidence, elsewhere, others)
         return is_bad or self._elsewhere > 0.0
 
     def _contend(
@@ -289,15 +302,15 @@ class MonteCarloLocaliser:
         evidence: float,
         distance_m: float,
         angle_rad: float,
-    ) -> None:
+    ) -> Sliced[None]:
         """Compare belief and rival by a measurement; the better one stays."""
         belief = rival.belief
-        logs = evaluated(log_likelihood, belief.poses)
+        logs = yield from evaluated_in_slices(log_likelihood, belief.poses)
         foretold = posterior(belief.weights, logs)[1]
         if foretold > -math.inf:
             foretold += self._forgiveness(log_likelihood, belief, logs)
         lead = foretold - evidence if foretold > -math.inf else -math.inf
-        belief.search(log_likelihood, self._sample_free, self._rng)
+        yield from belief.search(log_likelihood, self._sample_free, self._rng)
         self._remembered.add(log_likelihood)
         self._see_fit(log_likelihood, self._belief, belief)
         verdict = rival.compare(lead, distance_m, angle_rad, self._belief.best)
@@ -313,7 +326,7 @@ class MonteCarloLocaliser:
             self._belief.searching = False
             self._rival = Rival(self._anywhere())
         elif verdict is RivalVerdict.PROVEN:
-            self._settle()
+            yield from self._settle()
         else:
             self._end_search()
 

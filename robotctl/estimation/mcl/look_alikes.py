@@ -23,6 +23,7 @@ from robotctl.estimation.mcl.free_space import SampleFree
 from robotctl.estimation.mcl.particle_belief import ParticleBelief
 from robotctl.estimation.mcl.particles import resample_systematic
 from robotctl.estimation.mcl.remembered import Remembered
+from robotctl.estimation.mcl.sliced import Sliced, evaluated_in_slices
 from robotctl.model.geometry.se2 import SE2
 
 _WEIGHED_BY_ALL: Final = 0.1
@@ -46,7 +47,7 @@ def look_alikes(
     config: MclConfig,
     rng: np.random.Generator,
     symmetries: Sequence[SE2] = (),
-) -> NDArray[np.float64] | None:
+) -> Sliced[NDArray[np.float64] | None]:
     """Return poses (n, 3) of other places; None if there are none.
 
     Parameters
@@ -63,14 +64,16 @@ def look_alikes(
     held = belief.poses.take(resample_systematic(belief.weights, _OF_BELIEF, rng), axis=0)
     images = [_image(held, motion) for motion in symmetries]
     anywhere = sample_free(rng, config.most_searching)
-    best = _best(anywhere, remembered.newest(anywhere), round(_WEIGHED_BY_ALL * len(anywhere)))
+    fits = yield from evaluated_in_slices(remembered.newest, anywhere)
+    best = _best(anywhere, fits, round(_WEIGHED_BY_ALL * len(anywhere)))
     others = np.concatenate([best, *images])
     others = others[are_apart(others, belief.best)]
     if len(others) == 0:
         return None
-    led = _led(_best(others, remembered(others), _LED), remembered, config, rng)
+    fits = yield from evaluated_in_slices(remembered, others, len(remembered))
+    led = yield from _led(_best(others, fits, _LED), remembered, config, rng)
     # The belief is led to its peak too: otherwise the others would win only by being at theirs.
-    own = _led(held, remembered, config, rng)
+    own = yield from _led(held, remembered, config, rng)
     if led is None or own is None:
         return None
     # Some may have been led into the place where the search ended.
@@ -105,8 +108,10 @@ def _best(poses: NDArray[np.float64], logs: NDArray[np.float64], count: int) -> 
 
 def _led(
     poses: NDArray[np.float64], remembered: Remembered, config: MclConfig, rng: np.random.Generator
-) -> NDArray[np.float64] | None:
+) -> Sliced[NDArray[np.float64] | None]:
     """Return poses after they have been drawn to the peaks nearby."""
     alike = np.full(len(poses), 1.0 / len(poses))
-    found = anneal(poses, alike, remembered, config.bins, config.search_floor, rng)
+    found = yield from anneal(
+        poses, alike, remembered, config.bins, config.search_floor, rng, len(remembered)
+    )
     return None if found is None else found[0]

@@ -21,6 +21,7 @@ from robotctl.estimation.mcl.free_space import SampleFree
 from robotctl.estimation.mcl.particle_motion import OdometrySegment
 from robotctl.estimation.mcl.particles import effective_size, posterior, resample_systematic
 from robotctl.estimation.mcl.pose_bins import kld_size
+from robotctl.estimation.mcl.sliced import Sliced
 from robotctl.estimation.mcl.tempering import bearable_exponent
 from robotctl.estimation.ranging.log_likelihood import LogLikelihood
 
@@ -81,11 +82,11 @@ class ParticleBelief:
 
     def search(
         self, log_likelihood: LogLikelihood, sample_free: SampleFree, rng: np.random.Generator
-    ) -> bool:
+    ) -> Sliced[bool]:
         """Weigh a belief that is spread wide; return False if the measurement fits nowhere."""
         config = self._config
         self._inject_random_poses(sample_free, rng)
-        found = anneal(
+        found = yield from anneal(
             self.poses, self.weights, log_likelihood, config.bins, config.search_floor, rng
         )
         if found is not None:

@@ -43,9 +43,10 @@ class Remembered:
         """Take in a measurement, made now."""
         self._all.append((measurement, SE2()))
 
-    def newest(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the log-likelihood of the last measurement at each pose (n, 3) of now, (n,)."""
-        return evaluated(self._all[-1][0], poses)
+    @property
+    def newest(self) -> LogLikelihood:
+        """The last measurement."""
+        return self._all[-1][0]
 
     def __call__(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the sum of all log-likelihoods at each pose (n, 3) of now, (n,)."""

@@ -150,6 +150,65 @@ def test_what_is_forgiven_is_no_reason_to_look_elsewhere():
         assert off_m(mcl, pose) < 0.3
 
 
+def one_beacon(pose: SE2):
+    """Range to one beacon: a sensor that says little."""
+    seen_m = math.hypot(*(BEACONS[0] - (pose.x_m, pose.y_m)))
+
+    def log_likelihood(poses: np.ndarray) -> np.ndarray:
+        off_m = np.hypot(*(BEACONS[0] - poses[:, :2]).T) - seen_m
+        return np.maximum(-0.5 * (off_m / 0.3) ** 2, -8.0)
+
+    return log_likelihood
+
+
+@pytest.mark.parametrize("sees_all", [True, False])
+def test_one_sensor_that_is_hidden_is_no_doubt_while_one_that_says_more_fits(sees_all):
+    mcl = localiser(min_particles=500, max_particles=5000)
+    pose = SE2(9.0, 3.0, 0.0)
+    mcl.start_at(pose, 0.05, 0.02)
+    statuses = set()
+    for step in range(30):
+        pose = pose @ STEP
+        mcl.move(STEP)
+        is_hidden = step >= 20
+        if sees_all or not is_hidden:
+            mcl.measure(beacons_from(pose), "scan")
+        mcl.measure(one_beacon(SE2(2.0, 2.0, 0.0) if is_hidden else pose), "cone")
+        statuses.add(mcl.status)
+    assert (LocalisationStatus.LOST in statuses) is not sees_all
+
+
+def test_a_robot_that_was_carried_away_is_missed_by_both_sensors():
+    mcl = localiser(min_particles=500, max_particles=5000)
+    mcl.start_at(SE2(3.0, 3.0, 0.3), 0.05, 0.02)
+    for begin, steps in ((SE2(3.0, 3.0, 0.3), 12), (SE2(15.0, 6.0, -2.0), 3)):
+        for step in range(1, steps + 1):
+            pose = begin @ SE2.exp(*(step * np.array([0.3, 0.0, 0.05])).tolist())
+            mcl.move(STEP)
+            mcl.measure(one_beacon(pose), "cone")
+            mcl.measure(beacons_from(pose), "scan")
+    assert mcl.status is not LocalisationStatus.LOCALISED
+
+
+def test_a_search_in_slices_ends_as_one_at_once_and_the_robot_may_drive_meanwhile():
+    at_once, sliced = localiser(), localiser()
+    pose = SE2(5.0, 5.0, 1.0)
+    for _ in range(8):
+        at_once.measure(beacons_from(pose))
+        work = sliced.measuring(beacons_from(pose))
+        weighed = [next(work)]
+        sliced.move(STEP)
+        weighed += work
+        at_once.move(STEP)
+        np.testing.assert_array_equal(sliced.poses, at_once.poses)
+        assert sliced.estimate(0).pose == at_once.estimate(0).pose
+        assert sliced.status is at_once.status
+        assert max(weighed) <= 5000
+        pose = pose @ STEP
+    assert at_once.status is LocalisationStatus.LOCALISED
+    assert off_m(sliced, pose) < 0.1
+
+
 def test_between_measurements_the_estimate_moves_on_with_growing_covariance():
     mcl = localiser()
     mcl.start_at(SE2(5.0, 5.0, 1.0), 0.1, 0.05)

@@ -10,7 +10,9 @@ from hypothesis import strategies as st
 from robotctl.estimation.mcl.annealing import anneal
 from robotctl.estimation.mcl.particles import effective_size, weighted_covariance, weighted_mean
 from robotctl.estimation.mcl.pose_bins import BinSize
+from robotctl.estimation.mcl.sliced import at_once
 from robotctl.estimation.mcl.tempering import bearable_exponent
+from robotctl.estimation.ranging.log_likelihood import LogLikelihood
 
 N = 20_000
 ALIKE = np.full(N, 1 / N)
@@ -58,10 +60,15 @@ def anywhere(seed: int) -> np.ndarray:
     return np.random.default_rng(seed).uniform((-10, -10, -math.pi), (10, 10, math.pi), (N, 3))
 
 
+def annealed(of: int, log_likelihood: LogLikelihood, seed: int):
+    rng = np.random.default_rng(seed)
+    return at_once(anneal(anywhere(of), ALIKE, log_likelihood, BinSize(), 0.3, rng))
+
+
 def test_a_peak_far_narrower_than_the_spacing_is_found_with_its_own_width():
     """The posterior of a flat belief is the likelihood itself, here a Gaussian."""
     target = peak(3.0, -4.0, 3.1, 0.02, 0.01)
-    poses, weights = anneal(anywhere(1), ALIKE, target, BinSize(), 0.3, np.random.default_rng(2))
+    poses, weights = annealed(1, target, 2)
     mean = weighted_mean(poses, weights)
     assert (mean.x_m, mean.y_m) == pytest.approx((3.0, -4.0), abs=0.004)
     assert math.cos(mean.theta_rad - 3.1) == pytest.approx(1.0, abs=1e-6)
@@ -78,9 +85,7 @@ def test_two_peaks_keep_the_shares_of_their_volumes():
 
     shares = []
     for seed in range(5):
-        poses, weights = anneal(
-            anywhere(seed), ALIKE, both, BinSize(), 0.3, np.random.default_rng(seed)
-        )
+        poses, weights = annealed(seed, both, seed)
         shares.append(weights[poses[:, 0] > 0].sum())
     assert np.mean(shares) == pytest.approx(0.8, abs=0.08)
 
@@ -89,7 +94,7 @@ def test_what_is_impossible_everywhere_says_nothing():
     def impossible(poses: np.ndarray) -> np.ndarray:
         return np.full(len(poses), -math.inf)
 
-    assert anneal(anywhere(0), ALIKE, impossible, BinSize(), 0.3, np.random.default_rng(0)) is None
+    assert annealed(0, impossible, 0) is None
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
@@ -98,4 +103,4 @@ def test_a_likelihood_that_is_no_number_is_refused(bad):
         return np.where(poses[:, 0] > 0.0, bad, 0.0)
 
     with pytest.raises(ValueError, match="log-likelihoods must be < inf"):
-        anneal(anywhere(0), ALIKE, broken, BinSize(), 0.3, np.random.default_rng(0))
+        annealed(0, broken, 0)

@@ -1,0 +1,45 @@
+"""Long work in slices, so that a robot that searches its whole map goes on listening.
+
+A slice weighs a bounded number of poses; a tracked robot's measurement is one or two of them, a
+search of the map some dozens. The work is the same however it is interrupted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from typing import Final, TypeAlias, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.estimation.ranging.log_likelihood import LogLikelihood, evaluated
+
+Result = TypeVar("Result")
+Sliced: TypeAlias = Generator[int, None, Result]
+"""Work that stops after each slice to say how many poses were weighed in it."""
+
+_SLICE: Final = 5000
+"""Poses in a slice."""
+
+
+def at_once(work: Sliced[Result]) -> Result:
+    """Do all of it and return its result."""
+    while True:
+        try:
+            next(work)
+        except StopIteration as end:
+            result: Result = end.value
+            return result
+
+
+def evaluated_in_slices(
+    log_likelihood: LogLikelihood, poses: NDArray[np.float64], each: int = 1
+) -> Sliced[NDArray[np.float64]]:
+    """Return the log-likelihoods of poses, (n,), each of `each` measurements; see `evaluated`."""
+    logs = np.empty(len(poses))
+    size = max(_SLICE // each, 1)
+    for begin in range(0, len(poses), size):
+        part = poses[begin : begin + size]
+        logs[begin : begin + size] = evaluated(log_likelihood, part)
+        yield len(part) * each
+    return logs
