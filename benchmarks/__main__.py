@@ -40,6 +40,7 @@ from benchmarks import (
     slam_life,
     start_up,
     tick_cost,
+    topological_driving,
     visual_places,
     wall_following,
 )
@@ -76,6 +77,7 @@ SUBJECTS = {
     "navigation": navigation_step.run,
     "walls": wall_following.run,
     "exploring": exploration.run,
+    "by-places": topological_driving.run,
     "layers": live_map.run,
     "mavlink": mavlink_parameters.run,
     "stations": mavlink_stations.run,

@@ -3,18 +3,28 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from robotctl.cli.driving import Instance, drive
 
+if TYPE_CHECKING:
+    from robotctl.app.supervision.remote import RemoteRobot
+    from robotctl.messages.control import NavigationState
+
 STOPPED = "stopped: the robot stands, in mode HOLD"
 
 
 def goto(
-    x: Annotated[float, typer.Argument(metavar="X", help="In the world, in metres.")],
-    y: Annotated[float, typer.Argument(metavar="Y", help="In the world, in metres.")],
+    x: Annotated[
+        str,
+        typer.Argument(
+            metavar="X|PLACE", help="In the world, in metres; or a place of its topological map."
+        ),
+    ],
+    y: Annotated[float | None, typer.Argument(metavar="Y", help="In the world, in metres.")] = None,
     heading: Annotated[
         float | None, typer.Argument(metavar="DEG", help="Heading at the end; default: any.")
     ] = None,
@@ -24,15 +34,29 @@ def goto(
 
     Status 0: it is there. 1: it gave up, or somebody else took it over. Ctrl-C lets it stand.
     """
-    if not all(map(math.isfinite, (x, y, heading or 0.0))):
+    drive(instance, _errand(x, y, heading), lambda state: state.goal_reached, STOPPED)
+
+
+def _errand(
+    x: str, y: float | None, heading: float | None
+) -> Callable[[RemoteRobot], Iterator[NavigationState]]:
+    """Return how to ask a robot to drive to a named place, or to coordinates.
+
+    Raises
+    ------
+    BadParameter
+        If they are no numbers.
+    """
+    if y is None:
+        return lambda robot: robot.goto_place(x)
+    try:
+        numbers = float(x), y
+    except ValueError as error:
+        raise typer.BadParameter(f"X is a number where there is a Y, found {x}") from error
+    if not all(map(math.isfinite, (*numbers, heading or 0.0))):
         raise typer.BadParameter("a place is finite numbers")
     heading_rad = None if heading is None else math.radians(heading)
-    drive(
-        instance,
-        lambda robot: robot.goto(x, y, heading_rad),
-        lambda state: state.goal_reached,
-        STOPPED,
-    )
+    return lambda robot: robot.goto(*numbers, heading_rad)
 
 
 def explore(instance: Instance = "") -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import json
 import shutil
 import signal
 import sys
@@ -84,7 +85,17 @@ def sim(
     ] = None,
     goal: Annotated[
         str,
-        typer.Option(metavar="X,Y[,DEG]", help="Drive there by plan, instead of a mission."),
+        typer.Option(
+            metavar="X,Y[,DEG]|PLACE",
+            help="Drive there, instead of a mission: by plan, or with --topological by places.",
+        ),
+    ] = "",
+    topological: Annotated[
+        str,
+        typer.Option(
+            metavar="FILE",
+            help="Map of places, of `robotctl topology build`, which the robot recognises.",
+        ),
     ] = "",
     people: Annotated[
         int, typer.Option(min=0, help="How many people walk about, who do not evade the robot.")
@@ -164,7 +175,7 @@ def sim(
         raise ConfigError("--goal: not allowed with --mission, which says where to drive")
     options = SimOptions(
         robot=find_file(robot),
-        mission=_goal(world, pose, goal) if goal else _mission(mission, world),
+        mission=_goal(world, pose, goal, topological) if goal else _mission(mission, world),
         start=pose,
         people=people,
         clutter=clutter,
@@ -172,7 +183,11 @@ def sim(
         bus=bus,
         seed=seed,
         max_seconds=max_seconds,
-        overrides=(*(["camera.enabled=true"] if camera else []), *(overrides or ())),
+        overrides=(
+            *(["camera.enabled=true"] if camera else []),
+            *_places(topological),
+            *(overrides or ()),
+        ),
         record=record,
         faults=find_file(faults, "scenarios") if faults else None,
         localisation=_localisation(
@@ -255,13 +270,24 @@ def _mission(name: str, world: str) -> Path:
     return _written("straight", straight_mission(find_world(world)))
 
 
-def _goal(world: str, start: tuple[float, ...], goal: str) -> Path:
+def _goal(world: str, start: tuple[float, ...], goal: str, topological: str) -> Path:
     """Return the file of a mission of one goal; without a world it is the flat."""
-    from robotctl.app.simulation.room import goal_mission  # noqa: PLC0415
+    from robotctl.app.simulation.room import goal_mission, place_mission  # noqa: PLC0415
     from robotctl.maps.world import find_world  # noqa: PLC0415
 
-    there = place("--goal", goal)
-    return _written("goal", goal_mission(find_world(world or GOAL_WORLD), start, there))
+    room = find_world(world or GOAL_WORLD)
+    if topological:
+        return _written("goal", place_mission(room, start, goal))
+    return _written("goal", goal_mission(room, start, place("--goal", goal)))
+
+
+def _places(topological: str) -> list[str]:
+    """Return the setting of a map of places."""
+    from robotctl.config.robot_file import find_file  # noqa: PLC0415
+
+    if not topological:
+        return []
+    return [f"navigation.pilot.topology={json.dumps(str(find_file(topological, 'places')))}"]
 
 
 def _written(name: str, text: str) -> Path:

@@ -18,6 +18,7 @@ from robotctl.messages.mission import (
     GoAhead,
     JumpToItem,
     MissionCommand,
+    PlaceTarget,
 )
 from robotctl.messages.mode import Mode
 from robotctl.messages.requests import (
@@ -27,6 +28,7 @@ from robotctl.messages.requests import (
     GoAheadRequest,
     JumpRequest,
     ModeRequest,
+    PlaceRequest,
     PositionRequest,
     Request,
     StickRequest,
@@ -39,6 +41,7 @@ _Simple: TypeAlias = (
     | PositionTarget
     | ManualControl
     | ExploreTarget
+    | PlaceTarget
     | GoAhead
     | JumpToItem
     | AbortMission
@@ -73,6 +76,8 @@ def translated(message: _Simple) -> Request:
             return StickRequest(message.expires_ns, message.forward, message.turn)
         case ExploreTarget():
             return ExploreRequest()
+        case PlaceTarget():
+            return PlaceRequest(message.place, message.start)
         case GoAhead():
             return GoAheadRequest()
         case JumpToItem():

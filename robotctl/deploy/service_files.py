@@ -89,7 +89,7 @@ def service_files(
             '"socketcan"'
         )
     if mission is not None:
-        check_mission(load_mission(mission), abilities(config))
+        check_mission(load_mission(mission), abilities(config, robot))
     beside = {ROBOT.parent / name: data for name, data in files_beside(config, robot).items()}
     if taken := beside.keys() & {ROBOT, MISSION}:
         raise ConfigError(f"{robot}: the name {min(taken).name} is taken in /{ROBOT.parent}")

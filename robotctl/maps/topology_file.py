@@ -11,13 +11,24 @@ from pathlib import Path
 from typing import Final
 
 from robotctl import toml_source
-from robotctl.planning.topological.graph import Passage, TopologicalMap, TopologicalPlace
+from robotctl.config.robot_file import find_file
+from robotctl.errors import ConfigError
+from robotctl.planning.topological.graph import (
+    Exit,
+    Passage,
+    TopologicalMap,
+    TopologicalPlace,
+    View,
+)
 from robotctl.runtime.storage.atomic_file import write_whole
 
-VERSION: Final = 1
+VERSION: Final = 2
+_READ: Final = (1, VERSION)
+"""Those of version 1 say nothing of exits and views: ways are found, but not driven."""
 _HEAD: Final = """\
 # Places and passages, from `robotctl topology`; see docs/planning.md. A place lists its passages
-# counter-clockwise. x_m and y_m may be left out: a way needs no coordinates.
+# counter-clockwise. Bearings are from its middle, counter-clockwise from its first passage. x_m and
+# y_m, of the map that it was made of, may be left out.
 """
 
 
@@ -30,8 +41,9 @@ class TopologyFile:
     passage: tuple[Passage, ...] = ()
 
     def __post_init__(self) -> None:
-        if self.version != VERSION:
-            raise ValueError(f"version {self.version} of the file found, {VERSION} is read")
+        if self.version not in _READ:
+            read = " and ".join(map(str, _READ))
+            raise ValueError(f"version {self.version} of the file found, {read} are read")
         _ = self.value
 
     @cached_property
@@ -49,6 +61,36 @@ def load_topology(path: Path) -> TopologicalMap:
         If it is missing, damaged or wrong, with one line for each error.
     """
     return toml_source.load(path, TopologyFile).value
+
+
+def find_topology(name: str, beside: Path) -> Path:
+    """Return the file of a topological map that a robot's file, in the folder `beside`, names.
+
+    Raises
+    ------
+    ConfigError
+        If there is none.
+    """
+    return find_file(name, "places", beside=beside)
+
+
+def load_places(name: str, beside: Path) -> TopologicalMap | None:
+    """Read the topological map that `find_topology` finds, to drive by it; None without a name.
+
+    Raises
+    ------
+    ConfigError
+        If there is none, it is wrong, or it does not say what driving needs.
+    """
+    if not name:
+        return None
+    file = find_topology(name, beside)
+    topology = load_topology(file)
+    if topology.undrivable:
+        raise ConfigError(
+            f"{file}: {topology.undrivable}; `robotctl topology build` makes one anew"
+        )
+    return topology
 
 
 def save_topology(topology: TopologicalMap, path: Path) -> None:
@@ -69,7 +111,12 @@ def _lines(topology: TopologicalMap) -> Iterator[str]:
         yield f"passages = [{', '.join(map(_text, place.passages))}]"
         yield f"area_m2 = {place.area_m2:.2f}\nwidth_m = {place.width_m:.2f}"
         yield from _position(place)
-        yield f"depth_m = [{', '.join(f'{each:.2f}' for each in place.depth_m)}]"
+        yield _depth(place)
+        for each in place.exit:
+            yield f"[[place.exit]]\npassage = {_text(each.passage)}\n{_polar(each)}"
+            yield f"heading_deg = {each.heading_deg:.1f}"
+        for view in place.view:
+            yield f"[[place.view]]\n{_polar(view)}\n{_depth(view)}"
     for passage in topology.passages:
         yield f"\n[[passage]]\nname = {_text(passage.name)}"
         yield f"between = [{', '.join(map(_text, passage.between))}]"
@@ -80,6 +127,14 @@ def _lines(topology: TopologicalMap) -> Iterator[str]:
 def _position(item: TopologicalPlace | Passage) -> Iterator[str]:
     if math.isfinite(item.x_m + item.y_m):
         yield f"x_m = {item.x_m:.3f}\ny_m = {item.y_m:.3f}"
+
+
+def _polar(item: Exit | View) -> str:
+    return f"bearing_deg = {item.bearing_deg:.1f}\ndistance_m = {item.distance_m:.2f}"
+
+
+def _depth(item: TopologicalPlace | View) -> str:
+    return f"depth_m = [{', '.join(f'{each:.2f}' for each in item.depth_m)}]"
 
 
 def _text(text: str) -> str:

@@ -1,4 +1,4 @@
-"""Requests to a running robot that concern its mission, or that it explores."""
+"""Requests to a running robot: for its mission, to explore, to drive to a place."""
 
 from __future__ import annotations
 
@@ -44,4 +44,14 @@ class ExploreTarget(msgspec.Struct, frozen=True, tag=True):
     stamp_ns: int
 
 
-MissionCommand: TypeAlias = LoadMission | GoAhead | JumpToItem | AbortMission | ExploreTarget
+class PlaceTarget(msgspec.Struct, frozen=True, tag=True):
+    """GUIDED: drive to a place of the topological map; `start` is where the robot is, if known."""
+
+    stamp_ns: int
+    place: str
+    start: str = ""
+
+
+MissionCommand: TypeAlias = (
+    LoadMission | GoAhead | JumpToItem | AbortMission | ExploreTarget | PlaceTarget
+)

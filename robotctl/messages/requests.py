@@ -51,6 +51,14 @@ class ExploreRequest(NamedTuple):
     """GUIDED: drive to what is unknown until the map is complete."""
 
 
+class PlaceRequest(NamedTuple):
+    """GUIDED: drive to a place of the topological map."""
+
+    place: str
+    start: str = ""
+    """Where the robot is; empty: it recognises that."""
+
+
 class GoAheadRequest(NamedTuple):
     """AUTO: go on with a mission that waits for an operator's word."""
 
@@ -71,6 +79,7 @@ Request: TypeAlias = (
     | PositionRequest
     | StickRequest
     | ExploreRequest
+    | PlaceRequest
     | GoAheadRequest
     | JumpRequest
     | AbortRequest

@@ -22,6 +22,9 @@ class PilotConfig:
         A name of `PLANNERS`; empty: hybrid for a robot that steers, astar for another.
     controller
         A name of `CONTROLLERS`.
+    topology
+        File of a topological map, of `robotctl topology build`: the places that the robot can drive
+        to by recognising them; empty: none.
     margin_m
         Between the body and obstacles on a planned path [m], >= 0.
     zone
@@ -35,6 +38,7 @@ class PilotConfig:
 
     planner: str = ""
     controller: str = "mppi"
+    topology: str = ""
     margin_m: float = 0.05
     zone: tuple[Zone, ...] = ()
 

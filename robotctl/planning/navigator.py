@@ -15,6 +15,7 @@ from robotctl.messages.requests import (
     GoAheadRequest,
     JumpRequest,
     ModeRequest,
+    PlaceRequest,
     PositionRequest,
     Request,
     StickRequest,
@@ -27,6 +28,7 @@ from robotctl.model.grid_map import GridMap
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.behaviours.breadcrumbs import Breadcrumbs
 from robotctl.planning.behaviours.goto import NO_PILOT
+from robotctl.planning.behaviours.goto_place import place_problems
 from robotctl.planning.behaviours.kind import NavigatedRobot, Paths, Pilot
 from robotctl.planning.behaviours.mission import Mission
 from robotctl.planning.behaviours.registry import behaviour_for
@@ -96,6 +98,8 @@ class Navigator:
         Where RTL leads to, usually the start, in `world`.
     has_lidar, sees_markers
         Whether the robot has a lidar, and a camera that looks for markers.
+    places
+        Names of the places that its pilot can drive to.
 
     Raises
     ------
@@ -114,13 +118,16 @@ class Navigator:
         *,
         has_lidar: bool = False,
         sees_markers: bool = False,
+        places: tuple[str, ...] = (),
     ) -> None:
         self._began_with = {"navigation": config, "limits": limits}
         self._drive = drive
         self._limits = limits
         self._guard = ObstacleGuard(config.guard, mounts, has_lidar=has_lidar)
         self._crumbs = Breadcrumbs(home, steered=drive.steered)
-        self._robot = NavigatedRobot(config, drive, mounts, self._guard, self._crumbs, sees_markers)
+        self._robot = NavigatedRobot(
+            config, drive, mounts, self._guard, self._crumbs, sees_markers, places
+        )
         self._fence = Fence()
         self._surroundings = Surroundings(self._robot)
         self._auto = Auto(mission, self._robot)
@@ -320,7 +327,7 @@ class Navigator:
                 self._velocity = request
                 if self._mode is Mode.GUIDED:
                     self._behaviour = None
-            case PositionRequest() | ExploreRequest():
+            case PositionRequest() | ExploreRequest() | PlaceRequest():
                 if enabled and self._mode is Mode.GUIDED:
                     self._guide(request)
             case StickRequest():
@@ -332,8 +339,12 @@ class Navigator:
                 except (MissionError, ValueError) as error:
                     self._refused = str(error)
 
-    def _guide(self, request: PositionRequest | ExploreRequest) -> None:
+    def _guide(self, request: PositionRequest | ExploreRequest | PlaceRequest) -> None:
         """Drive to a goal in GUIDED."""
+        if isinstance(request, PlaceRequest):
+            self._refused = "; ".join(place_problems(request, self._robot.places))
+            if self._refused:
+                return
         if isinstance(request, PositionRequest) and not on_earth(request.x_m, request.y_m):
             return
         self._velocity, self._ended = None, ""

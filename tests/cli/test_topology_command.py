@@ -7,7 +7,7 @@ from typer.testing import CliRunner
 
 from robotctl.cli.commands import app
 from robotctl.errors import ConfigError
-from robotctl.maps.topology_file import load_topology, save_topology
+from robotctl.maps.topology_file import load_places, load_topology, save_topology
 
 
 def run(*words):
@@ -37,12 +37,54 @@ def test_a_way_leads_through_places_by_name(flat):
     assert "\nkitchen\n1 passage, about " in result.output
 
 
-def test_a_file_without_coordinates_is_as_good(flat):
+def test_a_file_without_coordinates_is_as_good(flat, tmp_path):
     lines = flat.read_text(encoding="utf-8").splitlines()
-    bare = [line for line in lines if line.split(" ")[0] not in {"x_m", "y_m", "depth_m"}]
+    bare = [line for line in lines if line.split(" ")[0] not in {"x_m", "y_m"}]
     flat.write_text("\n".join(bare), encoding="utf-8")
     assert math.isnan(load_topology(flat).places[0].x_m)
     assert run("plan", "--topological", flat, "lounge", "kitchen").exit_code == 0
+    assert load_places(str(flat), tmp_path).undrivable == ""
+
+
+OLD = """\
+version = 1
+[[place]]
+name = "lounge"
+kind = "room"
+passages = ["door"]
+area_m2 = 20.0
+width_m = 4.0
+depth_m = [2.0, 2.0, 2.0, 2.0]
+[[place]]
+name = "kitchen"
+kind = "room"
+passages = ["door"]
+area_m2 = 9.0
+width_m = 3.0
+[[passage]]
+name = "door"
+between = ["lounge", "kitchen"]
+width_m = 0.9
+length_m = 4.0
+"""
+
+
+def test_ways_are_found_in_a_file_of_version_1_but_not_driven(tmp_path):
+    file = tmp_path / "old.toml"
+    file.write_text(OLD, encoding="utf-8")
+    assert run("plan", "--topological", file, "lounge", "kitchen").exit_code == 0
+    with pytest.raises(ConfigError, match="what lounge looks like and where its exits are; "):
+        load_places(str(file), tmp_path)
+    file.write_text(OLD.replace("version = 1", "version = 3"), encoding="utf-8")
+    with pytest.raises(ConfigError, match="version 3 of the file found, 1 and 2 are read"):
+        load_topology(file)
+
+
+def test_exits_must_be_those_of_the_passages(flat):
+    text = flat.read_text(encoding="utf-8")
+    flat.write_text(text.replace('passage = "passage 1"', 'passage = "hatch"'), encoding="utf-8")
+    with pytest.raises(ConfigError, match="hatch found; needed: passage 1"):
+        load_topology(flat)
 
 
 def test_a_file_gives_the_map_back(flat, tmp_path):
@@ -51,10 +93,10 @@ def test_a_file_gives_the_map_back(flat, tmp_path):
     assert again.read_bytes() == flat.read_bytes()
 
 
-def test_no_way_is_status_1(flat):
-    text = flat.read_text(encoding="utf-8").partition("[[passage]]")[0]
-    flat.write_text(text.replace('["passage 1"]', "[]"), encoding="utf-8")
-    result = run("plan", "--topological", flat, "lounge", "kitchen")
+def test_no_way_is_status_1(tmp_path):
+    file = tmp_path / "apart.toml"
+    file.write_text(OLD.partition("[[passage]]")[0].replace('["door"]', "[]"), encoding="utf-8")
+    result = run("plan", "--topological", file, "lounge", "kitchen")
     assert result.exit_code == 1
     assert result.output == "no way from lounge to kitchen\n"
 

@@ -10,6 +10,7 @@ from robotctl.config.robot_file import MAPS, RobotConfig
 from robotctl.errors import ConfigError
 from robotctl.maps.localisation_map import find_map, load_localisation_map, walls_for_ekf
 from robotctl.maps.map_file import image_of
+from robotctl.maps.topology_file import find_topology, load_places
 
 _ANY_AREA_M2 = 1.0
 
@@ -40,6 +41,10 @@ def check_localisation(config: RobotConfig, robot: Path) -> None:
         load_place_watch(settings.places, beside, config.sonar, _ANY_AREA_M2)
     except (ConfigError, OSError) as error:
         problems.append(f"{robot}: localisation.places: {error}")
+    try:
+        load_places(config.navigation.pilot.topology, beside)
+    except (ConfigError, OSError) as error:
+        problems.append(f"{robot}: navigation.pilot.topology: {error}")
     if problems:
         raise ConfigError("\n".join(problems))
 
@@ -68,6 +73,9 @@ def files_beside(config: RobotConfig, robot: Path) -> dict[Path, bytes]:
                 named[name.parent / os.path.relpath(image, file.parent)] = image
     if settings.places and not Path(settings.places).is_absolute():
         named[Path(settings.places)] = find_places(settings.places, beside)
+    places = config.navigation.pilot.topology
+    if places and not Path(places).is_absolute():
+        named[Path(places)] = find_topology(places, beside)
     found: dict[Path, bytes] = {}
     for name, file in named.items():
         inside = Path(os.path.normpath(name))

@@ -14,6 +14,7 @@ from robotctl.config.robot_file import RobotConfig
 from robotctl.core.fence_keeper import FenceKeeper
 from robotctl.core.navigation_adapter import COMMAND_LIFE_PERIODS, NavigationAdapter
 from robotctl.errors import ConfigError, InvalidValue
+from robotctl.maps.topology_file import load_places
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.planning.behaviours.kind import Abilities, Pilot
@@ -22,6 +23,7 @@ from robotctl.planning.guard.body import body_outline
 from robotctl.planning.guard.obstacle_guard import body_rectangle
 from robotctl.planning.guard.sonars import sonar_directions
 from robotctl.planning.navigator import Navigator
+from robotctl.planning.topological.graph import TopologicalMap
 
 if TYPE_CHECKING:
     from robotctl.app.localisation.estimators import Estimators
@@ -38,12 +40,24 @@ def load_mission(path: Path) -> Mission:
     return toml_source.load(path, Mission, rules=mission_rules)
 
 
-def abilities(config: RobotConfig) -> Abilities:
-    """Return what mission items may ask of a robot."""
+def abilities(config: RobotConfig, robot: Path) -> Abilities:
+    """Return what mission items may ask of a robot, whose file is `robot`.
+
+    Raises
+    ------
+    ConfigError
+        If the file of its places is wrong.
+    """
     camera = config.camera
     sees_markers = camera is not None and camera.enabled and camera.markers is not None
     sides = sonar_directions(config.sonar)
-    return Abilities(config.drive, sides, config.navigation.guard, sees_markers)
+    places = _places(config, robot)
+    names = () if places is None else tuple(each.name for each in places.places)
+    return Abilities(config.drive, sides, config.navigation.guard, sees_markers, names)
+
+
+def _places(config: RobotConfig, robot: Path) -> TopologicalMap | None:
+    return load_places(config.navigation.pilot.topology, robot.resolve().parent)
 
 
 def make_navigation(config: RobotConfig, options: StackOptions) -> NavigationAdapter:
@@ -55,6 +69,7 @@ def make_navigation(config: RobotConfig, options: StackOptions) -> NavigationAda
         If the mission's file is wrong, or the robot cannot drive it.
     """
     mission = load_mission(Path(options.mission)) if options.mission else None
+    able = abilities(config, Path(options.robot))
     navigator = Navigator(
         config.navigation,
         config.drive,
@@ -63,7 +78,8 @@ def make_navigation(config: RobotConfig, options: StackOptions) -> NavigationAda
         mission,
         SE2(options.x_m, options.y_m, options.theta_rad),
         has_lidar=config.lidar is not None,
-        sees_markers=abilities(config).sees_markers,
+        sees_markers=able.sees_markers,
+        places=able.places,
     )
     mavlink, period_ns = config.mavlink, round(1e9 / config.navigation.rate_hz)
     holds_on_loss = mavlink.hold_on_gcs_loss and not mavlink.hold_without_gcs
@@ -111,7 +127,7 @@ def equip(
         If the robot's file names a planner or controller that there is not.
     """
     grid = None if estimators is None else estimators.world_map
-    asked = navigator.drives_by_plan
+    asked = navigator.drives_by_plan or bool(config.navigation.pilot.topology)
     if grid is not None:
         # scipy and numba take a while to load.
         from robotctl.planning.global_planning.free_path import FreePaths  # noqa: PLC0415
@@ -144,6 +160,7 @@ def _pilot(
             grid,
             SE2(options.x_m, options.y_m, options.theta_rad),
             has_lidar=config.lidar is not None,
+            topology=_places(config, Path(options.robot)),
             budget=lambda: _time_left(plan_s),
         )
     except InvalidValue as error:

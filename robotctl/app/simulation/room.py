@@ -14,6 +14,7 @@ from robotctl.app.simulation.sim_options import SimOptions
 from robotctl.errors import ConfigError
 from robotctl.messages.control import NavigationState
 from robotctl.planning.behaviours.goto import GotoItem
+from robotctl.planning.behaviours.goto_place import GotoPlaceItem
 from robotctl.planning.behaviours.mission import Mission, StartPose
 from robotctl.planning.behaviours.straight_to import StraightToItem
 
@@ -61,16 +62,32 @@ def goal_mission(world: Path, start: tuple[float, ...], goal: tuple[float, ...])
             f"--goal: x {goal[0]:g} m, y {goal[1]:g} m lies outside {room.name}: allowed are "
             f"x {low_x:g}..{high_x:g} m, y {low_y:g}..{high_y:g} m"
         )
-    begin = StartPose(*start) if start else StartPose(*room.start[:2], math.degrees(room.start[2]))
     heading = f"heading_deg = {goal[2]:.9g}\n" if len(goal) == 3 else ""
+    item = f'kind = "goto"\nx_m = {goal[0]:.9g}\ny_m = {goal[1]:.9g}\n{heading}'
+    return _one_item(room, world, start, item)
+
+
+def place_mission(world: Path, start: tuple[float, ...], place: str) -> str:
+    """Return a mission to a place of the robot's topological map, as TOML, as `goal_mission`.
+
+    Raises
+    ------
+    ConfigError
+        If the world is wrong.
+    """
+    item = f'kind = "goto_place"\nplace = {json.dumps(place, ensure_ascii=False)}\n'
+    return _one_item(load_room(world), world, start, item)
+
+
+def _one_item(room: World, world: Path, start: tuple[float, ...], item: str) -> str:
+    """Return the file of a mission of one item."""
+    begin = StartPose(*start) if start else StartPose(*room.start[:2], math.degrees(room.start[2]))
     return (
         'name = "goal"\n'
         f"world = {json.dumps(str(world), ensure_ascii=False)}\n"
         f"start = {{ x_m = {begin.x_m:.9g}, y_m = {begin.y_m:.9g}, "
         f"heading_deg = {begin.heading_deg:.9g} }}\n"
-        "[[item]]\n"
-        'kind = "goto"\n'
-        f"x_m = {goal[0]:.9g}\ny_m = {goal[1]:.9g}\n{heading}"
+        f"[[item]]\n{item}"
     )
 
 
@@ -83,7 +100,9 @@ def goals(mission: Mission) -> tuple[tuple[float, float], ...]:
 
 def arrived(mission: Mission, navigation: NavigationState | None) -> bool | None:
     """Return whether the robot is at the goal of its mission; None of a mission with more items."""
-    if navigation is None or len(mission.item) != 1 or not isinstance(mission.item[0], GotoItem):
+    if navigation is None or len(mission.item) != 1:
+        return None
+    if not isinstance(mission.item[0], GotoItem | GotoPlaceItem):
         return None
     return navigation.mission_completed
 

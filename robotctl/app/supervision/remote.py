@@ -23,6 +23,7 @@ from robotctl.messages.mission import (
     GoAhead,
     JumpToItem,
     LoadMission,
+    PlaceTarget,
 )
 from robotctl.messages.mode import Mode
 from robotctl.messages.ports import Clock
@@ -101,6 +102,10 @@ class RemoteRobot:
             If the robot is not armed, or refuses, or somebody else takes it over.
         """
         return self._guide(lambda now_ns: PositionTarget(now_ns, x_m, y_m, heading_rad))
+
+    def goto_place(self, place: str) -> Iterator[NavigationState]:
+        """Drive to a place of the robot's topological map in mode GUIDED; all else as `goto`."""
+        return self._guide(lambda now_ns: PlaceTarget(now_ns, place))
 
     def explore(self) -> Iterator[NavigationState]:
         """Explore in mode GUIDED until the map is complete; all else as `goto`."""

@@ -92,6 +92,9 @@ class Pilot(Protocol):
     def exploration(self, speed_m_s: float) -> Behaviour:
         """Return the behaviour that drives to what is unknown."""
 
+    def travel(self, place: str, start: str, speed_m_s: float) -> Behaviour:
+        """Return the behaviour that drives to a place by recognising places; "": any start."""
+
     def outlook(self) -> Outlook:
         """Return what it drives by and sees now, for people."""
 
@@ -106,6 +109,8 @@ class Abilities(NamedTuple):
     """Nothing ahead comes nearer than the margin of this, no wall beside than its half width."""
     sees_markers: bool = False
     """Whether a camera of it looks for markers."""
+    places: tuple[str, ...] = ()
+    """Names of the places that it can drive to."""
 
 
 @dataclass(slots=True)
@@ -124,6 +129,8 @@ class NavigatedRobot:
         The path from home.
     sees_markers
         Whether a camera of it looks for markers.
+    places
+        Names of the places that it can drive to.
     paths
         Free paths through the world; None: paths are straight lines.
     pilot
@@ -138,6 +145,7 @@ class NavigatedRobot:
     guard: ObstacleGuard
     crumbs: Breadcrumbs
     sees_markers: bool = False
+    places: tuple[str, ...] = ()
     paths: Paths | None = None
     pilot: Pilot | None = None
     rally: tuple[Point, ...] = ()
@@ -146,7 +154,8 @@ class NavigatedRobot:
     def abilities(self) -> Abilities:
         """What mission items ask of it."""
         sides = sonar_directions(self.mounts)
-        return Abilities(self.drive, sides, self.config.guard, self.sees_markers)
+        guard = self.config.guard
+        return Abilities(self.drive, sides, guard, self.sees_markers, self.places)
 
     @property
     def plans_home(self) -> bool:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import Final
 
 from robotctl.messages.mode import Mode
-from robotctl.messages.requests import ExploreRequest, PositionRequest
+from robotctl.messages.requests import ExploreRequest, PlaceRequest, PositionRequest
 from robotctl.planning.behaviours.dock import DOCK, DockItem
 from robotctl.planning.behaviours.explore import EXPLORE, GUIDED_EXPLORATION, ExploreItem
 from robotctl.planning.behaviours.follow_path import DRIVE, DriveItem
 from robotctl.planning.behaviours.follow_wall import FOLLOW_WALL, FollowWallItem
 from robotctl.planning.behaviours.goto import GOTO, GUIDED_POSITION, GotoItem
+from robotctl.planning.behaviours.goto_place import GOTO_PLACE, GUIDED_PLACE, GotoPlaceItem
 from robotctl.planning.behaviours.guarded import Guarded
 from robotctl.planning.behaviours.item import Item
 from robotctl.planning.behaviours.kind import Kind, NavigatedRobot
@@ -25,6 +26,7 @@ BEHAVIOURS: Final[dict[type | Mode, Kind]] = {
     DriveItem: DRIVE,
     FollowWallItem: FOLLOW_WALL,
     GotoItem: GOTO,
+    GotoPlaceItem: GOTO_PLACE,
     ExploreItem: EXPLORE,
     StraightToItem: STRAIGHT_TO,
     TurnToItem: TURN_TO,
@@ -33,6 +35,7 @@ BEHAVIOURS: Final[dict[type | Mode, Kind]] = {
     DockItem: DOCK,
     PositionRequest: GUIDED_POSITION,
     ExploreRequest: GUIDED_EXPLORATION,
+    PlaceRequest: GUIDED_PLACE,
     Mode.RTL: RETURN_HOME,
 }
 """All, by what asks for them: an item of a mission's file, a request, a mode."""
@@ -44,7 +47,7 @@ def kind_of(item: Item) -> Kind | None:
 
 
 def behaviour_for(
-    wanted: Item | PositionRequest | ExploreRequest | Mode, robot: NavigatedRobot
+    wanted: Item | PositionRequest | ExploreRequest | PlaceRequest | Mode, robot: NavigatedRobot
 ) -> Rejoining:
     """Return the supervised behaviour for an item, request or mode."""
     kind = BEHAVIOURS[wanted if isinstance(wanted, Mode) else type(wanted)]

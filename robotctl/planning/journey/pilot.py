@@ -41,9 +41,12 @@ from robotctl.planning.global_planning.planners import PLANNERS
 from robotctl.planning.journey.exploration import Exploration
 from robotctl.planning.journey.journey import Journey
 from robotctl.planning.journey.rehearsal import rehearse
+from robotctl.planning.journey.travel import Travel
 from robotctl.planning.journey.way_out import find_way
 from robotctl.planning.local.controller import ControllerConfig
 from robotctl.planning.local.controllers import CONTROLLERS
+from robotctl.planning.topological.graph import TopologicalMap
+from robotctl.planning.topological.recognition import Appearance, appearances
 
 _BLIND_NS: Final = 500_000_000
 """Without a scan for this long, a robot that has a lidar stands [ns]."""
@@ -88,6 +91,8 @@ class MapPilot:
         Where it starts.
     has_lidar
         Whether it has one, without whose scans it stands.
+    topology
+        Places that it can drive to by recognising them; None: it knows none.
     budget
         Called at each step; returns what its searches ask now and then, whether there is time left.
 
@@ -97,6 +102,8 @@ class MapPilot:
         The local controller, and its settings.
     moving
         (k, 5) what moves by itself, as `LocalSituation.moving`.
+    last_scan
+        The last scan of the lidar with `base` in `world` at its time; None: there is none yet.
 
     Raises
     ------
@@ -115,6 +122,7 @@ class MapPilot:
         home: SE2,
         *,
         has_lidar: bool,
+        topology: TopologicalMap | None = None,
         budget: Callable[[], GoesOn] = lambda: lambda: True,
     ) -> None:
         wanted = config.pilot
@@ -155,6 +163,9 @@ class MapPilot:
         """Before anything was seen."""
         self._tracks = MovingObstacles()
         self._scan_ns = -1
+        self.last_scan: tuple[SE2, RangeScan] | None = None
+        self._topology = topology
+        self._looks: dict[str, Appearance] = {}
         self._now_ns = 0
         self._here = home
         self._shown = NOWHERE, NOWHERE
@@ -165,6 +176,8 @@ class MapPilot:
     def warm_up(self) -> None:
         """Plan and drive a step on a small map, so that all is compiled before the robot moves."""
         rehearse(self._planner, self.controller, self._footprint)
+        if self._topology is not None:
+            self._looks = appearances(self._topology)
 
     @property
     def plans(self) -> int:
@@ -231,6 +244,7 @@ class MapPilot:
     def _take(self, T_world_odom: SE2, T_odom_base: SE2, scan: RangeScan) -> None:
         """Take a scan: what moves by itself is tracked, the rest marked in the map."""
         where = T_world_odom @ T_odom_base
+        self.last_scan = where, scan
         angles = where.theta_rad + scan.angles_rad
         sensor = where @ SE2(scan.x_m, scan.y_m, 0.0)
         ranges = np.where(np.isfinite(scan.ranges_m), scan.ranges_m, 0.0)[:, np.newaxis]
@@ -276,6 +290,7 @@ class MapPilot:
         """Forget what was seen: the robot's pose in `world` has jumped."""
         self._map.forget()
         self._tracks.reset()
+        self.last_scan = None
         self.moving = NOTHING_MOVES
 
     def recall(self, grid: GridMap) -> None:
@@ -300,6 +315,21 @@ class MapPilot:
     def exploration(self, speed_m_s: float) -> Exploration:
         """Return the behaviour that drives to what is unknown."""
         return Exploration(self, speed_m_s)
+
+    def travel(self, place: str, start: str, speed_m_s: float) -> Travel:
+        """Return the behaviour that drives to a place of the topological map.
+
+        Parameters
+        ----------
+        place, start
+            Names; an empty start is to be recognised.
+        speed_m_s
+            Largest speed [m/s].
+        """
+        if self._topology is None:
+            raise ValueError("the pilot has no topological map")
+        self._looks = self._looks or appearances(self._topology)
+        return Travel(self, self._topology, self._looks, place, start, speed_m_s)
 
     @property
     def knows_ways(self) -> bool:

@@ -9,7 +9,7 @@ than a door and clearly narrower than both.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy import ndimage  # type: ignore[import-untyped]
 
 from robotctl.model.grid_map import GridMap
+from robotctl.planning.topological.appearance import described
 from robotctl.planning.topological.graph import Passage, TopologicalMap, TopologicalPlace
 
 DOOR_M: Final = 1.5
@@ -29,9 +30,6 @@ FURNITURE_M: Final = 3.5
 """Things that stand free and are no longer than this do not divide a room."""
 _POST_M, _WALL_M = 0.5, 0.4
 """What is longer than the first and thinner than the second is a wall between two doors."""
-BEARINGS: Final = 72
-REACH_M: Final = 8.0
-"""Of a place's appearance."""
 _CORRIDOR: Final = 3.0
 """Length over width from which on a place is a corridor."""
 _NARROWER: Final = 0.5
@@ -79,8 +77,7 @@ def build(grid: GridMap, radius_m: float) -> Topology:
         return Topology(TopologicalMap((), ()), labels)
     labels = _with_corridors(labels, depth_m, side_m)
     labels = _without_small(labels, depth_m, side_m)
-    can_stand = _depth_m(floor, side_m) >= radius_m
-    return _topology(grid, labels, depth_m, can_stand)
+    return _topology(grid, labels, depth_m, _depth_m(floor, side_m), radius_m)
 
 
 def _depth_m(free: NDArray[np.bool_], side_m: float) -> NDArray[np.float64]:
@@ -201,17 +198,20 @@ def _topology(
     grid: GridMap,
     labels: NDArray[np.int64],
     depth_m: NDArray[np.float64],
-    can_stand: NDArray[np.bool_],
+    room_m: NDArray[np.float64],
+    radius_m: float,
 ) -> Topology:
-    """Return places, largest first, and passages of regions."""
+    """Return places, largest first, and passages of regions; `room_m` is around each cell."""
+    can_stand = room_m >= radius_m
     sizes = np.bincount(labels[labels >= 0], minlength=labels.max() + 1)
     rank = np.empty(len(sizes), np.int64)
     rank[np.argsort(-sizes, kind="stable")] = np.arange(len(sizes))
     labels = np.where(labels >= 0, rank[labels], -1)
     places = [_place(grid, labels == i, depth_m, can_stand, i) for i in range(len(sizes))]
     passages = _passages(grid, labels, depth_m, places)
-    around = [replace(each, passages=_around(each, passages)) for each in places]
-    return Topology(TopologicalMap(tuple(around), tuple(passages)), labels)
+    numbers = {place.name: number for number, place in enumerate(places)}
+    whole = [described(grid, labels, room_m, each, passages, numbers) for each in places]
+    return Topology(TopologicalMap(tuple(whole), tuple(passages)), labels)
 
 
 def _place(
@@ -221,7 +221,7 @@ def _place(
     can_stand: NDArray[np.bool_],
     number: int,
 ) -> TopologicalPlace:
-    """Return a place, without its passages."""
+    """Return a place, without its passages and what it looks like."""
     area_m2 = float(np.count_nonzero(inside)) * grid.resolution_m**2
     width_m = 2.0 * float(depth_m[inside].max())
     free = inside & can_stand if (inside & can_stand).any() else inside
@@ -230,8 +230,8 @@ def _place(
     long = area_m2 >= _CORRIDOR * width_m**2
     kind: Literal["room", "corridor"] = "corridor" if long else "room"
     x_m, y_m = grid.centre_of(middle[None])[0].tolist()
-    seen = _seen_from(grid, x_m, y_m)
-    return TopologicalPlace(f"{kind} {number + 1}", kind, (), area_m2, width_m, seen, x_m, y_m)
+    name = f"{kind} {number + 1}"
+    return TopologicalPlace(name, kind, (), area_m2, width_m, x_m=x_m, y_m=y_m)
 
 
 def _passages(
@@ -268,29 +268,3 @@ def _passages(
 
 def _apart_m(place: TopologicalPlace, x_m: float, y_m: float) -> float:
     return math.hypot(place.x_m - x_m, place.y_m - y_m)
-
-
-def _around(place: TopologicalPlace, passages: list[Passage]) -> tuple[str, ...]:
-    """Return the names of a place's passages, counter-clockwise around it."""
-
-    def bearing(passage: Passage) -> float:
-        return math.atan2(passage.y_m - place.y_m, passage.x_m - place.x_m)
-
-    mine = [each for each in passages if place.name in each.between]
-    return tuple(each.name for each in sorted(mine, key=bearing))
-
-
-def _seen_from(grid: GridMap, x_m: float, y_m: float) -> tuple[float, ...]:
-    """Return how far free floor reaches in each direction, at most `REACH_M` [m]."""
-    ranges_m = np.arange(0.0, REACH_M, 0.5 * grid.resolution_m)
-    bearings = np.arange(BEARINGS) * (math.tau / BEARINGS)
-    x = x_m + np.multiply.outer(np.cos(bearings), ranges_m)
-    y = y_m + np.multiply.outer(np.sin(bearings), ranges_m)
-    cells = grid.cell_of(np.column_stack([x.ravel(), y.ravel()]))
-    rows, columns = grid.shape
-    inside = (cells >= 0).all(axis=1) & (cells[:, 0] < rows) & (cells[:, 1] < columns)
-    free = np.zeros(len(cells), np.bool_)
-    free[inside] = grid.free()[cells[inside, 0], cells[inside, 1]]
-    blocked = ~free.reshape(x.shape)
-    first = np.where(blocked.any(axis=1), blocked.argmax(axis=1), len(ranges_m) - 1)
-    return tuple(np.round(ranges_m[first], 3).tolist())

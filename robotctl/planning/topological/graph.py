@@ -1,7 +1,9 @@
 """A topological map: places and the passages between them.
 
 A way needs no coordinates: a place lists its passages counter-clockwise, so "the second passage to
-the left of the one you came through" leads on. Where coordinates are known they are kept beside it.
+the left of the one you came through" leads on. What a robot needs to drive it, too, each place says
+in a frame of its own: its middle, and the direction of its first passage. No frame is common to two
+places. Where coordinates of a map are known they are kept beside it, for people.
 """
 
 from __future__ import annotations
@@ -13,6 +15,44 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from robotctl.errors import InvalidValue
+from robotctl.model.geometry.se2 import SE2
+
+
+@dataclass(frozen=True, slots=True)
+class Exit:
+    """Where a passage is, in the frame of a place.
+
+    Parameters
+    ----------
+    passage
+        Its name.
+    bearing_deg, distance_m
+        From the middle of the place.
+    heading_deg
+        Of one who leaves the place through it.
+    """
+
+    passage: str
+    bearing_deg: float
+    distance_m: float
+    heading_deg: float
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """What a place looks like from another spot than its middle, in the frame of the place.
+
+    Parameters
+    ----------
+    bearing_deg, distance_m
+        The spot, from the middle.
+    depth_m
+        As that of the place.
+    """
+
+    bearing_deg: float
+    distance_m: float
+    depth_m: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,10 +70,20 @@ class TopologicalPlace:
     area_m2, width_m
         Of its free floor, and the diameter of the largest circle in it.
     depth_m
-        How far one sees from where it is widest and a robot can stand, for equal steps of bearing
-        counter-clockwise from x of the map: what it looks like to a sensor.
+        How far one sees from its middle, where it is widest and a robot can stand, for equal steps
+        of bearing counter-clockwise from its first passage: what it looks like to a sensor. As far
+        as `REACH_M`: at least.
+    exit
+        Its passages, in that order; empty if it is not known where they are.
+    view
+        What it looks like from elsewhere.
     x_m, y_m
-        That spot, nan if unknown.
+        Its middle, nan if unknown.
+
+    Raises
+    ------
+    InvalidValue
+        If there are exits, but not those of its passages.
     """
 
     name: str
@@ -42,8 +92,30 @@ class TopologicalPlace:
     area_m2: float
     width_m: float
     depth_m: tuple[float, ...] = ()
+    exit: tuple[Exit, ...] = ()
+    view: tuple[View, ...] = ()
     x_m: float = math.nan
     y_m: float = math.nan
+
+    def __post_init__(self) -> None:
+        found = tuple(each.passage for each in self.exit)
+        if found and found != self.passages:
+            wanted = ", ".join(self.passages)
+            raise InvalidValue(
+                "exit", f"of {self.name}: {', '.join(found)} found; needed: {wanted}", found
+            )
+
+    def way_out(self, passage: str) -> SE2:
+        """Return the pose of one who leaves through a passage, in the frame of the place."""
+        found = next(each for each in self.exit if each.passage == passage)
+        x_m, y_m = spot(found)
+        return SE2(x_m, y_m, math.radians(found.heading_deg))
+
+
+def spot(item: Exit | View) -> tuple[float, float]:
+    """Return where something is in the frame of its place [m]."""
+    bearing_rad = math.radians(item.bearing_deg)
+    return item.distance_m * math.cos(bearing_rad), item.distance_m * math.sin(bearing_rad)
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +207,14 @@ class TopologicalMap:
         """Return the place of a name, None if there is none."""
         return next((each for each in self.places if each.name == name), None)
 
+    @property
+    def undrivable(self) -> str:
+        """Why a robot cannot drive by it; empty if it can."""
+        for place in self.places:
+            if not place.depth_m or len(place.exit) < len(place.passages):
+                return f"it does not say what {place.name} looks like and where its exits are"
+        return ""
+
     def renamed(self, old: str, new: str) -> TopologicalMap:
         """Return the map with another name for a place.
 
@@ -151,8 +231,13 @@ class TopologicalMap:
         ]
         return TopologicalMap(tuple(places), tuple(passages))
 
-    def way(self, start: str, goal: str) -> list[Step] | None:
-        """Return the shortest way between two places, None if there is none (Dijkstra 1959)."""
+    def way(
+        self, start: str, goal: str, without: frozenset[str] = frozenset()
+    ) -> list[Step] | None:
+        """Return the shortest way between two places, None if there is none (Dijkstra 1959).
+
+        Passages whose names are in `without` are closed.
+        """
         waiting: list[tuple[float, int, str, list[Passage]]] = [(0.0, 0, start, [])]
         settled: set[str] = set()
         pushed = 0
@@ -164,7 +249,7 @@ class TopologicalMap:
                 continue
             settled.add(here)
             for passage in self.passages:
-                if here in passage.between:
+                if here in passage.between and passage.name not in without:
                     pushed += 1
                     there = _beyond(passage, here)
                     further = (length_m + passage.length_m, pushed, there, [*through, passage])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from robotctl.messages.mode import Mode
-from robotctl.messages.requests import ExploreRequest, PositionRequest
+from robotctl.messages.requests import ExploreRequest, PlaceRequest, PositionRequest
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
 from robotctl.model.sensors.range_scan import RangeScan
@@ -18,6 +18,7 @@ from robotctl.planning.behaviours.explore import ExploreItem
 from robotctl.planning.behaviours.follow_path import DriveItem
 from robotctl.planning.behaviours.follow_wall import FollowWallItem, Until
 from robotctl.planning.behaviours.goto import GotoItem
+from robotctl.planning.behaviours.goto_place import GotoPlaceItem
 from robotctl.planning.behaviours.kind import NavigatedRobot, Seen
 from robotctl.planning.behaviours.registry import BEHAVIOURS, behaviour_for
 from robotctl.planning.behaviours.straight_to import StraightToItem
@@ -29,6 +30,7 @@ from robotctl.planning.guard.behaviour import BehaviourInput, Status
 from robotctl.planning.guard.obstacle_guard import ObstacleGuard
 from robotctl.planning.journey.pilot import MapPilot
 from tests.planning.journey.bench import BODY, LIMITS
+from tests.planning.topological.little_world import little_world
 
 WANTED = [
     DriveItem("drive", ((0.0, 0.0), (2.0, 0.0))),
@@ -38,9 +40,11 @@ WANTED = [
     WaitItem("wait", 2.0),
     GotoItem("goto", 2.0, 1.0),
     ExploreItem("explore"),
+    GotoPlaceItem("goto_place", "den"),
     PositionRequest(2.0, 1.0),
     DockItem("dock", 0.2),
     ExploreRequest(),
+    PlaceRequest("den"),
     WaitForItem("wait_for", go_ahead=True),
     Mode.RTL,
 ]
@@ -55,7 +59,15 @@ def test_each_can_be_made_paused_and_begun_anew(wanted, differential) -> None:
         crumbs.record(SE2(0.1 * step, 0.0, 0.0))
     robot = NavigatedRobot(config, differential.drive, differential.mounts, guard, crumbs)
     pilot = MapPilot(
-        config, differential.drive, LIMITS, BODY, differential.mounts, None, SE2(), has_lidar=True
+        config,
+        differential.drive,
+        LIMITS,
+        BODY,
+        differential.mounts,
+        None,
+        SE2(),
+        has_lidar=True,
+        topology=little_world().map,
     )
     nothing = RangeScan(1, np.linspace(-3.0, 3.0, 90), np.full(90, math.inf), 6.0)
     pilot.see(SE2(), Seen(SE2(), ((SE2(), nothing),)), 10**9)

@@ -1,5 +1,6 @@
 """Places found in maps are the rooms that are known to be there."""
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from robotctl.maps.localisation_map import load_localisation_map
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import FREE, OCCUPIED, GridMap
+from robotctl.planning.topological.appearance import SPACING_M
 from robotctl.planning.topological.build import build
 
 RADIUS_M = 0.2
@@ -27,6 +29,7 @@ OFFICE = {
 """A spot in each room that `configs/worlds/office.toml` has between its walls."""
 
 
+@cache
 def of_world(name):
     grid = load_localisation_map(name, Path()).grid
     return grid, build(grid, RADIUS_M)
@@ -127,9 +130,40 @@ def test_a_map_turned_in_the_world_has_the_same_places():
 
 def test_a_place_looks_as_far_as_its_walls():
     place = build(rooms(columns=1), RADIUS_M).map.places[0]
-    east, north = place.depth_m[0], place.depth_m[18]
+    eighth = len(place.depth_m) // 8
+    east, north_east, north = place.depth_m[0], place.depth_m[eighth], place.depth_m[2 * eighth]
     assert (east, north) == pytest.approx((2.0, 2.0), abs=0.15)
-    assert place.depth_m[9] == pytest.approx(2.0 * 2**0.5, abs=0.2)
+    assert north_east == pytest.approx(2.0 * 2**0.5, abs=0.2)
+
+
+def test_exits_are_given_from_the_first_one_on():
+    """In the middle room of three the doors are opposite, 2 m away, and straight through."""
+    for turn_rad in (0.0, 2.1):  # of the map in the world: places do not know of it
+        grid = rooms(0.8, 0.8)
+        built = build(GridMap(grid.cells, 0.1, SE2(1.0, 2.0, turn_rad)), RADIUS_M).map
+        place = next(each for each in built.places if len(each.passages) == 2)
+        first, second = place.exit
+        assert (first.bearing_deg, second.bearing_deg) == pytest.approx((0.0, 180.0), abs=3.0)
+        assert (first.distance_m, second.distance_m) == pytest.approx((2.0, 2.0), abs=0.2)
+        out = [np.exp(1j * np.radians(each.heading_deg)) for each in place.exit]
+        assert out == pytest.approx([1.0, -1.0], abs=0.1)
+
+
+def test_views_cover_a_place():
+    grid, found = of_world("office")
+    for number, place in enumerate(found.map.places):
+        x, y = grid.centre_of(np.argwhere(found.labels == number)).T
+        first = next(each for each in found.map.passages if each.name == place.passages[0])
+        turn_rad = np.arctan2(first.y_m - place.y_m, first.x_m - place.x_m)
+        away_m = np.hypot(x - place.x_m, y - place.y_m)
+        for view in place.view:
+            angle = turn_rad + np.radians(view.bearing_deg)
+            at = (
+                place.x_m + view.distance_m * np.cos(angle),
+                (place.y_m + view.distance_m * np.sin(angle)),
+            )
+            away_m = np.minimum(away_m, np.hypot(x - at[0], y - at[1]))
+        assert away_m.max() < SPACING_M + 1.0
 
 
 def test_nothing_free_has_no_places():

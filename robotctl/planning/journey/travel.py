@@ -1,0 +1,305 @@
+"""The behaviour that drives to a place by recognising places, without coordinates of a world.
+
+All that it believes is in which place it is, and where in the frame of that place. It drives to the
+passage that leads on, in that frame; beyond, it is in the frame of the next place. What the lidar
+sees is compared with what the place looks like all the time; where that does not fit for a while,
+it looks for the place anew, and goes on from the one that it finds. Kuipers, Modayil, Beeson,
+MacMahon, Savelli: Local metrical and global topological maps in the hybrid spatial semantic
+hierarchy, ICRA 2004.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+from robotctl.model.geometry.se2 import SE2
+from robotctl.planning.behaviours.kind import Goal
+from robotctl.planning.guard.behaviour import (
+    Anchor,
+    Behaviour,
+    BehaviourInput,
+    BehaviourOutput,
+    Status,
+    done,
+    failed,
+)
+from robotctl.planning.topological.graph import Passage, Step, TopologicalMap
+from robotctl.planning.topological.recognition import Appearance, PlaceSearch, look_of
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from robotctl.planning.journey.journey import Journey
+    from robotctl.planning.journey.pilot import MapPilot
+
+_LOOK_NS: Final = 400_000_000
+"""Between two comparisons with the present place [ns]."""
+_DOUBT: Final = 0.1
+"""Of the way driven since the last scan that fitted."""
+_WRONG_M: Final = 2.5
+"""Of way without a scan that fits, after which the robot looks for its place anew [m]."""
+_LOOKS: Final = 8
+"""Times that it looks for its place on one travel."""
+_ROAM_M: Final = 2.5
+_ROAM_NS: Final = 20_000_000_000
+"""Where it recognises nothing it drives on so far, and for so long, before it looks again."""
+_BEYOND_M: Final = 0.6
+"""It drives so far through a passage [m]."""
+_CROSSED_M: Final = 0.25
+_BESIDE_M: Final = 0.4
+"""Beyond a passage, and no farther beside it, it is in the next place [m]."""
+_SHIFTED_M: Final = 0.2
+"""It plans anew where the goal turns out to be so far from where it seemed to be [m]."""
+_TRIES: Final = 2
+"""Times that it fails to get through a passage until it takes another way."""
+_STANDS_M_S, _STANDS_RAD_S = 0.02, 0.05
+_BLIND_NS: Final = 10_000_000_000
+"""A robot that sees nothing for this long gives up [ns]."""
+
+
+@dataclass(slots=True)
+class _Belief:
+    """Where the robot is.
+
+    Parameters
+    ----------
+    place
+        Its name.
+    T_world_frame
+        The frame of the place; `world` is that of the behaviour's poses.
+    unseen_m
+        Way since the last scan that fitted [m].
+    """
+
+    place: str
+    T_world_frame: SE2
+    unseen_m: float = 0.0
+
+
+class Travel(Behaviour):
+    """Drives to a place.
+
+    Parameters
+    ----------
+    pilot
+        Drives from spot to spot.
+    topology, looks
+        The places, and what they look like, by name.
+    goal
+        Name of the place.
+    start
+        Where it begins; empty: to be recognised.
+    speed_m_s
+        Largest speed [m/s].
+    """
+
+    def __init__(
+        self,
+        pilot: MapPilot,
+        topology: TopologicalMap,
+        looks: Mapping[str, Appearance],
+        goal: str,
+        start: str,
+        speed_m_s: float,
+    ) -> None:
+        self._pilot = pilot
+        self._map = topology
+        self._places = {place.name: place for place in topology.places}
+        self._looks_of = looks
+        self._goal = goal
+        self._start = start
+        self._speed_m_s = speed_m_s
+        self.reset()
+
+    def anchor(self, pose: SE2) -> Anchor:
+        """Return where the robot is: it goes on from there."""
+        return Anchor(pose.x_m, pose.y_m)
+
+    def reset(self) -> None:
+        """Start over."""
+        self._belief: _Belief | None = None
+        self._hint = self._start
+        self._looks = 0
+        self._failures: Counter[str] = Counter()
+        self._closed: dict[str, str] = {}
+        """Why, of passages that it does not get through."""
+        self._epoch: tuple[int, int] | None = None
+        self._reason = ""
+        self.pause()
+
+    def pause(self) -> None:
+        """Go on from where the robot is after the pause."""
+        self._journey: Journey | None = None
+        self._target: tuple[str, SE2] | None = None
+        self._search: tuple[PlaceSearch, SE2] | None = None
+        self._roam: tuple[Behaviour, int] | None = None
+        self._roamed_m = 0.0
+        self._seen_ns = 0
+        self._blind_ns = 0
+        self._last: SE2 | None = None
+
+    def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
+        """Return the next velocity; done in the middle of the goal."""
+        if blindness := self._pilot.blindness:
+            self._blind_ns = self._blind_ns or now_ns
+            if now_ns - self._blind_ns > _BLIND_NS:
+                return failed(f"{blindness} for {_BLIND_NS / 1e9:g} s")
+            return BehaviourOutput(0.0, 0.0, text=f"waiting: {blindness}")
+        self._blind_ns = 0
+        if situation.epoch != self._epoch:  # poses before and after have nothing in common
+            self._epoch, self._belief = situation.epoch, None
+            self.pause()
+        self._note_way(situation.pose)
+        if self._belief is not None:
+            self._compare(self._belief, now_ns)
+        if self._belief is None:
+            return self._recognise(situation, now_ns)
+        return self._drive(self._belief, situation, now_ns)
+
+    def _note_way(self, pose: SE2) -> None:
+        """Count the way driven."""
+        if self._last is not None:
+            driven_m = math.hypot(pose.x_m - self._last.x_m, pose.y_m - self._last.y_m)
+            self._roamed_m += driven_m
+            if self._belief is not None:
+                self._belief.unseen_m += driven_m
+        self._last = pose
+
+    def _compare(self, belief: _Belief, now_ns: int) -> None:
+        """Compare what is seen with the present place; forget a place that it is not."""
+        taken = self._pilot.last_scan
+        if taken is None or now_ns - self._seen_ns < _LOOK_NS:
+            return
+        self._seen_ns = now_ns
+        T_world_base, scan = taken
+        look = look_of(scan)
+        if look is None:
+            return
+        expected = belief.T_world_frame.inverse() @ T_world_base
+        seen = self._looks_of[belief.place].follow(look, expected, _DOUBT * belief.unseen_m)
+        if seen is not None:
+            belief.T_world_frame = T_world_base @ seen.pose.inverse()
+            belief.unseen_m = 0.0
+        elif belief.unseen_m > _WRONG_M:
+            self._forget(f"this does not look like {belief.place}")
+
+    def _forget(self, reason: str) -> None:
+        """Look for the place anew."""
+        self._belief, self._reason = None, reason
+        self.pause()
+
+    def _recognise(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
+        """Stand and look for the place; where nothing is recognised, drive on and look again."""
+        if self._roam is not None:
+            return self._roam_on(*self._roam, situation, now_ns)
+        if self._search is None:
+            twist, taken = situation.twist, self._pilot.last_scan
+            stands = abs(twist.v_m_s) < _STANDS_M_S and abs(twist.omega_rad_s) < _STANDS_RAD_S
+            look = None if taken is None or not stands else look_of(taken[1])
+            if taken is None or look is None:
+                return BehaviourOutput(0.0, 0.0, text="standing, to look where it is")
+            if self._looks >= _LOOKS:
+                return failed(f"gave up after {self._looks} looks around: {self._reason}")
+            self._looks += 1
+            names = [self._hint] if self._hint else list(self._looks_of)
+            places = [self._looks_of[name] for name in names]
+            self._search = PlaceSearch(look, places), taken[0]
+        search, T_world_base = self._search
+        if not search.step():
+            return BehaviourOutput(0.0, 0.0, text="looking where it is")
+        self._search = None
+        if search.found is not None:
+            self._hint = ""
+            self._belief = _Belief(search.found.place, T_world_base @ search.found.pose.inverse())
+            return BehaviourOutput(0.0, 0.0, text=f"recognised {search.found.place}")
+        self._reason = search.reason
+        if self._hint:  # it does not begin where it was told
+            self._reason, self._hint = f"this does not look like {self._hint}", ""
+        else:
+            self._roam = self._pilot.exploration(self._speed_m_s), now_ns
+            self._roamed_m = 0.0
+        return BehaviourOutput(0.0, 0.0, text=self._reason)
+
+    def _roam_on(
+        self, roaming: Behaviour, begin_ns: int, situation: BehaviourInput, now_ns: int
+    ) -> BehaviourOutput:
+        """Drive to where more is to be seen."""
+        step = roaming.step(situation, now_ns)
+        enough = self._roamed_m > _ROAM_M or now_ns - begin_ns > _ROAM_NS
+        if enough or step.status is not Status.RUNNING:
+            self._roam = None
+            return BehaviourOutput(0.0, 0.0, text=self._reason)
+        return step._replace(text=f"{self._reason}; driving on to see more")
+
+    def _drive(self, belief: _Belief, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
+        """Drive to the passage that leads on, or in the goal to its middle."""
+        if belief.place == self._goal:
+            return self._arrive(belief, situation, now_ns)
+        way = self._map.way(belief.place, self._goal, frozenset(self._closed))
+        if way is None:
+            why = "".join(f"; {name}: {reason}" for name, reason in self._closed.items())
+            return failed(f"no way from {belief.place} to {self._goal}{why}")
+        step = way[0]
+        here = self._places[belief.place]
+        T_world_exit = belief.T_world_frame @ here.way_out(step.passage.name)
+        if _is_beyond(step.passage, T_world_exit.inverse() @ situation.pose):
+            return self._enter(step, T_world_exit)
+        output = self._go(step.passage.name, T_world_exit @ SE2(_BEYOND_M), situation, now_ns)
+        if output.status is Status.DONE:
+            return self._enter(step, T_world_exit)
+        if output.status is Status.FAILED:
+            return self._fail(step, output.text)
+        text = f"in {belief.place}, to {step.place.name} by {step.passage.name}: {output.text}"
+        return output._replace(text=text)
+
+    def _go(
+        self, name: str, target: SE2, situation: BehaviourInput, now_ns: int
+    ) -> BehaviourOutput:
+        """Drive to a spot, which may turn out to be a little elsewhere meanwhile."""
+        old = self._target
+        is_same = old is not None and old[0] == name
+        if old is not None and is_same:
+            off_m = math.hypot(target.x_m - old[1].x_m, target.y_m - old[1].y_m)
+            is_same = off_m < _SHIFTED_M
+        if self._journey is None or not is_same:
+            self._target = name, target
+            self._journey = self._pilot.journey(Goal(target.x_m, target.y_m), self._speed_m_s)
+        return self._journey.step(situation, now_ns)
+
+    def _enter(self, step: Step, T_world_exit: SE2) -> BehaviourOutput:
+        """Believe to be in the next place."""
+        inwards = step.place.way_out(step.passage.name).inverse()
+        self._belief = _Belief(step.place.name, T_world_exit @ SE2(0.0, 0.0, math.pi) @ inwards)
+        self._journey, self._seen_ns = None, 0
+        return BehaviourOutput(0.0, 0.0, text=f"through {step.passage.name}: {step.place.name}")
+
+    def _fail(self, step: Step, reason: str) -> BehaviourOutput:
+        """Look anew after a passage was not reached; take another way if that happens again."""
+        name = step.passage.name
+        self._failures[name] += 1
+        if self._failures[name] >= _TRIES:
+            self._closed[name] = reason
+            self._journey = None
+        else:
+            self._forget(f"{name} was not reached: {reason}")
+        return BehaviourOutput(0.0, 0.0, text=f"{name} was not reached: {reason}")
+
+    def _arrive(self, belief: _Belief, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
+        """Drive to the middle of the goal."""
+        output = self._go(self._goal, belief.T_world_frame, situation, now_ns)
+        if output.status is Status.RUNNING:
+            return output._replace(text=f"in {self._goal}, to its middle: {output.text}")
+        if belief.unseen_m > 0.5 * _WRONG_M:
+            self._forget(f"this does not look like {self._goal}")
+            return BehaviourOutput(0.0, 0.0, text=self._reason)
+        if output.status is Status.FAILED:
+            return done(f"in {self._goal}; its middle was not reached: {output.text}")
+        return done(f"in {self._goal}")
+
+
+def _is_beyond(passage: Passage, pose: SE2) -> bool:
+    """Return whether a robot, in the frame of a way out, has gone through it."""
+    return pose.x_m > _CROSSED_M and abs(pose.y_m) < 0.5 * passage.width_m + _BESIDE_M

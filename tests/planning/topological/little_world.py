@@ -1,0 +1,133 @@
+"""Four rooms in a ring, made by hand: what a lidar sees there, and how to get about there.
+
+Neither is of the code under test: beams are marched over rectangles, ways are searched breadth
+first on cells.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.grid_map import FREE, OCCUPIED, GridMap
+from robotctl.model.sensors.range_scan import RangeScan
+from robotctl.planning.topological.build import Topology, build
+from robotctl.planning.topological.graph import TopologicalMap
+
+SIDE_M = 0.1
+REACH_M = 12.0
+ROOMS = {
+    "hall": (0.2, 0.2, 6.2, 4.2),
+    "study": (6.4, 0.2, 10.4, 3.2),
+    "store": (6.4, 3.4, 9.4, 8.4),
+    "den": (0.2, 4.4, 6.2, 7.4),
+}
+DOORS = {
+    ("hall", "study"): (6.2, 1.2, 6.4, 2.1),
+    ("study", "store"): (7.7, 3.2, 8.6, 3.4),
+    ("den", "store"): (6.2, 5.2, 6.4, 6.1),
+    ("hall", "den"): (2.2, 4.2, 3.1, 4.4),
+}
+CUPBOARDS = (
+    (0.2, 3.4, 1.4, 4.2),
+    (9.6, 2.4, 10.4, 3.2),
+    (6.4, 7.6, 7.4, 8.4),
+    (0.2, 6.6, 1.0, 7.4),
+)
+
+
+@dataclass(frozen=True)
+class LittleWorld:
+    """The rooms; `closed` doors are walls.
+
+    `map` has no coordinates.
+    """
+
+    map: TopologicalMap
+    closed: tuple[tuple[str, str], ...] = ()
+
+    def is_free(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return which points are floor."""
+        doors = [box for ends, box in DOORS.items() if ends not in self.closed]
+        free = _inside([*ROOMS.values(), *doors], x, y)
+        return free & ~_inside(CUPBOARDS, x, y)
+
+    def scan(self, pose: SE2, stamp_ns: int) -> RangeScan:
+        """Return what a lidar sees from a pose."""
+        angles = np.linspace(-math.pi, math.pi, 240, endpoint=False)
+        ranges = np.arange(0.05, REACH_M, 0.02)
+        headings = pose.theta_rad + angles[:, None]
+        blocked = ~self.is_free(
+            pose.x_m + ranges * np.cos(headings), pose.y_m + ranges * np.sin(headings)
+        )
+        return RangeScan(stamp_ns, angles, ranges[blocked.argmax(axis=1)], REACH_M)
+
+    def way(self, start: SE2, goal: tuple[float, float]) -> list[tuple[float, float]]:
+        """Return the cells on a way that keeps off the walls; none: there is none."""
+        rows, columns = np.mgrid[0:90, 0:108]
+        x, y = (columns + 0.5) * SIDE_M, (rows + 0.5) * SIDE_M
+        free = np.ones(x.shape, np.bool_)
+        for off_x, off_y in ((0.25, 0.0), (-0.25, 0.0), (0.0, 0.25), (0.0, -0.25)):
+            free &= self.is_free(x + off_x, y + off_y)
+        begin = int(start.y_m / SIDE_M), int(start.x_m / SIDE_M)
+        end = int(goal[1] / SIDE_M), int(goal[0] / SIDE_M)
+        before = {begin: begin}
+        waiting = deque([begin])
+        while waiting and end not in before:
+            row, column = waiting.popleft()
+            for beside in (
+                (row + 1, column),
+                (row - 1, column),
+                (row, column + 1),
+                (row, column - 1),
+            ):
+                if beside not in before and free[beside]:
+                    before[beside] = row, column
+                    waiting.append(beside)
+        path: list[tuple[float, float]] = []
+        while end in before and end != begin:
+            path.append((float(x[end]), float(y[end])))
+            end = before[end]
+        return path[::-1]
+
+
+def room_at(x_m: float, y_m: float) -> str:
+    """Return the room of a point, empty in a doorway."""
+    for name, box in ROOMS.items():
+        if _inside([box], np.array(x_m), np.array(y_m)):
+            return name
+    return ""
+
+
+@cache
+def little_world() -> LittleWorld:
+    """Return the world with a topological map of it, places named, all coordinates left out."""
+    rows, columns = np.mgrid[0:90, 0:108]
+    world = LittleWorld(TopologicalMap((), ()))
+    free = world.is_free((columns + 0.5) * SIDE_M, (rows + 0.5) * SIDE_M)
+    grid = GridMap(np.where(free, FREE, OCCUPIED).astype(np.int8), SIDE_M)
+    return LittleWorld(_named(build(grid, 0.2)))
+
+
+def _named(built: Topology) -> TopologicalMap:
+    topology = built.map
+    for place in built.map.places:
+        topology = topology.renamed(place.name, room_at(place.x_m, place.y_m))
+    unknown = {"x_m": math.nan, "y_m": math.nan}
+    return TopologicalMap(
+        tuple(replace(each, **unknown) for each in topology.places),
+        tuple(replace(each, **unknown) for each in topology.passages),
+    )
+
+
+def _inside(boxes: object, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.bool_]:
+    found = np.zeros(np.shape(x), np.bool_)
+    for low_x, low_y, high_x, high_y in boxes:  # type: ignore[attr-defined]
+        found |= (x >= low_x) & (x <= high_x) & (y >= low_y) & (y <= high_y)
+    return found
