@@ -18,7 +18,7 @@ from robotctl.mavlink.parameters.table import PARAMETERS
 from robotctl.mavlink.service import Microservice
 from robotctl.mavlink.services.registry import SERVICES
 from robotctl.messages.control import SafetyState
-from robotctl.safety.state_machine import POWERED, TRANSITIONS, SafetyMachine
+from robotctl.safety.state_machine import ENABLED, TRANSITIONS, SafetyMachine
 
 DOCS = Path(__file__).parents[1] / "docs"
 BEGIN = "<!-- written by tools/write_docs.py -->"
@@ -34,7 +34,7 @@ def diagram() -> str:
         f"    {state.name} --> {new.name}: {' / '.join(events)}"
         for (state, new), events in ways.items()
     ]
-    powered = ",".join(state.name for state in SafetyState if state in POWERED)
+    powered = ",".join(state.name for state in SafetyState if state in ENABLED)
     return "\n".join(
         (
             "```mermaid",

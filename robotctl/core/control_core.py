@@ -6,7 +6,6 @@ of a run give its outputs again bit for bit.
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 import msgspec
@@ -15,8 +14,11 @@ from robotctl.config_values import tuned
 from robotctl.control.limiter import LimitsConfig
 from robotctl.control.wheel_loop import WheelLoop
 from robotctl.core.config import ControlConfig, impossible_wheel_rad_s
+from robotctl.core.control_state import measured_state
 from robotctl.core.driving import Driving
 from robotctl.core.motion import EncoderMotion
+from robotctl.core.motor_test import problem
+from robotctl.core.procedures import Procedures
 from robotctl.errors import InvalidValue
 from robotctl.messages.control import (
     Arm,
@@ -33,10 +35,10 @@ from robotctl.messages.control import (
     WheelCommand,
 )
 from robotctl.messages.faults import Fault, FaultCode
+from robotctl.messages.procedures import CalibrateGyro, CancelProcedure, MotorTest, Outcome
 from robotctl.messages.tuning import Tuning
 from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.se2 import SE2
-from robotctl.model.geometry.twist import Twist
 from robotctl.model.sensors.imu import ImuConfig
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.safety.arm_requests import ArmRequests
@@ -47,9 +49,12 @@ from robotctl.safety.plausibility_config import PlausibilityConfig
 from robotctl.safety.state_machine import LATCHED, Event, SafetyConfig, SafetyMachine
 from robotctl.safety.supervision import Supervision
 
-_UNKNOWN_TWIST: Final = Twist(math.nan, math.nan)
 _AT_REST_M_S = 0.005
 _CLEAR_INTERVAL_NS = 100_000_000
+_TESTABLE: Final = frozenset({SafetyState.STANDBY, SafetyState.MOTOR_TEST})
+_ENDS_PROCEDURES: Final = frozenset(
+    {Event.EMERGENCY_STOP, Event.FAULT, Event.DISARM, Event.ARM, Event.NOT_READY}
+)
 
 
 class Inputs(msgspec.Struct, frozen=True, array_like=True):
@@ -146,6 +151,7 @@ class ControlCore:
         self._node_events = NodeEvents()
         self._ticks = 0
         self._arming = ArmRequests()
+        self._procedures = Procedures(drive, control.pwm, plausibility, period_ns)
         self._objections: tuple[Fault, ...] = ()
         self._cleared_ns = 0
         self._stopped_ns = 0
@@ -183,6 +189,9 @@ class ControlCore:
         self._health.update(feedback)
         if self.machine.powered:
             self._supervision.compare(feedback, self._command_before, self.motion)
+        self._procedures.measure(self.motion, now_ns)
+        if self.machine.state in _TESTABLE:
+            self._procedures.surroundings.watch(self._health.fresh_sonar_m(now_ns), now_ns)
         events = self._node_events.take(feedback, now_ns)
         if events is not None:
             self._take_node_events(events, now_ns)
@@ -222,18 +231,32 @@ class ControlCore:
                     source = request.source.name.lower().replace("_", " ")
                     fault = Fault(FaultCode.EMERGENCY_STOP, f"emergency stop ({source})")
                     self._on(Event.EMERGENCY_STOP, fault, now_ns)
-                case Arm(arm=False):
-                    self._arming.answer_waiting(Fault(FaultCode.REQUEST_WITHDRAWN, "disarmed"))
-                    self._on(Event.DISARM, "disarmed", now_ns)
-                    self._arming.answer(request.request_id)
-                case Arm() if why := self._untimely(request, now_ns, stopping=stopping):
-                    self._arming.answer(request.request_id, why)
+                case CalibrateGyro() | MotorTest():
+                    self._begin_procedure(request, inputs.objections, now_ns)
+                case CancelProcedure():
+                    if request.request_id == self._procedures.latest.request_id:
+                        self._end_procedure(Outcome.CANCELLED, "cancelled", now_ns)
                 case Arm():
-                    self._arming.wait(request)
-                    self._objections = inputs.objections
-                    if self.machine.state in LATCHED:
-                        self._on(Event.RESET, "arming after a stop", now_ns)
+                    self._take_arm(request, inputs.objections, now_ns, stopping=stopping)
         return stop
+
+    def _take_arm(
+        self, request: Arm, objections: tuple[Fault, ...], now_ns: int, *, stopping: bool
+    ) -> None:
+        """Disarm, or let a request to arm wait; that ends any procedure."""
+        if not request.arm:
+            self._arming.answer_waiting(Fault(FaultCode.REQUEST_WITHDRAWN, "disarmed"))
+            self._end_procedure(Outcome.CANCELLED, "disarmed", now_ns)
+            self._on(Event.DISARM, "disarmed", now_ns)
+            self._arming.answer(request.request_id)
+        elif why := self._untimely(request, now_ns, stopping=stopping):
+            self._arming.answer(request.request_id, why)
+        else:
+            self._end_procedure(Outcome.CANCELLED, "arming was asked for", now_ns)
+            self._arming.wait(request)
+            self._objections = objections
+            if self.machine.state in LATCHED:
+                self._on(Event.RESET, "arming after a stop", now_ns)
 
     def _retune(self, tuning: Tuning) -> None:
         """Take other gains and limits, without a bump; what is not allowed changes nothing."""
@@ -250,6 +273,44 @@ class ControlCore:
         self._powerless = control.powerless(names)
         self._driving.retune(tables["limits"])
         self._tuning = tuning.number
+
+    def _begin_procedure(
+        self, request: CalibrateGyro | MotorTest, objections: tuple[Fault, ...], now_ns: int
+    ) -> None:
+        """Begin a calibration or a motor test in place of the last one, unless that is it."""
+        procedures = self._procedures
+        if procedures.is_known(request):
+            return
+        self._end_procedure(Outcome.CANCELLED, "something else was asked for", now_ns)
+        if why := self._against(request, objections, now_ns):
+            procedures.refuse(request, why)
+        elif isinstance(request, CalibrateGyro):
+            procedures.calibrate(request, now_ns)
+        elif self._on(Event.TEST, "motor test", now_ns):
+            procedures.begin_test(request, now_ns)
+            self._take_over(now_ns, wheels_alone=True)
+
+    def _against(
+        self, request: CalibrateGyro | MotorTest, objections: tuple[Fault, ...], now_ns: int
+    ) -> str:
+        """Return what speaks against a procedure, empty if nothing does."""
+        if self.machine.powered or self._arming.waiting:
+            return "the robot is armed, or about to be"
+        if not self.motion.is_at_rest:
+            return "the wheels turn"
+        if isinstance(request, CalibrateGyro):
+            return "" if self._health.is_fresh("gyro", now_ns) else "the gyro is not heard"
+        if self.machine.state is not SafetyState.STANDBY:
+            return f"the state is {self.machine.state.name}: {self.machine.reason}"
+        if why := problem(request, len(self._wheels), now_ns):
+            return why
+        refusals = self._refusals(now_ns, objections, untuned=True)
+        return "; ".join(map(str, refusals)) or self._procedures.surroundings.obstacle
+
+    def _end_procedure(self, outcome: Outcome, why: str, now_ns: int) -> None:
+        """End what is under way, at once."""
+        self._procedures.end(outcome, why)
+        self._on(Event.TEST_OVER, why, now_ns)
 
     def _untimely(self, request: Arm, now_ns: int, *, stopping: bool) -> Fault | None:
         """Return why a request to arm comes too early or too late; None if it does not."""
@@ -304,9 +365,11 @@ class ControlCore:
             return True
         return False
 
-    def _refusals(self, now_ns: int, objections: tuple[Fault, ...]) -> tuple[Fault, ...]:
-        """Return all reasons against arming now."""
-        refusals = objections + self._powerless
+    def _refusals(
+        self, now_ns: int, objections: tuple[Fault, ...], *, untuned: bool = False
+    ) -> tuple[Fault, ...]:
+        """Return all reasons against arming now; `untuned`: loops without gains are none."""
+        refusals = objections if untuned else objections + self._powerless
         refusals += self._supervision.refusals(
             now_ns, self.motion.speeds_rad_s, self.motion.imu, enabled=self._command_before.enable
         )
@@ -316,10 +379,10 @@ class ControlCore:
             refusals += (Fault(FaultCode.NOT_WARM, text),)
         return refusals
 
-    def _take_over(self, now_ns: int) -> None:
+    def _take_over(self, now_ns: int, *, wheels_alone: bool = False) -> None:
         """Begin to supervise and to drive, from the present motion."""
         self._node_events.forget_errors()
-        self._supervision.armed(now_ns)
+        self._supervision.armed(now_ns, wheels_alone=wheels_alone)
         self._driving.take_over(self.motion.twist, now_ns)
 
     def _drive_wheels(self, now_ns: int) -> WheelCommand:
@@ -333,6 +396,13 @@ class ControlCore:
     def _next_command(self, now_ns: int) -> WheelCommand:
         """Close the wheel loops where the robot is powered."""
         driving, motion, drive = self._driving, self.motion, self._health.drive
+        supply_v = 0.0 if drive is None else drive.bus_voltage_v
+        if self.machine.state is SafetyState.MOTOR_TEST:
+            duties = self._procedures.turn(motion.speeds_rad_s, supply_v, now_ns)
+            if duties is not None:
+                held_rad = self._command.steering_rad
+                return self._unless_refused(driving.guarded(*duties, held_rad, held_rad), now_ns)
+            self._on(Event.TEST_OVER, self._procedures.latest.text, now_ns)
         if not self.machine.powered:
             return driving.stopped(motion.steering_rad)
         if driving.follow_setpoint(now_ns):
@@ -340,12 +410,15 @@ class ControlCore:
                 self._on(Event.MOVE, "", now_ns)
         elif driving.reference == (0.0, 0.0) and abs(motion.twist.v_m_s) < _AT_REST_M_S:
             self._on(Event.REST, "", now_ns)
-        supply_v = 0.0 if drive is None else drive.bus_voltage_v
         command = driving.command(motion.steering_rad, self._command.steering_rad, supply_v)
-        if isinstance(command, Fault):
-            self._on(Event.FAULT, command, now_ns)
-            return driving.stopped(motion.steering_rad)
-        return command
+        return self._unless_refused(command, now_ns)
+
+    def _unless_refused(self, command: WheelCommand | Fault, now_ns: int) -> WheelCommand:
+        """Return a command; stop where the command guard has refused it."""
+        if isinstance(command, WheelCommand):
+            return command
+        self._on(Event.FAULT, command, now_ns)
+        return self._driving.stopped(self.motion.steering_rad)
 
     def _on(self, event: Event, why: Fault | str, now_ns: int) -> bool:
         """Apply an event to the state machine and report stops and starts."""
@@ -354,6 +427,8 @@ class ControlCore:
         if event is Event.EMERGENCY_STOP or (changed and event is Event.FAULT):
             self._stopped_ns = now_ns
             self._arming.answer_waiting(_before_stop(str(why)))
+        if changed and event in _ENDS_PROCEDURES:
+            self._procedures.end(Outcome.FAILED, str(why) or event.value)
         if changed and event in (Event.EMERGENCY_STOP, Event.FAULT):
             self._driving.velocity = None
             self._notices.append(Notice(now_ns, Severity.CRITICAL, f"stopped: {why}"))
@@ -369,52 +444,22 @@ class ControlCore:
         self, now_ns: int, loop: LoopStatistics, objections: tuple[Fault, ...] = ()
     ) -> ControlState:
         """Return the state for other processes; `objections` are the host's to arming."""
-        health, motion, wheels = self._health, self.motion, self._wheels
-        pose, reference = motion.pose_odom_base, self._driving.reference
-        motor, drive = health.fresh_motor(now_ns), health.fresh_drive(now_ns)
-        measured = health.wheels_fresh(now_ns)
-        twist = motion.twist if measured else _UNKNOWN_TWIST
-        duties = (self._command.duty1, self._command.duty2)
-        n, fault = len(wheels), self.machine.fault
-        return ControlState(
-            stamp_ns=now_ns,
-            state=self.machine.state,
-            reason=self.machine.reason,
-            x_m=pose.x_m,
-            y_m=pose.y_m,
-            theta_rad=pose.theta_rad,
-            v_m_s=twist.v_m_s,
-            omega_rad_s=twist.omega_rad_s,
+        reference = self._driving.reference
+        state = measured_state(
+            self.machine, self._health, self.motion, self._wheels, self._drive, now_ns
+        )
+        return msgspec.structs.replace(
+            state,
             v_ref_m_s=reference.v_m_s,
             omega_ref_rad_s=reference.omega_rad_s,
-            distance_m=motion.odometry.distance_m,
-            wheel_rad_s=motion.speeds_rad_s if measured else (math.nan,) * n,
-            wheel_ref_rad_s=tuple(w.reference_rad_s for w in wheels),
-            wheel_distance_m=tuple(
-                w.estimator.position_rad * radius_m
-                for w, radius_m in zip(wheels, self._drive.wheel_radii_m, strict=True)
-            ),
-            duty=duties[:n],
-            current_a=(motor.current1_a, motor.current2_a)[:n] if motor else (),
-            temperature_c=(motor.temperature1_c, motor.temperature2_c)[:n] if motor else (),
-            steering_rad=motion.steering_rad,
-            bus_voltage_v=drive.bus_voltage_v if drive else math.nan,
-            battery=health.fresh_battery(now_ns),
-            sonar_m=health.fresh_sonar_m(now_ns),
-            sonar_stamp_ns=tuple(max(stamp_ns, 0) for stamp_ns in health.sonar_ns),
-            faults=motor.faults if motor else 0,
-            nodes=health.nodes,
-            bus=health.bus,
+            duty=(self._command.duty1, self._command.duty2)[: len(self._wheels)],
             loop=loop,
-            odometer_m=self.odometer_start_m + motion.odometry.distance_m,
+            odometer_m=self.odometer_start_m + state.distance_m,
             acks=self._arming.acks,
             armings=self._armings,
-            fault=fault.code if fault else FaultCode.NONE,
-            fault_part=fault.part if fault else "",
-            odom_epoch_ns=motion.epoch_ns,
-            imu=motion.imu if health.is_fresh("gyro", now_ns) else None,
             against_arming=() if self.machine.powered else self._refusals(now_ns, objections),
             tuning=self._tuning,
+            procedure=self._procedures.latest,
         )
 
 

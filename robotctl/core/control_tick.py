@@ -7,6 +7,12 @@ from robotctl.core.operator import Operator
 from robotctl.messages.control import Arm, ControlRequest, Feedback, WheelCommand
 from robotctl.messages.faults import Fault
 from robotctl.messages.ports import RobotPort
+from robotctl.messages.procedures import MotorTest
+
+
+def _would_enable(request: ControlRequest) -> bool:
+    """Return whether a request is one to enable the motors."""
+    return isinstance(request, MotorTest) or (isinstance(request, Arm) and request.arm)
 
 
 class ControlTick:
@@ -46,7 +52,7 @@ class ControlTick:
         """Take frames and requests."""
         requests = tuple(self._operator.ask())
         objections: tuple[Fault, ...] = ()
-        if requests and any(isinstance(request, Arm) and request.arm for request in requests):
+        if requests and any(map(_would_enable, requests)):
             objections = self._operator.objections
         self.inputs = Inputs(self.robot.receive(now_ns), requests, objections)
 

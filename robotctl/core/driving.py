@@ -99,8 +99,24 @@ class Driving:
         duty2 = 0.0
         if len(self._wheels) == 2:
             duty2 = self._wheels[1].step(wheels.omega2_rad_s, bus_voltage_v, dt_s)
+        return self.guarded(duty1, duty2, wheels.steering_rad, steering_before_rad)
+
+    def guarded(
+        self, duty1: float, duty2: float, steering_rad: float, steering_before_rad: float
+    ) -> WheelCommand | Fault:
+        """Return the command that drives; a fault where the command guard refuses.
+
+        Parameters
+        ----------
+        duty1, duty2
+            Duties [-1, 1].
+        steering_rad
+            Steering angle [rad].
+        steering_before_rad
+            That of the last command [rad].
+        """
         guarded = guard_command(
-            True, duty1, duty2, wheels.steering_rad, self.steering_max_rad, steering_before_rad
+            True, duty1, duty2, steering_rad, self.steering_max_rad, steering_before_rad
         )
         if guarded.fault:
             return Fault(FaultCode.COMMAND_GUARD, f"command guard: {guarded.fault}")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import msgspec
 
 from robotctl.control.wheel_loop import WheelLoop
@@ -13,6 +15,9 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
 from robotctl.model.sensors.imu import ImuConfig
 from robotctl.safety.stale_frame_filter import Latch, LatchTimes
+
+_REST_M_S: Final = 0.02
+_REST_RAD_S: Final = 0.1
 
 
 class EncoderMotion:
@@ -76,6 +81,17 @@ class EncoderMotion:
     def pose_odom_base(self) -> SE2:
         """Pose of odometry."""
         return self.odometry.pose_odom_base
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether the wheels stand, up to an encoder that flickers between two counts."""
+        twist = self.twist
+        return abs(twist.v_m_s) < _REST_M_S and abs(twist.omega_rad_s) < _REST_RAD_S
+
+    def take_bias(self, bias_rad_s: tuple[float, float, float], readings: int) -> None:
+        """Take a bias of the gyro that was measured [rad/s], the mean of so many readings."""
+        if self._inertial is not None:
+            self._inertial.take_bias(bias_rad_s, readings)
 
     def update(self, feedback: Feedback) -> Feedback:
         """Take the feedback; return it without counts of another time."""

@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import common
 
 from robotctl.estimation.ranging.sonar_config import SonarModelConfig
 from robotctl.mavlink.catalogue import Catalogue
-from robotctl.mavlink.command import Command
+from robotctl.mavlink.command import IN_PROGRESS, Command
 from robotctl.mavlink.config import MavlinkConfig
 from robotctl.mavlink.ftp.files import Files
 from robotctl.mavlink.globe import Origin
@@ -37,12 +37,15 @@ from robotctl.messages.supervision import SupervisorRequest
 from robotctl.messages.world_pose import WorldPose
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarMount
-from robotctl.safety.state_machine import POWERED
+from robotctl.safety.state_machine import ENABLED
 
 FRESH_NS = 1_000_000_000
 """Age beyond which a state is meaningless [ns]."""
 
 MAX_TEXTS = 64
+
+UNKNOWN = 255
+"""`progress` of COMMAND_ACK that nobody knows."""
 
 TRANSPORT_NS = 20_000_000
 """What a set-point may wait for this process, and its end for control [ns]: it is void so much
@@ -184,6 +187,8 @@ class Pending:
     command: Command
     asked_ns: int
     told_ns: int
+    percent: int = UNKNOWN
+    """How much of it is done, as far as its service knows."""
 
 
 @dataclass
@@ -284,6 +289,12 @@ class Context:
         self.pending.pop(command.key, None)
         self.tell_result(command, result)
 
+    def tell_progress(self, command: Command, percent: int, now_ns: int) -> None:
+        """Tell the sender of `command`, which goes on, how much of it is done."""
+        self.tell_result(command, IN_PROGRESS, percent)
+        if (pending := self.pending.get(command.key)) is not None:
+            pending.told_ns, pending.percent = now_ns, percent
+
     def tell_result(self, command: Command, result: int, progress: int = 0) -> None:
         """Send COMMAND_ACK with a MAV_RESULT to the sender of `command`."""
         system, component = command.sender
@@ -298,9 +309,9 @@ class Context:
         return state if state is not None and now_ns - state.stamp_ns <= FRESH_NS else None
 
     def is_armed(self, now_ns: int) -> bool:
-        """Say whether the robot is known to be armed."""
+        """Say whether the robot is known to be armed, or a motor of it tested."""
         control = self.fresh_control(now_ns)
-        return control is not None and control.state in POWERED
+        return control is not None and control.state in ENABLED
 
     def fresh_navigation(self, now_ns: int) -> NavigationState | None:
         """Return the navigation process's state, None if it is silent."""
@@ -347,7 +358,7 @@ class Context:
         control = self.fresh_control(now_ns)
         if control is None:
             return ("control is silent",)
-        if control.state in POWERED:
+        if control.state in ENABLED:
             return None
         reasons = tuple(str(each) for each in control.against_arming)
         return reasons if self.has_localiser_ready(now_ns) else (*reasons, LOCALISER_NOT_READY)

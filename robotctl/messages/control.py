@@ -16,6 +16,12 @@ from robotctl.messages.faults import Fault, FaultCode
 from robotctl.messages.fence import FenceRequest, FenceState, SetRally
 from robotctl.messages.mission import MissionCommand
 from robotctl.messages.mode import Mode as Mode  # noqa: PLC0414 - part of the messages
+from robotctl.messages.procedures import (
+    CalibrateGyro,
+    CancelProcedure,
+    MotorTest,
+    Procedure,
+)
 from robotctl.messages.tuning import Tuning
 from robotctl.model.geometry.se2 import SE2
 
@@ -82,6 +88,7 @@ class SafetyState(enum.IntEnum):
     DRIVING = 3
     FAULT = 4
     EMERGENCY_STOP = 5
+    MOTOR_TEST = 6
 
 
 class WheelFeedback(msgspec.Struct, frozen=True, gc=False, array_like=True):
@@ -356,7 +363,9 @@ class GroundStationPresence(msgspec.Struct, frozen=True, tag=True):
     heard_ns: int = 0
 
 
-ControlRequest: TypeAlias = VelocityCommand | Arm | EmergencyStop | Tuning
+ControlRequest: TypeAlias = (
+    VelocityCommand | Arm | EmergencyStop | Tuning | CalibrateGyro | MotorTest | CancelProcedure
+)
 """Requests to the control process."""
 
 NavigationRequest: TypeAlias = (
@@ -415,7 +424,7 @@ class ControlState(msgspec.Struct, frozen=True, tag=True):
     `fault` is the kind of what `reason` says, NONE if that is no fault; `fault_part` names the
     node, wheel or sonar it is about. `against_arming` are all reasons for which a request to arm
     would be refused now, empty while the robot is powered. `tuning` is the number of the `Tuning`
-    in force.
+    in force. `procedure` is the last that was asked for.
     """
 
     stamp_ns: int
@@ -453,6 +462,7 @@ class ControlState(msgspec.Struct, frozen=True, tag=True):
     imu: ImuFeedback | None = None
     against_arming: tuple[Fault, ...] = ()
     tuning: int = 0
+    procedure: Procedure = Procedure()
 
     @property
     def T_odom_base(self) -> SE2:

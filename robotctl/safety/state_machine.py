@@ -1,7 +1,7 @@
 """The safety state machine: one table of transitions, nothing moves outside it.
 
 `FAULT` and `EMERGENCY_STOP` latch: they end only by a new request to arm, once their causes are
-gone. The wheels turn only in `ARMED` and `DRIVING`.
+gone. The wheels turn only in `ARMED`, `DRIVING` and `MOTOR_TEST`.
 """
 
 from __future__ import annotations
@@ -27,6 +27,8 @@ class Event(enum.Enum):
     RESET = "arm asked for"
     MOVE = "velocity wanted"
     REST = "no velocity wanted, at rest"
+    TEST = "motor test"
+    TEST_OVER = "motor test over"
 
 
 _S, _E = SafetyState, Event
@@ -37,6 +39,7 @@ TRANSITIONS: dict[tuple[SafetyState, Event], SafetyState] = {
     (_S.STANDBY, _E.NOT_READY): _S.BOOT,
     (_S.STANDBY, _E.EMERGENCY_STOP): _S.EMERGENCY_STOP,
     (_S.STANDBY, _E.ARM): _S.ARMED,
+    (_S.STANDBY, _E.TEST): _S.MOTOR_TEST,
     (_S.ARMED, _E.EMERGENCY_STOP): _S.EMERGENCY_STOP,
     (_S.ARMED, _E.FAULT): _S.FAULT,
     (_S.ARMED, _E.DISARM): _S.STANDBY,
@@ -48,11 +51,18 @@ TRANSITIONS: dict[tuple[SafetyState, Event], SafetyState] = {
     (_S.FAULT, _E.EMERGENCY_STOP): _S.EMERGENCY_STOP,
     (_S.FAULT, _E.RESET): _S.STANDBY,
     (_S.EMERGENCY_STOP, _E.RESET): _S.STANDBY,
+    (_S.MOTOR_TEST, _E.EMERGENCY_STOP): _S.EMERGENCY_STOP,
+    (_S.MOTOR_TEST, _E.FAULT): _S.FAULT,
+    (_S.MOTOR_TEST, _E.DISARM): _S.STANDBY,
+    (_S.MOTOR_TEST, _E.TEST_OVER): _S.STANDBY,
 }
 """Every transition there is; an event without a row in the present state changes nothing."""
 
 POWERED = frozenset({SafetyState.ARMED, SafetyState.DRIVING})
-"""States in which the motors may be enabled."""
+"""States of an armed robot: it follows velocities."""
+
+ENABLED = POWERED | {SafetyState.MOTOR_TEST}
+"""States in which the motors may be enabled, and all is supervised."""
 
 LATCHED = frozenset({SafetyState.FAULT, SafetyState.EMERGENCY_STOP})
 """States that only a new request to arm can leave."""
@@ -144,7 +154,7 @@ class SafetyMachine:
     state
         The present state.
     powered
-        Whether that is one of `POWERED`.
+        Whether that is one of `ENABLED`.
     reason
         Reason, for the operator; empty if there is none.
     fault
@@ -162,7 +172,7 @@ class SafetyMachine:
         if new is None:
             return False
         self.state = new
-        self.powered = new in POWERED
+        self.powered = new in ENABLED
         self.explain(why)
         return True
 

@@ -38,7 +38,7 @@ def _imu(robot: Monitored) -> ImuMonitor:
 
 
 MONITORS: Final[tuple[Callable[[Monitored], Monitor], ...]] = (_plausibility, _sonars, _imu)
-"""All monitors; if several report in the same tick, the first wins."""
+"""All monitors; if several report in the same tick, the first wins, which is the wheels'."""
 
 
 class Supervision:
@@ -58,6 +58,7 @@ class Supervision:
         names = tuple(mount.name for mount in robot.sonars)
         self.health = Health(ages, safety.heartbeat_timeout_ms * 1_000_000, names)
         self._monitors = tuple(make(robot) for make in MONITORS)
+        self._watching = self._monitors
         self._values = SensorValues(
             robot.wheel_names, robot.steering_max_rad, robot.plausibility.steering_tolerance_rad
         )
@@ -74,7 +75,7 @@ class Supervision:
         drive = self.health.drive
         supply_v = None if drive is None else drive.bus_voltage_v
         inputs = MonitorInputs(feedback, command, supply_v, motion)
-        for monitor in self._monitors:
+        for monitor in self._watching:
             found = monitor.update(inputs)
             if found is not None and self._contradiction is None:
                 self._contradiction = found
@@ -103,8 +104,13 @@ class Supervision:
         """Note that the command of this tick allows power."""
         self._powered_ns = now_ns
 
-    def armed(self, now_ns: int) -> None:
-        """Note that the robot is armed: the monitors restart."""
+    def armed(self, now_ns: int, *, wheels_alone: bool = False) -> None:
+        """Note that the robot is armed: the monitors restart.
+
+        `wheels_alone`: only those of the wheels. In a motor test they may turn in the air, which
+        contradicts what sonars and IMU say of the robot.
+        """
+        self._watching = self._monitors[:1] if wheels_alone else self._monitors
         self.health.armed(now_ns)
         self._contradiction = None
         for monitor in self._monitors:

@@ -1,6 +1,7 @@
 """A robot for tests of the core: ideal first-order wheels behind quantised encoders."""
 
 import math
+from dataclasses import replace
 
 import msgspec
 
@@ -45,20 +46,23 @@ RESISTANCE_OHM = 1.5
 TAU_S = 0.08
 DRIVE = DifferentialDrive("differential", 0.3, 0.05, 2400)
 NODES = NodeParameters(200, 90, 350, 2400, steered=False, sonars=4)
+NO_IMU = ImuConfig()
 PID = PidConfig(kp=0.25, ki=3.0, kv=K_V_S_RAD)
 
 
-def make_core(safety: SafetyConfig = SAFETY, left: PidConfig = PID) -> ControlCore:
+def make_core(
+    safety: SafetyConfig = SAFETY, left: PidConfig = PID, imu: ImuConfig = NO_IMU
+) -> ControlCore:
     return ControlCore(
         DRIVE,
         ControlConfig(left=left, right=PID),
         LimitsConfig(),
         safety,
         PlausibilityConfig(RESISTANCE_OHM, K_V_S_RAD),
-        age_limits(NODES, safety, PERIOD_NS),
+        age_limits(replace(NODES, imu=imu.enabled), safety, PERIOD_NS),
         PERIOD_NS,
         tuple(SonarMount(name, 0.0, 0.1, 90.0) for name in ("a", "b", "c", "d")),
-        ImuConfig(),
+        imu,
         SE2(1.0, 2.0, 0.0),
     )
 

@@ -6,7 +6,14 @@ from hypothesis import strategies as st
 
 from robotctl.messages.control import SafetyState
 from robotctl.messages.faults import Fault, FaultCode
-from robotctl.safety.state_machine import LATCHED, POWERED, TRANSITIONS, Event, SafetyMachine
+from robotctl.safety.state_machine import (
+    ENABLED,
+    LATCHED,
+    POWERED,
+    TRANSITIONS,
+    Event,
+    SafetyMachine,
+)
 
 EVENTS = st.lists(st.sampled_from(list(Event)), max_size=60)
 
@@ -23,17 +30,20 @@ COLUMNS = [
     "RESET",
     "MOVE",
     "REST",
+    "TEST",
+    "TEST_OVER",
 ]
 TABLE = {
-    "BOOT": "X B B S B B B B B",
-    "STANDBY": "X S S S B A S S S",
-    "ARMED": "X F S A A A A D A",
-    "DRIVING": "X F S D D D D D A",
-    "FAULT": "X F F F F F S F F",
-    "EMERGENCY_STOP": "X X X X X X S X X",
+    "BOOT": "X B B S B B B B B B B",
+    "STANDBY": "X S S S B A S S S T S",
+    "ARMED": "X F S A A A A D A A A",
+    "DRIVING": "X F S D D D D D A D D",
+    "FAULT": "X F F F F F S F F F F",
+    "EMERGENCY_STOP": "X X X X X X S X X X X",
+    "MOTOR_TEST": "X F S T T T T T T T S",
 }
 LETTER = {"B": "BOOT", "S": "STANDBY", "A": "ARMED", "D": "DRIVING", "F": "FAULT",
-          "X": "EMERGENCY_STOP"}  # fmt: skip
+          "X": "EMERGENCY_STOP", "T": "MOTOR_TEST"}  # fmt: skip
 
 
 def test_the_table_names_every_state_and_every_event() -> None:
@@ -57,8 +67,9 @@ def test_a_machine_begins_in_boot_without_power() -> None:
     assert machine.powered is False
 
 
-def test_two_states_are_powered_and_two_others_latch() -> None:
+def test_two_states_are_powered_one_tests_and_two_others_latch() -> None:
     assert {SafetyState.ARMED, SafetyState.DRIVING} == POWERED
+    assert {*POWERED, SafetyState.MOTOR_TEST} == ENABLED
     assert {SafetyState.FAULT, SafetyState.EMERGENCY_STOP} == LATCHED
 
 
@@ -67,13 +78,16 @@ def test_an_emergency_stop_leads_to_its_latch_from_every_state() -> None:
         assert TRANSITIONS[state, Event.EMERGENCY_STOP] == SafetyState.EMERGENCY_STOP
 
 
-def test_only_an_accepted_request_to_arm_leads_from_unpowered_to_powered() -> None:
+def test_only_an_accepted_request_leads_from_unpowered_to_powered() -> None:
     entries = {
         (state, event)
         for (state, event), new in TRANSITIONS.items()
-        if state not in POWERED and new in POWERED
+        if state not in ENABLED and new in ENABLED
     }
-    assert entries == {(SafetyState.STANDBY, Event.ARM)}
+    assert entries == {(SafetyState.STANDBY, Event.ARM), (SafetyState.STANDBY, Event.TEST)}
+    assert not any(
+        new in POWERED for (state, _), new in TRANSITIONS.items() if state is SafetyState.MOTOR_TEST
+    )
 
 
 @given(EVENTS)
@@ -84,7 +98,7 @@ def test_a_latched_state_is_left_only_by_a_request_to_arm(events: list[Event]) -
         machine.on(event)
         if before in LATCHED and machine.state not in LATCHED:
             assert event == Event.RESET
-            assert machine.state not in POWERED
+            assert machine.state not in ENABLED
 
 
 @given(EVENTS)
@@ -93,7 +107,7 @@ def test_after_a_fault_in_motion_the_robot_is_never_powered(events: list[Event])
     for event in events:
         machine.on(event)
         if event in (Event.EMERGENCY_STOP, Event.FAULT, Event.DISARM):
-            assert machine.state not in POWERED
+            assert machine.state not in ENABLED
 
 
 def test_an_event_says_whether_it_changed_the_state_and_keeps_its_reason_only_then() -> None:

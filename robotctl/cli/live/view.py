@@ -46,6 +46,7 @@ _STATE_STYLE = {
     SafetyState.DRIVING: "bold green",
     SafetyState.FAULT: "bold red",
     SafetyState.EMERGENCY_STOP: "bold white on red",
+    SafetyState.MOTOR_TEST: "bold green",
 }
 
 

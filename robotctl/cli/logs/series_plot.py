@@ -17,6 +17,7 @@ _SHADES: Final = {
     SafetyState.DRIVING: "honeydew",
     SafetyState.FAULT: "mistyrose",
     SafetyState.EMERGENCY_STOP: "lightcoral",
+    SafetyState.MOTOR_TEST: "honeydew",
 }
 _WITHOUT_WINDOWS: Final = frozenset({"agg", "cairo", "pdf", "pgf", "ps", "svg", "template"})
 _MANY: Final = 12

@@ -236,6 +236,10 @@ class InertialTracker:
             bias[2] + share * (rate[2] - bias[2]),
         )
 
+    def take_bias(self, bias_rad_s: Vector, readings: int) -> None:
+        """Take a bias that was measured [rad/s], as the mean of so many readings at rest."""
+        self._bias, self._readings_at_rest = bias_rad_s, readings
+
     def _in_base(self, x: float, y: float) -> tuple[float, float]:
         """Turn the horizontal part of a vector of the sensor into `base`."""
         return self._cos * x - self._sin * y, self._sin * x + self._cos * y

@@ -19,8 +19,6 @@ from robotctl.messages.mavlink_port import Message, Peer, source
 LONG_NS: Final = 1_200_000_000
 """A result that takes longer is announced, again and again [ns]: control refuses to arm after 1 s,
 and who takes the first answer for the result shall get that."""
-UNKNOWN: Final = 255
-"""`progress` of COMMAND_ACK that nobody knows."""
 FORGOTTEN_NS: Final = 20_000_000_000
 """No service waits as long for a result [ns]."""
 
@@ -70,4 +68,4 @@ class Commands(Microservice):
                 del self._context.pending[key]
             elif now_ns - pending.told_ns >= LONG_NS:
                 pending.told_ns = now_ns
-                self._context.tell_result(pending.command, IN_PROGRESS, UNKNOWN)
+                self._context.tell_result(pending.command, IN_PROGRESS, pending.percent)

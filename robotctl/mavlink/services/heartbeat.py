@@ -16,6 +16,7 @@ from robotctl.mavlink.personality import Personality
 from robotctl.mavlink.service import Microservice
 from robotctl.messages.control import Mode, SafetyState
 from robotctl.messages.mavlink_port import Message
+from robotctl.safety.state_machine import ENABLED
 
 INTERVAL_NS = 1_000_000_000
 
@@ -27,11 +28,10 @@ MAV_STATES = {
     SafetyState.STANDBY: common.MAV_STATE_STANDBY,
     SafetyState.ARMED: common.MAV_STATE_ACTIVE,
     SafetyState.DRIVING: common.MAV_STATE_ACTIVE,
+    SafetyState.MOTOR_TEST: common.MAV_STATE_ACTIVE,
     SafetyState.FAULT: common.MAV_STATE_CRITICAL,
     SafetyState.EMERGENCY_STOP: common.MAV_STATE_EMERGENCY,
 }
-
-ARMED_STATES = (SafetyState.ARMED, SafetyState.DRIVING)
 
 MODE_FLAGS = {
     Mode.MANUAL: common.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED,
@@ -94,7 +94,7 @@ class Heartbeat(Microservice):
             return Condition(flags, mode, common.MAV_STATE_BOOT)
         if now_ns - control.stamp_ns > SILENT_NS:
             return Condition(flags, mode, common.MAV_STATE_CRITICAL)
-        if control.state in ARMED_STATES:
+        if control.state in ENABLED:
             flags |= common.MAV_MODE_FLAG_SAFETY_ARMED
         return Condition(flags, mode, MAV_STATES[control.state])
 

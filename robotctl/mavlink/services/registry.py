@@ -34,6 +34,7 @@ from robotctl.mavlink.services.obstacles import Obstacles
 from robotctl.mavlink.services.parameters import Parameters
 from robotctl.mavlink.services.ping import Ping
 from robotctl.mavlink.services.pose import Poses
+from robotctl.mavlink.services.procedures import Procedures
 from robotctl.mavlink.services.radio import Radios
 from robotctl.mavlink.services.rally import RallyPoints
 from robotctl.mavlink.services.reboot import Reboots
@@ -60,6 +61,7 @@ SERVICES: Final[tuple[type[Microservice], ...]] = (
     Repositions,
     YawSpeeds,
     Reboots,
+    Procedures,
     Refusals,
     ManualControls,
     ExternalPoses,

@@ -25,6 +25,7 @@ from robotctl.mavlink.service import Microservice
 from robotctl.messages.control import ControlState, Mode, SafetyState
 from robotctl.messages.fence import FenceState
 from robotctl.messages.mavlink_port import Message
+from robotctl.safety.state_machine import ENABLED
 
 _MOTORS = common.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
 _BATTERY = common.MAV_SYS_STATUS_SENSOR_BATTERY
@@ -35,7 +36,7 @@ _PREARM = common.MAV_SYS_STATUS_PREARM_CHECK
 _GUARD = common.MAV_SYS_STATUS_OBSTACLE_AVOIDANCE
 _FENCE = common.MAV_SYS_STATUS_GEOFENCE
 _GUARDED = frozenset({Mode.AUTO, Mode.RTL, Mode.GUIDED})
-_SOUND_STATES = (SafetyState.STANDBY, SafetyState.ARMED, SafetyState.DRIVING)
+_SOUND_STATES = frozenset({SafetyState.STANDBY}) | ENABLED
 
 
 class SystemStatus(Microservice):

@@ -1,0 +1,78 @@
+"""What the control core has measured, as the state for other processes."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from robotctl.control.wheel_loop import WheelLoop
+from robotctl.core.motion import EncoderMotion
+from robotctl.messages.control import ControlState, LoopStatistics
+from robotctl.messages.faults import FaultCode
+from robotctl.model.drives.drives import Drive
+from robotctl.model.geometry.twist import Twist
+from robotctl.safety.health import Health
+from robotctl.safety.state_machine import SafetyMachine
+
+_UNKNOWN_TWIST: Final = Twist(math.nan, math.nan)
+
+
+def measured_state(
+    machine: SafetyMachine,
+    health: Health,
+    motion: EncoderMotion,
+    wheels: tuple[WheelLoop, ...],
+    drive: Drive,
+    now_ns: int,
+) -> ControlState:
+    """Return the state without what the core wants and answers.
+
+    Parameters
+    ----------
+    machine, health, motion
+        Of the core.
+    wheels, drive
+        The loops of the driven wheels, and the kinematics.
+    now_ns
+        The time [ns]: inputs that are too old by then are unknown.
+    """
+    pose, n = motion.pose_odom_base, len(wheels)
+    motor, bridge = health.fresh_motor(now_ns), health.fresh_drive(now_ns)
+    measured = health.wheels_fresh(now_ns)
+    twist = motion.twist if measured else _UNKNOWN_TWIST
+    fault = machine.fault
+    return ControlState(
+        stamp_ns=now_ns,
+        state=machine.state,
+        reason=machine.reason,
+        x_m=pose.x_m,
+        y_m=pose.y_m,
+        theta_rad=pose.theta_rad,
+        v_m_s=twist.v_m_s,
+        omega_rad_s=twist.omega_rad_s,
+        v_ref_m_s=0.0,
+        omega_ref_rad_s=0.0,
+        distance_m=motion.odometry.distance_m,
+        wheel_rad_s=motion.speeds_rad_s if measured else (math.nan,) * n,
+        wheel_ref_rad_s=tuple(w.reference_rad_s for w in wheels),
+        wheel_distance_m=tuple(
+            w.estimator.position_rad * radius_m
+            for w, radius_m in zip(wheels, drive.wheel_radii_m, strict=True)
+        ),
+        duty=(),
+        current_a=(motor.current1_a, motor.current2_a)[:n] if motor else (),
+        temperature_c=(motor.temperature1_c, motor.temperature2_c)[:n] if motor else (),
+        steering_rad=motion.steering_rad,
+        bus_voltage_v=bridge.bus_voltage_v if bridge else math.nan,
+        battery=health.fresh_battery(now_ns),
+        sonar_m=health.fresh_sonar_m(now_ns),
+        sonar_stamp_ns=tuple(max(stamp_ns, 0) for stamp_ns in health.sonar_ns),
+        faults=motor.faults if motor else 0,
+        nodes=health.nodes,
+        bus=health.bus,
+        loop=LoopStatistics(),
+        fault=fault.code if fault else FaultCode.NONE,
+        fault_part=fault.part if fault else "",
+        odom_epoch_ns=motion.epoch_ns,
+        imu=motion.imu if health.is_fresh("gyro", now_ns) else None,
+    )
