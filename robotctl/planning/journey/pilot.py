@@ -41,12 +41,11 @@ from robotctl.planning.global_planning.planners import PLANNERS
 from robotctl.planning.journey.exploration import Exploration
 from robotctl.planning.journey.journey import Journey
 from robotctl.planning.journey.rehearsal import rehearse
-from robotctl.planning.journey.travel import Travel
+from robotctl.planning.journey.travel import KnownPlaces, Travel
 from robotctl.planning.journey.way_out import find_way
 from robotctl.planning.local.controller import ControllerConfig
 from robotctl.planning.local.controllers import CONTROLLERS
 from robotctl.planning.topological.graph import TopologicalMap
-from robotctl.planning.topological.recognition import Appearance, appearances
 
 _BLIND_NS: Final = 500_000_000
 """Without a scan for this long, a robot that has a lidar stands [ns]."""
@@ -164,8 +163,7 @@ class MapPilot:
         self._tracks = MovingObstacles()
         self._scan_ns = -1
         self.last_scan: tuple[SE2, RangeScan] | None = None
-        self._topology = topology
-        self._looks: dict[str, Appearance] = {}
+        self._places = None if topology is None else KnownPlaces(topology)
         self._now_ns = 0
         self._here = home
         self._shown = NOWHERE, NOWHERE
@@ -176,8 +174,8 @@ class MapPilot:
     def warm_up(self) -> None:
         """Plan and drive a step on a small map, so that all is compiled before the robot moves."""
         rehearse(self._planner, self.controller, self._footprint)
-        if self._topology is not None:
-            self._looks = appearances(self._topology)
+        if self._places is not None:
+            self._places.warm_up()
 
     @property
     def plans(self) -> int:
@@ -317,19 +315,15 @@ class MapPilot:
         return Exploration(self, speed_m_s)
 
     def travel(self, place: str, start: str, speed_m_s: float) -> Travel:
-        """Return the behaviour that drives to a place of the topological map.
-
-        Parameters
-        ----------
-        place, start
-            Names; an empty start is to be recognised.
-        speed_m_s
-            Largest speed [m/s].
-        """
-        if self._topology is None:
+        """Return the behaviour that drives to a place by recognising places; "": any start."""
+        if self._places is None:
             raise ValueError("the pilot has no topological map")
-        self._looks = self._looks or appearances(self._topology)
-        return Travel(self, self._topology, self._looks, place, start, speed_m_s)
+        return self._places.travel(self, place, start, speed_m_s)
+
+    @property
+    def has_time(self) -> bool:
+        """Whether there is time left in this step."""
+        return self._goes_on()
 
     @property
     def knows_ways(self) -> bool:

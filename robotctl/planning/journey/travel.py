@@ -26,8 +26,13 @@ from robotctl.planning.guard.behaviour import (
     done,
     failed,
 )
-from robotctl.planning.topological.graph import Passage, Step, TopologicalMap
-from robotctl.planning.topological.recognition import Appearance, PlaceSearch, look_of
+from robotctl.planning.topological.graph import Passage, TopologicalMap
+from robotctl.planning.topological.recognition import (
+    Appearance,
+    PlaceSearch,
+    appearances,
+    look_of,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -43,14 +48,16 @@ _WRONG_M: Final = 2.5
 """Of way without a scan that fits, after which the robot looks for its place anew [m]."""
 _LOOKS: Final = 8
 """Times that it looks for its place on one travel."""
+_WINDOWS: Final = 4
+"""Searched in a step, if there is time."""
 _ROAM_M: Final = 2.5
 _ROAM_NS: Final = 20_000_000_000
 """Where it recognises nothing it drives on so far, and for so long, before it looks again."""
 _BEYOND_M: Final = 0.6
 """It drives so far through a passage [m]."""
-_CROSSED_M: Final = 0.25
+_CROSSED_M, _LEFT_M = 0.25, 2.0
 _BESIDE_M: Final = 0.4
-"""Beyond a passage, and no farther beside it, it is in the next place [m]."""
+"""So far beyond a passage, and no farther beside it, it is in the next place [m]."""
 _SHIFTED_M: Final = 0.2
 """It plans anew where the goal turns out to be so far from where it seemed to be [m]."""
 _TRIES: Final = 2
@@ -70,13 +77,40 @@ class _Belief:
         Its name.
     T_world_frame
         The frame of the place; `world` is that of the behaviour's poses.
+    is_borne_out
+        Whether a scan has fitted.
     unseen_m
-        Way since the last scan that fitted [m].
+        Way since the last scan that did, or since it came there [m].
     """
 
     place: str
     T_world_frame: SE2
+    is_borne_out: bool
     unseen_m: float = 0.0
+
+
+class KnownPlaces:
+    """The places that a robot can drive to.
+
+    Parameters
+    ----------
+    topology
+        Their map.
+    """
+
+    def __init__(self, topology: TopologicalMap) -> None:
+        self._topology = topology
+        self._looks: dict[str, Appearance] = {}
+
+    def warm_up(self) -> None:
+        """Find out what they look like; all is compiled then."""
+        self._looks = appearances(self._topology)
+
+    def travel(self, pilot: MapPilot, goal: str, start: str, speed_m_s: float) -> Travel:
+        """Return the behaviour that drives to one of them."""
+        if not self._looks:
+            self.warm_up()
+        return Travel(pilot, self._topology, self._looks, goal, start, speed_m_s)
 
 
 class Travel(Behaviour):
@@ -108,6 +142,7 @@ class Travel(Behaviour):
         self._pilot = pilot
         self._map = topology
         self._places = {place.name: place for place in topology.places}
+        self._passages = {passage.name: passage for passage in topology.passages}
         self._looks_of = looks
         self._goal = goal
         self._start = start
@@ -170,10 +205,11 @@ class Travel(Behaviour):
 
     def _compare(self, belief: _Belief, now_ns: int) -> None:
         """Compare what is seen with the present place; forget a place that it is not."""
-        taken = self._pilot.last_scan
-        if taken is None or now_ns - self._seen_ns < _LOOK_NS:
+        if now_ns - self._seen_ns < _LOOK_NS:
             return
-        self._seen_ns = now_ns
+        taken, self._seen_ns = self._pilot.last_scan, now_ns
+        if taken is None:
+            return
         T_world_base, scan = taken
         look = look_of(scan)
         if look is None:
@@ -182,7 +218,7 @@ class Travel(Behaviour):
         seen = self._looks_of[belief.place].follow(look, expected, _DOUBT * belief.unseen_m)
         if seen is not None:
             belief.T_world_frame = T_world_base @ seen.pose.inverse()
-            belief.unseen_m = 0.0
+            belief.unseen_m, belief.is_borne_out = 0.0, True
         elif belief.unseen_m > _WRONG_M:
             self._forget(f"this does not look like {belief.place}")
 
@@ -196,29 +232,38 @@ class Travel(Behaviour):
         if self._roam is not None:
             return self._roam_on(*self._roam, situation, now_ns)
         if self._search is None:
-            twist, taken = situation.twist, self._pilot.last_scan
-            stands = abs(twist.v_m_s) < _STANDS_M_S and abs(twist.omega_rad_s) < _STANDS_RAD_S
-            look = None if taken is None or not stands else look_of(taken[1])
-            if taken is None or look is None:
-                return BehaviourOutput(0.0, 0.0, text="standing, to look where it is")
+            return self._begin_search(situation)
+        search, T_world_base = self._search
+        for _ in range(_WINDOWS):
+            if search.step():
+                return self._end_search(search, T_world_base, now_ns)
+            if not self._pilot.has_time:
+                break
+        return BehaviourOutput(0.0, 0.0, text="looking where it is")
+
+    def _begin_search(self, situation: BehaviourInput) -> BehaviourOutput:
+        """Take a scan to search with, once the robot stands."""
+        twist, taken = situation.twist, self._pilot.last_scan
+        stands = abs(twist.v_m_s) < _STANDS_M_S and abs(twist.omega_rad_s) < _STANDS_RAD_S
+        look = None if taken is None or not stands else look_of(taken[1])
+        if taken is not None and look is not None:
             if self._looks >= _LOOKS:
                 return failed(f"gave up after {self._looks} looks around: {self._reason}")
             self._looks += 1
             names = [self._hint] if self._hint else list(self._looks_of)
-            places = [self._looks_of[name] for name in names]
-            self._search = PlaceSearch(look, places), taken[0]
-        search, T_world_base = self._search
-        if not search.step():
-            return BehaviourOutput(0.0, 0.0, text="looking where it is")
+            self._search = PlaceSearch(look, [self._looks_of[name] for name in names]), taken[0]
+        return BehaviourOutput(0.0, 0.0, text="standing, to look where it is")
+
+    def _end_search(self, search: PlaceSearch, T_world_base: SE2, now_ns: int) -> BehaviourOutput:
+        """Believe what was found; after nothing, look at other places or elsewhere."""
         self._search = None
+        hint, self._hint = self._hint, ""
         if search.found is not None:
-            self._hint = ""
-            self._belief = _Belief(search.found.place, T_world_base @ search.found.pose.inverse())
+            T_world_frame = T_world_base @ search.found.pose.inverse()
+            self._belief = _Belief(search.found.place, T_world_frame, is_borne_out=True)
             return BehaviourOutput(0.0, 0.0, text=f"recognised {search.found.place}")
-        self._reason = search.reason
-        if self._hint:  # it does not begin where it was told
-            self._reason, self._hint = f"this does not look like {self._hint}", ""
-        else:
+        self._reason = f"this does not look like {hint}" if hint else search.reason
+        if not hint:
             self._roam = self._pilot.exploration(self._speed_m_s), now_ns
             self._roamed_m = 0.0
         return BehaviourOutput(0.0, 0.0, text=self._reason)
@@ -243,17 +288,31 @@ class Travel(Behaviour):
             why = "".join(f"; {name}: {reason}" for name, reason in self._closed.items())
             return failed(f"no way from {belief.place} to {self._goal}{why}")
         step = way[0]
-        here = self._places[belief.place]
-        T_world_exit = belief.T_world_frame @ here.way_out(step.passage.name)
-        if _is_beyond(step.passage, T_world_exit.inverse() @ situation.pose):
-            return self._enter(step, T_world_exit)
+        crossed = self._crossed(belief, situation.pose)
+        if crossed is not None:
+            if crossed is not step.passage:
+                self._count(step.passage, f"the way there leads through {crossed.name}")
+            return self._enter(belief, crossed)
+        T_world_exit = belief.T_world_frame @ self._places[belief.place].way_out(step.passage.name)
         output = self._go(step.passage.name, T_world_exit @ SE2(_BEYOND_M), situation, now_ns)
         if output.status is Status.DONE:
-            return self._enter(step, T_world_exit)
+            return self._enter(belief, step.passage)
         if output.status is Status.FAILED:
-            return self._fail(step, output.text)
+            return self._fail(step.passage, output.text)
         text = f"in {belief.place}, to {step.place.name} by {step.passage.name}: {output.text}"
         return output._replace(text=text)
+
+    def _crossed(self, belief: _Belief, pose: SE2) -> Passage | None:
+        """Return the passage through which the robot has left its place; None: it is in it."""
+        place = self._places[belief.place]
+        T_frame_base = belief.T_world_frame.inverse() @ pose
+        for name in place.passages:
+            off = place.way_out(name).inverse() @ T_frame_base
+            passage = self._passages[name]
+            beside_m = 0.5 * passage.width_m + _BESIDE_M
+            if _CROSSED_M < off.x_m < _LEFT_M and abs(off.y_m) < beside_m:
+                return passage
+        return None
 
     def _go(
         self, name: str, target: SE2, situation: BehaviourInput, now_ns: int
@@ -269,37 +328,39 @@ class Travel(Behaviour):
             self._journey = self._pilot.journey(Goal(target.x_m, target.y_m), self._speed_m_s)
         return self._journey.step(situation, now_ns)
 
-    def _enter(self, step: Step, T_world_exit: SE2) -> BehaviourOutput:
-        """Believe to be in the next place."""
-        inwards = step.place.way_out(step.passage.name).inverse()
-        self._belief = _Belief(step.place.name, T_world_exit @ SE2(0.0, 0.0, math.pi) @ inwards)
+    def _enter(self, belief: _Belief, passage: Passage) -> BehaviourOutput:
+        """Believe to be in the place beyond a passage."""
+        here = self._places[belief.place]
+        there = self._places[passage.beyond(here.name)]
+        T_here_there = (
+            here.way_out(passage.name)
+            @ SE2(0.0, 0.0, math.pi)
+            @ there.way_out(passage.name).inverse()
+        )
+        self._belief = _Belief(there.name, belief.T_world_frame @ T_here_there, is_borne_out=False)
         self._journey, self._seen_ns = None, 0
-        return BehaviourOutput(0.0, 0.0, text=f"through {step.passage.name}: {step.place.name}")
+        return BehaviourOutput(0.0, 0.0, text=f"through {passage.name}: {there.name}")
 
-    def _fail(self, step: Step, reason: str) -> BehaviourOutput:
+    def _count(self, passage: Passage, reason: str) -> None:
+        """Count that a passage was not reached; close it if that has happened before."""
+        self._failures[passage.name] += 1
+        if self._failures[passage.name] >= _TRIES:
+            self._closed[passage.name] = reason
+
+    def _fail(self, passage: Passage, reason: str) -> BehaviourOutput:
         """Look anew after a passage was not reached; take another way if that happens again."""
-        name = step.passage.name
-        self._failures[name] += 1
-        if self._failures[name] >= _TRIES:
-            self._closed[name] = reason
-            self._journey = None
-        else:
-            self._forget(f"{name} was not reached: {reason}")
-        return BehaviourOutput(0.0, 0.0, text=f"{name} was not reached: {reason}")
+        self._count(passage, reason)
+        self._forget(f"{passage.name} was not reached: {reason}")
+        return BehaviourOutput(0.0, 0.0, text=self._reason)
 
     def _arrive(self, belief: _Belief, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
         """Drive to the middle of the goal."""
         output = self._go(self._goal, belief.T_world_frame, situation, now_ns)
         if output.status is Status.RUNNING:
             return output._replace(text=f"in {self._goal}, to its middle: {output.text}")
-        if belief.unseen_m > 0.5 * _WRONG_M:
+        if not belief.is_borne_out or belief.unseen_m > 0.5 * _WRONG_M:
             self._forget(f"this does not look like {self._goal}")
             return BehaviourOutput(0.0, 0.0, text=self._reason)
         if output.status is Status.FAILED:
             return done(f"in {self._goal}; its middle was not reached: {output.text}")
         return done(f"in {self._goal}")
-
-
-def _is_beyond(passage: Passage, pose: SE2) -> bool:
-    """Return whether a robot, in the frame of a way out, has gone through it."""
-    return pose.x_m > _CROSSED_M and abs(pose.y_m) < 0.5 * passage.width_m + _BESIDE_M

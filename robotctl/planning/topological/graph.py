@@ -143,6 +143,11 @@ class Passage:
     x_m: float = math.nan
     y_m: float = math.nan
 
+    def beyond(self, here: str) -> str:
+        """Return the place on the other side of it than one of its places."""
+        a, b = self.between
+        return b if here == a else a
+
 
 @dataclass(frozen=True, slots=True)
 class Step:
@@ -251,7 +256,7 @@ class TopologicalMap:
             for passage in self.passages:
                 if here in passage.between and passage.name not in without:
                     pushed += 1
-                    there = _beyond(passage, here)
+                    there = passage.beyond(here)
                     further = (length_m + passage.length_m, pushed, there, [*through, passage])
                     heapq.heappush(waiting, further)
         return None
@@ -266,11 +271,6 @@ class TopologicalMap:
                 # Coming in, the next passage to the left is the one before in the order.
                 at = here.passages.index
                 left = (at(came.name) - at(passage.name)) % n
-            there = by_name[_beyond(passage, here.name)]
+            there = by_name[passage.beyond(here.name)]
             yield Step(passage, left, n, there)
             here, came = there, passage
-
-
-def _beyond(passage: Passage, here: str) -> str:
-    a, b = passage.between
-    return b if here == a else a

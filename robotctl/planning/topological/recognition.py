@@ -35,7 +35,7 @@ _LEAST_AGREES: Final = 0.85
 """Of a place that a scan may be from."""
 _ALIKE: Final = 0.9
 """Another place with this share of the score, and of what agrees, leaves it open which it is."""
-_FOLLOW_SCORE: Final = 0.35
+_FOLLOW_SCORE: Final = 0.5
 _FOLLOW_AGREES: Final = 0.75
 """The same near where a robot should be: boxes stand about, and people."""
 _SHIFT_M: Final = 0.4
@@ -131,9 +131,13 @@ class Appearance:
         return found if found is not None and found.agrees >= _FOLLOW_AGREES else None
 
     def windows(self) -> list[Window]:
-        """Return what covers the place: one window around each spot, with all headings."""
-        half_m = 0.8 * SPACING_M
-        return [Window(SE2(x, y), half_m, math.pi) for x, y in self.spots.tolist()]
+        """Return what covers the place: around each spot one window for each quarter turn."""
+        half_m, eighth_rad = 0.8 * SPACING_M, 0.25 * math.pi
+        return [
+            Window(SE2(x_m, y_m, 2.0 * quarter * eighth_rad), half_m, eighth_rad)
+            for x_m, y_m in self.spots.tolist()
+            for quarter in range(4)
+        ]
 
     def _agrees(self, look: Look, pose: SE2) -> float:
         """Return how far the views near a pose and a scan from there bear each other out."""

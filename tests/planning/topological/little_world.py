@@ -60,8 +60,8 @@ class LittleWorld:
 
     def scan(self, pose: SE2, stamp_ns: int) -> RangeScan:
         """Return what a lidar sees from a pose."""
-        angles = np.linspace(-math.pi, math.pi, 240, endpoint=False)
-        ranges = np.arange(0.05, REACH_M, 0.02)
+        angles = np.linspace(-math.pi, math.pi, 180, endpoint=False)
+        ranges = np.arange(0.05, REACH_M, 0.03)
         headings = pose.theta_rad + angles[:, None]
         blocked = ~self.is_free(
             pose.x_m + ranges * np.cos(headings), pose.y_m + ranges * np.sin(headings)
