@@ -20,6 +20,7 @@ from scipy import ndimage
 
 from benchmarks import machine
 from robotctl.app.simulation.lockstep import LockstepRun
+from robotctl.app.simulation.score import run_message
 from robotctl.app.simulation.sim_options import SimOptions
 from robotctl.config.robot_file import find_file
 from robotctl.maps.localisation_map import load_localisation_map
@@ -67,7 +68,7 @@ def drive_all(clutter: int, people: int, tasks: int = TASKS) -> tuple[str, ...]:
         places = Path(folder) / "places.toml"
         save_topology(without_coordinates(built.map), places)
         for number, task in enumerate(drawn(grid, built, tasks), start=1):
-            run, said = _drive(task, number, places, Path(folder), clutter, people)
+            run, message = _drive(task, number, places, Path(folder), clutter, people)
             truth = run.stack.simulation.truth()
             at = built.place_at(grid, *run.stack.simulation.pose()[:2])
             name = "nowhere" if at is None else built.map.places[at].name
@@ -80,7 +81,7 @@ def drive_all(clutter: int, people: int, tasks: int = TASKS) -> tuple[str, ...]:
             ways_m.append(truth.distance_m)
             machine.note(
                 f"{number}: {task.begin} to {task.goal}: in {name} after {times_s[-1]:.0f} s, "
-                f"{ways_m[-1]:.1f} m; {said}"
+                f"{ways_m[-1]:.1f} m; {message}"
             )
     figures = f"{arrived} of {tasks}", elsewhere, gave_up, collisions
     return (*map(str, figures), f"{np.mean(times_s):.0f}", f"{np.mean(ways_m):.1f}")
@@ -131,7 +132,5 @@ def _drive(
             people=people,
         )
     )
-    said = ""
-    for _, navigation in run.steps():
-        said = navigation.message
-    return run, said
+    *_, (control, navigation) = run.steps()
+    return run, run_message(control, navigation)

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from robotctl.model.geometry.se2 import SE2
-from robotctl.planning.behaviours.kind import Goal
 from robotctl.planning.guard.behaviour import (
     Anchor,
     Behaviour,
@@ -26,6 +25,7 @@ from robotctl.planning.guard.behaviour import (
     done,
     failed,
 )
+from robotctl.planning.journey.approach import Approach
 from robotctl.planning.topological.graph import Passage, TopologicalMap
 from robotctl.planning.topological.recognition import (
     Appearance,
@@ -37,7 +37,6 @@ from robotctl.planning.topological.recognition import (
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from robotctl.planning.journey.journey import Journey
     from robotctl.planning.journey.pilot import MapPilot
 
 _LOOK_NS: Final = 400_000_000
@@ -53,13 +52,26 @@ _WINDOWS: Final = 4
 _ROAM_M: Final = 2.5
 _ROAM_NS: Final = 20_000_000_000
 """Where it recognises nothing it drives on so far, and for so long, before it looks again."""
-_BEYOND_M: Final = 0.6
-"""It drives so far through a passage [m]."""
+_BEYOND: Final = tuple(
+    SE2(x_m, y_m)
+    for x_m, y_m in (
+        *((0.6, 0.0), (0.6, 0.35), (0.6, -0.35), (0.9, 0.0), (0.9, 0.5), (0.9, -0.5)),
+        *((1.2, 0.0), (1.2, 0.7), (1.2, -0.7), (0.4, 0.0)),
+    )
+)
+"""One who leaves by a passage drives to one of these, in the frame of the way out."""
+_MIDDLE: Final = (
+    SE2(),
+    *(
+        SE2(0.0, 0.0, number * math.pi / 3.0) @ SE2(away_m)
+        for away_m in (0.5, 1.0)
+        for number in range(6)
+    ),
+)
+"""One who arrives, to one of these in the frame of the place."""
 _CROSSED_M, _LEFT_M = 0.25, 2.0
 _BESIDE_M: Final = 0.4
 """So far beyond a passage, and no farther beside it, it is in the next place [m]."""
-_SHIFTED_M: Final = 0.2
-"""It plans anew where the goal turns out to be so far from where it seemed to be [m]."""
 _TRIES: Final = 2
 """Times that it fails to get through a passage until it takes another way."""
 _STANDS_M_S, _STANDS_RAD_S = 0.02, 0.05
@@ -147,6 +159,7 @@ class Travel(Behaviour):
         self._goal = goal
         self._start = start
         self._speed_m_s = speed_m_s
+        self._approach = Approach(pilot, speed_m_s)
         self.reset()
 
     def anchor(self, pose: SE2) -> Anchor:
@@ -167,8 +180,7 @@ class Travel(Behaviour):
 
     def pause(self) -> None:
         """Go on from where the robot is after the pause."""
-        self._journey: Journey | None = None
-        self._target: tuple[str, SE2] | None = None
+        self._approach.reset()
         self._search: tuple[PlaceSearch, SE2] | None = None
         self._roam: tuple[Behaviour, int] | None = None
         self._roamed_m = 0.0
@@ -294,7 +306,8 @@ class Travel(Behaviour):
                 self._count(step.passage, f"the way there leads through {crossed.name}")
             return self._enter(belief, crossed)
         T_world_exit = belief.T_world_frame @ self._places[belief.place].way_out(step.passage.name)
-        output = self._go(step.passage.name, T_world_exit @ SE2(_BEYOND_M), situation, now_ns)
+        spots = [T_world_exit @ spot for spot in _BEYOND]
+        output = self._approach.step(step.passage.name, spots, situation, now_ns)
         if output.status is Status.DONE:
             return self._enter(belief, step.passage)
         if output.status is Status.FAILED:
@@ -314,20 +327,6 @@ class Travel(Behaviour):
                 return passage
         return None
 
-    def _go(
-        self, name: str, target: SE2, situation: BehaviourInput, now_ns: int
-    ) -> BehaviourOutput:
-        """Drive to a spot, which may turn out to be a little elsewhere meanwhile."""
-        old = self._target
-        is_same = old is not None and old[0] == name
-        if old is not None and is_same:
-            off_m = math.hypot(target.x_m - old[1].x_m, target.y_m - old[1].y_m)
-            is_same = off_m < _SHIFTED_M
-        if self._journey is None or not is_same:
-            self._target = name, target
-            self._journey = self._pilot.journey(Goal(target.x_m, target.y_m), self._speed_m_s)
-        return self._journey.step(situation, now_ns)
-
     def _enter(self, belief: _Belief, passage: Passage) -> BehaviourOutput:
         """Believe to be in the place beyond a passage."""
         here = self._places[belief.place]
@@ -338,7 +337,7 @@ class Travel(Behaviour):
             @ there.way_out(passage.name).inverse()
         )
         self._belief = _Belief(there.name, belief.T_world_frame @ T_here_there, is_borne_out=False)
-        self._journey, self._seen_ns = None, 0
+        self._seen_ns = 0
         return BehaviourOutput(0.0, 0.0, text=f"through {passage.name}: {there.name}")
 
     def _count(self, passage: Passage, reason: str) -> None:
@@ -355,7 +354,8 @@ class Travel(Behaviour):
 
     def _arrive(self, belief: _Belief, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
         """Drive to the middle of the goal."""
-        output = self._go(self._goal, belief.T_world_frame, situation, now_ns)
+        spots = [belief.T_world_frame @ spot for spot in _MIDDLE]
+        output = self._approach.step(self._goal, spots, situation, now_ns)
         if output.status is Status.RUNNING:
             return output._replace(text=f"in {self._goal}, to its middle: {output.text}")
         if not belief.is_borne_out or belief.unseen_m > 0.5 * _WRONG_M:

@@ -58,6 +58,11 @@ class Robot:
         status = Status.RUNNING if self._path else Status.DONE
         return BehaviourOutput(0.5, 0.0, status)
 
+    def touches(self, poses):
+        at = [self.truth @ (self.odom.inverse() @ SE2(*pose)) for pose in poses.tolist()]
+        free = self.world.is_free(*np.array([(each.x_m, each.y_m) for each in at]).T)
+        return not free.all()
+
     def exploration(self, _speed_m_s):
         self._path = self.world.way(self.truth, (2.7, 2.0))
         return SimpleNamespace(step=lambda *_: self._follow(near=True))
