@@ -12,7 +12,9 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.planning.behaviours.kind import NavigatedRobot, Seen
 from robotctl.planning.guard.behaviour import BehaviourInput
+from robotctl.planning.guard.echo_memory import EchoMemory
 from robotctl.planning.guard.echo_motion import STANDS, EchoMotion
+from robotctl.planning.guard.obstacle_guard import body_rectangle
 from robotctl.planning.navigation_step import NavigationInputs
 
 _SCAN_LIFE_NS = 500_000_000
@@ -31,6 +33,7 @@ class Surroundings:
     def __init__(self, robot: NavigatedRobot) -> None:
         self._robot = robot
         self._echo_motion = EchoMotion(robot.mounts)
+        self._passed = EchoMemory(robot.mounts, body_rectangle(robot.config.guard, robot.mounts))
         self._heard_ns = (-1,) * len(robot.mounts)
         self._scan: tuple[SE2, RangeScan, int] | None = None
         """The last, with `base` in `odom` at its time, and when it came [ns]."""
@@ -53,24 +56,31 @@ class Surroundings:
             self._scan = T_odom_base, scan, now_ns
         points = self._scanned(inputs, now_ns)
         approaches = self._echo_motion.step(ranges, new, heard_ns, inputs.twist)
+        heard = tuple(  # what moves leaves no marks
+            reading if is_new and approach is STANDS else math.nan
+            for reading, is_new, approach in zip(ranges, new, approaches, strict=True)
+        )
+        passed = None
+        if points is None:  # a lidar sees what is beside the robot
+            passed = self._passed.hear(self._odometry(inputs), heard, now_ns)
         if pilot is not None and inputs.localised:
-            heard = tuple(  # what moves leaves no marks
-                reading if is_new and approach is STANDS else math.nan
-                for reading, is_new, approach in zip(ranges, new, approaches, strict=True)
-            )
             seen = Seen(inputs.T_world_odom, inputs.scans, heard, inputs.floor_base)
             pilot.see(inputs.pose, seen, now_ns)
             approaches = self._echo_motion.expect(approaches, ranges, pilot.may_move, now_ns)
-        self._robot.guard.observe(ranges, new, inputs.floor_base, points, approaches)
+        self._robot.guard.observe(ranges, new, inputs.floor_base, points, approaches, passed)
         markers = [(number, inputs.T_world_odom @ pose) for number, pose in inputs.markers]
         return BehaviourInput(
             inputs.pose, inputs.twist, ranges, new, inputs.epoch, inputs.charge, markers
         )
+
+    @staticmethod
+    def _odometry(inputs: NavigationInputs) -> SE2:
+        """Return `base` in `odom` now."""
+        return inputs.T_world_odom.inverse() @ inputs.pose
 
     def _scanned(self, inputs: NavigationInputs, now_ns: int) -> NDArray[np.float64] | None:
         """Return the last scan's points in `base` now, (n, 2) [m]; None without a late scan."""
         if self._scan is None or now_ns - self._scan[2] > _SCAN_LIFE_NS:
             return None
         T_odom_then, scan, _ = self._scan
-        T_odom_now = inputs.T_world_odom.inverse() @ inputs.pose
-        return moved(T_odom_now.inverse() @ T_odom_then, scan.points_base())
+        return moved(self._odometry(inputs).inverse() @ T_odom_then, scan.points_base())

@@ -21,6 +21,8 @@ Point: TypeAlias = tuple[float, float]
 
 MOST_BLOCKED_S: Final = 1e6
 
+_ECHO_MARGIN_M: Final = 0.03
+"""Way that the body keeps to an echo that it has passed."""
 _LEAST_CLOSING: Final = 1e-9
 """A corner that approaches a wall by less than this, per distance of `base`, moves along it."""
 _PASSING: Final = 0.2
@@ -129,6 +131,9 @@ class ObstacleGuard:
     on the arc that is asked for, or as it turns on the spot. Echoes do not hinder that, or a robot
     in a corner would never leave it. A robot whose lidar is silent stands where no sonar looks.
 
+    Echoes that a robot without lidar has passed count like the points of a lidar, up to where the
+    body would touch them.
+
     Parameters
     ----------
     config
@@ -163,6 +168,7 @@ class ObstacleGuard:
         self._floor: Sequence[Point] = ()
         self._points: NDArray[np.float64] | None = None
         self._approaches: Sequence[Approach] = ()
+        self._passed: NDArray[np.float64] | None = None
 
     @property
     def reach_m(self) -> float:
@@ -176,6 +182,7 @@ class ObstacleGuard:
         floor_base: Sequence[Point] = (),
         points_base: NDArray[np.float64] | None = None,
         approaches: Sequence[Approach] = (),
+        passed_base: NDArray[np.float64] | None = None,
     ) -> None:
         """Take sonar ranges, floor points and a lidar's points; once per step.
 
@@ -192,7 +199,10 @@ class ObstacleGuard:
             (n, 2) points in `base` that the body must not touch [m]; None: nobody looks for them.
         approaches
             What comes nearer to each sonar by itself; none: all stands.
+        passed_base
+            (n, 2) echoes in `base` that no sonar may hear any more [m].
         """
+        self._passed = passed_base
         self._floor = floor_base
         self._points = points_base
         self._approaches = approaches
@@ -308,18 +318,24 @@ class ObstacleGuard:
         return self._has_lidar and self._points is None
 
     def _free_way(self, direction: float, turn: float) -> tuple[float, str]:
-        """Return the way of `base` until the body is `margin_m` from a point, and which.
+        """Return the way of `base` until the body is a margin away from a point, and which.
 
         In metres, or on the spot in radians.
         """
-        if self._points is None:
-            return math.inf, ""
         from robotctl.planning.guard.swept_body import free_way  # noqa: PLC0415 - see above
 
-        free, place = free_way(self._body, self._points, self._config.margin_m, direction, turn)
-        if place is None:
-            return math.inf, ""
-        return free, f"something is at x {place[0]:.2f} m, y {place[1]:.2f} m of the robot"
+        free, where = math.inf, ""
+        for points, margin_m, what in (
+            (self._points, self._config.margin_m, "something is"),
+            (self._passed, _ECHO_MARGIN_M, "something was heard"),
+        ):
+            if points is None:
+                continue
+            way, place = free_way(self._body, points, margin_m, direction, turn)
+            if place is not None and way < free:
+                free = way
+                where = f"{what} at x {place[0]:.2f} m, y {place[1]:.2f} m of the robot"
+        return free, where
 
     def _is_ahead(self, view: _View, direction: float) -> bool:
         """Say whether a sonar looks in the direction of travel, 1 or -1."""

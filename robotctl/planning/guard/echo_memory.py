@@ -1,0 +1,119 @@
+"""Echoes near the robot, kept while no sonar hears them.
+
+Between two sonars of a ring there is a gap, and the edge of a box or the end of a wall that was
+heard ahead lies in it when the robot is beside it. So echoes are kept in the frame of the odometry,
+on the axis of the sonar that heard them, which is some centimetres off: an echo counts when two in
+a row agree, and none does where the robot has been or hears through.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.model.geometry.points import moved
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.rectangle import Rectangle
+from robotctl.model.sensors.sonar import SonarMount
+
+_REACH_M: Final = 0.8
+"""From the sonar; the axis of one that is farther away lies too far off."""
+_KEPT_M: Final = 1.2
+"""From `base`."""
+_LIFE_NS: Final = 20_000_000_000
+"""Somebody may have stood there [ns]."""
+_SAME_M: Final = 0.08
+"""Two echoes in a row that are nearer to each other are of one thing."""
+_AXIS_RAD: Final = math.radians(6.0)
+"""Within this angle of its axis a sonar that hears something"""
+_BEYOND_M: Final = 0.15
+"""beyond a place shows that nothing is there."""
+_CELL_M: Final = 0.04
+"""Echoes are kept once for each square of this side."""
+
+
+class EchoMemory:
+    """Where the robot has heard something that stands.
+
+    Parameters
+    ----------
+    mounts
+        The sonars, in the order of the ranges.
+    body
+        The robot.
+    """
+
+    def __init__(self, mounts: Sequence[SonarMount], body: Rectangle) -> None:
+        self._mounts = mounts
+        self._body = body
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything."""
+        self._points = np.empty((0, 2))
+        self._heard_ns = np.empty(0, np.int64)
+        self._last: list[tuple[float, float] | None] = [None] * len(self._mounts)
+        """Of each sonar its last echo, in the frame of the odometry."""
+
+    def hear(
+        self, T_odom_base: SE2, readings_m: Sequence[float], now_ns: int
+    ) -> NDArray[np.float64]:
+        """Take new readings; return the echoes around in `base`, (n, 2) [m].
+
+        Parameters
+        ----------
+        T_odom_base
+            The robot in the frame of the odometry.
+        readings_m
+            Of each sonar [m]; inf: no echo, nan: nothing new, or of something that moves.
+        now_ns
+            Time of the step [ns].
+        """
+        for slot, (mount, reading) in enumerate(zip(self._mounts, readings_m, strict=True)):
+            if math.isfinite(reading):  # without an echo it may look along a wall
+                sonar = T_odom_base @ SE2(mount.x_m, mount.y_m, mount.heading_rad)
+                if len(self._points):
+                    self._drop(_heard_through(self._points, sonar, reading))
+                self._take(slot, sonar, reading, now_ns)
+        around = moved(T_odom_base.inverse(), self._points)
+        gone = np.hypot(*around.T) > _KEPT_M
+        gone |= now_ns - self._heard_ns > _LIFE_NS
+        gone |= self._covers(around)
+        self._drop(gone)
+        near: NDArray[np.float64] = around[~gone]
+        return near
+
+    def _take(self, slot: int, sonar: SE2, reading: float, now_ns: int) -> None:
+        """Keep an echo, if the one before agrees."""
+        last, self._last[slot] = self._last[slot], None
+        if reading > _REACH_M:
+            return
+        point = sonar.apply(reading, 0.0)
+        self._last[slot] = point
+        if last is None or math.dist(last, point) > _SAME_M:
+            return
+        self._drop(np.hypot(*(self._points - point).T) < _CELL_M)
+        self._points = np.concatenate([self._points, [point]])
+        self._heard_ns = np.append(self._heard_ns, now_ns)
+
+    def _covers(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return which points in `base` the robot stands on, (n,)."""
+        body, (x, y) = self._body, points.T
+        inside: NDArray[np.bool_] = np.abs(y) < body.half_width_m
+        inside &= (x > body.rear_m) & (x < body.front_m)
+        return inside
+
+    def _drop(self, gone: NDArray[np.bool_]) -> None:
+        self._points, self._heard_ns = self._points[~gone], self._heard_ns[~gone]
+
+
+def _heard_through(points: NDArray[np.float64], sonar: SE2, reading: float) -> NDArray[np.bool_]:
+    """Return beyond which points a sonar hears something, (n,)."""
+    ahead, beside = moved(sonar.inverse(), points).T
+    through: NDArray[np.bool_] = np.hypot(ahead, beside) + _BEYOND_M < reading
+    through &= np.abs(np.arctan2(beside, ahead)) < _AXIS_RAD
+    return through
