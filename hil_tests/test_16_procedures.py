@@ -142,3 +142,19 @@ def test_a_reversed_encoder_is_found_by_it(station: GroundStation) -> None:
     assert "left encoder reversed" in state.reason
     assert result(station, TEST) == mavlink.MAV_RESULT_FAILED
     station.rig.at_rest()
+
+
+def test_a_place_is_driven_to_in_reverse(station: GroundStation) -> None:
+    rig = station.rig
+    reverse, set_mode = mavlink.MAV_CMD_DO_SET_REVERSE, mavlink.MAV_CMD_DO_SET_MODE
+    assert station.command(reverse, 1) == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+    assert station.command(ARM, 1) == ACCEPTED
+    guided = (mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, 15)
+    assert station.command(set_mode, *guided) == ACCEPTED
+    assert station.command(reverse, 1) == ACCEPTED
+    before = rig.fresh_truth()
+    station.drive_to(before.x_m - 1.0, before.y_m)
+    rig.wait(lambda: rig.navigation.goal_reached is not None, PATIENT_S, "it has arrived")
+    after = rig.fresh_truth()
+    assert abs(after.x_m - before.x_m + 1.0) < 0.1
+    assert abs(after.theta_rad - before.theta_rad) < 0.2, "it has not turned round"

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 from robotctl.messages.control import (
     ManualControl,
     NavigationRequest,
     PositionTarget,
     SetMode,
+    SetReverse,
     VelocityTarget,
 )
 from robotctl.messages.fence import EnableFence, SetFence, SetRally
@@ -31,6 +32,7 @@ from robotctl.messages.requests import (
     PlaceRequest,
     PositionRequest,
     Request,
+    ReverseRequest,
     StickRequest,
     VelocityRequest,
 )
@@ -40,6 +42,7 @@ _Simple: TypeAlias = (
     | VelocityTarget
     | PositionTarget
     | ManualControl
+    | SetReverse
     | ExploreTarget
     | PlaceTarget
     | GoAhead
@@ -49,6 +52,17 @@ _Simple: TypeAlias = (
 """Requests that need no more than to be translated."""
 
 
+_WITHOUT_WORDS: Final[dict[type, Request]] = {
+    ExploreTarget: ExploreRequest(),
+    GoAhead: GoAheadRequest(),
+    AbortMission: AbortRequest(),
+}
+_DATED: Final = (
+    SetMode | SetReverse | PositionTarget | MissionCommand | SetFence | EnableFence | SetRally
+)
+"""Requests that are not carried out once they are too old."""
+
+
 def too_late(message: NavigationRequest, now_ns: int) -> bool:
     """Return whether a request waited too long to move the robot."""
     if isinstance(message, AbortMission) or (
@@ -56,9 +70,7 @@ def too_late(message: NavigationRequest, now_ns: int) -> bool:
     ):
         return False
     old = now_ns - message.stamp_ns > REQUEST_LIFE_NS
-    return old and isinstance(
-        message, SetMode | PositionTarget | MissionCommand | SetFence | EnableFence | SetRally
-    )
+    return old and isinstance(message, _DATED)
 
 
 def translated(message: _Simple) -> Request:
@@ -74,13 +86,11 @@ def translated(message: _Simple) -> Request:
             return PositionRequest(message.x_m, message.y_m, message.heading_rad)
         case ManualControl():
             return StickRequest(message.expires_ns, message.forward, message.turn)
-        case ExploreTarget():
-            return ExploreRequest()
+        case SetReverse():
+            return ReverseRequest(message.reverse)
         case PlaceTarget():
             return PlaceRequest(message.place, message.start)
-        case GoAhead():
-            return GoAheadRequest()
         case JumpToItem():
             return JumpRequest(message.item)
-        case AbortMission():
-            return AbortRequest()
+        case ExploreTarget() | GoAhead() | AbortMission():
+            return _WITHOUT_WORDS[type(message)]

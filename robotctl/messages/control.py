@@ -338,6 +338,13 @@ class ManualControl(msgspec.Struct, frozen=True, tag=True):
     turn: float
 
 
+class SetReverse(msgspec.Struct, frozen=True, tag=True):
+    """AUTO, GUIDED: drive to places in reverse, or ahead again, until the mode changes."""
+
+    stamp_ns: int
+    reverse: bool
+
+
 class ExternalPose(msgspec.Struct, frozen=True, tag=True):
     """An externally measured pose of `base` in `world` at `stamp_ns`.
 
@@ -373,6 +380,7 @@ NavigationRequest: TypeAlias = (
     | VelocityTarget
     | PositionTarget
     | ManualControl
+    | SetReverse
     | ExternalPose
     | GroundStationPresence
     | MissionCommand
@@ -487,7 +495,7 @@ class NavigationState(msgspec.Struct, frozen=True, tag=True):
     last failure of an item in this run of the mission. `held`: the robot went to HOLD by itself,
     and `message` says why. `fence`: how it keeps to its fence. `rally_crc` names its rally points,
     0: there are none. `goal` is where in `world` it drives now (m). `tuning` is the number of the
-    `Tuning` in force.
+    `Tuning` in force. `reverse`: it drives to places in reverse.
     """
 
     stamp_ns: int
@@ -518,6 +526,7 @@ class NavigationState(msgspec.Struct, frozen=True, tag=True):
     rally_crc: int = 0
     goal: tuple[float, float] | None = None
     tuning: int = 0
+    reverse: bool = False
 
 
 class Notice(msgspec.Struct, frozen=True, tag=True):

@@ -63,6 +63,12 @@ class GoAheadRequest(NamedTuple):
     """AUTO: go on with a mission that waits for an operator's word."""
 
 
+class ReverseRequest(NamedTuple):
+    """AUTO, GUIDED: drive to places in reverse, or ahead again, until the mode changes."""
+
+    reverse: bool
+
+
 class JumpRequest(NamedTuple):
     """Go on with another item of the mission: its number, counted from 1, or its name."""
 
@@ -82,6 +88,7 @@ Request: TypeAlias = (
     | PlaceRequest
     | GoAheadRequest
     | JumpRequest
+    | ReverseRequest
     | AbortRequest
 )
 """Any of them; the application makes them from its messages."""

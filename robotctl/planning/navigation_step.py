@@ -88,6 +88,8 @@ class NavigationOutputs(NamedTuple):
     """How the last of them ended; None: it is under way, or was given up for something else."""
     goal: Point | None
     """Where in `world` the robot drives now [m]; None: to no place that is known."""
+    reverse: bool
+    """Whether it drives to places in reverse."""
     mission_runs: int
     """How often a mission was loaded, begun anew or aborted."""
     mission_commands: int

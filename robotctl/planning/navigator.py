@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 from robotctl.config_values import Value, tuned
 from robotctl.control.limiter import LimitsConfig
@@ -18,6 +18,7 @@ from robotctl.messages.requests import (
     PlaceRequest,
     PositionRequest,
     Request,
+    ReverseRequest,
     StickRequest,
     VelocityRequest,
 )
@@ -57,6 +58,10 @@ _STOPPED = "the robot was stopped"
 
 _BY_HAND = frozenset({Mode.HOLD, Mode.MANUAL})
 """The modes without autonomous motion."""
+
+
+_Commanded: TypeAlias = LoadRequest | GoAheadRequest | JumpRequest | AbortRequest | ReverseRequest
+"""Requests that are refused with a reason where they cannot be carried out."""
 
 
 class Navigator:
@@ -332,12 +337,29 @@ class Navigator:
                     self._guide(request)
             case StickRequest():
                 self._sticks = request
-            case LoadRequest() | GoAheadRequest() | JumpRequest() | AbortRequest():
-                try:
-                    self._command(request)
-                    self._refused = ""
-                except (MissionError, ValueError) as error:
-                    self._refused = str(error)
+            case _:
+                self._obey(request)
+
+    def _obey(self, request: _Commanded) -> None:
+        """Do what is asked, or note why it is refused."""
+        try:
+            self._command(request)
+            self._refused = ""
+        except (MissionError, ValueError) as error:
+            self._refused = str(error)
+
+    def _turn_round(self, request: ReverseRequest) -> None:
+        """Drive to places in reverse from now on, or ahead again; `ValueError`: it cannot."""
+        if request.reverse and self._mode not in {Mode.AUTO, Mode.GUIDED}:
+            raise ValueError("driving in reverse is for AUTO and GUIDED")
+        if request.reverse and (why := self._robot.against_reverse):
+            raise ValueError(f"driving in reverse: {why}")
+        self._use_reverse(reverse=request.reverse)
+
+    def _use_reverse(self, *, reverse: bool) -> None:
+        self._robot.reverse = reverse
+        if self._robot.pilot is not None:
+            self._robot.pilot.use_reverse(reverse=reverse)
 
     def _guide(self, request: PositionRequest | ExploreRequest | PlaceRequest) -> None:
         """Drive to a goal in GUIDED."""
@@ -352,8 +374,11 @@ class Navigator:
         self._goal = (request.x_m, request.y_m) if isinstance(request, PositionRequest) else None
         self._behaviour = behaviour_for(request, self._robot)
 
-    def _command(self, request: LoadRequest | GoAheadRequest | JumpRequest | AbortRequest) -> None:
+    def _command(self, request: _Commanded) -> None:
         """Do what is asked of the mission; `MissionError`, `ValueError`: it cannot be done."""
+        if isinstance(request, ReverseRequest):
+            self._turn_round(request)
+            return
         drives = self._mode is Mode.AUTO
         if isinstance(request, LoadRequest):
             if drives and self._auto.is_under_way:
@@ -376,6 +401,7 @@ class Navigator:
         self._mode = mode
         self._behaviour, self._velocity, self._sticks, self._ended = None, None, None, ""
         self._held = False
+        self._use_reverse(reverse=False)
         if mode is Mode.AUTO:
             self._auto.begin()
         if mode is Mode.RTL:
@@ -444,6 +470,7 @@ class Navigator:
             self._goals,
             self._goal_reached,
             self._present_goal(),
+            self._robot.reverse,
             self._auto.runs,
             self._commands,
             **self._auto.progress._asdict(),

@@ -11,7 +11,6 @@ from robotctl.mavlink.service import Microservice
 
 _REASONS: Final[dict[int, str]] = {
     common.MAV_CMD_DO_SET_HOME: "Home: it is where the robot started",
-    common.MAV_CMD_DO_SET_REVERSE: "Reverse: the robot chooses how it drives to a place",
 }
 
 

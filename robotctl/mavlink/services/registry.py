@@ -40,6 +40,7 @@ from robotctl.mavlink.services.rally import RallyPoints
 from robotctl.mavlink.services.reboot import Reboots
 from robotctl.mavlink.services.refusals import Refusals
 from robotctl.mavlink.services.reposition import Repositions
+from robotctl.mavlink.services.reverse import Reverses
 from robotctl.mavlink.services.setpoints import Setpoints
 from robotctl.mavlink.services.signing_setup import SigningSetup
 from robotctl.mavlink.services.sonars import Sonars
@@ -62,6 +63,7 @@ SERVICES: Final[tuple[type[Microservice], ...]] = (
     YawSpeeds,
     Reboots,
     Procedures,
+    Reverses,
     Refusals,
     ManualControls,
     ExternalPoses,

@@ -12,6 +12,7 @@ from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behaviours.item import LARGEST, require_points, require_positive, time_for
 from robotctl.planning.behaviours.kind import Abilities, Kind, NavigatedRobot
+from robotctl.planning.behaviours.rearwards import Rearwards
 from robotctl.planning.guard.behaviour import (
     Anchor,
     Behaviour,
@@ -137,8 +138,9 @@ class FollowPath(Behaviour):
         return BehaviourOutput(step.v_m_s, step.omega_rad_s, text=f"{step.remaining_m:.1f} m to go")
 
 
-def _make(item: DriveItem, robot: NavigatedRobot) -> FollowPath:
-    return FollowPath(item.path(), robot.config.pursuit, robot.drive, item.speed_m_s)
+def _make(item: DriveItem, robot: NavigatedRobot) -> Behaviour:
+    ahead = FollowPath(item.path(), robot.config.pursuit, robot.drive, item.speed_m_s)
+    return Rearwards(ahead, robot)
 
 
 def _time_out_s(item: DriveItem) -> float:

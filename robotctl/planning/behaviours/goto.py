@@ -11,7 +11,7 @@ from robotctl.messages.requests import PositionRequest
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behaviours.item import require_bounded, require_positive
 from robotctl.planning.behaviours.kind import Goal, Kind, NavigatedRobot, Pilot
-from robotctl.planning.behaviours.straight_to import StraightTo
+from robotctl.planning.behaviours.straight_to import straight_to
 from robotctl.planning.guard.behaviour import (
     Anchor,
     Behaviour,
@@ -113,14 +113,7 @@ def _time_out_s(item: GotoItem) -> float | None:
 def _make_guided(wanted: PositionRequest, robot: NavigatedRobot) -> Behaviour:
     config = robot.config
     if robot.pilot is None:
-        return StraightTo(
-            wanted.x_m,
-            wanted.y_m,
-            config.pursuit,
-            robot.drive,
-            config.guided_speed_m_s,
-            robot.guard,
-        )
+        return straight_to(wanted.x_m, wanted.y_m, config.guided_speed_m_s, robot)
     goal = Goal(wanted.x_m, wanted.y_m, wanted.heading_rad)
     return _drive(goal, config.guided_speed_m_s, robot)
 

@@ -86,6 +86,9 @@ class Pilot(Protocol):
     def recall(self, grid: GridMap) -> None:
         """Know what a map knows that the robot has made, in place of what was seen so far."""
 
+    def use_reverse(self, *, reverse: bool) -> None:
+        """Drive journeys in reverse from now on, or ahead again."""
+
     def journey(self, goal: Goal, speed_m_s: float) -> Behaviour:
         """Return the behaviour that drives to a goal."""
 
@@ -137,6 +140,8 @@ class NavigatedRobot:
         Plans; None: the robot has nothing to plan by.
     rally
         Places of `world` that it may return to in place of home [m].
+    reverse
+        Whether it drives to places in reverse.
     """
 
     config: NavigationConfig
@@ -149,6 +154,7 @@ class NavigatedRobot:
     paths: Paths | None = None
     pilot: Pilot | None = None
     rally: tuple[Point, ...] = ()
+    reverse: bool = False
 
     @property
     def abilities(self) -> Abilities:
@@ -156,6 +162,15 @@ class NavigatedRobot:
         sides = sonar_directions(self.mounts)
         guard = self.config.guard
         return Abilities(self.drive, sides, guard, self.sees_markers, self.places)
+
+    @property
+    def against_reverse(self) -> str:
+        """Why it cannot drive to places in reverse; empty if it can."""
+        if self.pilot is not None and self.drive.steered:
+            return "a robot that steers by plan chooses its gear itself"
+        if self.pilot is None and not self.guard.looks(-1.0):
+            return "no sonar looks back"
+        return ""
 
     @property
     def plans_home(self) -> bool:

@@ -10,6 +10,7 @@ from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behaviours.item import NO_LENGTH_S, require_bounded, require_positive
 from robotctl.planning.behaviours.kind import Kind, NavigatedRobot
+from robotctl.planning.behaviours.rearwards import Rearwards
 from robotctl.planning.guard.behaviour import (
     Anchor,
     Behaviour,
@@ -149,9 +150,14 @@ class StraightTo(Behaviour):
         return self._turning
 
 
-def _make(item: StraightToItem, robot: NavigatedRobot) -> StraightTo:
-    pursuit, speed_m_s = robot.config.pursuit, item.speed_m_s
-    return StraightTo(item.x_m, item.y_m, pursuit, robot.drive, speed_m_s, robot.guard)
+def straight_to(x_m: float, y_m: float, speed_m_s: float, robot: NavigatedRobot) -> Behaviour:
+    """Return the behaviour that drives straight to a point of `world` [m], ahead or in reverse."""
+    ahead = StraightTo(x_m, y_m, robot.config.pursuit, robot.drive, speed_m_s, robot.guard)
+    return Rearwards(ahead, robot)
+
+
+def _make(item: StraightToItem, robot: NavigatedRobot) -> Behaviour:
+    return straight_to(item.x_m, item.y_m, item.speed_m_s, robot)
 
 
 def _time_out_s(item: StraightToItem) -> float:

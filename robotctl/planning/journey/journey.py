@@ -54,6 +54,11 @@ _BLIND_NS: Final = 10_000_000_000
 """A robot that sees nothing for this long gives up [ns]."""
 _BEHIND_M: Final = (0.05, 0.1, 0.2)
 """How far behind the robot the floor has to be known for it to drive backwards [m]."""
+_CHORD_M: Final = 0.25
+"""Of a path, by which its direction is told [m]."""
+_AWAY_RAD: Final = 1.2
+_TURNED_RAD: Final = 0.15
+"""A robot that looks farther away than the first turns round until it looks to the second."""
 _BACK_M: Final = 0.3
 _BACK_M_S: Final = 0.15
 _TURN_RAD_S: Final = 0.7
@@ -101,6 +106,8 @@ class Journey(Behaviour):
         """Plan anew after the pause."""
         self._route: Route | None = None
         self._planned_ns = 0
+        self._planned_reverse = self._pilot.reverse
+        self._turns_round = False
         self._attempt: _Attempt | None = None
         self._stuck_ns: int | None = None
         self._stuck_at = SE2()
@@ -140,6 +147,8 @@ class Journey(Behaviour):
             if isinstance(found, BehaviourOutput):
                 return found
             route = found
+        if turn_rad_s := self._turning_round(pose, route):
+            return BehaviourOutput(0.0, turn_rad_s, text="turning round to drive in reverse")
         motion = self._looked_at(pose, self._follow(situation, route.plan))
         self._pilot.show(route.rest, motion.ahead)
         if (motion.arrived and route.leads_there) or self._is_there(pose):
@@ -160,14 +169,15 @@ class Journey(Behaviour):
     def _looks_again(self, pose: SE2, now_ns: int) -> bool:
         """Return whether it is time to plan: there is no path, it is far away, or a while ago."""
         route = self._route
-        if route is None or route.advance(pose) > _OFF_PATH_M:
+        turned_round = self._planned_reverse is not self._pilot.reverse
+        if route is None or turned_round or route.advance(pose) > _OFF_PATH_M:
             self._route = None
             return True
         return now_ns - self._planned_ns >= _REPLAN_NS
 
     def _plan(self, pose: SE2, now_ns: int) -> Route | PlanFailure:
         """Plan from here; keep the present path where it is free and hardly worse."""
-        self._planned_ns = now_ns
+        self._planned_ns, self._planned_reverse = now_ns, self._pilot.reverse
         leads_there = not self._pilot.is_far(pose, self._goal)
         old, answer = self._route, self._pilot.plan(pose, self._goal)
         is_free = old is not None and not self._pilot.touches(old.rest)
@@ -199,6 +209,28 @@ class Journey(Behaviour):
                 min(self._speed_m_s, pilot.speed_limit(pose)),
             )
         )
+
+    def _turning_round(self, pose: SE2, route: Route) -> float:
+        """Return the turn of a robot that looks the wrong way to drive in reverse [rad/s].
+
+        Controllers look for better velocities near the present one, and straight away from the path
+        neither turn is better. 0 where it need not turn, or has no room to.
+        """
+        back = route.rest[0, :2] - route.rest[:, :2]
+        away = np.flatnonzero(np.hypot(*back.T) > _CHORD_M)
+        if not self._pilot.reverse or not len(away):
+            self._turns_round = False
+            return 0.0
+        behind_rad = math.atan2(back[away[0], 1], back[away[0], 0])
+        off_rad = wrap_angle(behind_rad - pose.theta_rad)
+        self._turns_round = abs(off_rad) > (_TURNED_RAD if self._turns_round else _AWAY_RAD)
+        if not self._turns_round:
+            return 0.0
+        side = math.copysign(1.0, off_rad)
+        swept = _poses(pose, [SE2(0.0, 0.0, side * turn_rad) for turn_rad in (0.1, 0.2, 0.4)])
+        if self._pilot.touches(swept):
+            return 0.0
+        return side * min(_TURN_RAD_S, 2.0 * abs(off_rad))
 
     def _looked_at(self, pose: SE2, motion: LocalMotion) -> LocalMotion:
         """Return a motion; none backwards where nothing has seen yet what is there."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -70,6 +71,7 @@ _STAGE_M: Final = 25.0
 """So far a robot without a map plans towards a goal that lies beyond what it has seen [m]."""
 _CELL_M: Final = 0.05
 """Of a map that the robot makes itself."""
+_TURNED: Final = SE2(0.0, 0.0, math.pi)
 _AROUND_M: Final = 20.0
 """Such a map reaches this far beyond where it was when it came near the edge, and goals [m]."""
 
@@ -99,6 +101,8 @@ class MapPilot:
     ----------
     config, controller
         The local controller, and its settings.
+    reverse
+        Whether journeys are driven in reverse; not where the robot steers.
     moving
         (k, 5) what moves by itself, as `LocalSituation.moving`.
     last_scan
@@ -134,6 +138,7 @@ class MapPilot:
                 allowed = ", ".join(names)
                 raise InvalidValue(key, f"{name} found; allowed are {allowed}", name)
         self.steered = drive.steered
+        self.reverse = False
         self._own_zones = wanted.zone
         self._closed = Closed(wanted.zone)
         self._footprint = footprint
@@ -342,8 +347,21 @@ class MapPilot:
             return "the lidar gives no scans"
         return ""
 
+    def use_reverse(self, *, reverse: bool) -> None:
+        """Plan for a robot that drives in reverse from now on, or ahead again."""
+        self.reverse = reverse
+
     def plan(self, pose: SE2, goal: Goal) -> Plan | PlanFailure:
         """Return the path from a pose to a goal through what is known now."""
+        if not self.reverse:
+            return self._plan_ahead(pose, goal)
+        # A robot that turns on the spot drives any path in reverse, once it is turned round.
+        heading_rad = None if goal.heading_rad is None else goal.heading_rad + math.pi
+        plan = self._plan_ahead(pose @ _TURNED, Goal(goal.x_m, goal.y_m, heading_rad))
+        return plan if isinstance(plan, PlanFailure) else _turned_round(plan)
+
+    def _plan_ahead(self, pose: SE2, goal: Goal) -> Plan | PlanFailure:
+        """Return the same of a robot that drives ahead."""
         if self.is_far(pose, goal):
             return self._way(*self._stage(pose, goal))
         there = _as_pose(pose, goal)
@@ -408,6 +426,12 @@ class MapPilot:
 def _beside(pose: SE2) -> NDArray[np.float64]:
     """Return the corners of a square around a pose, (2, 2) [m]."""
     return np.array([(pose.x_m + away_m, pose.y_m + away_m) for away_m in (-_AROUND_M, _AROUND_M)])
+
+
+def _turned_round(plan: Plan) -> Plan:
+    """Return a path to be driven in the other gear."""
+    half_turn = np.array([0.0, 0.0, math.pi])
+    return replace(plan, poses=plan.poses + half_turn, reverse=~plan.reverse)
 
 
 def _as_pose(pose: SE2, goal: Goal) -> SE2:

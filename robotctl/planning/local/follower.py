@@ -287,9 +287,9 @@ class Follower:
         return _motion(situation, choice)._replace(blocked=True, text=text)
 
     def _back(self, situation: LocalSituation, problem: Problem) -> LocalMotion:
-        """Back off straight while that is free."""
+        """Back off straight, against the gear, while that is free."""
         speed = problem.motion.creep
-        free, choice = self._only(problem._replace(v_most=speed), -speed, 0.0)
+        free, choice = self._only(problem._replace(v_most=speed), -problem.gear * speed, 0.0)
         motion = _motion(situation, choice)
         self._backing_m -= self._config.dt_s * abs(motion.v_m_s) if free else math.inf
         return motion._replace(text="backs off")
