@@ -6,6 +6,7 @@ from pymavlink.dialects.v20 import common as m
 from robotctl.mavlink.telemetry import Telemetry
 from robotctl.messages.control import SafetyState
 from robotctl.messages.mavlink_port import Peer
+from robotctl.safety.state_machine import ENABLED
 from tests.mavlink.conftest import Bench
 
 FIRST, SECOND = Peer(0, 0), Peer(1, 0)
@@ -107,7 +108,7 @@ def test_only_sdo_requests_come_in_and_only_to_a_robot_without_power(bench, stat
     bench.step(bench.control(state=state))
     bench.receive(request)
     bench.step(bench.control(state=state))
-    powered = state in {SafetyState.ARMED, SafetyState.DRIVING}
+    powered = state in ENABLED
     allowed = 0x601 <= number <= 0x67F and not powered
     assert bench.can.sent == ([(number, bytes([0x40, 8, 16, 0, 0, 0, 0, 0]))] if allowed else [])
 
