@@ -123,7 +123,7 @@ def sim(
     ] = False,
     slam: Annotated[
         bool,
-        typer.Option("--slam", help="Know no map: make one from the lidar, and drive by that."),
+        typer.Option("--slam", help="Know no map: make one, and drive by that."),
     ] = False,
     camera: Annotated[
         bool,

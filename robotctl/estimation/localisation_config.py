@@ -29,8 +29,8 @@ class LocalisationConfig:
     method
         `none`: odometry only. `ekf`: odometry corrected by sonar ranges to walls and by poses from
         outside (MAVLink). `mcl`: particles, weighed by sonars and lidar, which also find a robot
-        that was carried away. `slam`: lidar scans matched with those before; it needs no map and
-        makes one.
+        that was carried away. `slam`: scans of the lidar, else of what the sonars hear on
+        the way, matched with those before; it needs no map and makes one.
     map
         A world (`.toml`, walls) or a ROS map (`.yaml`, cells); `ekf` needs walls.
     start
@@ -46,7 +46,7 @@ class LocalisationConfig:
         Most particles, >= 1000; a tracked robot needs far fewer, a search of a large map takes
         more.
     sensors
-        Which sensors particles are weighed by, of those that the robot has.
+        Which sensors particles are weighed by, and `slam` may take, of those that the robot has.
     places
         File of the places that the robot knows by its sonars (`robotctl places learn`), which
         particles are weighed by when it has turned on the spot; empty: none.

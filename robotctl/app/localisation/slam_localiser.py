@@ -1,9 +1,10 @@
-"""SLAM by lidar in the navigation process: the robot's place on a map that grows as it drives."""
+"""SLAM in the navigation process: the robot's place on a map that grows as it drives."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -12,10 +13,11 @@ from numpy.typing import NDArray
 
 from robotctl.app.localisation.localiser import LocaliserInput, localisation_state
 from robotctl.app.localisation.slam_files import KeyframeFile, keyframes_to_localise
+from robotctl.app.localisation.slam_sensor import SlamSensor, slam_sensor
 from robotctl.config.robot_file import RobotConfig
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
-from robotctl.estimation.sensors.registry import LIDAR, load_sensors
+from robotctl.estimation.sensors.lidar import REHEARSED
 from robotctl.estimation.sensors.sensor import SensedRobot
 from robotctl.estimation.slam.lidar.config import LidarSlamConfig
 from robotctl.estimation.slam.lidar.keyframe import Keyframe
@@ -47,12 +49,14 @@ _REDRAW_NS: Final = 2_000_000_000
 
 
 class SlamLocaliser:
-    """Feeds a `SlamMapper` with the lidar's scans; its `map` lies in `world` where it starts.
+    """Feeds a `SlamMapper` with scans; its `map` lies in `world` where it starts.
 
     Parameters
     ----------
     mapper
         Without a scan yet.
+    sensor
+        What the scans are made of.
     start
         `base` in `world` at the start.
     history
@@ -66,12 +70,14 @@ class SlamLocaliser:
     def __init__(
         self,
         mapper: SlamMapper,
+        sensor: SlamSensor,
         start: SE2,
         history: OdometryHistory,
         saved: KeyframeMap | None = None,
         file: KeyframeFile | None = None,
     ) -> None:
         self.mapper = mapper
+        self._sensor, self._maker = sensor, sensor.maker()
         self._history = history
         self._file = file
         self.T_world_map = start
@@ -97,6 +103,7 @@ class SlamLocaliser:
     def begin_odometry(self) -> None:
         """Keep the map; the next control state's odometry is another one."""
         self.mapper.begin_odometry()
+        self._maker = self._sensor.maker()
         self._begun = self._pose
         self._T_world_odom = self._last = None
 
@@ -112,17 +119,20 @@ class SlamLocaliser:
 
     def step(self, control: ControlState, seen: LocaliserInput, now_ns: int) -> LocalisationState:
         """Take the scans since the last step; return the present estimate."""
-        for scan in seen.measured.get(LIDAR, ()):
-            odometry = self._history.at(scan.stamp_ns)
-            if odometry is not None and self._is_new(scan, odometry):
-                self._take(scan, odometry)
+        for measured in seen.measured.get(self._sensor.name, ()):
+            odometry = self._history.at(measured.stamp_ns)
+            for each in () if odometry is None else self._maker.add(measured, odometry):
+                if self._is_new(each.scan, each.odometry):
+                    self._take(each.scan, each.odometry)
         if self.mapper.look() and self._last is not None:
             self._T_world_odom = self.T_world_map @ self.mapper.pose @ self._last.inverse()
         if self._T_world_odom is None:
             self._T_world_odom = self._begun @ control.T_odom_base.inverse()
         if self._file is not None:
             self._file.step(self, now_ns)
-        is_placed = bool(self.mapper.keyframes) and not self.mapper.is_lost
+        # A stretch is driven by odometry before the first scan is made of it.
+        has_begun = bool(self.mapper.keyframes) or self.mapper.config.stretch_m > 0.0
+        is_placed = has_begun and not self.mapper.is_lost
         status = LocalisationStatus.LOCALISED if is_placed else LocalisationStatus.SEARCHING
         odometry = control.T_odom_base
         self._pose = self._T_world_odom @ odometry
@@ -266,31 +276,33 @@ def make_slam(
     Raises
     ------
     ConfigError, DiskError
-        If the map that the robot localises itself in cannot be read; if it cannot be kept.
+        If the robot has no sensor for it, or the map that it localises itself in cannot be read;
+        if it cannot be kept.
     """
-    lidar = load_sensors()[LIDAR].rehearsal(robot)
+    sensor = slam_sensor(config, robot)
     grid = config.localisation.grid
-    rehearsed = SlamLocaliser(SlamMapper(LidarSlamConfig(keyframe_m=0.0)), SE2(), OdometryHistory())
-    if lidar is not None:
-        _rehearse(rehearsed, lidar)
-        drawing = SlamDrawing(rehearsed, OccupancyGrid(grid))
-        drawing.step(None, LocaliserInput())
-        drawing.live_map(0)
-    is_kept = places.path is not None and not places.is_read_only
+    quick = SlamMapper(LidarSlamConfig(keyframe_m=0.0))
+    rehearsed = SlamLocaliser(quick, sensor, SE2(), OdometryHistory())
+    _rehearse(rehearsed)
+    drawing = SlamDrawing(rehearsed, OccupancyGrid(grid))
+    drawing.step(None, LocaliserInput())
+    drawing.live_map(0)
+    is_for_life = sensor.config.stretch_m == 0.0
+    is_kept = is_for_life and places.path is not None and not places.is_read_only
     file = KeyframeFile(places.path) if places.path is not None and is_kept else None
     saved = None if file is None else file.saved
     if places.path is not None and places.is_read_only:
         saved = keyframes_to_localise(places.path)
-    mapper = SlamMapper(LidarSlamConfig(is_live=True, is_fixed=places.is_read_only))
-    localiser = SlamLocaliser(mapper, start, history, saved, file)
+    mapper = SlamMapper(replace(sensor.config, is_live=is_for_life, is_fixed=places.is_read_only))
+    localiser = SlamLocaliser(mapper, sensor, start, history, saved, file)
     return localiser, SlamDrawing(localiser, OccupancyGrid(grid))
 
 
-def _rehearse(localiser: SlamLocaliser, lidar: RangeScan) -> None:
+def _rehearse(localiser: SlamLocaliser) -> None:
     """Have all kernels compiled."""
     mapper = localiser.mapper
     for _ in range(mapper.config.linked_keyframes + 2):
-        mapper.add(lidar, SE2())
+        mapper.add(REHEARSED, SE2())
     search = MapSearch(mapper.config, mapper.keyframes, mapper.back_end, mapper.keyframes[0])
     while not search.step():
         pass

@@ -26,6 +26,7 @@ from robotctl.estimation.slam.lidar.loops import LoopSearch
 from robotctl.estimation.slam.lidar.map_search import MapSearch
 from robotctl.estimation.slam.lidar.motion import Expected, by_odometry, by_velocity
 from robotctl.estimation.slam.lidar.saved_map import KeyframeMap
+from robotctl.estimation.slam.lidar.straight_walls import StraightWalls
 from robotctl.estimation.slam.lidar.tracker import LocalMap, Tracked, is_new, local_map, track
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
@@ -79,6 +80,7 @@ class SlamMapper:
         self.keyframes: list[Keyframe] = []
         self.back_end = BackEnd()
         self.loops = LoopSearch(self.config, self.keyframes, self.back_end)
+        self._straight = StraightWalls(self.config.stretch_m, self.keyframes, self.back_end)
         self.epoch = 0
         self.slips = self.lost = self.lost_in_a_row = 0
         self.covariance: Floats = 1e-6 * np.eye(3)
@@ -287,12 +289,11 @@ class SlamMapper:
     def _account(self, match: Match | None, expected: Expected) -> None:
         """Count scans that fit nowhere; keep how well the pose on the local map is known."""
         motion = np.diag([expected.sigma_m**2, expected.sigma_m**2, expected.sigma_rad**2])
-        if match is None and self.config.stretch_m:
+        if match is None:
             self.covariance += motion
-        elif match is None:
-            self.lost += 1
-            self.lost_in_a_row += 1
-            self.covariance += motion
+            if not self.config.stretch_m:
+                self.lost += 1
+                self.lost_in_a_row += 1
         else:
             self.lost_in_a_row = 0
             both = np.linalg.inv(match.information + expected.information)
@@ -340,22 +341,19 @@ class SlamMapper:
             back_end.link(Link(last, number, pose, match.information))
         self._link_near(number, passed)
         back_end.update()
+        if self.config.stretch_m and back_end.links[-1].is_loop:
+            self.covariance = np.linalg.inv(back_end.links[-1].information).astype(np.float64)
 
     def _link_last(self, number: int, passed: list[int]) -> int:
         """Link a keyframe with the last ones that were passed; return how many."""
         if self.config.stretch_m:
-            return 0
+            return self._straight.link(number)
         return sum(self._link(other, number, 0.15, is_loop=False) for other in reversed(passed))
 
     def _link(self, first: int, second: int, wide_m: float, *, is_loop: bool) -> bool:
         """Match two keyframes where they are and link them; return whether they match."""
-        pair = match_pair(
-            self.keyframes[first],
-            self.keyframes[second],
-            self.back_end.between(first, second),
-            self.config,
-            wide_m,
-        )
+        old, new, start = self.keyframes[first], self.keyframes[second], self.back_end.between
+        pair = match_pair(old, new, start(first, second), self.config, wide_m)
         if pair is None:
             return False
         self.back_end.link(Link(first, second, pair.pose, pair.information, is_loop))

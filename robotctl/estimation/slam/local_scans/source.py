@@ -13,7 +13,7 @@ from robotctl.model.recording import RecordedScan, Recording
 
 M_contra = TypeVar("M_contra", contravariant=True)
 
-CALIBRATED = WheelNoise((0.01, 0.05, 0.02), (0.005, 0.04, 0.04))
+CALIBRATED = WheelNoise((0.01, 0.05, 0.02), (0.003, 0.02, 0.03))
 """Of wheels that alone hold scans which are made along their odometry."""
 
 

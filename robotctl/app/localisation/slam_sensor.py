@@ -1,0 +1,57 @@
+"""Which sensor of a robot SLAM makes its map of."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from robotctl.config.robot_file import RobotConfig
+from robotctl.errors import ConfigError
+from robotctl.estimation.sensors.registry import CAMERA, LIDAR, SONAR
+from robotctl.estimation.sensors.sensor import SensedRobot
+from robotctl.estimation.slam.lidar.config import LidarSlamConfig
+from robotctl.estimation.slam.local_scans.registry import SCAN_SOURCES, load_source
+from robotctl.estimation.slam.local_scans.source import ScanMaker
+
+
+class SlamSensor(NamedTuple):
+    """A sensor, and what its scans are worth."""
+
+    name: str
+    robot: SensedRobot
+    config: LidarSlamConfig
+
+    def maker(self) -> ScanMaker[Any]:
+        """Return what makes scans along a new odometry."""
+        return load_source(self.name).maker(self.robot)
+
+
+def slam_sensor(config: RobotConfig, robot: SensedRobot) -> SlamSensor:
+    """Return the first of `SCAN_SOURCES` that a robot has, and may use by `localisation.sensors`.
+
+    A lidar is one that the robot's file names, for the robot or its simulation.
+
+    Raises
+    ------
+    ConfigError
+        If it has none, or is to keep a map that its sensor cannot go on with.
+    """
+    settings = config.localisation
+    has = {
+        LIDAR: config.lidar is not None or LIDAR in config.simulation,
+        SONAR: bool(robot.mounts),
+        CAMERA: robot.has_camera,
+    }
+    name = next((each for each in SCAN_SOURCES if has[each] and each in settings.sensors), None)
+    if name is None:
+        found = ", ".join(each for each in has if has[each]) or "none"
+        raise ConfigError(
+            f'localisation.method = "slam": needs one of {", ".join(SCAN_SOURCES)}; the robot has '
+            f"{found}, localisation.sensors allows {', '.join(settings.sensors) or 'none'}"
+        )
+    source = load_source(name)
+    if settings.keyframes and source.config.stretch_m:
+        raise ConfigError(
+            f"localisation.keyframes = {settings.keyframes!r}: a map of keyframes needs a lidar; "
+            f"SLAM by {name} begins anew at each start"
+        )
+    return SlamSensor(name, robot, source.config)

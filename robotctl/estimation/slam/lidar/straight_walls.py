@@ -1,0 +1,130 @@
+"""Walls that go straight on: what holds the heading of scans that share nothing with others.
+
+A stretch of a corridor and the next show different pieces of its walls. Where a piece of the one
+lies in line with one of the other, as far as odometry can tell, both are taken for one wall.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from robotctl.estimation.landmarks.line_fitting import BeamNoise
+from robotctl.estimation.landmarks.scan_lines import ScanLinesConfig, Segment, find_lines
+from robotctl.estimation.slam.front_end.surface import Floats
+from robotctl.estimation.slam.lidar.back_end import BackEnd, Link
+from robotctl.estimation.slam.lidar.keyframe import Keyframe
+from robotctl.model.geometry.angles import wrap_angle
+from robotctl.model.geometry.points import moved, rotation
+from robotctl.model.geometry.se2 import SE2
+
+_LINES: Final = ScanLinesConfig(BeamNoise(sigma_m=0.02), least_length_m=0.8)
+_MOST: Final = 3
+"""Scans that one is compared with."""
+_BACK_M: Final = 12.0
+"""Way behind the robot on which odometry can tell which walls are in line."""
+_GATE_RAD: Final = 0.12
+_GATE_M: Final = 0.15
+_APART_M: Final = 6.0
+"""Pieces that are not in line to this, or farther apart, say nothing of each other."""
+_ONE_M: Final = 0.1
+"""Pieces farther off may be parallel only, such as a radiator: they tell the heading alone."""
+_BENT_RAD: Final = 0.015
+_BENT_M: Final = 0.04
+"""Standard deviations: walls are not quite straight, nor are stretches."""
+
+
+class StraightWalls:
+    """Finds the walls that keyframes have in line with earlier ones."""
+
+    def __init__(self, stretch_m: float, keyframes: list[Keyframe], back_end: BackEnd) -> None:
+        self._stretch_m = stretch_m
+        self._keyframes = keyframes
+        self._back_end = back_end
+        self._walls: list[tuple[Segment, ...]] = []
+
+    def link(self, number: int) -> int:
+        """Link a keyframe with earlier ones by walls that are in line; return how many."""
+        for each in self._keyframes[len(self._walls) : number + 1]:
+            self._walls.append(find_lines(each.scan, _LINES).segments)
+        count = 0
+        for other in self._near(number):
+            start = self._back_end.between(other, number)
+            found = aligned(self._walls[other], self._walls[number], start)
+            if found is not None:
+                self._back_end.link(Link(other, number, *found))
+                count += 1
+                if count == _MOST:
+                    break
+        return count
+
+    def _near(self, number: int) -> list[int]:
+        """Return earlier keyframes near one, the last first, a stretch between each two."""
+        ways_m = np.array([each.travelled_m for each in self._keyframes[: number + 1]])
+        poses = self._back_end.poses
+        away = np.hypot(*(poses[:number, :2] - poses[number, :2]).T)
+        near: list[int] = []
+        next_m = ways_m[number] - self._stretch_m
+        is_near = (away < _APART_M) & (ways_m[:number] > ways_m[number] - _BACK_M)
+        for other in np.flatnonzero(is_near)[::-1].tolist():
+            if ways_m[other] <= next_m:
+                near.append(other)
+                next_m = ways_m[other] - self._stretch_m
+        return near
+
+
+def aligned(
+    first: tuple[Segment, ...], second: tuple[Segment, ...], start: SE2
+) -> tuple[SE2, Floats] | None:
+    """Return the pose of the second scan in the first at which walls are in line.
+
+    Parameters
+    ----------
+    first, second
+        Walls of two scans.
+    start
+        The expected pose, which remains where no wall says anything.
+
+    Returns
+    -------
+    The pose, and its information (3, 3) in its own frame; None if no wall is in line.
+    """
+    H, g = np.zeros((3, 3)), np.zeros(3)
+    for old in first:
+        for new in second:
+            row = _in_line(old, new, start)
+            if row is not None:
+                residuals, J, information = row
+                H += J.T @ (information[:, None] * J)
+                g += J.T @ (information * residuals)
+    if not H.any():
+        return None
+    step = np.linalg.solve(H + 1e-6 * np.eye(3), -g)
+    return start @ SE2.exp(*step.tolist()), H
+
+
+def _in_line(old: Segment, new: Segment, pose: SE2) -> tuple[Floats, Floats, Floats] | None:
+    """Return residuals of direction and offset, (2,), their Jacobian and information; or None.
+
+    The offset is measured across the mean direction, between the middles of the pieces.
+    """
+    turn = wrap_angle(new.line.alpha_rad + pose.theta_rad - old.line.alpha_rad)
+    if abs(turn) > _GATE_RAD:
+        return None
+    middle = new.ends.mean(axis=0)
+    between = moved(pose, middle[None])[0] - old.ends.mean(axis=0)
+    alpha = old.line.alpha_rad + 0.5 * turn
+    normal = np.array([math.cos(alpha), math.sin(alpha)])
+    off, apart = float(normal @ between), float(np.hypot(*between))
+    if abs(off) > _GATE_M or apart > _APART_M:
+        return None
+    own = rotation(pose.theta_rad) @ normal
+    along = float(np.array([-normal[1], normal[0]]) @ between)
+    by_turn = own @ np.array([-middle[1], middle[0]]) + 0.5 * along
+    J = np.array([[0.0, 0.0, 1.0], [own[0], own[1], by_turn]])
+    turned = old.line.covariance[0, 0] + new.line.covariance[0, 0] + _BENT_RAD**2
+    moved_m2 = _BENT_M**2 + 0.25 * apart**2 * turned
+    is_one = abs(off) < _ONE_M
+    return np.array([turn, off]), J, np.array([1.0 / turned, is_one / moved_m2])
