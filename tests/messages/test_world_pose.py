@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from robotctl.messages.control import BusStatus, ControlState, LoopStatistics
 from robotctl.messages.estimation import LocalisationState
+from robotctl.messages.procedures import Procedure
 from robotctl.messages.world_pose import WorldPose
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.model.geometry.se2 import SE2
@@ -23,7 +24,8 @@ STATE = msgspec.convert(
     | {"fault": 0, "fault_part": "", "against_arming": ()}
     | dict.fromkeys(("wheel_rad_s", "wheel_ref_rad_s", "wheel_distance_m", "duty"), ())
     | dict.fromkeys(("current_a", "temperature_c", "sonar_m", "sonar_stamp_ns", "nodes"), ())
-    | {"battery": None, "imu": None, "bus": BusStatus(), "loop": LoopStatistics()},
+    | {"battery": None, "imu": None, "bus": BusStatus(), "loop": LoopStatistics()}
+    | {"procedure": Procedure()},
     ControlState,
     strict=False,
 )
