@@ -44,19 +44,20 @@ CUPBOARDS = (
 
 @dataclass(frozen=True)
 class LittleWorld:
-    """The rooms; `closed` doors are walls.
+    """The rooms; `closed` doors are walls, `boxes` stand about that are not on the map.
 
     `map` has no coordinates.
     """
 
     map: TopologicalMap
     closed: tuple[tuple[str, str], ...] = ()
+    boxes: tuple[tuple[float, float, float, float], ...] = ()
 
     def is_free(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return which points are floor."""
         doors = [box for ends, box in DOORS.items() if ends not in self.closed]
         free = _inside([*ROOMS.values(), *doors], x, y)
-        return free & ~_inside(CUPBOARDS, x, y)
+        return free & ~_inside([*CUPBOARDS, *self.boxes], x, y)
 
     def scan(self, pose: SE2, stamp_ns: int) -> RangeScan:
         """Return what a lidar sees from a pose."""

@@ -60,8 +60,9 @@ class Robot:
 
     def touches(self, poses):
         at = [self.truth @ (self.odom.inverse() @ SE2(*pose)) for pose in poses.tolist()]
-        free = self.world.is_free(*np.array([(each.x_m, each.y_m) for each in at]).T)
-        return not free.all()
+        around = [(each @ SE2(0.2, 0.0, 0.0), each @ SE2(-0.2, 0.0, 0.0)) for each in at]
+        points = np.array([(end.x_m, end.y_m) for ends in around for end in ends])
+        return not self.world.is_free(*points.T).all()
 
     def exploration(self, _speed_m_s):
         self._path = self.world.way(self.truth, (2.7, 2.0))
@@ -148,6 +149,15 @@ def test_a_closed_door_is_driven_round(looks):
     assert robot.rooms == ["hall", "den", "hall", "den", "store", "study"]
 
 
+def test_what_stands_right_behind_a_door_is_driven_round(looks):
+    boxes = ((6.95, 1.4, 7.3, 1.9), (8.1, 1.3, 8.6, 1.8))  # there, and in the middle of the study
+    robot = Robot(LittleWorld(little_world().map, boxes=boxes), SE2(4.0, 1.5, 0.3))
+    output = robot.drive(travel(robot, looks, "study"))
+    assert (output.status, output.text) == (Status.DONE, "in study")
+    assert robot.rooms == ["hall", "study"]
+    assert not robot.says("not reached")
+
+
 def test_it_gives_up_where_all_ways_are_closed_and_says_why(looks):
     world = LittleWorld(little_world().map, closed=(("hall", "study"), ("study", "store")))
     robot = Robot(world, SE2(4.0, 1.5, 0.3))
@@ -159,7 +169,7 @@ def test_it_gives_up_where_all_ways_are_closed_and_says_why(looks):
 
 def test_it_gives_up_after_so_many_looks_where_nothing_is_known(looks):
     robot = Robot(little_world(), SE2(4.0, 1.5, 0.3))
-    places = {name: looks[name] for name in ("study", "store")}
+    places = {"store": looks["store"]}
     seen = []
     robot.exploration = lambda _speed: (
         seen.append(1) or SimpleNamespace(step=lambda *_: BehaviourOutput(0.0, 0.0, Status.DONE))
