@@ -11,6 +11,7 @@ from robotctl.errors import MissionError
 from robotctl.messages.mode import Mode
 from robotctl.messages.requests import (
     ModeRequest,
+    PlaceRequest,
     PositionRequest,
     StickRequest,
     VelocityRequest,
@@ -321,6 +322,14 @@ def test_a_target_of_before_the_stop_is_forgotten(robot, make_run):
     run.step(GUIDED)
     for _ in range(40):
         assert run.step().v_m_s == 0.0
+
+
+def test_a_place_is_refused_by_a_robot_that_knows_none(differential, make_run):
+    run = make_run(differential, flat=False)
+    out = run.step(GUIDED, PlaceRequest("kitchen"))
+    assert out.message.startswith("refused: this robot knows no places: navigation.pilot.topology")
+    assert out.goals == 0
+    assert run.step(PositionRequest(3.0, 0.0)).v_m_s > 0.0
 
 
 def test_a_position_sent_while_not_armed_is_not_driven_to_when_armed(robot, make_run):

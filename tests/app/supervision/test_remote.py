@@ -27,6 +27,7 @@ from robotctl.messages.mission import (
     JumpToItem,
     LoadMission,
     MissionCommand,
+    PlaceTarget,
 )
 from robotctl.messages.mode import Mode
 from robotctl.runtime.ipc.topics import Endpoints, Publisher, RequestReceiver, endpoint_directory
@@ -196,6 +197,16 @@ def test_exploring_is_followed_as_a_goal_is(make_robot):
     with Beside(robot) as remote:
         *_, last = remote.explore()
     assert [type(each) for each in robot.heard] == [SetMode, ExploreTarget]
+    assert last.goal_reached
+
+
+def test_a_place_is_asked_for_by_its_name(make_robot):
+    robot = make_robot()
+    robot.after_goal = [{}, {"goal_reached": True, "message": "in den"}]
+    with Beside(robot) as remote:
+        *_, last = remote.goto_place("den")
+    assert [type(each) for each in robot.heard] == [SetMode, PlaceTarget]
+    assert robot.heard[1].place == "den"
     assert last.goal_reached
 
 
