@@ -29,8 +29,8 @@ class LocalisationConfig:
     method
         `none`: odometry only. `ekf`: odometry corrected by sonar ranges to walls and by poses from
         outside (MAVLink). `mcl`: particles, weighed by sonars and lidar, which also find a robot
-        that was carried away. `slam`: scans of the lidar, else of what the sonars hear on
-        the way, matched with those before; it needs no map and makes one.
+        that was carried away. `slam`: scans of the lidar, else of what sonars or camera
+        make out on the way, matched with those before; it needs no map and makes one.
     map
         A world (`.toml`, walls) or a ROS map (`.yaml`, cells); `ekf` needs walls.
     start

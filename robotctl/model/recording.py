@@ -96,6 +96,8 @@ class Recording:
         In the order of their times.
     sonar_mounts
         Mounting of the sonars; empty if the log does not have it.
+    views
+        Ranges to the floor's boundary, as a camera saw it, in the order of their times.
     notes
         Sentences for people: what the reader left out or had to assume.
     """
@@ -114,4 +116,5 @@ class Recording:
     wheel_ticks: NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 3), np.int64))
     sonars: tuple[RecordedSonar, ...] = ()
     sonar_mounts: tuple[SonarMount, ...] = ()
+    views: tuple[RecordedScan, ...] = ()
     notes: tuple[str, ...] = ()

@@ -60,7 +60,7 @@ def test_the_folder_has_trajectory_map_graph_and_report(log, tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--sensor", "radar"), "--sensor radar: unknown; allowed is lidar, sonar"),
+        (("--sensor", "radar"), "--sensor radar: unknown; allowed is lidar, sonar, camera"),
         (("--sensor", "sonar"), "nothing of a sonar in it, which --sensor sonar needs; it has "),
         (("--sensor", "sonar", "--map", "old"), "--map: needs --sensor lidar"),
         (("--solver", "graph"), "are for landmarks"),

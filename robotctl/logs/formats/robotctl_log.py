@@ -1,12 +1,13 @@
 """Our own recordings as drives: the folder of `--record DIR`, or one `robot-0001.mcap` of it.
 
-Odometry comes from the topic `control`, scans from the topic `lidar`, what the robot believed of
-its place from `localisation`. Sonar mounting and readings are in `control-0001.rec` beside it;
-without that their ranges come from `control` too (`own_sonars`). The reference is `truth-0001.tum`
-in the folder, of the run whose logs begin with `robot-0001.mcap`, where there is one (its times are
-those of the log); older versions called it `truth.tum`. A folder is assumed to hold one robot. Logs
-of older versions do not distinguish a missing echo from a failed sonar: there a reading without a
-range is a missing echo if its time is new, since the time of one that failed or is not there stays.
+Odometry comes from the topic `control`, scans from the topics `lidar` and `camera`, what the robot
+believed of its place from `localisation`. Sonar mounting and readings are in `control-0001.rec`
+beside it; without that their ranges come from `control` too (`own_sonars`). The reference is
+`truth-0001.tum` in the folder, of the run whose logs begin with `robot-0001.mcap`, where there is
+one (its times are those of the log); older versions called it `truth.tum`. A folder is assumed to
+hold one robot. Logs of older versions do not distinguish a missing echo from a failed sonar: there
+a reading without a range is a missing echo if its time is new, since the time of one that failed or
+is not there stays.
 See docs/logs.md.
 """
 
@@ -32,9 +33,11 @@ from robotctl.logs.formats.robotctl_messages import (
     LoggedBelief,
     LoggedScan,
     LoggedState,
+    LoggedView,
     logged_belief,
     logged_scan,
     logged_state,
+    logged_view,
 )
 from robotctl.logs.formats.robotctl_sonars import OwnSonars, own_sonars
 from robotctl.logs.formats.ros_bag import is_ros_bag
@@ -63,6 +66,7 @@ class _Content:
     control: list[tuple[int, LoggedState]] = field(default_factory=list)
     believed: list[tuple[int, LoggedBelief]] = field(default_factory=list)
     lidar: list[tuple[int, LoggedScan]] = field(default_factory=list)
+    views: list[tuple[int, LoggedView]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
 
@@ -136,6 +140,7 @@ def read_own(path: Path, *, with_sonars: bool = True) -> Recording:
         believed=_believed(content.believed, odometry),
         sonars=tuple(_while_logged(sonars.readings, odometry)),
         sonar_mounts=sonars.mounts,
+        views=tuple(_view(*each, odometry, reference, path) for each in content.views),
         notes=(*content.notes, *sonars.notes),
     )
 
@@ -165,6 +170,8 @@ def _take_in(file: Path, content: _Content) -> None:
                 content.believed.append((message.log_time, logged_belief(message.data)))
             elif topic == "lidar":
                 content.lidar.append((message.log_time, logged_scan(message.data)))
+            elif topic == "camera" and (view := logged_view(message.data)) is not None:
+                content.views.append((message.log_time, view))
         except msgspec.DecodeError as error:
             raise LogFormatError(
                 f"{file}: topic {topic}, message at {message.log_time} ns: {error}"
@@ -267,7 +274,7 @@ def _while_logged(
 def _scan(
     stamp_ns: int, lidar: LoggedScan, odometry: Trajectory, reference: Trajectory | None, path: Path
 ) -> RecordedScan:
-    """Return a scan with the poses at its time; before and after the odometry, its ends."""
+    """Return a scan of the lidar with the poses at its time."""
     try:
         scan = RangeScan(
             stamp_ns,
@@ -279,9 +286,26 @@ def _scan(
         )
     except ValueError as error:
         raise LogFormatError(f"{path}: topic lidar, scan at {stamp_ns} ns: {error}") from error
-    inside_ns = min(max(stamp_ns, int(odometry.stamps_ns[0])), int(odometry.stamps_ns[-1]))
+    return _placed(scan, odometry, reference)
+
+
+def _view(
+    stamp_ns: int, view: LoggedView, odometry: Trajectory, reference: Trajectory | None, path: Path
+) -> RecordedScan:
+    """Return a view of the camera with the poses at its time."""
+    angles, ranges, sigmas = np.array(view.beams, dtype=np.float64).reshape(-1, 3).T
+    try:
+        scan = RangeScan(stamp_ns, angles, ranges, view.max_range_m, view.x_m, view.y_m, sigmas)
+    except ValueError as error:
+        raise LogFormatError(f"{path}: topic camera, view at {stamp_ns} ns: {error}") from error
+    return _placed(scan, odometry, reference)
+
+
+def _placed(scan: RangeScan, odometry: Trajectory, reference: Trajectory | None) -> RecordedScan:
+    """Return a scan with the poses at its time; before and after the odometry, its ends."""
+    inside_ns = min(max(scan.stamp_ns, int(odometry.stamps_ns[0])), int(odometry.stamps_ns[-1]))
     return RecordedScan(
-        scan, odometry.at(inside_ns) or SE2(), reference.at(stamp_ns) if reference else None
+        scan, odometry.at(inside_ns) or SE2(), reference.at(scan.stamp_ns) if reference else None
     )
 
 

@@ -61,6 +61,16 @@ class LoggedScan:
     ranges_m: tuple[float, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class LoggedView:
+    """What is needed of a camera's view: of each beam angle [rad], range and its sigma [m]."""
+
+    x_m: float
+    y_m: float
+    max_range_m: float
+    beams: tuple[tuple[float, float, float], ...]
+
+
 class _Pose(msgspec.Struct):
     x_m: float
     y_m: float
@@ -107,6 +117,21 @@ class _OldBelief(_Pose):
     status: int
 
 
+class _Beam(msgspec.Struct):
+    angle_rad: float
+    out_of_range: bool = False
+    range_m: float = math.nan
+    sigma_m: float = math.nan
+
+
+class _View(msgspec.Struct):
+    x_m: float
+    y_m: float
+    max_range_m: float
+    beams: list[_Beam]
+    trouble: str = ""
+
+
 class _Place(msgspec.Struct):
     x: float
     y: float
@@ -128,6 +153,7 @@ _STATE: Final = msgspec.json.Decoder(_State)
 _OLD_STATE: Final = msgspec.json.Decoder(_OldState)
 _BELIEF: Final = msgspec.json.Decoder(_Belief)
 _OLD_BELIEF: Final = msgspec.json.Decoder(_OldBelief)
+_VIEW: Final = msgspec.json.Decoder(_View)
 _LASER: Final = msgspec.json.Decoder(_Laser)
 
 
@@ -168,6 +194,18 @@ def logged_scan(data: bytes) -> LoggedScan:
         laser.max_range,
         tuple(map(_range_m, laser.ranges)),
     )
+
+
+def logged_view(data: bytes) -> LoggedView | None:
+    """Return a message of the topic `camera`, None in trouble; raises as `logged_state`."""
+    view = _VIEW.decode(data)
+    if view.trouble:
+        return None
+    beams = tuple(
+        (each.angle_rad, math.inf if each.out_of_range else each.range_m, each.sigma_m)
+        for each in view.beams
+    )
+    return LoggedView(view.x_m, view.y_m, view.max_range_m, beams)
 
 
 def _range_m(written: float | None) -> float:

@@ -185,7 +185,8 @@ def _scanned(recording: Recording, sensor: str, log: Path) -> tuple[Recording, S
             f"{_sensors_of(recording)}"
         )
     try:
-        maker = source.maker(SensedRobot(recording.sonar_mounts, LocalisationConfig()))
+        robot = SensedRobot(recording.sonar_mounts, LocalisationConfig(), bool(recording.views))
+        maker = source.maker(robot)
     except ValueError as error:
         raise LidarSlamError(f"{log}: {error}; {ROBOTCTL.name} says it") from error
     scans = [scan for each, odometry in measured for scan in maker.add(each, odometry)]
@@ -195,6 +196,7 @@ def _scanned(recording: Recording, sensor: str, log: Path) -> tuple[Recording, S
 def _sensors_of(recording: Recording) -> str:
     """Return of which sensors a recording has something, for messages."""
     counts = {"lidar scans": recording.scans, "readings of sonars": recording.sonars}
+    counts["views of a camera"] = recording.views
     found = [f"{len(each)} {name}" for name, each in counts.items() if each]
     return " and ".join(found) or "no sensor that --sensor knows"
 

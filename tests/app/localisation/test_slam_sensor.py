@@ -25,10 +25,11 @@ def test_a_lidar_comes_first_unless_the_robots_file_leaves_it_out(overrides, nam
     assert sensor("diff_drive", *overrides).name == name
 
 
-def test_a_robot_without_a_lidar_takes_its_sonars():
-    config = load_robot(find_file("diff_drive"))
+def test_a_robot_without_a_lidar_takes_its_sonars_and_one_without_these_its_camera():
+    config = load_robot(find_file("diff_drive"), ("camera.enabled=true",))
     del config.simulation["lidar"]
     assert slam_sensor(config, sensed_robot(config)).name == "sonar"
+    assert slam_sensor(config, sensed_robot(config)._replace(mounts=())).name == "camera"
 
 
 def test_a_robot_that_has_no_such_sensor_hears_what_it_has():

@@ -12,7 +12,7 @@ from robotctl.logs.formats.log_text import LogFormatError
 from robotctl.logs.formats.recorded_log import read_recording
 from robotctl.logs.formats.tum import write_tum
 from robotctl.logs.mcap.log import McapLog
-from robotctl.messages.estimation import LidarScan, LocalisationState
+from robotctl.messages.estimation import CameraView, LidarScan, LocalisationState
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.model.trajectory import Trajectory
@@ -78,6 +78,22 @@ def test_sonars_are_read_once_at_their_time_with_the_odometry_of_then(tmp_path):
     sent_s = 1.75 - 2.0 * 1.5 / 343.0
     assert second.reading.stamp_ns - EPOCH_NS == pytest.approx(sent_s * 1e9, abs=2)
     assert second.odometry.x_m == pytest.approx(sent_s - 1.0)
+
+
+def test_views_of_the_camera_are_read_as_they_were_but_none_in_trouble(tmp_path):
+    view = CameraView(
+        1_500_000_000, 0.15, 0.0, 4.0, (-0.2, 0.0, 0.2), (1.0, math.inf, math.nan),
+        (0.01, math.nan, math.nan), (0.4, 0.4, 0.4),
+    )  # fmt: skip
+    blind = msgspec.structs.replace(view, stamp_ns=1_600_000_000, trouble="too dark")
+    write(tmp_path / "robot-0001.mcap", state(1, 0.0), state(2, 1.0), view, blind)
+    (seen,) = read_recording(tmp_path).views
+    assert seen.scan.stamp_ns - EPOCH_NS == 1_500_000_000
+    assert (seen.scan.x_m, seen.scan.max_range_m) == (0.15, 4.0)
+    np.testing.assert_array_equal(seen.scan.angles_rad, view.angles_rad)
+    np.testing.assert_array_equal(seen.scan.ranges_m, view.ranges_m)
+    np.testing.assert_array_equal(seen.scan.sigmas_m, view.sigmas_m)
+    assert seen.odometry.x_m == pytest.approx(0.5)
 
 
 def test_where_the_robot_believed_to_be_is_read_while_it_was_localised(tmp_path):

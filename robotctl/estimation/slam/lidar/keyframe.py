@@ -92,12 +92,19 @@ def honest(information: Floats) -> Floats:
     Echoes of one stretch share its errors, and where most of them lie along a corridor the few
     others say little of the place along it.
     """
-    H = _SHARE * information
+    H = without_corridor(_SHARE * information)
+    result: Floats = np.linalg.inv(np.linalg.inv(H + np.diag(_LEAST)) + np.diag(_BENT))
+    return result
+
+
+def without_corridor(information: Floats) -> Floats:
+    """Return an information (3, 3) without that along a corridor, if it is of one."""
+    H = information
     by_place = H[:2, :2] - np.outer(H[:2, 2], H[:2, 2]) / max(H[2, 2], 1e-9)
     seen, directions = np.linalg.eigh(by_place)
-    if seen[0] < _CORRIDOR * seen[1]:
-        across = np.eye(3)
-        across[:2, :2] -= np.outer(directions[:, 0], directions[:, 0])
-        H = across @ H @ across
-    result: Floats = np.linalg.inv(np.linalg.inv(H + np.diag(_LEAST)) + np.diag(_BENT))
+    if seen[0] >= _CORRIDOR * seen[1]:
+        return H
+    across = np.eye(3)
+    across[:2, :2] -= np.outer(directions[:, 0], directions[:, 0])
+    result: Floats = across @ H @ across
     return result

@@ -15,17 +15,17 @@ from robotctl.estimation.landmarks.line_fitting import BeamNoise
 from robotctl.estimation.landmarks.scan_lines import ScanLinesConfig, Segment, find_lines
 from robotctl.estimation.slam.front_end.surface import Floats
 from robotctl.estimation.slam.lidar.back_end import BackEnd, Link
-from robotctl.estimation.slam.lidar.keyframe import Keyframe
+from robotctl.estimation.slam.lidar.keyframe import LOOSE, Keyframe, without_corridor
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.points import moved, rotation
 from robotctl.model.geometry.se2 import SE2
 
-_LINES: Final = ScanLinesConfig(BeamNoise(sigma_m=0.02), least_length_m=0.8)
+_LINES: Final = ScanLinesConfig(BeamNoise(sigma_m=0.02), least_length_m=1.0)
 _MOST: Final = 3
 """Scans that one is compared with."""
 _BACK_M: Final = 12.0
 """Way behind the robot on which odometry can tell which walls are in line."""
-_GATE_RAD: Final = 0.12
+_GATE_RAD: Final = 0.08
 _GATE_M: Final = 0.15
 _APART_M: Final = 6.0
 """Pieces that are not in line to this, or farther apart, say nothing of each other."""
@@ -101,8 +101,8 @@ def aligned(
                 g += J.T @ (information * residuals)
     if not H.any():
         return None
-    step = np.linalg.solve(H + 1e-6 * np.eye(3), -g)
-    return start @ SE2.exp(*step.tolist()), H
+    step = np.linalg.solve(H + LOOSE, -g)
+    return start @ SE2.exp(*step.tolist()), without_corridor(H)
 
 
 def _in_line(old: Segment, new: Segment, pose: SE2) -> tuple[Floats, Floats, Floats] | None:

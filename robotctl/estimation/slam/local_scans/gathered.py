@@ -12,6 +12,7 @@ from collections import deque
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from robotctl.model.geometry.points import moved
@@ -106,7 +107,11 @@ def scan_of_points(points: NDArray[np.float64], stamp_ns: int, max_range_m: floa
 
 
 def _in_company(points: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return which points have others near them, (n,)."""
-    square = np.sum((points[:, None] - points[None]) ** 2, axis=2)
-    result: NDArray[np.bool_] = np.sum(square < _TOGETHER_M**2, axis=1) >= _COMPANY
+    """Return which points have others in their square of `_TOGETHER_M` or around it, (n,)."""
+    cells = np.floor(points / _TOGETHER_M).astype(np.intp)
+    cells -= cells.min(axis=0, initial=0) - 1
+    counts = np.zeros(cells.max(axis=0, initial=0) + 2, np.intp)
+    np.add.at(counts, (cells[:, 0], cells[:, 1]), 1)
+    around = sliding_window_view(counts, (3, 3)).sum(axis=(2, 3))
+    result: NDArray[np.bool_] = around[cells[:, 0] - 1, cells[:, 1] - 1] >= _COMPANY
     return result

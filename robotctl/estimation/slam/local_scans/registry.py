@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
-from robotctl.estimation.sensors.registry import LIDAR, SONAR
+from robotctl.estimation.sensors.registry import CAMERA, LIDAR, SONAR
 
 if TYPE_CHECKING:
     from robotctl.estimation.slam.local_scans.source import ScanSource
@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 SCAN_SOURCES: Final[dict[str, str]] = {
     LIDAR: "robotctl.estimation.slam.local_scans.lidar",
     SONAR: "robotctl.estimation.slam.local_scans.sonar",
+    CAMERA: "robotctl.estimation.slam.local_scans.camera",
 }
 """Modules whose `SOURCE` is the source, by the sensor's name; the first that a robot has counts."""
 

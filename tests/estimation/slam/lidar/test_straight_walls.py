@@ -39,3 +39,13 @@ def test_a_wall_that_stands_aside_is_another_one(aside_m):
 
 def test_where_no_wall_is_in_line_nothing_is_said():
     assert aligned((), walls_from(THEN), SE2()) is None
+
+
+def test_walls_that_are_not_quite_parallel_do_not_move_the_robot_along_them():
+    c, s = np.cos(0.03), np.sin(0.03)
+    bent = np.stack([CORRIDOR[0] @ [[c, s], [-s, c]], CORRIDOR[1]])
+    start = AT.inverse() @ THEN
+    pose, information = aligned(walls_from(AT), walls_from(THEN, bent), start)
+    assert np.hypot(pose.x_m - start.x_m, pose.y_m - start.y_m) < 0.2
+    along = np.array([np.cos(-THEN.theta_rad), np.sin(-THEN.theta_rad)])
+    assert along @ information[:2, :2] @ along < 0.01 * np.trace(information[:2, :2])
