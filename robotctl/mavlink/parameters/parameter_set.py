@@ -13,6 +13,7 @@ from robotctl.config_values import Rules, Value, problems, replaced, value_at
 from robotctl.dialect import additions
 from robotctl.errors import InvalidValue
 from robotctl.mavlink.parameters.parameter import (
+    INT32,
     REAL32,
     Change,
     Parameter,
@@ -30,6 +31,7 @@ class Problem(enum.IntEnum):
     DOES_NOT_EXIST = common.MAV_PARAM_ERROR_DOES_NOT_EXIST
     VALUE_OUT_OF_RANGE = common.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE
     READ_ONLY = common.MAV_PARAM_ERROR_READ_ONLY
+    TYPE_UNSUPPORTED = additions.MAV_PARAM_ERROR_TYPE_UNSUPPORTED
     TYPE_MISMATCH = additions.MAV_PARAM_ERROR_TYPE_MISMATCH
 
 
@@ -214,6 +216,9 @@ def _checked(parameter: Parameter, raw: float, kind: int, old: Value, default: V
     name = parameter.name
     if parameter.change is Change.NEVER:
         raise ParameterRefused(Problem.READ_ONLY, f"{name} stands in the robot's file only")
+    if kind not in {INT32, REAL32}:
+        text = f"{name}: type {kind} found, no parameter is of that; {kind_of(old)} allowed"
+        raise ParameterRefused(Problem.TYPE_UNSUPPORTED, text)
     if kind not in {kind_of(old), REAL32}:
         raise ParameterRefused(
             Problem.TYPE_MISMATCH, f"{name}: type {kind} found, {kind_of(old)} allowed"

@@ -1,7 +1,8 @@
 """PREFLIGHT_REBOOT_SHUTDOWN: the robot's processes start again, or end.
 
 The supervisor does it. The robot must be disarmed and at rest; param6, which asks to do it all the
-same, does not get round that.
+same, does not get round that. Some stations ask for all there is at once, in param2 to param4 too:
+they get what there is.
 """
 
 from __future__ import annotations
@@ -49,8 +50,8 @@ class Reboots(Microservice):
             return DENIED, f"{command.params[0]:g} found in param1, 0, 1 or 2 allowed"
         if action not in {_NOTHING, _RESTART, _SHUT_DOWN}:
             return UNSUPPORTED, f"{action} found in param1, 1 (restart) or 2 (shut down) allowed"
-        if any(command.whole(index) for index in (1, 2)):
-            return UNSUPPORTED, "param2 and param3 must be 0: neither computer nor components"
+        if action == _NOTHING and any(command.whole(index) for index in (1, 2)):
+            return UNSUPPORTED, "neither the computer nor a component (param2, 3), the robot alone"
         if action == _NOTHING or self._is_done(command, action, now_ns):
             return ACCEPTED, ""
         if action == _SHUT_DOWN and not self._context.config.allow_shutdown:

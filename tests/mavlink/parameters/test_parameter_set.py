@@ -130,7 +130,7 @@ def test_what_is_wrong_is_refused_and_said():
     assert out == (Problem.VALUE_OUT_OF_RANGE, "CTL_L_KP: 101 found, 0 to 100 allowed")
     assert refusal(put, "CTL_L_KP", 1, INT32)[0] is Problem.TYPE_MISMATCH
     assert refusal(put, "SAF_ARM_MS", 1000.5)[0] is Problem.TYPE_MISMATCH
-    assert refusal(put, "SAF_ARM_MS", 1000, 4)[0] is Problem.TYPE_MISMATCH
+    assert refusal(put, "SAF_ARM_MS", 1000, 4)[0] is Problem.TYPE_UNSUPPORTED
     assert refusal(put, "GEO_TRACK", 0.4)[0] is Problem.READ_ONLY
     problem, text = refusal(put, "GRD_DECEL", 3.0)
     assert problem is Problem.VALUE_OUT_OF_RANGE

@@ -148,3 +148,12 @@ def test_the_way_to_the_goal_is_told_while_there_is_one(bench):
     bench.command(m.MAV_CMD_REQUEST_MESSAGE, m.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT)
     bench.step(bench.control(), bench.navigation())
     assert bench.messages("NAV_CONTROLLER_OUTPUT") == []
+
+
+def test_what_is_known_of_the_battery_is_told_and_the_rest_is_marked_unknown(bench):
+    (info,) = ask(bench, "BATTERY_INFO")
+    assert (info.id, info.battery_function) == (0, m.MAV_BATTERY_FUNCTION_ALL)
+    assert (info.name, info.serial_number, info.manufacture_date) == ("battery of tester", "", "")
+    assert (info.state_of_health, info.cycle_count) == (255, 65535)
+    assert (info.cells_in_series, info.nominal_voltage, info.design_capacity) == (0, 0.0, 0.0)
+    assert ask(bench, "BATTERY_INFO", bench.control(battery=None)) == []

@@ -186,6 +186,16 @@ def test_a_disk_that_takes_nothing_is_said(bench, store):
         (put("CTL_L_KP", 1e6), 2, "Parameter CTL_L_KP: 1e+06 found, 0 to 100 allowed"),
         (put("CTL_L_KP", math.nan), 2, "Parameter CTL_L_KP: nan is no number"),
         (put("CTL_L_KP", math.inf), 2, "Parameter CTL_L_KP: inf is no number"),
+        (
+            put("CTL_L_KP", 1.0, m.MAV_PARAM_TYPE_REAL64),
+            6,
+            "Parameter CTL_L_KP: type 10 found, no parameter is of that; 9 allowed",
+        ),
+        (
+            put("SAF_ARM_MS", 1000, m.MAV_PARAM_TYPE_UINT8),
+            6,
+            "Parameter SAF_ARM_MS: type 1 found, no parameter is of that; 6 allowed",
+        ),
         (put("CTL_L_KP", 1.0, INT32), 7, "Parameter CTL_L_KP: type 6 found, 9 allowed"),
         (put("SAF_ARM_MS", 1.5), 7, "Parameter SAF_ARM_MS: 1.5 found, a whole number allowed"),
         (put("GEO_TRACK", 0.4), 5, "Parameter GEO_TRACK stands in the robot's file only"),
