@@ -52,6 +52,13 @@ _RESULTS: Final = {
 }
 
 
+_PX4_ENDS: Final = {
+    ACCEPTED: "calibration done: gyro",
+    FAILED: "calibration failed: {}",
+    CANCELLED: "calibration cancelled",
+}
+
+
 @dataclass(slots=True)
 class _UnderWay:
     """A procedure that was asked for; `turn` is that of a motor test."""
@@ -153,7 +160,10 @@ class Procedures(Microservice):
                 return
             percent = round(100.0 * procedure.progress)
             if percent >= under_way.told_percent + _STEP_PERCENT:
+                begins = under_way.told_percent < 0
                 under_way.told_percent = percent
+                words = "calibration started: 2 gyro" if begins else f"progress <{percent}>"
+                self._tell_px4(under_way.command, words, now_ns)
                 self._context.tell_progress(under_way.command, percent, now_ns)
         elif procedure is None or now_ns - under_way.asked_ns > ANSWER_NS:
             self._context.requests.append(CancelProcedure(now_ns, under_way.number))
@@ -162,6 +172,11 @@ class Procedures(Microservice):
             self._finish(under_way, outcome, "control does not answer", now_ns)
             return
         self._renew(under_way, now_ns)
+
+    def _tell_px4(self, command: Command, words: str, now_ns: int) -> None:
+        """Say how a calibration gets on in the words that PX4's stations wait for."""
+        if command.number == CALIBRATION and self._context.personality.has_sub_modes:
+            self._context.say(now_ns, f"[cal] {words}", Severity.INFORMATION)
 
     def _renew(self, under_way: _UnderWay, now_ns: int) -> None:
         """Ask for the motor test again, while who wants it is there."""
@@ -194,6 +209,8 @@ class Procedures(Microservice):
         severity = Severity.INFORMATION if result == ACCEPTED else Severity.WARNING
         if text:
             self._context.say(now_ns, f"{_name(command)}: {text}", severity)
+        if result != TEMPORARILY_REJECTED:
+            self._tell_px4(command, _PX4_ENDS[result].format(text), now_ns)
         if command.number == MOTOR_TEST:
             self._copies.remember(command.sender, _meaning(command), result, now_ns)
         self._context.acknowledge(command, result)

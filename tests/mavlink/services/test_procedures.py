@@ -17,7 +17,7 @@ from robotctl.messages.procedures import (
     Outcome,
     Procedure,
 )
-from tests.mavlink.conftest import SONAR, SONARS
+from tests.mavlink.conftest import SONAR, SONARS, Bench
 
 CALIBRATE, TEST = m.MAV_CMD_PREFLIGHT_CALIBRATION, m.MAV_CMD_DO_MOTOR_TEST
 ACCEPTED, DENIED, LATER = (
@@ -88,6 +88,28 @@ def test_a_calibration_tells_its_progress_and_its_result(bench):
     assert told(bench) == ([ACCEPTED], ["Calibration: bias of the gyro: +0.01"])
     at(bench, request, Outcome.DONE, 1.0)
     assert acks(bench) == []
+
+
+@pytest.mark.parametrize(
+    ("outcome", "last"),
+    [
+        (Outcome.DONE, "[cal] calibration done: gyro"),
+        (Outcome.FAILED, "[cal] calibration failed: why"),
+        (Outcome.CANCELLED, "[cal] calibration cancelled"),
+    ],
+)
+def test_a_station_of_px4_is_told_in_the_words_that_it_waits_for(outcome, last):
+    bench = Bench(personality="px4")
+    robot = TelemetryRobot("tester", "1.2.3", SONARS, SONAR, has_imu=True)
+    bench.telemetry = Telemetry(bench.config, robot, bench.links)
+    bench.step(bench.control())
+    bench.take()
+    request = begun(bench, CALIBRATE, 1.0)
+    for progress in (0.0, 0.5):
+        at(bench, request, Outcome.RUNNING, progress)
+    at(bench, request, outcome, text="why")
+    texts = [text for text in bench.texts() if text.startswith("[cal]")]
+    assert texts == ["[cal] calibration started: 2 gyro", "[cal] progress <50>", last]
 
 
 @pytest.mark.parametrize(
