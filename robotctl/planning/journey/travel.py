@@ -191,20 +191,24 @@ class Travel(Behaviour):
     def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
         """Return the next velocity; done in the middle of the goal."""
         if blindness := self._pilot.blindness:
-            self._blind_ns = self._blind_ns or now_ns
-            if now_ns - self._blind_ns > _BLIND_NS:
-                return failed(f"{blindness} for {_BLIND_NS / 1e9:g} s")
-            return BehaviourOutput(0.0, 0.0, text=f"waiting: {blindness}")
-        self._blind_ns = 0
+            return self._wait(blindness, now_ns)
         if situation.epoch != self._epoch:  # poses before and after have nothing in common
             self._epoch, self._belief = situation.epoch, None
             self.pause()
         self._note_way(situation.pose)
         if self._belief is not None:
+            self._blind_ns = 0
             self._compare(self._belief, now_ns)
         if self._belief is None:
             return self._recognise(situation, now_ns)
         return self._drive(self._belief, situation, now_ns)
+
+    def _wait(self, blindness: str, now_ns: int) -> BehaviourOutput:
+        """Stand while nothing is seen; give up after a while."""
+        self._blind_ns = self._blind_ns or now_ns
+        if now_ns - self._blind_ns > _BLIND_NS:
+            return failed(f"{blindness} for {_BLIND_NS / 1e9:g} s")
+        return BehaviourOutput(0.0, 0.0, text=f"waiting: {blindness}")
 
     def _note_way(self, pose: SE2) -> None:
         """Count the way driven."""
@@ -244,7 +248,7 @@ class Travel(Behaviour):
         if self._roam is not None:
             return self._roam_on(*self._roam, situation, now_ns)
         if self._search is None:
-            return self._begin_search(situation)
+            return self._begin_search(situation, now_ns)
         search, T_world_base = self._search
         for _ in range(_WINDOWS):
             if search.step():
@@ -253,12 +257,15 @@ class Travel(Behaviour):
                 break
         return BehaviourOutput(0.0, 0.0, text="looking where it is")
 
-    def _begin_search(self, situation: BehaviourInput) -> BehaviourOutput:
+    def _begin_search(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
         """Take a scan to search with, once the robot stands."""
         twist, taken = situation.twist, self._pilot.last_scan
         stands = abs(twist.v_m_s) < _STANDS_M_S and abs(twist.omega_rad_s) < _STANDS_RAD_S
-        look = None if taken is None or not stands else look_of(taken[1])
-        if taken is not None and look is not None:
+        look = None if taken is None else look_of(taken[1])
+        if taken is None or look is None:
+            return self._wait("no echo of a lidar comes to recognise places by", now_ns)
+        self._blind_ns = 0
+        if stands:
             if self._looks >= _LOOKS:
                 return failed(f"gave up after {self._looks} looks around: {self._reason}")
             self._looks += 1

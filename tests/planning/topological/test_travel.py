@@ -38,12 +38,12 @@ class Robot:
         self.rooms = [room_at(start.x_m, start.y_m)]
         self.said: Counter[str] = Counter()
         self.blindness = ""
-        self.has_time = True
+        self.has_time = self.has_lidar = True
         self._path = []
 
     @property
     def last_scan(self):
-        return self.odom, self.world.scan(self.truth, self.now_ns)
+        return (self.odom, self.world.scan(self.truth, self.now_ns)) if self.has_lidar else None
 
     def journey(self, goal, _speed_m_s):
         there = self.truth @ (self.odom.inverse() @ SE2(goal.x_m, goal.y_m, 0.0))
@@ -185,4 +185,8 @@ def test_without_scans_it_stands_and_gives_up(looks):
     robot.blindness = "the lidar gives no scans"
     output = robot.drive(travel(robot, looks, "study"))
     assert output == (0.0, 0.0, Status.FAILED, "the lidar gives no scans for 10 s")
+    robot.blindness, robot.has_lidar = "", False
+    output = robot.drive(travel(robot, looks, "study"))
+    reason = "no echo of a lidar comes to recognise places by for 10 s"
+    assert output == (0.0, 0.0, Status.FAILED, reason)
     assert np.isclose(robot.truth.x_m, 4.0)
