@@ -62,3 +62,19 @@ def test_its_emergency_stop_latches(station: GroundStation) -> None:
     rig.wait_for_state(SafetyState.EMERGENCY_STOP, 1.0)
     beat = station.wait("HEARTBEAT", lambda b: b.system_status == mavlink.MAV_STATE_EMERGENCY)
     assert not beat.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+
+
+def test_it_sees_the_can_bus_and_reads_an_object_of_a_node(station: GroundStation) -> None:
+    node, identity = 1, (0x40, 0x18, 0x10, 0x01, 0, 0, 0, 0)  # upload 0x1018, 1: the vendor
+    assert station.command(mavlink.MAV_CMD_CAN_FORWARD, 1) == mavlink.MAV_RESULT_ACCEPTED
+    heartbeat = station.wait("CAN_FRAME", lambda frame: frame.id == 0x700 + node)
+    assert heartbeat.len == 1
+    station.link.mav.can_frame_send(1, 1, 0, 8, 0x600 + node, identity)
+    answer = station.wait("CAN_FRAME", lambda frame: frame.id == 0x580 + node)
+    (vendor,) = station.rig.read_objects(node, [(0x1018, 1)])
+    assert bytes(answer.data[:4]) == b"\x43\x18\x10\x01"
+    assert int.from_bytes(bytes(answer.data[4:]), "little") == vendor
+    station.link.mav.can_frame_send(1, 1, 0, 2, 0x000, (2, 1, 0, 0, 0, 0, 0, 0))  # NMT: stop it
+    refusal = station.wait("STATUSTEXT", lambda text: text.text.startswith("CAN: 0x0 found"))
+    assert "SDO" in refusal.text
+    station.rig.wait_for_state(SafetyState.STANDBY)
