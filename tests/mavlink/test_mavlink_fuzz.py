@@ -1,5 +1,6 @@
 """Bytes of all kinds through the parser and all services: nothing raises, nothing invalid acts."""
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common
@@ -7,6 +8,7 @@ from pymavlink.dialects.v20 import common
 from robotctl.drivers.mavlink.frames import STALE_NS, FrameReader
 from robotctl.messages.control import EmergencyStop
 from robotctl.messages.mavlink_port import Peer, Received
+from tests.mavlink.fuzzing import TARGETS, corpus
 
 HANDLED = [
     0, 11, 20, 21, 23, 38, 39, 41, 44, 45, 48, 66, 69, 73, 75, 76, 80, 84, 102, 110, 111, 117, 119,
@@ -102,3 +104,12 @@ def test_a_signed_frame_is_read_without_its_signature(make_bench):
     codec.signing.timestamp = 1
     requests, _ = requests_of(make_bench(), ACTING[1].pack(codec))
     assert isinstance(requests[0], EmergencyStop)
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_what_fuzzing_has_found_upsets_nothing(target):
+    """Inputs that `tools/fuzz.py` has kept: between them they reach what it has reached."""
+    inputs = corpus(target)
+    assert len(inputs) > 100
+    for data in inputs:
+        TARGETS[target](data)
