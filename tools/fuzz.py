@@ -1,14 +1,15 @@
 """Look for input that upsets the MAVLink parser or its services, led by the code that it reaches.
 
 Needs atheris (https://github.com/google/atheris), which is no part of the project's own set-up:
-`.venv/bin/python -m pip install atheris`, or `uv pip install atheris`. An input that fails is
-written to a file, whose name the last lines say. What reaches new code joins the corpus in
-tests/mavlink/corpus, which every run of the tests repeats.
+`.cache/bootstrap/bin/uv pip install atheris`. An input that fails is written to a file, whose name
+the last lines say. What reaches new code joins the corpus in tests/mavlink/corpus, which every run
+of the tests repeats.
 """
 
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import os
 import subprocess
 import sys
@@ -40,6 +41,8 @@ def main() -> int:
     parser.add_argument("target", choices=("parser", "services"))
     parser.add_argument("--seconds", type=int, default=300, help="how long (%(default)s)")
     options = parser.parse_args()
+    if importlib.util.find_spec("atheris") is None:
+        parser.error("atheris is missing; .cache/bootstrap/bin/uv pip install atheris")
     from tests.mavlink.fuzzing import CORPUS, corpus  # noqa: PLC0415 - see above
 
     kept = CORPUS / f"{options.target}.txt"
