@@ -22,7 +22,7 @@ from robotctl.estimation.sensors.sensor import SensedRobot
 from robotctl.estimation.slam.lidar.config import LidarSlamConfig
 from robotctl.estimation.slam.lidar.keyframe import Keyframe
 from robotctl.estimation.slam.lidar.map_search import MapSearch
-from robotctl.estimation.slam.lidar.mapper import LEAST_ECHOES, SlamMapper
+from robotctl.estimation.slam.lidar.mapper import LEAST_ECHOES, Place, SlamMapper
 from robotctl.estimation.slam.lidar.saved_map import KeyframeMap
 from robotctl.messages.control import ControlState
 from robotctl.messages.estimation import LiveMap, LocalisationState
@@ -159,12 +159,23 @@ class SlamLocaliser:
             # What was driven before the first scan is known by odometry alone.
             before = self._T_world_odom
             self.T_world_map = self._begun if before is None else before @ odometry
+        elif self._last is None and self.mapper.config.stretch_m:
+            self._go_on(scan.stamp_ns, odometry)
         self.mapper.add(scan, odometry)
         self._last, self._taken_ns = odometry, scan.stamp_ns
         self._T_world_odom = self.T_world_map @ self.mapper.pose @ odometry.inverse()
         if self.mapper.epoch > self._closed:
             self._closed = self.mapper.epoch
             self._notices.append(f"loop closed: {self._closed} so far, the map is corrected")
+
+    def _go_on(self, stamp_ns: int, odometry: SE2) -> None:
+        """Have the mapper know where a new odometry begins: no match would tell it."""
+        if self._T_world_odom is None:
+            return
+        here = self.T_world_map.inverse() @ self._T_world_odom @ odometry
+        last = self.mapper.place.keyframe
+        inside = self.mapper.back_end.pose(last).inverse() @ here
+        self.mapper.stand(Place(stamp_ns, last, inside), odometry)
 
     def _covariance(self, pose: SE2) -> NDArray[np.float64]:
         """Return the covariance (3, 3) of the last match, in `world`."""
