@@ -20,20 +20,21 @@ from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.points import moved, rotation
 from robotctl.model.geometry.se2 import SE2
 
-_LINES: Final = ScanLinesConfig(BeamNoise(sigma_m=0.02), least_length_m=1.0)
+_LINES: Final = ScanLinesConfig(BeamNoise(sigma_m=0.02), least_length_m=1.2)
 _MOST: Final = 3
 """Scans that one is compared with."""
 _BACK_M: Final = 12.0
 """Way behind the robot on which odometry can tell which walls are in line."""
-_GATE_RAD: Final = 0.08
+_GATE_RAD: Final = 0.06
 _GATE_M: Final = 0.15
 _APART_M: Final = 6.0
 """Pieces that are not in line to this, or farther apart, say nothing of each other."""
 _ONE_M: Final = 0.1
 """Pieces farther off may be parallel only, such as a radiator: they tell the heading alone."""
-_BENT_RAD: Final = 0.015
+_THICK_M: Final = 0.03
+"""Over its length, by which the direction of a piece may be wrong."""
 _BENT_M: Final = 0.04
-"""Standard deviations: walls are not quite straight, nor are stretches."""
+"""Standard deviation of the place: walls are not quite straight, nor are stretches."""
 
 
 class StraightWalls:
@@ -124,7 +125,9 @@ def _in_line(old: Segment, new: Segment, pose: SE2) -> tuple[Floats, Floats, Flo
     along = float(np.array([-normal[1], normal[0]]) @ between)
     by_turn = own @ np.array([-middle[1], middle[0]]) + 0.5 * along
     J = np.array([[0.0, 0.0, 1.0], [own[0], own[1], by_turn]])
-    turned = old.line.covariance[0, 0] + new.line.covariance[0, 0] + _BENT_RAD**2
+    turned = sum(
+        each.line.covariance[0, 0] + (_THICK_M / each.length_m) ** 2 for each in (old, new)
+    )
     moved_m2 = _BENT_M**2 + 0.25 * apart**2 * turned
     is_one = abs(off) < _ONE_M
     return np.array([turn, off]), J, np.array([1.0 / turned, is_one / moved_m2])
