@@ -97,6 +97,6 @@ def test_the_code_of_the_page_keeps_the_rules_of_the_house(extended):
 
 
 def test_the_microservice_of_the_page_is_the_one_of_the_tests():
-    (service,) = (each for each in blocks() if each.path.endswith("services/gimbal.py"))
+    (service,) = (each for each in blocks() if each.path.endswith("services/vehicle/gimbal.py"))
     member = ROOT / "tests" / "mavlink" / "services" / "gimbal.py"
     assert service.code == member.read_text(encoding="utf-8")

@@ -1,7 +1,7 @@
 """The microservice of docs/extending.md is served by the robot as it is started."""
 
 from pymavlink.dialects.v20 import common
-from robotctl.mavlink.services.gimbal import Gimbal
+from robotctl.mavlink.services.vehicle.gimbal import Gimbal
 
 from robotctl.mavlink.services.registry import SERVICES
 from tests.mavlink.conftest import Bench

@@ -1,1 +1,1 @@
-"""One file a microservice."""
+"""One file a microservice, all of them in `registry.SERVICES`."""

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from robotctl.estimation.ranging.sonar_config import SonarModelConfig
 from robotctl.mavlink.config import StreamRates
 from robotctl.mavlink.context import TelemetryRobot
-from robotctl.mavlink.services.system_status import Found, system_status
+from robotctl.mavlink.services.telemetry.system_status import Found, system_status
 from robotctl.messages.control import (
     BatteryFeedback,
     BusStatus,

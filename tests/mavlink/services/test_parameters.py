@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import common as m
 
 from robotctl.config.robot_file import contradictions, find_file, load_robot
 from robotctl.mavlink.parameters.parameter_set import Configurations, ParameterSet
-from robotctl.mavlink.services.parameters import AGAIN_NS
+from robotctl.mavlink.services.data.parameters import AGAIN_NS
 from robotctl.mavlink.telemetry import Telemetry
 from robotctl.messages.control import SafetyState
 from robotctl.messages.mavlink_port import Peer

@@ -8,9 +8,9 @@ from robotctl.mavlink.command import ACCEPTED, DENIED
 from robotctl.mavlink.config import MavlinkConfig
 from robotctl.mavlink.context import TelemetryRobot
 from robotctl.mavlink.service import Microservice
-from robotctl.mavlink.services.arming import Arming
-from robotctl.mavlink.services.battery import Battery
 from robotctl.mavlink.services.registry import SERVICES
+from robotctl.mavlink.services.telemetry.battery import Battery
+from robotctl.mavlink.services.vehicle.arming import Arming
 from robotctl.mavlink.telemetry import Telemetry
 from tests.mavlink.conftest import FakeLinks
 from tests.mavlink.real_links import hear

@@ -21,7 +21,7 @@ from pymavlink.dialects.v20 import common
 from robotctl.mavlink import frames
 from robotctl.mavlink.context import Context
 from robotctl.mavlink.service import Microservice
-from robotctl.mavlink.services.setpoints import SAY_AGAIN_NS
+from robotctl.mavlink.services.vehicle.setpoints import SAY_AGAIN_NS
 from robotctl.messages.control import ManualControl, Mode
 from robotctl.messages.mavlink_port import Message, Peer
 from robotctl.safety.state_machine import POWERED

@@ -23,7 +23,7 @@ from robotctl.mavlink.command import (
 from robotctl.mavlink.context import Context
 from robotctl.mavlink.guards.command_dedup import LateCopies
 from robotctl.mavlink.service import Microservice
-from robotctl.mavlink.services.mode_list import STANDARD
+from robotctl.mavlink.services.vehicle.mode_list import STANDARD
 from robotctl.messages.control import Mode, SafetyState, SetMode
 from robotctl.messages.mavlink_port import Message, Peer, source
 from robotctl.messages.requests import REQUEST_LIFE_NS

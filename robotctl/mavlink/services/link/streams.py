@@ -19,7 +19,7 @@ from robotctl.mavlink.command import ACCEPTED, DENIED, Command
 from robotctl.mavlink.config import MAX_RATE_HZ
 from robotctl.mavlink.context import Context
 from robotctl.mavlink.service import Microservice
-from robotctl.mavlink.services.heartbeat import INTERVAL_NS as BEAT_NS
+from robotctl.mavlink.services.telemetry.heartbeat import INTERVAL_NS as BEAT_NS
 from robotctl.messages.mavlink_port import Message, Peer
 
 SET_INTERVAL: int = common.MAV_CMD_SET_MESSAGE_INTERVAL

@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import common
 from robotctl.mavlink.command import ACCEPTED, CANCELLED, DENIED, TEMPORARILY_REJECTED, Command
 from robotctl.mavlink.context import Context
 from robotctl.mavlink.service import Microservice
-from robotctl.mavlink.services.modes import TIMEOUT_NS
+from robotctl.mavlink.services.vehicle.modes import TIMEOUT_NS
 from robotctl.messages.control import Mode, SetReverse
 
 
