@@ -278,7 +278,11 @@ def _goal(world: str, start: tuple[float, ...], goal: str, topological: str) -> 
     room = find_world(world or GOAL_WORLD)
     if topological:
         return _written("goal", place_mission(room, start, goal))
-    return _written("goal", goal_mission(room, start, place("--goal", goal)))
+    try:
+        there = place("--goal", goal)
+    except ConfigError as error:
+        raise ConfigError(f"{error}; a place by name needs --topological FILE") from error
+    return _written("goal", goal_mission(room, start, there))
 
 
 def _places(topological: str) -> list[str]:

@@ -66,3 +66,5 @@ def test_a_robot_without_places_refuses_to_go_to_one(
     )
     assert status_of("sim", "--lockstep", "--mission", str(mission)) == 2
     assert "navigation.pilot.topology names no map of them" in capsys.readouterr().err
+    assert status_of("sim", "--lockstep", "--goal", "kitchen") == 2
+    assert "a place by name needs --topological FILE" in capsys.readouterr().err
