@@ -8,6 +8,7 @@ from robotctl.messages.control import (
     ManualControl,
     NavigationRequest,
     PositionTarget,
+    SetHome,
     SetMode,
     SetReverse,
     VelocityTarget,
@@ -27,6 +28,7 @@ from robotctl.messages.requests import (
     AbortRequest,
     ExploreRequest,
     GoAheadRequest,
+    HomeRequest,
     JumpRequest,
     ModeRequest,
     PlaceRequest,
@@ -43,6 +45,7 @@ _Simple: TypeAlias = (
     | PositionTarget
     | ManualControl
     | SetReverse
+    | SetHome
     | ExploreTarget
     | PlaceTarget
     | GoAhead
@@ -58,7 +61,14 @@ _WITHOUT_WORDS: Final[dict[type, Request]] = {
     AbortMission: AbortRequest(),
 }
 _DATED: Final = (
-    SetMode | SetReverse | PositionTarget | MissionCommand | SetFence | EnableFence | SetRally
+    SetMode
+    | SetReverse
+    | SetHome
+    | PositionTarget
+    | MissionCommand
+    | SetFence
+    | EnableFence
+    | SetRally
 )
 """Requests that are not carried out once they are too old."""
 
@@ -88,6 +98,8 @@ def translated(message: _Simple) -> Request:
             return StickRequest(message.expires_ns, message.forward, message.turn)
         case SetReverse():
             return ReverseRequest(message.reverse)
+        case SetHome():
+            return HomeRequest(message.x_m, message.y_m, message.theta_rad)
         case PlaceTarget():
             return PlaceRequest(message.place, message.start)
         case JumpToItem():

@@ -345,6 +345,12 @@ class Context:
         return found[1]
 
     @property
+    def home(self) -> SE2:
+        """Where in `world` RTL leads to, as navigation last said."""
+        moved = None if self.navigation is None else self.navigation.home
+        return self.robot.home if moved is None else SE2(*moved)
+
+    @property
     def setpoint_life_ns(self) -> int:
         """How long velocities and sticks count from when they were sent [ns]."""
         return round(self.config.setpoint_timeout_s * 1e9) - TRANSPORT_NS

@@ -345,6 +345,15 @@ class SetReverse(msgspec.Struct, frozen=True, tag=True):
     reverse: bool
 
 
+class SetHome(msgspec.Struct, frozen=True, tag=True):
+    """Where in `world` RTL leads to from now on (m, rad)."""
+
+    stamp_ns: int
+    x_m: float
+    y_m: float
+    theta_rad: float
+
+
 class ExternalPose(msgspec.Struct, frozen=True, tag=True):
     """An externally measured pose of `base` in `world` at `stamp_ns`.
 
@@ -381,6 +390,7 @@ NavigationRequest: TypeAlias = (
     | PositionTarget
     | ManualControl
     | SetReverse
+    | SetHome
     | ExternalPose
     | GroundStationPresence
     | MissionCommand
@@ -495,7 +505,8 @@ class NavigationState(msgspec.Struct, frozen=True, tag=True):
     last failure of an item in this run of the mission. `held`: the robot went to HOLD by itself,
     and `message` says why. `fence`: how it keeps to its fence. `rally_crc` names its rally points,
     0: there are none. `goal` is where in `world` it drives now (m). `tuning` is the number of the
-    `Tuning` in force. `reverse`: it drives to places in reverse.
+    `Tuning` in force. `reverse`: it drives to places in reverse. `home` is x, y (m) and heading
+    (rad) in `world` of where RTL leads to, None: it was not moved since the start.
     """
 
     stamp_ns: int
@@ -527,6 +538,7 @@ class NavigationState(msgspec.Struct, frozen=True, tag=True):
     goal: tuple[float, float] | None = None
     tuning: int = 0
     reverse: bool = False
+    home: tuple[float, float, float] | None = None
 
 
 class Notice(msgspec.Struct, frozen=True, tag=True):

@@ -69,6 +69,14 @@ class ReverseRequest(NamedTuple):
     reverse: bool
 
 
+class HomeRequest(NamedTuple):
+    """RTL leads to this pose of `world` from now on [m, rad]."""
+
+    x_m: float
+    y_m: float
+    theta_rad: float
+
+
 class JumpRequest(NamedTuple):
     """Go on with another item of the mission: its number, counted from 1, or its name."""
 
@@ -89,6 +97,7 @@ Request: TypeAlias = (
     | GoAheadRequest
     | JumpRequest
     | ReverseRequest
+    | HomeRequest
     | AbortRequest
 )
 """Any of them; the application makes them from its messages."""

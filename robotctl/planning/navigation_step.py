@@ -90,6 +90,8 @@ class NavigationOutputs(NamedTuple):
     """Where in `world` the robot drives now [m]; None: to no place that is known."""
     reverse: bool
     """Whether it drives to places in reverse."""
+    home: tuple[float, float, float] | None
+    """Where RTL leads to in `world` [m, m, rad]; None: it was not moved."""
     mission_runs: int
     """How often a mission was loaded, begun anew or aborted."""
     mission_commands: int

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import astuple
 from typing import TYPE_CHECKING, TypeAlias
 
 from robotctl.config_values import Value, tuned
@@ -13,6 +14,7 @@ from robotctl.messages.requests import (
     AbortRequest,
     ExploreRequest,
     GoAheadRequest,
+    HomeRequest,
     JumpRequest,
     ModeRequest,
     PlaceRequest,
@@ -60,7 +62,9 @@ _BY_HAND = frozenset({Mode.HOLD, Mode.MANUAL})
 """The modes without autonomous motion."""
 
 
-_Commanded: TypeAlias = LoadRequest | GoAheadRequest | JumpRequest | AbortRequest | ReverseRequest
+_Commanded: TypeAlias = (
+    LoadRequest | GoAheadRequest | JumpRequest | AbortRequest | ReverseRequest | HomeRequest
+)
 """Requests that are refused with a reason where they cannot be carried out."""
 
 
@@ -151,6 +155,8 @@ class Navigator:
         """Of the last position of GUIDED."""
         self._goals = 0
         self._commands = 0
+        self._home: SE2 | None = None
+        """Where RTL leads to since it was moved."""
         self._goal_reached: bool | None = None
         self._enabled = False
         """As of the last step with a control state."""
@@ -356,6 +362,19 @@ class Navigator:
             raise ValueError(f"driving in reverse: {why}")
         self._use_reverse(reverse=request.reverse)
 
+    def _move_home(self, to: HomeRequest) -> None:
+        """Have RTL lead elsewhere; `ValueError`: it cannot now, or is no place."""
+        if self._mode is Mode.RTL:
+            raise ValueError("home is not moved while the robot drives there")
+        if not on_earth(to.x_m + to.theta_rad, to.y_m):
+            raise ValueError(f"home: x {to.x_m:g}, y {to.y_m:g} is no place")
+        self.begin_at(SE2(*to))
+
+    def begin_at(self, home: SE2) -> None:
+        """Have RTL lead to a pose in `world`; the way there is known from it on."""
+        self._crumbs.begin(home)
+        self._home = home
+
     def _use_reverse(self, *, reverse: bool) -> None:
         self._robot.reverse = reverse
         if self._robot.pilot is not None:
@@ -378,6 +397,9 @@ class Navigator:
         """Do what is asked of the mission; `MissionError`, `ValueError`: it cannot be done."""
         if isinstance(request, ReverseRequest):
             self._turn_round(request)
+            return
+        if isinstance(request, HomeRequest):
+            self._move_home(request)
             return
         drives = self._mode is Mode.AUTO
         if isinstance(request, LoadRequest):
@@ -471,6 +493,7 @@ class Navigator:
             self._goal_reached,
             self._present_goal(),
             self._robot.reverse,
+            astuple(self._home) if self._home else None,
             self._auto.runs,
             self._commands,
             **self._auto.progress._asdict(),

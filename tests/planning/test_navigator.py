@@ -10,6 +10,7 @@ import pytest
 from robotctl.errors import MissionError
 from robotctl.messages.mode import Mode
 from robotctl.messages.requests import (
+    HomeRequest,
     ModeRequest,
     PlaceRequest,
     PositionRequest,
@@ -430,6 +431,31 @@ def test_a_robot_far_from_its_path_gives_up(robot, make_run):
     assert out.mission_failed
     assert "1.00 m off the path" in out.message
     assert out.v_m_s == 0.0
+
+
+def test_home_moves_to_where_the_robot_is_and_rtl_leads_there(robot, make_run):
+    run = make_run(robot, mission=mission(ahead(1.5), ahead(3.5)))
+    assert run.step(AUTO).home is None
+    run.until(lambda out: out.item == 1, 20.0)
+    there = run.world.pose
+    out = run.step(HomeRequest(there.x_m, there.y_m, there.theta_rad))
+    assert out.home == (there.x_m, there.y_m, there.theta_rad)
+    run.until(lambda out: out.mission_completed, 20.0)
+    run.step(RTL)
+    run.until(lambda out: out.message == "home", 60.0)
+    run.step(HomeRequest(0.0, 0.0, 0.0))
+    assert "not moved while the robot drives there" in run.messages[-1]
+    here = run.world.pose
+    assert math.hypot(here.x_m - there.x_m, here.y_m - there.y_m) < 0.2
+
+
+def test_home_elsewhere_leaves_the_way_there_unknown_until_the_robot_is_there(robot, make_run):
+    run = make_run(robot)
+    run.step(HomeRequest(5.0, 1.0, 0.0))
+    out = run.step(RTL)
+    assert out.mode is Mode.HOLD
+    assert "the path home is not known" in out.message
+    assert run.step(HomeRequest(math.nan, 1.0, 0.0)).home == (5.0, 1.0, 0.0)
 
 
 def test_the_way_home_leads_back_through_the_door(robot, make_run):

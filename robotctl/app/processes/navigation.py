@@ -23,6 +23,7 @@ from robotctl.core.operator import Operator
 from robotctl.errors import DiskError, RobotctlError
 from robotctl.messages.control import ControlState, NavigationRequest, Notice, Severity
 from robotctl.messages.estimation import SensorMessage
+from robotctl.model.geometry.se2 import SE2
 from robotctl.runtime.ipc.heartbeat import ProcessHeartbeat
 from robotctl.runtime.ipc.topics import (
     Endpoints,
@@ -46,6 +47,8 @@ def resume(
     if saved is None or not saved.fits(options):
         return ()
     navigator = adapter.navigator
+    if saved.home is not None:
+        navigator.begin_at(SE2(*saved.home))
     try:
         if saved.mission_file:
             mission = load_mission(Path(saved.mission_file))

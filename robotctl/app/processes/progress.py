@@ -57,6 +57,8 @@ class StoredProgress(msgspec.Struct, frozen=True):
         How often each repeat and jump of the mission was taken.
     mission_file
         File of a mission that was loaded since the start; empty: it is that of the options.
+    home
+        x, y [m] and heading [rad] in `world` of where RTL leads to; None: it was not moved.
 
     Raises
     ------
@@ -74,6 +76,7 @@ class StoredProgress(msgspec.Struct, frozen=True):
     item_s_m: float = 0.0
     loop_counts: tuple[int, ...] = ()
     mission_file: str = ""
+    home: tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
         """Check the ranges; the odometer is nan if it is unknown."""
@@ -85,6 +88,8 @@ class StoredProgress(msgspec.Struct, frozen=True):
             )
         if not math.isfinite(self.theta_rad):
             raise ValueError(f"theta_rad must be finite, not {self.theta_rad:g}")
+        if self.home is not None and not max(map(abs, self.home)) < FARTHEST_M:
+            raise ValueError(f"home must be a place, not {self.home}")
         if self.item < 0:
             raise ValueError(f"item must be at least 0, not {self.item}")
         if not 0.0 <= self.item_s_m < math.inf:
@@ -286,12 +291,14 @@ class ProgressKeeper:
         except ValueError:
             return None
 
-    def _mission(self) -> tuple[int, int, float, tuple[int, ...], str]:
+    def _mission(
+        self,
+    ) -> tuple[int, int, float, tuple[int, ...], str, tuple[float, float, float] | None]:
         """Return the fields of `StoredProgress` from `mission_crc` on."""
         now, saved = self._navigation, self._saved
         if now is not None:
             crc = now.mission_crc if now.mission_file else self._mission_crc
-            return crc, now.item, now.item_s_m, now.loop_counts, now.mission_file
+            return crc, now.item, now.item_s_m, now.loop_counts, now.mission_file, now.home
         if saved is not None:
             return (
                 saved.mission_crc,
@@ -299,8 +306,9 @@ class ProgressKeeper:
                 saved.item_s_m,
                 saved.loop_counts,
                 saved.mission_file,
+                saved.home,
             )
-        return self._mission_crc, 0, 0.0, (), ""
+        return self._mission_crc, 0, 0.0, (), "", None
 
     def _due(self, progress: StoredProgress, now_ns: int) -> bool:
         """Return whether to save now."""
@@ -348,5 +356,6 @@ def _are_alike(a: StoredProgress, b: StoredProgress) -> bool:
 
 
 def _place(progress: StoredProgress) -> tuple[object, ...]:
-    """Return the mission and where it is, but for the distance along an item."""
-    return progress.mission_crc, progress.mission_file, progress.item, progress.loop_counts
+    """Return home, the mission and where it is, but for the distance along an item."""
+    mission = progress.mission_crc, progress.mission_file, progress.item, progress.loop_counts
+    return progress.home, *mission

@@ -41,12 +41,12 @@ from robotctl.mavlink.services.telemetry.system_time import SystemTime
 from robotctl.mavlink.services.telemetry.wheels import Wheels
 from robotctl.mavlink.services.vehicle.arming import Arming
 from robotctl.mavlink.services.vehicle.external_pose import ExternalPoses
+from robotctl.mavlink.services.vehicle.home import Homes
 from robotctl.mavlink.services.vehicle.manual_control import ManualControls
 from robotctl.mavlink.services.vehicle.mode_list import ModeList
 from robotctl.mavlink.services.vehicle.modes import Modes
 from robotctl.mavlink.services.vehicle.procedures import Procedures
 from robotctl.mavlink.services.vehicle.reboot import Reboots
-from robotctl.mavlink.services.vehicle.refusals import Refusals
 from robotctl.mavlink.services.vehicle.reposition import Repositions
 from robotctl.mavlink.services.vehicle.reverse import Reverses
 from robotctl.mavlink.services.vehicle.setpoints import Setpoints
@@ -64,7 +64,7 @@ SERVICES: Final[tuple[type[Microservice], ...]] = (
     Reboots,
     Procedures,
     Reverses,
-    Refusals,
+    Homes,
     ManualControls,
     ExternalPoses,
     TimeSync,

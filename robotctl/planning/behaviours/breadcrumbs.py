@@ -68,6 +68,10 @@ class Breadcrumbs:
         self._steered = steered
         self._spacing = spacing_m
         self._count_max = count_max
+        self.begin(home)
+
+    def begin(self, home: SE2) -> None:
+        """Forget the path; it begins at another home."""
         self._crumbs = [Crumb(home.x_m, home.y_m, home.theta_rad, False)]
         self._cells: defaultdict[tuple[int, int], list[int]] = defaultdict(list)
         self._enter(0)

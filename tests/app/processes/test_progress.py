@@ -30,6 +30,7 @@ from robotctl.messages.control import (
     Mode,
     NavigationState,
     SafetyState,
+    SetHome,
     SetMode,
 )
 from robotctl.messages.estimation import LocalisationState
@@ -472,6 +473,17 @@ def test_a_mission_that_was_loaded_is_the_one_that_goes_on_behind_a_restart(
     assert (again.mission, saved.loop_counts) == (str(file), (1,))
     file.write_text(MISSION)
     assert resume(make_navigation(CONFIG, options), options, on_disk(options)) == ()
+
+
+def test_home_stays_where_it_was_moved_to_behind_a_restart(options: StackOptions) -> None:
+    adapter = make_navigation(CONFIG, options)
+    _, state = adapter.step(control(0), None, [SetHome(0, 2.0, 1.0, 0.5)], 0)
+    assert state.home == (2.0, 1.0, 0.5)
+    keeper(options).step([control(0), state], 0)
+    later = make_navigation(CONFIG, options)
+    resume(later, options, on_disk(options))
+    _, state = later.step(control(0), None, [], 0)
+    assert state.home == (2.0, 1.0, 0.5)
 
 
 def test_a_mission_that_is_none_is_told_and_leaves_the_present_one(options: StackOptions) -> None:

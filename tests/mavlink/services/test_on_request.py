@@ -117,13 +117,6 @@ def test_a_ping_comes_back_to_who_has_sent_it_and_answers_do_not(bench):
     assert (answer.target_system, answer.target_component) == (200, 190)
 
 
-def test_refused_commands_say_why(bench):
-    for number, word in ((m.MAV_CMD_DO_SET_HOME, "Home"),):
-        result, requests, said = command(bench, number, 1)
-        assert (result, requests) == (DENIED, [])
-        assert word in said
-
-
 def test_a_yaw_and_a_speed_are_followed_in_guided_alone(bench):
     number = m.MAV_CMD_NAV_SET_YAW_SPEED
     result, (request,), _ = command(bench, number, 90.0, 0.3, 0.0)

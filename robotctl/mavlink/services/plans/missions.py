@@ -94,7 +94,7 @@ class Missions(Transfer[MissionPlan]):
         by_globe = any(each.is_global and each.command in PLACES for each in items[HOME:])
         origin = self._context.origin if by_globe else None
         kept = Kept(tuple(items), tuple(meaning.sources), origin)
-        content = mission_file(kept, meaning, self._context.robot.home)
+        content = mission_file(kept, meaning, self._context.home)
         return MissionPlan(kept, content), meaning.notes
 
     def request(self, plan: MissionPlan, file: str, now_ns: int) -> Request:
@@ -161,7 +161,7 @@ class Missions(Transfer[MissionPlan]):
 
     def _home(self) -> MissionItem:
         """Return where the robot started, in degrees where that can be said."""
-        home, origin = self._context.robot.home, self._context.origin
+        home, origin = self._context.home, self._context.origin
         command, params = common.MAV_CMD_NAV_WAYPOINT, (0.0, 0.0, 0.0, 0.0)
         if origin is not None:
             place = origin.from_world(home.x_m, home.y_m)
@@ -174,7 +174,7 @@ class Missions(Transfer[MissionPlan]):
     @property
     def _around(self) -> Surroundings:
         robot = self._context.robot
-        return Surroundings(robot.home, self._context.origin, robot.plans, self.hidden)
+        return Surroundings(self._context.home, self._context.origin, robot.plans, self.hidden)
 
     def _is_loaded(self, navigation: NavigationState) -> bool:
         """Return whether the robot's mission is the one that came over MAVLink."""

@@ -128,8 +128,8 @@ class GlobalPosition(Microservice):
         return [common.MAVLink_gps_global_origin_message(*place, round(origin.altitude_m * _MILLI))]
 
     def _home(self, now_ns: int) -> list[Message]:  # noqa: ARG002
-        """Return HOME_POSITION: where the robot started."""
-        origin, home = self._context.origin, self._context.robot.home
+        """Return HOME_POSITION: where RTL leads to."""
+        origin, home = self._context.origin, self._context.home
         if origin is None:
             return []
         north, east = ned_from_enu(home.x_m, home.y_m)
