@@ -55,21 +55,21 @@ COMMANDS: Final = {
         "localize.localize:localize",
         "Localise on a recorded log, and compare with its reference.",
     ),
-    "topology": ("topology:app", "Divide a map into places and passages."),
+    "topology": ("topology.topology:app", "Divide a map into places and passages."),
     "map": (
-        "map:map_log",
+        "map.map:map_log",
         "Map the lidar scans of a recorded log, at its reference poses or its odometry.",
     ),
     "slam": (
-        "slam:slam",
+        "slam.slam:slam",
         "Make a trajectory and a map from a recorded drive, by landmarks or by scans.",
     ),
     "plan": (
-        "plan:plan",
+        "plan.plan:plan",
         "Find the path between two places of a map, or say why there is none.",
     ),
     "optimize": (
-        "optimize:optimize",
+        "optimize.optimize:optimize",
         "Find the poses and points that fit the measurements of a graph best.",
     ),
     "characterise": (
@@ -80,7 +80,7 @@ COMMANDS: Final = {
     "can": ("can:app", "The CAN bus."),
     "record": ("logs.record:app", "The flight recorder and the logs."),
     "calibrate": ("calibrate.calibrate:app", "Calibrate the robot from drives and recordings."),
-    "places": ("places:app", "Learn and recognise places by sonar or images."),
+    "places": ("places.places:app", "Learn and recognise places by sonar or images."),
     "camera": ("camera.camera:app", "Calibrate a camera, and measure on the floor with it."),
 }
 """Of each subcommand, module and function (or group) below `robotctl.cli`, and how its help begins.

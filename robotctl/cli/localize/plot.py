@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robotctl.cli.map_picture import draw_map
+from robotctl.cli.map.picture import draw_map
 from robotctl.workbench.localize.localize import Localized
 from robotctl.workbench.localize.report import position_errors
 

@@ -10,7 +10,7 @@ import typer
 from robotctl.cli.arguments import Overrides, place, refuse_unused
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
-from robotctl.cli.topology import way_lines
+from robotctl.cli.topology.topology import way_lines
 from robotctl.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -103,7 +103,7 @@ def plan(
     if out is not None and found:
         write_file(out, lambda file: write_path(result, file))
     if plot is not None:
-        from robotctl.cli.plan_plot import save_plot  # noqa: PLC0415 - an extra
+        from robotctl.cli.plan.plot import save_plot  # noqa: PLC0415 - an extra
 
         write_file(plot, lambda file: save_plot(result, file))
     print(summary(result))

@@ -91,7 +91,7 @@ def match(
         write_file(out, lambda file: work.write_pairs(matched, file))
         print(f"candidates: {out}")
     if plot is not None:
-        from robotctl.cli.places_plot import save_matched  # noqa: PLC0415 - an extra
+        from robotctl.cli.places.plot import save_matched  # noqa: PLC0415 - an extra
 
         write_file(plot, lambda file: save_matched(matched, right, file))
         print(f"plot: {plot}")

@@ -75,11 +75,11 @@ def optimize(
     if out is not None:
         write_file(out, lambda file: write_graph(result, file))
     if plot is not None:
-        from robotctl.cli.optimize_plot import save_plot  # noqa: PLC0415 - an extra
+        from robotctl.cli.optimize.plot import save_plot  # noqa: PLC0415 - an extra
 
         write_file(plot, lambda file: save_plot(result, file))
     if animate is not None:
-        from robotctl.cli.optimize_plot import save_animation  # noqa: PLC0415 - an extra
+        from robotctl.cli.optimize.plot import save_animation  # noqa: PLC0415 - an extra
 
         with progress_bar(console, graph.name, "drawing") as tell:
             write_file(animate, lambda file: save_animation(result, file, tell))

@@ -51,7 +51,7 @@ def build_command(
     places, passages = len(found.places), len(found.passages)
     print(f"{out}: {_counted(places, 'place')}, {_counted(passages, 'passage')}")
     if plot is not None:
-        from robotctl.cli.topology_plot import save_plot  # noqa: PLC0415 - an extra
+        from robotctl.cli.topology.plot import save_plot  # noqa: PLC0415 - an extra
 
         write_file(plot, lambda file: save_plot(built, file))
         print(f"plot: {plot}")

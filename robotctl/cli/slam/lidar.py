@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 
 from robotctl.cli.progress import progress_bar
-from robotctl.cli.slam_output import error_words, write_slam
+from robotctl.cli.slam.output import error_words, write_slam
 
 if TYPE_CHECKING:
     from robotctl.workbench.slam.lidar import LidarResult
@@ -64,7 +64,7 @@ def save_lidar_plot(result: LidarResult, file: Path) -> None:
     import numpy as np  # noqa: PLC0415
     from matplotlib.figure import Figure  # noqa: PLC0415 - an extra
 
-    from robotctl.cli.map_picture import draw_map  # noqa: PLC0415
+    from robotctl.cli.map.picture import draw_map  # noqa: PLC0415
     from robotctl.model.geometry.points import align, moved  # noqa: PLC0415
 
     figure = Figure(figsize=(11.0, 11.0), dpi=150, layout="constrained")

@@ -15,7 +15,7 @@ from rich.table import Table
 from robotctl.cli.arguments import Overrides, RobotName, refuse_unused
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
-from robotctl.cli.places_images import match, train_vocabulary
+from robotctl.cli.places.images import match, train_vocabulary
 
 if TYPE_CHECKING:
     from robotctl.estimation.places.database import PlaceBook
@@ -116,7 +116,7 @@ def recognise(
     for each in found:
         print("\n".join(_lines(each)))
     if plot is not None:
-        from robotctl.cli.places_plot import save_recognition  # noqa: PLC0415
+        from robotctl.cli.places.plot import save_recognition  # noqa: PLC0415
         from robotctl.maps.place_file import load_book  # noqa: PLC0415
 
         write_file(plot, lambda file: save_recognition(load_book(book), found, file))
@@ -137,7 +137,7 @@ def list_places(book: Book, plot: Plot = None) -> None:
         print(f"{what} differ by {spread.mean:.3f} ± {spread.sigma:.3f} ({source})")
     print(f"accepted up to a difference of {known.threshold:.3f}")
     if plot is not None:
-        from robotctl.cli.places_plot import save_places  # noqa: PLC0415
+        from robotctl.cli.places.plot import save_places  # noqa: PLC0415
 
         write_file(plot, lambda file: save_places(known, file))
         print(f"plot: {plot}")

@@ -10,7 +10,7 @@ import typer
 from robotctl.cli.arguments import TimeUnit
 from robotctl.cli.console import plain_console
 from robotctl.cli.progress import progress_bar
-from robotctl.cli.slam_output import error_words, write_slam
+from robotctl.cli.slam.output import error_words, write_slam
 from robotctl.errors import ConfigError
 from robotctl.estimation.sensors.registry import LIDAR
 from robotctl.estimation.slam.local_scans.registry import SCAN_SOURCES
@@ -80,7 +80,7 @@ def slam(
         raise ConfigError(f"--out {out}: is a file, a folder is needed")
     console = plain_console(stderr=True)
     if sensor is not None:
-        from robotctl.cli.slam_lidar import slam_by_scans  # noqa: PLC0415
+        from robotctl.cli.slam.lidar import slam_by_scans  # noqa: PLC0415
 
         slam_by_scans(log, out, time_unit, console, onto, sensor)
         return
@@ -106,7 +106,7 @@ def slam(
         result = run(options, tell)
 
     def draw(file: Path) -> None:
-        from robotctl.cli.slam_plot import save_plot  # noqa: PLC0415
+        from robotctl.cli.slam.plot import save_plot  # noqa: PLC0415
 
         save_plot(result, file)
 

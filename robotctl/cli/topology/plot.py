@@ -8,7 +8,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from robotctl.cli.map_picture import draw_map
+from robotctl.cli.map.picture import draw_map
 from robotctl.workbench.topology.topology import BuiltTopology
 
 
