@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Final
 import msgspec
 
 from robotctl.errors import ConfigError
-from robotctl.estimation.slam.lidar.back_end import as_row
-from robotctl.estimation.slam.lidar.saved_map import (
+from robotctl.estimation.slam.keyframes.back_end import as_row
+from robotctl.estimation.slam.keyframes.saved_map import (
     HEADING,
     ChangeLog,
     KeyframeMap,

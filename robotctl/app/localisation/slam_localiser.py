@@ -19,11 +19,11 @@ from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.estimation.sensors.lidar import REHEARSED
 from robotctl.estimation.sensors.sensor import SensedRobot
-from robotctl.estimation.slam.lidar.config import LidarSlamConfig
-from robotctl.estimation.slam.lidar.keyframe import Keyframe
-from robotctl.estimation.slam.lidar.map_search import MapSearch
-from robotctl.estimation.slam.lidar.mapper import LEAST_ECHOES, Place, SlamMapper
-from robotctl.estimation.slam.lidar.saved_map import KeyframeMap
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
+from robotctl.estimation.slam.keyframes.keyframe import Keyframe
+from robotctl.estimation.slam.keyframes.map_search import MapSearch
+from robotctl.estimation.slam.keyframes.mapper import LEAST_ECHOES, Place, SlamMapper
+from robotctl.estimation.slam.keyframes.saved_map import KeyframeMap
 from robotctl.messages.control import ControlState
 from robotctl.messages.estimation import LiveMap, LocalisationState
 from robotctl.messages.map_message import map_message
@@ -292,7 +292,7 @@ def make_slam(
     """
     sensor = slam_sensor(config, robot)
     grid = config.localisation.grid
-    quick = SlamMapper(LidarSlamConfig(keyframe_m=0.0))
+    quick = SlamMapper(KeyframeConfig(keyframe_m=0.0))
     rehearsed = SlamLocaliser(quick, sensor, SE2(), OdometryHistory())
     _rehearse(rehearsed)
     drawing = SlamDrawing(rehearsed, OccupancyGrid(grid))

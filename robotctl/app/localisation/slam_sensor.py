@@ -8,7 +8,7 @@ from robotctl.config.robot_file import RobotConfig
 from robotctl.errors import ConfigError
 from robotctl.estimation.sensors.registry import CAMERA, LIDAR, SONAR
 from robotctl.estimation.sensors.sensor import SensedRobot
-from robotctl.estimation.slam.lidar.config import LidarSlamConfig
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.local_scans.registry import SCAN_SOURCES, load_source
 from robotctl.estimation.slam.local_scans.source import ScanMaker
 
@@ -18,7 +18,7 @@ class SlamSensor(NamedTuple):
 
     name: str
     robot: SensedRobot
-    config: LidarSlamConfig
+    config: KeyframeConfig
 
     def maker(self) -> ScanMaker[Any]:
         """Return what makes scans along a new odometry."""

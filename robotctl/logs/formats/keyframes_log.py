@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from robotctl.estimation.slam.lidar.saved_map import HEADING, KeyframeMap, restored
+from robotctl.estimation.slam.keyframes.saved_map import HEADING, KeyframeMap, restored
 from robotctl.logs.formats.log_format import LogFormat, ReadOptions
 from robotctl.logs.formats.log_text import LogFormatError
 from robotctl.model.geometry.se2 import SE2

@@ -20,7 +20,7 @@ from robotctl.estimation.slam.front_end.correlative import Window, search
 from robotctl.estimation.slam.front_end.point_to_line import Bins, binned, refine
 from robotctl.estimation.slam.front_end.score_field import ScoreField, score_field
 from robotctl.estimation.slam.front_end.surface import Floats, Surface, joined, surface_of
-from robotctl.estimation.slam.lidar.keyframe import LOOSE
+from robotctl.estimation.slam.keyframes.keyframe import LOOSE
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.planning.topological.appearance import REACH_M, SPACING_M

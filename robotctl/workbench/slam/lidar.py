@@ -22,11 +22,11 @@ from robotctl.estimation.slam.factors.between import BETWEEN_2D
 from robotctl.estimation.slam.front_end.surface import surface_of
 from robotctl.estimation.slam.graph.builder import GraphBuilder
 from robotctl.estimation.slam.graph.variables import SE2 as POSES
-from robotctl.estimation.slam.lidar.back_end import as_row
-from robotctl.estimation.slam.lidar.config import LidarSlamConfig
-from robotctl.estimation.slam.lidar.loops import Closure
-from robotctl.estimation.slam.lidar.mapper import LEAST_ECHOES, Place, SlamMapper
-from robotctl.estimation.slam.lidar.saved_map import HEADING, KeyframeMap, whole_map
+from robotctl.estimation.slam.keyframes.back_end import as_row
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
+from robotctl.estimation.slam.keyframes.loops import Closure
+from robotctl.estimation.slam.keyframes.mapper import LEAST_ECHOES, Place, SlamMapper
+from robotctl.estimation.slam.keyframes.saved_map import HEADING, KeyframeMap, whole_map
 from robotctl.estimation.slam.local_scans.registry import load_source
 from robotctl.estimation.slam.local_scans.source import ScanSource
 from robotctl.estimation.slam.robust.robust_cost import OFF
@@ -207,7 +207,7 @@ def _echoes(each: RecordedScan) -> int:
 
 
 def lidar_slam_of(
-    recording: Recording, progress: Progress, config: LidarSlamConfig | None = None
+    recording: Recording, progress: Progress, config: KeyframeConfig | None = None
 ) -> LidarResult:
     """Map a recording, whose first scan has `LEAST_ECHOES` echoes."""
     _compile(recording)
@@ -230,7 +230,7 @@ def lidar_slam_onto(recording: Recording, saved: KeyframeMap, progress: Progress
     """
     _compile(recording)
     count, by_wheels = len(recording.scans), has_odometry(recording)
-    mapper = SlamMapper(LidarSlamConfig(is_live=True))
+    mapper = SlamMapper(KeyframeConfig(is_live=True))
     mapper.resume(saved, is_there=False)
     drive, first, row = _Drive(mapper, recording, by_wheels, saved), 0, 0
     while not mapper.is_sure:
@@ -322,7 +322,7 @@ def _is_away(before: SE2 | None, now: SE2) -> bool:
 
 def _compile(recording: Recording) -> None:
     """Have all kernels compiled before times are taken."""
-    mapper = SlamMapper(LidarSlamConfig(keyframe_m=0.0))
+    mapper = SlamMapper(KeyframeConfig(keyframe_m=0.0))
     for _ in range(mapper.config.linked_keyframes + 2):
         mapper.add(recording.scans[0].scan, SE2())
 

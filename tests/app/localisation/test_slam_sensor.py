@@ -10,8 +10,8 @@ from robotctl.app.localisation.slam_sensor import slam_sensor
 from robotctl.config.robot_file import find_file, load_robot
 from robotctl.errors import ConfigError
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
-from robotctl.estimation.slam.lidar.mapper import SlamMapper
-from tests.estimation.slam.lidar.test_slam_mapper import OFFICE
+from robotctl.estimation.slam.keyframes.mapper import SlamMapper
+from tests.estimation.slam.keyframes.test_slam_mapper import OFFICE
 from tests.estimation.slam.lidar_world import along
 from tests.estimation.slam.local_scans.test_sonar_scans import heard
 from tests.mavlink.conftest import CONTROL

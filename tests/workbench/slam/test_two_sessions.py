@@ -13,7 +13,7 @@ from robotctl.workbench.slam.lidar import (
     lidar_slam_onto,
     write_lidar_results,
 )
-from tests.estimation.slam.lidar.test_slam_mapper import OFFICE
+from tests.estimation.slam.keyframes.test_slam_mapper import OFFICE
 from tests.estimation.slam.lidar_world import along, box, drifting, scan_of
 
 FULL_CIRCLE = np.radians(np.arange(-180.0, 180.0, 3.0))

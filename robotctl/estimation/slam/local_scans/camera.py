@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from robotctl.estimation.sensors.sensor import SensedRobot
-from robotctl.estimation.slam.lidar.config import LidarSlamConfig
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.local_scans.gathered import GatheredScans
 from robotctl.estimation.slam.local_scans.source import CALIBRATED, ScanSource
 from robotctl.model.geometry.points import moved
@@ -60,7 +60,7 @@ def _maker(robot: SensedRobot) -> CameraScans:
 
 
 SOURCE: Final = ScanSource(
-    LidarSlamConfig(keyframe_m=0.5, keyframe_rad=0.5, stretch_m=STRETCH_M, wheels=CALIBRATED),
+    KeyframeConfig(keyframe_m=0.5, keyframe_rad=0.5, stretch_m=STRETCH_M, wheels=CALIBRATED),
     _maker,
     lambda recording: [(each.scan, each.odometry) for each in recording.views],
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from robotctl.estimation.slam.lidar.config import LidarSlamConfig
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.local_scans.source import ScanSource
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.recording import RecordedScan
@@ -20,7 +20,7 @@ class LidarScans:
 
 
 SOURCE: Final = ScanSource(
-    LidarSlamConfig(),
+    KeyframeConfig(),
     lambda _: LidarScans(),
     lambda recording: [(each.scan, each.odometry) for each in recording.scans],
 )

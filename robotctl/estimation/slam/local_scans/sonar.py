@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from robotctl.estimation.ranging.sonar_config import SonarModelConfig
 from robotctl.estimation.sensors.sensor import SensedRobot
-from robotctl.estimation.slam.lidar.config import LidarSlamConfig
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.local_scans.gathered import GatheredScans
 from robotctl.estimation.slam.local_scans.source import CALIBRATED, ScanSource
 from robotctl.model.geometry.se2 import SE2
@@ -146,7 +146,7 @@ def _maker(robot: SensedRobot) -> SonarScans:
 
 
 SOURCE: Final = ScanSource(
-    LidarSlamConfig(keyframe_m=0.5, keyframe_rad=0.5, stretch_m=STRETCH_M, wheels=CALIBRATED),
+    KeyframeConfig(keyframe_m=0.5, keyframe_rad=0.5, stretch_m=STRETCH_M, wheels=CALIBRATED),
     _maker,
     lambda recording: [(each.reading, each.odometry) for each in recording.sonars],
 )

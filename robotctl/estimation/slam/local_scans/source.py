@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
 
 from robotctl.estimation.sensors.sensor import SensedRobot
-from robotctl.estimation.slam.lidar.config import LidarSlamConfig, WheelNoise
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig, WheelNoise
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.recording import RecordedScan, Recording
 
@@ -38,6 +38,6 @@ class ScanSource(Generic[M_contra]):
         What a recording has of it, with the odometry.
     """
 
-    config: LidarSlamConfig
+    config: KeyframeConfig
     maker: Callable[[SensedRobot], ScanMaker[M_contra]]
     recorded: Callable[[Recording], Sequence[tuple[Any, SE2]]]

@@ -9,10 +9,10 @@ from robotctl.config.robot_file import find_file, load_robot
 from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.estimation.ranging.segment_index import distances
 from robotctl.estimation.sensors.sensor import SensedRobot
-from robotctl.estimation.slam.lidar.mapper import SlamMapper
+from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.estimation.slam.local_scans.camera import SOURCE
 from robotctl.model.geometry.points import moved
-from tests.estimation.slam.lidar.test_slam_mapper import OFFICE, ape_m
+from tests.estimation.slam.keyframes.test_slam_mapper import OFFICE, ape_m
 from tests.estimation.slam.lidar_world import along, drifting, scan_of
 from tests.estimation.slam.local_scans.test_sonar_scans import TWICE
 

@@ -9,15 +9,15 @@ from robotctl.config.robot_file import find_file, load_robot
 from robotctl.estimation.ranging.segment_index import distances
 from robotctl.estimation.ranging.sonar_config import SonarModelConfig
 from robotctl.estimation.ranging.wall_echoes import WallEchoes
-from robotctl.estimation.slam.lidar.keyframe import honest
-from robotctl.estimation.slam.lidar.mapper import SlamMapper
+from robotctl.estimation.slam.keyframes.keyframe import honest
+from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.estimation.slam.local_scans.gathered import scan_of_points
 from robotctl.estimation.slam.local_scans.sonar import SOURCE, SonarScans, echo_direction
 from robotctl.model.geometry.points import align, moved
 from robotctl.model.sensors.sonar import SonarReading
 from robotctl.model.sensors.sonar_mounts import mount_rows
 from robotctl.model.wall_map import WallMap
-from tests.estimation.slam.lidar.test_slam_mapper import OFFICE
+from tests.estimation.slam.keyframes.test_slam_mapper import OFFICE
 from tests.estimation.slam.lidar_world import along, drifting
 
 MOUNTS = load_robot(find_file("diff_drive")).sonar

@@ -17,9 +17,9 @@ from robotctl.estimation.slam.front_end.point_to_line import (
 )
 from robotctl.estimation.slam.front_end.score_field import ScoreField, score_field
 from robotctl.estimation.slam.front_end.surface import Floats, Surface, joined
-from robotctl.estimation.slam.lidar.config import LidarSlamConfig
-from robotctl.estimation.slam.lidar.keyframe import Keyframe
-from robotctl.estimation.slam.lidar.motion import Expected
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
+from robotctl.estimation.slam.keyframes.keyframe import Keyframe
+from robotctl.estimation.slam.keyframes.motion import Expected
 from robotctl.model.geometry.se2 import SE2
 
 SEARCH_POINTS: Final = 180
@@ -85,7 +85,7 @@ class Tracked:
 
 
 def track(
-    local: LocalMap, surface: Surface, last: SE2, expected: Expected, config: LidarSlamConfig
+    local: LocalMap, surface: Surface, last: SE2, expected: Expected, config: KeyframeConfig
 ) -> Tracked:
     """Return where a scan was taken, after a motion from a last pose on a local map."""
     prior = last @ expected.motion
@@ -105,7 +105,7 @@ def track(
     return Tracked(match.pose, match, score, _contradicts(prior, expected, match))
 
 
-def is_new(tracked: Tracked, config: LidarSlamConfig) -> bool:
+def is_new(tracked: Tracked, config: KeyframeConfig) -> bool:
     """Return whether a scan, placed in the frame of the last keyframe, becomes a keyframe."""
     pose, match = tracked.pose, tracked.match
     if config.is_live and match is None:

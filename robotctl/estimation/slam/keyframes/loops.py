@@ -10,10 +10,10 @@ import numpy as np
 from robotctl.estimation.slam.front_end.correlative import Window, search
 from robotctl.estimation.slam.front_end.point_to_line import refine
 from robotctl.estimation.slam.front_end.surface import joined
-from robotctl.estimation.slam.lidar.back_end import BackEnd, Link
-from robotctl.estimation.slam.lidar.config import LidarSlamConfig
-from robotctl.estimation.slam.lidar.keyframe import Keyframe, match_pair
-from robotctl.estimation.slam.lidar.tracker import local_map, thinned
+from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
+from robotctl.estimation.slam.keyframes.keyframe import Keyframe, match_pair
+from robotctl.estimation.slam.keyframes.tracker import local_map, thinned
 from robotctl.model.geometry.se2 import SE2
 
 _POINTS: Final = 360
@@ -79,7 +79,7 @@ class LoopSearch:
     """Candidates, one at a time, and what became of them."""
 
     def __init__(
-        self, config: LidarSlamConfig, keyframes: list[Keyframe], back_end: BackEnd
+        self, config: KeyframeConfig, keyframes: list[Keyframe], back_end: BackEnd
     ) -> None:
         self._config = config
         self._keyframes = keyframes

@@ -9,10 +9,10 @@ import numpy as np
 
 from robotctl.estimation.slam.front_end.point_to_line import Match
 from robotctl.estimation.slam.front_end.surface import Floats, Surface, surface_of
-from robotctl.estimation.slam.lidar.back_end import BackEnd, Link
-from robotctl.estimation.slam.lidar.config import LidarSlamConfig
-from robotctl.estimation.slam.lidar.keyframe import Keyframe, keyframe_of, match_pair
-from robotctl.estimation.slam.lidar.known_places import (
+from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
+from robotctl.estimation.slam.keyframes.keyframe import Keyframe, keyframe_of, match_pair
+from robotctl.estimation.slam.keyframes.known_places import (
     CHANGED,
     Known,
     Probation,
@@ -22,12 +22,12 @@ from robotctl.estimation.slam.lidar.known_places import (
     nearest,
     renewed,
 )
-from robotctl.estimation.slam.lidar.loops import LoopSearch
-from robotctl.estimation.slam.lidar.map_search import MapSearch
-from robotctl.estimation.slam.lidar.motion import Expected, by_odometry, by_velocity
-from robotctl.estimation.slam.lidar.saved_map import KeyframeMap
-from robotctl.estimation.slam.lidar.straight_walls import StraightWalls
-from robotctl.estimation.slam.lidar.tracker import LocalMap, Tracked, is_new, local_map, track
+from robotctl.estimation.slam.keyframes.loops import LoopSearch
+from robotctl.estimation.slam.keyframes.map_search import MapSearch
+from robotctl.estimation.slam.keyframes.motion import Expected, by_odometry, by_velocity
+from robotctl.estimation.slam.keyframes.saved_map import KeyframeMap
+from robotctl.estimation.slam.keyframes.straight_walls import StraightWalls
+from robotctl.estimation.slam.keyframes.tracker import LocalMap, Tracked, is_new, local_map, track
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
 
@@ -75,8 +75,8 @@ class SlamMapper:
         Of the pose on the map of the last keyframes, (3, 3) in its own frame [m, m, rad].
     """
 
-    def __init__(self, config: LidarSlamConfig | None = None) -> None:
-        self.config = config or LidarSlamConfig()
+    def __init__(self, config: KeyframeConfig | None = None) -> None:
+        self.config = config or KeyframeConfig()
         self.keyframes: list[Keyframe] = []
         self.back_end = BackEnd()
         self.loops = LoopSearch(self.config, self.keyframes, self.back_end)

@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
-from robotctl.estimation.slam.lidar.config import LidarSlamConfig
-from robotctl.estimation.slam.lidar.mapper import SlamMapper
-from robotctl.estimation.slam.lidar.saved_map import ChangeLog, compacted, encoded, restored
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
+from robotctl.estimation.slam.keyframes.mapper import SlamMapper
+from robotctl.estimation.slam.keyframes.saved_map import ChangeLog, compacted, encoded, restored
 from robotctl.model.geometry.se2 import SE2
-from tests.estimation.slam.lidar.test_slam_mapper import OFFICE, ROUND
+from tests.estimation.slam.keyframes.test_slam_mapper import OFFICE, ROUND
 from tests.estimation.slam.lidar_world import along, box, drifting, scan_of
 
 FULL_CIRCLE = np.radians(np.arange(-180.0, 180.0, 2.0))
@@ -58,7 +58,7 @@ def records_of(mapper, log, frame=(1.0, 2.0, 0.5)):
 @pytest.fixture(scope="module")
 def driven():
     """A round, and the change records of each step."""
-    mapper, log, records = SlamMapper(LidarSlamConfig(is_live=True)), ChangeLog(), []
+    mapper, log, records = SlamMapper(KeyframeConfig(is_live=True)), ChangeLog(), []
     rng = np.random.default_rng(1)
     poses = ROUNDS + TURN
     for pose, wheels in zip(poses, drifting(poses, rng), strict=True):
@@ -69,7 +69,7 @@ def driven():
 
 def resumed(driven, **settings):
     _, records = driven
-    mapper = SlamMapper(LidarSlamConfig(is_live=True, **settings))
+    mapper = SlamMapper(KeyframeConfig(is_live=True, **settings))
     mapper.resume(restored(records), is_there=True)
     return mapper
 
@@ -78,7 +78,7 @@ def test_all_changes_make_the_map_again(driven):
     mapper, records = driven
     mapper.back_end.refine()
     for saved in (restored(records), restored(compacted(records))):
-        again = SlamMapper(LidarSlamConfig(is_live=True))
+        again = SlamMapper(KeyframeConfig(is_live=True))
         again.resume(saved, is_there=True)
         assert len(again.keyframes) == len(mapper.keyframes)
         off = again.back_end.poses - mapper.back_end.poses
@@ -97,7 +97,7 @@ def test_a_drive_cut_anywhere_goes_on(driven, share):
     _, records = driven
     cut = 1 + int(share * (len(records) - 2))
     saved = restored(records[:cut])
-    mapper = SlamMapper(LidarSlamConfig(is_live=True))
+    mapper = SlamMapper(KeyframeConfig(is_live=True))
     mapper.resume(saved, is_there=True)
     assert mapper.is_lost
     rest = (ROUNDS + TURN)[cut : cut + 12]

@@ -15,10 +15,10 @@ import numpy as np
 
 from robotctl.estimation.slam.front_end.correlative import Window, search
 from robotctl.estimation.slam.front_end.point_to_line import refine
-from robotctl.estimation.slam.lidar.back_end import BackEnd
-from robotctl.estimation.slam.lidar.config import LidarSlamConfig
-from robotctl.estimation.slam.lidar.keyframe import Keyframe, compared, match_pair
-from robotctl.estimation.slam.lidar.tracker import SEARCH_POINTS, LocalMap, local_map, thinned
+from robotctl.estimation.slam.keyframes.back_end import BackEnd
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
+from robotctl.estimation.slam.keyframes.keyframe import Keyframe, compared, match_pair
+from robotctl.estimation.slam.keyframes.tracker import SEARCH_POINTS, LocalMap, local_map, thinned
 from robotctl.model.geometry.se2 import SE2
 
 _SPACING_M: Final = 1.0
@@ -72,7 +72,7 @@ class MapSearch:
     """
 
     def __init__(
-        self, config: LidarSlamConfig, keyframes: list[Keyframe], back_end: BackEnd, new: Keyframe
+        self, config: KeyframeConfig, keyframes: list[Keyframe], back_end: BackEnd, new: Keyframe
     ) -> None:
         self._config = config
         self._keyframes = keyframes

@@ -10,7 +10,7 @@ import numpy as np
 from robotctl.estimation.slam.front_end.agreement import View, agreement, view_of
 from robotctl.estimation.slam.front_end.point_to_line import Bins, Match, binned, refine
 from robotctl.estimation.slam.front_end.surface import Floats, Surface
-from robotctl.estimation.slam.lidar.config import LidarSlamConfig
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
 
@@ -67,7 +67,7 @@ def compared(old: Keyframe, new: Keyframe, pose: SE2) -> tuple[float, float]:
 
 
 def match_pair(
-    first: Keyframe, second: Keyframe, start: SE2, config: LidarSlamConfig, wide_m: float
+    first: Keyframe, second: Keyframe, start: SE2, config: KeyframeConfig, wide_m: float
 ) -> Match | None:
     """Match the second of two keyframes with the first, near a start.
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from robotctl.estimation.slam.lidar.back_end import Link
-from robotctl.estimation.slam.lidar.mapper import SlamMapper
+from robotctl.estimation.slam.keyframes.back_end import Link
+from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.model.geometry.points import align, moved
 from robotctl.model.geometry.se2 import SE2
 from tests.estimation.slam.lidar_world import along, box, drifting, scan_of

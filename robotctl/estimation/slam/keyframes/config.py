@@ -32,7 +32,7 @@ class WheelNoise:
 
 
 @dataclass(frozen=True, slots=True)
-class LidarSlamConfig:
+class KeyframeConfig:
     """Settings; the defaults are for robots indoors with lidars of 100 beams or more.
 
     Parameters

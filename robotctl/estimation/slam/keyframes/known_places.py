@@ -12,9 +12,9 @@ from typing import Final
 import numpy as np
 
 from robotctl.estimation.slam.front_end.surface import Floats, surface_of
-from robotctl.estimation.slam.lidar.back_end import BackEnd
-from robotctl.estimation.slam.lidar.config import LidarSlamConfig
-from robotctl.estimation.slam.lidar.keyframe import Keyframe, compared, keyframe_of, match_pair
+from robotctl.estimation.slam.keyframes.back_end import BackEnd
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
+from robotctl.estimation.slam.keyframes.keyframe import Keyframe, compared, keyframe_of, match_pair
 from robotctl.model.geometry.se2 import SE2
 
 NEAR_M: Final = 0.4
@@ -68,7 +68,7 @@ def known_place(
     pose: SE2,
     keyframes: list[Keyframe],
     back_end: BackEnd,
-    config: LidarSlamConfig,
+    config: KeyframeConfig,
 ) -> Known | None:
     """Return the keyframe that sees what a new one sees; None: there is none.
 

@@ -14,8 +14,8 @@ import msgspec
 import numpy as np
 
 from robotctl.estimation.slam.front_end.surface import Floats, surface_of
-from robotctl.estimation.slam.lidar.back_end import BackEnd, Link, as_row
-from robotctl.estimation.slam.lidar.keyframe import Keyframe, keyframe_of
+from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link, as_row
+from robotctl.estimation.slam.keyframes.keyframe import Keyframe, keyframe_of
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
 

@@ -1,0 +1,1 @@
+"""SLAM by local scans: keyframes in a pose graph, links between them, loops that close."""
