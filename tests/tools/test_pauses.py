@@ -22,7 +22,9 @@ ROOT = Path(__file__).resolve().parents[2]
 PAUSING = """
 import time
 import pytest
-from hil_tests.conftest import WITNESS
+from hil_tests.conftest import RERUN_LATER, WITNESS
+
+RERUN_LATER["reruns_delay"] = 0  # this machine stands only when it is told so
 
 class Told:
     "A witness of no pauses but those that it is told."
