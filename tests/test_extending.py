@@ -77,11 +77,18 @@ def run(folder, *command, env=None):
     )  # fmt: skip
 
 
+@pytest.fixture(scope="module")
+def ended(extended, environment):
+    """Return what a run of all checks, in one process, said at its end."""
+    checks = (f"tests/extending/{check.name}" for check in CHECKS)
+    return run(extended, "pytest", "-q", "-rA", "-p", "no:cacheprovider", *checks, env=environment)
+
+
 @pytest.mark.parametrize("check", CHECKS, ids=lambda path: path.stem)
-def test_a_part_works_in_a_robotctl_to_which_the_page_was_applied(extended, environment, check):
-    words = ("-q", "-p", "no:cacheprovider", f"tests/extending/{check.name}")
-    done = run(extended, "pytest", *words, env=environment)
-    assert done.returncode == 0, done.stdout + done.stderr
+def test_a_part_works_in_a_robotctl_to_which_the_page_was_applied(ended, check):
+    outcomes = re.findall(rf"^(\w+) tests/extending/{check.name}\b", ended.stdout, re.MULTILINE)
+    assert outcomes, ended.stdout + ended.stderr
+    assert set(outcomes) == {"PASSED"}, ended.stdout
 
 
 def test_each_part_of_the_page_has_its_check():
