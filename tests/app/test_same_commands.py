@@ -57,7 +57,8 @@ RUNS = [
 class Lockstep:
     """A run in lockstep, and all that went into its ticks and came out."""
 
-    def __init__(self, robot: str, settings: dict, record: Path, monkeypatch) -> None:
+    def __init__(self, robot: str, settings: dict, record: Path) -> None:
+        self.record = record
         self.ticks: list[tuple[int, Inputs, Outputs]] = []
         self.steps: list[tuple] = []
         control, receive = ControlTick.control, NavigationTick.receive
@@ -70,7 +71,7 @@ class Lockstep:
             receive(tick, state, seen)
             self.steps.append((state, tuple(seen), tick._requests))
 
-        with monkeypatch.context() as patch:
+        with pytest.MonkeyPatch.context() as patch:
             patch.setattr(ControlTick, "control", control_seen)
             patch.setattr(NavigationTick, "receive", receive_seen)
             options = SimOptions(
@@ -88,10 +89,10 @@ class Lockstep:
         return [each for each in asked if isinstance(each, VelocityCommand)]
 
 
-@pytest.fixture(params=RUNS, ids=["plain", "ekf", "faults", "mcl"])
-def lockstep(request, tmp_path, monkeypatch) -> Lockstep:
+@pytest.fixture(scope="module", params=RUNS, ids=["plain", "ekf", "faults", "mcl"])
+def lockstep(request, tmp_path_factory) -> Lockstep:
     robot, settings = request.param
-    return Lockstep(robot, settings, tmp_path, monkeypatch)
+    return Lockstep(robot, settings, tmp_path_factory.mktemp("run"))
 
 
 class Wire:
@@ -225,19 +226,18 @@ def test_the_navigation_process_gives_the_velocities_of_lockstep(
     assert len(said) == len(commands)
 
 
-def test_a_record_of_lockstep_replays_to_the_same_commands(
-    lockstep: Lockstep, tmp_path: Path
-) -> None:
-    replayed = replay_file(tmp_path / "control-0001.rec").result
+def test_a_record_of_lockstep_replays_to_the_same_commands(lockstep: Lockstep) -> None:
+    replayed = replay_file(lockstep.record / "control-0001.rec").result
     assert replayed.difference is None
     assert replayed.agreed == len(lockstep.ticks)
 
 
-def test_auto_is_asked_for_once_and_arming_until_it_is_had(tmp_path, monkeypatch) -> None:
-    run = Lockstep("diff_drive", {}, tmp_path, monkeypatch)
-    modes = [each for _, _, asked in run.steps for each in asked if isinstance(each, SetMode)]
+@pytest.mark.parametrize("lockstep", RUNS[:1], ids=["plain"], indirect=True)
+def test_auto_is_asked_for_once_and_arming_until_it_is_had(lockstep: Lockstep) -> None:
+    modes = [each for _, _, asked in lockstep.steps for each in asked if isinstance(each, SetMode)]
     assert [each.mode for each in modes] == [Mode.AUTO]
-    arms = [each for _, inputs, _ in run.ticks for each in inputs.requests if isinstance(each, Arm)]
+    requests = (each for _, inputs, _ in lockstep.ticks for each in inputs.requests)
+    arms = [each for each in requests if isinstance(each, Arm)]
     assert len(arms) == 1
 
 
