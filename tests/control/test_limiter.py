@@ -54,7 +54,6 @@ def test_no_sequence_of_step_lengths_breaks_a_limit(steps):
     assert_within(out[:, 1], 0.0, dt, OMEGA_AXIS)
 
 
-@settings(deadline=None, max_examples=200)
 @given(
     st.floats(-0.8, 0.8),
     st.floats(-0.8, 0.8),

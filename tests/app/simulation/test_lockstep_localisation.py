@@ -140,7 +140,7 @@ def test_the_ekf_needs_walls(mapped: tuple[Report, Path]) -> None:
 
 
 def test_a_map_it_drew_itself_is_enough_to_find_its_place(tmp_path: Path) -> None:
-    drive(localisation=MAPPING, max_seconds=45, record=tmp_path)
+    drive(localisation=MAPPING, max_seconds=30, record=tmp_path)
     chart = (f'localisation.map="{tmp_path}/map-0001.yaml"',)
     report = drive(localisation=MCL + UNKNOWN + chart, max_seconds=20)
     assert report.localisation.localised_after_s is not None
