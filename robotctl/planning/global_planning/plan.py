@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import enum
-import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -146,13 +145,14 @@ def facing(start: SE2, x_m: float, y_m: float) -> SE2:
 
 def dense(poses: NDArray[np.float64], step_m: float) -> NDArray[np.float64]:
     """Return a path with poses in between, (n, 3), a step or 0.1 rad apart at most."""
-    pieces = [poses[:1]]
-    for a, b in itertools.pairwise(poses):
-        turn = math.remainder(b[2] - a[2], math.tau)
-        way = np.array([b[0] - a[0], b[1] - a[1], turn])
-        count = math.ceil(max(math.hypot(way[0], way[1]) / step_m, abs(turn) / _STEP_RAD, 1.0))
-        pieces.append(a + np.linspace(0.0, 1.0, count + 1)[1:, np.newaxis] * way)
-    return np.concatenate(pieces)
+    ways = np.diff(poses, axis=0)
+    ways[:, 2] -= math.tau * np.round(ways[:, 2] / math.tau)
+    steps = np.maximum(np.hypot(*ways[:, :2].T) / step_m, np.abs(ways[:, 2]) / _STEP_RAD)
+    counts = np.ceil(np.maximum(steps, 1.0)).astype(np.int64)
+    piece = np.repeat(np.arange(len(ways)), counts)
+    numbers = np.arange(len(piece)) - np.repeat(np.cumsum(counts) - counts, counts) + 1
+    between = poses[piece] + (numbers / counts[piece])[:, np.newaxis] * ways[piece]
+    return np.concatenate([poses[:1], between])
 
 
 class Planner(Protocol):
