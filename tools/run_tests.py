@@ -1,10 +1,11 @@
 """All tests in order: unit, HIL on simcan, HIL on a real vcan. `make test` calls it.
 
 The vcan part runs on this kernel where it has vcan and rights allow, else in the guest of
-`tools/vcan-guest`: the whole under virtual time, a short smoke in real time. Missions on simcan run
-alone: their navigation has no priority, and holds the robot when others leave it no processor for
-half a second. Every stage runs even if one before it failed; the last lines say what ran and what
-did not. Environment: VCAN=off leaves the vcan part out.
+`tools/vcan-guest`: the whole under virtual time, a short smoke in real time. What the bus alone
+decides runs there alone, unless it is left out. Missions on simcan run beside nothing: their
+navigation has no priority, and holds the robot when others leave it no processor for half a second.
+Every stage runs even if one before it failed; the last lines say what ran and what did not.
+Environment: VCAN=off leaves the vcan part out.
 """
 
 from __future__ import annotations
@@ -50,7 +51,12 @@ MISSION_TESTS = tuple(f"hil_tests/test_{name}.py" for name in ("8_mission", "13_
 """Of whole runs, whose navigation has no priority."""
 
 ON_SIMCAN = ("--bus", "simcan", "-n", "2")
-MISSIONS = (*PYTEST, *MISSION_TESTS, *ON_SIMCAN)
+FAULT_ROWS = "hil_tests/test_12_robot_faults.py"
+PATROLS = tuple(
+    f"hil_tests/test_8_mission.py::test_patrol_is_completed_without_collision[{robot}]"
+    for robot in ("tricycle", "ackermann")
+)
+"""With the fault rows: what the bus decides. On simcan, too, only where vcan is left out."""
 ON_VCAN = ("--bus", INTERFACE)
 SMOKE = ("tests/vcan", "hil_tests/test_1_link.py", *ON_VCAN)
 GUEST_LIMIT_S = 2400.0
@@ -153,9 +159,21 @@ def vcan_here() -> bool:
     return True
 
 
+def missions(wanted: str) -> tuple[str, ...]:
+    """Return the command of missions on simcan."""
+    left = () if wanted == "off" else tuple(f"--deselect={each}" for each in PATROLS)
+    return (*PYTEST, *MISSION_TESTS, *ON_SIMCAN, *left)
+
+
+def on_simcan(wanted: str) -> tuple[str, ...]:
+    """Return the command of all other HIL tests on simcan."""
+    left = MISSION_TESTS if wanted == "off" else (*MISSION_TESTS, FAULT_ROWS)
+    return (*PYTEST, *(file for file in HIL if file not in left), *ON_SIMCAN)
+
+
 def late_stages(wanted: str, run: Callable[..., Outcome]) -> list[Outcome]:
     """Run missions on simcan and all HIL tests on a real SocketCAN bus, here or in the guest."""
-    alone = partial(run, "missions on simcan", MISSIONS)
+    alone = partial(run, "missions on simcan", missions(wanted))
     if wanted == "off":
         return [alone(), Outcome("HIL on vcan", NOT_RUN, note="VCAN=off")]
     if vcan_here():
@@ -207,10 +225,7 @@ def main() -> int:
         ),
         # One worker makes a file's costly fixtures, and never two a robot of the same file.
         stage("unit tests", (*PYTEST, "-n", "2", "--dist", "loadfile")),
-        stage(
-            "HIL on simcan",
-            (*PYTEST, *(file for file in HIL if file not in MISSION_TESTS), *ON_SIMCAN),
-        ),
+        stage("HIL on simcan", on_simcan(wanted)),
         *late_stages(wanted, stage),
     ]
     print("\n=== summary")

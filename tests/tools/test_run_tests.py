@@ -72,9 +72,10 @@ def test_missions_run_once_and_beside_nothing(
 
     def run(name: str, *commands: tuple[str, ...]) -> object:
         nonlocal times
-        if run_tests.MISSIONS in commands:
+        missions = run_tests.missions(wanted)
+        if missions in commands:
             times += 1
-            beside.extend(each for each in commands if each != run_tests.MISSIONS)
+            beside.extend(each for each in commands if each != missions)
         return Outcome(name, FAILED if fails and fails in name else PASSED)
 
     run_tests.late_stages(wanted, run)
@@ -169,6 +170,18 @@ def test_no_hil_test_is_left_out_of_the_guests(monkeypatch: pytest.MonkeyPatch) 
         return Outcome(name, PASSED)
 
     run_tests.late_stages("on", run)
+    commands = [command for command in commands if "simcan" not in command]
     given = {argument for command in commands for argument in command}
     files = {str(p.relative_to(run_tests.ROOT)) for p in run_tests.ROOT.glob("hil_tests/test_*")}
     assert files <= given
+
+
+def test_what_simcan_leaves_to_vcan_runs_on_simcan_without_that() -> None:
+    for_all = {*run_tests.on_simcan("off"), *run_tests.missions("off")}
+    assert set(run_tests.HIL) <= for_all
+    assert not any("deselect" in each for each in for_all)
+    shorter = {*run_tests.on_simcan(""), *run_tests.missions("")}
+    assert set(run_tests.HIL) - shorter == {run_tests.FAULT_ROWS}
+    assert {each for each in shorter if "deselect" in each} == {
+        f"--deselect={each}" for each in run_tests.PATROLS
+    }
