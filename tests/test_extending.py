@@ -84,6 +84,7 @@ def ended(extended, environment):
     return run(extended, "pytest", "-q", "-rA", "-p", "no:cacheprovider", *checks, env=environment)
 
 
+@pytest.mark.timeout(300)  # the first waits for all, which may compile
 @pytest.mark.parametrize("check", CHECKS, ids=lambda path: path.stem)
 def test_a_part_works_in_a_robotctl_to_which_the_page_was_applied(ended, check):
     outcomes = re.findall(rf"^(\w+) tests/extending/{check.name}\b", ended.stdout, re.MULTILINE)
