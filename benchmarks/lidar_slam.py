@@ -15,7 +15,7 @@ from robotctl.logs.formats.recorded_log import read_recording
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.recording import Recording
 from robotctl.model.trajectory import Trajectory
-from robotctl.workbench.slam.lidar import LidarResult, lidar_slam_of
+from robotctl.workbench.slam.scans import ScanResult, scan_slam_of
 
 GOALS = "0.031 m, 1.0 deg of relations; ape 0.15 m; 15 ms a scan, p99 60 ms; Intel 20 s"
 LOGS = (
@@ -62,7 +62,7 @@ def without_odometry(recording: Recording) -> Recording:
     return replace(recording, scans=scans)
 
 
-def row_of(name: str, result: LidarResult) -> tuple[str, ...]:
+def row_of(name: str, result: ScanResult) -> tuple[str, ...]:
     """Return the figures of a log."""
     report = result.report()
     times = report["time_ms"]
@@ -93,7 +93,7 @@ def run(rounds: int, seconds: float) -> None:
         recording = read_recording(folder / f"{name}.log.gz", with_sonars=False)
         if not with_odometry:
             recording = without_odometry(recording)
-        result = lidar_slam_of(recording, lambda *_: None)
+        result = scan_slam_of(recording, lambda *_: None)
         rows.append(row_of(name, result))
         if name == "intel-odometry":
             count, shift, most, turn, turned = relations(

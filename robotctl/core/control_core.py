@@ -14,7 +14,7 @@ from robotctl.config_values import tuned
 from robotctl.control.limiter import LimitsConfig
 from robotctl.control.wheel_loop import WheelLoop
 from robotctl.core.config import ControlConfig, impossible_wheel_rad_s
-from robotctl.core.control_state import measured_state
+from robotctl.core.control_state import control_state
 from robotctl.core.driving import Driving
 from robotctl.core.motion import EncoderMotion
 from robotctl.core.motor_test import problem
@@ -445,16 +445,18 @@ class ControlCore:
     ) -> ControlState:
         """Return the state for other processes; `objections` are the host's to arming."""
         reference = self._driving.reference
-        state = measured_state(
-            self.machine, self._health, self.motion, self._wheels, self._drive, now_ns
-        )
-        return msgspec.structs.replace(
-            state,
+        return control_state(
+            self.machine,
+            self._health,
+            self.motion,
+            self._wheels,
+            self._drive,
+            now_ns,
             v_ref_m_s=reference.v_m_s,
             omega_ref_rad_s=reference.omega_rad_s,
             duty=(self._command.duty1, self._command.duty2)[: len(self._wheels)],
             loop=loop,
-            odometer_m=self.odometer_start_m + state.distance_m,
+            odometer_m=self.odometer_start_m + self.motion.odometry.distance_m,
             acks=self._arming.acks,
             armings=self._armings,
             against_arming=() if self.machine.powered else self._refusals(now_ns, objections),

@@ -1,13 +1,13 @@
-"""What the control core has measured, as the state for other processes."""
+"""The control core's state for other processes: what it has measured, with what it wants."""
 
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Any, Final
 
 from robotctl.control.wheel_loop import WheelLoop
 from robotctl.core.motion import EncoderMotion
-from robotctl.messages.control import ControlState, LoopStatistics
+from robotctl.messages.control import ControlState
 from robotctl.messages.faults import FaultCode
 from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.twist import Twist
@@ -17,15 +17,16 @@ from robotctl.safety.state_machine import SafetyMachine
 _UNKNOWN_TWIST: Final = Twist(math.nan, math.nan)
 
 
-def measured_state(
+def control_state(
     machine: SafetyMachine,
     health: Health,
     motion: EncoderMotion,
     wheels: tuple[WheelLoop, ...],
     drive: Drive,
     now_ns: int,
+    **core: Any,
 ) -> ControlState:
-    """Return the state without what the core wants and answers.
+    """Return the state; it is made in each tick, so at once.
 
     Parameters
     ----------
@@ -35,6 +36,8 @@ def measured_state(
         The loops of the driven wheels, and the kinematics.
     now_ns
         The time [ns]: inputs that are too old by then are unknown.
+    core
+        Fields of what the core wants and answers.
     """
     pose, n = motion.pose_odom_base, len(wheels)
     motor, bridge = health.fresh_motor(now_ns), health.fresh_drive(now_ns)
@@ -50,8 +53,6 @@ def measured_state(
         theta_rad=pose.theta_rad,
         v_m_s=twist.v_m_s,
         omega_rad_s=twist.omega_rad_s,
-        v_ref_m_s=0.0,
-        omega_ref_rad_s=0.0,
         distance_m=motion.odometry.distance_m,
         wheel_rad_s=motion.speeds_rad_s if measured else (math.nan,) * n,
         wheel_ref_rad_s=tuple(w.reference_rad_s for w in wheels),
@@ -59,7 +60,6 @@ def measured_state(
             w.estimator.position_rad * radius_m
             for w, radius_m in zip(wheels, drive.wheel_radii_m, strict=True)
         ),
-        duty=(),
         current_a=(motor.current1_a, motor.current2_a)[:n] if motor else (),
         temperature_c=(motor.temperature1_c, motor.temperature2_c)[:n] if motor else (),
         steering_rad=motion.steering_rad,
@@ -70,9 +70,9 @@ def measured_state(
         faults=motor.faults if motor else 0,
         nodes=health.nodes,
         bus=health.bus,
-        loop=LoopStatistics(),
         fault=fault.code if fault else FaultCode.NONE,
         fault_part=fault.part if fault else "",
         odom_epoch_ns=motion.epoch_ns,
         imu=motion.imu if health.is_fresh("gyro", now_ns) else None,
+        **core,
     )

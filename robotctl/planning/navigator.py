@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import astuple
 from typing import TYPE_CHECKING, TypeAlias
@@ -366,7 +367,7 @@ class Navigator:
         """Have RTL lead elsewhere; `ValueError`: it cannot now, or is no place."""
         if self._mode is Mode.RTL:
             raise ValueError("home is not moved while the robot drives there")
-        if not on_earth(to.x_m + to.theta_rad, to.y_m):
+        if not (on_earth(to.x_m, to.y_m) and math.isfinite(to.theta_rad)):
             raise ValueError(f"home: x {to.x_m:g}, y {to.y_m:g} is no place")
         self.begin_at(SE2(*to))
 

@@ -50,6 +50,7 @@ class Surroundings:
         self._heard_ns = heard_ns
         if inputs.epoch != self._epoch:  # all was seen from a wrong place
             self._epoch, self._scan = inputs.epoch, None
+            self._passed.reset()
             if pilot is not None:
                 pilot.forget()
         for T_odom_base, scan in inputs.scans:

@@ -26,6 +26,7 @@ from robotctl.estimation.mcl.config import MclConfig
 from robotctl.estimation.mcl.free_space import free_area_m2, free_poses
 from robotctl.estimation.mcl.localiser import MonteCarloLocaliser
 from robotctl.estimation.mcl.map_symmetry import symmetries
+from robotctl.estimation.mcl.remembered import Remembered
 from robotctl.estimation.mcl.search_size import search_size
 from robotctl.estimation.mcl.sliced import Sliced
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
@@ -83,6 +84,8 @@ class MclLocaliser:
         """Time and odometry pose that the particles stand at."""
         self._measuring: Sliced[None] | None = None
         """A measurement that is under way."""
+        self._late = Remembered()
+        """Places that were recognised meanwhile: robots seldom turn at one, so they wait."""
 
     @property
     def particles(self) -> NDArray[np.float64]:
@@ -107,14 +110,25 @@ class MclLocaliser:
             self._at = (control.stamp_ns, control.T_odom_base)
         left = self._measure(_WEIGHED)
         for stamp_ns, sensor, measurement in sorted(self._measurements(seen), key=itemgetter(0, 1)):
+            if not self._move_to(stamp_ns):
+                continue
             has_time = left > 0 and self._measuring is None
-            if self._move_to(stamp_ns) and has_time and self._mcl.due(sensor):
-                self._measuring = self._mcl.measuring(measurement(), sensor)
-                left = self._measure(left)
+            if has_time and self._mcl.due(sensor):
+                left = self._begin(measurement(), sensor, left)
+            elif not has_time and sensor == _PLACE:
+                self._late.add(measurement())
+        if len(self._late) and left > 0 and self._measuring is None:
+            late, self._late = self._late, Remembered()
+            self._begin(late, _PLACE, left)
         # Without measurements the belief still moves, and reports that it fades.
         self._move_to(control.stamp_ns - _BLIND_NS)
         state = localisation_state("mcl", self._mcl.estimate(self._at[0]), self._at[1], now_ns)
         return msgspec.structs.replace(state, particles=len(self._mcl.poses))
+
+    def _begin(self, measurement: LogLikelihood, sensor: str, left: int) -> int:
+        """Begin with a measurement, as `_measure`."""
+        self._measuring = self._mcl.measuring(measurement, sensor)
+        return self._measure(left)
 
     def _measure(self, left: int) -> int:
         """Go on with the measurement until so many poses are weighed; return how many are left."""
@@ -162,7 +176,9 @@ class MclLocaliser:
             return False
         stamp_ns = min(stamp_ns, newest_ns)
         if stamp_ns > self._at[0]:
-            self._mcl.move(self._at[1].inverse() @ odometry)
+            motion = self._at[1].inverse() @ odometry
+            self._mcl.move(motion)
+            self._late.move(motion)
             self._at = (stamp_ns, odometry)
         return True
 

@@ -287,18 +287,22 @@ class ProgressKeeper:
                 place.y_m,
                 place.theta_rad,
                 *self._mission(),
+                self._home(),
             )
         except ValueError:
             return None
 
-    def _mission(
-        self,
-    ) -> tuple[int, int, float, tuple[int, ...], str, tuple[float, float, float] | None]:
-        """Return the fields of `StoredProgress` from `mission_crc` on."""
+    def _home(self) -> tuple[float, float, float] | None:
+        """Return where RTL leads to; None: it was not moved."""
+        known = self._navigation or self._saved
+        return None if known is None else known.home
+
+    def _mission(self) -> tuple[int, int, float, tuple[int, ...], str]:
+        """Return the fields of `StoredProgress` from `mission_crc` to `mission_file`."""
         now, saved = self._navigation, self._saved
         if now is not None:
             crc = now.mission_crc if now.mission_file else self._mission_crc
-            return crc, now.item, now.item_s_m, now.loop_counts, now.mission_file, now.home
+            return crc, now.item, now.item_s_m, now.loop_counts, now.mission_file
         if saved is not None:
             return (
                 saved.mission_crc,
@@ -306,9 +310,8 @@ class ProgressKeeper:
                 saved.item_s_m,
                 saved.loop_counts,
                 saved.mission_file,
-                saved.home,
             )
-        return self._mission_crc, 0, 0.0, (), "", None
+        return self._mission_crc, 0, 0.0, (), ""
 
     def _due(self, progress: StoredProgress, now_ns: int) -> bool:
         """Return whether to save now."""

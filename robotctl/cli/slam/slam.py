@@ -80,7 +80,7 @@ def slam(
         raise ConfigError(f"--out {out}: is a file, a folder is needed")
     console = plain_console(stderr=True)
     if sensor is not None:
-        from robotctl.cli.slam.lidar import slam_by_scans  # noqa: PLC0415
+        from robotctl.cli.slam.scans import slam_by_scans  # noqa: PLC0415
 
         slam_by_scans(log, out, time_unit, console, onto, sensor)
         return

@@ -35,7 +35,7 @@ def anneal(
     trials: BinSize,
     n_eff_floor: float,
     rng: np.random.Generator,
-    each: int = 1,
+    measurements: int = 1,
 ) -> Sliced[tuple[NDArray[np.float64], NDArray[np.float64]] | None]:
     """Return poses and weights after a measurement, from those before it.
 
@@ -53,11 +53,11 @@ def anneal(
         Share of the effective particles that stay so in each step, (0, 1).
     rng
         Draws trials and their fate.
-    each
+    measurements
         Of how many measurements the log-likelihood is the sum.
     """
     n = len(poses)
-    logs = yield from evaluated_in_slices(log_likelihood, poses, each)
+    logs = yield from evaluated_in_slices(log_likelihood, poses, measurements)
     if logs.max() == -math.inf:
         return None
     reached = 0.0
@@ -73,7 +73,7 @@ def anneal(
         poses, logs, weights = poses.take(chosen, axis=0), logs[chosen], np.full(n, 1.0 / n)
         for _ in range(_TRIALS):
             others = _moved(poses, trials, rng)
-            their_logs = yield from evaluated_in_slices(log_likelihood, others, each)
+            their_logs = yield from evaluated_in_slices(log_likelihood, others, measurements)
             # Metropolis rule; log1p(-u) of a uniform u in [0, 1) is never log(0).
             better = np.log1p(-rng.random(n)) < reached * (their_logs - logs)
             poses = np.where(better[:, np.newaxis], others, poses)

@@ -33,13 +33,13 @@ def at_once(work: Sliced[Result]) -> Result:
 
 
 def evaluated_in_slices(
-    log_likelihood: LogLikelihood, poses: NDArray[np.float64], each: int = 1
+    log_likelihood: LogLikelihood, poses: NDArray[np.float64], measurements: int = 1
 ) -> Sliced[NDArray[np.float64]]:
-    """Return the log-likelihoods of poses, (n,), each of `each` measurements; see `evaluated`."""
+    """Return the log-likelihoods of poses, (n,), sums of so many measurements; see `evaluated`."""
     logs = np.empty(len(poses))
-    size = max(_SLICE // each, 1)
+    size = max(_SLICE // measurements, 1)
     for begin in range(0, len(poses), size):
         part = poses[begin : begin + size]
         logs[begin : begin + size] = evaluated(log_likelihood, part)
-        yield len(part) * each
+        yield len(part) * measurements
     return logs

@@ -7,6 +7,7 @@ from typing import Final, NamedTuple
 
 from pymavlink.dialects.v20 import common
 
+from robotctl.mavlink.command import Command
 from robotctl.mavlink.frames import enu_from_ned
 from robotctl.mavlink.globe import SCALE, Origin
 from robotctl.messages.mavlink_port import Message
@@ -56,6 +57,15 @@ def place_of(item: MissionItem, origin: Origin | None) -> tuple[float, float] | 
     if item.frame == common.MAV_FRAME_LOCAL_NED:
         return enu_from_ned(item.x, item.y)
     return (item.x, item.y) if item.frame == common.MAV_FRAME_LOCAL_ENU else None
+
+
+def asked_place(command: Command, origin: Origin | None) -> tuple[float, float] | None:
+    """Return x and y of a COMMAND_INT in `world` [m]; None: its frame means nothing here."""
+    if command.frame is None:
+        return None
+    item = MissionItem(command.number, command.frame, (0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0)
+    x, y = (each / item.scale for each in command.params[4:6])
+    return place_of(item._replace(x=x, y=y), origin)
 
 
 def item_of(message: Message, hidden: int = 0) -> MissionItem:

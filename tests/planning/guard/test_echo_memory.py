@@ -83,3 +83,16 @@ def test_a_robot_does_not_turn_into_the_end_of_a_wall_that_it_has_passed(
     for _ in range(200):
         run.step(VelocityRequest(LATER, 0.15, side * 0.5))
     assert run.world.touched == 0
+
+
+def test_a_robot_that_is_found_elsewhere_forgets_what_it_has_heard(make_run, differential):
+    run = make_run(differential, flat=False, most_incidence_deg=50.0)
+    run.world.walls = np.array([(0.6, -1.0, 0.6, 1.0)])
+    run.step(ModeRequest(Mode.GUIDED))
+    for _ in range(40):
+        run.step(VelocityRequest(LATER, 0.2, 0.0))
+    assert run.world.twist.v_m_s == pytest.approx(0.0, abs=0.01)
+    run.world.walls, run.found = np.array([(50.0, 0.0, 50.0, 1.0)]), 1
+    for _ in range(40):
+        run.step(VelocityRequest(LATER, 0.2, 0.0))
+    assert run.world.twist.v_m_s == pytest.approx(0.2, abs=0.01)

@@ -6,12 +6,12 @@ import pytest
 from robotctl.logs.formats.keyframes_log import load_keyframes
 from robotctl.model.geometry.points import moved
 from robotctl.model.recording import RecordedScan, Recording
-from robotctl.workbench.slam.lidar import (
-    LidarSlamError,
-    lidar_slam,
-    lidar_slam_of,
-    lidar_slam_onto,
-    write_lidar_results,
+from robotctl.workbench.slam.scans import (
+    ScanSlamError,
+    scan_slam,
+    scan_slam_of,
+    scan_slam_onto,
+    write_scan_results,
 )
 from tests.estimation.slam.keyframes.test_slam_mapper import OFFICE
 from tests.estimation.slam.lidar_world import along, box, drifting, scan_of
@@ -43,7 +43,7 @@ def silent(_done, _count):
 def first(tmp_path_factory):
     """Folder of the first drive's map."""
     folder = tmp_path_factory.mktemp("first")
-    write_lidar_results(lidar_slam_of(recording(OFFICE, FIRST, 1), silent), folder)
+    write_scan_results(scan_slam_of(recording(OFFICE, FIRST, 1), silent), folder)
     return folder
 
 
@@ -53,7 +53,7 @@ def saved(folder):
 
 def test_the_second_drive_is_joined_to_the_first(first):
     before = saved(first)
-    result = lidar_slam_onto(recording(OFFICE, SECOND, 2), before, silent)
+    result = scan_slam_onto(recording(OFFICE, SECOND, 2), before, silent)
     true = np.array([(each.x_m, each.y_m) for each in SECOND])
     off = moved(FIRST[0], result.estimate.poses[:, :2]) - true
     assert np.sqrt(np.mean(np.sum(off**2, axis=1))) < 0.05
@@ -62,7 +62,7 @@ def test_the_second_drive_is_joined_to_the_first(first):
 
 def test_a_map_joined_to_itself_stays_as_it_is(first):
     file = first / "map.keyframes"
-    result = lidar_slam(file, None, silent, file)
+    result = scan_slam(file, None, silent, file)
     before = saved(first)
     assert len(result.mapper.keyframes) == len(before.keyframes)
     off = result.estimate.poses - before.poses
@@ -72,5 +72,5 @@ def test_a_map_joined_to_itself_stays_as_it_is(first):
 def test_another_building_is_refused(first):
     other = np.concatenate([box(0.0, 0.0, 9.0, 7.0), box(3.0, 2.0, 1.0, 3.0)])
     poses = along([(1.0, 1.0), (8.0, 1.0), (8.0, 3.0)], 0.5)
-    with pytest.raises(LidarSlamError, match=r"none of its .* scans is found"):
-        lidar_slam_onto(recording(other, poses, 3), saved(first), silent)
+    with pytest.raises(ScanSlamError, match=r"none of its .* scans is found"):
+        scan_slam_onto(recording(other, poses, 3), saved(first), silent)

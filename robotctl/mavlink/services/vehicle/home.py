@@ -16,7 +16,7 @@ from robotctl.mavlink.command import (
 )
 from robotctl.mavlink.context import Context
 from robotctl.mavlink.frames import theta_from_yaw_ned
-from robotctl.mavlink.missions.item import MissionItem, place_of
+from robotctl.mavlink.missions.item import asked_place
 from robotctl.mavlink.service import Microservice
 from robotctl.messages.control import Mode, SetHome
 from robotctl.messages.requests import FARTHEST_M
@@ -74,11 +74,7 @@ class Homes(Microservice):
 
     def _place(self, command: Command, pose: SE2 | None) -> SE2 | None:
         """Return the pose in `world` that is asked for; None where its frame means nothing."""
-        if command.frame is None:
-            return None
-        item = MissionItem(command.number, command.frame, (0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0)
-        x, y = (each / item.scale for each in command.params[4:6])
-        place = place_of(item._replace(x=x, y=y), self._context.origin)
+        place = asked_place(command, self._context.origin)
         if place is None:
             return None
         yaw_rad = math.radians(command.params[3])

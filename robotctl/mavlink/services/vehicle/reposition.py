@@ -17,7 +17,7 @@ from robotctl.mavlink.command import (
 from robotctl.mavlink.context import Context
 from robotctl.mavlink.frames import theta_from_yaw_ned
 from robotctl.mavlink.guards.command_dedup import LateCopies
-from robotctl.mavlink.missions.item import MissionItem, place_of
+from robotctl.mavlink.missions.item import asked_place
 from robotctl.mavlink.service import Microservice
 from robotctl.messages.control import Mode, PositionTarget, SetMode
 from robotctl.messages.requests import FARTHEST_M
@@ -49,7 +49,7 @@ class Repositions(Microservice):
         copy = self._copies.answer(command.sender, meaning, now_ns, confirmation=0, holds=drives)
         if copy is not None:
             return copy
-        place = self._place(command)
+        place = asked_place(command, context.origin)
         result, why = self._objection(command, place, now_ns)
         if why:
             context.say(now_ns, f"Reposition: {why}")
@@ -79,10 +79,3 @@ class Repositions(Microservice):
         if why := context.held_back.objection(command.peer, command.sender, now_ns):
             return TEMPORARILY_REJECTED, why
         return ACCEPTED, ""
-
-    def _place(self, command: Command) -> tuple[float, float] | None:
-        """Return x and y in `world` [m]; None where its frame means nothing."""
-        frame = 0 if command.frame is None else command.frame
-        item = MissionItem(REPOSITION, frame, (0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0)
-        x, y = (each / item.scale for each in command.params[4:6])
-        return place_of(item._replace(x=x, y=y), self._context.origin)

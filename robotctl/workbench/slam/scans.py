@@ -52,12 +52,12 @@ _STRAYS: Final = 0.0002
 """As in `robotctl map`: a map is cropped where that cuts off no more of the known cells."""
 
 
-class LidarSlamError(RobotctlError):
+class ScanSlamError(RobotctlError):
     """A log has nothing of a sensor, or its map is not one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LidarResult:
+class ScanResult:
     """A drive after SLAM by scans.
 
     Parameters
@@ -134,13 +134,13 @@ def has_odometry(recording: Recording) -> bool:
     )
 
 
-def lidar_slam(
+def scan_slam(
     log: Path,
     time_unit: str | None,
     progress: Progress,
     onto: Path | None = None,
     sensor: str = LIDAR,
-) -> LidarResult:
+) -> ScanResult:
     """Make trajectory and map of a log; with `onto`, go on with that map of keyframes.
 
     Raises
@@ -156,7 +156,7 @@ def lidar_slam(
         (row for row, each in enumerate(recording.scans) if _echoes(each) >= LEAST_ECHOES), None
     )
     if first is None:
-        raise LidarSlamError(
+        raise ScanSlamError(
             f"{log}: {len(recording.scans)} {sensor} scans in it, none with {LEAST_ECHOES} echoes, "
             f"which --sensor {sensor} needs"
         )
@@ -166,11 +166,11 @@ def lidar_slam(
             recording, scans=recording.scans[first:], notes=(*recording.notes, note)
         )
     if onto is None:
-        return lidar_slam_of(recording, progress, source.config)
+        return scan_slam_of(recording, progress, source.config)
     saved = load_keyframes(onto)
     if saved is None:
-        raise LidarSlamError(f"{onto}: no map of keyframes")
-    return lidar_slam_onto(recording, saved, progress)
+        raise ScanSlamError(f"{onto}: no map of keyframes")
+    return scan_slam_onto(recording, saved, progress)
 
 
 def _scanned(recording: Recording, sensor: str, log: Path) -> tuple[Recording, ScanSource[Any]]:
@@ -180,7 +180,7 @@ def _scanned(recording: Recording, sensor: str, log: Path) -> tuple[Recording, S
         return recording, source
     measured = source.recorded(recording)
     if not measured:
-        raise LidarSlamError(
+        raise ScanSlamError(
             f"{log}: nothing of a {sensor} in it, which --sensor {sensor} needs; it has "
             f"{_sensors_of(recording)}"
         )
@@ -188,7 +188,7 @@ def _scanned(recording: Recording, sensor: str, log: Path) -> tuple[Recording, S
         robot = SensedRobot(recording.sonar_mounts, LocalisationConfig(), bool(recording.views))
         maker = source.maker(robot)
     except ValueError as error:
-        raise LidarSlamError(f"{log}: {error}; {ROBOTCTL.name} says it") from error
+        raise ScanSlamError(f"{log}: {error}; {ROBOTCTL.name} says it") from error
     scans = [scan for each, odometry in measured for scan in maker.add(each, odometry)]
     return replace(recording, scans=tuple(scans)), source
 
@@ -206,9 +206,9 @@ def _echoes(each: RecordedScan) -> int:
     return len(surface_of(each.scan).points)
 
 
-def lidar_slam_of(
+def scan_slam_of(
     recording: Recording, progress: Progress, config: KeyframeConfig | None = None
-) -> LidarResult:
+) -> ScanResult:
     """Map a recording, whose first scan has `LEAST_ECHOES` echoes."""
     _compile(recording)
     count, by_wheels = len(recording.scans), has_odometry(recording)
@@ -220,12 +220,12 @@ def lidar_slam_of(
     return drive.result()
 
 
-def lidar_slam_onto(recording: Recording, saved: KeyframeMap, progress: Progress) -> LidarResult:
+def scan_slam_onto(recording: Recording, saved: KeyframeMap, progress: Progress) -> ScanResult:
     """Go on with a map: from the first scan that is found on it to the end, then to the begin.
 
     Raises
     ------
-    LidarSlamError
+    ScanSlamError
         If no scan is found.
     """
     _compile(recording)
@@ -235,7 +235,7 @@ def lidar_slam_onto(recording: Recording, saved: KeyframeMap, progress: Progress
     drive, first, row = _Drive(mapper, recording, by_wheels, saved), 0, 0
     while not mapper.is_sure:
         if row == count:
-            raise LidarSlamError(
+            raise ScanSlamError(
                 f"{recording.name}: none of its {count} scans is found for sure on the map of "
                 f"{len(saved.keyframes)} scans"
             )
@@ -286,7 +286,7 @@ class _Drive:
         self.places[row], self._online[row] = mapper.place, mapper.pose
         self._times_ms[row] = 1e-6 * (time.process_time_ns() - began_ns)
 
-    def result(self) -> LidarResult:
+    def result(self) -> ScanResult:
         """Return all of it."""
         mapper, scans = self.mapper, [each.scan for each in self._recording.scans]
         stamps_ns = [each.stamp_ns for each in scans]
@@ -302,7 +302,7 @@ class _Drive:
             end = begin + _AT_ONCE
             grid.update_scans(placed[begin:end], drawn[begin:end])
         grid_ms = 1e-6 * (time.process_time_ns() - began_ns)
-        return LidarResult(
+        return ScanResult(
             self._recording,
             mapper,
             estimate,
@@ -346,7 +346,7 @@ def graph_of(mapper: SlamMapper) -> GraphFile:
     return GraphFile(*build.build(), np.empty(0, np.int64))
 
 
-def write_lidar_results(result: LidarResult, folder: Path) -> None:
+def write_scan_results(result: ScanResult, folder: Path) -> None:
     """Write the files of a result into a folder.
 
     Raises

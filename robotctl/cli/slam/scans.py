@@ -11,7 +11,7 @@ from robotctl.cli.progress import progress_bar
 from robotctl.cli.slam.output import error_words, write_slam
 
 if TYPE_CHECKING:
-    from robotctl.workbench.slam.lidar import LidarResult
+    from robotctl.workbench.slam.scans import ScanResult
 
 
 def slam_by_scans(
@@ -21,20 +21,20 @@ def slam_by_scans(
     with progress_bar(console, log.name, "SLAM") as tell:
         # It takes a second or more, in which nothing would be seen.
         from robotctl.compiled import COMPILING, cache_is_cold  # noqa: PLC0415
-        from robotctl.workbench.slam.lidar import (  # noqa: PLC0415
-            lidar_slam,
-            write_lidar_results,
+        from robotctl.workbench.slam.scans import (  # noqa: PLC0415
+            scan_slam,
+            write_scan_results,
         )
 
         if cache_is_cold():
             console.print(COMPILING, soft_wrap=True)
-        result = lidar_slam(log, time_unit, tell, onto, sensor)
+        result = scan_slam(log, time_unit, tell, onto, sensor)
     write_slam(
         out,
         console,
         result.recording.notes,
-        lambda folder: write_lidar_results(result, folder),
-        lambda file: save_lidar_plot(result, file),
+        lambda folder: write_scan_results(result, folder),
+        lambda file: save_scan_plot(result, file),
     )
     print(_sentence(result.report()))
 
@@ -59,7 +59,7 @@ def _sentence(report: dict[str, Any]) -> str:
     return ", ".join(parts)
 
 
-def save_lidar_plot(result: LidarResult, file: Path) -> None:
+def save_scan_plot(result: ScanResult, file: Path) -> None:
     """Draw the map with trajectory and closed loops; a reference is turned onto them."""
     import numpy as np  # noqa: PLC0415
     from matplotlib.figure import Figure  # noqa: PLC0415 - an extra
