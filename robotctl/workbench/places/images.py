@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,10 +21,9 @@ from robotctl.estimation.places.visual.recognition import (
 )
 from robotctl.estimation.places.visual.training import train
 from robotctl.estimation.places.visual.vocabulary import Vocabulary
+from robotctl.logs.formats.image_folder import IMAGE_SUFFIXES, by_name, images_in
 from robotctl.maps.image_file import read_image
 
-SUFFIXES: Final = (".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".tif", ".tiff", ".webp")
-"""Of the images of a folder."""
 COLUMNS: Final = (
     "image", "candidate", "score", "matches", "inliers", "share", "model", "accepted", "reason",
 )  # fmt: skip
@@ -105,12 +103,12 @@ def find_images(given: Sequence[Path], besides: Path | None = None) -> list[Path
             raise ConfigError(f"{path}: no such file or folder")
         inside = [path]
         if path.is_dir():
-            inside = [each for each in path.iterdir() if each.suffix.lower() in SUFFIXES]
+            inside = images_in(path)
             if not inside:
-                raise ConfigError(f"{path}: no images in it, of {', '.join(SUFFIXES)}")
+                raise ConfigError(f"{path}: no images in it, of {', '.join(IMAGE_SUFFIXES)}")
         found += [each for each in inside if not is_besides(each)]
     folders = list(dict.fromkeys(each.parent for each in found))
-    return sorted(found, key=lambda each: (folders.index(each.parent), _order(each)))
+    return sorted(found, key=lambda each: (folders.index(each.parent), by_name(each)))
 
 
 def train_vocabulary(
@@ -174,7 +172,7 @@ def read_truth(path: Path, images: int, known: int) -> NDArray[np.bool_]:
         If it cannot be read, or has another size.
     """
     try:
-        if path.suffix.lower() in SUFFIXES:
+        if path.suffix.lower() in IMAGE_SUFFIXES:
             pixels = read_image(path)
             matrix = (pixels if pixels.ndim == 2 else pixels[..., :3].max(axis=2)) > 127
         else:
@@ -248,9 +246,3 @@ def _grey(file: Path) -> NDArray[np.uint8]:
         np.ascontiguousarray(pixels[..., :3]).astype(np.uint8), cv2.COLOR_RGB2GRAY
     ).astype(np.uint8)
     return grey
-
-
-def _order(path: Path) -> tuple[list[tuple[int, str]], str]:
-    """Return what names are sorted by: 2.jpg comes before 10.jpg."""
-    parts = re.findall(r"\d+|\D+", path.stem)
-    return [(int(each), "") if each.isdigit() else (-1, each) for each in parts], path.name
