@@ -266,6 +266,8 @@ def contradictions(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]
     if len(names) > MAX_SONARS:
         problem = f"the bus carries at most {MAX_SONARS} sonars, found {len(names)}"
         yield ("sonar", MAX_SONARS), problem
+    if config.log.pictures_every_s and (config.camera is None or not config.camera.enabled):
+        yield ("log", "pictures_every_s"), "needs camera.enabled = true"
     settings = config.localisation
     if settings.method in ("ekf", "mcl") and not settings.map:
         problem = "needs localisation.map, a world (.toml) or a ROS map (.yaml)"

@@ -233,6 +233,8 @@ def test_errors_name_file_line_key_and_the_nearest_key(tmp_path: Path) -> None:
         ("imu.enable=true", 'imu.enable: unknown key; did you mean "enabled"?'),
         ("log.total_mb=inf", "at most 1e+09, not inf"),
         ("log.total_mb=100", "at least ten times file_mb (640)"),
+        ("log.pictures_every_s=0.1", "pictures_every_s: must be 0 (none) or 0.2 to 3600, not 0.1"),
+        ("log.pictures_every_s=1", "log.pictures_every_s: needs camera.enabled = true"),
         ("mavlink.rates.sonar_hz=1e-300", "0 (off) or 0.001 to 100, not 1e-300"),
         ("navigation.guard.blocked_max_s=1e300", "at most 1000000 allowed"),
         ("limits.a_max_m_s2=0.7", "guard.deceleration_m_s2: 0.8 found, at most limits.a_max_m_s2"),

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import zmq
 
@@ -31,6 +31,10 @@ from robotctl.runtime.ipc.topics import (
 )
 from robotctl.runtime.storage.log_folder import LogFolder
 from robotctl.runtime.storage.ring_file import crashed, retire
+
+if TYPE_CHECKING:
+    from robotctl.logs.pictures import PictureLog
+    from robotctl.messages.camera_port import CameraPort
 
 PERIOD_NS: Final = 100_000_000
 LISTEN_PERIODS: Final = 20
@@ -76,7 +80,7 @@ class RobotRecorder:
         if options.record:
             folder = LogFolder(Path(options.record), config.log)
             self._left = recover_all(folder)
-            self._logs = Logs(ring, folder, config, options.epoch_ns, options.open_clock())
+            self._logs = Logs(ring, folder, config, options)
 
     @property
     def period_ns(self) -> int:
@@ -123,6 +127,7 @@ class RobotRecorder:
             notes += self._dumps.close()
         if self._logs is not None:
             notes += self._logs.close()
+            self._logs.leave_camera()
         return notes
 
 
@@ -135,21 +140,18 @@ class Logs:
         The flight ring.
     folder
         Where to.
-    config
-        Of the robot.
-    epoch_ns
-        Added to the clock to get wall time [ns].
-    clock
+    config, options
         Of the robot.
     """
 
     def __init__(
-        self, ring: Path, folder: LogFolder, config: RobotConfig, epoch_ns: int, clock: Clock
+        self, ring: Path, folder: LogFolder, config: RobotConfig, options: StackOptions
     ) -> None:
         self._folder = folder.directory
         self._copy = RecordCopy(ring, folder)
-        self._states = StateLog(folder, epoch_ns, config.robot.name, scene_of(config))
-        self._bus = BusLog(folder, config.can, epoch_ns, clock)
+        self._states = StateLog(folder, options.epoch_ns, config.robot.name, scene_of(config))
+        self._bus = BusLog(folder, config.can, options.epoch_ns, options.open_clock())
+        self._pictures = _open_pictures(folder, config, options)
         self._retry_ns = 0
 
     def listen(self, now_ns: int) -> tuple[str, ...]:
@@ -162,12 +164,15 @@ class Logs:
             return self._refused(error, now_ns)
 
     def step(self, messages: list[Published], now_ns: int) -> tuple[str, ...]:
-        """Log states and ticks."""
+        """Log states, ticks and the newest picture."""
         if now_ns < self._retry_ns:
             return ()
         try:
             self._copy.step()
             self._states.step(messages, now_ns)
+            if self._pictures is not None:
+                camera, pictures = self._pictures
+                pictures.step(camera.read())
         except OSError as error:
             return self._refused(error, now_ns)
         return ()
@@ -190,6 +195,26 @@ class Logs:
             except OSError as error:
                 notes.append(f"the log of the {what} lacks its end: {error}")
         return tuple(notes)
+
+    def leave_camera(self) -> None:
+        """Receive no more pictures."""
+        if self._pictures is not None:
+            self._pictures[0].close()
+
+
+def _open_pictures(
+    folder: LogFolder, config: RobotConfig, options: StackOptions
+) -> tuple[CameraPort, PictureLog] | None:
+    """Return where pictures come from and go to; None for a robot that keeps none."""
+    if not config.log.pictures_every_s:
+        return None
+    # NumPy and Pillow.
+    from robotctl.drivers.camera.simulated_camera import SimulatedCamera  # noqa: PLC0415
+    from robotctl.logs.pictures import PictureLog  # noqa: PLC0415
+
+    address = Endpoints(endpoint_directory(options.instance)).camera_frames
+    log = PictureLog(folder, config.log.pictures_every_s, options.epoch_ns)
+    return SimulatedCamera(address), log
 
 
 def run(config: RobotConfig, options: StackOptions) -> None:

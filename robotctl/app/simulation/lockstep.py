@@ -161,9 +161,12 @@ class LockstepRun:
             self._log_trouble = logs.trouble or self._log_trouble
 
     def _log(self, logs: LockstepLogs | None) -> None:
-        """Log the messages published since the last call."""
-        if self._heard and logs is not None:
-            logs.states(self._heard, self.stack.clock.now_ns())
+        """Log the messages published since the last call, and the newest picture."""
+        if logs is not None:
+            if self._heard:
+                logs.states(self._heard, self.stack.clock.now_ns())
+            if self._camera is not None:
+                logs.picture(self._camera.frame)
         self._heard.clear()
 
     def _save_score(self, logs: LockstepLogs) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from firmware_sim.errors import SimulationError
 from robotctl.app.simulation.sim_options import SimulatorError
 from robotctl.config.robot_file import RobotConfig
+from robotctl.messages.camera_port import CameraFrame
 from robotctl.messages.control import ControlState
 from robotctl.messages.estimation import CameraView
 
@@ -27,9 +28,15 @@ class LockstepCamera:
         Makes views of pictures.
     rate_hz
         Of the camera [Hz].
+
+    Attributes
+    ----------
+    frame
+        The newest picture; None before the first.
     """
 
     def __init__(self, watch: GroundWatch, rate_hz: float) -> None:
+        self.frame: CameraFrame | None = None
         self._watch = watch
         self._period_ns = round(1e9 / rate_hz)
         self._due_ns = 0
@@ -67,6 +74,7 @@ class LockstepCamera:
             if picture is not None:
                 shape = (picture.height, picture.width, 3)
                 image = np.frombuffer(picture.pixels, np.uint8).reshape(shape)
+                self.frame = CameraFrame(picture.stamp_ns, picture.sequence, image)
                 self._waiting.append(self._watch.look(image, picture.stamp_ns))
         arrived = []
         while self._waiting and self._waiting[0].stamp_ns + latency_ns <= now_ns:

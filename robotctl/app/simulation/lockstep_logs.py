@@ -18,6 +18,8 @@ from robotctl.runtime.storage.log_folder import LogFolder
 
 if TYPE_CHECKING:
     from firmware_sim.bus.core import Bus
+    from robotctl.logs.pictures import PictureLog
+    from robotctl.messages.camera_port import CameraFrame
 
 
 class TickLog:
@@ -104,6 +106,12 @@ class LockstepLogs:
 
         self._ticks = TickLog(folder, header, core)
         self._states = StateLog(folder, 0, config.robot.name, scene_of(config))
+        self._pictures: PictureLog | None = None
+        if config.log.pictures_every_s:
+            # NumPy and Pillow.
+            from robotctl.logs.pictures import PictureLog  # noqa: PLC0415
+
+            self._pictures = PictureLog(folder, config.log.pictures_every_s, 0)
         self._files = ExitStack()
         self._files.enter_context(
             LogWriter(
@@ -128,6 +136,15 @@ class LockstepLogs:
             return
         try:
             self._states.step(messages, now_ns)
+        except OSError as error:
+            self._give_up(error)
+
+    def picture(self, frame: CameraFrame | None) -> None:
+        """Keep the newest picture if one is due."""
+        if self.trouble or self._pictures is None:
+            return
+        try:
+            self._pictures.step(frame)
         except OSError as error:
             self._give_up(error)
 

@@ -42,10 +42,13 @@ class LogConfig:
     total_mb
         The oldest files are removed while all logs of the folder are larger together [MB]: ten
         times `file_mb` to 1e9.
+    pictures_every_s
+        Time between the pictures of an enabled camera that are kept [s]: 0.2 to 3600; 0: none are.
     """
 
     file_mb: float = 64.0
     total_mb: float = 2000.0
+    pictures_every_s: float = 0.0
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -59,6 +62,11 @@ class LogConfig:
                 f"must be at least ten times file_mb ({10 * self.file_mb:g}) and at most "
                 f"{MOST_TOTAL_MB:g}, not {self.total_mb}",
                 self.total_mb,
+            )
+        every_s = self.pictures_every_s
+        if every_s != 0.0 and not 0.2 <= every_s <= 3600.0:
+            raise InvalidValue(
+                "pictures_every_s", f"must be 0 (none) or 0.2 to 3600, not {every_s}", every_s
             )
 
 
@@ -115,16 +123,17 @@ class LogFolder:
     def __init__(self, directory: Path, config: LogConfig) -> None:
         self.directory = directory
         self.file_bytes = round(config.file_mb * 1e6)
-        self._total_bytes = round(config.total_mb * 1e6)
+        self.total_bytes = round(config.total_mb * 1e6)
         make_folder(directory)
 
     def new(self, kind: str, suffix: str) -> Path:
         """Return the path of a new file, such as `control-0002.rec`; make room first."""
         self.trim()
-        number = self._last(kind) + 1
-        if kind == "robot":
-            number = max(number, self._last("truth"))
-        return self.directory / f"{kind}-{number:04d}.{suffix}"
+        return self.directory / f"{kind}-{self._next(kind):04d}.{suffix}"
+
+    def pictures(self) -> Path:
+        """Return the folder for pictures of a run whose first log of states is yet to be made."""
+        return self.directory / f"pictures-{self._next('robot'):04d}"
 
     def open(self, kind: str, suffix: str) -> BinaryIO:
         """Open a new file, such as `control-0002.rec`, locked until it is closed.
@@ -157,6 +166,11 @@ class LogFolder:
         (self.directory / f"truth-{run:04d}.tum").touch(exist_ok=False)
         return run
 
+    def _next(self, kind: str) -> int:
+        """Return the number of the next file of one kind."""
+        number = self._last(kind) + 1
+        return max(number, self._last("truth")) if kind == "robot" else number
+
     def _last(self, kind: str) -> int:
         """Return the greatest number of the files of one kind; 0 without any."""
         matches = (_NUMBERED.fullmatch(path.name) for path in self.directory.iterdir())
@@ -181,7 +195,7 @@ class LogFolder:
                 files.append((age_rank(status), path.name, path, status.st_size))
         total = sum(size for *_, size in files)
         for *_, path, size in sorted(files):
-            if total <= self._total_bytes:
+            if total <= self.total_bytes:
                 return
             if path not in keep and _removed(path):
                 total -= size

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import re
 
+import numpy as np
 import pytest
+from mcap.reader import make_reader
 
 from robotctl.app.simulation.sim_options import SimulatorError
 from robotctl.config.robot_file import find_file
-from tests.app.simulation.missions import drive, without_computing_times
+from robotctl.logs.formats.image_folder import timed_images
+from tests.app.simulation.missions import drive, fingerprint, without_computing_times
 
 LOOKS = ("camera.enabled=true",)
 MCL = ('localisation.method="mcl"', 'localisation.sensors=["camera"]')
@@ -77,3 +81,16 @@ def test_a_lens_that_the_simulator_cannot_draw_is_told_as_an_error_of_the_run(tm
     path.write_text(folded, encoding="utf-8")
     with pytest.raises(SimulatorError, match="diff_drive: camera: distortion: folds the picture"):
         drive(str(path), overrides=LOOKS, max_seconds=1)
+
+
+def test_a_recorded_run_keeps_the_pictures_that_the_robot_saw(tmp_path):
+    keeps = (*LOOKS, "log.pictures_every_s=0.5")
+    for _ in range(2):
+        drive(overrides=keeps, max_seconds=2, record=tmp_path)
+    first, second = (tmp_path / f"pictures-000{number}" for number in (1, 2))
+    stamps_ns = [each.stamp_ns for each in timed_images(first)]
+    assert np.diff(stamps_ns) == pytest.approx(0.5e9, abs=0.06e9)
+    with (tmp_path / "robot-0001.mcap").open("rb") as file:
+        views = [json.loads(each.data) for _, _, each in make_reader(file).iter_messages("camera")]
+    assert set(stamps_ns[:-1]) <= {each["stamp_ns"] for each in views}
+    assert fingerprint(first) == fingerprint(second)
