@@ -33,7 +33,7 @@ def build_command(
     ] = None,
     overrides: Overrides = None,
 ) -> None:
-    """Find rooms, corridors and the passages between them in a map."""
+    """Find rooms, corridors, junctions and the passages between them in a map."""
     check_files(out, plot=plot)
     from robotctl.maps.topology_file import save_topology  # noqa: PLC0415 - it loads scipy
     from robotctl.workbench.topology import topology as work  # noqa: PLC0415

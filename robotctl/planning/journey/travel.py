@@ -270,7 +270,8 @@ class Travel(Behaviour):
                 return failed(f"gave up after {self._looks} looks around: {self._reason}")
             self._looks += 1
             names = [self._hint] if self._hint else list(self._looks_of)
-            self._search = PlaceSearch(look, [self._looks_of[name] for name in names]), taken[0]
+            places = [self._looks_of[name] for name in names]
+            self._search = PlaceSearch(look, places, self._map), taken[0]
         return BehaviourOutput(0.0, 0.0, text="standing, to look where it is")
 
     def _end_search(self, search: PlaceSearch, T_world_base: SE2, now_ns: int) -> BehaviourOutput:
@@ -336,16 +337,11 @@ class Travel(Behaviour):
 
     def _enter(self, belief: _Belief, passage: Passage) -> BehaviourOutput:
         """Believe to be in the place beyond a passage."""
-        here = self._places[belief.place]
-        there = self._places[passage.beyond(here.name)]
-        T_here_there = (
-            here.way_out(passage.name)
-            @ SE2(0.0, 0.0, math.pi)
-            @ there.way_out(passage.name).inverse()
-        )
-        self._belief = _Belief(there.name, belief.T_world_frame @ T_here_there, is_borne_out=False)
+        there = passage.beyond(belief.place)
+        T_world_there = belief.T_world_frame @ self._map.across(belief.place, passage)
+        self._belief = _Belief(there, T_world_there, is_borne_out=False)
         self._seen_ns = 0
-        return BehaviourOutput(0.0, 0.0, text=f"through {passage.name}: {there.name}")
+        return BehaviourOutput(0.0, 0.0, text=f"through {passage.name}: {there}")
 
     def _count(self, passage: Passage, reason: str) -> None:
         """Count that a passage was not reached; close it if that has happened before."""

@@ -3,14 +3,15 @@
 Free floor is divided where it gets narrow (watershed of the distance from the walls; doors as necks
 between wide regions: Thrun, Artificial Intelligence 99(1), 1998). From the widest spots on, cells
 join the region beside them; where two regions meet, they become one unless the neck is no wider
-than a door and clearly narrower than both.
+than a door and clearly narrower than both. Regions are divided further where corridors meet.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,13 @@ from scipy import ndimage  # type: ignore[import-untyped]
 
 from robotctl.model.grid_map import GridMap
 from robotctl.planning.topological.appearance import described
-from robotctl.planning.topological.graph import Passage, TopologicalMap, TopologicalPlace
+from robotctl.planning.topological.graph import (
+    Passage,
+    PlaceKind,
+    TopologicalMap,
+    TopologicalPlace,
+)
+from robotctl.planning.topological.junctions import with_junctions
 
 DOOR_M: Final = 1.5
 """Width of the widest passage that divides."""
@@ -28,6 +35,8 @@ LEAST_AREA_M2: Final = 1.0
 """Of a place; what is smaller joins the place beside it, or is left out."""
 FURNITURE_M: Final = 3.5
 """Things that stand free and are no longer than this do not divide a room."""
+_HOLE_M: Final = 0.1
+"""Between parts of one thing: a wall that was seen from far away has holes."""
 _POST_M, _WALL_M = 0.5, 0.4
 """What is longer than the first and thinner than the second is a wall between two doors."""
 _CORRIDOR: Final = 3.0
@@ -76,8 +85,9 @@ def build(grid: GridMap, radius_m: float) -> Topology:
     if not (labels >= 0).any():
         return Topology(TopologicalMap((), ()), labels)
     labels = _with_corridors(labels, depth_m, side_m)
+    labels, kinds = with_junctions(labels, depth_m, side_m)
     labels = _without_small(labels, depth_m, side_m)
-    return _topology(grid, labels, depth_m, _depth_m(floor, side_m), radius_m)
+    return _topology(grid, labels, kinds, depth_m, _depth_m(floor, side_m), radius_m)
 
 
 def _depth_m(free: NDArray[np.bool_], side_m: float) -> NDArray[np.float64]:
@@ -98,7 +108,9 @@ def _floor(grid: GridMap) -> NDArray[np.bool_]:
 def _without_furniture(floor: NDArray[np.bool_], side_m: float) -> NDArray[np.bool_]:
     """Return the floor as it would be without small things that stand free."""
     free = floor.copy()
-    things, _ = ndimage.label(~free, np.ones((3, 3)))
+    away_m = ndimage.distance_transform_edt(free) * side_m
+    things, _ = ndimage.label(away_m <= 0.5 * _HOLE_M, np.ones((3, 3)))
+    things[free] = 0
     most = FURNITURE_M / side_m
     edge = np.zeros_like(free)
     edge[[0, -1], :] = edge[:, [0, -1]] = True
@@ -189,25 +201,31 @@ def _without_small(
         if border.any():
             best = np.argmax(np.where(border, depth_m, -1.0))
             labels[inside] = labels.ravel()[best]
-    _, inverse = np.unique(labels, return_inverse=True)
-    compact: NDArray[np.int64] = inverse.reshape(labels.shape) - int((labels < 0).any())
-    return compact
+    return labels
 
 
 def _topology(
     grid: GridMap,
     labels: NDArray[np.int64],
+    kinds: Mapping[int, PlaceKind],
     depth_m: NDArray[np.float64],
     room_m: NDArray[np.float64],
     radius_m: float,
 ) -> Topology:
-    """Return places, largest first, and passages of regions; `room_m` is around each cell."""
+    """Return places, largest first, and passages of regions; `room_m` is around each cell.
+
+    Regions without a kind get it by their shape.
+    """
     can_stand = room_m >= radius_m
-    sizes = np.bincount(labels[labels >= 0], minlength=labels.max() + 1)
-    rank = np.empty(len(sizes), np.int64)
-    rank[np.argsort(-sizes, kind="stable")] = np.arange(len(sizes))
+    regions, sizes = np.unique(labels[labels >= 0], return_counts=True)
+    regions = regions[np.argsort(-sizes, kind="stable")]
+    rank = np.full(labels.max() + 1, -1)
+    rank[regions] = np.arange(len(regions))
     labels = np.where(labels >= 0, rank[labels], -1)
-    places = [_place(grid, labels == i, depth_m, can_stand, i) for i in range(len(sizes))]
+    places = [
+        _place(grid, labels == number, kinds.get(region), depth_m, can_stand, number)
+        for number, region in enumerate(regions.tolist())
+    ]
     passages = _passages(grid, labels, depth_m, places)
     numbers = {place.name: number for number, place in enumerate(places)}
     whole = [described(grid, labels, room_m, each, passages, numbers) for each in places]
@@ -217,6 +235,7 @@ def _topology(
 def _place(
     grid: GridMap,
     inside: NDArray[np.bool_],
+    kind: PlaceKind | None,
     depth_m: NDArray[np.float64],
     can_stand: NDArray[np.bool_],
     number: int,
@@ -227,8 +246,8 @@ def _place(
     free = inside & can_stand if (inside & can_stand).any() else inside
     spots = np.argwhere(free & (depth_m == depth_m[free].max()))
     middle = spots[np.argmin(np.sum((spots - spots.mean(axis=0)) ** 2, axis=1))]
-    long = area_m2 >= _CORRIDOR * width_m**2
-    kind: Literal["room", "corridor"] = "corridor" if long else "room"
+    if kind is None:
+        kind = "corridor" if area_m2 >= _CORRIDOR * width_m**2 else "room"
     x_m, y_m = grid.centre_of(middle[None])[0].tolist()
     name = f"{kind} {number + 1}"
     return TopologicalPlace(name, kind, (), area_m2, width_m, x_m=x_m, y_m=y_m)

@@ -17,6 +17,8 @@ from typing import Literal
 from robotctl.errors import InvalidValue
 from robotctl.model.geometry.se2 import SE2
 
+PlaceKind = Literal["room", "corridor", "junction"]
+
 
 @dataclass(frozen=True, slots=True)
 class Exit:
@@ -57,14 +59,14 @@ class View:
 
 @dataclass(frozen=True, slots=True)
 class TopologicalPlace:
-    """A room, a corridor or an open area.
+    """A room, a corridor, an open area, or where corridors meet.
 
     Parameters
     ----------
     name
         Unique in its map.
     kind
-        `corridor` if it is three times as long as wide, or longer.
+        `corridor` if it is three times as long as wide, or longer, or leads off a `junction`.
     passages
         Names of its passages, counter-clockwise around its widest spot.
     area_m2, width_m
@@ -87,7 +89,7 @@ class TopologicalPlace:
     """
 
     name: str
-    kind: Literal["room", "corridor"]
+    kind: PlaceKind
     passages: tuple[str, ...]
     area_m2: float
     width_m: float
@@ -211,6 +213,12 @@ class TopologicalMap:
     def place(self, name: str) -> TopologicalPlace | None:
         """Return the place of a name, None if there is none."""
         return next((each for each in self.places if each.name == name), None)
+
+    def across(self, here: str, passage: Passage) -> SE2:
+        """Return the frame of the place beyond a passage in that of the place `here`."""
+        by_name = {place.name: place for place in self.places}
+        way_in = by_name[passage.beyond(here)].way_out(passage.name)
+        return by_name[here].way_out(passage.name) @ SE2(0.0, 0.0, math.pi) @ way_in.inverse()
 
     @property
     def undrivable(self) -> str:

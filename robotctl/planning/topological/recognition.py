@@ -38,6 +38,8 @@ _ALIKE: Final = 0.9
 _FOLLOW_SCORE: Final = 0.5
 _FOLLOW_AGREES: Final = 0.75
 """The same near where a robot should be: boxes stand about, and people."""
+_SPOT_M: Final = 0.5
+"""Sightings of two places that are no farther apart are of one spot."""
 _SHIFT_M: Final = 0.4
 _TURN_RAD: Final = 0.2
 """Around where a robot should be: to each side."""
@@ -171,6 +173,8 @@ class PlaceSearch:
         The scan.
     places
         Where it may be from.
+    topology
+        Their map.
 
     Attributes
     ----------
@@ -180,8 +184,9 @@ class PlaceSearch:
         Why none was found.
     """
 
-    def __init__(self, look: Look, places: Sequence[Appearance]) -> None:
+    def __init__(self, look: Look, places: Sequence[Appearance], topology: TopologicalMap) -> None:
         self._look = look
+        self._map = topology
         self._left = [(place, window) for place in places for window in place.windows()]
         self._best: dict[str, Sighting] = {}
         self.found: Sighting | None = None
@@ -214,12 +219,26 @@ class PlaceSearch:
         alike = [
             each.place
             for each in likely
-            if each.score >= _ALIKE * best.score and each.agrees >= _ALIKE * best.agrees
+            if each.score >= _ALIKE * best.score
+            and each.agrees >= _ALIKE * best.agrees
+            and not self._is_same(best, each)
         ]
-        if len(alike) > 1:
-            self.reason = f"from here {' and '.join(alike)} look alike"
+        if alike:
+            self.reason = f"from here {' and '.join([best.place, *alike])} look alike"
             return
         self.found = best
+
+    def _is_same(self, one: Sighting, other: Sighting) -> bool:
+        """Return whether two sightings are of one spot, beside an open passage of both places."""
+        if one.place == other.place:
+            return True
+        for passage in self._map.passages:
+            if {one.place, other.place} == set(passage.between):
+                T_one_other = self._map.across(one.place, passage)
+                off = one.pose.inverse() @ T_one_other @ other.pose
+                if math.hypot(off.x_m, off.y_m) < _SPOT_M and abs(off.theta_rad) < _TURN_RAD:
+                    return True
+        return False
 
 
 def _score(sighting: Sighting | None) -> float:

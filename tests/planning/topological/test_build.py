@@ -118,6 +118,14 @@ def test_a_table_in_a_room_does_not_divide_it():
     assert len(build(GridMap(cells, 0.1), RADIUS_M).map.places) == 3
 
 
+def test_a_wall_that_was_seen_with_holes_in_it_divides():
+    grid = rooms()
+    cells = np.repeat(np.repeat(grid.cells, 2, axis=0), 2, axis=1)  # of 0.05 m
+    cells[:, 82:86] = FREE  # between the first two rooms no wall,
+    cells[::5, 83] = cells[1::5, 83] = cells[2::5, 83] = OCCUPIED  # but what is left of one
+    assert len(build(GridMap(cells, 0.05), RADIUS_M).map.places) == 3
+
+
 def test_a_map_turned_in_the_world_has_the_same_places():
     grid = rooms(0.9, 1.1)
     turned = build(GridMap(grid.cells, 0.1, SE2(3.0, -1.0, 0.7)), RADIUS_M).map

@@ -7,7 +7,12 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.planning.topological.graph import spot
 from robotctl.planning.topological.recognition import PlaceSearch, appearances, look_of
-from tests.planning.topological.little_world import DOORS, ROOMS, little_world
+from tests.planning.topological.little_world import (
+    DOORS,
+    ROOMS,
+    corridors,
+    little_world,
+)
 
 
 @pytest.fixture(scope="module")
@@ -15,8 +20,9 @@ def looks():
     return appearances(little_world().map)
 
 
-def searched(scan, looks):
-    search = PlaceSearch(look_of(scan), list(looks.values()))
+def searched(scan, looks, world=None):
+    topology = (world or little_world()).map
+    search = PlaceSearch(look_of(scan), list(looks.values()), topology)
     while not search.step():
         pass
     return search
@@ -54,6 +60,22 @@ def test_rooms_that_look_alike_are_both_named(looks):
         "from here hall and twin look alike",
         "from here twin and hall look alike",
     }
+
+
+@pytest.mark.parametrize("x_m", [4.3, 4.7, 5.1, 7.5, 7.9])
+def test_beside_an_open_passage_either_place_will_do(x_m):
+    """A corridor and the junction it leads to see the same, and agree where that is."""
+    world = corridors()
+    truth = SE2(x_m, 3.7, 2.0)
+    search = searched(world.scan(truth, 1), appearances(world.map), world)
+    assert search.found is not None, search.reason
+    side = "west" if x_m < 6.0 else "east"
+    assert search.found.place in {side, "crossing"}
+    passage = next(each for each in world.map.passages if set(each.between) == {side, "crossing"})
+    out = world.map.place(search.found.place).way_out(passage.name)
+    at = truth @ search.found.pose.inverse() @ out
+    middle_x_m = 5.0 if side == "west" else 7.6  # a circle into all corners ends there
+    assert (at.x_m, at.y_m) == pytest.approx((middle_x_m, 3.8), abs=0.4)
 
 
 def test_a_round_hall_is_no_place_of_the_map(looks):

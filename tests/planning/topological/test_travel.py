@@ -12,7 +12,7 @@ from robotctl.model.geometry.twist import Twist
 from robotctl.planning.guard.behaviour import BehaviourInput, BehaviourOutput, Status
 from robotctl.planning.journey.travel import Travel
 from robotctl.planning.topological.recognition import appearances
-from tests.planning.topological.little_world import LittleWorld, little_world, room_at
+from tests.planning.topological.little_world import LittleWorld, corridors, little_world
 
 STEP_NS = 200_000_000
 DRIFT_M, DRIFT_RAD = 0.03, 0.01
@@ -35,7 +35,7 @@ class Robot:
         self.truth = start
         self.odom = SE2(-40.0, 7.0, 2.0)
         self.now_ns = 10**9
-        self.rooms = [room_at(start.x_m, start.y_m)]
+        self.rooms = [world.room_at(start.x_m, start.y_m)]
         self.said: Counter[str] = Counter()
         self.blindness = ""
         self.has_time = self.has_lidar = True
@@ -75,7 +75,7 @@ class Robot:
         motion = self.truth.inverse() @ SE2(*to, heading_rad)
         self.truth = self.truth @ motion
         self.odom = self.odom @ motion @ SE2(DRIFT_M * way_m, 0.0, DRIFT_RAD * way_m)
-        room = room_at(*to)
+        room = self.world.room_at(*to)
         if room and room != self.rooms[-1]:
             self.rooms.append(room)
 
@@ -110,7 +110,7 @@ def test_it_arrives_wherever_it_is_put_down(start, goal, rooms, looks):
     robot = Robot(little_world(), start)
     output = robot.drive(travel(robot, looks, goal))
     assert output.status is Status.DONE, output.text
-    assert room_at(robot.truth.x_m, robot.truth.y_m) == goal
+    assert robot.world.room_at(robot.truth.x_m, robot.truth.y_m) == goal
     assert rooms is None or robot.rooms == rooms
 
 
@@ -137,7 +137,7 @@ def test_a_robot_that_is_carried_away_goes_on_from_there(looks):
     output = robot.drive(behaviour)
     assert output.status is Status.DONE, output.text
     assert robot.says("recognised den")
-    assert room_at(robot.truth.x_m, robot.truth.y_m) == "store"
+    assert robot.world.room_at(robot.truth.x_m, robot.truth.y_m) == "store"
 
 
 def test_a_closed_door_is_driven_round(looks):
@@ -190,3 +190,15 @@ def test_without_scans_it_stands_and_gives_up(looks):
     reason = "no echo of a lidar comes to recognise places by for 10 s"
     assert output == (0.0, 0.0, Status.FAILED, reason)
     assert np.isclose(robot.truth.x_m, 4.0)
+
+
+def test_corridors_and_the_junction_between_are_driven_as_places():
+    """From room to room: the corridor, where another one branches off it, that one."""
+    world = corridors()
+    robot = Robot(world, SE2(2.5, 1.5, -2.0))
+    output = robot.drive(travel(robot, appearances(world.map), "lab"))
+    assert output == (0.0, 0.0, Status.DONE, "in lab")
+    assert robot.rooms == ["office", "west", "crossing", "north", "lab"]
+    for name in ("west", "crossing", "north"):
+        assert robot.says(f": {name}"), name
+    assert sum(robot.said[text] for text in robot.said if text.startswith("recognised")) == 1
