@@ -23,6 +23,7 @@ from robotctl.app.simulation.journey_score import journey_score
 from robotctl.app.simulation.lockstep_camera import LockstepCamera
 from robotctl.app.simulation.lockstep_logs import LockstepLogs
 from robotctl.app.simulation.lockstep_stack import LockstepStack, make_simulation
+from robotctl.app.simulation.map_truth import map_truth
 from robotctl.app.simulation.operator import MissionOperator
 from robotctl.app.simulation.room import arrived, load_furnished
 from robotctl.app.simulation.run_score import RunScore
@@ -96,7 +97,7 @@ class LockstepRun:
         walls = WallMap(room.segments)
         seen = camera_score(self.config, options, room)
         self._score = RunScore(
-            walls,
+            map_truth(options, room, self._mission, self.config),
             journey_score(options, room, self._mission, self.config),
             seen,
             has_localiser=self.config.localisation.method != "none",

@@ -10,6 +10,7 @@ import numpy as np
 from robotctl.app.simulation.camera_score import CameraScore
 from robotctl.app.simulation.journey_score import JourneyScore
 from robotctl.app.simulation.localisation_score import LocalisationScore
+from robotctl.app.simulation.map_truth import MapTruth
 from robotctl.app.simulation.score import (
     CameraReport,
     LocalisationReport,
@@ -28,7 +29,6 @@ from robotctl.messages.world_pose import WorldPose
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.model.trajectory import Trajectory
-from robotctl.model.wall_map import WallMap
 
 
 class RunScore:
@@ -36,8 +36,8 @@ class RunScore:
 
     Parameters
     ----------
-    walls
-        Of the world.
+    map_truth
+        What a map is compared with.
     journey
         Score of its way through the world.
     camera
@@ -50,14 +50,14 @@ class RunScore:
 
     def __init__(
         self,
-        walls: WallMap,
+        map_truth: MapTruth,
         journey: JourneyScore,
         camera: CameraScore | None = None,
         *,
         has_localiser: bool,
         is_recorded: bool,
     ) -> None:
-        self._walls = walls
+        self._map_truth = map_truth
         self._camera = camera
         self.journey = journey
         self._pose = PoseScore()
@@ -119,12 +119,7 @@ class RunScore:
     @property
     def map_quality(self) -> MapQuality | None:
         """Quality of the map; None without one."""
-        if self._map is None:
-            return None
-        from robotctl.estimation.grid.map_quality import map_quality  # noqa: PLC0415
-
-        quality = map_quality(self._map, self._walls)
-        return MapQuality(precision=quality.precision, recall=quality.recall)
+        return None if self._map is None else self._map_truth.quality(self._map)
 
     @property
     def camera_report(self) -> CameraReport | None:

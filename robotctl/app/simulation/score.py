@@ -75,12 +75,22 @@ class LocalisationReport(msgspec.Struct, frozen=True):
 class MapQuality(msgspec.Struct, frozen=True):
     """Occupied cells of the map against the walls of the world, within one cell.
 
-    `precision` is the share of them that lie on a wall, `recall` the share of the walls seen from
-    inside that are in the map.
+    Attributes
+    ----------
+    precision
+        Share of the occupied cells that lie on a wall.
+    recall
+        Share of the walls that are in the map, of those that its sensor could see from anywhere
+        that the robot can reach.
+    aligned_precision, aligned_recall
+        The same of the map laid over the walls: `world` is where the robot starts, and a heading
+        that is a little wrong there turns the whole map.
     """
 
     precision: float
     recall: float
+    aligned_precision: float
+    aligned_recall: float
 
 
 class CameraReport(msgspec.Struct, frozen=True):

@@ -19,6 +19,7 @@ from robotctl.app.processes.navigator import load_mission
 from robotctl.app.simulation.camera_score import camera_score
 from robotctl.app.simulation.held_up import HeldUp
 from robotctl.app.simulation.journey_score import journey_score
+from robotctl.app.simulation.map_truth import map_truth
 from robotctl.app.simulation.operator import MissionOperator
 from robotctl.app.simulation.room import arrived, goals, load_furnished
 from robotctl.app.simulation.run_score import RunScore
@@ -166,7 +167,7 @@ class SimRun:
         self._attended = False
         """Whether the robot was stopped from the keyboard, which may arm it again."""
         self._score = RunScore(
-            self.walls,
+            map_truth(options, room, self.mission, self.config),
             journey_score(options, room, self.mission, self.config),
             camera_score(self.config, options, room),
             has_localiser=self.config.localisation.method != "none",

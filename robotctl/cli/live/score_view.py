@@ -120,7 +120,13 @@ def _place_rows(report: Report) -> list[tuple[str, str]]:
             ),
         ]
     if quality is not None:
-        rows.append(("map", f"precision {quality.precision:.3f}, recall {quality.recall:.3f}"))
+        rows += [
+            ("map", f"precision {quality.precision:.3f}, recall {quality.recall:.3f}"),
+            (
+                "laid over",
+                (f"precision {quality.aligned_precision:.3f}, recall {quality.aligned_recall:.3f}"),
+            ),
+        ]
     return rows + _camera_rows(report.camera)
 
 

@@ -9,16 +9,24 @@ one side of a cell is what its resolution allows.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage  # type: ignore[import-untyped]
+from scipy.spatial import KDTree  # type: ignore[import-untyped]
 
+from robotctl.model.geometry.points import align, moved
+from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.model.wall_map import WallMap
 
 _AWAY = np.ones((3, 3), np.bool_)
+_FAR_M: Final = 0.5
+_ROUNDS: Final = 40
+_FINE: Final = 0.2
+"""Of a cell: how finely walls are drawn to lay a map over them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,10 +38,10 @@ class CellQuality:
     precision
         Share of the occupied cells that have a wall within one cell, 0 to 1; 0 without any.
     recall
-        Share of all wall cells, also of those outside of the map, that have an occupied cell
-        within one cell, 0 to 1.
+        Share of the cells of walls that can be seen, also of those outside of the map, that have an
+        occupied cell within one cell, 0 to 1.
     occupied, walls
-        Number of occupied cells, and of wall cells.
+        Number of occupied cells, and of cells of walls that can be seen.
     """
 
     precision: float
@@ -42,27 +50,57 @@ class CellQuality:
     walls: int
 
 
-def map_quality(grid: GridMap, truth: WallMap) -> CellQuality:
+def map_quality(grid: GridMap, truth: WallMap, visible: WallMap | None = None) -> CellQuality:
     """Compare a map with the walls that are there.
 
-    Walls that nobody could see count too, so the recall of a map of one room of a flat is low.
+    Parameters
+    ----------
+    grid
+        The map.
+    truth
+        All walls.
+    visible
+        Those that can be seen; None: all, also from behind, so that of a map of one room of a flat
+        the recall is low.
     """
     occupied = np.argwhere(grid.occupied())
     walls = wall_cells(grid, truth)
-    together = np.concatenate([occupied, walls])
+    wanted = walls if visible is None else wall_cells(grid, visible)
+    together = np.concatenate([occupied, walls, wanted])
     first = together.min(axis=0) - 1
     shape = together.max(axis=0) - first + 2
     shows, is_wall = np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
     shows[tuple((occupied - first).T)] = True
     is_wall[tuple((walls - first).T)] = True
     right = shows & ndimage.binary_dilation(is_wall, _AWAY)
-    found = is_wall & ndimage.binary_dilation(shows, _AWAY)
+    found = ndimage.binary_dilation(shows, _AWAY)[tuple((wanted - first).T)]
     return CellQuality(
         precision=float(right.sum() / max(1, len(occupied))),
-        recall=float(found.sum() / len(walls)),
+        recall=float(found.mean()),
         occupied=len(occupied),
-        walls=len(walls),
+        walls=len(wanted),
     )
+
+
+def laid_over(grid: GridMap, truth: WallMap) -> GridMap:
+    """Return a map moved and turned to where its occupied cells fit the walls best.
+
+    By iterated closest points (Besl and McKay, IEEE PAMI 14(2), 1992), from where it lies: cells
+    that are farther than `_FAR_M` from any wall do not pull.
+    """
+    cells = grid.centre_of(np.argwhere(grid.occupied()))
+    fine = replace(grid, resolution_m=_FINE * grid.resolution_m)
+    points = fine.centre_of(wall_cells(fine, truth))
+    tree = KDTree(points)
+    T_there_here = SE2()
+    for _ in range(_ROUNDS if len(cells) else 0):
+        here = moved(T_there_here, cells)
+        away_m, nearest = tree.query(here, distance_upper_bound=_FAR_M)
+        near = np.isfinite(away_m)
+        if np.count_nonzero(near) < 2:
+            break
+        T_there_here = align(here[near], points[nearest[near]]) @ T_there_here
+    return replace(grid, origin=T_there_here @ grid.origin)
 
 
 def wall_cells(grid: GridMap, truth: WallMap) -> NDArray[np.int64]:

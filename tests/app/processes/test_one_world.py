@@ -11,6 +11,7 @@ from robotctl.app.processes.navigator import make_navigation
 from robotctl.app.processes.progress import ProgressKeeper, load_progress, progress_file
 from robotctl.app.processes.robot import make_core
 from robotctl.app.simulation.journey_score import JourneyScore
+from robotctl.app.simulation.map_truth import MapTruth
 from robotctl.app.simulation.run_score import RunScore
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file, load_robot
@@ -118,7 +119,10 @@ class World:
         self.scene = Scene(has_localiser=True)
         walls = WallMap(np.array([[-99.0, -99.0, 99.0, -99.0]]))
         self.score = RunScore(
-            walls, JourneyScore(np.eye(3, 2), walls.segments), has_localiser=True, is_recorded=False
+            MapTruth(walls, lambda: walls),
+            JourneyScore(np.eye(3, 2), walls.segments),
+            has_localiser=True,
+            is_recorded=False,
         )
         self.state: NavigationState | None = None
         self.navigate()

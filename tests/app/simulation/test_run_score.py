@@ -8,6 +8,7 @@ import numpy as np
 
 from robotctl.app.processes.robot import make_core
 from robotctl.app.simulation.journey_score import JourneyScore
+from robotctl.app.simulation.map_truth import MapTruth
 from robotctl.app.simulation.run_score import RunScore
 from robotctl.app.simulation.score import StampedPose
 from robotctl.config.options import StackOptions
@@ -17,6 +18,7 @@ from robotctl.messages.control import LoopStatistics
 from robotctl.model.wall_map import WallMap
 
 WALLS = WallMap(np.array([[0.0, 0.0, 4.0, 0.0]]))
+MAP_TRUTH = MapTruth(WALLS, lambda: WALLS)
 PERIOD_NS = 20_000_000
 STATE = make_core(load_robot(find_file("diff_drive")), StackOptions("x", "")).snapshot(
     0, LoopStatistics()
@@ -51,13 +53,13 @@ def growth(score: RunScore) -> int:
 
 
 def test_a_run_without_a_record_keeps_no_more_the_longer_it_lasts() -> None:
-    assert growth(RunScore(WALLS, journey(), has_localiser=False, is_recorded=False)) < 10_000
+    assert growth(RunScore(MAP_TRUTH, journey(), has_localiser=False, is_recorded=False)) < 10_000
 
 
 def test_the_record_has_every_truth_and_the_figures_are_those_without(tmp_path: Path) -> None:
     recorded, other = (
-        RunScore(WALLS, journey(), has_localiser=False, is_recorded=True),
-        RunScore(WALLS, journey(), has_localiser=False, is_recorded=False),
+        RunScore(MAP_TRUTH, journey(), has_localiser=False, is_recorded=True),
+        RunScore(MAP_TRUTH, journey(), has_localiser=False, is_recorded=False),
     )
     for score in (recorded, other):
         run(score, 0, 10_000)
