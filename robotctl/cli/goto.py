@@ -28,27 +28,35 @@ def goto(
     heading: Annotated[
         float | None, typer.Argument(metavar="DEG", help="Heading at the end; default: any.")
     ] = None,
+    start: Annotated[
+        str,
+        typer.Option(
+            "--from", metavar="PLACE", help="Where it is now; default: it recognises that."
+        ),
+    ] = "",
     instance: Instance = "",
 ) -> None:
     """Let a robot that runs on this computer, and is armed, drive to a place by plan.
 
     Status 0: it is there. 1: it gave up, or somebody else took it over. Ctrl-C lets it stand.
     """
-    drive(instance, _errand(x, y, heading), lambda state: state.goal_reached, STOPPED)
+    drive(instance, _errand(x, y, heading, start), lambda state: state.goal_reached, STOPPED)
 
 
 def _errand(
-    x: str, y: float | None, heading: float | None
+    x: str, y: float | None, heading: float | None, start: str
 ) -> Callable[[RemoteRobot], Iterator[NavigationState]]:
     """Return how to ask a robot to drive to a named place, or to coordinates.
 
     Raises
     ------
     BadParameter
-        If they are no numbers.
+        If they are no numbers, or have a place to start from.
     """
     if y is None:
-        return lambda robot: robot.goto_place(x)
+        return lambda robot: robot.goto_place(x, start)
+    if start:
+        raise typer.BadParameter(f"--from {start}: only on the way to a PLACE, found {x} {y:g}")
     try:
         numbers = float(x), y
     except ValueError as error:

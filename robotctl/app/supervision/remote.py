@@ -103,9 +103,12 @@ class RemoteRobot:
         """
         return self._guide(lambda now_ns: PositionTarget(now_ns, x_m, y_m, heading_rad))
 
-    def goto_place(self, place: str) -> Iterator[NavigationState]:
-        """Drive to a place of the robot's topological map in mode GUIDED; all else as `goto`."""
-        return self._guide(lambda now_ns: PlaceTarget(now_ns, place))
+    def goto_place(self, place: str, start: str = "") -> Iterator[NavigationState]:
+        """Drive to a place of the robot's topological map in mode GUIDED; all else as `goto`.
+
+        `start` is the place where it is; empty: it recognises that.
+        """
+        return self._guide(lambda now_ns: PlaceTarget(now_ns, place, start))
 
     def explore(self) -> Iterator[NavigationState]:
         """Explore in mode GUIDED until the map is complete; all else as `goto`."""

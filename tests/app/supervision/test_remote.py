@@ -204,9 +204,9 @@ def test_a_place_is_asked_for_by_its_name(make_robot):
     robot = make_robot()
     robot.after_goal = [{}, {"goal_reached": True, "message": "in den"}]
     with Beside(robot) as remote:
-        *_, last = remote.goto_place("den")
+        *_, last = remote.goto_place("den", "hall")
     assert [type(each) for each in robot.heard] == [SetMode, PlaceTarget]
-    assert robot.heard[1].place == "den"
+    assert (robot.heard[1].place, robot.heard[1].start) == ("den", "hall")
     assert last.goal_reached
 
 
