@@ -109,6 +109,7 @@ class ScanResult:
             "switched_off": off,
             "loops": {
                 "closed": len(closed),
+                "closed_by": dict(Counter(each.found_by for each in closed)),
                 "refused": dict(Counter(each.reason for each in log if each.reason)),
             },
             "trajectory": Estimated(self.estimate).compared(reference),
@@ -373,14 +374,14 @@ def _write_closures(path: Path, mapper: SlamMapper) -> None:
     def row(each: Closure) -> list[Any]:
         x, y, theta = as_row(each.pose).round(6).tolist()
         return [
-            each.keyframe, each.other, stamps[each.keyframe], stamps[each.other], x, y, theta,
-            round(each.score, 4), each.reason or "closed",
+            each.keyframe, each.other, stamps[each.keyframe], stamps[each.other], each.found_by,
+            x, y, theta, round(each.score, 4), each.reason or "closed",
         ]  # fmt: skip
 
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(
-            ["keyframe", "other", "stamp_ns", "other_stamp_ns", "x_m", "y_m", "theta_rad", "score",
-             "outcome"]
+            ["keyframe", "other", "stamp_ns", "other_stamp_ns", "found_by", "x_m", "y_m",
+             "theta_rad", "score", "outcome"]
         )  # fmt: skip
         writer.writerows(map(row, mapper.loops.log))

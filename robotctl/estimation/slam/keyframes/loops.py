@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final
+import math
+from dataclasses import dataclass, replace
+from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
 from robotctl.estimation.slam.front_end.correlative import Window, search
 from robotctl.estimation.slam.front_end.point_to_line import refine
-from robotctl.estimation.slam.front_end.surface import joined
+from robotctl.estimation.slam.front_end.surface import Surface, joined
 from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe, match_pair
+from robotctl.estimation.slam.keyframes.shapes import AROUND, Expected, Shapes
 from robotctl.estimation.slam.keyframes.tracker import local_map, thinned
 from robotctl.model.geometry.se2 import SE2
+
+FoundBy: TypeAlias = Literal["position", "shape", "image", "sonar turn"]
 
 _POINTS: Final = 360
 _AROUND: Final = 6
@@ -30,12 +34,31 @@ _LEAST_INLIERS: Final = 0.5
 _AMBIGUOUS: Final = 0.93
 """Another place in the window with this share of the score leaves it open which is right."""
 _PAIRS: Final = 3
+_PAIR_M: Final = 0.15
 _APART_M: Final = 0.4
 _FORGET_M: Final = 20.0
 """Least and greatest way between two closures that confirm each other."""
 _AGREE_M: Final = 0.2
 _AGREE_RAD: Final = 0.05
 _QUEUE: Final = 6
+_NEAR_M: Final = 3.0
+"""Keyframes so far apart may see the same."""
+_GATE: Final = 3.0
+"""Standard deviations of the map's doubt within which a place is looked for."""
+_BEYOND: Final = 2.0
+"""So many times as far off may places be that look alike: the doubt is a guess."""
+_SLIPS: Final = 0.2
+"""Of the way: without odometry, scans slip along bare walls unnoticed."""
+_APART_ALIKE_M: Final = 2.0
+"""The same of places that only look alike: so do rooms."""
+_ALIKE: Final = 2
+"""Keyframes of like shape that are looked at, for each new one."""
+_LEAST_ALIKE: Final = 0.65
+_SHAPE_M: Final = 1.5
+_SHAPE_RAD: Final = 0.35
+"""How far from a place of like shape the robot may be."""
+_AT_ONCE: Final = 8
+"""Shapes of a loaded map that are taken in with each new keyframe."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +69,8 @@ class Closure:
     ----------
     keyframe, other
         The keyframe of now, and the old one of the place.
+    found_by
+        What spoke for the place.
     pose
         Of the first in the second, as found.
     score
@@ -56,13 +81,43 @@ class Closure:
 
     keyframe: int
     other: int
+    found_by: FoundBy
     pose: SE2
     score: float
     reason: str
 
 
 @dataclass(frozen=True, slots=True)
-class _Task:
+class Hint:
+    """An old place that a keyframe may be at.
+
+    Parameters
+    ----------
+    keyframe, other
+        The keyframe of now, and the old one of the place.
+    found_by
+        What speaks for it.
+    pose
+        Of the first in the second.
+    shift_m, turn_rad
+        How far off that may be to each side [m], [rad].
+    limit_m
+        How far the map may be wrong there [m].
+    """
+
+    keyframe: int
+    other: int
+    found_by: FoundBy
+    pose: SE2
+    shift_m: float
+    turn_rad: float
+    limit_m: float = math.inf
+
+
+@dataclass(frozen=True, slots=True)
+class _Near:
+    """An old keyframe that may be near, by the doubt of the map between."""
+
     keyframe: int
     other: int
     sigma_m: float
@@ -84,13 +139,67 @@ class LoopSearch:
         self._config = config
         self._keyframes = keyframes
         self._back_end = back_end
-        self._tasks: list[_Task] = []
+        self._near: list[_Near] = []
+        self._hints: list[Hint] = []
+        self._hint_is_next = True
         self._pending: list[_Pending] = []
+        self._shapes = Shapes()
         self.log: list[Closure] = []
 
-    def consider(self, number: int, others: np.ndarray, doubts: np.ndarray) -> None:
+    def enter(self, number: int) -> None:
+        """Take in the shape of a new keyframe, and of some of a map that was loaded."""
+        between = self._back_end.between
+        for new in range(len(self._shapes), number + 1)[:_AT_ONCE]:
+            around = range(max(new - AROUND, 0), new + 1)
+            self._shapes.add(
+                [(between(new, each), self._keyframes[each].surface.points) for each in around]
+            )
+
+    def consider(
+        self, number: int, others: np.ndarray, doubts: np.ndarray, *, by_wheels: bool
+    ) -> None:
+        """Put old keyframes on the list: the nearest of each visit, and those that look alike.
+
+        Parameters
+        ----------
+        number
+            Of the new keyframe.
+        others
+            Old ones whose place beside it is in doubt, (n,).
+        doubts
+            Of all keyframes: standard deviations of position [m] and heading [rad], (m, 2).
+        by_wheels
+            Whether there is odometry.
+        """
+        others = others[others < min(number - 2 * _AROUND, len(self._shapes))]
+        poses = self._back_end.poses
+        away = np.hypot(*(poses[others, :2] - poses[number, :2]).T)
+        reach = _GATE * doubts[others, 0]
+        self._consider_near(number, others[away < _NEAR_M + reach], doubts)
+        if number >= len(self._shapes):
+            return
+        limits_m = _BEYOND * reach
+        if not by_wheels:
+            ways_m = np.array([self._keyframes[each].travelled_m for each in others])
+            way_m = np.abs(self._keyframes[number].travelled_m - ways_m)
+            limits_m = np.maximum(limits_m, _SLIPS * way_m)
+        may_be = np.flatnonzero(away < _NEAR_M + limits_m)
+        turns = poses[number, 2] - poses[others, 2]
+        within = _SHAPE_RAD + _BEYOND * _GATE * doubts[others, 1]
+        expected = Expected(others[may_be], turns[may_be], within[may_be])
+        limits = dict(zip(others.tolist(), limits_m.tolist(), strict=True))
+        for each in reversed(self._shapes.alike(number, expected, _ALIKE, _AROUND)):
+            if each.score > _LEAST_ALIKE:
+                at, limit_m = SE2(0.0, 0.0, each.turn_rad), _SHAPE_M + limits[each.number]
+                self.suggest(Hint(number, each.number, "shape", at, _SHAPE_M, _SHAPE_RAD, limit_m))
+
+    def suggest(self, hint: Hint) -> None:
+        """Put a place that something speaks for on the list."""
+        if hint.other < hint.keyframe - 2 * _AROUND:
+            self._hints = [*self._hints, hint][-_QUEUE:]
+
+    def _consider_near(self, number: int, others: np.ndarray, doubts: np.ndarray) -> None:
         """Put old keyframes that may be near on the list; the nearest of each visit."""
-        others = others[others < number - 2 * _AROUND]
         if len(others) == 0:
             return
         poses = self._back_end.poses
@@ -98,80 +207,91 @@ class LoopSearch:
         visits = np.split(np.arange(len(others)), np.flatnonzero(np.diff(others) > _AROUND) + 1)
         for visit in visits:
             best = visit[np.argmin(away[visit])]
-            self._tasks.append(_Task(number, int(others[best]), *doubts[others[best]].tolist()))
-        self._tasks = self._tasks[-_QUEUE:]
+            self._near.append(_Near(number, int(others[best]), *doubts[others[best]].tolist()))
+        self._near = self._near[-_QUEUE:]
 
     def step(self) -> list[Link]:
         """Look at one candidate; return the links of a loop that is closed."""
-        if not self._tasks:
+        if not self._near and not self._hints:
             return []
-        task = self._tasks.pop()
+        # By turns, so that neither kind waits for the other.
+        self._hint_is_next = bool(self._hints) and (self._hint_is_next or not self._near)
+        task = self._hints.pop() if self._hint_is_next else self._near.pop()
+        self._hint_is_next = not self._hint_is_next
         closure, links = self._look(task)
         if not closure.reason:
             links = self._confirmed(_Pending(closure, links))
             if not links:
-                closure = Closure(
-                    closure.keyframe, closure.other, closure.pose, closure.score,
-                    "not confirmed by another yet",
-                )  # fmt: skip
+                closure = replace(closure, reason="not confirmed by another yet")
         self.log.append(closure)
         return links if not closure.reason else []
 
-    def _look(self, task: _Task) -> tuple[Closure, list[Link]]:
-        """Match the last keyframes with an old place."""
-        back_end, keyframes, config = self._back_end, self._keyframes, self._config
-        k, j = task.keyframe, task.other
-        place = [
-            each
-            for each in range(max(j - _AROUND, 0), min(j + _AROUND + 1, k - 2 * _AROUND))
-            if np.hypot(*(back_end.poses[each, :2] - back_end.poses[j, :2])) < _AROUND_M
-        ]
-        target = local_map([keyframes[e] for e in place], [back_end.between(j, e) for e in place])
-        own = [
-            each
-            for each in range(max(k - _WITH, 0), min(k + _WITH, len(keyframes)))
-            if np.hypot(*(back_end.poses[each, :2] - back_end.poses[k, :2])) < _WITH_M
-        ]
-        surface = joined([keyframes[e].surface.moved(back_end.between(k, e)) for e in own])
-        centre = back_end.between(j, k)
-        window = Window(
-            centre,
-            min(3.0 * task.sigma_m + 0.3, 8.0),
-            min(3.0 * task.sigma_rad + 0.1, np.pi),
+    def _window(self, task: _Near | Hint) -> Window:
+        """Return where to look for a keyframe, in the old one."""
+        if isinstance(task, Hint):
+            return Window(task.pose, task.shift_m, task.turn_rad)
+        return Window(
+            self._back_end.between(task.other, task.keyframe),
+            min(_GATE * task.sigma_m + 0.3, 8.0),
+            min(_GATE * task.sigma_rad + 0.1, np.pi),
             2.0 * task.sigma_m + 0.2,
             2.0 * task.sigma_rad + 0.1,
         )
-        points = thinned(surface.points, _POINTS)
-        least = _LEAST_OF_STRETCHES if config.stretch_m else _LEAST_SCORE
+
+    def _look(self, task: _Near | Hint) -> tuple[Closure, list[Link]]:
+        """Match the last keyframes with an old place."""
+        back_end, keyframes = self._back_end, self._keyframes
+        k, j = task.keyframe, task.other
+        found_by: FoundBy = task.found_by if isinstance(task, Hint) else "position"
+        place = self._around(j, range(max(j - _AROUND, 0), min(j + _AROUND + 1, k - 2 * _AROUND)))
+        target = local_map([keyframes[e] for e in place], [back_end.between(j, e) for e in place])
+        surface = self._last_ones(k)
+        window, points = self._window(task), thinned(surface.points, _POINTS)
+        least = _LEAST_OF_STRETCHES if self._config.stretch_m else _LEAST_SCORE
         found = search(target.field, points, window, least)
         if found is None:
-            return Closure(k, j, centre, 0.0, "low score"), []
+            return Closure(k, j, found_by, window.centre, 0.0, "low score"), []
         match = refine(target.bins, surface, found.pose)
-
-        def refused(reason: str) -> tuple[Closure, list[Link]]:
-            return Closure(k, j, match.pose, found.score, reason), []
-
+        closure = Closure(k, j, found_by, match.pose, found.score, "")
+        off = back_end.between(j, k).inverse() @ match.pose
+        limit_m = task.limit_m if isinstance(task, Hint) else math.inf
         if match.inliers < _LEAST_INLIERS:
-            return refused("few echoes match")
+            return replace(closure, reason="few echoes match"), []
+        if math.hypot(off.x_m, off.y_m) > limit_m:
+            return replace(closure, reason="too far off"), []
         if search(target.field, points, window, _AMBIGUOUS * found.score, found.pose) is not None:
-            return refused("ambiguous")
-        links = []
-        at = match.pose
-        by_distance = sorted(
-            place,
-            key=lambda e: _far(back_end.between(j, e).inverse() @ at),
+            return replace(closure, reason="ambiguous"), []
+        links = self._pairs(k, j, place, match.pose)
+        return (closure, links) if links else (replace(closure, reason="no two scans match"), [])
+
+    def _around(self, centre: int, among: range, within_m: float = _AROUND_M) -> list[int]:
+        """Return keyframes that are near one."""
+        poses = self._back_end.poses
+        return [e for e in among if np.hypot(*(poses[e, :2] - poses[centre, :2])) < within_m]
+
+    def _last_ones(self, number: int) -> Surface:
+        """Return what a keyframe and those before and after it see, in its frame."""
+        among = range(max(number - _WITH, 0), min(number + _WITH, len(self._keyframes)))
+        between = self._back_end.between
+        return joined(
+            [
+                self._keyframes[each].surface.moved(between(number, each))
+                for each in self._around(number, among, _WITH_M)
+            ]
         )
-        for other in by_distance[: 2 * _PAIRS]:
-            start = back_end.between(j, other).inverse() @ match.pose
-            pair = match_pair(keyframes[other], keyframes[k], start, config, 0.15)
-            if pair is None:
-                continue
-            links.append(Link(other, k, pair.pose, pair.information, is_loop=True))
+
+    def _pairs(self, k: int, j: int, place: list[int], at: SE2) -> list[Link]:
+        """Return links of a keyframe, seen from `j`, with those of the place that match it."""
+        between, links = self._back_end.between, []
+        starts = {other: between(j, other).inverse() @ at for other in place}
+        for other in sorted(place, key=lambda each: _far(starts[each]))[: 2 * _PAIRS]:
+            old, new = self._keyframes[other], self._keyframes[k]
+            pair = match_pair(old, new, starts[other], self._config, _PAIR_M)
+            if pair is not None:
+                links.append(Link(other, k, pair.pose, pair.information, is_loop=True))
             if len(links) == _PAIRS:
                 break
-        if not links:
-            return refused("no two scans match")
-        return Closure(k, j, match.pose, found.score, ""), links
+        return links
 
     def _confirmed(self, new: _Pending) -> list[Link]:
         """Return the links of a closure and of those before that agree with it; else keep it."""
@@ -184,7 +304,9 @@ class LoopSearch:
         links = []
         for each in list(self._pending):
             way_m = abs(now - self._keyframes[each.closure.keyframe].travelled_m)
-            if way_m >= _APART_M and self._agree(each.closure, new.closure, way_m):
+            is_near = "position" in (each.closure.found_by, new.closure.found_by)
+            apart_m = _APART_M if is_near else _APART_ALIKE_M
+            if way_m >= apart_m and self._agree(each.closure, new.closure, way_m):
                 links += each.links
                 self._pending.remove(each)
         if links:

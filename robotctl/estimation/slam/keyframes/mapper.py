@@ -339,6 +339,7 @@ class SlamMapper:
             back_end.link(Link(last, number, pose, _UNKNOWN))
         if self._link_last(number, passed) == 0 and match is not None:
             back_end.link(Link(last, number, pose, match.information))
+        self.loops.enter(number)
         self._link_near(number, passed)
         back_end.update()
         if self.config.stretch_m and back_end.links[-1].is_loop:
@@ -379,8 +380,8 @@ class SlamMapper:
                 break
         if linked:
             return
-        may_be = is_old & (away < _NEAR_M + 3.0 * doubts[:, 0]) & ~sure
-        self.loops.consider(number, np.flatnonzero(may_be), doubts)
+        others = np.flatnonzero(is_old & ~sure)
+        self.loops.consider(number, others, doubts, by_wheels=self._by_wheels)
 
     def close(self, links: list[Link]) -> None:
         """Close a loop."""

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from robotctl.estimation.slam.keyframes.back_end import Link
+from robotctl.estimation.slam.keyframes.loops import Hint
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.model.geometry.points import align, moved
 from robotctl.model.geometry.se2 import SE2
@@ -66,6 +67,50 @@ def test_a_slip_of_the_wheels_is_noticed_and_does_no_harm():
     mapper, made = drive(OFFICE, poses, slipped, rng)
     assert mapper.slips == 1
     assert ape_m(made, poses) < 0.05
+
+
+def test_a_place_beyond_all_doubt_is_found_by_its_shape():
+    # Without odometry bare walls say nothing of the way along them: metres are lost.
+    corner = [(1.0, 0.0, 0.5, 0.4), (3.0, 1.7, 0.4, 0.3), (0.0, 3.0, 0.3, 0.6),
+              (5.0, 0.0, 0.3, 0.5), (1.7, 4.5, 0.3, 0.8)]  # fmt: skip
+    walls = np.concatenate(
+        [box(0.0, 0.0, 20.0, 12.0), box(2.0, 2.0, 16.0, 8.0), *(box(*each) for each in corner)]
+    )
+    poses = along([(1.0, 1.0), (19.0, 1.0), (19.0, 11.0), (1.0, 11.0), (1.0, 1.0), (19.0, 1.0)])
+    rng, mapper = np.random.default_rng(1), SlamMapper()
+    for number, pose in enumerate(poses):
+        mapper.add(scan_of(walls, pose, rng, reach_m=6.0, stamp_ns=number * 500_000_000))
+    closed = [each for each in mapper.loops.log if not each.reason]
+    assert [each.found_by for each in closed] == ["shape"]
+    at = [round(2e-9 * mapper.keyframes[n].stamp_ns) for n in (closed[0].keyframe, closed[0].other)]
+    off = (poses[at[1]].inverse() @ poses[at[0]]).inverse() @ closed[0].pose
+    assert np.hypot(off.x_m, off.y_m) < 0.1
+    assert abs(off.theta_rad) < 0.02
+
+
+@pytest.mark.parametrize("off_m", [0.4, 3.0])
+def test_a_hint_counts_only_where_scans_bear_it_out(off_m):
+    rng = np.random.default_rng(2)
+    poses = along(ROUND)
+    mapper, _ = drive(OFFICE, poses, drifting(poses, rng), rng)
+    true = [poses[round(2e-9 * each.stamp_ns)] for each in mapper.keyframes]
+    mapper.loops.log.clear()
+    for new in (len(true) - 4, len(true) - 14):
+        old = min(range(40), key=lambda each: np.hypot(*_shift(true[each], true[new])))
+        at = true[old].inverse() @ true[new]
+        pose = SE2(at.x_m + off_m, at.y_m, at.theta_rad)
+        mapper.loops.suggest(Hint(new, old, "image", pose, 0.8, 0.3))
+    links = mapper.loops.step() + mapper.loops.step()
+    assert bool(links) == (off_m < 1.0)
+    assert all(bool(each.reason) == (off_m > 1.0) for each in mapper.loops.log[1:])
+    for link in links:
+        expected = true[link.first].inverse() @ true[link.second]
+        assert np.hypot(*_shift(expected, link.pose)) < 0.06
+
+
+def _shift(a, b):
+    """Return how far two poses are apart, (2,)."""
+    return b.x_m - a.x_m, b.y_m - a.y_m
 
 
 def test_a_room_that_looks_alike_is_no_loop():

@@ -1,0 +1,148 @@
+"""The shape of the surroundings of each keyframe: places that look alike, whatever their heading.
+
+What the last keyframes saw around is counted in rings and sectors; a turn of the robot shifts the
+sectors, so the best of all turns comes from one Fourier transform. Kim, Kim: Scan Context, IROS
+2018, does so for scans in space.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.estimation.slam.front_end.surface import Floats
+from robotctl.model.geometry.points import moved
+from robotctl.model.geometry.se2 import SE2
+
+REACH_M: Final = 6.0
+"""What is farther away from a keyframe is not of its surroundings, nor are keyframes there."""
+AROUND: Final = 20
+"""Keyframes before one, at most, that saw its surroundings."""
+_RINGS: Final = 16
+_SECTORS: Final = 60
+_CELL_M: Final = 0.1
+_MOST: Final = 3.0
+"""Cells of a bin that count: a wall along the line of sight is no more than one across it."""
+_COMPARED: Final = 1000
+"""Keyframes that are compared at all turns, those most alike by rings."""
+_CHUNK: Final = 1024
+
+
+@dataclass(frozen=True, slots=True)
+class Alike:
+    """A keyframe whose surroundings look alike.
+
+    Parameters
+    ----------
+    number
+        Of the keyframe.
+    turn_rad
+        Heading of the new one in it [rad], to half a sector.
+    score
+        0 to 1: correlation of the two.
+    """
+
+    number: int
+    turn_rad: float
+    score: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Expected:
+    """Keyframes that a new one may be at.
+
+    Parameters
+    ----------
+    numbers
+        Of the keyframes, (n,).
+    turns_rad, within_rad
+        Heading of the new one in each, and how far off it may be to either side, (n,) [rad].
+    """
+
+    numbers: NDArray[np.int64]
+    turns_rad: Floats
+    within_rad: Floats
+
+
+def shape_of(points: Floats) -> Floats:
+    """Return the shape of points (n, 2) around the origin: (rings, sectors), of norm 1 or 0."""
+    cells = np.unique(np.floor(points / _CELL_M).astype(np.int64), axis=0)
+    x, y = ((cells + 0.5) * _CELL_M).T
+    away = np.hypot(x, y)
+    near = away < REACH_M
+    ring = (away[near] * (_RINGS / REACH_M)).astype(np.int64)
+    turn = np.arctan2(y[near], x[near]) * (_SECTORS / (2.0 * np.pi))
+    sector = np.floor(turn).astype(np.int64) % _SECTORS
+    counts = np.bincount(ring * _SECTORS + sector, minlength=_RINGS * _SECTORS)
+    shape = np.minimum(counts.reshape(_RINGS, _SECTORS), _MOST)
+    # A robot that comes by a little beside sees things in the next bin.
+    shape = shape + 0.5 * (np.roll(shape, 1, axis=1) + np.roll(shape, -1, axis=1))
+    beside = np.pad(shape, ((1, 1), (0, 0)))
+    shape = shape + 0.5 * (beside[:-2] + beside[2:])
+    result: Floats = shape / max(float(np.linalg.norm(shape)), 1e-9)
+    return result
+
+
+class Shapes:
+    """The shapes of all keyframes, by number."""
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._spectra = np.empty((_CHUNK, _RINGS, _SECTORS // 2 + 1), np.complex64)
+        self._rings = np.empty((_CHUNK, _RINGS), np.float32)
+
+    def __len__(self) -> int:
+        return self._count
+
+    def add(self, seen: list[tuple[SE2, Floats]]) -> None:
+        """Add the next keyframe: what was seen around it, points at poses in it."""
+        near = [
+            moved(pose, points) for pose, points in seen if np.hypot(pose.x_m, pose.y_m) < REACH_M
+        ]
+        shape = shape_of(np.concatenate(near) if near else np.empty((0, 2)))
+        if self._count == len(self._spectra):
+            self._spectra = np.concatenate([self._spectra, np.empty_like(self._spectra)])
+            self._rings = np.concatenate([self._rings, np.empty_like(self._rings)])
+        self._spectra[self._count] = np.fft.rfft(shape, axis=1)
+        self._rings[self._count] = np.linalg.norm(shape, axis=1)
+        self._count += 1
+
+    def alike(self, number: int, expected: Expected, most: int, apart: int) -> list[Alike]:
+        """Return keyframes that look most like one, the best first.
+
+        Parameters
+        ----------
+        number
+            Of the one.
+        expected
+            Those that may be.
+        most, apart
+            So many of them at most, whose numbers are so far apart.
+        """
+        among = expected.numbers
+        chosen = np.arange(len(among))
+        if len(among) > _COMPARED:
+            # No turn makes rings more alike than their norms say (Cauchy, Schwarz).
+            bounds = self._rings[among] @ self._rings[number]
+            chosen = np.argpartition(-bounds, _COMPARED)[:_COMPARED]
+        products = np.einsum(
+            "nrs,rs->ns", self._spectra[among[chosen]], self._spectra[number].conj()
+        )
+        by_turn = np.fft.irfft(products, n=_SECTORS, axis=1)
+        turns = np.arange(_SECTORS) * (2.0 * np.pi / _SECTORS)
+        off = turns - expected.turns_rad[chosen, None]
+        by_turn[np.abs(np.angle(np.exp(1j * off))) > expected.within_rad[chosen, None]] = -1.0
+        scores, shifts = by_turn.max(axis=1), by_turn.argmax(axis=1)
+        result: list[Alike] = []
+        for row in np.argsort(-scores, kind="stable").tolist():
+            if len(result) == most:
+                break
+            other = int(among[chosen[row]])
+            if all(abs(other - each.number) > apart for each in result):
+                turn_rad = math.remainder(float(turns[shifts[row]]), 2.0 * math.pi)
+                result.append(Alike(other, turn_rad, float(scores[row])))
+        return result
