@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from PIL import Image
 from typer.testing import CliRunner
 
 from robotctl.cli.commands import app
@@ -57,9 +58,30 @@ def test_the_folder_has_trajectory_map_graph_and_report(log, tmp_path):
     assert optimized.exit_code == 0, optimized.output
 
 
+@pytest.mark.timeout(400)
+def test_pictures_are_shown_beside_the_keyframes_of_their_time(log, tmp_path):
+    pictures = tmp_path / "rgb"
+    pictures.mkdir()
+    rng = np.random.default_rng(3)
+    for number in range(12):
+        image = Image.fromarray(rng.integers(0, 255, (120, 160), np.uint8))
+        image.save(pictures / f"{1000.05 + 0.8 * number:.6f}.png")
+    result = run("--log", log, "--images", pictures, "--out", tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    assert "0 of 12 images recognised" in result.output
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["images"]["looked_at"] == 12
+    assert sum(report["images"]["refused"].values()) == 12
+    rows = (tmp_path / "out" / "images.csv").read_text().splitlines()
+    assert rows[0].startswith("image,candidate,score")
+    assert rows[1].startswith(str(pictures / "1000.050000.png"))
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
+        (("--images", "DIR"), "1 images of 5.000 to 5.000 s, none of the time of the log's scans"),
+        (("--images", "none"), "none: a folder of images is needed, found nothing"),
         (("--sensor", "radar"), "--sensor radar: unknown; allowed is lidar, sonar, camera"),
         (("--sensor", "sonar"), "nothing of a sonar in it, which --sensor sonar needs; it has "),
         (("--sensor", "sonar", "--map", "old"), "--map: needs --sensor lidar"),
@@ -67,6 +89,8 @@ def test_the_folder_has_trajectory_map_graph_and_report(log, tmp_path):
     ],
 )
 def test_what_is_wrong_is_said(log, tmp_path, words, message):
+    Image.new("L", (8, 8)).save(tmp_path / "5.0.png")
+    words = [str(tmp_path) if each == "DIR" else each for each in words]
     result = run("--log", log, "--out", tmp_path / "out", *words)
     assert isinstance(result.exception, RobotctlError)
     assert message in str(result.exception)

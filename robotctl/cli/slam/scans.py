@@ -15,7 +15,13 @@ if TYPE_CHECKING:
 
 
 def slam_by_scans(
-    log: Path, out: Path, time_unit: str | None, console: Console, onto: Path | None, sensor: str
+    log: Path,
+    out: Path,
+    time_unit: str | None,
+    console: Console,
+    onto: Path | None,
+    sensor: str,
+    images: Path | None,
 ) -> None:
     """Make trajectory, map and graph of a recorded drive and write them into a folder."""
     with progress_bar(console, log.name, "SLAM") as tell:
@@ -28,7 +34,7 @@ def slam_by_scans(
 
         if cache_is_cold():
             console.print(COMPILING, soft_wrap=True)
-        result = scan_slam(log, time_unit, tell, onto, sensor)
+        result = scan_slam(log, time_unit, tell, onto, sensor, images)
     write_slam(
         out,
         console,
@@ -49,6 +55,9 @@ def _sentence(report: dict[str, Any]) -> str:
         f"{loops['closed']} loops closed, {refused} refused",
         f"{report['links_of_loops']} links of loops",
     ]
+    if "images" in report:
+        pictures = report["images"]
+        parts.append(f"{pictures['recognised']} of {pictures['looked_at']} images recognised")
     if report["unmatched"]:
         parts.append(f"{report['unmatched']} scans fit nowhere")
     if report["slips"]:

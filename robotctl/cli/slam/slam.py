@@ -57,6 +57,13 @@ def slam(
             help="With lidar: go on with this map of keyframes; the log may be another one.",
         ),
     ] = None,
+    images: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="With --sensor: the drive's pictures, named by time or listed, to know places by.",
+        ),
+    ] = None,
     time_unit: TimeUnit = None,
 ) -> None:
     """Make a trajectory and a map from a recorded drive, by landmarks or by scans.
@@ -72,6 +79,8 @@ def slam(
             f"--sensor {sensor}: --features, --solver, --association and --mrclam-robot are for "
             "landmarks, leave them"
         )
+    if images is not None and sensor is None:
+        raise ConfigError(f"--images: needs --sensor {', '.join(SCAN_SOURCES)}")
     if onto is not None and sensor != LIDAR:
         raise ConfigError("--map: needs --sensor lidar")
     if not out.parent.is_dir():
@@ -82,7 +91,7 @@ def slam(
     if sensor is not None:
         from robotctl.cli.slam.scans import slam_by_scans  # noqa: PLC0415
 
-        slam_by_scans(log, out, time_unit, console, onto, sensor)
+        slam_by_scans(log, out, time_unit, console, onto, sensor, images)
         return
     with progress_bar(console, log.name, "SLAM") as tell:
         # It takes a second or more, in which nothing would be seen.

@@ -228,8 +228,19 @@ def _features(
     files: Sequence[Path], progress: Progress = lambda _done, _total: None
 ) -> Iterator[Features]:
     for done, file in enumerate(files):
-        yield features_of(_grey(file))
+        yield features_in(file)
         progress(done + 1, len(files))
+
+
+def features_in(file: Path) -> Features:
+    """Return the features of an image.
+
+    Raises
+    ------
+    ConfigError
+        If it cannot be read.
+    """
+    return features_of(_grey(file))
 
 
 def _grey(file: Path) -> NDArray[np.uint8]:

@@ -6,7 +6,7 @@ import csv
 import json
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, TypeAlias
@@ -30,6 +30,7 @@ from robotctl.estimation.slam.keyframes.saved_map import HEADING, KeyframeMap, w
 from robotctl.estimation.slam.local_scans.registry import load_source
 from robotctl.estimation.slam.local_scans.source import ScanSource
 from robotctl.estimation.slam.robust.robust_cost import OFF
+from robotctl.logs.formats.image_folder import TimedImage
 from robotctl.logs.formats.keyframes_log import load_keyframes
 from robotctl.logs.formats.recorded_log import read_recording
 from robotctl.logs.formats.robotctl_log import ROBOTCTL
@@ -41,6 +42,8 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.model.recording import RecordedScan, Recording
 from robotctl.model.trajectory import Trajectory
 from robotctl.runtime.storage.record_log import packed
+from robotctl.workbench.places.images import MatchedImages, write_pairs
+from robotctl.workbench.slam.pictures import ShownPictures, pictures_of
 from robotctl.workbench.slam.result import Estimated
 
 Progress: TypeAlias = Callable[[int, int], None]
@@ -78,6 +81,8 @@ class ScanResult:
         CPU time of the map [ms].
     frame
         The map's frame in `world`.
+    images
+        What the images of keyframes were recognised as; None: there are none.
     """
 
     recording: Recording
@@ -89,6 +94,7 @@ class ScanResult:
     times_ms: np.ndarray
     grid_ms: float
     frame: SE2
+    images: MatchedImages | None = None
 
     def report(self) -> dict[str, Any]:
         """Return the figures; the keys stand in docs/slam.md."""
@@ -97,6 +103,14 @@ class ScanResult:
         off = sum(weight < OFF for weight in back_end.weights)
         closed = [each for each in log if not each.reason]
         figures = self.grid.figures()
+        images: dict[str, Any] = {}
+        if self.images is not None:
+            refusals = [each.refusal for each in self.images.recognitions]
+            images["images"] = {
+                "looked_at": len(refusals),
+                "recognised": refusals.count(""),
+                "refused": dict(Counter(each for each in refusals if each)),
+            }
         return {
             "log": self.recording.name,
             "scans": len(self.recording.scans),
@@ -112,6 +126,7 @@ class ScanResult:
                 "closed_by": dict(Counter(each.found_by for each in closed)),
                 "refused": dict(Counter(each.reason for each in log if each.reason)),
             },
+            **images,
             "trajectory": Estimated(self.estimate).compared(reference),
             "online": Estimated(self.online).compared(reference),
             "map": {
@@ -141,8 +156,11 @@ def scan_slam(
     progress: Progress,
     onto: Path | None = None,
     sensor: str = LIDAR,
+    images: Path | None = None,
 ) -> ScanResult:
     """Make trajectory and map of a log; with `onto`, go on with that map of keyframes.
+
+    With `images`, a folder, places are recognised by these, too.
 
     Raises
     ------
@@ -166,12 +184,13 @@ def scan_slam(
         recording = replace(
             recording, scans=recording.scans[first:], notes=(*recording.notes, note)
         )
+    pictures = () if images is None else pictures_of(images, recording.scans)
     if onto is None:
-        return scan_slam_of(recording, progress, source.config)
+        return scan_slam_of(recording, progress, source.config, pictures)
     saved = load_keyframes(onto)
     if saved is None:
         raise ScanSlamError(f"{onto}: no map of keyframes")
-    return scan_slam_onto(recording, saved, progress)
+    return scan_slam_onto(recording, saved, progress, pictures)
 
 
 def _scanned(recording: Recording, sensor: str, log: Path) -> tuple[Recording, ScanSource[Any]]:
@@ -208,12 +227,15 @@ def _echoes(each: RecordedScan) -> int:
 
 
 def scan_slam_of(
-    recording: Recording, progress: Progress, config: KeyframeConfig | None = None
+    recording: Recording,
+    progress: Progress,
+    config: KeyframeConfig | None = None,
+    pictures: Sequence[TimedImage] = (),
 ) -> ScanResult:
     """Map a recording, whose first scan has `LEAST_ECHOES` echoes."""
     _compile(recording)
     count, by_wheels = len(recording.scans), has_odometry(recording)
-    drive = _Drive(SlamMapper(config), recording, by_wheels)
+    drive = _Drive(SlamMapper(config), recording, by_wheels, pictures=pictures)
     for row in range(count):
         drive.add(row)
         progress(row + 1, count)
@@ -221,7 +243,12 @@ def scan_slam_of(
     return drive.result()
 
 
-def scan_slam_onto(recording: Recording, saved: KeyframeMap, progress: Progress) -> ScanResult:
+def scan_slam_onto(
+    recording: Recording,
+    saved: KeyframeMap,
+    progress: Progress,
+    pictures: Sequence[TimedImage] = (),
+) -> ScanResult:
     """Go on with a map: from the first scan that is found on it to the end, then to the begin.
 
     Raises
@@ -233,7 +260,7 @@ def scan_slam_onto(recording: Recording, saved: KeyframeMap, progress: Progress)
     count, by_wheels = len(recording.scans), has_odometry(recording)
     mapper = SlamMapper(KeyframeConfig(is_live=True))
     mapper.resume(saved, is_there=False)
-    drive, first, row = _Drive(mapper, recording, by_wheels, saved), 0, 0
+    drive, first, row = _Drive(mapper, recording, by_wheels, saved, pictures), 0, 0
     while not mapper.is_sure:
         if row == count:
             raise ScanSlamError(
@@ -264,8 +291,10 @@ class _Drive:
         recording: Recording,
         by_wheels: bool,
         saved: KeyframeMap | None = None,
+        pictures: Sequence[TimedImage] = (),
     ) -> None:
         self.mapper = mapper
+        self._pictures = ShownPictures(pictures, mapper) if pictures else None
         self._saved = saved
         self._looked: SE2 | None = None
         self._recording = recording
@@ -284,6 +313,8 @@ class _Drive:
             while mapper.looks and not mapper.look():
                 pass
             self._looked = mapper.pose
+        if self._pictures is not None:
+            self._pictures.show_new()
         self.places[row], self._online[row] = mapper.place, mapper.pose
         self._times_ms[row] = 1e-6 * (time.process_time_ns() - began_ns)
 
@@ -313,6 +344,7 @@ class _Drive:
             self._times_ms,
             grid_ms,
             SE2() if self._saved is None else self._saved.frame,
+            None if self._pictures is None else self._pictures.matched,
         )
 
 
@@ -363,6 +395,8 @@ def write_scan_results(result: ScanResult, folder: Path) -> None:
     record = whole_map(result.mapper, result.frame, (place.keyframe, place.pose))
     (folder / "map.keyframes").write_bytes(HEADING + packed([record]))
     _write_closures(folder / "closures.csv", result.mapper)
+    if result.images is not None:
+        write_pairs(result.images, folder / "images.csv")
     text = json.dumps(result.report(), indent=2) + "\n"
     (folder / "report.json").write_text(text, encoding="utf-8")
 

@@ -14,6 +14,7 @@ from robotctl.estimation.slam.front_end.surface import Surface, joined
 from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe, match_pair
+from robotctl.estimation.slam.keyframes.known_places import certain
 from robotctl.estimation.slam.keyframes.shapes import AROUND, Expected, Shapes
 from robotctl.estimation.slam.keyframes.tracker import local_map, thinned
 from robotctl.model.geometry.se2 import SE2
@@ -194,8 +195,10 @@ class LoopSearch:
                 self.suggest(Hint(number, each.number, "shape", at, _SHAPE_M, _SHAPE_RAD, limit_m))
 
     def suggest(self, hint: Hint) -> None:
-        """Put a place that something speaks for on the list."""
-        if hint.other < hint.keyframe - 2 * _AROUND:
+        """Put a place that something speaks for on the list, unless it is known already."""
+        if hint.other >= hint.keyframe - 2 * _AROUND:
+            return
+        if not certain(self._back_end.doubts(hint.keyframe))[hint.other]:
             self._hints = [*self._hints, hint][-_QUEUE:]
 
     def _consider_near(self, number: int, others: np.ndarray, doubts: np.ndarray) -> None:

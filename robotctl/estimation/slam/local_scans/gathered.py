@@ -110,7 +110,7 @@ def _in_company(points: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return which points have others in their square of `_TOGETHER_M` or around it, (n,)."""
     cells = np.floor(points / _TOGETHER_M).astype(np.intp)
     cells -= cells.min(axis=0, initial=0) - 1
-    counts = np.zeros(cells.max(axis=0, initial=0) + 2, np.intp)
+    counts = np.zeros(cells.max(axis=0, initial=1) + 2, np.intp)
     np.add.at(counts, (cells[:, 0], cells[:, 1]), 1)
     around = sliding_window_view(counts, (3, 3)).sum(axis=(2, 3))
     result: NDArray[np.bool_] = around[cells[:, 0] - 1, cells[:, 1] - 1] >= _COMPANY

@@ -70,6 +70,10 @@ def test_what_is_nearer_hides_what_is_behind_it_and_a_lonely_echo_is_none():
     assert scan.ranges_m[90] == pytest.approx(1.0, abs=0.001)
 
 
+def test_a_scan_of_nothing_has_no_echo():
+    assert not np.isfinite(scan_of_points(np.empty((0, 2)), 0, 4.0).ranges_m).any()
+
+
 def test_scans_show_the_walls_where_they_are():
     rng = np.random.default_rng(1)
     poses = along(TWICE[:3], step_m=0.05, turn_rad=0.05)

@@ -1,0 +1,83 @@
+"""`robotctl slam --images DIR`: the pictures of a drive, each beside the keyframe of its time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from robotctl.errors import ConfigError
+from robotctl.estimation.slam.keyframes.mapper import SlamMapper
+from robotctl.estimation.slam.keyframes.seen_places import IMAGE_NS, SeenPlaces
+from robotctl.logs.formats.image_folder import TimedImage, timed_images
+from robotctl.maps.vocabulary_file import load_vocabulary, shipped_vocabulary
+from robotctl.model.recording import RecordedScan
+from robotctl.workbench.places.images import MatchedImages, features_in
+
+
+def pictures_of(folder: Path, scans: Sequence[RecordedScan]) -> list[TimedImage]:
+    """Return the pictures of a drive with scans, by time.
+
+    Raises
+    ------
+    LogFormatError, ConfigError
+        If an image has no time, or none is of the time of the scans.
+    OSError
+        If a file cannot be read.
+    """
+    images = timed_images(folder)
+    times_ns = [each.scan.stamp_ns for each in scans]
+    first_ns, last_ns = min(times_ns), max(times_ns)
+    if not any(first_ns - IMAGE_NS <= each.stamp_ns <= last_ns + IMAGE_NS for each in images):
+        begin_ns, end_ns = images[0].stamp_ns, images[-1].stamp_ns
+        raise ConfigError(
+            f"--images {folder}: {len(images)} images of {1e-9 * begin_ns:.3f} to "
+            f"{1e-9 * end_ns:.3f} s, none of the time of the log's scans, {1e-9 * first_ns:.3f} "
+            f"to {1e-9 * last_ns:.3f} s; times by one clock are needed"
+        )
+    return images
+
+
+class ShownPictures:
+    """Shows a mapper the pictures of the keyframes that it adds to its map.
+
+    Parameters
+    ----------
+    images
+        By time.
+    mapper
+        The mapper.
+    """
+
+    def __init__(self, images: Sequence[TimedImage], mapper: SlamMapper) -> None:
+        self._images = images
+        self._stamps_ns = np.array([each.stamp_ns for each in images], np.int64)
+        self._mapper = mapper
+        self._seen = SeenPlaces(load_vocabulary(shipped_vocabulary()), mapper.loops)
+        self._looked_at = len(mapper.keyframes)
+        self._shown: list[Path] = []
+
+    def show_new(self) -> None:
+        """Show the pictures of keyframes that are new, if there are any of their time.
+
+        Raises
+        ------
+        ConfigError
+            If an image cannot be read.
+        """
+        keyframes = self._mapper.keyframes
+        for number in range(self._looked_at, len(keyframes)):
+            off_ns = np.abs(self._stamps_ns - keyframes[number].stamp_ns)
+            nearest = int(np.argmin(off_ns))
+            file = self._images[nearest].path
+            if off_ns[nearest] <= IMAGE_NS and file not in self._shown[-1:]:
+                self._seen.see(number, features_in(file))
+                self._shown.append(file)
+        self._looked_at = len(keyframes)
+
+    @property
+    def matched(self) -> MatchedImages:
+        """What each picture that was shown was recognised as."""
+        shown = tuple(self._shown)
+        return MatchedImages(shown, shown, tuple(self._seen.recognitions))

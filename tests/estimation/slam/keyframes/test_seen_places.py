@@ -1,0 +1,67 @@
+"""Loops by a camera: what images say counts where scans bear it out."""
+
+import cv2
+import numpy as np
+import pytest
+
+from robotctl.estimation.places.visual.features import features_of
+from robotctl.estimation.slam.keyframes.mapper import SlamMapper
+from robotctl.estimation.slam.keyframes.seen_places import SeenPlaces
+from robotctl.maps.vocabulary_file import load_vocabulary, shipped_vocabulary
+from tests.estimation.slam.lidar_world import along, box, scan_of
+
+pytestmark = pytest.mark.timeout(400)  # a cold cache: all of it is compiled
+
+
+def drawn(seed):
+    """Draw a wall with many things on it, 300 x 400."""
+    rng = np.random.default_rng(seed)
+    picture = np.full((300, 400), 128, np.uint8)
+    for _ in range(100):
+        x, y = rng.integers(0, 400), rng.integers(0, 300)
+        size = rng.integers(6, 50, 2)
+        cv2.rectangle(picture, (x, y), (x + size[0], y + size[1]), int(rng.integers(0, 256)), -1)
+    return picture
+
+
+def seen_at(pose, rng, is_alike):
+    """Return the features of what a camera sees: each metre looks different, or all alike."""
+    place = (round(pose.x_m), round(pose.y_m), round(2.0 * pose.theta_rad / np.pi) % 4)
+    seed = 7 if is_alike else 1000 * (place[0] * 20 + place[1]) + place[2]
+    view = drawn(seed) + rng.normal(0.0, 2.0, (300, 400))
+    return features_of(np.clip(view, 0.0, 255.0).astype(np.uint8))
+
+
+@pytest.mark.parametrize("is_alike", [False, True])
+def test_a_place_that_is_known_again_by_its_image_closes_the_loop(monkeypatch, is_alike):
+    # Bare corridors tell no length to scans without odometry; nor do shapes count here.
+    monkeypatch.setattr("robotctl.estimation.slam.keyframes.loops._ALIKE", 0)
+    things = [(1.0, 0.0, 0.5, 0.4), (3.0, 1.7, 0.4, 0.3), (0.0, 3.0, 0.3, 0.6),
+              (5.0, 0.0, 0.3, 0.5), (1.7, 4.5, 0.3, 0.8)]  # fmt: skip
+    walls = np.concatenate(
+        [box(0.0, 0.0, 20.0, 12.0), box(2.0, 2.0, 16.0, 8.0), *(box(*each) for each in things)]
+    )
+    poses = along([(1.0, 1.0), (19.0, 1.0), (19.0, 11.0), (1.0, 11.0), (1.0, 1.0), (9.0, 1.0)])
+    rng, mapper = np.random.default_rng(1), SlamMapper()
+    seen = SeenPlaces(load_vocabulary(shipped_vocabulary()), mapper.loops)
+    for number, pose in enumerate(poses):
+        count = len(mapper.keyframes)
+        mapper.add(scan_of(walls, pose, rng, reach_m=6.0, stamp_ns=number * 500_000_000))
+        if len(mapper.keyframes) > count:
+            seen.see(count, seen_at(pose, rng, is_alike))
+    mapper.finish()
+    true = [poses[round(2e-9 * each.stamp_ns)] for each in mapper.keyframes]
+    # Once more past the last of the things: the bare wall behind it is shorter on the map.
+    old, new = (
+        min(lap, key=lambda each: np.hypot(true[each].x_m - 4.0, true[each].y_m - 1.0))
+        for lap in (range(30), range(len(true) - 30, len(true)))
+    )
+    expected, made = true[old].inverse() @ true[new], mapper.back_end.between(old, new)
+    off_m = np.hypot(made.x_m - expected.x_m, made.y_m - expected.y_m)
+    closed = [each.found_by for each in mapper.loops.log if not each.reason]
+    if is_alike:
+        assert "image" not in closed
+        assert off_m > 2.0
+    else:
+        assert closed == ["image"]
+        assert off_m < 0.05
