@@ -22,8 +22,9 @@ from firmware_sim.camera.camera import Camera
 from firmware_sim.config.config import load_robot
 from firmware_sim.world.world import load_world
 from robotctl.config.robot_file import find_file
-from robotctl.estimation.places.visual.features import Features, features_of
+from robotctl.estimation.places.visual.features import Features
 from robotctl.estimation.places.visual.matching import RATIO
+from robotctl.estimation.places.visual.orb import features_of
 from robotctl.estimation.places.visual.recognition import VisualPlaces, sight_of
 from robotctl.maps.vocabulary_file import load_vocabulary, shipped_vocabulary
 from robotctl.planning.global_planning.plan import PlanFailure

@@ -52,13 +52,26 @@ class SeenMarker(msgspec.Struct, frozen=True):
     theta_rad: float
 
 
+class ImageFeatures(msgspec.Struct, frozen=True):
+    """Corners of a picture, for recognising places.
+
+    `points` are u and v over the picture's diagonal, float32, `descriptors` 32 bytes for each;
+    `aspect` is the picture's shorter over its longer side.
+    """
+
+    points: bytes
+    descriptors: bytes
+    aspect: float
+
+
 class CameraView(msgspec.Struct, frozen=True, tag=True):
     """Result of the camera process for one picture.
 
     Beam i looks from `x_m`, `y_m` of `base` at `angles_rad[i]` from forward, to the left. Ranges
     (m): inf: floor up to `max_range_m`, nan: not judged; `sigmas_m` are their standard deviations.
     Floor nearer than `nearest_m` is not in the picture. `trouble` says why the picture is not to be
-    trusted; it is empty if it is.
+    trusted; it is empty if it is. `features` are there a few times a second, where somebody
+    recognises places by them.
     """
 
     stamp_ns: int
@@ -73,6 +86,7 @@ class CameraView(msgspec.Struct, frozen=True, tag=True):
     trouble: str = ""
     step_us: float = 0.0
     markers: tuple[SeenMarker, ...] = ()
+    features: ImageFeatures | None = None
 
 
 SensorMessage: TypeAlias = LidarScan | CameraView

@@ -32,6 +32,7 @@ from robotctl.estimation.sensors.sensor import Listener, Measured, SensedRobot
 from robotctl.maps.localisation_map import load_localisation_map, off_map
 from robotctl.messages.control import ControlState, ExternalPose
 from robotctl.messages.estimation import (
+    CameraView,
     GivenMap,
     LiveMap,
     LocalisationState,
@@ -142,7 +143,8 @@ class Estimators:
         self._history.add(control.stamp_ns, control.T_odom_base, control.odom_epoch_ns)
         messages = (control, *self._timely(scans, now_ns))
         measured = {name: self._good(each, messages) for name, each in self._listeners.items()}
-        seen = LocaliserInput(measured, self._timely(poses, now_ns))
+        images = [each for each in messages if isinstance(each, CameraView) and each.features]
+        seen = LocaliserInput(measured, self._timely(poses, now_ns), images)
         if self.localiser is not None:
             self._state = self._stamped(self.localiser.step(control, seen, now_ns), control)
         if self.mapper is not None:

@@ -14,7 +14,7 @@ from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.estimation.sensors.sensor import SensedRobot
 from robotctl.maps.localisation_map import LocalisationMap
 from robotctl.messages.control import ControlState, ExternalPose
-from robotctl.messages.estimation import LocalisationState
+from robotctl.messages.estimation import CameraView, LocalisationState
 from robotctl.model.geometry.pose_estimate import PoseEstimate, from_upper_triangle, upper_triangle
 from robotctl.model.geometry.se2 import SE2
 
@@ -57,6 +57,8 @@ class LocaliserInput(NamedTuple):
     measured: Mapping[str, Sequence[Any]] = {}
     """By each sensor of `SENSORS`."""
     poses: Sequence[ExternalPose] = ()
+    images: Sequence[CameraView] = ()
+    """Views with features, to recognise places by."""
 
 
 class Localiser(Protocol):

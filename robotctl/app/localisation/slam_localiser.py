@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.app.localisation.localiser import LocaliserInput, localisation_state
+from robotctl.app.localisation.seen_images import SeenImages, rehearse
 from robotctl.app.localisation.slam_files import KeyframeFile, keyframes_to_localise
-from robotctl.app.localisation.slam_sensor import SlamSensor, slam_sensor
+from robotctl.app.localisation.slam_sensor import SlamSensor, recognises_places, slam_sensor
 from robotctl.config.robot_file import RobotConfig
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
@@ -65,6 +66,8 @@ class SlamLocaliser:
         A map to go on with, in place of a start; the robot is expected where it was last on it.
     file
         Keeps the map; None: it is not kept.
+    by_images
+        Whether it recognises places by images of a camera, too.
     """
 
     def __init__(
@@ -75,6 +78,8 @@ class SlamLocaliser:
         history: OdometryHistory,
         saved: KeyframeMap | None = None,
         file: KeyframeFile | None = None,
+        *,
+        by_images: bool = False,
     ) -> None:
         self.mapper = mapper
         self._sensor, self._maker = sensor, sensor.maker()
@@ -85,6 +90,7 @@ class SlamLocaliser:
             mapper.resume(saved, is_there=True)
             self.T_world_map = saved.frame
             start = saved.frame @ mapper.pose
+        self._images = SeenImages(mapper) if by_images else None
         self._begun = self._pose = start
         """Pose in `world` where the odometry began, and now."""
         self._T_world_odom: SE2 | None = None
@@ -119,11 +125,15 @@ class SlamLocaliser:
 
     def step(self, control: ControlState, seen: LocaliserInput, now_ns: int) -> LocalisationState:
         """Take the scans since the last step; return the present estimate."""
+        if self._images is not None:
+            self._images.add(seen.images)
         for measured in seen.measured.get(self._sensor.name, ()):
             odometry = self._history.at(measured.stamp_ns)
             for each in () if odometry is None else self._maker.add(measured, odometry):
                 if self._is_new(each.scan, each.odometry):
                     self._take(each.scan, each.odometry)
+        if self._images is not None:
+            self._images.show_new()
         if self.mapper.look() and self._last is not None:
             self._T_world_odom = self.T_world_map @ self.mapper.pose @ self._last.inverse()
         if self._T_world_odom is None:
@@ -295,6 +305,9 @@ def make_slam(
     quick = SlamMapper(KeyframeConfig(keyframe_m=0.0))
     rehearsed = SlamLocaliser(quick, sensor, SE2(), OdometryHistory())
     _rehearse(rehearsed)
+    by_images = recognises_places(config)
+    if by_images:
+        rehearse(quick)
     drawing = SlamDrawing(rehearsed, OccupancyGrid(grid))
     drawing.step(None, LocaliserInput())
     drawing.live_map(0)
@@ -305,7 +318,7 @@ def make_slam(
     if places.path is not None and places.is_read_only:
         saved = keyframes_to_localise(places.path)
     mapper = SlamMapper(replace(sensor.config, is_live=is_for_life, is_fixed=places.is_read_only))
-    localiser = SlamLocaliser(mapper, sensor, start, history, saved, file)
+    localiser = SlamLocaliser(mapper, sensor, start, history, saved, file, by_images=by_images)
     return localiser, SlamDrawing(localiser, OccupancyGrid(grid))
 
 

@@ -55,3 +55,9 @@ def slam_sensor(config: RobotConfig, robot: SensedRobot) -> SlamSensor:
             f"SLAM by {name} begins anew at each start"
         )
     return SlamSensor(name, robot, source.config)
+
+
+def recognises_places(config: RobotConfig) -> bool:
+    """Return whether a robot looks for loops by the images of its camera."""
+    has_camera = config.camera is not None and config.camera.enabled
+    return has_camera and config.localisation.method == "slam"

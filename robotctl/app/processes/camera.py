@@ -8,6 +8,7 @@ from __future__ import annotations
 import sys
 from contextlib import closing
 
+from robotctl.app.localisation.slam_sensor import recognises_places
 from robotctl.app.processes.camera_source import open_source
 from robotctl.app.processes.entry import enter
 from robotctl.app.processes.floor_pipeline import GroundWatch
@@ -71,7 +72,8 @@ def run(config: RobotConfig, options: StackOptions) -> None:
         onlookers: Publisher | None = None
         if config.camera.source != SIMULATED:
             onlookers = Publisher(sockets.context, endpoints.camera_frames, queue=1)
-        watch = GroundWatch(config.camera, config.ground_camera)
+        with_features = recognises_places(config)
+        watch = GroundWatch(config.camera, config.ground_camera, with_features=with_features)
         notices = CameraNotices()
         trouble: str | None = None  # before the first picture
         seen_ns = clock.now_ns()

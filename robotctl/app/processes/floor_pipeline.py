@@ -13,18 +13,21 @@ from robotctl.estimation.camera.config import GroundCameraConfig
 from robotctl.estimation.camera.ground import GroundCamera, GroundView
 from robotctl.estimation.camera.markers import MarkerDetector
 from robotctl.estimation.camera.obstacles import GroundObstacle
+from robotctl.estimation.places.visual.orb import features_of, grey_of
 from robotctl.messages.control import ControlState
-from robotctl.messages.estimation import CameraView, SeenObstacle
+from robotctl.messages.estimation import CameraView, ImageFeatures, SeenObstacle
 from robotctl.model.sensors.camera import CameraConfig, CameraIntrinsics, CameraMount
 from robotctl.model.sensors.camera_geometry import CameraGeometry
 
 # Blue, green, red; as unlike as can be.
 _WALL = (200, 40, 40)
 _THING = (40, 40, 200)
+_FEATURES_NS = 250_000_000
+"""A keyframe has a picture of its time, so they come more often than keyframes."""
 
 
 class GroundWatch:
-    """Detects the floor and publishes it as messages.
+    """Detects the floor, and corners to know places by, and publishes them as messages.
 
     Another floor than the one that was learnt is not trusted, since a thing that fills the picture
     looks the same. So the floor is learnt again at each arming, when a person can see it.
@@ -35,6 +38,8 @@ class GroundWatch:
         Lens and mount.
     settings
         How floor is distinguished from the rest.
+    with_features
+        Whether somebody recognises places.
 
     Raises
     ------
@@ -42,7 +47,9 @@ class GroundWatch:
         If the camera sees too little of the floor.
     """
 
-    def __init__(self, camera: CameraConfig, settings: GroundCameraConfig) -> None:
+    def __init__(
+        self, camera: CameraConfig, settings: GroundCameraConfig, *, with_features: bool = False
+    ) -> None:
         self._size = (camera.intrinsics.height_px, camera.intrinsics.width_px)
         try:
             geometry = CameraGeometry.of(camera)
@@ -56,6 +63,8 @@ class GroundWatch:
         rows = np.minimum(strip.first_rows, len(strip.ranges_m) - 1)
         self._bearings_rad, self._nearest_m = strip.bearings_rad[::-1], strip.ranges_m[rows][::-1]
         self._armings = 0
+        self._with_features = with_features
+        self._features_due_ns = 0
         _rehearse()
 
     def attend(self, control: ControlState) -> None:
@@ -80,9 +89,21 @@ class GroundWatch:
             return _blind(stamp_ns, f"a picture of {width} x {height} px, not as calibrated")
         view = self._camera.step(image_bgr, stamp_ns)
         markers = () if self._markers is None else self._markers.detect(image_bgr)
+        features = self._features(image_bgr, stamp_ns)
         took_us = (time.thread_time_ns() - begin_ns) / 1000.0
         nearest = np.interp(view.scan.angles_rad, self._bearings_rad, self._nearest_m)
-        return msgspec.structs.replace(camera_view(view, nearest, took_us), markers=markers)
+        return msgspec.structs.replace(
+            camera_view(view, nearest, took_us), markers=markers, features=features
+        )
+
+    def _features(self, image_bgr: NDArray[np.uint8], stamp_ns: int) -> ImageFeatures | None:
+        """Return the corners of a picture, if it is time."""
+        if not self._with_features or stamp_ns < self._features_due_ns:
+            return None
+        self._features_due_ns = stamp_ns + _FEATURES_NS
+        found = features_of(grey_of(image_bgr))
+        points = found.points.astype("<f4").tobytes()
+        return ImageFeatures(points, found.descriptors.tobytes(), found.aspect)
 
 
 def _rehearse() -> None:

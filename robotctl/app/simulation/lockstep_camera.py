@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from firmware_sim.errors import SimulationError
+from robotctl.app.localisation.slam_sensor import recognises_places
 from robotctl.app.simulation.sim_options import SimulatorError
 from robotctl.config.robot_file import RobotConfig
 from robotctl.messages.camera_port import CameraFrame
@@ -50,9 +51,9 @@ class LockstepCamera:
         # OpenCV and numba.
         from robotctl.app.processes.floor_pipeline import GroundWatch  # noqa: PLC0415
 
-        return LockstepCamera(
-            GroundWatch(config.camera, config.ground_camera), config.camera.rate_hz
-        )
+        with_features = recognises_places(config)
+        watch = GroundWatch(config.camera, config.ground_camera, with_features=with_features)
+        return LockstepCamera(watch, config.camera.rate_hz)
 
     def step(self, simulation: Simulation, control: ControlState) -> list[CameraView]:
         """Look if it is time; return the views that have arrived.

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.errors import ConfigError, InvalidValue, PlaceError
-from robotctl.estimation.places.visual.features import Features, features_of
+from robotctl.estimation.places.visual.features import Features
+from robotctl.estimation.places.visual.orb import features_of
 from robotctl.estimation.places.visual.recognition import (
     VisualPlaces,
     VisualRecognition,

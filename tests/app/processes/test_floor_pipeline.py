@@ -7,6 +7,7 @@ import subprocess
 import sys
 from dataclasses import replace
 
+import cv2
 import msgspec
 import numpy as np
 import pytest
@@ -15,9 +16,11 @@ from firmware_sim.camera.camera import Camera
 from firmware_sim.camera.truth import sightings
 from firmware_sim.config.config import load_robot as load_simulated_robot
 from firmware_sim.world.world import load_world
+from robotctl.app.localisation.seen_images import features_in
 from robotctl.app.processes.floor_pipeline import GroundWatch
 from robotctl.config.robot_file import find_file, load_robot
 from robotctl.errors import ConfigError
+from robotctl.estimation.places.visual.orb import features_of
 from robotctl.estimation.ranging.scan_messages import camera_scan
 from robotctl.messages.control import SafetyState
 from robotctl.messages.estimation import CameraView
@@ -129,6 +132,21 @@ def test_the_floor_is_learnt_anew_when_the_robot_is_armed(config):
     assert eye.look(picture(config, 200), 4).trouble != ""
     eye.attend(msgspec.structs.replace(driving, armings=2))  # a stop between shows in no state
     assert eye.look(picture(config, 200), 5).trouble == ""
+
+
+def test_features_come_along_four_times_a_second_where_places_are_recognised(config, watch):
+    eye = GroundWatch(config.camera, config.ground_camera, with_features=True)
+    lens, rng = config.camera.intrinsics, np.random.default_rng(4)
+    image = rng.integers(0, 255, (lens.height_px, lens.width_px, 3), dtype=np.uint8)
+    views = [eye.look(image, stamp_ms * 1_000_000) for stamp_ms in range(0, 1000, 50)]
+    with_them = [view.stamp_ns // 1_000_000 for view in views if view.features is not None]
+    assert with_them == [0, 250, 500, 750]
+    grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    alone = features_of(grey)
+    assert len(alone) > 100
+    assert features_in(views[0].features).descriptors.tolist() == alone.descriptors.tolist()
+    np.testing.assert_allclose(features_in(views[0].features).points, alone.points, atol=1e-6)
+    assert watch.look(image, 0).features is None
 
 
 def test_a_picture_of_another_size_is_not_judged_and_says_so(watch):

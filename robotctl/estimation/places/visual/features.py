@@ -1,28 +1,15 @@
-"""Features of an image: corners with binary descriptors.
-
-ORB (Rublee et al., ICCV 2011) as OpenCV has it: 256 bits for each corner, the same from any
-direction in the image plane. Images are made smaller first, so that a camera of many pixels gives
-the same features as one of few.
-"""
+"""What describes an image: corners with binary descriptors."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final, TypeAlias
+from typing import TypeAlias
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 Descriptors: TypeAlias = NDArray[np.uint64]
 """(n, 4): 256 bits each."""
-
-LONGER_SIDE_PX: Final = 640
-"""Of an image in which features are looked for."""
-COUNT: Final = 500
-"""Features of an image, at most."""
-_FAST_THRESHOLD: Final = 10
-"""Grey levels by which a corner differs: half of OpenCV's own, for plain walls and little light."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,19 +32,3 @@ class Features:
 
     def __len__(self) -> int:
         return len(self.points)
-
-
-def features_of(grey: NDArray[np.uint8]) -> Features:
-    """Return the features of a grey image, (height, width); a plain wall has none."""
-    height, width = grey.shape
-    scale = LONGER_SIDE_PX / max(height, width)
-    if scale < 1.0:
-        size = max(1, round(width * scale)), max(1, round(height * scale))
-        grey = cv2.resize(grey, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
-    orb = cv2.ORB.create(nfeatures=COUNT, fastThreshold=_FAST_THRESHOLD)
-    corners, bytes_ = orb.detectAndCompute(grey, None)
-    aspect = min(grey.shape) / max(grey.shape)
-    if bytes_ is None or not len(corners):
-        return Features(np.empty((0, 2)), np.empty((0, 4), np.uint64), aspect)
-    points = np.array([corner.pt for corner in corners]) / np.hypot(*grey.shape)
-    return Features(points, np.ascontiguousarray(bytes_).view(np.uint64), aspect)

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from robotctl.estimation.places.visual.features import features_of
+from robotctl.estimation.places.visual.orb import features_of
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.estimation.slam.keyframes.seen_places import SeenPlaces
 from robotctl.maps.vocabulary_file import load_vocabulary, shipped_vocabulary

@@ -1,0 +1,76 @@
+"""The images of a robot that maps: those of its keyframes tell it where it has been before."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from robotctl.estimation.places.visual.features import Features
+from robotctl.estimation.slam.keyframes.mapper import SlamMapper
+from robotctl.estimation.slam.keyframes.seen_places import IMAGE_NS, SeenPlaces
+from robotctl.maps.vocabulary_file import load_vocabulary, shipped_vocabulary
+from robotctl.messages.estimation import CameraView, ImageFeatures
+
+_KEPT: Final = 64
+"""Images that wait for a keyframe of their time: that of a long stretch is half a minute old."""
+_REHEARSED: Final = 60
+"""Features of an image, enough for it to be recognised."""
+
+
+class SeenImages:
+    """Finds the image of each keyframe.
+
+    Parameters
+    ----------
+    mapper
+        What it maps.
+    """
+
+    def __init__(self, mapper: SlamMapper) -> None:
+        self._mapper = mapper
+        self._places = SeenPlaces(load_vocabulary(shipped_vocabulary()), mapper.loops)
+        self._looked_at = len(mapper.keyframes)
+        self._waiting: deque[tuple[int, ImageFeatures]] = deque(maxlen=_KEPT)
+
+    def add(self, views: Sequence[CameraView]) -> None:
+        """Keep images until a keyframe of their time comes."""
+        for each in views:
+            if each.features is not None:
+                self._waiting.append((each.stamp_ns, each.features))
+
+    def show_new(self) -> None:
+        """Show the mapper the image of each new keyframe that has one."""
+        keyframes = self._mapper.keyframes
+        for number in range(self._looked_at, len(keyframes)):
+            stamp_ns = keyframes[number].stamp_ns
+            near = [each for each in self._waiting if abs(each[0] - stamp_ns) <= IMAGE_NS]
+            if near:
+                _, features = min(near, key=lambda each: abs(each[0] - stamp_ns))
+                self._places.see(number, features_in(features))
+        self._looked_at = len(keyframes)
+
+
+def features_in(message: ImageFeatures) -> Features:
+    """Return the features of a message."""
+    points = np.frombuffer(message.points, "<f4").reshape(-1, 2).astype(np.float64)
+    descriptors = np.frombuffer(message.descriptors, np.uint64).reshape(-1, 4)
+    return Features(points, descriptors, message.aspect)
+
+
+def rehearse(mapper: SlamMapper) -> None:
+    """Compile, or load from the cache, all that recognising a place needs."""
+    rng = np.random.default_rng(0)
+    looks = [
+        Features(
+            rng.random((_REHEARSED, 2)),
+            rng.integers(0, 2**63, (_REHEARSED, 4), dtype=np.uint64),
+            0.75,
+        )
+        for _ in range(40)
+    ]
+    seen = SeenPlaces(load_vocabulary(shipped_vocabulary()), mapper.loops)
+    for each in (*looks, looks[0]):
+        seen.see(0, each)
