@@ -1,8 +1,9 @@
-"""What of a world's walls a robot could map, against which its map is scored.
+"""What of a world a robot could map, against which its map is scored.
 
-A piece of wall counts if the sensor has a line of sight to it, within its range, from a spot that
-the robot can reach. So the backs of things and the insides of walls do not count, nor what lies
-behind a door that is too narrow; a room that the robot could have entered and did not does.
+A piece of a wall, or of another thing that stands there, counts if the sensor has a line of sight
+to it, within its range, from a spot that the robot can reach. So the backs of things and the
+insides of walls do not count, nor what lies behind a door that is too narrow; a room that the robot
+could have entered and did not does.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ class MapTruth:
     Parameters
     ----------
     walls
-        All of them.
+        Sides of all that stands there.
     visible
         Finds those that can be seen, once there is a map.
     """
@@ -89,10 +90,8 @@ def map_truth(options: SimOptions, room: World, mission: Mission, robot: RobotCo
     start = options.start_of(mission).pose
     seen = room.seen_from(sensor.z_m).segments
     return MapTruth(
-        WallMap(room.segments),
-        lambda: visible_walls(
-            room.segments, seen, reachable(room.touchable, start, radius_m), sensor.max_range_m
-        ),
+        WallMap(room.touchable),
+        lambda: visible_walls(seen, reachable(room.touchable, start, radius_m), sensor.max_range_m),
     )
 
 
@@ -127,54 +126,45 @@ def reachable(sides: NDArray[np.float64], start: SE2, radius_m: float) -> NDArra
 
 
 def visible_walls(
-    walls: NDArray[np.float64],
-    seen: NDArray[np.float64],
-    spots: NDArray[np.float64],
-    reach_m: float,
+    sides: NDArray[np.float64], spots: NDArray[np.float64], reach_m: float
 ) -> WallMap:
-    """Return the pieces of walls that are seen from some spot; all walls if none is.
+    """Return the pieces of sides that are seen from some spot; all sides if none is.
 
     Parameters
     ----------
-    walls
-        (n, 4): x, y, x, y [m].
-    seen
-        Sides of all that ends a beam, (m, 4) [m]: of `walls` those that are high enough, and more.
+    sides
+        Of all that is high enough to be seen, (n, 4): x, y, x, y [m].
     spots
         (k, 2) [m].
     reach_m
         Range of the sensor [m].
     """
-    ends = walls.reshape(-1, 2, 2)
-    pieces = np.ceil(np.hypot(*(ends[:, 1] - ends[:, 0]).T) / PIECE_M).astype(np.int64)
+    begins, along = sides[:, :2], sides[:, 2:] - sides[:, :2]
+    pieces = np.ceil(np.hypot(*along.T) / PIECE_M).astype(np.int64)
     firsts = np.cumsum(pieces) - pieces
-    number = {tuple(wall): each for each, wall in enumerate(walls.tolist())}
-    wall_of = np.array([number.get(tuple(side), -1) for side in seen.tolist()], np.int64)
     changes = np.zeros(int(pieces.sum()) + 1, np.int64)
-    for x_m, y_m, sides in _with_sides(spots, seen, reach_m):
-        side, share = _look(x_m, y_m, np.ascontiguousarray(seen[sides]), reach_m)
-        wall = np.where(side >= 0, wall_of[sides[side]], -1)
-        piece = firsts[wall] + np.minimum(share * pieces[wall], pieces[wall] - 1).astype(np.int64)
-        # From beam to beam on one wall all is seen.
-        other = np.where(wall == np.roll(wall, 1), np.roll(piece, 1), piece)
-        begin, end = np.minimum(piece, other)[wall >= 0], np.maximum(piece, other)[wall >= 0]
-        np.add.at(changes, begin, 1)
-        np.add.at(changes, end + 1, -1)
+    for x_m, y_m, numbers in _with_sides(spots, sides, reach_m):
+        hits, share = _look(x_m, y_m, np.ascontiguousarray(sides[numbers]), reach_m)
+        side = numbers[hits]
+        piece = firsts[side] + np.minimum(share * pieces[side], pieces[side] - 1).astype(np.int64)
+        # From beam to beam on one side all is seen.
+        other = np.where(hits == np.roll(hits, 1), np.roll(piece, 1), piece)
+        np.add.at(changes, np.minimum(piece, other)[hits >= 0], 1)
+        np.add.at(changes, np.maximum(piece, other)[hits >= 0] + 1, -1)
     is_seen = np.cumsum(changes)[:-1] > 0
     if not is_seen.any():
-        return WallMap(walls)
-    wall = np.repeat(np.arange(len(walls)), pieces)
-    share = (np.arange(len(wall)) - firsts[wall])[:, None] / pieces[wall][:, None]
-    along = (ends[:, 1] - ends[:, 0])[wall]
-    begins = ends[wall, 0] + share * along
-    return WallMap(np.hstack([begins, begins + along / pieces[wall][:, None]])[is_seen])
+        return WallMap(sides)
+    side = np.repeat(np.arange(len(sides)), pieces)
+    step = along[side] / pieces[side, None]
+    start = begins[side] + (np.arange(len(side)) - firsts[side])[:, None] * step
+    return WallMap(np.hstack([start, start + step])[is_seen])
 
 
 def _with_sides(
-    spots: NDArray[np.float64], seen: NDArray[np.float64], reach_m: float
+    spots: NDArray[np.float64], all_sides: NDArray[np.float64], reach_m: float
 ) -> Iterator[tuple[float, float, NDArray[np.int64]]]:
     """Yield x and y of spots, with the numbers of all sides that may be in reach."""
-    begins, along = seen[:, :2], seen[:, 2:] - seen[:, :2]
+    begins, along = all_sides[:, :2], all_sides[:, 2:] - all_sides[:, :2]
     square = np.maximum(np.sum(along**2, axis=1), 1e-12)
     tiles, tile_of = np.unique(np.floor(spots / _TILE_M), axis=0, return_inverse=True)
     for number, tile in enumerate(tiles):

@@ -73,15 +73,15 @@ class LocalisationReport(msgspec.Struct, frozen=True):
 
 
 class MapQuality(msgspec.Struct, frozen=True):
-    """Occupied cells of the map against the walls of the world, within one cell.
+    """Occupied cells of the map against what stands in the world, within one cell.
 
     Attributes
     ----------
     precision
-        Share of the occupied cells that lie on a wall.
+        Share of the occupied cells that lie on a wall or another thing.
     recall
-        Share of the walls that are in the map, of those that its sensor could see from anywhere
-        that the robot can reach.
+        Share of the walls and things that are in the map, of those that its sensor could see from
+        anywhere that the robot can reach.
     aligned_precision, aligned_recall
         The same of the map laid over the walls: `world` is where the robot starts, and a heading
         that is a little wrong there turns the whole map.
