@@ -93,6 +93,19 @@ SensorMessage: TypeAlias = LidarScan | CameraView
 """What sensors that are on no CAN bus send to the navigation process."""
 
 
+class ClosedLoop(msgspec.Struct, frozen=True):
+    """A place known again: where `base` was at a time, as seen from where it was at an earlier one.
+
+    Both times in ns, `x_m`, `y_m`, `theta_rad` of the later pose in the earlier (m, rad).
+    """
+
+    stamp_ns: int
+    earlier_ns: int
+    x_m: float
+    y_m: float
+    theta_rad: float
+
+
 class LocalisationState(msgspec.Struct, frozen=True, tag=True):
     """State of the localiser, published after each step of the navigation process.
 
@@ -102,6 +115,7 @@ class LocalisationState(msgspec.Struct, frozen=True, tag=True):
     `covariance` is the upper triangle of that of (x, y, theta) of `base` in `world`, row by row
     [m, m, rad]. `nis` is the normalised innovation squared of the EKF's last
     update (nan without one) and `nis_dof` its degrees of freedom; `particles` is 0 for the EKF.
+    `loops` are those that SLAM closed in this step.
     """
 
     stamp_ns: int
@@ -117,6 +131,7 @@ class LocalisationState(msgspec.Struct, frozen=True, tag=True):
     step_us: float = 0.0
     odom_epoch_ns: int = 0
     epoch_ns: int = 0
+    loops: tuple[ClosedLoop, ...] = ()
 
     @property
     def T_world_odom(self) -> SE2:

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final, NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,7 +27,7 @@ from robotctl.estimation.slam.keyframes.map_search import MapSearch
 from robotctl.estimation.slam.keyframes.mapper import LEAST_ECHOES, Place, SlamMapper
 from robotctl.estimation.slam.keyframes.saved_map import KeyframeMap
 from robotctl.messages.control import ControlState
-from robotctl.messages.estimation import LiveMap, LocalisationState
+from robotctl.messages.estimation import ClosedLoop, LiveMap, LocalisationState
 from robotctl.messages.map_message import map_message
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.localisation import LocalisationStatus
@@ -91,6 +92,10 @@ class SlamLocaliser:
             self.T_world_map = saved.frame
             start = saved.frame @ mapper.pose
         self._images = SeenImages(mapper) if by_images else None
+        self._links = len(mapper.back_end.links)
+        """So many links of the graph have been reported."""
+        self._born_ns: list[int | None] = [None] * len(mapper.keyframes)
+        """When `base` was where each keyframe is, in this run; one may get another scan later."""
         self._begun = self._pose = start
         """Pose in `world` where the odometry began, and now."""
         self._T_world_odom: SE2 | None = None
@@ -148,7 +153,22 @@ class SlamLocaliser:
         self._pose = self._T_world_odom @ odometry
         covariance = self._covariance(self._pose)
         estimate = PoseEstimate(control.stamp_ns, self._pose, covariance, status)
-        return localisation_state("slam", estimate, odometry, now_ns)
+        state = localisation_state("slam", estimate, odometry, now_ns)
+        return msgspec.structs.replace(state, loops=self._closed_loops())
+
+    def _closed_loops(self) -> tuple[ClosedLoop, ...]:
+        """Return the links of this run, since the last call, to places seen before."""
+        mapper, born_ns = self.mapper, self._born_ns
+        born_ns += [each.stamp_ns for each in mapper.keyframes[len(born_ns) :]]
+        links = mapper.back_end.links[self._links :]
+        self._links += len(links)
+        return tuple(
+            ClosedLoop(later, earlier, each.pose.x_m, each.pose.y_m, each.pose.theta_rad)
+            for each in links
+            if each.is_loop
+            and (earlier := born_ns[each.first]) is not None
+            and (later := born_ns[each.second]) is not None
+        )
 
     def _is_new(self, scan: RangeScan, odometry: SE2) -> bool:
         """Return whether a scan says more than the last one."""

@@ -9,7 +9,14 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from robotctl.app.simulation.score import LocalisationReport, PoseScore, StampedPose, TruthMatcher
+from robotctl.app.simulation.score import (
+    LocalisationReport,
+    PoseScore,
+    SlamReport,
+    StampedPose,
+    TruthMatcher,
+)
+from robotctl.app.simulation.slam_score import SlamScore
 from robotctl.estimation.kalman.consistency import chi2_bounds, pose_nees, share_inside
 from robotctl.messages.estimation import LocalisationState
 from robotctl.model.geometry.angles import wrap_angle
@@ -42,16 +49,20 @@ class LocalisationScore:
         self._method = ""
         self._first_ns: int | None = None
         self._right_ns: int | None = None
+        self._slam = SlamScore()
         self._last_ns = 0
         self._said_ns = self._since_ns = self._wrong_ns = 0
 
     def truth(self, pose: StampedPose) -> None:
         """Add a true pose; they must come in the order of their stamps."""
+        self._slam.truth(pose)
         for estimate, what, truth in self._matcher.truth(pose):
             self._add(estimate, what, truth)
 
     def estimate(self, pose: StampedPose, state: LocalisationState, odometry: StampedPose) -> None:
         """Add an estimate: the pose in `world`, what was said of it, and the odometry's pose."""
+        for loop in state.loops:
+            self._slam.loop(loop)
         for estimate, what, truth in self._matcher.pose(pose, _Estimate(state, odometry)):
             self._add(estimate, what, truth)
 
@@ -80,9 +91,15 @@ class LocalisationScore:
         if said:
             self._said_ns += passed_ns
             self._error.add(estimate, truth)
+            if state.method == "slam":
+                self._slam.estimate(estimate.pose, truth.pose)
             covariance = from_upper_triangle(state.covariance)
             believed = PoseEstimate(now_ns, estimate.pose, covariance, state.status)
             self._nees.append(pose_nees(believed, truth.pose))
+
+    def slam(self) -> SlamReport | None:
+        """Return the score of a drive by SLAM; None without."""
+        return self._slam.result()
 
     def result(self) -> LocalisationReport | None:
         """Return the score so far; None if there was no localiser."""

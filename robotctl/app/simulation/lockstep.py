@@ -279,6 +279,7 @@ class LockstepRun:
             faults=tuple(self._faults),
             log_trouble=self._log_trouble,
             localisation=self._score.localisation_report,
+            slam=self._score.slam_report,
             map_quality=self._score.map_quality,
             camera=self._score.camera_report,
         )

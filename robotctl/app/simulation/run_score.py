@@ -17,6 +17,7 @@ from robotctl.app.simulation.score import (
     MapQuality,
     PoseError,
     PoseScore,
+    SlamReport,
     StampedPose,
 )
 from robotctl.errors import DiskError
@@ -115,6 +116,11 @@ class RunScore:
     def localisation_report(self) -> LocalisationReport | None:
         """Score of the localiser; None without one."""
         return self._localisation.result()
+
+    @property
+    def slam_report(self) -> SlamReport | None:
+        """Score of a drive by SLAM; None without."""
+        return self._localisation.slam()
 
     @property
     def map_quality(self) -> MapQuality | None:

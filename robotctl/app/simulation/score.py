@@ -72,6 +72,27 @@ class LocalisationReport(msgspec.Struct, frozen=True):
     step_ms: float
 
 
+class SlamReport(msgspec.Struct, frozen=True):
+    """Score of a drive by SLAM, as the robot believed it at each time.
+
+    Attributes
+    ----------
+    ape_m
+        Position error after the turn and shift that fit the true trajectory best, rmse [m].
+    rpe_m, rpe_rad
+        Error of the motion on each metre of the way, rmse [m], [rad]; nan if it was shorter.
+    loops, false_loops
+        Places that were known again, as links of the graph, and those of them more than 0.5 m or
+        0.2 rad off.
+    """
+
+    ape_m: float
+    rpe_m: float
+    rpe_rad: float
+    loops: int
+    false_loops: int
+
+
 class MapQuality(msgspec.Struct, frozen=True):
     """Occupied cells of the map against what stands in the world, within one cell.
 
@@ -166,6 +187,7 @@ class Report(msgspec.Struct, frozen=True):
     faults: tuple[str, ...] = ()
     log_trouble: str = ""
     localisation: LocalisationReport | None = None
+    slam: SlamReport | None = None
     map_quality: MapQuality | None = None
     camera: CameraReport | None = None
     ran_into: int = 0

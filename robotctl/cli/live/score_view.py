@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from rich.table import Table
 
 from robotctl.app.simulation.held_up import SAY_MS
-from robotctl.app.simulation.score import CameraReport, Report
+from robotctl.app.simulation.score import CameraReport, Report, SlamReport
 
 _FAULTS_SHOWN = 8
 
@@ -119,6 +119,8 @@ def _place_rows(report: Report) -> list[tuple[str, str]]:
                 ),
             ),
         ]
+    if report.slam is not None:
+        rows += _slam_rows(report.slam)
     if quality is not None:
         rows += [
             ("map", f"precision {quality.precision:.3f}, recall {quality.recall:.3f}"),
@@ -128,6 +130,16 @@ def _place_rows(report: Report) -> list[tuple[str, str]]:
             ),
         ]
     return rows + _camera_rows(report.camera)
+
+
+def _slam_rows(slam: SlamReport) -> list[tuple[str, str]]:
+    """Return how good a trajectory by SLAM is, and its loops."""
+    by_metre = f"{1000.0 * slam.rpe_m:.0f} mm and {math.degrees(slam.rpe_rad):.2f}° a metre"
+    false = f"{slam.false_loops} of them false" if slam.false_loops else "none false"
+    return [
+        ("trajectory", f"ape {slam.ape_m:.3f} m, rpe {by_metre}"),
+        ("loops", f"{slam.loops} links to places seen before, {false}"),
+    ]
 
 
 def _too_sure(above: float | None) -> str:

@@ -73,14 +73,16 @@ def camera_schema() -> JsonSchema:
         "nearest_m": _NUMBER,
     }
     return _replaced(
-        schema_of(CameraView), _BEAMS, beams=_list_of(beam, "angle_rad", "out_of_range")
+        schema_of(CameraView),
+        (*_BEAMS, "features"),
+        beams=_list_of(beam, "angle_rad", "out_of_range"),
     )
 
 
 def camera_content(view: CameraView) -> dict[str, Any]:
-    """Return the camera's ranges, beam by beam."""
+    """Return the camera's ranges, beam by beam; not its features, as large as pictures."""
     content: dict[str, Any] = plain(view)
-    for key in _BEAMS:
+    for key in (*_BEAMS, "features"):
         content.pop(key, None)
     content["beams"] = list(
         map(_beam, view.angles_rad, view.ranges_m, view.sigmas_m, view.nearest_m)
