@@ -20,8 +20,10 @@ from robotctl.config.robot_file import RobotConfig
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.estimation.sensors.lidar import REHEARSED
+from robotctl.estimation.sensors.registry import SONAR
 from robotctl.estimation.sensors.sensor import SensedRobot
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
+from robotctl.estimation.slam.keyframes.heard_places import HeardPlaces
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe
 from robotctl.estimation.slam.keyframes.map_search import MapSearch
 from robotctl.estimation.slam.keyframes.mapper import LEAST_ECHOES, Place, SlamMapper
@@ -92,6 +94,8 @@ class SlamLocaliser:
             self.T_world_map = saved.frame
             start = saved.frame @ mapper.pose
         self._images = SeenImages(mapper) if by_images else None
+        mounts = sensor.robot.mounts
+        self._heard = HeardPlaces(mounts, mapper.loops) if mounts else None
         self._links = len(mapper.back_end.links)
         """So many links of the graph have been reported."""
         self._born_ns: list[int | None] = [None] * len(mapper.keyframes)
@@ -115,6 +119,8 @@ class SlamLocaliser:
         """Keep the map; the next control state's odometry is another one."""
         self.mapper.begin_odometry()
         self._maker = self._sensor.maker()
+        if self._heard is not None:
+            self._heard.begin_odometry()
         self._begun = self._pose
         self._T_world_odom = self._last = None
 
@@ -130,15 +136,7 @@ class SlamLocaliser:
 
     def step(self, control: ControlState, seen: LocaliserInput, now_ns: int) -> LocalisationState:
         """Take the scans since the last step; return the present estimate."""
-        if self._images is not None:
-            self._images.add(seen.images)
-        for measured in seen.measured.get(self._sensor.name, ()):
-            odometry = self._history.at(measured.stamp_ns)
-            for each in () if odometry is None else self._maker.add(measured, odometry):
-                if self._is_new(each.scan, each.odometry):
-                    self._take(each.scan, each.odometry)
-        if self._images is not None:
-            self._images.show_new()
+        self._perceive(seen)
         if self.mapper.look() and self._last is not None:
             self._T_world_odom = self.T_world_map @ self.mapper.pose @ self._last.inverse()
         if self._T_world_odom is None:
@@ -155,6 +153,22 @@ class SlamLocaliser:
         estimate = PoseEstimate(control.stamp_ns, self._pose, covariance, status)
         state = localisation_state("slam", estimate, odometry, now_ns)
         return msgspec.structs.replace(state, loops=self._closed_loops())
+
+    def _perceive(self, seen: LocaliserInput) -> None:
+        """Take what was seen since the last step."""
+        if self._images is not None:
+            self._images.add(seen.images)
+        for reading in seen.measured.get(SONAR, ()) if self._heard is not None else ():
+            at = self._history.at(reading.stamp_ns)
+            if at is not None and self._heard is not None:
+                self._heard.hear(reading, at)
+        for measured in seen.measured.get(self._sensor.name, ()):
+            odometry = self._history.at(measured.stamp_ns)
+            for each in () if odometry is None else self._maker.add(measured, odometry):
+                if self._is_new(each.scan, each.odometry):
+                    self._take(each.scan, each.odometry)
+        if self._images is not None:
+            self._images.show_new()
 
     def _closed_loops(self) -> tuple[ClosedLoop, ...]:
         """Return the links of this run, since the last call, to places seen before."""
@@ -192,6 +206,8 @@ class SlamLocaliser:
         elif self._last is None and self.mapper.config.stretch_m:
             self._go_on(scan.stamp_ns, odometry)
         self.mapper.add(scan, odometry)
+        if self._heard is not None:
+            self._heard.look(self.mapper.place, odometry)
         self._last, self._taken_ns = odometry, scan.stamp_ns
         self._T_world_odom = self.T_world_map @ self.mapper.pose @ odometry.inverse()
         if self.mapper.epoch > self._closed:

@@ -27,10 +27,8 @@ def slam_by_scans(
     with progress_bar(console, log.name, "SLAM") as tell:
         # It takes a second or more, in which nothing would be seen.
         from robotctl.compiled import COMPILING, cache_is_cold  # noqa: PLC0415
-        from robotctl.workbench.slam.scans import (  # noqa: PLC0415
-            scan_slam,
-            write_scan_results,
-        )
+        from robotctl.workbench.slam.scan_files import write_scan_results  # noqa: PLC0415
+        from robotctl.workbench.slam.scans import scan_slam  # noqa: PLC0415
 
         if cache_is_cold():
             console.print(COMPILING, soft_wrap=True)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import json
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -16,17 +14,13 @@ import numpy as np
 from robotctl.errors import RobotctlError
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
 from robotctl.estimation.localisation_config import LocalisationConfig
-from robotctl.estimation.sensors.registry import LIDAR, SONAR
+from robotctl.estimation.sensors.registry import LIDAR
 from robotctl.estimation.sensors.sensor import SensedRobot
-from robotctl.estimation.slam.factors.between import BETWEEN_2D
 from robotctl.estimation.slam.front_end.surface import surface_of
-from robotctl.estimation.slam.graph.builder import GraphBuilder
-from robotctl.estimation.slam.graph.variables import SE2 as POSES
-from robotctl.estimation.slam.keyframes.back_end import as_row
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
-from robotctl.estimation.slam.keyframes.loops import Closure
+from robotctl.estimation.slam.keyframes.heard_places import HeardPlaces
 from robotctl.estimation.slam.keyframes.mapper import LEAST_ECHOES, Place, SlamMapper
-from robotctl.estimation.slam.keyframes.saved_map import HEADING, KeyframeMap, whole_map
+from robotctl.estimation.slam.keyframes.saved_map import KeyframeMap
 from robotctl.estimation.slam.local_scans.registry import load_source
 from robotctl.estimation.slam.local_scans.source import ScanSource
 from robotctl.estimation.slam.robust.robust_cost import OFF
@@ -34,15 +28,10 @@ from robotctl.logs.formats.image_folder import TimedImage
 from robotctl.logs.formats.keyframes_log import load_keyframes
 from robotctl.logs.formats.recorded_log import read_recording
 from robotctl.logs.formats.robotctl_log import ROBOTCTL
-from robotctl.logs.formats.tum import write_tum
-from robotctl.logs.graphs.g2o import G2O
-from robotctl.logs.graphs.graph_format import GraphFile
-from robotctl.maps.map_file import save_map
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.recording import RecordedScan, Recording
 from robotctl.model.trajectory import Trajectory
-from robotctl.runtime.storage.record_log import packed
-from robotctl.workbench.places.images import MatchedImages, write_pairs
+from robotctl.workbench.places.images import MatchedImages
 from robotctl.workbench.slam.pictures import ShownPictures, pictures_of
 from robotctl.workbench.slam.result import Estimated
 
@@ -51,8 +40,6 @@ Progress: TypeAlias = Callable[[int, int], None]
 _AT_ONCE: Final = 256
 _LOOK_M: Final = 0.4
 """Way after which a lost robot is looked for again [m]."""
-_STRAYS: Final = 0.0002
-"""As in `robotctl map`: a map is cropped where that cuts off no more of the known cells."""
 
 
 class ScanSlamError(RobotctlError):
@@ -169,7 +156,7 @@ def scan_slam(
     OSError
         If a file cannot be read.
     """
-    recording = read_recording(log, with_sonars=sensor == SONAR, time_unit=time_unit)
+    recording = read_recording(log, time_unit=time_unit)
     recording, source = _scanned(recording, sensor, log)
     first = next(
         (row for row, each in enumerate(recording.scans) if _echoes(each) >= LEAST_ECHOES), None
@@ -295,6 +282,11 @@ class _Drive:
     ) -> None:
         self.mapper = mapper
         self._pictures = ShownPictures(pictures, mapper) if pictures else None
+        self._heard: HeardPlaces | None = None
+        if recording.sonars and recording.sonar_mounts:
+            self._heard = HeardPlaces(recording.sonar_mounts, mapper.loops)
+        self._sonars = iter(recording.sonars)
+        self._sonar = next(self._sonars, None)
         self._saved = saved
         self._looked: SE2 | None = None
         self._recording = recording
@@ -315,8 +307,17 @@ class _Drive:
             self._looked = mapper.pose
         if self._pictures is not None:
             self._pictures.show_new()
+        if self._heard is not None:
+            self._hear(self._heard, each)
         self.places[row], self._online[row] = mapper.place, mapper.pose
         self._times_ms[row] = 1e-6 * (time.process_time_ns() - began_ns)
+
+    def _hear(self, heard: HeardPlaces, scan: RecordedScan) -> None:
+        """Take the sonars' readings up to a scan, and see whether they know the place."""
+        while self._sonar is not None and self._sonar.reading.stamp_ns <= scan.scan.stamp_ns:
+            heard.hear(self._sonar.reading, self._sonar.odometry)
+            self._sonar = next(self._sonars, None)
+        heard.look(self.mapper.place, scan.odometry)
 
     def result(self) -> ScanResult:
         """Return all of it."""
@@ -358,64 +359,3 @@ def _compile(recording: Recording) -> None:
     mapper = SlamMapper(KeyframeConfig(keyframe_m=0.0))
     for _ in range(mapper.config.linked_keyframes + 2):
         mapper.add(recording.scans[0].scan, SE2())
-
-
-def graph_of(mapper: SlamMapper) -> GraphFile:
-    """Return the graph of the keyframes at the estimate, without links that are switched off."""
-    back_end, build = mapper.back_end, GraphBuilder()
-    build.variables(POSES, np.arange(len(back_end.poses)), back_end.poses)
-    kept = [
-        (link, weight)
-        for link, weight in zip(back_end.links, back_end.weights, strict=True)
-        if weight >= OFF
-    ]
-    if kept:
-        build.factors(
-            BETWEEN_2D,
-            np.array([(link.first, link.second) for link, _ in kept]),
-            np.array([as_row(link.pose) for link, _ in kept]),
-            np.array([weight * link.information for link, weight in kept]),
-        )
-    return GraphFile(*build.build(), np.empty(0, np.int64))
-
-
-def write_scan_results(result: ScanResult, folder: Path) -> None:
-    """Write the files of a result into a folder.
-
-    Raises
-    ------
-    OSError
-        If a file cannot be written.
-    """
-    write_tum(folder / "trajectory.tum", result.estimate)
-    write_tum(folder / "online.tum", result.online)
-    save_map(folder / "map", result.grid.map_rows(strays=_STRAYS))
-    G2O.write(folder / "graph.g2o", graph_of(result.mapper))
-    place = result.mapper.place
-    record = whole_map(result.mapper, result.frame, (place.keyframe, place.pose))
-    (folder / "map.keyframes").write_bytes(HEADING + packed([record]))
-    _write_closures(folder / "closures.csv", result.mapper)
-    if result.images is not None:
-        write_pairs(result.images, folder / "images.csv")
-    text = json.dumps(result.report(), indent=2) + "\n"
-    (folder / "report.json").write_text(text, encoding="utf-8")
-
-
-def _write_closures(path: Path, mapper: SlamMapper) -> None:
-    """Write what became of each loop that was looked at."""
-    stamps = [each.stamp_ns for each in mapper.keyframes]
-
-    def row(each: Closure) -> list[Any]:
-        x, y, theta = as_row(each.pose).round(6).tolist()
-        return [
-            each.keyframe, each.other, stamps[each.keyframe], stamps[each.other], each.found_by,
-            x, y, theta, round(each.score, 4), each.reason or "closed",
-        ]  # fmt: skip
-
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(
-            ["keyframe", "other", "stamp_ns", "other_stamp_ns", "found_by", "x_m", "y_m",
-             "theta_rad", "score", "outcome"]
-        )  # fmt: skip
-        writer.writerows(map(row, mapper.loops.log))

@@ -6,12 +6,12 @@ import pytest
 from robotctl.logs.formats.keyframes_log import load_keyframes
 from robotctl.model.geometry.points import moved
 from robotctl.model.recording import RecordedScan, Recording
+from robotctl.workbench.slam.scan_files import write_scan_results
 from robotctl.workbench.slam.scans import (
     ScanSlamError,
     scan_slam,
     scan_slam_of,
     scan_slam_onto,
-    write_scan_results,
 )
 from tests.estimation.slam.keyframes.test_slam_mapper import OFFICE
 from tests.estimation.slam.lidar_world import along, box, drifting, scan_of
