@@ -172,19 +172,18 @@ class LoopSearch:
         by_wheels
             Whether there is odometry.
         """
-        others = others[others < min(number - 2 * _AROUND, len(self._shapes))]
+        others = others[others < number - 2 * _AROUND]
         poses = self._back_end.poses
         away = np.hypot(*(poses[others, :2] - poses[number, :2]).T)
         reach = _GATE * doubts[others, 0]
         self._consider_near(number, others[away < _NEAR_M + reach], doubts)
-        if number >= len(self._shapes):
-            return
         limits_m = _BEYOND * reach
         if not by_wheels:
             ways_m = np.array([self._keyframes[each].travelled_m for each in others])
             way_m = np.abs(self._keyframes[number].travelled_m - ways_m)
             limits_m = np.maximum(limits_m, _SLIPS * way_m)
-        may_be = np.flatnonzero(away < _NEAR_M + limits_m)
+        is_known = (others < len(self._shapes)) & (number < len(self._shapes))
+        may_be = np.flatnonzero(is_known & (away < _NEAR_M + limits_m))
         turns = poses[number, 2] - poses[others, 2]
         within = _SHAPE_RAD + _BEYOND * _GATE * doubts[others, 1]
         expected = Expected(others[may_be], turns[may_be], within[may_be])

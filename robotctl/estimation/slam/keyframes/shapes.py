@@ -124,6 +124,8 @@ class Shapes:
             So many of them at most, whose numbers are so far apart.
         """
         among = expected.numbers
+        if len(among) == 0:
+            return []
         chosen = np.arange(len(among))
         if len(among) > _COMPARED:
             # No turn makes rings more alike than their norms say (Cauchy, Schwarz).

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
+from robotctl.estimation.slam.keyframes.loops import LoopSearch
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.estimation.slam.keyframes.saved_map import ChangeLog, compacted, encoded, restored
 from robotctl.model.geometry.se2 import SE2
@@ -72,6 +73,17 @@ def resumed(driven, **settings):
     mapper = SlamMapper(KeyframeConfig(is_live=True, **settings))
     mapper.resume(restored(records), is_there=True)
     return mapper
+
+
+def test_a_loaded_map_has_loops_before_its_shapes_are_known(driven):
+    mapper, _ = driven
+    loops = LoopSearch(mapper.config, mapper.keyframes, mapper.back_end)
+    last = len(mapper.keyframes) - 1
+    doubts = np.full((last + 1, 2), (0.4, 0.1))
+    loops.enter(last)
+    loops.consider(last, np.arange(last - 20), doubts, by_wheels=True)
+    loops.step()
+    assert [each.found_by for each in loops.log] == ["position"]
 
 
 def test_all_changes_make_the_map_again(driven):
