@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_sim.sensors.rays import cast_fan, fan_angles
+from firmware_sim.world.cells import Cells
 from firmware_sim.world.world import World
 from robotctl.app.simulation.score import MapQuality
 from robotctl.app.simulation.sim_options import SimOptions, simulated_robot
@@ -31,7 +32,7 @@ PIECE_M: Final = 0.05
 """Walls are cut into pieces no longer than this."""
 SPACING_M: Final = 0.2
 """Between spots from which the robot looks, but for worlds of more than `_MOST_SPOTS`."""
-_MOST_SPOTS: Final = 20_000
+_MOST_SPOTS: Final = 10_000
 _SIDE_M: Final = 0.05
 """Of the cells in which it moves."""
 _RAYS: Final = 720
@@ -91,11 +92,15 @@ def map_truth(options: SimOptions, room: World, mission: Mission, robot: RobotCo
     seen = room.seen_from(sensor.z_m).segments
     return MapTruth(
         WallMap(room.touchable),
-        lambda: visible_walls(seen, reachable(room.touchable, start, radius_m), sensor.max_range_m),
+        lambda: visible_walls(
+            seen, reachable(room.touchable, start, radius_m, room.cells), sensor.max_range_m
+        ),
     )
 
 
-def reachable(sides: NDArray[np.float64], start: SE2, radius_m: float) -> NDArray[np.float64]:
+def reachable(
+    sides: NDArray[np.float64], start: SE2, radius_m: float, cells: Cells | None = None
+) -> NDArray[np.float64]:
     """Return spots that a round robot gets to, `SPACING_M` apart, and its start, (n, 2) [m].
 
     Parameters
@@ -106,6 +111,8 @@ def reachable(sides: NDArray[np.float64], start: SE2, radius_m: float) -> NDArra
         Where it is.
     radius_m
         Its own [m].
+    cells
+        Of a world that is a map: it keeps to those that are free.
     """
     from scipy import ndimage  # type: ignore[import-untyped] # noqa: PLC0415 - it takes 0.2 s
 
@@ -113,16 +120,19 @@ def reachable(sides: NDArray[np.float64], start: SE2, radius_m: float) -> NDArra
 
     grid = grid_of_walls(WallMap(sides), _SIDE_M)
     room_m = ndimage.distance_transform_edt(~grid.occupied()) * _SIDE_M
-    floors, _ = ndimage.label(grid.free() & (room_m >= radius_m))
-    cells = np.argwhere(floors > 0)
-    if len(cells) == 0:
-        return np.array([[start.x_m, start.y_m]])
-    away_m = np.hypot(*(grid.centre_of(cells) - (start.x_m, start.y_m)).T)
-    here = floors[tuple(cells[np.argmin(away_m)])]
-    spacing_m = max(SPACING_M, _SIDE_M * math.sqrt(np.count_nonzero(floors == here) / _MOST_SPOTS))
+    floor = ~grid.occupied() & (room_m >= radius_m)
+    if cells is not None:
+        floor[floor] = cells.is_free(grid.centre_of(np.argwhere(floor)))
+    here = np.array([[start.x_m, start.y_m]])
+    spots = np.argwhere(floor)
+    if len(spots) == 0:
+        return here
+    nearest = spots[np.argmin(np.hypot(*(grid.centre_of(spots) - here).T))]
+    floors, _ = ndimage.label(floor)
+    floor = floors == floors[tuple(nearest)]
+    spacing_m = max(SPACING_M, _SIDE_M * math.sqrt(np.count_nonzero(floor) / _MOST_SPOTS))
     step = round(spacing_m / _SIDE_M)
-    lattice = np.argwhere(floors[::step, ::step] == here) * step
-    return np.vstack([[start.x_m, start.y_m], grid.centre_of(lattice)])
+    return np.vstack([here, grid.centre_of(np.argwhere(floor[::step, ::step]) * step)])
 
 
 def visible_walls(

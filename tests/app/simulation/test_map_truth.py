@@ -5,10 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from robotctl.app.simulation.map_truth import PIECE_M, MapTruth, reachable, visible_walls
+from firmware_sim.world.world import load_world
+from robotctl.app.simulation.map_truth import PIECE_M, SPACING_M, MapTruth, reachable, visible_walls
 from robotctl.estimation.grid.map_quality import wall_cells
+from robotctl.maps.map_file import save_map
 from robotctl.model.geometry.se2 import SE2
-from robotctl.model.grid_map import FREE, OCCUPIED, GridMap
+from robotctl.model.grid_map import FREE, OCCUPIED, UNKNOWN, GridMap
 from robotctl.model.wall_map import WallMap
 
 RADIUS_M = 0.2
@@ -93,6 +95,21 @@ def test_a_room_behind_a_door_counts_if_the_robot_fits_through_it():
         nook = [(9.0, 0.5, 9.5, 0.5)]
         shares = seen([*ROOM, *wall, *screen, *nook])
         assert shares[-1] == pytest.approx(share)
+
+
+def test_in_a_world_that_is_a_map_the_robot_gets_to_free_cells_only(tmp_path):
+    """A wall ends where nothing is known: that is no way out."""
+    cells = np.full((80, 120), UNKNOWN, np.int8)
+    cells[10:70, 10:110] = OCCUPIED
+    cells[12:68, 12:108] = FREE
+    cells[30:50, 108:] = UNKNOWN
+    save_map(tmp_path / "map", GridMap(cells, 0.05))
+    world = load_world(tmp_path / "map.yaml")
+    spots = reachable(world.touchable, SE2(3.0, 2.0, 0.0), RADIUS_M, world.cells)
+    assert len(spots) == pytest.approx(2.4 * 4.4 / SPACING_M**2, rel=0.15)
+    low, high = spots.min(axis=0), spots.max(axis=0)
+    assert low == pytest.approx((0.8, 0.8), abs=0.21)
+    assert high == pytest.approx((5.4, 3.2), abs=0.21)
 
 
 def grid_of(walls, up_to_x_m=math.inf):
