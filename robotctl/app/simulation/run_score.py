@@ -63,6 +63,7 @@ class RunScore:
         self.journey = journey
         self._pose = PoseScore()
         self._localisation = LocalisationScore()
+        self._has_localiser = has_localiser
         self._world = WorldPose(has_localiser=has_localiser)
         self._control: ControlState | None = None
         self._map: GridMap | None = None
@@ -74,7 +75,8 @@ class RunScore:
             self._truths.append(pose)
         self._pose.truth(pose)
         self.journey.truth(pose, people_m)
-        self._localisation.truth(pose)
+        if self._has_localiser:
+            self._localisation.truth(pose)
         if self._camera is not None:
             self._camera.truth(pose)
 
