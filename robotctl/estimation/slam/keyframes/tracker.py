@@ -23,6 +23,10 @@ from robotctl.estimation.slam.keyframes.motion import Expected
 from robotctl.model.geometry.se2 import SE2
 
 SEARCH_POINTS: Final = 180
+_WIDE_M: Final = 1.0
+_WIDE_POINTS: Final = 60
+"""In a window of a metre and more to each side; there the time goes, and any place is a start for
+the refinement by all points."""
 _SURE: Final = 0.6
 """A match with a lower score is compared with those of a wider search."""
 _BETTER: Final = 0.2
@@ -128,7 +132,8 @@ def _attempt(
         expected.sigma_m,
         expected.sigma_rad,
     )
-    found = search(local.field, thinned(surface.points, SEARCH_POINTS), window, -1.0)
+    most = SEARCH_POINTS if window.shift_m < _WIDE_M else _WIDE_POINTS
+    found = search(local.field, thinned(surface.points, most), window, -1.0)
     start, score = (prior, 0.0) if found is None else (found.pose, found.score)
     match = refine(local.bins, surface, start, prior, expected.information)
     return score, _held(local, surface, match, prior, expected)
