@@ -66,12 +66,15 @@ def test_pictures_are_shown_beside_the_keyframes_of_their_time(log, tmp_path):
     for number in range(12):
         image = Image.fromarray(rng.integers(0, 255, (120, 160), np.uint8))
         image.save(pictures / f"{1000.05 + 0.8 * number:.6f}.png")
+    last = pictures / "1008.850000.png"  # the last one, cut short
+    last.write_bytes(last.read_bytes()[:2000])
     result = run("--log", log, "--images", pictures, "--out", tmp_path / "out")
     assert result.exit_code == 0, result.output
-    assert "0 of 12 images recognised" in result.output
+    assert "0 of 11 images recognised" in result.output
+    assert "1 pictures left out, the first: " in result.output
     report = json.loads((tmp_path / "out" / "report.json").read_text())
-    assert report["images"]["looked_at"] == 12
-    assert sum(report["images"]["refused"].values()) == 12
+    assert report["images"]["looked_at"] == 11
+    assert sum(report["images"]["refused"].values()) == 11
     rows = (tmp_path / "out" / "images.csv").read_text().splitlines()
     assert rows[0].startswith("image,candidate,score")
     assert rows[1].startswith(str(pictures / "1000.050000.png"))

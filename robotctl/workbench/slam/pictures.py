@@ -57,24 +57,38 @@ class ShownPictures:
         self._seen = SeenPlaces(load_vocabulary(shipped_vocabulary()), mapper.loops)
         self._looked_at = len(mapper.keyframes)
         self._shown: list[Path] = []
+        self._last: Path | None = None
+        self._unreadable: list[str] = []
 
     def show_new(self) -> None:
-        """Show the pictures of keyframes that are new, if there are any of their time.
-
-        Raises
-        ------
-        ConfigError
-            If an image cannot be read.
-        """
+        """Show the pictures of keyframes that are new, if there are any of their time."""
         keyframes = self._mapper.keyframes
         for number in range(self._looked_at, len(keyframes)):
             off_ns = np.abs(self._stamps_ns - keyframes[number].stamp_ns)
             nearest = int(np.argmin(off_ns))
             file = self._images[nearest].path
-            if off_ns[nearest] <= IMAGE_NS and file not in self._shown[-1:]:
-                self._seen.see(number, features_in(file))
-                self._shown.append(file)
+            if off_ns[nearest] <= IMAGE_NS and file != self._last:
+                self._last = file
+                self._show(number, file)
         self._looked_at = len(keyframes)
+
+    def _show(self, number: int, file: Path) -> None:
+        """Show a keyframe's picture, unless it cannot be read: a power cut ends in the last one."""
+        try:
+            features = features_in(file)
+        except ConfigError as error:
+            self._unreadable.append(str(error))
+            return
+        self._seen.see(number, features)
+        self._shown.append(file)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What to tell of pictures that were left out."""
+        if not self._unreadable:
+            return ()
+        count, first = len(self._unreadable), self._unreadable[0]
+        return (f"{count} pictures left out, the first: {first}",)
 
     @property
     def matched(self) -> MatchedImages:

@@ -335,8 +335,9 @@ class _Drive:
             end = begin + _AT_ONCE
             grid.update_scans(placed[begin:end], drawn[begin:end])
         grid_ms = 1e-6 * (time.process_time_ns() - began_ns)
+        notes = () if self._pictures is None else self._pictures.notes
         return ScanResult(
-            self._recording,
+            replace(self._recording, notes=(*self._recording.notes, *notes)),
             mapper,
             estimate,
             Trajectory.of(stamps_ns, self._online),
