@@ -9,7 +9,7 @@
 The world is 2.5-D: upright prisms on a level floor. Rays of pixels are computed once; for a picture
 the plane about the camera is cut into sectors (`camera_fan`) and each ray with the candidates of
 its sector (`camera_view`), exactly, so that a wall's foot is where the lens puts it. The floor's
-pattern repeats; it is filtered along the ray by how much of it a pixel covers. Light and shadows
+pattern is filtered along the ray by how much of it a pixel covers. Light and shadows
 come from lamps (`camera_light`) and are there before the first picture. A picture depends only on
 pose, seed and number: the same in lockstep and in real time.
 """
@@ -24,7 +24,14 @@ import numpy as np
 
 from firmware_sim.camera.board import board_rows
 from firmware_sim.camera.fan import Fan
-from firmware_sim.camera.floor import LEVELS, TEXEL_M, floor_texture, plaster_texture
+from firmware_sim.camera.floor import (
+    LEVELS,
+    TEXEL_M,
+    floor_laying,
+    floor_texture,
+    plaster_texture,
+    print_texture,
+)
 from firmware_sim.camera.lens import PixelRays, pixel_rays
 from firmware_sim.camera.light import floor_light
 from firmware_sim.camera.marker import MarkerPainter
@@ -112,7 +119,9 @@ class Camera:
         self._shade = np.ascontiguousarray(self._scene.sides[:, SHADE])
         floor = floor_texture(world.floor.texture, world.floor.seed)
         self._floor, self._starts = floor.texels, floor.starts
+        self._laying = floor_laying(world.floor.texture, world.floor.seed)
         self._plaster = plaster_texture(world.floor.seed).texels
+        self._prints = print_texture(world.floor.seed).texels
         # Of a channel's value 0 to 255.
         variance = self.parameters.read_noise**2 + self.parameters.shot_noise * np.arange(256.0)
         self._sigma = np.sqrt(variance).astype(np.float32)
@@ -145,7 +154,14 @@ class Camera:
             fan.side,
             fan.listed,
             self._floor,
+            self._laying.size,
+            self._laying.shift,
+            self._laying.cut,
             self._plaster,
+            self._prints,
+            scene.prints.slots,
+            scene.prints.first,
+            scene.prints.per_m,
             self._starts,
             self._light,
             self._light_at,

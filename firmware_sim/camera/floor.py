@@ -1,7 +1,10 @@
-"""Floor textures: patterns that repeat every `PERIOD_M`, with coarser copies (mipmaps).
+"""Floors and other textures: patterns that repeat every `PERIOD_M`, with coarser copies (mipmaps).
 
 A pattern is drawn once from a seed, in metres. Each coarser copy averages two by two texels of the
 one before, so that what is far away is neither sharper nor noisier than a lens would show it.
+
+A floor is laid in pieces (tiles, planks), each cut out of the pattern at a place of its own. So it
+does not repeat with the pattern, and a camera can tell its places apart.
 """
 
 from __future__ import annotations
@@ -18,6 +21,8 @@ PERIOD_M: Final = 2.4
 TEXEL_M = PERIOD_M / SIDE
 LEVELS: Final = 9
 """The coarsest copy has 4 by 4 texels."""
+PIECES: Final = 256
+"""Pieces along x and along y after which a floor repeats."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,6 +41,50 @@ class Texture:
 
     texels: np.ndarray
     starts: np.ndarray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Laying:
+    """How the pieces of a floor lie.
+
+    Attributes
+    ----------
+    size
+        Of a piece along x and y [m], (2,).
+    shift
+        How far the pieces of each row begin before a multiple of their size, (PIECES,) [m].
+    cut
+        Where in the pattern the corner of least x, y of each piece is, (PIECES, PIECES, 2) [m], by
+        row, then piece in the row.
+    """
+
+    size: np.ndarray
+    shift: np.ndarray
+    cut: np.ndarray
+
+
+@lru_cache(maxsize=8)
+def floor_laying(name: str, seed: int) -> Laying:
+    """Draw how the floor of a pattern is laid."""
+    rng = np.random.default_rng([seed, 5])
+    size, step = (np.array(each) for each in _PIECES_M[name])
+    steps = np.rint(PERIOD_M / step).astype(int)
+    shift = size[0] * rng.random(PIECES) if name == "wood" else np.zeros(PIECES)
+    return Laying(size, shift, step * rng.integers(0, steps, (PIECES, PIECES, 2)))
+
+
+@lru_cache(maxsize=8)
+def print_texture(seed: int) -> Texture:
+    """Draw what prints are windows of: rectangles upon rectangles, each channel by itself."""
+    rng = np.random.default_rng([seed, 6])
+    picture = np.full((SIDE, SIDE, 3), 128.0)
+    for most_m, count in ((0.3, 300), (0.12, 1200), (0.05, 3000)):
+        low = rng.integers(0, SIDE, (count, 2))
+        high = low + 2 + rng.integers(0, round(most_m / TEXEL_M), (count, 2))
+        channels, values = rng.integers(0, 3, count), rng.uniform(20.0, 235.0, count)
+        for (j, i), (to_j, to_i), channel, value in zip(low, high, channels, values, strict=True):
+            picture[j:to_j, i:to_i, channel] = value
+    return _with_copies(picture)
 
 
 @lru_cache(maxsize=8)
@@ -106,16 +155,15 @@ def _tiles(rng: np.random.Generator) -> np.ndarray:
 
 
 def _wood(rng: np.random.Generator) -> np.ndarray:
-    """Planks of 0.12 m by 1.2 m along x, each row shifted."""
+    """Planks of 0.12 m by 1.2 m along x."""
     x, y = _metres()
     width, length = 0.12, 1.2
     rows, columns = round(PERIOD_M / width), round(PERIOD_M / length)
     row = np.floor(y / width).astype(int)
-    shifted = np.mod(x + rng.random(rows)[row] * length, PERIOD_M)
-    column = np.floor(shifted / length).astype(int)
+    column = np.floor(x / length).astype(int)
     tone = 0.10 * rng.standard_normal((rows, columns))[row, column]
     grey = tone + 0.06 * _noise(rng, 0.006, 20.0) + 0.04 * _noise(rng, 0.03, 10.0)
-    gap = (np.mod(y, width) < 0.002) | (np.mod(shifted, length) < 0.003)
+    gap = (np.mod(y, width) < 0.002) | (np.mod(x, length) < 0.003)
     return _coloured((80.0, 125.0, 170.0), np.where(gap, -0.55, grey))
 
 
@@ -142,3 +190,10 @@ _PATTERNS: dict[str, Callable[[np.random.Generator], np.ndarray]] = {
     "carpet": _carpet,
     "concrete": _concrete,
 }
+_PIECES_M: dict[str, tuple[tuple[float, float], tuple[float, float]]] = {
+    "tiles": ((0.3, 0.3), (0.3, 0.3)),
+    "wood": ((1.2, 0.12), (1.2, 0.12)),
+    "carpet": ((0.6, 0.6), (TEXEL_M, TEXEL_M)),
+    "concrete": ((1.2, 1.2), (TEXEL_M, TEXEL_M)),
+}
+"""Size of a piece along x and y; of what it is cut at multiples, as joints are in the pattern."""

@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 
+from firmware_sim.camera.prints import NONE, Prints, prints_of, side_slots
 from firmware_sim.world.shapes import Thing
 from firmware_sim.world.world import OBSTACLE, World
 
@@ -42,6 +43,8 @@ class Scene:
         Of each thing, (m, 3), blue, green, red.
     thing
         Its index in `World.things`, (m,).
+    prints
+        On the sides.
     """
 
     sides: np.ndarray
@@ -51,16 +54,22 @@ class Scene:
     height: np.ndarray
     colour: np.ndarray
     thing: np.ndarray
+    prints: Prints
 
 
 def make_scene(world: World) -> Scene:
     """Return the things of a world, ready to be seen."""
     sides: list[np.ndarray] = []
     first, count, height, colours, numbers = [], [], [], [], []
+    slots: list[np.ndarray] = []
     number_of_sides = 0
     for number, thing in enumerate(world.things):
         rows = _sides(thing)
         colour = _colour(thing, world.floor.seed, number)
+        rng = np.random.default_rng([world.floor.seed, 4, number])
+        lengths_m = rows[:, LENGTH].tolist()
+        bare = bool(thing.colour) or thing.kind == OBSTACLE
+        slots += [NONE if bare else side_slots(each, thing.height_m, rng) for each in lengths_m]
         for part in [rows] if thing.solid else np.split(rows, len(rows)):
             first.append(number_of_sides)
             number_of_sides += len(part)
@@ -69,14 +78,16 @@ def make_scene(world: World) -> Scene:
             height.append(thing.height_m)
             colours.append(colour)
             numbers.append(number)
+    together = np.ascontiguousarray(np.vstack([np.empty((0, 6)), *sides]))
     return Scene(
-        sides=np.ascontiguousarray(np.vstack([np.empty((0, 6)), *sides])),
+        sides=together,
         owner=np.repeat(np.arange(len(count), dtype=np.int64), count),
         first=np.array(first, dtype=np.int64),
         count=np.array(count, dtype=np.int64),
         height=np.array(height, dtype=np.float64),
         colour=np.array(colours, dtype=np.float64).reshape(-1, 3),
         thing=np.array(numbers, dtype=np.int64),
+        prints=prints_of(slots, together[:, LENGTH]),
     )
 
 

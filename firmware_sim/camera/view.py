@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from firmware_sim.camera.board import add_board
 from firmware_sim.camera.fan import cut
-from firmware_sim.camera.floor import LEVELS, PERIOD_M, SIDE
+from firmware_sim.camera.floor import LEVELS, PERIOD_M, PIECES, SIDE
 from firmware_sim.compiled import compiled
 
+NO_SLOT = -1
 FLOOR, NOTHING = -1, -2
 """Labels of pixels without an object: the floor, and everything above all walls."""
 SKY = 205.0
@@ -50,7 +53,14 @@ def draw(
     side: np.ndarray,
     listed: np.ndarray,
     floor: np.ndarray,
+    size: np.ndarray,
+    shift: np.ndarray,
+    cuts: np.ndarray,
     plaster: np.ndarray,
+    prints: np.ndarray,
+    slots: np.ndarray,
+    first_slot: np.ndarray,
+    slots_per_m: np.ndarray,
     starts: np.ndarray,
     light: np.ndarray,
     light_at: np.ndarray,
@@ -84,13 +94,14 @@ def draw(
             # Whole rows at a time: a call with many arrays costs more than a pixel.
             meet(pixels[v], camera_height, local, first, count, height, near, thing, side, listed,
                  labels[v], distances[v], faces)  # fmt: skip
-            floor_row(pixels[v], labels[v], pose, floor, starts, light, light_at, bright,
-                      rows[v % 3])  # fmt: skip
+            floor_row(pixels[v], labels[v], pose, floor, size, shift, cuts, starts, light,
+                      light_at, bright, rows[v % 3])  # fmt: skip
             for k in range(len(boards)):
                 add_board(boards[k], pixels[v], labels[v] == FLOOR, pose, camera_height, turn,
                           bright, rows[v % 3])  # fmt: skip
             thing_row(pixels[v], labels[v], distances[v], faces, pose, camera_height, turn,
-                      local, shade, colour, plaster, starts, rows[v % 3])  # fmt: skip
+                      local, shade, colour, plaster, prints, slots, first_slot, slots_per_m,
+                      starts, rows[v % 3])  # fmt: skip
         if v > 0:
             # A row is finished once the next is known.
             blur_rows(
@@ -153,6 +164,9 @@ def floor_row(
     labels: np.ndarray,
     pose: np.ndarray,
     floor: np.ndarray,
+    size: np.ndarray,
+    shift: np.ndarray,
+    cuts: np.ndarray,
     starts: np.ndarray,
     light: np.ndarray,
     light_at: np.ndarray,
@@ -164,6 +178,9 @@ def floor_row(
     `brights` gets the light on the floor, times the gain of its pixel.
     """
     last_x, last_y = light.shape[1] - 1.001, light.shape[0] - 1.001
+    wide, deep = size[0], size[1]
+    low_x = low_y = np.inf
+    cut_x = cut_y = 0.0
     for u in range(len(pixels)):
         p = pixels[u]
         if labels[u] != FLOOR:
@@ -176,7 +193,17 @@ def floor_row(
         b = g = r = 0.0
         at = p.floor - 0.5 * (p.taps - 1) * step
         for _ in range(p.taps):
-            b1, g1, r1 = sample(floor, start, level, pose[0] + at * cx, pose[1] + at * cy)
+            x, y = pose[0] + at * cx, pose[1] + at * cy
+            if not (low_x <= x < low_x + wide and low_y <= y < low_y + deep):
+                # Another piece of the floor.
+                j = math.floor(y / deep)
+                low_y = j * deep
+                j &= PIECES - 1
+                i = math.floor((x + shift[j]) / wide)
+                low_x = i * wide - shift[j]
+                i &= PIECES - 1
+                cut_x, cut_y = cuts[j, i, 0] - low_x, cuts[j, i, 1] - low_y
+            b1, g1, r1 = sample(floor, start, level, cut_x + x, cut_y + y)
             b, g, r = b + b1, g + g1, r + r1
             at += step
         x = (pose[0] + p.floor * cx - light_at[0]) * light_at[2]
@@ -207,6 +234,10 @@ def thing_row(
     shade: np.ndarray,
     colour: np.ndarray,
     plaster: np.ndarray,
+    prints: np.ndarray,
+    slots: np.ndarray,
+    first_slot: np.ndarray,
+    slots_per_m: np.ndarray,
     starts: np.ndarray,
     row: np.ndarray,
 ) -> None:
@@ -218,11 +249,15 @@ def thing_row(
             continue
         p = pixels[u]
         distance = distances[u]
+        slot = NO_SLOT
         if faces[u] >= 0:
-            e = local[faces[u]]
+            i = faces[u]
+            e = local[i]
             along = distance * (e.tx * p.ahead + e.ty * p.left) - e.start
             up = camera_height + p.slope * distance
-            bright = shade[faces[u]]
+            bright = shade[i]
+            if slots_per_m[i] > 0.0:
+                slot = first_slot[i] + int(along * slots_per_m[i])
         else:
             along = pose[0] + distance * (pose[2] * p.ahead - pose[3] * p.left)
             up = pose[1] + distance * (pose[3] * p.ahead + pose[2] * p.left)
@@ -232,8 +267,18 @@ def thing_row(
         while size > 1.0 and level < COARSEST:
             size *= 0.5
             level += 1
+        bright *= p.gain
+        if slot != NO_SLOT:
+            s = slots[slot]
+            if s.left < along < s.right and s.low < up < s.high:
+                b, g, r = sample(prints, starts[level], level, along + s.x, up + s.y)
+                bright *= b * s.first + g * s.second + r * s.third
+                row[3 * u] = bright * s.blue
+                row[3 * u + 1] = bright * s.green
+                row[3 * u + 2] = bright * s.red
+                continue
         grain, _, _ = sample(plaster, starts[level], level, along, up)
-        bright *= grain * p.gain * (1.0 / 128.0)
+        bright *= grain * (1.0 / 128.0)
         for c in range(3):
             row[3 * u + c] = bright * colour[label, c]
 
