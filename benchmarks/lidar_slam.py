@@ -5,12 +5,15 @@ from __future__ import annotations
 import gzip
 import math
 import os
+import time
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks import machine
+from robotctl.estimation.slam.keyframes.mapper import SlamMapper
+from robotctl.estimation.slam.keyframes.shapes import AROUND, Expected, Shapes
 from robotctl.logs.formats.recorded_log import read_recording
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.recording import Recording
@@ -81,6 +84,42 @@ def row_of(name: str, result: ScanResult) -> tuple[str, ...]:
     )
 
 
+def alike_row(name: str, mapper: SlamMapper) -> tuple[str, ...]:
+    """Return how often a place seen before is the one of most like shape, whatever the heading.
+
+    Of keyframes that have another within 0.5 m, 8 m of way before them; right is within 1.5 m and
+    20 deg, by the finished map.
+    """
+    poses, keyframes, shapes = mapper.back_end.poses, mapper.keyframes, Shapes()
+    way_m = np.array([each.travelled_m for each in keyframes])
+    hits, took_ns = np.zeros((0, 2), np.bool_), 0
+    for number in range(len(keyframes)):
+        around = range(max(number - AROUND, 0), number + 1)
+        shapes.add(
+            [(mapper.back_end.between(number, e), keyframes[e].surface.points) for e in around]
+        )
+        old = np.flatnonzero(way_m[: number + 1] < way_m[number] - 8.0)
+        away = np.hypot(*(poses[old, :2] - poses[number, :2]).T)
+        if away.min(initial=np.inf) > 0.5:
+            continue
+        anyhow = Expected(old, np.zeros(len(old)), np.full(len(old), 4.0))
+        began_ns = time.process_time_ns()
+        found = shapes.alike(number, anyhow, 2, 6)
+        took_ns += time.process_time_ns() - began_ns
+        right = [
+            math.hypot(at.x_m, at.y_m) < 1.5
+            and abs(math.remainder(at.theta_rad - each.turn_rad, math.tau)) < math.radians(20.0)
+            for each in found
+            for at in (mapper.back_end.between(each.number, number),)
+        ]
+        hits = np.vstack([hits, [right[0], any(right)]])
+    count = len(hits)
+    return (
+        name, str(count), *(f"{100.0 * each:.0f} %" for each in hits.mean(axis=0)),
+        f"{1e-6 * took_ns / max(count, 1):.2f}",
+    )  # fmt: skip
+
+
 def run(rounds: int, seconds: float) -> None:
     """Map the public logs."""
     machine.note("\n# SLAM by lidar")
@@ -88,13 +127,15 @@ def run(rounds: int, seconds: float) -> None:
         machine.note("ROBOTCTL_DATA is not set: no public logs")
         return
     folder = Path(os.environ["ROBOTCTL_DATA"]) / "carmen"
-    rows, notes = [], []
+    rows, notes, alike = [], [], []
     for name, with_odometry in LOGS:
         recording = read_recording(folder / f"{name}.log.gz", with_sonars=False)
         if not with_odometry:
             recording = without_odometry(recording)
         result = scan_slam_of(recording, lambda *_: None)
         rows.append(row_of(name, result))
+        if with_odometry or "corrected" in name:
+            alike.append(alike_row(name, result.mapper))
         if name == "intel-odometry":
             count, shift, most, turn, turned = relations(
                 folder / "intel.relations.gz", result.estimate
@@ -110,4 +151,6 @@ def run(rounds: int, seconds: float) -> None:
     machine.table("Public logs; ape against the log's own reference, aligned", heads, rows)
     for each in notes:
         machine.note(each)
+    heads = ("log", "places seen before", "most alike is right", "of two one is", "ms a query")
+    machine.table("Places by shape alone, any heading", heads, alike)
     machine.note(f"goals: {GOALS}")
