@@ -94,8 +94,16 @@ def timed_images(folder: Path) -> list[TimedImage]:
     elif images:
         timed = [TimedImage(_stamp_of_name(each), each) for each in images]
     else:
-        raise LogFormatError(f"{folder}: no images in it, of {', '.join(IMAGE_SUFFIXES)}")
+        raise LogFormatError(
+            f"{folder}: no images in it, of {', '.join(IMAGE_SUFFIXES)}{_hint(folder)}"
+        )
     return sorted(timed, key=lambda each: each.stamp_ns)
+
+
+def _hint(folder: Path) -> str:
+    """Return which folder in a folder without images has some."""
+    within = sorted(each for each in folder.iterdir() if each.is_dir())
+    return next((f"; there are some in {each}" for each in within if images_in(each)), "")
 
 
 def _list_of(folder: Path, *, beside: bool) -> Path | None:

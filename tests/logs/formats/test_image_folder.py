@@ -111,6 +111,13 @@ def test_what_has_no_times_is_refused_with_its_place(tmp_path, names, listed, me
         timed_images(folder)
 
 
+def test_a_folder_whose_images_are_one_further_down_says_so(tmp_path):
+    make(tmp_path / "empty")
+    make(tmp_path / "pictures-0001", "1.5.png")
+    with pytest.raises(LogFormatError, match=r"no images in it.*some in .*/pictures-0001$"):
+        timed_images(tmp_path)
+
+
 def test_a_file_or_nothing_is_no_folder(tmp_path):
     with pytest.raises(LogFormatError, match="a folder of images is needed, found nothing"):
         timed_images(tmp_path / "a")
