@@ -49,20 +49,24 @@ class LocalisationScore:
         self._method = ""
         self._first_ns: int | None = None
         self._right_ns: int | None = None
-        self._slam = SlamScore()
+        self._slam: SlamScore | None = SlamScore()
         self._last_ns = 0
         self._said_ns = self._since_ns = self._wrong_ns = 0
 
     def truth(self, pose: StampedPose) -> None:
         """Add a true pose; they must come in the order of their stamps."""
-        self._slam.truth(pose)
+        if self._slam is not None:
+            self._slam.truth(pose)
         for estimate, what, truth in self._matcher.truth(pose):
             self._add(estimate, what, truth)
 
     def estimate(self, pose: StampedPose, state: LocalisationState, odometry: StampedPose) -> None:
         """Add an estimate: the pose in `world`, what was said of it, and the odometry's pose."""
-        for loop in state.loops:
-            self._slam.loop(loop)
+        if state.method != "slam":
+            self._slam = None  # it keeps all true poses
+        if self._slam is not None:
+            for loop in state.loops:
+                self._slam.loop(loop)
         for estimate, what, truth in self._matcher.pose(pose, _Estimate(state, odometry)):
             self._add(estimate, what, truth)
 
@@ -91,7 +95,7 @@ class LocalisationScore:
         if said:
             self._said_ns += passed_ns
             self._error.add(estimate, truth)
-            if state.method == "slam":
+            if self._slam is not None:
                 self._slam.estimate(estimate.pose, truth.pose)
             covariance = from_upper_triangle(state.covariance)
             believed = PoseEstimate(now_ns, estimate.pose, covariance, state.status)
@@ -99,7 +103,7 @@ class LocalisationScore:
 
     def slam(self) -> SlamReport | None:
         """Return the score of a drive by SLAM; None without."""
-        return self._slam.result()
+        return None if self._slam is None else self._slam.result()
 
     def result(self) -> LocalisationReport | None:
         """Return the score so far; None if there was no localiser."""
