@@ -21,6 +21,7 @@ import zmq
 from mcap.reader import make_reader
 from pymavlink import mavutil
 
+from firmware_sim.bus.channels import running_channels
 from robotctl.app.processes.progress import StoredProgress, progress_file
 from robotctl.app.supervision.stack import CONTROL, RECORDER, Stack, StackError
 from robotctl.config.options import StackOptions
@@ -46,9 +47,11 @@ def channel() -> Iterator[str]:
     name = f"recorder-{os.getpid()}"
     command = [sys.executable, "-m", "firmware_sim.bus", "--channel", name, "--ack"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as hub:
-        wait(lambda: Path(f"/proc/{hub.pid}/net/unix").read_text().count(name), "the bus is there")
-        yield name
-        hub.terminate()
+        try:
+            wait(lambda: name in running_channels(), "the bus is there")
+            yield name
+        finally:
+            hub.terminate()
 
 
 @pytest.fixture

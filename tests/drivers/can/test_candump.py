@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from firmware_sim.bus.channels import running_channels
 from firmware_sim.bus.log import log_line
 from robotctl.drivers.can.candump import candump_line
 from robotctl.drivers.can.config import CanConfig
@@ -55,12 +56,14 @@ def running_hub() -> Iterator[tuple[subprocess.Popen[bytes], str]]:
     name = f"candump-{os.getpid()}"
     command = [sys.executable, "-m", "firmware_sim.bus", "--channel", name, "--ack"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-        deadline_s = time.monotonic() + DEADLINE_S
-        while name not in Path(f"/proc/{process.pid}/net/unix").read_text():
-            assert time.monotonic() < deadline_s
-            time.sleep(0.01)
-        yield process, name
-        process.terminate()
+        try:
+            deadline_s = time.monotonic() + DEADLINE_S
+            while name not in running_channels():
+                assert time.monotonic() < deadline_s
+                time.sleep(0.01)
+            yield process, name
+        finally:
+            process.terminate()
 
 
 @pytest.fixture
