@@ -13,7 +13,7 @@ import numpy as np
 
 from benchmarks import machine
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
-from robotctl.estimation.slam.keyframes.shapes import AROUND, Expected, Shapes
+from robotctl.estimation.slam.keyframes.shapes import AROUND, PossiblePlaces, Shapes
 from robotctl.logs.formats.recorded_log import read_recording
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.recording import Recording
@@ -102,7 +102,7 @@ def alike_row(name: str, mapper: SlamMapper) -> tuple[str, ...]:
         away = np.hypot(*(poses[old, :2] - poses[number, :2]).T)
         if away.min(initial=np.inf) > 0.5:
             continue
-        anyhow = Expected(old, np.zeros(len(old)), np.full(len(old), 4.0))
+        anyhow = PossiblePlaces(old, np.zeros(len(old)), np.full(len(old), 4.0))
         began_ns = time.process_time_ns()
         found = shapes.alike(number, anyhow, 2, 6)
         took_ns += time.process_time_ns() - began_ns

@@ -102,6 +102,11 @@ class RobotConfig:
         ),
     ] = field(default_factory=dict)
 
+    @property
+    def has_camera(self) -> bool:
+        """Whether the robot has a camera and looks through it."""
+        return self.camera is not None and self.camera.enabled
+
 
 def config_directory() -> Path:
     """Return the folder of the configurations that come with robotctl."""
@@ -266,7 +271,7 @@ def contradictions(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]
     if len(names) > MAX_SONARS:
         problem = f"the bus carries at most {MAX_SONARS} sonars, found {len(names)}"
         yield ("sonar", MAX_SONARS), problem
-    if config.log.pictures_every_s and (config.camera is None or not config.camera.enabled):
+    if config.log.pictures_every_s and not config.has_camera:
         yield ("log", "pictures_every_s"), "needs camera.enabled = true"
     settings = config.localisation
     if settings.method in ("ekf", "mcl") and not settings.map:

@@ -47,8 +47,7 @@ class LocaliserBegin(NamedTuple):
 
 def sensed_robot(config: RobotConfig) -> SensedRobot:
     """Return what the sensors need to know of a robot."""
-    has_camera = config.camera is not None and config.camera.enabled
-    return SensedRobot(config.sonar, config.localisation, has_camera)
+    return SensedRobot(config.sonar, config.localisation, config.has_camera)
 
 
 class LocaliserInput(NamedTuple):

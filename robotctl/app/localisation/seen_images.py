@@ -10,7 +10,7 @@ import numpy as np
 
 from robotctl.estimation.places.visual.features import Features
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
-from robotctl.estimation.slam.keyframes.seen_places import IMAGE_NS, SeenPlaces
+from robotctl.estimation.slam.keyframes.seen_places import SeenPlaces
 from robotctl.maps.vocabulary_file import load_vocabulary, shipped_vocabulary
 from robotctl.messages.estimation import CameraView, ImageFeatures
 
@@ -30,9 +30,7 @@ class SeenImages:
     """
 
     def __init__(self, mapper: SlamMapper) -> None:
-        self._mapper = mapper
-        self._places = SeenPlaces(load_vocabulary(shipped_vocabulary()), mapper.loops)
-        self._looked_at = len(mapper.keyframes)
+        self._places = SeenPlaces(load_vocabulary(shipped_vocabulary()), mapper)
         self._waiting: deque[tuple[int, ImageFeatures]] = deque(maxlen=_KEPT)
 
     def add(self, views: Sequence[CameraView]) -> None:
@@ -43,14 +41,9 @@ class SeenImages:
 
     def show_new(self) -> None:
         """Show the mapper the image of each new keyframe that has one."""
-        keyframes = self._mapper.keyframes
-        for number in range(self._looked_at, len(keyframes)):
-            stamp_ns = keyframes[number].stamp_ns
-            near = [each for each in self._waiting if abs(each[0] - stamp_ns) <= IMAGE_NS]
-            if near:
-                _, features = min(near, key=lambda each: abs(each[0] - stamp_ns))
-                self._places.see(number, features_in(features))
-        self._looked_at = len(keyframes)
+        stamps_ns = [stamp_ns for stamp_ns, _ in self._waiting]
+        for number, row in self._places.due(stamps_ns):
+            self._places.see(number, features_in(self._waiting[row][1]))
 
 
 def features_in(message: ImageFeatures) -> Features:
@@ -71,6 +64,6 @@ def rehearse(mapper: SlamMapper) -> None:
         )
         for _ in range(40)
     ]
-    seen = SeenPlaces(load_vocabulary(shipped_vocabulary()), mapper.loops)
+    seen = SeenPlaces(load_vocabulary(shipped_vocabulary()), mapper)
     for each in (*looks, looks[0]):
         seen.see(0, each)

@@ -38,6 +38,7 @@ from robotctl.model.geometry.pose_estimate import PoseEstimate
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.model.sensors.range_scan import RangeScan
+from robotctl.model.sensors.sonar import SonarReading
 
 _LEAST_M: Final = 0.05
 _LEAST_RAD: Final = 0.05
@@ -94,8 +95,10 @@ class SlamLocaliser:
             self.T_world_map = saved.frame
             start = saved.frame @ mapper.pose
         self._images = SeenImages(mapper) if by_images else None
-        mounts = sensor.robot.mounts
-        self._heard = HeardPlaces(mounts, mapper.loops) if mounts else None
+        mounts, allowed = sensor.robot.mounts, sensor.robot.settings.sensors
+        self._heard: HeardPlaces | None = None
+        if mounts and SONAR in allowed:
+            self._heard = HeardPlaces(mounts, mapper.loops)
         self._links = len(mapper.back_end.links)
         """So many links of the graph have been reported."""
         self._born_ns: list[int | None] = [None] * len(mapper.keyframes)
@@ -158,10 +161,7 @@ class SlamLocaliser:
         """Take what was seen since the last step."""
         if self._images is not None:
             self._images.add(seen.images)
-        for reading in seen.measured.get(SONAR, ()) if self._heard is not None else ():
-            at = self._history.at(reading.stamp_ns)
-            if at is not None and self._heard is not None:
-                self._heard.hear(reading, at)
+        self._hear(seen.measured.get(SONAR, ()))
         for measured in seen.measured.get(self._sensor.name, ()):
             odometry = self._history.at(measured.stamp_ns)
             for each in () if odometry is None else self._maker.add(measured, odometry):
@@ -169,6 +169,15 @@ class SlamLocaliser:
                     self._take(each.scan, each.odometry)
         if self._images is not None:
             self._images.show_new()
+
+    def _hear(self, readings: Sequence[SonarReading]) -> None:
+        """Take readings of the sonars, which know places where the robot turns on the spot."""
+        if self._heard is None:
+            return
+        for reading in readings:
+            odometry = self._history.at(reading.stamp_ns)
+            if odometry is not None:
+                self._heard.hear(reading, odometry)
 
     def _closed_loops(self) -> tuple[ClosedLoop, ...]:
         """Return the links of this run, since the last call, to places seen before."""

@@ -59,5 +59,5 @@ def slam_sensor(config: RobotConfig, robot: SensedRobot) -> SlamSensor:
 
 def recognises_places(config: RobotConfig) -> bool:
     """Return whether a robot looks for loops by the images of its camera."""
-    has_camera = config.camera is not None and config.camera.enabled
-    return has_camera and config.localisation.method == "slam"
+    settings = config.localisation
+    return config.has_camera and settings.method == "slam" and CAMERA in settings.sensors

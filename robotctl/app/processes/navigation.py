@@ -105,7 +105,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     scans_count = equip(adapter.navigator, config, options, estimators, say, plan_s=_PLAN_S)
     tick = NavigationTick(adapter, estimators, Operator(requests.receive, publisher.send))
     heard = [endpoints.lidar] if scans_count else []
-    heard += [endpoints.camera] if config.camera is not None and config.camera.enabled else []
+    heard += [endpoints.camera] if config.has_camera else []
     sensors = Subscriber[_Heard](context, tuple(heard), _Heard)
     control: ControlState | None = None
     deadline_ns = clock.now_ns()

@@ -94,7 +94,7 @@ def make_navigation(config: RobotConfig, options: StackOptions) -> NavigationAda
             steered=config.drive.steered,
         ),
         has_localiser=config.localisation.method != "none",
-        looks=config.camera is not None and config.camera.enabled,
+        looks=config.has_camera,
         needs_station=mavlink.hold_without_gcs,
         station_timeout_s=mavlink.gcs_timeout_s if holds_on_loss else math.inf,
     )

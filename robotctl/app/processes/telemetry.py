@@ -81,7 +81,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     heard = [endpoints.control_state, endpoints.navigation_state, endpoints.recorder_notices]
     heard.append(endpoints.supervisor_notices)
     heard += [endpoints.lidar] if config.lidar is not None else []
-    heard += [endpoints.camera] if config.camera is not None and config.camera.enabled else []
+    heard += [endpoints.camera] if config.has_camera else []
     states = Subscriber[State](context, tuple(heard), State)
     to_control = RequestSender(context, endpoints.control_requests)
     to_navigation = RequestSender(context, endpoints.navigation_requests)

@@ -65,8 +65,7 @@ class LocalisationScore:
         if state.method != "slam":
             self._slam = None  # it keeps all true poses
         if self._slam is not None:
-            for loop in state.loops:
-                self._slam.loop(loop)
+            self._slam.loops(state.loops)
         for estimate, what, truth in self._matcher.pose(pose, _Estimate(state, odometry)):
             self._add(estimate, what, truth)
 

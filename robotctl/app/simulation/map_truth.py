@@ -22,6 +22,7 @@ from firmware_sim.world.world import World
 from robotctl.app.simulation.score import MapQuality
 from robotctl.app.simulation.sim_options import SimOptions, simulated_robot
 from robotctl.config.robot_file import RobotConfig
+from robotctl.estimation.sensors.registry import LIDAR
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.model.wall_map import WallMap
@@ -85,7 +86,7 @@ def map_truth(options: SimOptions, room: World, mission: Mission, robot: RobotCo
         If the robot's file is wrong.
     """
     simulated = simulated_robot(options.robot, options.overrides).simulation
-    uses_lidar = simulated.lidar is not None and "lidar" in robot.localisation.sensors
+    uses_lidar = simulated.lidar is not None and LIDAR in robot.localisation.sensors
     sensor = simulated.lidar if uses_lidar and simulated.lidar is not None else simulated.sonar
     radius_m = body_outline(robot.navigation.guard, robot.sonar).inscribed_m
     start = options.start_of(mission).pose

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 
 from robotctl.app.simulation.score import SlamReport, StampedPose
 from robotctl.messages.estimation import ClosedLoop
-from robotctl.model.drives.motion import between
 from robotctl.model.geometry.points import align, moved
 from robotctl.model.geometry.se2 import SE2
+from robotctl.model.trajectory import Trajectory
 
 _STEP_M: Final = 1.0
 """Way of which errors are relative."""
@@ -31,46 +31,22 @@ class SlamScore:
         self._true: list[SE2] = []
         self._stamps_ns: list[int] = []
         self._truths: list[SE2] = []
-        self._loops = self._false = 0
-        self._waiting: list[ClosedLoop] = []
+        self._loops: list[ClosedLoop] = []
 
     def truth(self, pose: StampedPose) -> None:
         """Take a true pose; they come in the order of their stamps."""
         if not self._stamps_ns or pose.stamp_ns >= self._stamps_ns[-1] + _EVERY_NS:
             self._stamps_ns.append(pose.stamp_ns)
             self._truths.append(pose.pose)
-        # The truth may come later than what is said of it.
-        waiting, self._waiting = self._waiting, []
-        for each in waiting:
-            self.loop(each)
 
     def estimate(self, believed: SE2, true: SE2) -> None:
         """Take a pose as it was believed, and the true one of its time."""
         self._believed.append(believed)
         self._true.append(true)
 
-    def loop(self, loop: ClosedLoop) -> None:
-        """Take a loop."""
-        later, earlier = self._at(loop.stamp_ns), self._at(loop.earlier_ns)
-        if later is None:
-            self._waiting.append(loop)
-        elif earlier is not None:
-            found = SE2(loop.x_m, loop.y_m, loop.theta_rad)
-            off = (earlier.inverse() @ later).inverse() @ found
-            is_false = math.hypot(off.x_m, off.y_m) > _FALSE_M or abs(off.theta_rad) > _FALSE_RAD
-            self._loops += 1
-            self._false += is_false
-
-    def _at(self, stamp_ns: int) -> SE2 | None:
-        """Return the true pose of a time; None before the first and after the last."""
-        row = bisect_right(self._stamps_ns, stamp_ns)
-        if row == 0 or (row == len(self._stamps_ns) and stamp_ns > self._stamps_ns[-1]):
-            return None
-        if row == len(self._stamps_ns):
-            return self._truths[-1]
-        begin_ns, end_ns = self._stamps_ns[row - 1 : row + 1]
-        share = (stamp_ns - begin_ns) / (end_ns - begin_ns)
-        return between(self._truths[row - 1], self._truths[row], share)
+    def loops(self, loops: Sequence[ClosedLoop]) -> None:
+        """Take loops that were closed."""
+        self._loops += loops
 
     def result(self) -> SlamReport | None:
         """Return the score so far; None before there are two estimates."""
@@ -84,12 +60,14 @@ class SlamScore:
         rows = np.flatnonzero(ends < len(way_m))
         squares = [self._relative(row, int(ends[row])) for row in rows.tolist()]
         rpe = np.sqrt(np.mean(squares, axis=0)) if squares else (math.nan, math.nan)
+        truth = Trajectory.of(self._stamps_ns, self._truths)
+        judged = [_is_right(each, truth) for each in self._loops]
         return SlamReport(
             ape_m=float(np.sqrt(np.mean(np.sum(off**2, axis=1)))),
             rpe_m=float(rpe[0]),
             rpe_rad=float(rpe[1]),
-            loops=self._loops,
-            false_loops=self._false,
+            loops=len(judged) - judged.count(None),
+            false_loops=judged.count(False),
         )
 
     def _relative(self, begin: int, end: int) -> tuple[float, float]:
@@ -97,3 +75,13 @@ class SlamScore:
         believed = self._believed[begin].inverse() @ self._believed[end]
         off = (self._true[begin].inverse() @ self._true[end]).inverse() @ believed
         return off.x_m**2 + off.y_m**2, off.theta_rad**2
+
+
+def _is_right(loop: ClosedLoop, truth: Trajectory) -> bool | None:
+    """Return whether a loop is true; None: it is of a time whose truth is not known."""
+    later, earlier = truth.at(loop.stamp_ns), truth.at(loop.earlier_ns)
+    if later is None or earlier is None:
+        return None
+    found = SE2(loop.x_m, loop.y_m, loop.theta_rad)
+    off = (earlier.inverse() @ later).inverse() @ found
+    return math.hypot(off.x_m, off.y_m) <= _FALSE_M and abs(off.theta_rad) <= _FALSE_RAD

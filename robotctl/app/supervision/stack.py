@@ -76,7 +76,7 @@ class Stack:
         options, notes = with_changes(self._options)
         config = options.load()
         roles: tuple[Role, ...] = ROLES
-        if config.camera is not None and config.camera.enabled:
+        if config.has_camera:
             roles += (CAMERA_ROLE,)
         if config.lidar is not None and config.lidar.driver != SOCKET:
             roles += (LIDAR_ROLE,)

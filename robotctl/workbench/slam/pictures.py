@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
 from robotctl.errors import ConfigError
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.estimation.slam.keyframes.seen_places import IMAGE_NS, SeenPlaces
@@ -52,25 +50,15 @@ class ShownPictures:
 
     def __init__(self, images: Sequence[TimedImage], mapper: SlamMapper) -> None:
         self._images = images
-        self._stamps_ns = np.array([each.stamp_ns for each in images], np.int64)
-        self._mapper = mapper
-        self._seen = SeenPlaces(load_vocabulary(shipped_vocabulary()), mapper.loops)
-        self._looked_at = len(mapper.keyframes)
+        self._stamps_ns = [each.stamp_ns for each in images]
+        self._seen = SeenPlaces(load_vocabulary(shipped_vocabulary()), mapper)
         self._shown: list[Path] = []
-        self._last: Path | None = None
         self._unreadable: list[str] = []
 
     def show_new(self) -> None:
         """Show the pictures of keyframes that are new, if there are any of their time."""
-        keyframes = self._mapper.keyframes
-        for number in range(self._looked_at, len(keyframes)):
-            off_ns = np.abs(self._stamps_ns - keyframes[number].stamp_ns)
-            nearest = int(np.argmin(off_ns))
-            file = self._images[nearest].path
-            if off_ns[nearest] <= IMAGE_NS and file != self._last:
-                self._last = file
-                self._show(number, file)
-        self._looked_at = len(keyframes)
+        for number, row in self._seen.due(self._stamps_ns):
+            self._show(number, self._images[row].path)
 
     def _show(self, number: int, file: Path) -> None:
         """Show a keyframe's picture, unless it cannot be read: a power cut ends in the last one."""

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from robotctl.app.localisation import seen_images
 from robotctl.app.localisation.seen_images import SeenImages, features_in
 from robotctl.estimation.places.visual.features import Features
+from robotctl.estimation.slam.keyframes.seen_places import SeenPlaces
 from robotctl.messages.estimation import CameraView, ImageFeatures
 
 MS = 1_000_000
@@ -29,14 +29,10 @@ def shown(monkeypatch):
     """Keyframe and number of the image of each that was shown."""
     seen = []
 
-    class Places:
-        def __init__(self, *_):
-            pass
+    def see(_, number, image: Features):
+        seen.append((number, int(image.descriptors[0, 0])))
 
-        def see(self, number, image: Features):
-            seen.append((number, int(image.descriptors[0, 0])))
-
-    monkeypatch.setattr(seen_images, "SeenPlaces", Places)
+    monkeypatch.setattr(SeenPlaces, "see", see)
     return seen
 
 
@@ -45,11 +41,12 @@ def test_each_keyframe_gets_the_image_nearest_in_time_if_there_is_one(shown):
     mapper = SimpleNamespace(keyframes=old, loops=None)
     images = SeenImages(mapper)
     images.add([view(0, 1), view(250, 2), view(500, 3), view(5000, 4)])
-    # A stretch tells where the robot was half a minute ago; nobody looked at 2 s.
-    mapper.keyframes = [*old, *(SimpleNamespace(stamp_ns=t * MS) for t in (260, 2000, 4800))]
+    # A stretch tells where the robot was half a minute ago; nobody looked at 2 s, and
+    # an image has one keyframe.
+    mapper.keyframes = [*old, *(SimpleNamespace(stamp_ns=t * MS) for t in (260, 300, 2000, 4800))]
     images.show_new()
     images.show_new()
-    assert shown == [(1, 2), (3, 4)]
+    assert shown == [(1, 2), (4, 4)]
 
 
 def test_a_message_has_the_features_as_they_were():

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Final
 
 from robotctl.estimation.places.database import PlaceBook
 from robotctl.estimation.places.signature_turn import Turn, TurnCollector
-from robotctl.estimation.slam.keyframes.loops import Hint, LoopSearch
+from robotctl.estimation.slam.keyframes.loops import Candidate, LoopSearch
 from robotctl.estimation.slam.keyframes.mapper import Place
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarMount, SonarReading
@@ -20,20 +20,8 @@ _KEPT: Final = 8
 """Turns that wait until the mapper knows where they ended."""
 
 
-class _Stand(NamedTuple):
-    """A pose of `base` in a keyframe."""
-
-    keyframe: int
-    pose: SE2
-
-
 class HeardPlaces:
     """Compares each turn on the spot with those before, and tells a search of loops.
-
-    Attributes
-    ----------
-    turns, recognised
-        How many were heard, and how many of them at a place known by then.
 
     Parameters
     ----------
@@ -44,11 +32,11 @@ class HeardPlaces:
     """
 
     def __init__(self, mounts: Sequence[SonarMount], loops: LoopSearch) -> None:
-        self.turns = self.recognised = 0
         self._loops = loops
         self._book = PlaceBook()
         self._collector = TurnCollector(mounts, self._book.signatures)
-        self._stands: dict[str, _Stand] = {}
+        self._places: dict[str, Place] = {}
+        """Where the turns of the book ended."""
         self._waiting: deque[Turn] = deque(maxlen=_KEPT)
 
     def begin_odometry(self) -> None:
@@ -67,20 +55,20 @@ class HeardPlaces:
         while self._waiting and self._waiting[0].stamp_ns <= place.stamp_ns:
             turn = self._waiting.popleft()
             at_end = place.pose @ odometry.inverse() @ turn.odometry
-            self._look(turn, _Stand(place.keyframe, at_end))
+            self._look(turn, Place(turn.stamp_ns, place.keyframe, at_end))
 
-    def _look(self, turn: Turn, now: _Stand) -> None:
+    def _look(self, turn: Turn, now: Place) -> None:
         """Recognise the place of a turn; learn it, if it is new."""
-        self.turns += 1
         if self._book.too_little(turn.signature):
             return
         found = self._book.recognise(turn.signature).place
         if found is None:
-            name = str(self.turns)
+            name = f"turn {len(self._places) + 1}"
             self._book = self._book.learned(name, turn.signature)
-            self._stands[name] = now
+            self._places[name] = now
             return
-        self.recognised += 1
-        old = self._stands[found.place]
+        old = self._places[found.place]
         at = old.pose @ found.pose @ now.pose.inverse()
-        self._loops.suggest(Hint(now.keyframe, old.keyframe, "sonar turn", at, _SHIFT_M, _TURN_RAD))
+        self._loops.suggest(
+            Candidate(now.keyframe, old.keyframe, "sonar turn", _SHIFT_M, _TURN_RAD, at)
+        )

@@ -15,7 +15,7 @@ from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe, match_pair
 from robotctl.estimation.slam.keyframes.known_places import certain
-from robotctl.estimation.slam.keyframes.shapes import AROUND, Expected, Shapes
+from robotctl.estimation.slam.keyframes.shapes import AROUND, PossiblePlaces, Shapes
 from robotctl.estimation.slam.keyframes.tracker import local_map, thinned
 from robotctl.model.geometry.se2 import SE2
 
@@ -42,7 +42,7 @@ _FORGET_M: Final = 20.0
 _AGREE_M: Final = 0.2
 _AGREE_RAD: Final = 0.05
 _QUEUE: Final = 6
-_NEAR_M: Final = 3.0
+NEAR_M: Final = 3.0
 """Keyframes so far apart may see the same."""
 _GATE: Final = 3.0
 """Standard deviations of the map's doubt within which a place is looked for."""
@@ -51,7 +51,7 @@ _BEYOND: Final = 2.0
 _SLIPS: Final = 0.2
 """Of the way: without odometry, scans slip along bare walls unnoticed."""
 _APART_ALIKE_M: Final = 2.0
-"""The same of places that only look alike: so do rooms."""
+"""Least way between two that confirm each other by appearance alone: rooms look alike."""
 _ALIKE: Final = 2
 """Keyframes of like shape that are looked at, for each new one."""
 _LEAST_ALIKE: Final = 0.65
@@ -89,7 +89,7 @@ class Closure:
 
 
 @dataclass(frozen=True, slots=True)
-class Hint:
+class Candidate:
     """An old place that a keyframe may be at.
 
     Parameters
@@ -98,10 +98,12 @@ class Hint:
         The keyframe of now, and the old one of the place.
     found_by
         What speaks for it.
-    pose
-        Of the first in the second.
     shift_m, turn_rad
-        How far off that may be to each side [m], [rad].
+        Where to look: so far to each side of `pose` [m], [rad].
+    pose
+        Of the first in the second; None: as the map has it when it is looked at.
+    sigma_m, sigma_rad
+        Standard deviations of that [m], [rad]; inf: all of it is equally likely.
     limit_m
         How far the map may be wrong there [m].
     """
@@ -109,20 +111,12 @@ class Hint:
     keyframe: int
     other: int
     found_by: FoundBy
-    pose: SE2
     shift_m: float
     turn_rad: float
+    pose: SE2 | None = None
+    sigma_m: float = math.inf
+    sigma_rad: float = math.inf
     limit_m: float = math.inf
-
-
-@dataclass(frozen=True, slots=True)
-class _Near:
-    """An old keyframe that may be near, by the doubt of the map between."""
-
-    keyframe: int
-    other: int
-    sigma_m: float
-    sigma_rad: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,9 +134,9 @@ class LoopSearch:
         self._config = config
         self._keyframes = keyframes
         self._back_end = back_end
-        self._near: list[_Near] = []
-        self._hints: list[Hint] = []
-        self._hint_is_next = True
+        self._near: list[Candidate] = []
+        self._alike: list[Candidate] = []
+        self._alike_is_next = True
         self._pending: list[_Pending] = []
         self._shapes = Shapes()
         self.log: list[Closure] = []
@@ -176,51 +170,75 @@ class LoopSearch:
         poses = self._back_end.poses
         away = np.hypot(*(poses[others, :2] - poses[number, :2]).T)
         reach = _GATE * doubts[others, 0]
-        self._consider_near(number, others[away < _NEAR_M + reach], doubts)
+        is_near = away < NEAR_M + reach
+        self._consider_near(number, others[is_near], away[is_near], doubts)
         limits_m = _BEYOND * reach
         if not by_wheels:
             ways_m = np.array([self._keyframes[each].travelled_m for each in others])
             way_m = np.abs(self._keyframes[number].travelled_m - ways_m)
             limits_m = np.maximum(limits_m, _SLIPS * way_m)
         is_known = (others < len(self._shapes)) & (number < len(self._shapes))
-        may_be = np.flatnonzero(is_known & (away < _NEAR_M + limits_m))
+        may_be = np.flatnonzero(is_known & (away < NEAR_M + limits_m))
         turns = poses[number, 2] - poses[others, 2]
         within = _SHAPE_RAD + _BEYOND * _GATE * doubts[others, 1]
-        expected = Expected(others[may_be], turns[may_be], within[may_be])
+        possible = PossiblePlaces(others[may_be], turns[may_be], within[may_be])
         limits = dict(zip(others.tolist(), limits_m.tolist(), strict=True))
-        for each in reversed(self._shapes.alike(number, expected, _ALIKE, _AROUND)):
+        for each in reversed(self._shapes.alike(number, possible, _ALIKE, _AROUND)):
             if each.score > _LEAST_ALIKE:
-                at, limit_m = SE2(0.0, 0.0, each.turn_rad), _SHAPE_M + limits[each.number]
-                self.suggest(Hint(number, each.number, "shape", at, _SHAPE_M, _SHAPE_RAD, limit_m))
+                self._put(
+                    Candidate(
+                        number, each.number, "shape", _SHAPE_M, _SHAPE_RAD,
+                        SE2(0.0, 0.0, each.turn_rad), limit_m=_SHAPE_M + limits[each.number],
+                    )
+                )  # fmt: skip
 
-    def suggest(self, hint: Hint) -> None:
-        """Put a place that something speaks for on the list, unless it is known already."""
-        if hint.other >= hint.keyframe - 2 * _AROUND:
+    def suggest(self, candidate: Candidate) -> None:
+        """Put a place that was recognised on the list, unless the map knows that already.
+
+        An image tells a place from all others; by sound the map may be no more wrong than by shape.
+        """
+        if candidate.other >= candidate.keyframe - 2 * _AROUND:
             return
-        if not certain(self._back_end.doubts(hint.keyframe))[hint.other]:
-            self._hints = [*self._hints, hint][-_QUEUE:]
+        doubts = self._back_end.doubts(candidate.keyframe)
+        if certain(doubts)[candidate.other]:
+            return
+        if candidate.found_by != "image":
+            limit_m = _BEYOND * _GATE * float(doubts[candidate.other, 0]) + candidate.shift_m
+            candidate = replace(candidate, limit_m=limit_m)
+        self._put(candidate)
 
-    def _consider_near(self, number: int, others: np.ndarray, doubts: np.ndarray) -> None:
+    def _put(self, candidate: Candidate) -> None:
+        """Put a place that looks or sounds alike on the list."""
+        self._alike = [*self._alike, candidate][-_QUEUE:]
+
+    def _consider_near(
+        self, number: int, others: np.ndarray, away: np.ndarray, doubts: np.ndarray
+    ) -> None:
         """Put old keyframes that may be near on the list; the nearest of each visit."""
         if len(others) == 0:
             return
-        poses = self._back_end.poses
-        away = np.hypot(*(poses[others, :2] - poses[number, :2]).T)
         visits = np.split(np.arange(len(others)), np.flatnonzero(np.diff(others) > _AROUND) + 1)
         for visit in visits:
-            best = visit[np.argmin(away[visit])]
-            self._near.append(_Near(number, int(others[best]), *doubts[others[best]].tolist()))
+            other = int(others[visit[np.argmin(away[visit])]])
+            sigma_m, sigma_rad = doubts[other].tolist()
+            self._near.append(
+                Candidate(
+                    number, other, "position",
+                    min(_GATE * sigma_m + 0.3, 8.0), min(_GATE * sigma_rad + 0.1, math.pi),
+                    sigma_m=2.0 * sigma_m + 0.2, sigma_rad=2.0 * sigma_rad + 0.1,
+                )
+            )  # fmt: skip
         self._near = self._near[-_QUEUE:]
 
     def step(self) -> list[Link]:
         """Look at one candidate; return the links of a loop that is closed."""
-        if not self._near and not self._hints:
+        if not self._near and not self._alike:
             return []
         # By turns, so that neither kind waits for the other.
-        self._hint_is_next = bool(self._hints) and (self._hint_is_next or not self._near)
-        task = self._hints.pop() if self._hint_is_next else self._near.pop()
-        self._hint_is_next = not self._hint_is_next
-        closure, links = self._look(task)
+        self._alike_is_next = bool(self._alike) and (self._alike_is_next or not self._near)
+        candidate = self._alike.pop() if self._alike_is_next else self._near.pop()
+        self._alike_is_next = not self._alike_is_next
+        closure, links = self._look(candidate)
         if not closure.reason:
             links = self._confirmed(_Pending(closure, links))
             if not links:
@@ -228,38 +246,29 @@ class LoopSearch:
         self.log.append(closure)
         return links if not closure.reason else []
 
-    def _window(self, task: _Near | Hint) -> Window:
-        """Return where to look for a keyframe, in the old one."""
-        if isinstance(task, Hint):
-            return Window(task.pose, task.shift_m, task.turn_rad)
-        return Window(
-            self._back_end.between(task.other, task.keyframe),
-            min(_GATE * task.sigma_m + 0.3, 8.0),
-            min(_GATE * task.sigma_rad + 0.1, np.pi),
-            2.0 * task.sigma_m + 0.2,
-            2.0 * task.sigma_rad + 0.1,
-        )
-
-    def _look(self, task: _Near | Hint) -> tuple[Closure, list[Link]]:
+    def _look(self, candidate: Candidate) -> tuple[Closure, list[Link]]:
         """Match the last keyframes with an old place."""
         back_end, keyframes = self._back_end, self._keyframes
-        k, j = task.keyframe, task.other
-        found_by: FoundBy = task.found_by if isinstance(task, Hint) else "position"
+        k, j, found_by = candidate.keyframe, candidate.other, candidate.found_by
         place = self._around(j, range(max(j - _AROUND, 0), min(j + _AROUND + 1, k - 2 * _AROUND)))
         target = local_map([keyframes[e] for e in place], [back_end.between(j, e) for e in place])
         surface = self._last_ones(k)
-        window, points = self._window(task), thinned(surface.points, _POINTS)
+        expected = back_end.between(j, k)
+        window = Window(
+            candidate.pose or expected, candidate.shift_m, candidate.turn_rad,
+            candidate.sigma_m, candidate.sigma_rad,
+        )  # fmt: skip
+        points = thinned(surface.points, _POINTS)
         least = _LEAST_OF_STRETCHES if self._config.stretch_m else _LEAST_SCORE
         found = search(target.field, points, window, least)
         if found is None:
             return Closure(k, j, found_by, window.centre, 0.0, "low score"), []
         match = refine(target.bins, surface, found.pose)
         closure = Closure(k, j, found_by, match.pose, found.score, "")
-        off = back_end.between(j, k).inverse() @ match.pose
-        limit_m = task.limit_m if isinstance(task, Hint) else math.inf
+        off = expected.inverse() @ match.pose
         if match.inliers < _LEAST_INLIERS:
             return replace(closure, reason="few echoes match"), []
-        if math.hypot(off.x_m, off.y_m) > limit_m:
+        if math.hypot(off.x_m, off.y_m) > candidate.limit_m:
             return replace(closure, reason="too far off"), []
         if search(target.field, points, window, _AMBIGUOUS * found.score, found.pose) is not None:
             return replace(closure, reason="ambiguous"), []

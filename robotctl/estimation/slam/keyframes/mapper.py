@@ -22,7 +22,7 @@ from robotctl.estimation.slam.keyframes.known_places import (
     nearest,
     renewed,
 )
-from robotctl.estimation.slam.keyframes.loops import LoopSearch
+from robotctl.estimation.slam.keyframes.loops import NEAR_M, LoopSearch
 from robotctl.estimation.slam.keyframes.map_search import MapSearch
 from robotctl.estimation.slam.keyframes.motion import Expected, by_odometry, by_velocity
 from robotctl.estimation.slam.keyframes.saved_map import KeyframeMap
@@ -35,7 +35,6 @@ LEAST_ECHOES: Final = 10
 """Scans with fewer are not matched."""
 LOST: Final = 10
 """So many scans in a row that fit nowhere: the robot does not know its place."""
-_NEAR_M: Final = 3.0
 _UNKNOWN: Final = np.diag(1.0 / np.array([0.3, 0.3, 0.2]) ** 2)
 """Information on a motion without odometry, beside that of scans."""
 _NEAR_LINKS: Final = 4
@@ -370,7 +369,7 @@ class SlamMapper:
             is_old &= ways_m < ways_m[number] - self.config.stretch_m
         away = np.hypot(*(poses[:, :2] - poses[number, :2]).T)
         sure = certain(doubts)
-        near = np.flatnonzero(is_old & (away < _NEAR_M) & sure)
+        near = np.flatnonzero(is_old & (away < NEAR_M) & sure)
         turn = np.abs(np.angle(np.exp(1j * (poses[near, 2] - poses[number, 2]))))
         linked = 0
         for other in near[np.argsort(away[near] + turn)][:_NEAR_TRIES].tolist():

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
+
+import numpy as np
 
 from robotctl.estimation.places.visual.features import Features
 from robotctl.estimation.places.visual.recognition import (
@@ -11,7 +14,8 @@ from robotctl.estimation.places.visual.recognition import (
     sight_of,
 )
 from robotctl.estimation.places.visual.vocabulary import Vocabulary
-from robotctl.estimation.slam.keyframes.loops import Hint, LoopSearch
+from robotctl.estimation.slam.keyframes.loops import Candidate
+from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.model.geometry.se2 import SE2
 
 IMAGE_NS: Final = 300_000_000
@@ -35,15 +39,42 @@ class SeenPlaces:
     ----------
     vocabulary
         Its words.
-    loops
-        Where to look for loops; scans bear out what the camera says.
+    mapper
+        Of the keyframes; its scans bear out what the camera says.
     """
 
-    def __init__(self, vocabulary: Vocabulary, loops: LoopSearch) -> None:
+    def __init__(self, vocabulary: Vocabulary, mapper: SlamMapper) -> None:
         self._places = VisualPlaces(vocabulary)
-        self._loops = loops
+        self._mapper = mapper
+        self._looked_at = len(mapper.keyframes)
+        self._last_ns: int | None = None
         self.keyframes: list[int] = []
         self.recognitions: list[VisualRecognition] = []
+
+    def due(self, stamps_ns: Sequence[int]) -> list[tuple[int, int]]:
+        """Return keyframes that are new since the last call, each with the image of its time.
+
+        Parameters
+        ----------
+        stamps_ns
+            Of the images that there are [ns].
+
+        Returns
+        -------
+        list
+            Number of the keyframe, and of its image in `stamps_ns`. An image has one keyframe; a
+            keyframe without an image of its time is left out.
+        """
+        found = []
+        keyframes, stamps = self._mapper.keyframes, np.array(stamps_ns, np.int64)
+        for number in range(self._looked_at, len(keyframes)) if len(stamps) else ():
+            off_ns = np.abs(stamps - keyframes[number].stamp_ns)
+            nearest = int(np.argmin(off_ns))
+            if off_ns[nearest] <= IMAGE_NS and stamps_ns[nearest] != self._last_ns:
+                self._last_ns = stamps_ns[nearest]
+                found.append((number, nearest))
+        self._looked_at = len(keyframes)
+        return found
 
     def see(self, number: int, features: Features) -> None:
         """Take the image of a keyframe."""
@@ -55,4 +86,4 @@ class SeenPlaces:
         found = recognition.found
         if found is not None:
             old = self.keyframes[found.image]
-            self._loops.suggest(Hint(number, old, "image", SE2(), _SHIFT_M, _TURN_RAD))
+            self._mapper.loops.suggest(Candidate(number, old, "image", _SHIFT_M, _TURN_RAD, SE2()))

@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from robotctl.estimation.grown import Grown
 from robotctl.estimation.slam.front_end.surface import Floats
 from robotctl.model.geometry.points import moved
 from robotctl.model.geometry.se2 import SE2
@@ -29,7 +30,6 @@ _MOST: Final = 3.0
 """Cells of a bin that count: a wall along the line of sight is no more than one across it."""
 _COMPARED: Final = 1000
 """Keyframes that are compared at all turns, those most alike by rings."""
-_CHUNK: Final = 1024
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +52,7 @@ class Alike:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Expected:
+class PossiblePlaces:
     """Keyframes that a new one may be at.
 
     Parameters
@@ -91,12 +91,11 @@ class Shapes:
     """The shapes of all keyframes, by number."""
 
     def __init__(self) -> None:
-        self._count = 0
-        self._spectra = np.empty((_CHUNK, _RINGS, _SECTORS // 2 + 1), np.complex64)
-        self._rings = np.empty((_CHUNK, _RINGS), np.float32)
+        self._spectra = Grown((_RINGS, _SECTORS // 2 + 1), np.complex64)
+        self._rings = Grown((_RINGS,), np.float32)
 
     def __len__(self) -> int:
-        return self._count
+        return self._rings.size
 
     def add(self, seen: list[tuple[SE2, Floats]]) -> None:
         """Add the next keyframe: what was seen around it, points at poses in it."""
@@ -104,40 +103,35 @@ class Shapes:
             moved(pose, points) for pose, points in seen if np.hypot(pose.x_m, pose.y_m) < REACH_M
         ]
         shape = shape_of(np.concatenate(near) if near else np.empty((0, 2)))
-        if self._count == len(self._spectra):
-            self._spectra = np.concatenate([self._spectra, np.empty_like(self._spectra)])
-            self._rings = np.concatenate([self._rings, np.empty_like(self._rings)])
-        self._spectra[self._count] = np.fft.rfft(shape, axis=1)
-        self._rings[self._count] = np.linalg.norm(shape, axis=1)
-        self._count += 1
+        self._spectra.add(np.fft.rfft(shape, axis=1)[None])
+        self._rings.add(np.linalg.norm(shape, axis=1)[None])
 
-    def alike(self, number: int, expected: Expected, most: int, apart: int) -> list[Alike]:
+    def alike(self, number: int, possible: PossiblePlaces, most: int, apart: int) -> list[Alike]:
         """Return keyframes that look most like one, the best first.
 
         Parameters
         ----------
         number
             Of the one.
-        expected
+        possible
             Those that may be.
         most, apart
             So many of them at most, whose numbers are so far apart.
         """
-        among = expected.numbers
+        among = possible.numbers
         if len(among) == 0:
             return []
         chosen = np.arange(len(among))
         if len(among) > _COMPARED:
             # No turn makes rings more alike than their norms say (Cauchy, Schwarz).
-            bounds = self._rings[among] @ self._rings[number]
+            bounds = self._rings.view[among] @ self._rings.view[number]
             chosen = np.argpartition(-bounds, _COMPARED)[:_COMPARED]
-        products = np.einsum(
-            "nrs,rs->ns", self._spectra[among[chosen]], self._spectra[number].conj()
-        )
+        spectra = self._spectra.view
+        products = np.einsum("nrs,rs->ns", spectra[among[chosen]], spectra[number].conj())
         by_turn = np.fft.irfft(products, n=_SECTORS, axis=1)
         turns = np.arange(_SECTORS) * (2.0 * np.pi / _SECTORS)
-        off = turns - expected.turns_rad[chosen, None]
-        by_turn[np.abs(np.angle(np.exp(1j * off))) > expected.within_rad[chosen, None]] = -1.0
+        off = turns - possible.turns_rad[chosen, None]
+        by_turn[np.abs(np.angle(np.exp(1j * off))) > possible.within_rad[chosen, None]] = -1.0
         scores, shifts = by_turn.max(axis=1), by_turn.argmax(axis=1)
         result: list[Alike] = []
         for row in np.argsort(-scores, kind="stable").tolist():

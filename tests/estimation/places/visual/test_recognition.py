@@ -7,22 +7,12 @@ import pytest
 from robotctl.estimation.places.visual.orb import features_of
 from robotctl.estimation.places.visual.recognition import VisualPlaces, sight_of
 from robotctl.maps.vocabulary_file import load_vocabulary, shipped_vocabulary
+from tests.estimation.places.visual.drawn import drawn_wall
 
 
 @pytest.fixture(scope="module")
 def vocabulary():
     return load_vocabulary(shipped_vocabulary())
-
-
-def wall(seed):
-    """Draw a wall with many things on it, larger than an image."""
-    rng = np.random.default_rng(seed)
-    picture = np.full((440, 560), 128, np.uint8)
-    for _ in range(150):
-        x, y = rng.integers(0, 560), rng.integers(0, 440)
-        size = rng.integers(6, 50, 2)
-        cv2.rectangle(picture, (x, y), (x + size[0], y + size[1]), int(rng.integers(0, 256)), -1)
-    return picture
 
 
 def look(picture, dx=0, dy=0, zoom=1.0, seed=0):
@@ -44,8 +34,8 @@ def driven(vocabulary, looks, **options):
 
 
 def test_a_second_lap_is_recognised_and_the_first_is_not(vocabulary):
-    first = [look(wall(i)) for i in range(20)]
-    second = [look(wall(i), 15, -10, 1.15, seed=i) for i in range(20)]
+    first = [look(drawn_wall(i)) for i in range(20)]
+    second = [look(drawn_wall(i), 15, -10, 1.15, seed=i) for i in range(20)]
     _, found = driven(vocabulary, first + second, gap=5)
     assert all(each.found is None for each in found[:20])
     assert [each.found.image for each in found[20:]] == list(range(20))
@@ -53,32 +43,32 @@ def test_a_second_lap_is_recognised_and_the_first_is_not(vocabulary):
 
 
 def test_where_two_places_look_the_same_neither_is_chosen(vocabulary):
-    looks = [look(wall(i)) for i in range(10)] + [look(wall(3), 5, 5, seed=1)]
-    looks += [look(wall(i)) for i in range(10, 20)]
+    looks = [look(drawn_wall(i)) for i in range(10)] + [look(drawn_wall(3), 5, 5, seed=1)]
+    looks += [look(drawn_wall(i)) for i in range(10, 20)]
     places = VisualPlaces(vocabulary, gap=0)
     for each in looks:
         places.add(sight_of(vocabulary, each))
-    query = sight_of(vocabulary, look(wall(3), 3, -3, seed=2))
+    query = sight_of(vocabulary, look(drawn_wall(3), 3, -3, seed=2))
     assert places.recognise(query, is_next=True).refusal == "ambiguous"
 
 
 def test_places_that_a_closure_joined_are_one(vocabulary):
-    looks = [look(wall(i % 10), seed=i) for i in range(20)]
+    looks = [look(drawn_wall(i % 10), seed=i) for i in range(20)]
     places, found = driven(vocabulary, looks, gap=5)
     assert found[13].found.image == 3
-    query = sight_of(vocabulary, look(wall(3), 3, -3, seed=2))
+    query = sight_of(vocabulary, look(drawn_wall(3), 3, -3, seed=2))
     assert places.recognise(query, is_next=False).found.image in {3, 13}
 
 
 def test_a_weak_likeness_needs_the_images_before(vocabulary):
     def partly(i, seed):
         """Show a part of a wall, the rest is new."""
-        picture = wall(1000 + i)
-        picture[:, 220:] = wall(i)[:, 220:]
+        picture = drawn_wall(1000 + i)
+        picture[:, 220:] = drawn_wall(i)[:, 220:]
         return look(picture, 5, 0, seed=seed)
 
-    first = [look(wall(i)) for i in range(12)]
-    new = [look(wall(i)) for i in range(100, 110)]
+    first = [look(drawn_wall(i)) for i in range(12)]
+    new = [look(drawn_wall(i)) for i in range(100, 110)]
     _, found = driven(vocabulary, first + new + [partly(i, i) for i in (4, 5, 6)], gap=5)
     assert found[22].refusal == "not confirmed by the images before"
     assert max(found[22].candidates, key=lambda each: each.share).image == 4
@@ -88,19 +78,21 @@ def test_a_weak_likeness_needs_the_images_before(vocabulary):
 
 def test_a_blank_wall_is_no_place(vocabulary):
     blank = features_of(np.full((300, 400), 200, np.uint8))
-    _, found = driven(vocabulary, [look(wall(0)), blank, blank], gap=0)
+    _, found = driven(vocabulary, [look(drawn_wall(0)), blank, blank], gap=0)
     blank = "only 0 features"
     assert [each.refusal for each in found] == ["nothing like it", blank, blank]
 
 
 def test_a_camera_that_stands_does_not_recognise_itself(vocabulary):
-    looks = [look(wall(i)) for i in range(3)] + [look(wall(3), seed=i) for i in range(30)]
+    looks = [look(drawn_wall(i)) for i in range(3)] + [
+        look(drawn_wall(3), seed=i) for i in range(30)
+    ]
     _, found = driven(vocabulary, looks, gap=2)
     assert all(each.found is None for each in found)
 
 
 def test_images_of_any_size_give_features_of_one_size():
-    picture = cv2.GaussianBlur(wall(1), (0, 0), 1.0)
+    picture = cv2.GaussianBlur(drawn_wall(1), (0, 0), 1.0)
     large = cv2.resize(picture, None, fx=4.0, fy=4.0, interpolation=cv2.INTER_CUBIC)
     small, large = features_of(picture), features_of(large)
     assert large.points.max() < 1.0

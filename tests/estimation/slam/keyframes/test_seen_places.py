@@ -1,6 +1,5 @@
 """Loops by a camera: what images say counts where scans bear it out."""
 
-import cv2
 import numpy as np
 import pytest
 
@@ -8,27 +7,17 @@ from robotctl.estimation.places.visual.orb import features_of
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.estimation.slam.keyframes.seen_places import SeenPlaces
 from robotctl.maps.vocabulary_file import load_vocabulary, shipped_vocabulary
+from tests.estimation.places.visual.drawn import drawn_wall
 from tests.estimation.slam.lidar_world import along, box, scan_of
 
 pytestmark = pytest.mark.timeout(400)  # a cold cache: all of it is compiled
-
-
-def drawn(seed):
-    """Draw a wall with many things on it, 300 x 400."""
-    rng = np.random.default_rng(seed)
-    picture = np.full((300, 400), 128, np.uint8)
-    for _ in range(100):
-        x, y = rng.integers(0, 400), rng.integers(0, 300)
-        size = rng.integers(6, 50, 2)
-        cv2.rectangle(picture, (x, y), (x + size[0], y + size[1]), int(rng.integers(0, 256)), -1)
-    return picture
 
 
 def seen_at(pose, rng, is_alike):
     """Return the features of what a camera sees: each metre looks different, or all alike."""
     place = (round(pose.x_m), round(pose.y_m), round(2.0 * pose.theta_rad / np.pi) % 4)
     seed = 7 if is_alike else 1000 * (place[0] * 20 + place[1]) + place[2]
-    view = drawn(seed) + rng.normal(0.0, 2.0, (300, 400))
+    view = drawn_wall(seed)[:300, :400] + rng.normal(0.0, 2.0, (300, 400))
     return features_of(np.clip(view, 0.0, 255.0).astype(np.uint8))
 
 
@@ -43,12 +32,11 @@ def test_a_place_that_is_known_again_by_its_image_closes_the_loop(monkeypatch, i
     )
     poses = along([(1.0, 1.0), (19.0, 1.0), (19.0, 11.0), (1.0, 11.0), (1.0, 1.0), (9.0, 1.0)])
     rng, mapper = np.random.default_rng(1), SlamMapper()
-    seen = SeenPlaces(load_vocabulary(shipped_vocabulary()), mapper.loops)
+    seen = SeenPlaces(load_vocabulary(shipped_vocabulary()), mapper)
     for number, pose in enumerate(poses):
-        count = len(mapper.keyframes)
         mapper.add(scan_of(walls, pose, rng, reach_m=6.0, stamp_ns=number * 500_000_000))
-        if len(mapper.keyframes) > count:
-            seen.see(count, seen_at(pose, rng, is_alike))
+        for keyframe, _ in seen.due([number * 500_000_000]):
+            seen.see(keyframe, seen_at(pose, rng, is_alike))
     mapper.finish()
     true = [poses[round(2e-9 * each.stamp_ns)] for each in mapper.keyframes]
     # Once more past the last of the things: the bare wall behind it is shorter on the map.

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robotctl.estimation.slam.keyframes.shapes import REACH_M, Expected, Shapes, shape_of
+from robotctl.estimation.slam.keyframes.shapes import REACH_M, PossiblePlaces, Shapes, shape_of
 from robotctl.model.geometry.points import moved
 from robotctl.model.geometry.se2 import SE2
 
@@ -21,7 +21,7 @@ def surroundings(rng):
 
 def anyhow(numbers):
     """Return keyframes that a new one may be at with any heading."""
-    return Expected(numbers, np.zeros(len(numbers)), np.full(len(numbers), 4.0))
+    return PossiblePlaces(numbers, np.zeros(len(numbers)), np.full(len(numbers), 4.0))
 
 
 @pytest.mark.parametrize("turn_deg", [-170.0, -90.0, -6.0, 0.0, 36.0, 119.0])
@@ -62,9 +62,9 @@ def test_a_heading_that_cannot_be_is_not_looked_at():
     shapes = Shapes()
     shapes.add([(SE2(), points)])
     shapes.add([(SE2(), moved(SE2(0.0, 0.0, -1.5), points))])
-    right = Expected(np.array([0]), np.array([1.5 - 2.0 * np.pi]), np.array([0.2]))
+    right = PossiblePlaces(np.array([0]), np.array([1.5 - 2.0 * np.pi]), np.array([0.2]))
     assert shapes.alike(1, right, 1, 0)[0].turn_rad == pytest.approx(1.5, abs=SECTOR_RAD)
-    wrong = Expected(np.array([0]), np.array([0.5]), np.array([0.5]))
+    wrong = PossiblePlaces(np.array([0]), np.array([0.5]), np.array([0.5]))
     assert 0.0 <= shapes.alike(1, wrong, 1, 0)[0].turn_rad <= 1.0
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from robotctl.estimation.slam.keyframes import loops
 from robotctl.estimation.slam.keyframes.back_end import Link
-from robotctl.estimation.slam.keyframes.loops import Hint
+from robotctl.estimation.slam.keyframes.loops import Candidate
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.model.geometry.points import align, moved
 from robotctl.model.geometry.se2 import SE2
@@ -102,7 +102,7 @@ def test_a_hint_counts_only_where_scans_bear_it_out(monkeypatch, off_m):
         old = min(range(40), key=lambda each: np.hypot(*_shift(true[each], true[new])))
         at = true[old].inverse() @ true[new]
         pose = SE2(at.x_m + off_m, at.y_m, at.theta_rad)
-        mapper.loops.suggest(Hint(new, old, "image", pose, 0.8, 0.3))
+        mapper.loops.suggest(Candidate(new, old, "image", 0.8, 0.3, pose))
     links = mapper.loops.step() + mapper.loops.step()
     assert bool(links) == (off_m < 1.0)
     assert all(bool(each.reason) == (off_m > 1.0) for each in mapper.loops.log[1:])
