@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from robotctl.cli.commands import app
 from robotctl.errors import ConfigError, PlaceError
-from tests.estimation.places.visual.test_recognition import wall
+from tests.estimation.places.visual.drawn import drawn_wall
 
 
 @pytest.fixture(scope="module")
@@ -18,7 +18,7 @@ def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("images")
     for i in range(16):
         shift = 10 * (i // 8)
-        cv2.imwrite(str(path / f"{i + 1}.png"), wall(i % 8)[shift : shift + 300, :400])
+        cv2.imwrite(str(path / f"{i + 1}.png"), drawn_wall(i % 8)[shift : shift + 300, :400])
     truth = np.eye(16, k=-8, dtype=np.uint8) * 255
     cv2.imwrite(str(path / "truth.bmp"), truth)
     return path
