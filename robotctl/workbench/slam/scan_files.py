@@ -43,7 +43,7 @@ def graph_of(mapper: SlamMapper) -> GraphFile:
             BETWEEN_2D,
             np.array([(link.first, link.second) for link, _ in kept]),
             np.array([as_row(link.pose) for link, _ in kept]),
-            np.array([weight * link.information for link, weight in kept]),
+            np.array([weight * back_end.counted(link) for link, weight in kept]),
         )
     return GraphFile(*build.build(), np.empty(0, np.int64))
 

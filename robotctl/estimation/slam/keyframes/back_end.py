@@ -40,9 +40,16 @@ def as_row(pose: SE2) -> Floats:
 
 
 class BackEnd:
-    """Poses of keyframes in `map`; the first is at its origin."""
+    """Poses of keyframes in `map`; the first is at its origin.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    repeats
+        So many links of loops say the same, since scans share echoes: each counts less.
+    """
+
+    def __init__(self, repeats: float = 1.0) -> None:
+        self._repeats = repeats
         self._smoother = IncrementalSmoother()
         self.links: list[Link] = []
         self.weights: list[float] = []
@@ -64,7 +71,7 @@ class BackEnd:
     def link(self, link: Link) -> None:
         """Add a link."""
         self._smoother.factor(
-            BETWEEN_2D, (link.first, link.second), as_row(link.pose), link.information
+            BETWEEN_2D, (link.first, link.second), as_row(link.pose), self.counted(link)
         )
         at = 2 * len(self.links)
         if at + 2 > len(self._following):
@@ -84,6 +91,10 @@ class BackEnd:
             self._variances[at + slot] = doubt
         self.links.append(link)
         self.weights.append(1.0)
+
+    def counted(self, link: Link) -> Floats:
+        """Return the information (3, 3) with which a link counts, beside others that repeat it."""
+        return link.information / self._repeats if link.is_loop else link.information
 
     def load(self, poses: Floats, links: list[Link], weights: list[float]) -> None:
         """Take a whole graph, near its optimum; nothing has been added before."""

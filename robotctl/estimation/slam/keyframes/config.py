@@ -75,3 +75,8 @@ class KeyframeConfig:
     is_fixed: bool = False
     stretch_m: float = 0.0
     wheels: WheelNoise = field(default_factory=WheelNoise)
+
+    @property
+    def shared(self) -> float:
+        """How many keyframes each echo is in; more than one where stretches overlap."""
+        return max(self.stretch_m / self.keyframe_m, 1.0) if self.keyframe_m > 0.0 else 1.0

@@ -77,6 +77,8 @@ def match_pair(
     if agreement(first.view, points, weights, start).agrees < _HOPELESS:
         return None
     match = refine(first.bins, second.surface, start, start, LOOSE, wide_m)
+    if config.stretch_m:
+        match = replace(match, pose=held(match, start))
     if match.inliers < config.least_inliers:
         return None
     overlap, contradicts = compared(first, second, match.pose)
@@ -97,14 +99,33 @@ def honest(information: Floats) -> Floats:
     return result
 
 
+def held(match: Match, start: SE2) -> SE2:
+    """Return the pose of a match, at the start along a corridor, if it is of one."""
+    along = _corridor(match.information)
+    if along is None:
+        return match.pose
+    off = match.pose.inverse() @ start
+    x, y = (along @ np.array([off.x_m, off.y_m]) * along).tolist()
+    return match.pose @ SE2(x, y)
+
+
 def without_corridor(information: Floats) -> Floats:
     """Return an information (3, 3) without that along a corridor, if it is of one."""
+    along = _corridor(information)
+    if along is None:
+        return information
+    across = np.eye(3)
+    across[:2, :2] -= np.outer(along, along)
+    result: Floats = across @ information @ across
+    return result
+
+
+def _corridor(information: Floats) -> Floats | None:
+    """Return the direction (2,) of which an information (3, 3) says next to nothing, if any."""
     H = information
     by_place = H[:2, :2] - np.outer(H[:2, 2], H[:2, 2]) / max(H[2, 2], 1e-9)
     seen, directions = np.linalg.eigh(by_place)
     if seen[0] >= _CORRIDOR * seen[1]:
-        return H
-    across = np.eye(3)
-    across[:2, :2] -= np.outer(directions[:, 0], directions[:, 0])
-    result: Floats = across @ H @ across
+        return None
+    result: Floats = directions[:, 0]
     return result

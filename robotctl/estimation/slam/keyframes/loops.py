@@ -13,7 +13,7 @@ from robotctl.estimation.slam.front_end.point_to_line import refine
 from robotctl.estimation.slam.front_end.surface import Surface, joined
 from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
-from robotctl.estimation.slam.keyframes.keyframe import Keyframe, match_pair
+from robotctl.estimation.slam.keyframes.keyframe import Keyframe, held, match_pair
 from robotctl.estimation.slam.keyframes.known_places import certain
 from robotctl.estimation.slam.keyframes.shapes import AROUND, PossiblePlaces, Shapes
 from robotctl.estimation.slam.keyframes.tracker import local_map, thinned
@@ -264,15 +264,16 @@ class LoopSearch:
         if found is None:
             return Closure(k, j, found_by, window.centre, 0.0, "low score"), []
         match = refine(target.bins, surface, found.pose)
-        closure = Closure(k, j, found_by, match.pose, found.score, "")
-        off = expected.inverse() @ match.pose
+        pose = held(match, expected) if self._config.stretch_m else match.pose
+        closure = Closure(k, j, found_by, pose, found.score, "")
+        off = expected.inverse() @ pose
         if match.inliers < _LEAST_INLIERS:
             return replace(closure, reason="few echoes match"), []
         if math.hypot(off.x_m, off.y_m) > candidate.limit_m:
             return replace(closure, reason="too far off"), []
         if search(target.field, points, window, _AMBIGUOUS * found.score, found.pose) is not None:
             return replace(closure, reason="ambiguous"), []
-        links = self._pairs(k, j, place, match.pose)
+        links = self._pairs(k, j, place, pose)
         return (closure, links) if links else (replace(closure, reason="no two scans match"), [])
 
     def _around(self, centre: int, among: range, within_m: float = _AROUND_M) -> list[int]:

@@ -77,9 +77,9 @@ class SlamMapper:
     def __init__(self, config: KeyframeConfig | None = None) -> None:
         self.config = config or KeyframeConfig()
         self.keyframes: list[Keyframe] = []
-        self.back_end = BackEnd()
+        self.back_end = BackEnd(self.config.shared**2)
         self.loops = LoopSearch(self.config, self.keyframes, self.back_end)
-        self._straight = StraightWalls(self.config.stretch_m, self.keyframes, self.back_end)
+        self._straight = StraightWalls(self.config, self.keyframes, self.back_end)
         self.epoch = 0
         self.slips = self.lost = self.lost_in_a_row = 0
         self.covariance: Floats = 1e-6 * np.eye(3)

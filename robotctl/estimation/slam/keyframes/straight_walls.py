@@ -15,6 +15,7 @@ from robotctl.estimation.landmarks.line_fitting import BeamNoise
 from robotctl.estimation.landmarks.scan_lines import ScanLinesConfig, Segment, find_lines
 from robotctl.estimation.slam.front_end.surface import Floats
 from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.keyframe import LOOSE, Keyframe, without_corridor
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.points import moved, rotation
@@ -40,8 +41,10 @@ _BENT_M: Final = 0.04
 class StraightWalls:
     """Finds the walls that keyframes have in line with earlier ones."""
 
-    def __init__(self, stretch_m: float, keyframes: list[Keyframe], back_end: BackEnd) -> None:
-        self._stretch_m = stretch_m
+    def __init__(
+        self, config: KeyframeConfig, keyframes: list[Keyframe], back_end: BackEnd
+    ) -> None:
+        self._stretch_m, self._shared = config.stretch_m, config.shared
         self._keyframes = keyframes
         self._back_end = back_end
         self._walls: list[tuple[Segment, ...]] = []
@@ -55,7 +58,8 @@ class StraightWalls:
             start = self._back_end.between(other, number)
             found = aligned(self._walls[other], self._walls[number], start)
             if found is not None:
-                self._back_end.link(Link(other, number, *found))
+                pose, information = found
+                self._back_end.link(Link(other, number, pose, information / self._shared))
                 count += 1
                 if count == _MOST:
                     break

@@ -9,18 +9,22 @@ from robotctl.config.robot_file import find_file, load_robot
 from robotctl.estimation.ranging.segment_index import distances
 from robotctl.estimation.ranging.sonar_config import SonarModelConfig
 from robotctl.estimation.ranging.wall_echoes import WallEchoes
-from robotctl.estimation.slam.keyframes.keyframe import honest
+from robotctl.estimation.slam.front_end.surface import surface_of
+from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link
+from robotctl.estimation.slam.keyframes.keyframe import honest, keyframe_of, match_pair
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.estimation.slam.local_scans.gathered import scan_of_points
 from robotctl.estimation.slam.local_scans.sonar import SOURCE, SonarScans, echo_direction
 from robotctl.model.geometry.points import align, moved
+from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarReading
 from robotctl.model.sensors.sonar_mounts import mount_rows
 from robotctl.model.wall_map import WallMap
 from tests.estimation.slam.keyframes.test_slam_mapper import OFFICE
-from tests.estimation.slam.lidar_world import along, drifting
+from tests.estimation.slam.lidar_world import along, drifting, scan_of
 
 MOUNTS = load_robot(find_file("diff_drive")).sonar
+AROUND = np.radians(np.arange(-180.0, 180.0, 2.0))
 HALF_BEAM = math.radians(12.5)
 TWICE = [(1.0, 1.0), (13.0, 1.0), (13.0, 9.0), (1.0, 9.0)] * 2 + [(1.0, 1.0)]
 
@@ -123,3 +127,34 @@ def test_a_match_along_a_corridor_says_nothing_of_the_place_along_it():
 def test_a_match_in_a_room_says_where_the_robot_is():
     covariance = np.linalg.inv(honest(np.diag([5e3, 1e4, 3e3])))
     assert np.sqrt(covariance[:2, :2].trace()) < 0.1
+
+
+def test_two_stretches_of_a_corridor_stay_where_they_are_along_it():
+    x = np.arange(-20.0, 20.0)
+    ledges = np.repeat(np.stack([x, x + 1.0], axis=1)[..., None], 2, axis=2)
+    ledges[..., 1] = 1.07 + 0.03 * (np.arange(len(x)) % 2)[:, None]
+    walls = np.concatenate([ledges, [1.0, -1.0] * ledges])
+    rng = np.random.default_rng(1)
+    old_at, new_at = SE2(0.3, 0.2, 0.05), SE2(1.0, -0.3, 3.0)
+    scans = [scan_of(walls, at, rng, reach_m=4.0, angles=AROUND) for at in (old_at, new_at)]
+    first, second = (keyframe_of(scan, surface_of(scan), 0.0) for scan in scans)
+    start = old_at.inverse() @ SE2(new_at.x_m + 0.4, new_at.y_m + 0.05, new_at.theta_rad + 0.03)
+    found = old_at @ match_pair(first, second, start, SOURCE.config, 0.5).pose
+    assert found.x_m == pytest.approx(new_at.x_m + 0.4, abs=0.03)
+    assert found.y_m == pytest.approx(new_at.y_m, abs=0.02)
+    assert found.theta_rad == pytest.approx(new_at.theta_rad, abs=0.01)
+
+
+def test_loops_of_scans_that_share_echoes_count_as_often_as_echoes_are_there():
+    by_wheels, by_loop = SE2(1.0, 0.0, 0.0), SE2(1.2, 0.0, 0.0)
+    information = np.diag([100.0, 100.0, 400.0])
+    times = round(SOURCE.config.shared**2)
+    back_end = BackEnd(times)
+    for pose in (SE2(), by_wheels):
+        back_end.add(pose)
+    back_end.link(Link(0, 1, by_wheels, information))
+    for _ in range(times):
+        back_end.link(Link(0, 1, by_loop, information, is_loop=True))
+    back_end.refine()
+    assert times == 16
+    assert back_end.pose(1).x_m == pytest.approx(1.1, abs=1e-6)
