@@ -52,7 +52,7 @@ class LocalisationConfig:
         particles are weighed by when it has turned on the spot; empty: none.
     keyframes
         File of the map that `slam` goes on with, and keeps; without `mapping` it localises the
-        robot and the file stays as it is. Empty: in the folder of what survives restarts.
+        robot by lidar, and the file stays as it is. Empty: in the folder of what survives restarts.
     lidar, camera, sonar, grid
         Sensor parameters, for the particles and for the map. Ranges that a camera sees share the
         errors of its mount and of the robot's pitch, so they say less than a lidar's.

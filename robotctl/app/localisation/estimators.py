@@ -19,8 +19,8 @@ from robotctl.app.localisation.localiser import (
 )
 from robotctl.app.localisation.mapper import Mapper
 from robotctl.app.localisation.mcl_localiser import make_mcl
-from robotctl.app.localisation.slam_files import NAME
-from robotctl.app.localisation.slam_localiser import MapPlaces, SlamDrawing, make_slam
+from robotctl.app.localisation.slam_files import NAME, MapPlaces
+from robotctl.app.localisation.slam_localiser import SlamDrawing, make_slam
 from robotctl.config.robot_file import RobotConfig
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
 from robotctl.estimation.localisation_config import LocalisationConfig
@@ -282,7 +282,7 @@ def keyframes_of(settings: LocalisationConfig, beside: Path, state: Path | None)
         here = beside / settings.keyframes
         file = here if here.is_file() else Path(settings.keyframes)
         return MapPlaces(file, is_read_only=not settings.mapping)
-    return MapPlaces(None if state is None else state / NAME, is_read_only=False)
+    return MapPlaces(None if state is None else state / NAME, is_own=True)
 
 
 def _mapper(config: RobotConfig, history: OdometryHistory) -> Mapper:

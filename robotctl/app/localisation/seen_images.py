@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from robotctl.estimation.places.visual.features import Features
+from robotctl.estimation.places.visual.features import Features, features_in
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.estimation.slam.keyframes.seen_places import SeenPlaces
 from robotctl.maps.vocabulary_file import load_vocabulary, shipped_vocabulary
@@ -44,13 +44,6 @@ class SeenImages:
         stamps_ns = [stamp_ns for stamp_ns, _ in self._waiting]
         for number, row in self._places.due(stamps_ns):
             self._places.see(number, features_in(self._waiting[row][1]))
-
-
-def features_in(message: ImageFeatures) -> Features:
-    """Return the features of a message."""
-    points = np.frombuffer(message.points, "<f4").reshape(-1, 2).astype(np.float64)
-    descriptors = np.frombuffer(message.descriptors, np.uint64).reshape(-1, 4)
-    return Features(points, descriptors, message.aspect)
 
 
 def rehearse(mapper: SlamMapper) -> None:

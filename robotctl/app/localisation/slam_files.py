@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import msgspec
 
 from robotctl.errors import ConfigError
-from robotctl.estimation.slam.keyframes.back_end import as_row
 from robotctl.estimation.slam.keyframes.saved_map import (
     HEADING,
     ChangeLog,
     KeyframeMap,
+    as_saved,
     compacted,
     encoded,
 )
@@ -33,18 +33,42 @@ _PLACE_NS: Final = 500_000_000
 """Between two saved places of the robot [ns]."""
 
 
-def keyframes_to_localise(path: Path) -> KeyframeMap:
-    """Return the map in a file that is only read.
+class MapPlaces(NamedTuple):
+    """Where the map of a robot is kept.
+
+    Parameters
+    ----------
+    path
+        The file; None: it is not kept.
+    is_read_only
+        Whether the file stays as it is.
+    is_own
+        Whether it is the robot's own file, which nobody chose.
+    """
+
+    path: Path | None
+    is_read_only: bool = False
+    is_own: bool = False
+
+
+def keyframes_to_localise(path: Path, sensor: str) -> KeyframeMap:
+    """Return the map in a file that is only read, for a robot that maps by a sensor.
 
     Raises
     ------
     ConfigError
-        If there is none.
+        If there is none, or it was made by another sensor.
     """
     saved = load_keyframes(path)
     if saved is None:
         raise ConfigError(f"{path}: no map of keyframes; localisation.mapping = true makes one")
+    if saved.sensor != sensor:
+        raise ConfigError(_by_another(path, saved, sensor))
     return saved
+
+
+def _by_another(path: Path, saved: KeyframeMap, sensor: str) -> str:
+    return f"{path}: a map made by {saved.sensor}, of no use to a robot that maps by {sensor}"
 
 
 class KeyframeFile:
@@ -54,6 +78,10 @@ class KeyframeFile:
     ----------
     path
         The file. A damaged one is renamed, and the map begins anew.
+    sensor
+        By which the robot maps.
+    is_own
+        Whether a map made by another sensor is renamed as well, instead of refused.
 
     Attributes
     ----------
@@ -62,13 +90,16 @@ class KeyframeFile:
 
     Raises
     ------
+    ConfigError
+        If the map was made by another sensor.
     DiskError
         If it cannot be read or written, or another process writes it.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, sensor: str, *, is_own: bool = False) -> None:
         self._notices: list[str] = []
-        self.saved = self._load(path)
+        self._sensor = sensor
+        self.saved = self._load(path, is_own)
         records = compacted(read_records(path, HEADING)) if self.saved is not None else []
         self._log = RecordLog(path, HEADING, records, compacted)
         self._changes = ChangeLog()
@@ -78,15 +109,23 @@ class KeyframeFile:
         self._has_frame = self.saved is not None
         self._problem = ""
 
-    def _load(self, path: Path) -> KeyframeMap | None:
-        """Return the map in the file; rename it if it is damaged."""
+    def _load(self, path: Path, is_own: bool) -> KeyframeMap | None:
+        """Return the map in the file; rename it if it is damaged, or the own one of another."""
         try:
             saved = load_keyframes(path)
         except DamagedLogError as error:
             self._notices.append(f"{error}; set aside as {set_aside(path)}, the map begins anew")
             return None
-        if saved is not None:
-            self._notices.append(f"{path}: goes on with its map of {len(saved.keyframes)} scans")
+        if saved is None:
+            return None
+        if saved.sensor != self._sensor:
+            said = _by_another(path, saved, self._sensor)
+            if not is_own:
+                raise ConfigError(f"{said}; name another file as localisation.keyframes")
+            aside = set_aside(path, f"by-{saved.sensor}")
+            self._notices.append(f"{said}; set aside as {aside}, the map begins anew")
+            return None
+        self._notices.append(f"{path}: goes on with its map of {len(saved.keyframes)} scans")
         return saved
 
     def take_notices(self) -> list[str]:
@@ -103,15 +142,16 @@ class KeyframeFile:
         if not mapper.keyframes or mapper.is_lost:
             return
         change = self._changes.changes(mapper)
-        is_new = bool(change.scans or change.links or change.poses)
+        is_new = bool(change.scans or change.images or change.links or change.poses)
         if not is_new and now_ns - self._placed_ns < _PLACE_NS:
             return
         self._placed_ns = now_ns
-        x, y, theta = as_row(mapper.place.pose).tolist()
-        change = msgspec.structs.replace(change, place=(mapper.place.keyframe, (x, y, theta)))
+        number, pose = localiser.place
+        place = number, as_saved(pose)
+        change = msgspec.structs.replace(change, place=place, odometry=localiser.odometry)
         if not self._has_frame:
-            x, y, theta = as_row(localiser.T_world_map).tolist()
-            change = msgspec.structs.replace(change, frame=(x, y, theta))
+            frame = as_saved(localiser.T_world_map)
+            change = msgspec.structs.replace(change, frame=frame, sensor=self._sensor)
             self._has_frame = True
         self._log.add([encoded(change)])
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
 import msgspec
 import numpy as np
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 
 from robotctl.app.localisation.localiser import LocaliserInput, localisation_state
 from robotctl.app.localisation.seen_images import SeenImages, rehearse
-from robotctl.app.localisation.slam_files import KeyframeFile, keyframes_to_localise
+from robotctl.app.localisation.slam_files import KeyframeFile, MapPlaces, keyframes_to_localise
 from robotctl.app.localisation.slam_sensor import SlamSensor, recognises_places, slam_sensor
 from robotctl.config.robot_file import RobotConfig
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
@@ -26,8 +25,9 @@ from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.heard_places import HeardPlaces
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe
 from robotctl.estimation.slam.keyframes.map_search import MapSearch
-from robotctl.estimation.slam.keyframes.mapper import LEAST_ECHOES, Place, SlamMapper
-from robotctl.estimation.slam.keyframes.saved_map import KeyframeMap
+from robotctl.estimation.slam.keyframes.mapper import LEAST_ECHOES, SlamMapper
+from robotctl.estimation.slam.keyframes.motion import Place
+from robotctl.estimation.slam.keyframes.saved_map import KeyframeMap, SavedOdometry, as_saved
 from robotctl.messages.control import ControlState
 from robotctl.messages.estimation import ClosedLoop, LiveMap, LocalisationState
 from robotctl.messages.map_message import map_message
@@ -105,6 +105,10 @@ class SlamLocaliser:
         """When `base` was where each keyframe is, in this run; one may get another scan later."""
         self._begun = self._pose = start
         """Pose in `world` where the odometry began, and now."""
+        self.odometry = None if saved is None else saved.odometry
+        """Of the pose of now, or of that when the map was saved; None: not known for sure."""
+        self._doubted = -1
+        """So many keyframes there were when the odometry became another one."""
         self._T_world_odom: SE2 | None = None
         self._last: SE2 | None = None
         """Odometry at the last scan that was taken."""
@@ -143,19 +147,54 @@ class SlamLocaliser:
         if self.mapper.look() and self._last is not None:
             self._T_world_odom = self.T_world_map @ self.mapper.pose @ self._last.inverse()
         if self._T_world_odom is None:
-            self._T_world_odom = self._begun @ control.T_odom_base.inverse()
-        if self._file is not None:
-            self._file.step(self, now_ns)
+            self._T_world_odom = self._go_on(control)
         # A stretch is driven by odometry before the first scan is made of it.
         has_begun = bool(self.mapper.keyframes) or self.mapper.config.stretch_m > 0.0
         is_placed = has_begun and not self.mapper.is_lost
         status = LocalisationStatus.LOCALISED if is_placed else LocalisationStatus.SEARCHING
         odometry = control.T_odom_base
         self._pose = self._T_world_odom @ odometry
+        self.odometry = None
+        if len(self.mapper.keyframes) > self._doubted:
+            row = as_saved(odometry)
+            self.odometry = SavedOdometry(control.odom_epoch_ns, control.stamp_ns, row)
+        if self._file is not None:
+            self._file.step(self, now_ns)
         covariance = self._covariance(self._pose)
         estimate = PoseEstimate(control.stamp_ns, self._pose, covariance, status)
         state = localisation_state("slam", estimate, odometry, now_ns)
         return msgspec.structs.replace(state, loops=self._closed_loops())
+
+    def _go_on(self, control: ControlState) -> SE2:
+        """Return where an odometry begins, in `world`: where the robot was when it was known last.
+
+        It may be the one of then, of a control process that lived on.
+        """
+        then, mapper = self.odometry, self.mapper
+        is_another = (
+            then is None
+            or then.epoch_ns != control.odom_epoch_ns
+            or then.stamp_ns > control.stamp_ns
+        )
+        before = control.T_odom_base if then is None or is_another else SE2(*then.pose)
+        T_world_odom = self._begun @ before.inverse()
+        if mapper.keyframes and mapper.config.stretch_m:
+            number, pose = self._on_map(T_world_odom @ control.T_odom_base)
+            place = Place(control.stamp_ns, number, pose)
+            self._doubted = len(mapper.keyframes) if is_another else -1
+            mapper.go_on(place, control.T_odom_base, is_another=is_another)
+        return T_world_odom
+
+    @property
+    def place(self) -> tuple[int, SE2]:
+        """The robot's keyframe, and `base` in it."""
+        return self._on_map(self._pose)
+
+    def _on_map(self, pose: SE2) -> tuple[int, SE2]:
+        """Return the last keyframe, and a pose in `world` in it."""
+        number = self.mapper.place.keyframe
+        T_world_keyframe = self.T_world_map @ self.mapper.back_end.pose(number)
+        return number, T_world_keyframe.inverse() @ pose
 
     def _perceive(self, seen: LocaliserInput) -> None:
         """Take what was seen since the last step."""
@@ -212,8 +251,6 @@ class SlamLocaliser:
             # What was driven before the first scan is known by odometry alone.
             before = self._T_world_odom
             self.T_world_map = self._begun if before is None else before @ odometry
-        elif self._last is None and self.mapper.config.stretch_m:
-            self._go_on(scan.stamp_ns, odometry)
         self.mapper.add(scan, odometry)
         if self._heard is not None:
             self._heard.look(self.mapper.place, odometry)
@@ -223,28 +260,12 @@ class SlamLocaliser:
             self._closed = self.mapper.epoch
             self._notices.append(f"loop closed: {self._closed} so far, the map is corrected")
 
-    def _go_on(self, stamp_ns: int, odometry: SE2) -> None:
-        """Have the mapper know where a new odometry begins: no match would tell it."""
-        if self._T_world_odom is None:
-            return
-        here = self.T_world_map.inverse() @ self._T_world_odom @ odometry
-        last = self.mapper.place.keyframe
-        inside = self.mapper.back_end.pose(last).inverse() @ here
-        self.mapper.stand(Place(stamp_ns, last, inside), odometry)
-
     def _covariance(self, pose: SE2) -> NDArray[np.float64]:
         """Return the covariance (3, 3) of the last match, in `world`."""
         turn = np.eye(3)
         turn[:2, :2] = rotation(pose.theta_rad)
         result: NDArray[np.float64] = turn.T @ self.mapper.covariance @ turn
         return result
-
-
-class MapPlaces(NamedTuple):
-    """Where the map of a robot is kept."""
-
-    path: Path | None
-    is_read_only: bool
 
 
 class _Picture:
@@ -356,12 +377,13 @@ def make_slam(
     drawing = SlamDrawing(rehearsed, OccupancyGrid(grid))
     drawing.step(None, LocaliserInput())
     drawing.live_map(0)
-    is_for_life = sensor.config.stretch_m == 0.0
-    is_kept = is_for_life and places.path is not None and not places.is_read_only
-    file = KeyframeFile(places.path) if places.path is not None and is_kept else None
-    saved = None if file is None else file.saved
+    saved, file = None, None
     if places.path is not None and places.is_read_only:
-        saved = keyframes_to_localise(places.path)
+        saved = keyframes_to_localise(places.path, sensor.name)
+    elif places.path is not None:
+        file = KeyframeFile(places.path, sensor.name, is_own=places.is_own)
+        saved = file.saved
+    is_for_life = sensor.config.stretch_m == 0.0
     mapper = SlamMapper(replace(sensor.config, is_live=is_for_life, is_fixed=places.is_read_only))
     localiser = SlamLocaliser(mapper, sensor, start, history, saved, file, by_images=by_images)
     return localiser, SlamDrawing(localiser, OccupancyGrid(grid))

@@ -33,7 +33,7 @@ def slam_sensor(config: RobotConfig, robot: SensedRobot) -> SlamSensor:
     Raises
     ------
     ConfigError
-        If it has none, or is to keep a map that its sensor cannot go on with.
+        If it has none, or is to be localised in a map of keyframes by another than a lidar.
     """
     settings = config.localisation
     has = {
@@ -49,10 +49,12 @@ def slam_sensor(config: RobotConfig, robot: SensedRobot) -> SlamSensor:
             f"{found}, localisation.sensors allows {', '.join(settings.sensors) or 'none'}"
         )
     source = load_source(name)
-    if settings.keyframes and source.config.stretch_m:
+    if settings.keyframes and not settings.mapping and source.config.stretch_m:
         raise ConfigError(
-            f"localisation.keyframes = {settings.keyframes!r}: a map of keyframes needs a lidar; "
-            f"SLAM by {name} begins anew at each start"
+            f"localisation.keyframes = {settings.keyframes!r}: only a lidar tells where a robot is "
+            f"on a map of keyframes that stays as it is. With a {name}, localisation.mapping = "
+            'true goes on with the map; localisation.method = "mcl" finds the robot on the ROS '
+            "map of a drive, localisation.map"
         )
     return SlamSensor(name, robot, source.config)
 

@@ -13,6 +13,7 @@ from robotctl.estimation.camera.config import GroundCameraConfig
 from robotctl.estimation.camera.ground import GroundCamera, GroundView
 from robotctl.estimation.camera.markers import MarkerDetector
 from robotctl.estimation.camera.obstacles import GroundObstacle
+from robotctl.estimation.places.visual.features import features_message
 from robotctl.estimation.places.visual.orb import features_of, grey_of
 from robotctl.messages.control import ControlState
 from robotctl.messages.estimation import CameraView, ImageFeatures, SeenObstacle
@@ -101,9 +102,7 @@ class GroundWatch:
         if not self._with_features or stamp_ns < self._features_due_ns:
             return None
         self._features_due_ns = stamp_ns + _FEATURES_NS
-        found = features_of(grey_of(image_bgr))
-        points = found.points.astype("<f4").tobytes()
-        return ImageFeatures(points, found.descriptors.tobytes(), found.aspect)
+        return features_message(features_of(grey_of(image_bgr)))
 
 
 def _rehearse() -> None:

@@ -1,4 +1,4 @@
-"""Maps of keyframes, as SLAM by lidar keeps them: to go on with, or as logs of their scans."""
+"""Maps of keyframes, as SLAM keeps them: to go on with, or as logs of their scans."""
 
 from __future__ import annotations
 

@@ -99,8 +99,8 @@ def read_records(path: Path, heading: bytes) -> list[bytes]:
         raise DamagedLogError(f"{path}: damaged: {error}") from error
 
 
-def set_aside(path: Path) -> Path:
-    """Rename a damaged file to a name that is free; return that.
+def set_aside(path: Path, why: str = "damaged") -> Path:
+    """Rename a file to a name that is free and says why; return that.
 
     Raises
     ------
@@ -108,9 +108,8 @@ def set_aside(path: Path) -> Path:
         If the disk refuses.
     """
     try:
-        target = path.with_name(
-            damaged_name(path.name, {each.name for each in path.parent.iterdir()})
-        )
+        taken = {each.name for each in path.parent.iterdir()}
+        target = path.with_name(damaged_name(path.name, taken, why))
         return path.rename(target)
     except OSError as error:
         raise DiskError(f"{path}: cannot be set aside: {error.strerror}") from error

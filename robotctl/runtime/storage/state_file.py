@@ -56,10 +56,10 @@ class FileSystem(Protocol):
         """As `os.listdir`."""
 
 
-def damaged_name(name: str, taken: Collection[str]) -> str:
+def damaged_name(name: str, taken: Collection[str], why: str = "damaged") -> str:
     """Return a name not in `taken` under which a damaged file is set aside."""
     number = 1
-    while (free := f"{name}.damaged-{number}") in taken:
+    while (free := f"{name}.{why}-{number}") in taken:
         number += 1
     return free
 

@@ -81,5 +81,7 @@ class ShownPictures:
     @property
     def matched(self) -> MatchedImages:
         """What each picture that was shown was recognised as."""
-        shown = tuple(self._shown)
-        return MatchedImages(shown, shown, tuple(self._seen.recognitions))
+        shown, looked_at = tuple(self._shown), self._seen.recognitions
+        before = self._seen.keyframes[: len(self._seen.keyframes) - len(looked_at)]
+        known = (*(Path(f"keyframe-{each}") for each in before), *shown)
+        return MatchedImages(shown, known, tuple(looked_at))

@@ -61,7 +61,7 @@ def write_scan_results(result: ScanResult, folder: Path) -> None:
     save_map(folder / "map", result.grid.map_rows(strays=_STRAYS))
     G2O.write(folder / "graph.g2o", graph_of(result.mapper))
     place = result.mapper.place
-    record = whole_map(result.mapper, result.frame, (place.keyframe, place.pose))
+    record = whole_map(result.mapper, result.sensor, result.frame, (place.keyframe, place.pose))
     (folder / "map.keyframes").write_bytes(HEADING + packed([record]))
     _write_closures(folder / "closures.csv", result.mapper)
     if result.images is not None:

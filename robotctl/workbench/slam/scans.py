@@ -19,7 +19,8 @@ from robotctl.estimation.sensors.sensor import SensedRobot
 from robotctl.estimation.slam.front_end.surface import surface_of
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.heard_places import HeardPlaces
-from robotctl.estimation.slam.keyframes.mapper import LEAST_ECHOES, Place, SlamMapper
+from robotctl.estimation.slam.keyframes.mapper import LEAST_ECHOES, SlamMapper
+from robotctl.estimation.slam.keyframes.motion import Place
 from robotctl.estimation.slam.keyframes.saved_map import KeyframeMap
 from robotctl.estimation.slam.local_scans.registry import load_source
 from robotctl.estimation.slam.local_scans.source import ScanSource
@@ -70,6 +71,8 @@ class ScanResult:
         The map's frame in `world`.
     images
         What the images of keyframes were recognised as; None: there are none.
+    sensor
+        Of the scans.
     """
 
     recording: Recording
@@ -82,6 +85,7 @@ class ScanResult:
     grid_ms: float
     frame: SE2
     images: MatchedImages | None = None
+    sensor: str = LIDAR
 
     def report(self) -> dict[str, Any]:
         """Return the figures; the keys stand in docs/slam.md."""
@@ -173,10 +177,13 @@ def scan_slam(
         )
     pictures = () if images is None else pictures_of(images, recording.scans)
     if onto is None:
-        return scan_slam_of(recording, progress, source.config, pictures)
+        result = scan_slam_of(recording, progress, source.config, pictures)
+        return replace(result, sensor=sensor)
     saved = load_keyframes(onto)
     if saved is None:
         raise ScanSlamError(f"{onto}: no map of keyframes")
+    if saved.sensor != LIDAR:
+        raise ScanSlamError(f"{onto}: a map made by {saved.sensor}, --map needs one by {LIDAR}")
     return scan_slam_onto(recording, saved, progress, pictures)
 
 

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from robotctl.app.localisation.seen_images import SeenImages, features_in
-from robotctl.estimation.places.visual.features import Features
+from robotctl.app.localisation.seen_images import SeenImages
+from robotctl.estimation.places.visual.features import Features, features_in
 from robotctl.estimation.slam.keyframes.seen_places import SeenPlaces
 from robotctl.messages.estimation import CameraView, ImageFeatures
 
@@ -38,7 +38,7 @@ def shown(monkeypatch):
 
 def test_each_keyframe_gets_the_image_nearest_in_time_if_there_is_one(shown):
     old = [SimpleNamespace(stamp_ns=0)]
-    mapper = SimpleNamespace(keyframes=old, loops=None)
+    mapper = SimpleNamespace(keyframes=old, images={}, loops=None)
     images = SeenImages(mapper)
     images.add([view(0, 1), view(250, 2), view(500, 3), view(5000, 4)])
     # A stretch tells where the robot was half a minute ago; nobody looked at 2 s, and

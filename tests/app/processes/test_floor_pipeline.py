@@ -16,10 +16,10 @@ from firmware_sim.camera.camera import Camera
 from firmware_sim.camera.truth import sightings
 from firmware_sim.config.config import load_robot as load_simulated_robot
 from firmware_sim.world.world import load_world
-from robotctl.app.localisation.seen_images import features_in
 from robotctl.app.processes.floor_pipeline import GroundWatch
 from robotctl.config.robot_file import find_file, load_robot
 from robotctl.errors import ConfigError
+from robotctl.estimation.places.visual.features import features_in
 from robotctl.estimation.places.visual.orb import features_of
 from robotctl.estimation.ranging.scan_messages import camera_scan
 from robotctl.messages.control import SafetyState

@@ -9,7 +9,7 @@ from typing import Final
 from robotctl.estimation.places.database import PlaceBook
 from robotctl.estimation.places.signature_turn import Turn, TurnCollector
 from robotctl.estimation.slam.keyframes.loops import Candidate, LoopSearch
-from robotctl.estimation.slam.keyframes.mapper import Place
+from robotctl.estimation.slam.keyframes.motion import Place
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarMount, SonarReading
 

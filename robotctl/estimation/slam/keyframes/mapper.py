@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
+from robotctl.estimation.places.visual.features import Features
 from robotctl.estimation.slam.front_end.point_to_line import Match
 from robotctl.estimation.slam.front_end.surface import Floats, Surface, surface_of
 from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link
@@ -24,10 +25,17 @@ from robotctl.estimation.slam.keyframes.known_places import (
 )
 from robotctl.estimation.slam.keyframes.loops import NEAR_M, LoopSearch
 from robotctl.estimation.slam.keyframes.map_search import MapSearch
-from robotctl.estimation.slam.keyframes.motion import Expected, by_odometry, by_velocity
+from robotctl.estimation.slam.keyframes.motion import (
+    Expected,
+    Kept,
+    Place,
+    by_odometry,
+    by_velocity,
+)
 from robotctl.estimation.slam.keyframes.saved_map import KeyframeMap
 from robotctl.estimation.slam.keyframes.straight_walls import StraightWalls
-from robotctl.estimation.slam.keyframes.tracker import LocalMap, Tracked, is_new, local_map, track
+from robotctl.estimation.slam.keyframes.tracker import Tracked, is_new, track
+from robotctl.estimation.slam.keyframes.trail import Trail
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
 
@@ -48,15 +56,6 @@ _SURE: Final = 0.6
 """Score of a match that does not follow from where the robot was, at least."""
 
 
-@dataclass(frozen=True, slots=True)
-class Place:
-    """Where a scan was taken: a pose of `base` in a keyframe."""
-
-    stamp_ns: int
-    keyframe: int
-    pose: SE2
-
-
 class SlamMapper:
     """A map from lidar scans, as they come, with odometry or without.
 
@@ -64,6 +63,8 @@ class SlamMapper:
     ----------
     keyframes, back_end, loops
         Scans that are kept; their poses and links; what became of possible loops.
+    images
+        By keyframe: those by which a camera knows places.
     epoch
         Counts closed loops, with which poses jump.
     slips, lost, lost_in_a_row
@@ -77,30 +78,25 @@ class SlamMapper:
     def __init__(self, config: KeyframeConfig | None = None) -> None:
         self.config = config or KeyframeConfig()
         self.keyframes: list[Keyframe] = []
+        self.images: dict[int, Features] = {}
         self.back_end = BackEnd(self.config.shared**2)
         self.loops = LoopSearch(self.config, self.keyframes, self.back_end)
         self._straight = StraightWalls(self.config, self.keyframes, self.back_end)
         self.epoch = 0
-        self.slips = self.lost = self.lost_in_a_row = 0
+        self.slips = self.lost = self.lost_in_a_row = self.renewals = self.found = 0
         self.covariance: Floats = 1e-6 * np.eye(3)
-        self._local: LocalMap | None = None
-        self.renewals = self.found = 0
-        self._trail: list[int] = []
-        """Keyframes that were passed last, the newest at the end."""
+        self._trail = Trail(self.config, self.keyframes, self.back_end)
         self._place: Place | None = None
         self._resumed = False
         self._by_wheels = True
         """Whether the motion to the last scan was measured."""
-        self._unsure_until_m = 0.0
+        self._unsure_until_m = self._travelled_m = 0.0
         self._probation: Probation | None = None
         self._search: MapSearch | None = None
         self._since_search = SE2()
         self._odometry: SE2 | None = None
-        self._kept_odometry: SE2 | None = None
-        self._kept_pose = SE2()
-        """Where the robot was in its keyframe then."""
+        self._kept = Kept()
         self._moved, self._moved_s = SE2(), 0.0
-        self._travelled_m = 0.0
 
     @property
     def pose(self) -> SE2:
@@ -130,11 +126,33 @@ class SlamMapper:
         With `is_there`, the robot is expected where it was last; else it may be anywhere.
         """
         self.keyframes += saved.keyframes
+        self.images |= saved.images
         self.back_end.load(saved.poses, saved.links, saved.weights)
         self._travelled_m = max(each.travelled_m for each in saved.keyframes)
         self._place = Place(0, *saved.place)
-        self._trail = self._around(saved.place[0])
-        self._resumed, self.lost_in_a_row = is_there, LOST
+        if not self.config.stretch_m:
+            self._trail.begin(saved.place[0])
+            self._resumed, self.lost_in_a_row = is_there, LOST
+
+    def go_on(self, place: Place, odometry: SE2, *, is_another: bool) -> None:
+        """Have stretches begin anew in the last keyframe: no match would tell where the robot is.
+
+        Parameters
+        ----------
+        place
+            Where the robot is expected.
+        odometry
+            `base` in `odom` there.
+        is_another
+            Whether that odometry began since the last scan, perhaps elsewhere.
+        """
+        known = by_odometry(place.pose, self.config.wheels)
+        if is_another:
+            known = known.doubted(_RESUMED)
+            self._trail.begin()
+            self._straight.begin_odometry()
+        self._place, self._odometry = place, odometry
+        self._kept, self.covariance = Kept(place.pose, odometry, known), known.covariance
 
     def add(self, scan: RangeScan, odometry: SE2 | None = None) -> Place:
         """Take in a scan, in the order of time, and the pose of `base` in `odom` at its time.
@@ -162,7 +180,7 @@ class SlamMapper:
         tracked = self._track(scan, surface, last, expected)
         if tracked.has_slipped:
             self.slips += 1
-            self._kept_odometry = None
+            self._kept = Kept()
         self._account(tracked.match, expected)
         step = last.pose.inverse() @ tracked.pose
         self._moved, self._moved_s = step, 1e-9 * (scan.stamp_ns - last.stamp_ns)
@@ -183,14 +201,12 @@ class SlamMapper:
         nowhere = Tracked(last.pose @ expected.motion, None, 0.0, has_slipped=False)
         if len(surface.points) < LEAST_ECHOES or self.config.stretch_m:
             return nowhere
-        if self._local is None:
-            self._local = self._make_local()
         self._resumed = False
-        tracked = track(self._local, surface, last.pose, expected, self.config)
+        tracked = track(self._trail.local, surface, last.pose, expected, self.config)
         follows = self._by_wheels and not tracked.has_slipped and self.lost_in_a_row == 0
         if not self.config.is_live or follows:
             return tracked
-        new, asked = keyframe_of(scan, surface, self._travelled_m), self._trail[-_ASKED:]
+        new, asked = keyframe_of(scan, surface, self._travelled_m), self._trail.last(_ASKED)
         at = self.back_end.pose(last.keyframe) @ tracked.pose
         if tracked.score < _SURE or not is_borne_out(
             new, at, [self.keyframes[each] for each in asked], self.back_end.poses[asked]
@@ -233,18 +249,11 @@ class SlamMapper:
     def stand(self, place: Place, odometry: SE2 | None) -> None:
         """Have the robot be at a place on the map, with `base` in `odom`."""
         self._place, self._odometry = place, odometry
-        self._trail, self._local = self._around(place.keyframe), None
-        self._kept_odometry, self._kept_pose = odometry, place.pose
+        self._trail.begin(place.keyframe)
+        self._kept = Kept(place.pose, odometry)
         self.covariance = 1e-3 * np.eye(3)
         self._unsure_until_m = self._travelled_m + _UNSURE_M
         self.lost_in_a_row = 0
-
-    def _around(self, number: int) -> list[int]:
-        """Return keyframes around one, the nearest last."""
-        poses, sure = self.back_end.poses, certain(self.back_end.doubts(number))
-        away = np.hypot(*(poses[:, :2] - poses[number, :2]).T)
-        nearest = np.argsort(np.where(sure, away, np.inf))[: self.config.local_keyframes]
-        return [int(each) for each in nearest[::-1] if sure[each]]
 
     def _is_known(self, new: Keyframe, pose: SE2) -> bool:
         """Return whether a scan, seen from the last keyframe, is of a known place; be there."""
@@ -260,7 +269,7 @@ class SlamMapper:
         if known.contradicts > CHANGED and may_change and not known.is_young:
             self.keyframes[known.number] = renewed(new, known.pose)
             self.renewals += 1
-            self._local = None
+            self._trail.redraw()
         self._pass(known.number, known.pose)
         self._place = Place(self.place.stamp_ns, known.number, known.pose)
         return True
@@ -275,21 +284,18 @@ class SlamMapper:
 
     def _pass(self, number: int, pose: SE2) -> None:
         """Have a keyframe be the last one that was passed, with the robot at a pose in it."""
-        if not self._trail or self._trail[-1] != number:
-            self._local = None
-        before = max(self.config.local_keyframes, self.config.linked_keyframes) - 1
-        self._trail = [*[each for each in self._trail if each != number][-before:], number]
-        self._kept_odometry, self._kept_pose = self._odometry, pose
+        self._trail.add(number)
+        self._kept = Kept(pose, self._odometry)
 
     def begin_odometry(self) -> None:
         """Take the odometry of the next scan for another one, which begins anew."""
-        self._odometry = self._kept_odometry = self._search = None
+        self._odometry = self._search = None
+        self._kept = Kept()
 
     def _account(self, match: Match | None, expected: Expected) -> None:
         """Count scans that fit nowhere; keep how well the pose on the local map is known."""
-        motion = np.diag([expected.sigma_m**2, expected.sigma_m**2, expected.sigma_rad**2])
         if match is None:
-            self.covariance += motion
+            self.covariance = self.covariance + expected.covariance
             if not self.config.stretch_m:
                 self.lost += 1
                 self.lost_in_a_row += 1
@@ -308,32 +314,21 @@ class SlamMapper:
             return by_odometry(before.inverse() @ odometry, self.config.wheels)
         return by_velocity(self._moved, self._moved_s, 1e-9 * (stamp_ns - last.stamp_ns))
 
-    def _make_local(self) -> LocalMap:
-        """Return the map of the last keyframes in the frame of the newest."""
-        chosen = self._trail[-self.config.local_keyframes :]
-        return local_map(
-            [self.keyframes[each] for each in chosen],
-            [self.back_end.between(chosen[-1], each) for each in chosen],
-        )
-
     def _new_keyframe(self, new: Keyframe, pose: SE2, match: Match | None) -> None:
         """Keep a scan, seen from the last keyframe at a pose, and link it."""
-        number, last = len(self.keyframes), self.place.keyframe
-        back_end = self.back_end
+        number, last, back_end = len(self.keyframes), self.place.keyframe, self.back_end
         self.keyframes.append(new)
-        self._local = None
         self._place = Place(new.stamp_ns, number, SE2())
-        before, kept_pose = self._kept_odometry, self._kept_pose
-        passed = self._trail[-self.config.linked_keyframes :]
+        wheels = self._kept.moved_to(self._odometry, self.config.wheels)
+        passed = self._trail.last(self.config.linked_keyframes)
         self._pass(number, SE2())
         if number == 0:
             back_end.add(pose)
             return
         back_end.add(back_end.pose(last) @ pose)
         # It holds what scans do not see, such as the way along a corridor.
-        if before is not None and self._odometry is not None:
-            wheels = by_odometry(before.inverse() @ self._odometry, self.config.wheels)
-            back_end.link(Link(last, number, kept_pose @ wheels.motion, wheels.information))
+        if wheels is not None:
+            back_end.link(Link(last, number, wheels.motion, wheels.information))
         else:
             back_end.link(Link(last, number, pose, _UNKNOWN))
         if self._link_last(number, passed) == 0 and match is not None:
@@ -341,8 +336,7 @@ class SlamMapper:
         self.loops.enter(number)
         self._link_near(number, passed)
         back_end.update()
-        if self.config.stretch_m and back_end.links[-1].is_loop:
-            self.covariance = np.linalg.inv(back_end.links[-1].information).astype(np.float64)
+        self._come_back()
 
     def _link_last(self, number: int, passed: list[int]) -> int:
         """Link a keyframe with the last ones that were passed; return how many."""
@@ -388,8 +382,15 @@ class SlamMapper:
             self.back_end.link(link)
         self.back_end.update()
         self.back_end.reweigh()
-        self._local = None
+        self._trail.redraw()
         self.epoch += 1
+        self._come_back()
+
+    def _come_back(self) -> None:
+        """Have stretches be as sure as the last link makes them, if that is of a loop."""
+        if self.config.stretch_m and (last := self.back_end.links[-1]).is_loop:
+            both = np.linalg.inv(self.covariance) + self.back_end.counted(last)
+            self.covariance = np.linalg.inv(both).astype(np.float64)
 
     def finish(self) -> None:
         """Make the estimate exact, after the last scan."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -37,11 +37,62 @@ class Expected:
         """(3, 3), in the frame of the pose."""
         return np.diag([self.sigma_m**-2, self.sigma_m**-2, self.sigma_rad**-2])
 
+    @property
+    def covariance(self) -> Floats:
+        """(3, 3), in the frame of the pose."""
+        return np.diag([self.sigma_m**2, self.sigma_m**2, self.sigma_rad**2])
+
+    def doubted(self, other: Expected, away_m: float = 0.0) -> Expected:
+        """Return the motion with the doubt of another one, too, that ended so far from its end."""
+        return Expected(
+            self.motion,
+            math.hypot(self.sigma_m, other.sigma_m, other.sigma_rad * away_m),
+            math.hypot(self.sigma_rad, other.sigma_rad),
+        )
+
 
 def by_odometry(motion: SE2, noise: WheelNoise) -> Expected:
     """Return what wheels say."""
     distance, turn = math.hypot(motion.x_m, motion.y_m), abs(motion.theta_rad)
     return Expected(motion, noise.sigma_m(distance, turn), noise.sigma_rad(distance, turn))
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a scan was taken: a pose of `base` in a keyframe."""
+
+    stamp_ns: int
+    keyframe: int
+    pose: SE2
+
+
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """Where the robot was in a keyframe, from which odometry tells where it is.
+
+    Parameters
+    ----------
+    pose
+        Of `base` in the keyframe.
+    odometry
+        `base` in `odom` then; None: not known.
+    doubt
+        How well the pose is known; None: as the keyframe itself.
+    """
+
+    pose: SE2 = field(default_factory=SE2)
+    odometry: SE2 | None = None
+    doubt: Expected | None = None
+
+    def moved_to(self, odometry: SE2 | None, noise: WheelNoise) -> Expected | None:
+        """Return `base` in the keyframe, with `base` in `odom` now; None if either is not known."""
+        if self.odometry is None or odometry is None:
+            return None
+        wheels = by_odometry(self.odometry.inverse() @ odometry, noise)
+        moved = replace(wheels, motion=self.pose @ wheels.motion)
+        if self.doubt is None:
+            return moved
+        return moved.doubted(self.doubt, math.hypot(wheels.motion.x_m, wheels.motion.y_m))
 
 
 def by_velocity(last: SE2, last_s: float, now_s: float) -> Expected:

@@ -12,15 +12,22 @@ from typing import Final, Protocol
 
 import msgspec
 import numpy as np
+from msgspec.structs import replace
 
+from robotctl.estimation.places.visual.features import Features, features_in, features_message
+from robotctl.estimation.sensors.registry import LIDAR
 from robotctl.estimation.slam.front_end.surface import Floats, surface_of
 from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link, as_row
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe, keyframe_of
+from robotctl.messages.estimation import ImageFeatures
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
 
 HEADING: Final = b"robotctl-keyframes 1\n"
 """How a file of changes begins."""
+
+MOST_IMAGES: Final = 1000
+"""The last ones are kept: 20 kB each."""
 
 Row = tuple[float, float, float]
 
@@ -50,6 +57,24 @@ class SavedScan(msgspec.Struct, frozen=True, array_like=True):
     ranges: bytes
 
 
+class SavedOdometry(msgspec.Struct, frozen=True, array_like=True):
+    """`base` in `odom` at a time.
+
+    Parameters
+    ----------
+    epoch_ns
+        When that frame began [ns].
+    stamp_ns
+        The time [ns].
+    pose
+        x, y [m], theta [rad].
+    """
+
+    epoch_ns: int
+    stamp_ns: int
+    pose: Row
+
+
 class Change(msgspec.Struct, frozen=True, omit_defaults=True):
     """What is new about a map.
 
@@ -57,6 +82,8 @@ class Change(msgspec.Struct, frozen=True, omit_defaults=True):
     ----------
     frame
         `map` in `world`: x, y [m], theta [rad].
+    sensor
+        Of the scans; empty: not said, or a lidar.
     scans
         Keyframes that are new, or have another scan.
     new_poses
@@ -66,17 +93,22 @@ class Change(msgspec.Struct, frozen=True, omit_defaults=True):
         whether it is of a loop.
     poses, weights
         Of all keyframes, (n, 3), and of all links, (m,), "<f8"; empty: as they were.
-    place
-        The robot's keyframe, and `base` in it.
+    images
+        By the keyframe that is new.
+    place, odometry
+        The robot's keyframe and `base` in it; its odometry there.
     """
 
     frame: Row | None = None
+    sensor: str = ""
     scans: list[SavedScan] = []
     new_poses: bytes = b""
     links: bytes = b""
     poses: bytes = b""
     weights: bytes = b""
+    images: dict[int, ImageFeatures] = {}
     place: tuple[int, Row] | None = None
+    odometry: SavedOdometry | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,22 +119,27 @@ class KeyframeMap:
     ----------
     frame
         `map` in `world`.
-    keyframes
-        Scans that are kept.
+    sensor
+        Of the scans.
+    keyframes, images
+        Scans that are kept; images by which places are known, by keyframe.
     poses
         Theirs in `map`, (n, 3) [m, m, rad].
     links, weights
         Between them, and how much each counts.
-    place
-        The robot's last place: a keyframe, and `base` in it.
+    place, odometry
+        The robot's last place: a keyframe, and `base` in it; its odometry there, None: not known.
     """
 
     frame: SE2
+    sensor: str
     keyframes: list[Keyframe]
+    images: dict[int, Features]
     poses: Floats
     links: list[Link]
     weights: list[float]
     place: tuple[int, SE2]
+    odometry: SavedOdometry | None
 
 
 _DECODER: Final = msgspec.msgpack.Decoder(Change)
@@ -133,16 +170,28 @@ def joined_changes(records: Sequence[bytes]) -> Change:
     ValueError
         If one is none.
     """
-    frame, place, scans = None, None, dict[int, SavedScan]()
+    whole, scans, images = Change(), dict[int, SavedScan](), dict[int, ImageFeatures]()
     poses, weights, links = b"", b"", []
     for record in records:
         change = _DECODER.decode(record)
-        frame, place = change.frame or frame, change.place or place
+        whole = replace(
+            whole, frame=change.frame or whole.frame, sensor=change.sensor or whole.sensor
+        )
+        if change.place is not None:
+            whole = replace(whole, place=change.place, odometry=change.odometry)
         scans |= {each.number: each for each in change.scans}
+        images |= change.images
         poses = (change.poses or poses) + change.new_poses
         links.append(change.links)
         weights = change.weights or weights
-    return Change(frame, list(scans.values()), b"", b"".join(links), poses, weights, place)
+    return replace(
+        whole,
+        scans=list(scans.values()),
+        links=b"".join(links),
+        poses=poses,
+        weights=weights,
+        images=dict(list(images.items())[-MOST_IMAGES:]),
+    )
 
 
 def saved_scan(number: int, keyframe: Keyframe) -> SavedScan:
@@ -187,16 +236,19 @@ def restored(records: Sequence[bytes]) -> KeyframeMap | None:
     weights = np.ones(len(links))
     known = np.frombuffer(change.weights, "<f8")
     count = len(keyframes)
-    ends = [end for link in links for end in (link.first, link.second, change.place[0])]
+    ends = [end for link in links for end in (link.first, link.second)]
+    ends += [change.place[0], *change.images]
     if scans[-1].number != count - 1 or len(poses) != count or len(known) > len(links):
         raise ValueError(f"{count} keyframes, {len(poses)} poses and {len(links)} links of one map")
     if any(not 0 <= end < count for end in ends):
-        raise ValueError(f"a link to a keyframe that is none of {count}")
+        raise ValueError(f"a link, a place or an image of a keyframe that is none of {count}")
     weights[: len(known)] = known
     number, place = change.place
+    images = {number: features_in(each) for number, each in change.images.items()}
     return KeyframeMap(
-        SE2(*change.frame), keyframes, poses, links, weights.tolist(), (number, SE2(*place))
-    )
+        SE2(*change.frame), change.sensor or LIDAR, keyframes, images, poses, links,
+        weights.tolist(), (number, SE2(*place)), change.odometry,
+    )  # fmt: skip
 
 
 def _keyframe(saved: SavedScan) -> Keyframe:
@@ -222,6 +274,7 @@ class Mapped(Protocol):
     """What a `SlamMapper` has."""
 
     keyframes: list[Keyframe]
+    images: dict[int, Features]
     back_end: BackEnd
     epoch: int
 
@@ -231,6 +284,7 @@ class ChangeLog:
 
     def __init__(self) -> None:
         self._keyframes: list[Keyframe] = []
+        self._images = 0
         self._links = 0
         self._epoch = 0
 
@@ -241,10 +295,11 @@ class ChangeLog:
     def skip(self, saved: KeyframeMap) -> None:
         """Take a map for told."""
         self._keyframes = list(saved.keyframes)
+        self._images = len(saved.images)
         self._links = len(saved.links)
 
     def changes(self, mapper: Mapped) -> Change:
-        """Return what is new: scans, links, and after a closed loop all poses and weights."""
+        """Return what is new: scans, images, links; after a closed loop all poses and weights."""
         known, before = len(self._keyframes), self._links
         keyframes, back_end = mapper.keyframes, mapper.back_end
         numbers = [
@@ -252,6 +307,8 @@ class ChangeLog:
             for number, each in enumerate(keyframes)
             if number >= known or each is not self._keyframes[number]
         ]
+        images = dict(list(mapper.images.items())[self._images :])
+        self._images += len(images)
         has_jumped = mapper.epoch != self._epoch
         self._keyframes, self._links = list(keyframes), len(back_end.links)
         self._epoch = mapper.epoch
@@ -262,22 +319,25 @@ class ChangeLog:
             links=saved_links(back_end.links[before:]),
             poses=poses.tobytes() if has_jumped else b"",
             weights=np.array(back_end.weights, "<f8").tobytes() if has_jumped else b"",
+            images={each: features_message(image) for each, image in images.items()},
         )
 
 
-def whole_map(mapper: Mapped, frame: SE2, place: tuple[int, SE2]) -> bytes:
-    """Return the record of a whole map; `map` in `world`, and the robot's keyframe and place in it.
+def whole_map(mapper: Mapped, sensor: str, frame: SE2, place: tuple[int, SE2]) -> bytes:
+    """Return the record of a whole map, made of scans of a sensor.
 
-    A file is `HEADING` and the records.
+    `frame` is `map` in `world`, `place` the robot's keyframe and `base` in it. A file is `HEADING`
+    and the records.
     """
     log = ChangeLog()
     log.forget()
     number, pose = place
-    change = msgspec.structs.replace(
-        log.changes(mapper), frame=_row(frame), place=(number, _row(pose))
+    change = log.changes(mapper)
+    return encoded(
+        replace(change, frame=as_saved(frame), sensor=sensor, place=(number, as_saved(pose)))
     )
-    return encoded(change)
 
 
-def _row(pose: SE2) -> Row:
-    return pose.x_m, pose.y_m, pose.theta_rad
+def as_saved(pose: SE2) -> Row:
+    """Return x, y [m], theta [rad]."""
+    return float(pose.x_m), float(pose.y_m), float(pose.theta_rad)

@@ -9,6 +9,7 @@ import numpy as np
 
 from robotctl.estimation.places.visual.features import Features
 from robotctl.estimation.places.visual.recognition import (
+    LEAST_FEATURES,
     VisualPlaces,
     VisualRecognition,
     sight_of,
@@ -28,12 +29,15 @@ _TURN_RAD: Final = 0.5
 class SeenPlaces:
     """Tells a mapper's search of loops which images look like the place of an older one.
 
+    An image that is recognised as none before it is kept on the map, and known again by those who
+    go on with that.
+
     Attributes
     ----------
     keyframes
-        Whose images were looked at, in their order.
+        Whose images are known, in their order; those that the map had are the first.
     recognitions
-        What each was recognised as; candidates are numbers of images in `keyframes`.
+        What each of the others was recognised as; candidates are numbers of images in `keyframes`.
 
     Parameters
     ----------
@@ -48,7 +52,9 @@ class SeenPlaces:
         self._mapper = mapper
         self._looked_at = len(mapper.keyframes)
         self._last_ns: int | None = None
-        self.keyframes: list[int] = []
+        self.keyframes = list(mapper.images)
+        for each in mapper.images.values():
+            self._places.add(sight_of(vocabulary, each))
         self.recognitions: list[VisualRecognition] = []
 
     def due(self, stamps_ns: Sequence[int]) -> list[tuple[int, int]]:
@@ -87,3 +93,5 @@ class SeenPlaces:
         if found is not None:
             old = self.keyframes[found.image]
             self._mapper.loops.suggest(Candidate(number, old, "image", _SHIFT_M, _TURN_RAD, SE2()))
+        elif len(features) >= LEAST_FEATURES:
+            self._mapper.images[number] = Features(sight.points, sight.descriptors, sight.aspect)

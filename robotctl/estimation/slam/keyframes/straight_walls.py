@@ -47,16 +47,20 @@ class StraightWalls:
         self._stretch_m, self._shared = config.stretch_m, config.shared
         self._keyframes = keyframes
         self._back_end = back_end
-        self._walls: list[tuple[Segment, ...]] = []
+        self._walls: dict[int, tuple[Segment, ...]] = {}
+        self._first = 0
+        """The first keyframe of this odometry."""
+
+    def begin_odometry(self) -> None:
+        """Take the next keyframe for the first of another odometry, which may begin elsewhere."""
+        self._first = len(self._keyframes)
 
     def link(self, number: int) -> int:
         """Link a keyframe with earlier ones by walls that are in line; return how many."""
-        for each in self._keyframes[len(self._walls) : number + 1]:
-            self._walls.append(find_lines(each.scan, _LINES).segments)
         count = 0
         for other in self._near(number):
             start = self._back_end.between(other, number)
-            found = aligned(self._walls[other], self._walls[number], start)
+            found = aligned(self._walls_of(other), self._walls_of(number), start)
             if found is not None:
                 pose, information = found
                 self._back_end.link(Link(other, number, pose, information / self._shared))
@@ -64,6 +68,12 @@ class StraightWalls:
                 if count == _MOST:
                     break
         return count
+
+    def _walls_of(self, number: int) -> tuple[Segment, ...]:
+        """Return the walls of a keyframe."""
+        if number not in self._walls:
+            self._walls[number] = find_lines(self._keyframes[number].scan, _LINES).segments
+        return self._walls[number]
 
     def _near(self, number: int) -> list[int]:
         """Return earlier keyframes near one, the last first, a stretch between each two."""
@@ -73,6 +83,7 @@ class StraightWalls:
         near: list[int] = []
         next_m = ways_m[number] - self._stretch_m
         is_near = (away < _APART_M) & (ways_m[:number] > ways_m[number] - _BACK_M)
+        is_near[: self._first] = False
         for other in np.flatnonzero(is_near)[::-1].tolist():
             if ways_m[other] <= next_m:
                 near.append(other)

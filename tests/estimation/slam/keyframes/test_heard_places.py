@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robotctl.estimation.slam.keyframes.heard_places import HeardPlaces
-from robotctl.estimation.slam.keyframes.mapper import Place
+from robotctl.estimation.slam.keyframes.motion import Place
 from robotctl.model.geometry.se2 import SE2
 from tests.estimation.slam.keyframes.test_slam_mapper import OFFICE
 from tests.estimation.slam.local_scans.test_sonar_scans import MOUNTS, heard

@@ -3,10 +3,21 @@
 import numpy as np
 import pytest
 
+from robotctl.estimation.places.visual.features import Features, features_message
 from robotctl.estimation.places.visual.orb import features_of
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
+from robotctl.estimation.slam.keyframes.motion import Place
+from robotctl.estimation.slam.keyframes.saved_map import (
+    MOST_IMAGES,
+    Change,
+    encoded,
+    joined_changes,
+    restored,
+    whole_map,
+)
 from robotctl.estimation.slam.keyframes.seen_places import SeenPlaces
 from robotctl.maps.vocabulary_file import load_vocabulary, shipped_vocabulary
+from robotctl.model.geometry.se2 import SE2
 from tests.estimation.places.visual.drawn import drawn_wall
 from tests.estimation.slam.lidar_world import along, box, scan_of
 
@@ -19,6 +30,57 @@ def seen_at(pose, rng, is_alike):
     seed = 7 if is_alike else 1000 * (place[0] * 20 + place[1]) + place[2]
     view = drawn_wall(seed)[:300, :400] + rng.normal(0.0, 2.0, (300, 400))
     return features_of(np.clip(view, 0.0, 255.0).astype(np.uint8))
+
+
+def features(rng, count=3):
+    return Features(rng.random((count, 2)), rng.integers(0, 2**63, (count, 4), np.uint64), 0.75)
+
+
+def test_images_are_known_again_by_those_who_go_on_with_the_map():
+    walls = np.concatenate([box(0.0, 0.0, 20.0, 12.0), box(2.0, 2.0, 16.0, 8.0)])
+    poses = along([(1.0, 1.0), (19.0, 1.0), (19.0, 8.0)])
+    rng, vocabulary = np.random.default_rng(2), load_vocabulary(shipped_vocabulary())
+    mapper, true = SlamMapper(), []
+
+    def drive(seen):
+        for pose in poses:
+            stamp_ns = len(true) * 500_000_000
+            true.append(pose)
+            mapper.add(scan_of(walls, pose, rng, stamp_ns=stamp_ns), poses[0].inverse() @ pose)
+            for keyframe, _ in seen.due([stamp_ns]):
+                seen.see(keyframe, seen_at(pose, rng, is_alike=False))
+
+    drive(SeenPlaces(vocabulary, mapper))
+    record = whole_map(mapper, "lidar", SE2(), (mapper.place.keyframe, mapper.place.pose))
+    before, mapper = mapper, SlamMapper()
+    mapper.resume(restored([record]), is_there=True)
+    assert list(mapper.images) == list(before.images)
+    for one, other in zip(mapper.images.values(), before.images.values(), strict=True):
+        assert np.array_equal(one.descriptors, other.descriptors)
+        np.testing.assert_allclose(one.points, other.points, atol=1e-7)
+    mapper.stand(Place(0, 0, SE2()), SE2())
+    seen = SeenPlaces(vocabulary, mapper)
+    drive(seen)
+    loaded = len(before.images)
+    places = [true[mapper.keyframes[each].stamp_ns // 500_000_000] for each in seen.keyframes]
+    known = [
+        (place, places[each.found.image])
+        for place, each in zip(places[loaded:], seen.recognitions, strict=True)
+        if each.found is not None
+    ]
+    assert len(known) > 0.8 * len(seen.recognitions)
+    assert max(np.hypot(a.x_m - b.x_m, a.y_m - b.y_m) for a, b in known) < 1.5
+    # What is known already is not kept twice.
+    assert len(mapper.images) - loaded == len(seen.recognitions) - len(known)
+
+
+def test_the_last_images_are_kept():
+    rng = np.random.default_rng(3)
+    records = [
+        encoded(Change(images={number: features_message(features(rng))}))
+        for number in range(MOST_IMAGES + 7)
+    ]
+    assert list(joined_changes(records).images) == list(range(7, MOST_IMAGES + 7))
 
 
 @pytest.mark.parametrize("is_alike", [False, True])
