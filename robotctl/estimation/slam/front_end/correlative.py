@@ -1,16 +1,17 @@
 """Correlative scan matching: the best pose of all in a window, by branch and bound.
 
-Score: the mean score of the points, less a penalty for the distance from the prior. Coarse cells
-bound it from above, so that most of the window is never looked at and the best is not missed.
+Score: the mean score of the points, less a penalty for the distance from the prior. It is bounded
+from above for blocks of poses: 2^h shifts to each side by 2^h turns, which move a point over so
+many cells, too. A block has eight of half the size in it, and most are never looked into.
 Olson, Real-time correlative scan matching, ICRA 2009; Hess, Kohler, Rapp, Andor, Real-time loop
-closure in 2D lidar SLAM, ICRA 2016.
+closure in 2D lidar SLAM, ICRA 2016, whose blocks are of one turn each.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,9 @@ POINTS_AS_ONE: Final = 50.0
 """A scan counts as so many independent points beside the prior."""
 _TURN_CELLS: Final = 1.0
 """A step of the heading moves the points that are far by so many cells."""
+_SAME_M: Final = 0.5
+_SAME_RAD: Final = 0.2
+"""Poses nearer than this are not another place."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,13 +98,11 @@ def search(
             ]
         )
     weight = 0.5 / POINTS_AS_ONE
-    score, turn, column, row = _branch_and_bound(
-        field.cells, field.begins, field.rows, field.columns,
+    poses = _Poses(
         np.array([centre.x_m - field.x_m, centre.y_m - field.y_m, centre.theta_rad]),
-        points, turns, half,
-        weight * (RESOLUTION_M / window.sigma_m) ** 2, weight / window.sigma_rad**2,
-        least, excluded,
+        turns, half, weight * (RESOLUTION_M / window.sigma_m) ** 2, weight / window.sigma_rad**2,
     )  # fmt: skip
+    score, turn, column, row = _best(field.cells, points, poses, least, excluded)
     if turn < 0:
         return None
     pose = SE2(
@@ -111,109 +113,252 @@ def search(
     return Found(pose, score)
 
 
-@compiled
-def _score(
-    cells: NDArray[np.uint8], begin: int, rows: int, columns: int, level: int,
-    own: NDArray[np.int32], column: int, row: int,
-) -> float:  # fmt: skip
-    """Return the mean score of points in cells, shifted by cells."""
-    total = 0
-    for k in range(len(own)):
-        x = (own[k, 0] + column) >> level
-        y = (own[k, 1] + row) >> level
-        if 0 <= x < columns and 0 <= y < rows:
-            total += cells[begin + y * columns + x]
-    return total / (255.0 * len(own))
+class _Poses(NamedTuple):
+    """The poses of a window.
+
+    Parameters
+    ----------
+    centre
+        x, y [m], heading [rad] in the field.
+    turns
+        From the centre's heading, an odd number, ascending, 0 in the middle [rad].
+    half
+        Greatest shift to each side [cells].
+    per_cell, per_rad
+        Penalties of a shift and a turn, by their squares.
+    """
+
+    centre: Floats
+    turns: Floats
+    half: int
+    per_cell: float
+    per_rad: float
 
 
 @compiled
-def _penalty(column: int, row: int, side: int, per_cell: float) -> float:
-    """Return the least penalty of shifts within a block."""
+def _penalty(poses: _Poses, column: int, row: int, side: int, first: int, last: int) -> float:
+    """Return the least penalty of the shifts of a block and of some turns."""
     x = max(column, 0, -(column + side - 1))
     y = max(row, 0, -(row + side - 1))
-    return per_cell * (x * x + y * y)
+    turn: float = poses.turns[min(max(first, len(poses.turns) // 2), last)]
+    return poses.per_cell * (x * x + y * y) + poses.per_rad * turn * turn
 
 
 @compiled
-def _branch_and_bound(  # noqa: C901 - one compiled loop
-    cells: NDArray[np.uint8], begins: NDArray[np.int64], rows: NDArray[np.int64],
-    columns: NDArray[np.int64], centre: Floats, points: Floats, turns: Floats, half: int,
-    per_cell: float, per_rad: float, least: float, excluded: Floats,
+def _enter(
+    points: Floats, poses: _Poses, first: int, last: int, side: int, corners: NDArray[np.int32]
+) -> None:
+    """Enter the corner of the cells where each point is over some turns, unshifted, (n, 3).
+
+    And the level with which a block from there holds them after the shifts of a block, too;
+    LEVELS: none does.
+    """
+    middle = 0.5 * (poses.turns[first] + poses.turns[last])
+    half = 0.5 * (poses.turns[last] - poses.turns[first])
+    c, s = np.cos(poses.centre[2] + middle), np.sin(poses.centre[2] + middle)
+    along, across = np.sin(half), 1.0 - np.cos(half)
+    spare = 1e-9 if half > 0.0 else 0.0
+    for k in range(len(points)):
+        x = c * points[k, 0] - s * points[k, 1]
+        y = s * points[k, 0] + c * points[k, 1]
+        dx = abs(y) * along + abs(x) * across + spare
+        dy = abs(x) * along + abs(y) * across + spare
+        x, y = x + poses.centre[0], y + poses.centre[1]
+        column = int(np.floor((x - dx) / RESOLUTION_M))
+        row = int(np.floor((y - dy) / RESOLUTION_M))
+        spread = max(
+            int(np.floor((x + dx) / RESOLUTION_M)) - column,
+            int(np.floor((y + dy) / RESOLUTION_M)) - row,
+        )
+        level = 0
+        while level < LEVELS and 1 << level < side + spread:
+            level += 1
+        corners[k, 0], corners[k, 1], corners[k, 2] = column, row, level
+
+
+@compiled
+def _score_row(
+    cells: NDArray[np.uint8], corners: NDArray[np.int32], column: int, row: int, side: int,
+    sums: NDArray[np.int64],
+) -> None:  # fmt: skip
+    """Fill in the scores of the blocks of a row, that begins at a shift."""
+    _, rows, columns = cells.shape
+    sums[:] = 0
+    for k in range(len(corners)):
+        x, y, level = corners[k, 0] + column, corners[k, 1] + row, corners[k, 2]
+        if level == LEVELS:
+            sums += 255
+        elif 0 <= y < rows:
+            for block in range(len(sums)):
+                if 0 <= x < columns:
+                    sums[block] += cells[level, y, x]
+                x += side
+
+
+@compiled
+def _score_four(
+    cells: NDArray[np.uint8], corners: NDArray[np.int32], column: int, row: int, side: int,
+    sums: NDArray[np.int64],
+) -> None:  # fmt: skip
+    """Fill in the scores of the four blocks in one of twice the size, by rows."""
+    _, rows, columns = cells.shape
+    a = b = c = d = 0
+    for k in range(len(corners)):
+        x, y, level = corners[k, 0] + column, corners[k, 1] + row, corners[k, 2]
+        if level == LEVELS:
+            a, b, c, d = a + 255, b + 255, c + 255, d + 255
+        elif 0 <= x < columns - side and 0 <= y < rows - side:
+            a += cells[level, y, x]
+            b += cells[level, y, x + side]
+            c += cells[level, y + side, x]
+            d += cells[level, y + side, x + side]
+        else:
+            is_left, is_right = 0 <= x < columns, 0 <= x + side < columns
+            if 0 <= y < rows:
+                a += cells[level, y, x] if is_left else 0
+                b += cells[level, y, x + side] if is_right else 0
+            if 0 <= y + side < rows:
+                c += cells[level, y + side, x] if is_left else 0
+                d += cells[level, y + side, x + side] if is_right else 0
+    sums[0], sums[1], sums[2], sums[3] = a, b, c, d
+
+
+@compiled
+def _is_excluded(
+    poses: _Poses, excluded: Floats, column: int, row: int, side: int, first: int, last: int
+) -> bool:
+    """Return whether a block is near the pose that does not count, all of it."""
+    x = max(abs(column - excluded[0]), abs(column + side - 1 - excluded[0]))
+    y = max(abs(row - excluded[1]), abs(row + side - 1 - excluded[1]))
+    turn = max(abs(poses.turns[first] - excluded[2]), abs(poses.turns[last] - excluded[2]))
+    return bool(turn < _SAME_RAD and np.hypot(x, y) * RESOLUTION_M < _SAME_M)
+
+
+class _Kept(NamedTuple):
+    """Where the points are over turns: of 2^h turns at level h, group by group, level by level.
+
+    Parameters
+    ----------
+    starts
+        First group of each level, (levels + 1,).
+    corners
+        As `_enter` has them, (groups, n, 3); entered when they are needed.
+    is_entered
+        Which are, (groups,).
+    """
+
+    starts: NDArray[np.int64]
+    corners: NDArray[np.int32]
+    is_entered: NDArray[np.bool_]
+
+
+@compiled
+def _turns_of(poses: _Poses, level: int, group: int) -> tuple[int, int]:
+    """Return the first and the last turn of a group."""
+    return group << level, min((group + 1) << level, len(poses.turns)) - 1
+
+
+@compiled
+def _corners(
+    points: Floats, poses: _Poses, level: int, group: int, kept: _Kept
+) -> NDArray[np.int32]:
+    """Return where the points are over the turns of a group, (n, 3)."""
+    at = kept.starts[level] + group
+    own: NDArray[np.int32] = kept.corners[at]
+    if not kept.is_entered[at]:
+        first, last = _turns_of(poses, level, group)
+        _enter(points, poses, first, last, 1 << level, own)
+        kept.is_entered[at] = True
+    return own
+
+
+@compiled
+def _bounds(
+    cells: NDArray[np.uint8], points: Floats, poses: _Poses, top: int, blocks: int, kept: _Kept
+) -> Floats:
+    """Return the bounds of all blocks of a level, (groups * blocks * blocks,)."""
+    side, half = 1 << top, poses.half
+    groups = kept.starts[top + 1] - kept.starts[top]
+    result, sums = np.empty(groups * blocks * blocks), np.empty(blocks, np.int64)
+    for group in range(groups):
+        first, last = _turns_of(poses, top, group)
+        own = _corners(points, poses, top, group, kept)
+        for i in range(blocks):
+            row = i * side - half
+            _score_row(cells, own, -half, row, side, sums)
+            for j in range(blocks):
+                score = sums[j] / (255.0 * len(points))
+                off = _penalty(poses, j * side - half, row, side, first, last)
+                result[(group * blocks + i) * blocks + j] = score - off
+    return result
+
+
+@compiled
+def _insert(
+    stack: NDArray[np.int64], bounds: Floats, begin: int, depth: int, bound: float,
+    level: int, group: int, column: int, row: int,
+) -> None:  # fmt: skip
+    """Insert a block among those from `begin` to `depth`, the best at the end."""
+    at = depth
+    while at > begin and bounds[at - 1] > bound:
+        bounds[at] = bounds[at - 1]
+        stack[at] = stack[at - 1]
+        at -= 1
+    bounds[at] = bound
+    stack[at, 0], stack[at, 1], stack[at, 2], stack[at, 3] = level, group, column, row
+
+
+@compiled
+def _best(  # noqa: C901 - one compiled loop
+    cells: NDArray[np.uint8], points: Floats, poses: _Poses, least: float, excluded: Floats
 ) -> tuple[float, int, int, int]:  # fmt: skip
     """Return score without penalty, number of the turn (-1: none), column and row of the best."""
-    top = LEVELS - 1
-    while top > 0 and (1 << top) > half:
+    half, top = poses.half, LEVELS - 2
+    while top > 0 and 1 << top > half:
         top -= 1
-    side = 1 << top
-    blocks = (2 * half + side) // side
-    count = len(points)
-    own = np.empty((len(turns), count, 2), np.int32)
-    bounds = np.empty(len(turns) * blocks * blocks)
-    for t in range(len(turns)):
-        c, s = np.cos(centre[2] + turns[t]), np.sin(centre[2] + turns[t])
-        for k in range(count):
-            x = centre[0] + c * points[k, 0] - s * points[k, 1]
-            y = centre[1] + s * points[k, 0] + c * points[k, 1]
-            own[t, k, 0] = int(np.floor(x / RESOLUTION_M))
-            own[t, k, 1] = int(np.floor(y / RESOLUTION_M))
-        turned = per_rad * turns[t] ** 2
-        for i in range(blocks):
-            for j in range(blocks):
-                row, column = i * side - half, j * side - half
-                off = turned + _penalty(column, row, side, per_cell)
-                at = (t * blocks + i) * blocks + j
-                bounds[at] = -off
-                if 1.0 - off > least:
-                    bounds[at] += _score(
-                        cells, begins[top], rows[top], columns[top], top, own[t], column, row
-                    )
+    starts = np.zeros(top + 2, np.int64)
+    for level in range(top + 1):
+        starts[level + 1] = starts[level] + ((len(poses.turns) - 1) >> level) + 1
+    corners = np.empty((starts[top + 1], len(points), 3), np.int32)
+    kept = _Kept(starts, corners, np.zeros(starts[top + 1], np.bool_))
+    blocks = (2 * half >> top) + 1
+    bounds = _bounds(cells, points, poses, top, blocks, kept)
     best, best_score, found, found_column, found_row = least, 0.0, -1, 0, 0
-    stack = np.empty((4 * LEVELS + 4, 4), np.int64)
-    stack_bounds = np.empty(4 * LEVELS + 4)
+    stack, stack_bounds = np.empty((8 * LEVELS, 4), np.int64), np.empty(8 * LEVELS)
+    sums = np.empty(4, np.int64)
     for start in np.argsort(-bounds):
         if bounds[start] <= best:
             break
-        t = start // (blocks * blocks)
-        block = start % (blocks * blocks)
-        turned = per_rad * turns[t] ** 2
-        stack[0, 0] = top
-        stack[0, 1] = block % blocks * side - half
-        stack[0, 2] = block // blocks * side - half
+        stack[0, 0], stack[0, 1] = top, start // (blocks * blocks)
+        stack[0, 2] = (start % blocks << top) - half
+        stack[0, 3] = (start // blocks % blocks << top) - half
         stack_bounds[0] = bounds[start]
         depth = 1
         while depth > 0:
             depth -= 1
             if stack_bounds[depth] <= best:
                 continue
-            level, column, row = stack[depth, 0], stack[depth, 1], stack[depth, 2]
+            level, group, column, row = stack[depth]
+            first, last = _turns_of(poses, level, group)
+            if _is_excluded(poses, excluded, column, row, 1 << level, first, last):
+                continue
             if level == 0:
-                if abs(column) > half or abs(row) > half:
-                    continue
-                near = np.hypot(column - excluded[0], row - excluded[1]) * RESOLUTION_M < 0.5
-                if near and abs(turns[t] - excluded[2]) < 0.2:
-                    continue
                 best = stack_bounds[depth]
-                best_score = best + turned + _penalty(column, row, 1, per_cell)
-                found, found_column, found_row = t, column, row
+                best_score = best + _penalty(poses, column, row, 1, group, group)
+                found, found_column, found_row = group, column, row
                 continue
             level -= 1
-            first = depth
-            for child in range(4):
-                x = column + ((child & 1) << level)
-                y = row + ((child >> 1) << level)
-                bound = (
-                    _score(cells, begins[level], rows[level], columns[level], level, own[t], x, y)
-                    - turned
-                    - _penalty(x, y, 1 << level, per_cell)
-                )
-                if bound <= best:
-                    continue
-                at = depth
-                while at > first and stack_bounds[at - 1] > bound:
-                    stack_bounds[at] = stack_bounds[at - 1]
-                    stack[at] = stack[at - 1]
-                    at -= 1
-                stack_bounds[at] = bound
-                stack[at, 0], stack[at, 1], stack[at, 2] = level, x, y
-                depth += 1
+            side, begin = 1 << level, depth
+            for part in range(2 * group, min(2 * group + 2, starts[level + 1] - starts[level])):
+                first, last = _turns_of(poses, level, part)
+                own = _corners(points, poses, level, part, kept)
+                _score_four(cells, own, column, row, side, sums)
+                for child in range(4):
+                    x, y = column + (child & 1) * side, row + (child >> 1) * side
+                    off = _penalty(poses, x, y, side, first, last)
+                    bound = sums[child] / (255.0 * len(points)) - off
+                    if bound <= best or x > half or y > half:
+                        continue
+                    _insert(stack, stack_bounds, begin, depth, bound, level, part, x, y)
+                    depth += 1
     return best_score, found, found_column, found_row

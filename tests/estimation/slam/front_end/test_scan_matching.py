@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from robotctl.estimation.slam.front_end.agreement import agreement, view_of
-from robotctl.estimation.slam.front_end.correlative import Window, search
+from robotctl.estimation.slam.front_end.correlative import POINTS_AS_ONE, Window, search
 from robotctl.estimation.slam.front_end.point_to_line import binned, refine
-from robotctl.estimation.slam.front_end.score_field import RESOLUTION_M, score_field
+from robotctl.estimation.slam.front_end.score_field import LEVELS, RESOLUTION_M, score_field
 from robotctl.estimation.slam.front_end.surface import surface_of
 from robotctl.model.geometry.se2 import SE2
 from tests.estimation.slam.lidar_world import box, scan_of
@@ -33,29 +33,85 @@ def test_a_known_motion_is_found_from_far_off(motion):
     assert match.pose.theta_rad == pytest.approx(motion.theta_rad, abs=0.005)
 
 
+def test_a_cell_of_a_coarse_level_bounds_the_block_that_begins_with_it():
+    field = score_field(surfaces(ROOM, SE2())[0].outline)
+    rng = np.random.default_rng(0)
+    _, rows, columns = field.cells.shape
+    for y, x in zip(rng.integers(rows, size=500), rng.integers(columns, size=500), strict=True):
+        for level in range(LEVELS):
+            block = field.cells[0, y : y + 2**level, x : x + 2**level]
+            assert field.cells[level, y, x] == block.max()
+
+
+def scores_of_all_poses(field, points, window):
+    """Return turns, shifts, the score of each pose and its penalty, (turns, shifts, shifts)."""
+    half = int(np.ceil(window.shift_m / RESOLUTION_M))
+    far_m = max(np.percentile(np.hypot(*points.T), 90.0), 1.0)
+    steps = int(np.ceil(window.turn_rad / (RESOLUTION_M / far_m)))
+    turns = np.linspace(-window.turn_rad, window.turn_rad, 2 * steps + 1)
+    shifts_m = RESOLUTION_M * np.arange(-half, half + 1)
+    wide = 2000
+    cells = np.pad(field.cells[0], wide)
+    scores = np.zeros((len(turns), len(shifts_m), len(shifts_m)))
+    for k, turn in enumerate(window.centre.theta_rad + turns):
+        c, s = np.cos(turn), np.sin(turn)
+        at = points @ np.array([[c, s], [-s, c]])
+        at += (window.centre.x_m - field.x_m, window.centre.y_m - field.y_m)
+        for column, row in np.floor(at / RESOLUTION_M).astype(int) + wide - half:
+            scores[k] += cells[row : row + 2 * half + 1, column : column + 2 * half + 1]
+    off = (turns / window.sigma_rad)[:, None, None] ** 2
+    off = off + (shifts_m / window.sigma_m)[:, None] ** 2 + (shifts_m / window.sigma_m) ** 2
+    return turns, shifts_m, scores / (255.0 * len(points)), 0.5 / POINTS_AS_ONE * off
+
+
+FAR = np.array([[80.0, 3.0], [-2.0, 29.0], [0.0, -60.0]])
+
+
 @pytest.mark.parametrize("seed", range(4))
-def test_branch_and_bound_finds_what_trying_all_poses_finds(seed):
+@pytest.mark.parametrize(
+    "window",
+    [
+        Window(SE2(0.1, 0.0, 0.1), 0.6, 0.3),
+        Window(SE2(0.1, 0.0, 0.1), 0.2, 0.04, 0.1, 0.02),
+        Window(SE2(-0.2, 0.1, -0.1), 1.7, 0.5, 0.6, 0.2),
+        Window(SE2(0.0, 0.0, 0.2), 0.04, 0.5),
+    ],
+)
+def test_branch_and_bound_finds_what_trying_all_poses_finds(seed, window):
     rng = np.random.default_rng(seed)
     motion = SE2(*rng.uniform(-0.4, 0.4, 3).tolist())
     first, second = surfaces(ROOM, motion, seed)
     field = score_field(first.outline)
-    points = second.points[::3]
-    window = Window(SE2(0.1, 0.0, 0.1), 0.6, 0.3)
-    found = search(field, points, window, 0.0)
-    cells = field.cells[: field.rows[0] * field.columns[0]].reshape(field.rows[0], -1)
-    half, best = int(np.ceil(0.6 / RESOLUTION_M)), 0.0
-    far = np.percentile(np.hypot(*points.T), 90.0)
-    steps = int(np.ceil(0.3 / (RESOLUTION_M / far)))
-    for turn in 0.1 + np.linspace(-0.3, 0.3, 2 * steps + 1):
-        c, s = np.cos(turn), np.sin(turn)
-        at = points @ np.array([[c, s], [-s, c]]) + (0.1 - field.x_m, -field.y_m)
-        column, row = np.floor(at / RESOLUTION_M).astype(int).T
-        for i in range(-half, half + 1):
-            for j in range(-half, half + 1):
-                x, y = column + j, row + i
-                inside = (x >= 0) & (y >= 0) & (x < cells.shape[1]) & (y < cells.shape[0])
-                best = max(best, cells[y[inside], x[inside]].sum() / (255.0 * len(points)))
-    assert found.score == pytest.approx(best, abs=1e-12)
+    points = np.concatenate([second.points[::5], FAR])
+    turns, shifts_m, scores, off = scores_of_all_poses(field, points, window)
+    found = search(field, points, window, -1.0)
+    x_m, y_m = window.centre.x_m + shifts_m, window.centre.y_m + shifts_m[:, None]
+    k = np.argmin(np.abs(window.centre.theta_rad + turns - found.pose.theta_rad))
+    i, j = np.argmin(np.abs(y_m - found.pose.y_m)), np.argmin(np.abs(x_m - found.pose.x_m))
+    assert found.pose.x_m == pytest.approx(x_m[j])
+    assert found.pose.y_m == pytest.approx(y_m[i, 0])
+    assert found.pose.theta_rad == pytest.approx(window.centre.theta_rad + turns[k])
+    assert found.score == pytest.approx(scores[k, i, j], abs=1e-12)
+    assert (scores - off)[k, i, j] == pytest.approx((scores - off).max(), abs=1e-12)
+    # The best of those that are not near it.
+    apart = found.pose @ SE2(0.013, 0.007, 0.003)
+    away_m = np.hypot(x_m - apart.x_m, y_m - apart.y_m)
+    turn = np.abs(window.centre.theta_rad + turns - apart.theta_rad)
+    is_near = (turn < 0.2)[:, None, None] & (away_m < 0.5)
+    others = np.where(is_near, -np.inf, scores - off)
+    other = search(field, points, window, 0.1, apart)
+    if others.max() <= 0.1:
+        assert other is None
+    else:
+        assert other.score == pytest.approx(scores[others == others.max()].max(), abs=1e-12)
+
+
+def test_a_search_finds_nothing_below_the_least_score():
+    first, second = surfaces(ROOM, SE2(0.2, 0.1, 0.1))
+    field, window = score_field(first.outline), Window(SE2(), 0.6, 0.3)
+    best = search(field, second.points, window, -1.0).score
+    assert search(field, second.points, window, best - 1e-9).score == best
+    assert search(field, second.points, window, best) is None
 
 
 def test_nothing_is_known_along_a_corridor_but_what_odometry_says():
