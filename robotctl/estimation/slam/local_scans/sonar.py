@@ -1,10 +1,11 @@
 """Local scans of a sonar ring.
 
-A sonar tells how far something is, not where in its cone. While the robot moves, the ranges of one
-sonar to one piece of wall change with the place as the wall's direction says: r_j = r_i - n (p_j -
-p_i), with n from the sonar square to the wall. So neighbouring readings tell the direction of n,
-and what none of them bears out, an echo of another sonar or of a person, is left out. A corner or a
-post fits as well: over so short a way it looks like a wall square to the sound.
+A sonar tells how far something is, not where in its cone: it hears where the wall is nearest,
+square to it at a distance d, or on an edge of the cone at d / cos(incidence). While the robot
+moves, d to one piece of wall changes with the place as the wall's direction says: d_j = d_i - n
+(p_j - p_i), with n square to the wall. So neighbouring readings tell n, and what few of them bear
+out, an echo of another sonar or of a person, is left out. A corner or a post fits as well: over so
+short a way it looks like a wall square to the sound.
 """
 
 from __future__ import annotations
@@ -30,17 +31,21 @@ STRETCH_M: Final = 2.0
 _NEAR_M: Final = 0.2
 """Readings on the way up to here before and after bear each other out."""
 _STEP_M: Final = 0.01
-_DIRECTIONS: Final = 31
+_STEP_RAD: Final = 0.015
+"""Between directions of walls that are tried."""
 _FITS_M: Final = 0.03
 _LEAST: Final = 4
-_SHARE: Final = 0.5
-_VAGUE_M: Final = 0.5
+_SHARE: Final = 0.65
+_VAGUE_M: Final = 0.2
 """Echoes that may lie anywhere on a longer arc are left out."""
 _NOISE_M: Final = 0.01
 
 
 def echo_direction(
-    own: NDArray[np.float64], near: NDArray[np.float64], half_beam_rad: float
+    own: NDArray[np.float64],
+    near: NDArray[np.float64],
+    half_beam_rad: float,
+    max_incidence_rad: float,
 ) -> float | None:
     """Return the direction in which a reading's echo came back, by readings around it.
 
@@ -51,27 +56,34 @@ def echo_direction(
         direction of the sonar in `odom` [m, m, rad], range [m].
     half_beam_rad
         Half opening of the cone [rad].
+    max_incidence_rad
+        Greatest angle between sound and a wall's normal that gives an echo [rad].
 
     Returns
     -------
     In `odom` [rad]; None if too few readings agree, or it stays open.
     """
-    directions = own[2] + np.linspace(-half_beam_rad, half_beam_rad, _DIRECTIONS)
-    c, s = np.cos(directions)[:, None], np.sin(directions)[:, None]
+    open_rad = half_beam_rad + max_incidence_rad
+    offs = np.linspace(-open_rad, open_rad, 2 * round(open_rad / _STEP_RAD) + 1)
+    normals = own[2] + offs
+    edges = np.clip(offs, -half_beam_rad, half_beam_rad)
+    square_m = own[3] * np.cos(offs - edges)
     dx, dy = near[:, 0] - own[0], near[:, 1] - own[1]
-    residuals = near[:, 3] - own[3] + c * dx + s * dy
-    off = np.angle(np.exp(1j * (directions[:, None] - near[:, 2])))
-    fits = (np.abs(residuals) < _FITS_M) & (np.abs(off) <= 1.1 * half_beam_rad)
+    there_m = square_m[:, None] - np.cos(normals)[:, None] * dx - np.sin(normals)[:, None] * dy
+    off = np.angle(np.exp(1j * (normals[:, None] - near[:, 2])))
+    incidences = np.clip(np.abs(off) - half_beam_rad, 0.0, max_incidence_rad + _STEP_RAD)
+    residuals = near[:, 3] - there_m / np.cos(incidences)
+    fits = (np.abs(residuals) < _FITS_M) & (incidences < max_incidence_rad + _STEP_RAD)
     counts = fits.sum(axis=1)
     most = int(counts.max())
     if most < max(_LEAST, _SHARE * len(near)):
         return None
     squares = np.where(fits, residuals**2, 0.0).sum(axis=1) + _FITS_M**2 * (most - counts)
     # As chi2: what is less than 4 more than the least is as good.
-    good = directions[squares <= squares.min() + 4.0 * _NOISE_M**2]
-    if (good[-1] - good[0]) * own[3] > _VAGUE_M:
+    good = edges[squares <= squares.min() + 4.0 * _NOISE_M**2]
+    if (good.max() - good.min()) * own[3] > _VAGUE_M:
         return None
-    return float(good.mean())
+    return float(own[2] + 0.5 * (good.max() + good.min()))
 
 
 class SonarScans:
@@ -95,6 +107,7 @@ class SonarScans:
             raise ValueError("no sonars are mounted")
         self._mounts = mount_rows(mounts)
         self._half_beam_rad = math.radians(0.5 * config.beam_deg)
+        self._max_incidence_rad = math.radians(config.max_incidence_deg)
         self._max_range_m = config.max_range_m
         self._gathered = GatheredScans(STRETCH_M, config.max_range_m)
         self._rows: list[list[tuple[float, NDArray[np.float64]]]] = [[] for _ in mounts]
@@ -129,7 +142,9 @@ class SonarScans:
                 break
             self._next[sonar] += 1
             near = [row for place_m, row in rows if abs(place_m - way_m) <= _NEAR_M]
-            direction = echo_direction(own, np.array(near), self._half_beam_rad)
+            direction = echo_direction(
+                own, np.array(near), self._half_beam_rad, self._max_incidence_rad
+            )
             if direction is not None:
                 along = np.array([[math.cos(direction), math.sin(direction)]])
                 result.append((way_m, own[:2] + own[3] * along))

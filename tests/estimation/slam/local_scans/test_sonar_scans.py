@@ -26,6 +26,7 @@ from tests.estimation.slam.lidar_world import along, drifting, scan_of
 MOUNTS = load_robot(find_file("diff_drive")).sonar
 AROUND = np.radians(np.arange(-180.0, 180.0, 2.0))
 HALF_BEAM = math.radians(12.5)
+OPEN = math.radians(35.0)
 TWICE = [(1.0, 1.0), (13.0, 1.0), (13.0, 9.0), (1.0, 9.0)] * 2 + [(1.0, 1.0)]
 
 pytestmark = pytest.mark.timeout(400)  # a cold cache: all of it is compiled
@@ -57,14 +58,27 @@ def test_readings_on_the_way_tell_in_which_direction_the_wall_stands(off_deg):
     x = np.linspace(-0.2, 0.2, 15)
     ranges = 1.5 - math.cos(towards) * x
     rows = np.column_stack([x, np.zeros(15), np.full(15, math.radians(90.0)), ranges])
-    assert echo_direction(rows[7], rows, HALF_BEAM) == pytest.approx(towards, abs=0.02)
+    assert echo_direction(rows[7], rows, HALF_BEAM, OPEN) == pytest.approx(towards, abs=0.02)
+
+
+@pytest.mark.parametrize("turning", [0.0, 0.6])
+@pytest.mark.parametrize("wall_deg", [62.0, 75.0, 90.0, 118.0])
+def test_a_wall_aslant_is_heard_on_the_edge_of_the_cone(wall_deg, turning):
+    normal = math.radians(wall_deg)
+    x = np.linspace(-0.2, 0.2, 15)
+    headings = math.radians(90.0) + turning * x
+    rays = headings[:, None] + np.linspace(-HALF_BEAM, HALF_BEAM, 2001)
+    ranges = (2.0 - math.cos(normal) * x)[:, None] / np.cos(rays - normal)
+    rows = np.column_stack([x, np.zeros(15), headings, ranges.min(axis=1)])
+    heard = rays[7, np.argmin(ranges[7])]
+    assert echo_direction(rows[7], rows, HALF_BEAM, OPEN) == pytest.approx(heard, abs=0.03)
 
 
 def test_an_echo_that_no_other_bears_out_has_no_place():
     x = np.linspace(-0.2, 0.2, 15)
     rows = np.column_stack([x, np.zeros(15), np.full(15, math.radians(90.0)), np.full(15, 1.5)])
     rows[7, 3] = 0.8
-    assert echo_direction(rows[7], rows, HALF_BEAM) is None
+    assert echo_direction(rows[7], rows, HALF_BEAM, OPEN) is None
 
 
 def test_what_is_nearer_hides_what_is_behind_it_and_a_lonely_echo_is_none():
