@@ -56,6 +56,7 @@ def test_the_folder_has_trajectory_map_report_and_picture(folder):
         (("--solver", "lmm"), "--solver lmm: unknown; allowed are"),
         (("--features", "lines"), "--features lines: unknown"),
         (("--mrclam-robot", "3"), "no odometry of robot 3"),
+        (("--map", "old.keyframes"), "--map: needs --sensor lidar, sonar, camera"),
         (("--out", "nowhere/out"), "does not exist"),
     ],
 )

@@ -87,7 +87,6 @@ def test_pictures_are_shown_beside_the_keyframes_of_their_time(log, tmp_path):
         (("--images", "none"), "none: a folder of images is needed, found nothing"),
         (("--sensor", "radar"), "--sensor radar: unknown; allowed is lidar, sonar, camera"),
         (("--sensor", "sonar"), "nothing of a sonar in it, which --sensor sonar needs; it has "),
-        (("--sensor", "sonar", "--map", "old"), "--map: needs --sensor lidar"),
         (("--solver", "graph"), "are for landmarks"),
     ],
 )

@@ -12,7 +12,6 @@ from robotctl.cli.console import plain_console
 from robotctl.cli.progress import progress_bar
 from robotctl.cli.slam.output import error_words, write_slam
 from robotctl.errors import ConfigError
-from robotctl.estimation.sensors.registry import LIDAR
 from robotctl.estimation.slam.local_scans.registry import SCAN_SOURCES
 
 
@@ -54,7 +53,7 @@ def slam(
         typer.Option(
             "--map",
             metavar="FILE",
-            help="With lidar: go on with this map of keyframes; the log may be another one.",
+            help="With --sensor: go on with this map of keyframes; by lidar, the log may be one.",
         ),
     ] = None,
     images: Annotated[
@@ -81,8 +80,8 @@ def slam(
         )
     if images is not None and sensor is None:
         raise ConfigError(f"--images: needs --sensor {', '.join(SCAN_SOURCES)}")
-    if onto is not None and sensor != LIDAR:
-        raise ConfigError("--map: needs --sensor lidar")
+    if onto is not None and sensor is None:
+        raise ConfigError(f"--map: needs --sensor {', '.join(SCAN_SOURCES)}")
     if not out.parent.is_dir():
         raise ConfigError(f"--out {out}: the folder {out.parent} does not exist")
     if out.exists() and not out.is_dir():

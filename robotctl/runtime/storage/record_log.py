@@ -182,12 +182,11 @@ class RecordLog:
         pending = b""
         is_last = False
         while not is_last:
-            is_last = (first := self._queue.get()) is None
-            pending += packed(first or ())
+            added = [self._queue.get()]
             while not self._queue.empty():
-                more = self._queue.get()
-                is_last = is_last or more is None
-                pending += packed(more or ())
+                added.append(self._queue.get())
+            is_last = None in added
+            pending += packed([record for each in added for record in each or ()])
             while pending:
                 try:
                     self._write(pending)

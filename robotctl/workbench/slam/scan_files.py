@@ -60,8 +60,8 @@ def write_scan_results(result: ScanResult, folder: Path) -> None:
     write_tum(folder / "online.tum", result.online)
     save_map(folder / "map", result.grid.map_rows(strays=_STRAYS))
     G2O.write(folder / "graph.g2o", graph_of(result.mapper))
-    place = result.mapper.place
-    record = whole_map(result.mapper, result.sensor, result.frame, (place.keyframe, place.pose))
+    place = result.place.keyframe, result.place.pose
+    record = whole_map(result.mapper, result.sensor, result.frame, place)
     (folder / "map.keyframes").write_bytes(HEADING + packed([record]))
     _write_closures(folder / "closures.csv", result.mapper)
     if result.images is not None:

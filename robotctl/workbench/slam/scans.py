@@ -71,6 +71,8 @@ class ScanResult:
         The map's frame in `world`.
     images
         What the images of keyframes were recognised as; None: there are none.
+    place
+        Where the robot was at the end.
     sensor
         Of the scans.
     """
@@ -84,6 +86,7 @@ class ScanResult:
     times_ms: np.ndarray
     grid_ms: float
     frame: SE2
+    place: Place
     images: MatchedImages | None = None
     sensor: str = LIDAR
 
@@ -151,12 +154,14 @@ def scan_slam(
 ) -> ScanResult:
     """Make trajectory and map of a log; with `onto`, go on with that map of keyframes.
 
-    With `images`, a folder, places are recognised by these, too.
+    By lidar the log may begin anywhere on that, by others where the map's drive ended. With
+    `images`, a folder, places are recognised by these, too.
 
     Raises
     ------
     RobotctlError
-        If log or map cannot be read, the log has no scans, or is not found on the map.
+        If log or map cannot be read, the log has no scans, or is not found on the map; if that was
+        made by another sensor.
     OSError
         If a file cannot be read.
     """
@@ -176,15 +181,21 @@ def scan_slam(
             recording, scans=recording.scans[first:], notes=(*recording.notes, note)
         )
     pictures = () if images is None else pictures_of(images, recording.scans)
-    if onto is None:
-        result = scan_slam_of(recording, progress, source.config, pictures)
-        return replace(result, sensor=sensor)
-    saved = load_keyframes(onto)
+    saved = None if onto is None else _map_by(sensor, onto)
+    if saved is not None and sensor == LIDAR:
+        return scan_slam_onto(recording, saved, progress, pictures)
+    result = scan_slam_of(recording, progress, source.config, pictures, saved)
+    return replace(result, sensor=sensor)
+
+
+def _map_by(sensor: str, file: Path) -> KeyframeMap:
+    """Return the map of keyframes in a file; raises if none by that sensor is in it."""
+    saved = load_keyframes(file)
     if saved is None:
-        raise ScanSlamError(f"{onto}: no map of keyframes")
-    if saved.sensor != LIDAR:
-        raise ScanSlamError(f"{onto}: a map made by {saved.sensor}, --map needs one by {LIDAR}")
-    return scan_slam_onto(recording, saved, progress, pictures)
+        raise ScanSlamError(f"{file}: no map of keyframes")
+    if saved.sensor != sensor:
+        raise ScanSlamError(f"{file}: a map made by {saved.sensor}, needed is one by {sensor}")
+    return saved
 
 
 def _scanned(recording: Recording, sensor: str, log: Path) -> tuple[Recording, ScanSource[Any]]:
@@ -225,11 +236,19 @@ def scan_slam_of(
     progress: Progress,
     config: KeyframeConfig | None = None,
     pictures: Sequence[TimedImage] = (),
+    after: KeyframeMap | None = None,
 ) -> ScanResult:
-    """Map a recording, whose first scan has `LEAST_ECHOES` echoes."""
+    """Map a recording, whose first scan has `LEAST_ECHOES` echoes.
+
+    With `after`, by stretches: go on with that map where its drive ended.
+    """
     _compile(recording)
     count, by_wheels = len(recording.scans), has_odometry(recording)
-    drive = _Drive(SlamMapper(config), recording, by_wheels, pictures=pictures)
+    mapper = SlamMapper(config)
+    if after is not None:
+        mapper.resume(after, is_there=True)
+        mapper.go_on(Place(0, *after.place), recording.scans[0].odometry, is_another=True)
+    drive = _Drive(mapper, recording, by_wheels, after, pictures)
     for row in range(count):
         drive.add(row)
         progress(row + 1, count)
@@ -353,8 +372,17 @@ class _Drive:
             self._times_ms,
             grid_ms,
             SE2() if self._saved is None else self._saved.frame,
+            self._end(),
             None if self._pictures is None else self._pictures.matched,
         )
+
+    def _end(self) -> Place:
+        """Return where the robot was at the end: the last stretch is that of its middle."""
+        place, odometry = self.mapper.place, self._recording.odometry
+        if not self.mapper.config.stretch_m or odometry is None:
+            return place
+        last, end = self._recording.scans[-1].odometry, SE2(*odometry.poses[-1].tolist())
+        return replace(place, pose=place.pose @ last.inverse() @ end)
 
 
 def _is_away(before: SE2 | None, now: SE2) -> bool:
