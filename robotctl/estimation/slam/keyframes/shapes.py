@@ -26,6 +26,8 @@ AROUND: Final = 20
 _RINGS: Final = 16
 _SECTORS: Final = 60
 _CELL_M: Final = 0.1
+_CELLS: Final = round(REACH_M / _CELL_M)
+"""To each side of a keyframe."""
 _MOST: Final = 3.0
 """Cells of a bin that count: a wall along the line of sight is no more than one across it."""
 _COMPARED: Final = 1000
@@ -70,8 +72,11 @@ class PossiblePlaces:
 
 def shape_of(points: Floats) -> Floats:
     """Return the shape of points (n, 2) around the origin: (rings, sectors), of norm 1 or 0."""
-    cells = np.unique(np.floor(points / _CELL_M).astype(np.int64), axis=0)
-    x, y = ((cells + 0.5) * _CELL_M).T
+    columns, rows = np.floor(points / _CELL_M).astype(np.int64).T + _CELLS
+    is_seen = np.zeros((2 * _CELLS, 2 * _CELLS), np.bool_)
+    inside = (np.minimum(columns, rows) >= 0) & (np.maximum(columns, rows) < 2 * _CELLS)
+    is_seen[columns[inside], rows[inside]] = True
+    x, y = (np.argwhere(is_seen) - _CELLS + 0.5).T * _CELL_M
     away = np.hypot(x, y)
     near = away < REACH_M
     ring = (away[near] * (_RINGS / REACH_M)).astype(np.int64)
@@ -130,8 +135,8 @@ class Shapes:
         products = np.einsum("nrs,rs->ns", spectra[among[chosen]], spectra[number].conj())
         by_turn = np.fft.irfft(products, n=_SECTORS, axis=1)
         turns = np.arange(_SECTORS) * (2.0 * np.pi / _SECTORS)
-        off = turns - possible.turns_rad[chosen, None]
-        by_turn[np.abs(np.angle(np.exp(1j * off))) > possible.within_rad[chosen, None]] = -1.0
+        off = (turns - possible.turns_rad[chosen, None] + np.pi) % (2.0 * np.pi) - np.pi
+        by_turn[np.abs(off) > possible.within_rad[chosen, None]] = -1.0
         scores, shifts = by_turn.max(axis=1), by_turn.argmax(axis=1)
         result: list[Alike] = []
         for row in np.argsort(-scores, kind="stable").tolist():
