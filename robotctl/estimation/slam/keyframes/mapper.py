@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Final
 
@@ -342,13 +343,25 @@ class SlamMapper:
         """Link a keyframe with the last ones that were passed; return how many."""
         if self.config.stretch_m:
             return self._straight.link(number)
-        return sum(self._link(other, number, 0.15, is_loop=False) for other in reversed(passed))
+        return sum(self._link(other, number) for other in reversed(passed))
 
-    def _link(self, first: int, second: int, wide_m: float, *, is_loop: bool) -> bool:
-        """Match two keyframes where they are and link them; return whether they match."""
-        old, new, start = self.keyframes[first], self.keyframes[second], self.back_end.between
-        pair = match_pair(old, new, start(first, second), self.config, wide_m)
+    def _link(self, first: int, second: int, doubt: tuple[float, float] | None = None) -> bool:
+        """Match two keyframes where they are and link them; return whether they match.
+
+        With a doubt [m], [rad] the link is one of a loop; stretches, of few echoes, have to lie
+        within three times of it.
+        """
+        old, new = self.keyframes[first], self.keyframes[second]
+        start, is_loop, wide_m, wide_rad = self.back_end.between(first, second), False, 0.15, 0.1
+        if doubt is not None:
+            is_loop, wide_m = True, float(np.clip(3.0 * doubt[0], wide_m, 0.5))
+            wide_rad = max(3.0 * doubt[1], wide_rad)
+        pair = match_pair(old, new, start, self.config, wide_m)
         if pair is None:
+            return False
+        off = start.inverse() @ pair.pose
+        is_far = math.hypot(off.x_m, off.y_m) > wide_m or abs(off.theta_rad) > wide_rad
+        if is_far and self.config.stretch_m:
             return False
         self.back_end.link(Link(first, second, pair.pose, pair.information, is_loop))
         return True
@@ -367,8 +380,8 @@ class SlamMapper:
         turn = np.abs(np.angle(np.exp(1j * (poses[near, 2] - poses[number, 2]))))
         linked = 0
         for other in near[np.argsort(away[near] + turn)][:_NEAR_TRIES].tolist():
-            wide_m = float(np.clip(3.0 * doubts[other, 0], 0.15, 0.5))
-            linked += self._link(other, number, wide_m, is_loop=True)
+            sigma_m, sigma_rad = doubts[other].tolist()
+            linked += self._link(other, number, (sigma_m, sigma_rad))
             if linked == _NEAR_LINKS:
                 break
         if linked:
