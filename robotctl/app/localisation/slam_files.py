@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import msgspec
 
 from robotctl.errors import ConfigError
+from robotctl.estimation.sensors.registry import LIDAR
 from robotctl.estimation.slam.keyframes.saved_map import (
     HEADING,
     ChangeLog,
@@ -125,7 +126,10 @@ class KeyframeFile:
             aside = set_aside(path, f"by-{saved.sensor}")
             self._notices.append(f"{said}; set aside as {aside}, the map begins anew")
             return None
-        self._notices.append(f"{path}: goes on with its map of {len(saved.keyframes)} scans")
+        said = f"{path}: goes on with its map of {len(saved.keyframes)} scans"
+        if saved.sensor != LIDAR:
+            said += "; the robot is taken to be where it was last"
+        self._notices.append(said)
         return saved
 
     def take_notices(self) -> list[str]:

@@ -94,6 +94,7 @@ def test_a_robot_with_sonars_stays_where_it_is_when_a_process_begins_anew(restar
     if restarted != "control":
         file.close()
         file = KeyframeFile(tmp_path / "office.keyframes", "sonar")
+        assert "taken to be where it was last" in file.take_notices()[0]
         mapper, history = SlamMapper(chosen.config), OdometryHistory()
         localiser = SlamLocaliser(mapper, chosen, SE2(), history, file.saved, file)
         assert len(mapper.keyframes) == before
