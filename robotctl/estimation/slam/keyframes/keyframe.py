@@ -50,6 +50,11 @@ class Keyframe:
     view: View
     travelled_m: float
 
+    def sees(self, other: Keyframe, pose: SE2) -> float:
+        """Return the share of the echoes of another one, at a pose in it, that it has, too."""
+        surface = other.surface
+        return agreement(self.view, surface.points, surface.weights, pose).agrees
+
 
 def keyframe_of(scan: RangeScan, surface: Surface, travelled_m: float) -> Keyframe:
     """Return the keyframe of a scan with at least one echo."""
@@ -73,8 +78,7 @@ def match_pair(
 
     None if they do not overlap, do not match, or contradict each other.
     """
-    points, weights = second.surface.points, second.surface.weights
-    if agreement(first.view, points, weights, start).agrees < _HOPELESS:
+    if first.sees(second, start) < _HOPELESS:
         return None
     match = refine(first.bins, second.surface, start, start, LOOSE, wide_m)
     if config.stretch_m:

@@ -296,8 +296,10 @@ class LoopSearch:
         """Return links of a keyframe, seen from `j`, with those of the place that match it."""
         between, links = self._back_end.between, []
         starts = {other: between(j, other).inverse() @ at for other in place}
-        for other in sorted(place, key=lambda each: _far(starts[each]))[: 2 * _PAIRS]:
-            old, new = self._keyframes[other], self._keyframes[k]
+        new = self._keyframes[k]
+        seen = {other: self._keyframes[other].sees(new, starts[other]) for other in place}
+        for other in sorted(place, key=lambda each: -seen[each])[: 2 * _PAIRS]:
+            old = self._keyframes[other]
             pair = match_pair(old, new, starts[other], self._config, _PAIR_M)
             if pair is not None:
                 links.append(Link(other, k, pair.pose, pair.information, is_loop=True))
@@ -335,8 +337,3 @@ class LoopSearch:
             bool(np.hypot(off.x_m, off.y_m) < _AGREE_M + 0.02 * way_m)
             and abs(off.theta_rad) < _AGREE_RAD
         )
-
-
-def _far(pose: SE2) -> float:
-    """Return how far a pose is, a turn of a radian for a metre."""
-    return float(np.hypot(pose.x_m, pose.y_m) + abs(pose.theta_rad))

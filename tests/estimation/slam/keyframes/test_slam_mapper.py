@@ -26,11 +26,11 @@ OFFICE = np.concatenate(
 ROUND = [(1.0, 1.0), (13.0, 1.0), (13.0, 9.0), (1.0, 9.0), (1.0, 1.0), (13.0, 1.0)]
 
 
-def drive(walls, poses, odometry, rng):
+def drive(walls, poses, odometry, rng, reach_m=12.0):
     """Return the mapper after a drive, and its poses (n, 3)."""
     mapper, places = SlamMapper(), []
     for number, pose in enumerate(poses):
-        scan = scan_of(walls, pose, rng, stamp_ns=number * 500_000_000)
+        scan = scan_of(walls, pose, rng, reach_m=reach_m, stamp_ns=number * 500_000_000)
         places.append(mapper.add(scan, None if odometry is None else odometry[number]))
     mapper.finish()
     made = [mapper.back_end.pose(each.keyframe) @ each.pose for each in places]
@@ -109,6 +109,26 @@ def test_a_hint_counts_only_where_scans_bear_it_out(monkeypatch, off_m):
     for link in links:
         expected = true[link.first].inverse() @ true[link.second]
         assert np.hypot(*_shift(expected, link.pose)) < 0.06
+
+
+def test_a_place_seen_from_the_other_side_matches_scans_that_see_the_same(monkeypatch):
+    monkeypatch.setattr(loops, "certain", lambda doubts: np.zeros(len(doubts), np.bool_))
+    rng = np.random.default_rng(2)
+    poses = along([(1.0, 9.0), (1.0, 1.0), (13.0, 1.0), (1.0, 1.0)])
+    mapper, _ = drive(OFFICE, poses, drifting(poses, rng), rng, reach_m=4.0)
+    true = [poses[round(2e-9 * each.stamp_ns)] for each in mapper.keyframes]
+    mapper.loops.log.clear()
+    for new in (len(true) - 7, len(true) - 9):
+        old = min(range(46), key=lambda each: np.hypot(*_shift(true[each], true[new])))
+        there = true[old].inverse() @ true[new]
+        assert abs(there.theta_rad) > 3.0
+        mapper.loops.suggest(Candidate(new, old, "image", 0.3, 0.2, there))
+    mapper.loops.step()
+    mapper.loops.step()
+    for closure in mapper.loops.log:
+        assert closure.reason == "not confirmed by another yet"
+        expected = true[closure.other].inverse() @ true[closure.keyframe]
+        assert np.hypot(*_shift(expected, closure.pose)) < 0.25  # along a wall
 
 
 def _shift(a, b):
