@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import Final
 
@@ -13,18 +12,18 @@ from robotctl.estimation.slam.front_end.point_to_line import Match
 from robotctl.estimation.slam.front_end.surface import Floats, Surface, surface_of
 from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
-from robotctl.estimation.slam.keyframes.keyframe import Keyframe, keyframe_of, match_pair
+from robotctl.estimation.slam.keyframes.keyframe import Keyframe, keyframe_of
 from robotctl.estimation.slam.keyframes.known_places import (
     CHANGED,
     Known,
     Probation,
-    certain,
     is_borne_out,
     known_place,
     nearest,
     renewed,
 )
-from robotctl.estimation.slam.keyframes.loops import NEAR_M, LoopSearch
+from robotctl.estimation.slam.keyframes.linking import Linking
+from robotctl.estimation.slam.keyframes.loops import LoopSearch
 from robotctl.estimation.slam.keyframes.map_search import MapSearch
 from robotctl.estimation.slam.keyframes.motion import (
     Expected,
@@ -34,7 +33,6 @@ from robotctl.estimation.slam.keyframes.motion import (
     by_velocity,
 )
 from robotctl.estimation.slam.keyframes.saved_map import KeyframeMap
-from robotctl.estimation.slam.keyframes.straight_walls import StraightWalls
 from robotctl.estimation.slam.keyframes.tracker import Tracked, is_new, track
 from robotctl.estimation.slam.keyframes.trail import Trail
 from robotctl.model.geometry.se2 import SE2
@@ -46,8 +44,6 @@ LOST: Final = 10
 """So many scans in a row that fit nowhere: the robot does not know its place."""
 _UNKNOWN: Final = np.diag(1.0 / np.array([0.3, 0.3, 0.2]) ** 2)
 """Information on a motion without odometry, beside that of scans."""
-_NEAR_LINKS: Final = 4
-_NEAR_TRIES: Final = 8
 _RESUMED: Final = Expected(SE2(), 0.5, 0.17)
 """Where a robot is that goes on: it may have rolled on before it came to rest."""
 _ASKED: Final = 4
@@ -82,7 +78,7 @@ class SlamMapper:
         self.images: dict[int, Features] = {}
         self.back_end = BackEnd(self.config.shared**2)
         self.loops = LoopSearch(self.config, self.keyframes, self.back_end)
-        self._straight = StraightWalls(self.config, self.keyframes, self.back_end)
+        self._linking = Linking(self.config, self.keyframes, self.back_end, self.loops)
         self.epoch = 0
         self.slips = self.lost = self.lost_in_a_row = self.renewals = self.found = 0
         self.covariance: Floats = 1e-6 * np.eye(3)
@@ -151,7 +147,7 @@ class SlamMapper:
         if is_another:
             known = known.doubted(_RESUMED)
             self._trail.begin()
-            self._straight.begin_odometry()
+            self._linking.begin_odometry()
         self._place, self._odometry = place, odometry
         self._kept, self.covariance = Kept(place.pose, odometry, known), known.covariance
 
@@ -332,62 +328,12 @@ class SlamMapper:
             back_end.link(Link(last, number, wheels.motion, wheels.information))
         else:
             back_end.link(Link(last, number, pose, _UNKNOWN))
-        if self._link_last(number, passed) == 0 and match is not None:
+        if self._linking.link_last(number, passed) == 0 and match is not None:
             back_end.link(Link(last, number, pose, match.information))
         self.loops.enter(number)
-        self._link_near(number, passed)
+        self._linking.link_near(number, passed, by_wheels=self._by_wheels)
         back_end.update()
         self._come_back()
-
-    def _link_last(self, number: int, passed: list[int]) -> int:
-        """Link a keyframe with the last ones that were passed; return how many."""
-        if self.config.stretch_m:
-            return self._straight.link(number)
-        return sum(self._link(other, number) for other in reversed(passed))
-
-    def _link(self, first: int, second: int, doubt: tuple[float, float] | None = None) -> bool:
-        """Match two keyframes where they are and link them; return whether they match.
-
-        With a doubt [m], [rad] the link is one of a loop; stretches, of few echoes, have to lie
-        within three times of it.
-        """
-        old, new = self.keyframes[first], self.keyframes[second]
-        start, is_loop, wide_m, wide_rad = self.back_end.between(first, second), False, 0.15, 0.1
-        if doubt is not None:
-            is_loop, wide_m = True, float(np.clip(3.0 * doubt[0], wide_m, 0.5))
-            wide_rad = max(3.0 * doubt[1], wide_rad)
-        pair = match_pair(old, new, start, self.config, wide_m)
-        if pair is None:
-            return False
-        off = start.inverse() @ pair.pose
-        is_far = math.hypot(off.x_m, off.y_m) > wide_m or abs(off.theta_rad) > wide_rad
-        if is_far and self.config.stretch_m:
-            return False
-        self.back_end.link(Link(first, second, pair.pose, pair.information, is_loop))
-        return True
-
-    def _link_near(self, number: int, passed: list[int]) -> None:
-        """Link a keyframe with old ones near it; those that may be near are loops to look for."""
-        poses, doubts = self.back_end.poses, self.back_end.doubts(number)
-        is_old = np.ones(number + 1, np.bool_)
-        is_old[[*passed, number]] = False
-        if self.config.stretch_m:
-            ways_m = np.array([each.travelled_m for each in self.keyframes])
-            is_old &= ways_m < ways_m[number] - self.config.stretch_m
-        away = np.hypot(*(poses[:, :2] - poses[number, :2]).T)
-        sure = certain(doubts)
-        near = np.flatnonzero(is_old & (away < NEAR_M) & sure)
-        turn = np.abs(np.angle(np.exp(1j * (poses[near, 2] - poses[number, 2]))))
-        linked = 0
-        for other in near[np.argsort(away[near] + turn)][:_NEAR_TRIES].tolist():
-            sigma_m, sigma_rad = doubts[other].tolist()
-            linked += self._link(other, number, (sigma_m, sigma_rad))
-            if linked == _NEAR_LINKS:
-                break
-        if linked:
-            return
-        others = np.flatnonzero(is_old & ~sure)
-        self.loops.consider(number, others, doubts, by_wheels=self._by_wheels)
 
     def close(self, links: list[Link]) -> None:
         """Close a loop."""

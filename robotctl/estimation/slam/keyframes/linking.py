@@ -1,0 +1,107 @@
+"""What a new keyframe is linked with: those passed last, and old ones beside it."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
+from robotctl.estimation.slam.keyframes.keyframe import Keyframe, match_pair
+from robotctl.estimation.slam.keyframes.known_places import certain
+from robotctl.estimation.slam.keyframes.loops import NEAR_M, LoopSearch
+from robotctl.estimation.slam.keyframes.straight_walls import StraightWalls
+
+_NEAR_LINKS: Final = 4
+_NEAR_TRIES: Final = 8
+
+
+class Linking:
+    """Links new keyframes; where the map is not sure of its old places, it has loops looked for.
+
+    Parameters
+    ----------
+    config, keyframes, back_end
+        The map.
+    loops
+        Looks for loops.
+    """
+
+    def __init__(
+        self,
+        config: KeyframeConfig,
+        keyframes: list[Keyframe],
+        back_end: BackEnd,
+        loops: LoopSearch,
+    ) -> None:
+        self._config = config
+        self._keyframes = keyframes
+        self._back_end = back_end
+        self._loops = loops
+        self._straight = StraightWalls(config, keyframes, back_end)
+
+    def begin_odometry(self) -> None:
+        """Have walls of stretches before and after a new odometry not be compared."""
+        self._straight.begin_odometry()
+
+    def link_last(self, number: int, passed: list[int]) -> int:
+        """Link a keyframe with the last ones that were passed, nearest last; return how many."""
+        if self._config.stretch_m:
+            return self._straight.link(number)
+        return sum(self._link(other, number) for other in reversed(passed))
+
+    def _link(self, first: int, second: int, doubt: tuple[float, float] | None = None) -> bool:
+        """Match two keyframes where they are and link them; return whether they match.
+
+        With a doubt [m], [rad] the link is one of a loop; stretches, of few echoes, have to lie
+        within three times of it.
+        """
+        old, new = self._keyframes[first], self._keyframes[second]
+        start, is_loop, wide_m, wide_rad = self._back_end.between(first, second), False, 0.15, 0.1
+        if doubt is not None:
+            is_loop, wide_m = True, float(np.clip(3.0 * doubt[0], wide_m, 0.5))
+            wide_rad = max(3.0 * doubt[1], wide_rad)
+        pair = match_pair(old, new, start, self._config, wide_m)
+        if pair is None:
+            return False
+        off = start.inverse() @ pair.pose
+        is_far = math.hypot(off.x_m, off.y_m) > wide_m or abs(off.theta_rad) > wide_rad
+        if is_far and self._config.stretch_m:
+            return False
+        self._back_end.link(Link(first, second, pair.pose, pair.information, is_loop))
+        return True
+
+    def link_near(self, number: int, passed: list[int], *, by_wheels: bool) -> None:
+        """Link a keyframe with old ones near it; those that may be near are loops to look for.
+
+        Parameters
+        ----------
+        number
+            Of the new keyframe.
+        passed
+            Those that were passed last.
+        by_wheels
+            Whether there is odometry.
+        """
+        poses, doubts = self._back_end.poses, self._back_end.doubts(number)
+        is_old = np.ones(number + 1, np.bool_)
+        is_old[[*passed, number]] = False
+        if self._config.stretch_m:
+            ways_m = np.array([each.travelled_m for each in self._keyframes])
+            is_old &= ways_m < ways_m[number] - self._config.stretch_m
+        away = np.hypot(*(poses[:, :2] - poses[number, :2]).T)
+        sure = certain(doubts)
+        near = np.flatnonzero(is_old & (away < NEAR_M) & sure)
+        turn = np.abs(np.angle(np.exp(1j * (poses[near, 2] - poses[number, 2]))))
+        linked = 0
+        for other in near[np.argsort(away[near] + turn)][:_NEAR_TRIES].tolist():
+            sigma_m, sigma_rad = doubts[other].tolist()
+            linked += self._link(other, number, (sigma_m, sigma_rad))
+            if linked == _NEAR_LINKS:
+                break
+        if linked:
+            return
+        others = np.flatnonzero(is_old & ~sure)
+        self._loops.consider(number, others, doubts, by_wheels=by_wheels)
