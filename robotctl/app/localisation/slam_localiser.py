@@ -383,8 +383,7 @@ def make_slam(
     elif places.path is not None:
         file = KeyframeFile(places.path, sensor.name, is_own=places.is_own)
         saved = file.saved
-    is_for_life = sensor.config.stretch_m == 0.0
-    mapper = SlamMapper(replace(sensor.config, is_live=is_for_life, is_fixed=places.is_read_only))
+    mapper = SlamMapper(replace(sensor.config, is_live=True, is_fixed=places.is_read_only))
     localiser = SlamLocaliser(mapper, sensor, start, history, saved, file, by_images=by_images)
     return localiser, SlamDrawing(localiser, OccupancyGrid(grid))
 

@@ -30,6 +30,8 @@ _YOUNG_M: Final = 5.0
 _WIDE_M: Final = 0.15
 _MOVED: Final = 0.05
 """Share of two scans that may contradict, of half of the keyframes asked about a place."""
+_CONTRADICTS: Final = 16.27
+"""chi2 of 3 numbers that one in a thousand exceeds."""
 _PASSES: Final = 6
 """Keyframes to pass until a place where the robot was found is sure: half of them bear it out."""
 
@@ -48,12 +50,36 @@ class Known:
         Share of what the two scans say of each other.
     is_young
         Whether its scan was taken on the last metres.
+    information
+        Of the pose, (3, 3) in its own frame; None: no match tells it.
     """
 
     number: int
     pose: SE2
     contradicts: float
     is_young: bool
+    information: Floats | None = None
+
+    def weighed(self, start: SE2, covariance: Floats) -> tuple[Known, Floats] | None:
+        """Return the place and its covariance, with the pose that a start and the match tell.
+
+        None if the two contradict each other, or nothing was matched.
+
+        Parameters
+        ----------
+        start, covariance
+            `base` in the keyframe as odometry has it, (3, 3) in its own frame.
+        """
+        if self.information is None:
+            return None
+        off = np.array((self.pose.inverse() @ start).log())
+        doubt = covariance + np.linalg.inv(self.information)
+        if off @ np.linalg.solve(doubt, off) > _CONTRADICTS:
+            return None
+        before = np.linalg.inv(covariance)
+        after = np.linalg.inv(before + self.information).astype(np.float64)
+        pose = self.pose @ SE2.exp(*(after @ before @ off).tolist())
+        return replace(self, pose=pose), after
 
 
 def certain(doubts: np.ndarray) -> np.ndarray:
@@ -95,8 +121,10 @@ def known_place(
         overlap, contradicts = compared(old, new, there)
         is_young = new.travelled_m - old.travelled_m < _YOUNG_M
         if pair is not None and overlap >= config.keyframe_overlap:
-            return Known(other, there, contradicts, is_young)
-        if contradicts > 1.0 - config.least_agreement and not is_young:
+            information = pair.information / config.shared
+            return Known(other, there, contradicts, is_young, information)
+        is_other = contradicts > 1.0 - config.least_agreement and not config.stretch_m
+        if is_other and not is_young:
             return Known(other, there, contradicts, is_young)
     return None
 

@@ -17,6 +17,7 @@ from robotctl.estimation.slam.keyframes.known_places import (
     CHANGED,
     Known,
     Probation,
+    certain,
     is_borne_out,
     known_place,
     nearest,
@@ -254,8 +255,10 @@ class SlamMapper:
 
     def _is_known(self, new: Keyframe, pose: SE2) -> bool:
         """Return whether a scan, seen from the last keyframe, is of a known place; be there."""
-        last = self.place.keyframe
+        last, doubt = self.place.keyframe, None
         known = known_place(new, last, pose, self.keyframes, self.back_end, self.config)
+        if self.config.stretch_m:
+            known, doubt = self._weighed(known, pose)
         left_alone = self.config.is_fixed or self._probation is not None
         self._judge(known)
         if known is None and left_alone:
@@ -267,9 +270,23 @@ class SlamMapper:
             self.keyframes[known.number] = renewed(new, known.pose)
             self.renewals += 1
             self._trail.redraw()
-        self._pass(known.number, known.pose)
+        self._pass(known.number, known.pose, doubt)
         self._place = Place(self.place.stamp_ns, known.number, known.pose)
         return True
+
+    def _weighed(self, known: Known | None, pose: SE2) -> tuple[Known | None, Expected | None]:
+        """Return a known place as odometry and match tell it, and its doubt, for stretches."""
+        position_rad = np.sqrt([[self.covariance[:2, :2].trace(), self.covariance[2, 2]]])
+        if known is None or not certain(position_rad)[0]:
+            return None, None
+        start = self.back_end.between(known.number, self.place.keyframe) @ pose
+        weighed = known.weighed(start, self.covariance)
+        if weighed is None:
+            return None, None
+        known, self.covariance = weighed
+        variances = self.covariance.diagonal()
+        sigma_m, sigma_rad = np.sqrt([variances[:2].mean(), variances[2]]).tolist()
+        return known, Expected(SE2(), sigma_m, sigma_rad)
 
     def _judge(self, known: Known | None) -> None:
         """Learn more of the place where the robot was found, until it is sure."""
@@ -279,10 +296,10 @@ class SlamMapper:
             self.lost_in_a_row = LOST
         self._probation = None
 
-    def _pass(self, number: int, pose: SE2) -> None:
+    def _pass(self, number: int, pose: SE2, doubt: Expected | None = None) -> None:
         """Have a keyframe be the last one that was passed, with the robot at a pose in it."""
         self._trail.add(number)
-        self._kept = Kept(pose, self._odometry)
+        self._kept = Kept(pose, self._odometry, doubt)
 
     def begin_odometry(self) -> None:
         """Take the odometry of the next scan for another one, which begins anew."""

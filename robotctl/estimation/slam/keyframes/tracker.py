@@ -112,7 +112,7 @@ def track(
 def is_new(tracked: Tracked, config: KeyframeConfig) -> bool:
     """Return whether a scan, placed in the frame of the last keyframe, becomes a keyframe."""
     pose, match = tracked.pose, tracked.match
-    if config.is_live and match is None:
+    if config.is_live and match is None and not config.stretch_m:
         return False
     return (
         float(np.hypot(pose.x_m, pose.y_m)) >= config.keyframe_m

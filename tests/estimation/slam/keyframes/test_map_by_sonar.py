@@ -1,8 +1,11 @@
 """A map by sonars is gone on with: the robot is expected where it was last, more or less."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from robotctl.estimation.slam.keyframes.known_places import Known
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.estimation.slam.keyframes.motion import Expected, Kept, Place
 from robotctl.estimation.slam.keyframes.saved_map import restored, whole_map
@@ -91,6 +94,30 @@ def test_a_robot_whose_odometry_lived_on_is_as_sure_as_odometry_is(record):
     assert np.hypot(end.x_m, end.y_m) > 1.0
     after_m, _ = off(mapper, POSES[HALF + scans[-1].scan.stamp_ns // 50_000_000])
     assert after_m < before_m + 0.1
+
+
+def test_a_robot_that_goes_round_and_round_keeps_a_map_of_one_size():
+    poses = along([*TWICE[:8], *TWICE[:8], TWICE[0]], step_m=0.05, turn_rad=0.05)
+    mapper, sizes, errors_m = SlamMapper(replace(SOURCE.config, is_live=True)), [], []
+    for each in driven(poses, 3)[0]:
+        mapper.add(each.scan, each.odometry)
+        sizes.append(len(mapper.keyframes))
+        errors_m.append(off(mapper, poses[each.scan.stamp_ns // 50_000_000])[0])
+    rounds = np.array_split(sizes, 4)
+    assert rounds[0][-1] > 60
+    assert rounds[3][-1] - rounds[1][-1] < 0.1 * rounds[0][-1]
+    # It knows its place on the map as well as when it closed the first loops.
+    assert max(np.array_split(errors_m, 4)[3]) < max(np.array_split(errors_m, 4)[1]) + 0.1
+
+
+def test_a_known_place_is_where_odometry_and_match_say_by_what_each_is_worth():
+    variances = np.array([0.01, 0.01, 0.002])
+    match = Known(3, SE2(1.0, 2.0, 0.5), 0.0, is_young=False, information=np.diag(3.0 / variances))
+    known, covariance = match.weighed(match.pose @ SE2(0.2, -0.1, 0.0), np.diag(variances))
+    inside = match.pose.inverse() @ known.pose
+    assert (inside.x_m, inside.y_m, inside.theta_rad) == pytest.approx((0.05, -0.025, 0.0))
+    np.testing.assert_allclose(covariance, np.diag(variances / 4.0), atol=1e-12)
+    assert match.weighed(match.pose @ SE2(0.6, 0.0, 0.0), np.diag(variances)) is None
 
 
 def test_a_doubted_heading_moves_what_comes_after_it():
