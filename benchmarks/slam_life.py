@@ -18,6 +18,7 @@ from robotctl.app.simulation.lockstep import LockstepRun
 from robotctl.app.simulation.sim_options import SimOptions
 from robotctl.config.robot_file import find_file
 from robotctl.core.navigation_tick import NavigationTick
+from robotctl.estimation.sensors.registry import LIDAR, SONAR
 
 LONGEST_S = 3600.0
 PERIOD_S = 360.0
@@ -31,15 +32,20 @@ AGAIN = '[[item]]\nkind = "repeat"\nfirst = 1\n'
 
 
 def run(_rounds: int, seconds: float) -> None:
-    """Drive for an hour, or `seconds` if that is more than ten minutes."""
+    """Drive for an hour, or `seconds` if that is more than ten minutes, by each sensor."""
     longest_s = seconds if seconds > 600.0 else LONGEST_S
+    for sensor in (LIDAR, SONAR):
+        _live(sensor, longest_s)
+
+
+def _live(sensor: str, longest_s: float) -> None:
     with tempfile.TemporaryDirectory() as folder:
         mission = Path(folder) / "rounds.toml"
         mission.write_text(HEADER + "".join(GOTO.format(*each) for each in PLACES) + AGAIN)
         file = Path(folder) / "office.keyframes"
         settings = (
             'localisation.method="slam"', "localisation.mapping=true",
-            f'localisation.keyframes="{file}"',
+            f'localisation.keyframes="{file}"', f'localisation.sensors=["{sensor}"]',
         )  # fmt: skip
         options = SimOptions(
             find_file("diff_drive"), mission, max_seconds=longest_s, localisation=settings
@@ -47,7 +53,7 @@ def run(_rounds: int, seconds: float) -> None:
         lockstep = LockstepRun(options)
         rows = _driven(lockstep, file)
     machine.table(
-        f"SLAM for {longest_s / 60.0:.0f} min in the office",
+        f"SLAM by {sensor} for {longest_s / 60.0:.0f} min in the office",
         ("min", "m", "keyframes", "links", "file [MB]", "VmRSS [MiB]", "step mean, p99, max [ms]",
          "pose error max [m]"),
         rows,
