@@ -276,8 +276,8 @@ class SlamMapper:
 
     def _weighed(self, known: Known | None, pose: SE2) -> tuple[Known | None, Expected | None]:
         """Return a known place as odometry and match tell it, and its doubt, for stretches."""
-        position_rad = np.sqrt([[self.covariance[:2, :2].trace(), self.covariance[2, 2]]])
-        if known is None or not certain(position_rad)[0]:
+        own = np.sqrt([[self.covariance[:2, :2].trace(), self.covariance[2, 2]]])
+        if known is None or not certain(own)[0]:
             return None, None
         start = self.back_end.between(known.number, self.place.keyframe) @ pose
         weighed = known.weighed(start, self.covariance)
