@@ -53,7 +53,7 @@ def slam(
         typer.Option(
             "--map",
             metavar="FILE",
-            help="With --sensor: go on with this map of keyframes; by lidar, the log may be one.",
+            help="Go on with this map of keyframes, made by the same --sensor.",
         ),
     ] = None,
     images: Annotated[

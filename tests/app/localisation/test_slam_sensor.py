@@ -1,5 +1,7 @@
 """SLAM takes the best sensor that the robot has, or says what it needs."""
 
+from dataclasses import replace
+
 import msgspec
 import numpy as np
 import pytest
@@ -85,7 +87,9 @@ def test_a_robot_with_sonars_stays_where_it_is_when_a_process_begins_anew(restar
     config = load_robot(find_file("diff_drive"), ('localisation.sensors=["sonar"]',))
     chosen, history = slam_sensor(config, sensed_robot(config)), OdometryHistory()
     file = KeyframeFile(tmp_path / "office.keyframes", "sonar")
-    localiser = SlamLocaliser(SlamMapper(chosen.config), chosen, DRIVE[0], history, file=file)
+    localiser = SlamLocaliser(
+        SlamMapper(replace(chosen.config, is_live=True)), chosen, DRIVE[0], history, file=file
+    )
     steps = list(zip(DRIVE, heard(OFFICE, DRIVE, np.random.default_rng(3)), strict=True))
     half = len(DRIVE) // 2
     localiser.begin_odometry()
@@ -95,7 +99,7 @@ def test_a_robot_with_sonars_stays_where_it_is_when_a_process_begins_anew(restar
         file.close()
         file = KeyframeFile(tmp_path / "office.keyframes", "sonar")
         assert "taken to be where it was last" in file.take_notices()[0]
-        mapper, history = SlamMapper(chosen.config), OdometryHistory()
+        mapper, history = SlamMapper(replace(chosen.config, is_live=True)), OdometryHistory()
         localiser = SlamLocaliser(mapper, chosen, SE2(), history, file.saved, file)
         assert len(mapper.keyframes) == before
     localiser.begin_odometry()

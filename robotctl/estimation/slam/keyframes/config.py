@@ -53,7 +53,7 @@ class KeyframeConfig:
         Share of what two scans say of each other that must agree, 0 to 1.
     is_live
         A robot's map for life: a place that is on it gets no keyframe more, but a new scan where it
-        changed; scans that fit nowhere get none, and a robot that is lost is looked for.
+        changed. Scans taken at once that fit nowhere get none, and a lost robot is looked for.
     is_fixed
         Leave the map alone: the robot is only localised in it; with `is_live`.
     stretch_m
@@ -79,4 +79,4 @@ class KeyframeConfig:
     @property
     def shared(self) -> float:
         """How many keyframes each echo is in; more than one where stretches overlap."""
-        return max(self.stretch_m / self.keyframe_m, 1.0) if self.keyframe_m > 0.0 else 1.0
+        return max(self.stretch_m / self.keyframe_m, 1.0) if self.stretch_m else 1.0

@@ -18,7 +18,7 @@ LOOSE = np.diag(1.0 / np.array([0.3, 0.3, 0.1]) ** 2)
 """Holds a match along corridors near its start; of no weight elsewhere."""
 _LEAST_OVERLAP: Final = 0.25
 _SHARE: Final = 0.25
-_CORRIDOR: Final = 0.15
+CORRIDOR: Final = 0.15
 """Information along, beside that across, with which a stretch counts as a corridor."""
 _LEAST: Final = np.array([1.0, 1.0, 25.0])
 _BENT: Final = np.array([0.03, 0.03, 0.01]) ** 2
@@ -82,7 +82,7 @@ def match_pair(
         return None
     match = refine(first.bins, second.surface, start, start, LOOSE, wide_m)
     if config.stretch_m:
-        match = replace(match, pose=held(match, start))
+        match = replace(match, pose=held(match, start, CORRIDOR))
     if match.inliers < config.least_inliers:
         return None
     overlap, contradicts = compared(first, second, match.pose)
@@ -103,9 +103,12 @@ def honest(information: Floats) -> Floats:
     return result
 
 
-def held(match: Match, start: SE2) -> SE2:
-    """Return the pose of a match, at the start along a corridor, if it is of one."""
-    along = _corridor(match.information)
+def held(match: Match, start: SE2, share: float) -> SE2:
+    """Return the pose of a match, at the start along a corridor, if it is of one.
+
+    A corridor gives less than a share of the information across along it.
+    """
+    along = _corridor(match.information, share)
     if along is None:
         return match.pose
     off = match.pose.inverse() @ start
@@ -115,7 +118,7 @@ def held(match: Match, start: SE2) -> SE2:
 
 def without_corridor(information: Floats) -> Floats:
     """Return an information (3, 3) without that along a corridor, if it is of one."""
-    along = _corridor(information)
+    along = _corridor(information, CORRIDOR)
     if along is None:
         return information
     across = np.eye(3)
@@ -124,12 +127,12 @@ def without_corridor(information: Floats) -> Floats:
     return result
 
 
-def _corridor(information: Floats) -> Floats | None:
+def _corridor(information: Floats, share: float) -> Floats | None:
     """Return the direction (2,) of which an information (3, 3) says next to nothing, if any."""
     H = information
     by_place = H[:2, :2] - np.outer(H[:2, 2], H[:2, 2]) / max(H[2, 2], 1e-9)
     seen, directions = np.linalg.eigh(by_place)
-    if seen[0] >= _CORRIDOR * seen[1]:
+    if seen[0] >= share * seen[1]:
         return None
     result: Floats = directions[:, 0]
     return result

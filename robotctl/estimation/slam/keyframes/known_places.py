@@ -15,6 +15,7 @@ from robotctl.estimation.slam.front_end.surface import Floats, surface_of
 from robotctl.estimation.slam.keyframes.back_end import BackEnd
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe, compared, keyframe_of, match_pair
+from robotctl.estimation.slam.keyframes.tracker import CONTRADICTS
 from robotctl.model.geometry.se2 import SE2
 
 NEAR_M: Final = 0.4
@@ -30,8 +31,6 @@ _YOUNG_M: Final = 5.0
 _WIDE_M: Final = 0.15
 _MOVED: Final = 0.05
 """Share of two scans that may contradict, of half of the keyframes asked about a place."""
-_CONTRADICTS: Final = 16.27
-"""chi2 of 3 numbers that one in a thousand exceeds."""
 _PASSES: Final = 6
 """Keyframes to pass until a place where the robot was found is sure: half of them bear it out."""
 
@@ -74,7 +73,7 @@ class Known:
             return None
         off = np.array((self.pose.inverse() @ start).log())
         doubt = covariance + np.linalg.inv(self.information)
-        if off @ np.linalg.solve(doubt, off) > _CONTRADICTS:
+        if off @ np.linalg.solve(doubt, off) > CONTRADICTS:
             return None
         before = np.linalg.inv(covariance)
         after = np.linalg.inv(before + self.information).astype(np.float64)

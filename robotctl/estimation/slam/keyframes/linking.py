@@ -58,18 +58,19 @@ class Linking:
         With a doubt [m], [rad] the link is one of a loop; stretches, of few echoes, have to lie
         within three times of it.
         """
-        old, new = self._keyframes[first], self._keyframes[second]
-        start, is_loop, wide_m, wide_rad = self._back_end.between(first, second), False, 0.15, 0.1
+        start, wide_m = self._back_end.between(first, second), 0.15
         if doubt is not None:
-            is_loop, wide_m = True, float(np.clip(3.0 * doubt[0], wide_m, 0.5))
-            wide_rad = max(3.0 * doubt[1], wide_rad)
+            wide_m = float(np.clip(3.0 * doubt[0], 0.15, 0.5))
+        old, new = self._keyframes[first], self._keyframes[second]
         pair = match_pair(old, new, start, self._config, wide_m)
         if pair is None:
             return False
-        off = start.inverse() @ pair.pose
-        is_far = math.hypot(off.x_m, off.y_m) > wide_m or abs(off.theta_rad) > wide_rad
-        if is_far and self._config.stretch_m:
-            return False
+        if doubt is not None and self._config.stretch_m:
+            off = start.inverse() @ pair.pose
+            turn_rad = abs(off.theta_rad)
+            if math.hypot(off.x_m, off.y_m) > wide_m or turn_rad > max(3.0 * doubt[1], 0.1):
+                return False
+        is_loop = doubt is not None
         self._back_end.link(Link(first, second, pair.pose, pair.information, is_loop))
         return True
 

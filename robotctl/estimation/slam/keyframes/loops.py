@@ -13,7 +13,7 @@ from robotctl.estimation.slam.front_end.point_to_line import refine
 from robotctl.estimation.slam.front_end.surface import Surface, joined
 from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
-from robotctl.estimation.slam.keyframes.keyframe import Keyframe, held, match_pair
+from robotctl.estimation.slam.keyframes.keyframe import CORRIDOR, Keyframe, held, match_pair
 from robotctl.estimation.slam.keyframes.known_places import certain
 from robotctl.estimation.slam.keyframes.shapes import AROUND, PossiblePlaces, Shapes
 from robotctl.estimation.slam.keyframes.tracker import local_map, thinned
@@ -264,7 +264,9 @@ class LoopSearch:
         if found is None:
             return Closure(k, j, found_by, window.centre, 0.0, "low score"), []
         match = refine(target.bins, surface, found.pose)
-        pose = held(match, expected) if self._config.stretch_m else match.pose
+        pose = match.pose
+        if self._config.stretch_m:
+            pose = held(match, expected, CORRIDOR)
         closure = Closure(k, j, found_by, pose, found.score, "")
         off = expected.inverse() @ pose
         if match.inliers < _LEAST_INLIERS:
@@ -296,11 +298,12 @@ class LoopSearch:
         """Return links of a keyframe, seen from `j`, with those of the place that match it."""
         between, links = self._back_end.between, []
         starts = {other: between(j, other).inverse() @ at for other in place}
-        new = self._keyframes[k]
-        seen = {other: self._keyframes[other].sees(new, starts[other]) for other in place}
-        for other in sorted(place, key=lambda each: -seen[each])[: 2 * _PAIRS]:
-            old = self._keyframes[other]
-            pair = match_pair(old, new, starts[other], self._config, _PAIR_M)
+        keyframes, new = self._keyframes, self._keyframes[k]
+        by_overlap = sorted(
+            place, key=lambda each: keyframes[each].sees(new, starts[each]), reverse=True
+        )
+        for other in by_overlap[: 2 * _PAIRS]:
+            pair = match_pair(keyframes[other], new, starts[other], self._config, _PAIR_M)
             if pair is not None:
                 links.append(Link(other, k, pair.pose, pair.information, is_loop=True))
             if len(links) == _PAIRS:

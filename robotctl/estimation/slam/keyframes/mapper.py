@@ -1,4 +1,4 @@
-"""SLAM by lidar, scan by scan: for recorded logs and while driving."""
+"""SLAM, scan by scan: for recorded logs and while driving."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ _SURE: Final = 0.6
 
 
 class SlamMapper:
-    """A map from lidar scans, as they come, with odometry or without.
+    """A map from scans, as they come, with odometry or without.
 
     Attributes
     ----------
@@ -255,10 +255,8 @@ class SlamMapper:
 
     def _is_known(self, new: Keyframe, pose: SE2) -> bool:
         """Return whether a scan, seen from the last keyframe, is of a known place; be there."""
-        last, doubt = self.place.keyframe, None
-        known = known_place(new, last, pose, self.keyframes, self.back_end, self.config)
-        if self.config.stretch_m:
-            known, doubt = self._weighed(known, pose)
+        last = self.place.keyframe
+        known, doubt = self._known(new, pose)
         left_alone = self.config.is_fixed or self._probation is not None
         self._judge(known)
         if known is None and left_alone:
@@ -274,13 +272,20 @@ class SlamMapper:
         self._place = Place(self.place.stamp_ns, known.number, known.pose)
         return True
 
-    def _weighed(self, known: Known | None, pose: SE2) -> tuple[Known | None, Expected | None]:
-        """Return a known place as odometry and match tell it, and its doubt, for stretches."""
-        own = np.sqrt([[self.covariance[:2, :2].trace(), self.covariance[2, 2]]])
-        if known is None or not certain(own)[0]:
+    def _known(self, new: Keyframe, pose: SE2) -> tuple[Known | None, Expected | None]:
+        """Return the known place of a scan, seen from the last keyframe, and the doubt of it.
+
+        Of stretches it is where odometry and match say; others are where the match says, as sure
+        as their keyframe.
+        """
+        last, covariance = self.place.keyframe, self.covariance
+        own = np.sqrt([[covariance[:2, :2].trace(), covariance[2, 2]]])
+        if self.config.stretch_m and not certain(own)[0]:
             return None, None
-        start = self.back_end.between(known.number, self.place.keyframe) @ pose
-        weighed = known.weighed(start, self.covariance)
+        known = known_place(new, last, pose, self.keyframes, self.back_end, self.config)
+        if known is None or not self.config.stretch_m:
+            return known, None
+        weighed = known.weighed(self.back_end.between(known.number, last) @ pose, covariance)
         if weighed is None:
             return None, None
         known, self.covariance = weighed

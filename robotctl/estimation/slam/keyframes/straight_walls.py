@@ -47,7 +47,7 @@ class StraightWalls:
         self._stretch_m, self._shared = config.stretch_m, config.shared
         self._keyframes = keyframes
         self._back_end = back_end
-        self._walls: dict[int, tuple[Segment, ...]] = {}
+        self._walls: dict[int, tuple[Keyframe, tuple[Segment, ...]]] = {}
         self._first = 0
         """The first keyframe of this odometry."""
 
@@ -70,10 +70,11 @@ class StraightWalls:
         return count
 
     def _walls_of(self, number: int) -> tuple[Segment, ...]:
-        """Return the walls of a keyframe."""
-        if number not in self._walls:
-            self._walls[number] = find_lines(self._keyframes[number].scan, _LINES).segments
-        return self._walls[number]
+        """Return the walls of a keyframe, which may have got another scan."""
+        keyframe = self._keyframes[number]
+        if number not in self._walls or self._walls[number][0] is not keyframe:
+            self._walls[number] = keyframe, find_lines(keyframe.scan, _LINES).segments
+        return self._walls[number][1]
 
     def _near(self, number: int) -> list[int]:
         """Return earlier keyframes near one, the last first, a stretch between each two."""

@@ -18,7 +18,7 @@ from robotctl.estimation.slam.front_end.point_to_line import (
 from robotctl.estimation.slam.front_end.score_field import ScoreField, score_field
 from robotctl.estimation.slam.front_end.surface import Floats, Surface, joined
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
-from robotctl.estimation.slam.keyframes.keyframe import Keyframe
+from robotctl.estimation.slam.keyframes.keyframe import Keyframe, held
 from robotctl.estimation.slam.keyframes.motion import Expected
 from robotctl.model.geometry.se2 import SE2
 
@@ -39,7 +39,7 @@ _FARTHEST_M: Final = 2.5
 _CORRIDOR: Final = 0.01
 """Information along, beside that across, where walls say nothing of the place along them."""
 _STILL_MATCHES: Final = 0.75
-_SLIP: Final = 16.27
+CONTRADICTS: Final = 16.27
 """chi2 of 3 numbers that one in a thousand exceeds."""
 
 
@@ -145,20 +145,15 @@ def _held(local: LocalMap, surface: Surface, match: Match, prior: SE2, expected:
     There the search prefers to stand still, where all of a scan overlaps with the map. Zhang,
     Kaess, Singh: On degeneracy of optimization-based state estimation problems, ICRA 2016.
     """
-    H = match.information
-    by_place = H[:2, :2] - np.outer(H[:2, 2], H[:2, 2]) / max(H[2, 2], 1e-9)
-    information, directions = np.linalg.eigh(by_place)
-    if information[0] > _CORRIDOR * information[1]:
+    start = held(match, prior, _CORRIDOR)
+    if start is match.pose:
         return match
-    off = match.pose.inverse() @ prior
-    along = directions[:, 0] * (directions[:, 0] @ np.array([off.x_m, off.y_m]))
-    start = match.pose @ SE2(float(along[0]), float(along[1]))
-    held = refine(local.bins, surface, start, prior, expected.information, NARROW_M)
-    return held if held.inliers > _STILL_MATCHES * match.inliers else match
+    along = refine(local.bins, surface, start, prior, expected.information, NARROW_M)
+    return along if along.inliers > _STILL_MATCHES * match.inliers else match
 
 
 def _contradicts(prior: SE2, expected: Expected, match: Match) -> bool:
     """Return whether the match is too far from what was expected."""
     r = np.array((prior.inverse() @ match.pose).log())
-    S = np.linalg.inv(expected.information) + np.linalg.inv(match.information + 1e-3 * np.eye(3))
-    return float(r @ np.linalg.solve(S, r)) > _SLIP
+    S = expected.covariance + np.linalg.inv(match.information + 1e-3 * np.eye(3))
+    return float(r @ np.linalg.solve(S, r)) > CONTRADICTS

@@ -16,6 +16,7 @@ from tests.estimation.slam.keyframes.test_slam_mapper import OFFICE
 from tests.estimation.slam.lidar_world import along, drifting
 from tests.estimation.slam.local_scans.test_sonar_scans import TWICE, heard, scans_of
 
+LIVE = replace(SOURCE.config, is_live=True)
 POSES = along(TWICE, step_m=0.05, turn_rad=0.05)
 HALF = int(0.55 * len(POSES))
 """A little more than one round."""
@@ -35,7 +36,7 @@ def driven(poses, seed):
 @pytest.fixture(scope="module")
 def record():
     """A map of one round, with the robot's place at its end."""
-    mapper = SlamMapper(SOURCE.config)
+    mapper = SlamMapper(LIVE)
     scans, end = driven(POSES[:HALF], 1)
     for each in scans:
         mapper.add(each.scan, each.odometry)
@@ -45,7 +46,7 @@ def record():
 
 def gone_on(record, inside, odometry, *, is_another):
     """Return a mapper that goes on with a map, with the robot at a pose in the last keyframe."""
-    mapper = SlamMapper(SOURCE.config)
+    mapper = SlamMapper(LIVE)
     saved = restored([record])
     mapper.resume(saved, is_there=True)
     place = Place(0, saved.place[0], saved.place[1] @ inside)
@@ -98,7 +99,7 @@ def test_a_robot_whose_odometry_lived_on_is_as_sure_as_odometry_is(record):
 
 def test_a_robot_that_goes_round_and_round_keeps_a_map_of_one_size():
     poses = along([*TWICE[:8], *TWICE[:8], TWICE[0]], step_m=0.05, turn_rad=0.05)
-    mapper, sizes, errors_m = SlamMapper(replace(SOURCE.config, is_live=True)), [], []
+    mapper, sizes, errors_m = SlamMapper(LIVE), [], []
     for each in driven(poses, 3)[0]:
         mapper.add(each.scan, each.odometry)
         sizes.append(len(mapper.keyframes))
