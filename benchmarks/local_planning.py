@@ -184,8 +184,8 @@ def _drive(name: str, space: PlanningMap, plan: Plan, start: SE2, within_m: floa
             LocalSituation(seen, twist, plan.poses, reverse, space, NOBODY, 2.0)
         )
         for _ in range(5):
-            twist = limiter.step(*late, 0.01)
-            pose = integrate(pose, *twist, 0.01)
+            twist = limiter.step(late, 0.01)
+            pose = integrate(pose, twist, 0.01)
             here = space.to_cells(pose)
             there = np.array([[here.x_m, here.y_m, here.theta_rad]])
             touched = touched or bool(space.collides(there)[0])

@@ -27,6 +27,7 @@ from robotctl.model.geometry.twist import Twist
 
 _LANDED: Final = 1e-9
 """A remaining distance below this is taken in one step [m/s, rad/s]."""
+_REST: Final = Twist(0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,11 +42,14 @@ class LimitsConfig:
         Largest acceleration [m/s^2] and angular acceleration [rad/s^2], > 0, also for braking.
     jerk_max_m_s3, angular_jerk_max_rad_s3
         Largest jerk [m/s^3] and angular jerk [rad/s^3], > 0.
+    vy_max_m_s
+        Largest sideways speed [m/s], >= 0; more than 0 on holonomic drives only. Acceleration and
+        jerk sideways have the limits of those ahead.
 
     Raises
     ------
     ValueError
-        If a value is not positive and finite.
+        If a value is out of its range.
     """
 
     v_max_m_s: float = 0.5
@@ -54,29 +58,39 @@ class LimitsConfig:
     alpha_max_rad_s2: float = 4.0
     jerk_max_m_s3: float = 10.0
     angular_jerk_max_rad_s3: float = 40.0
+    vy_max_m_s: float = 0.0
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            value = getattr(self, field.name)
-            if not 0.0 < value < math.inf:
-                raise InvalidValue(field.name, f"{value} found, a finite number > 0 allowed", value)
+            value, may_be_zero = getattr(self, field.name), field.name == "vy_max_m_s"
+            if not (0.0 < value < math.inf or (may_be_zero and value == 0.0)):
+                allowed = "a finite number >= 0" if may_be_zero else "a finite number > 0"
+                raise InvalidValue(field.name, f"{value} found, {allowed} allowed", value)
 
 
-def scale_to_limits(v_m_s: float, omega_rad_s: float, v_max: float, omega_max: float) -> Twist:
+def scale_to_limits(wanted: Twist, limits: LimitsConfig) -> Twist:
     """Return the set-point scaled to the speed limits, on the same arc.
 
-    Both parts are multiplied by the same factor, so that the curvature omega / v is kept and the
-    robot drives the wanted path more slowly. A set-point that is not finite is a stop.
+    All parts are multiplied by the same factor, so that the curvature is kept and the robot drives
+    the wanted path more slowly. A set-point that is not finite is a stop; a part sideways is
+    dropped where the robot cannot move so.
     """
-    if not math.isfinite(v_m_s + omega_rad_s):
-        return Twist(0.0, 0.0)
+    v_m_s, omega_rad_s, vy_m_s = wanted
+    if not math.isfinite(v_m_s + omega_rad_s + vy_m_s):
+        return _REST
+    v_max, omega_max, vy_max = limits.v_max_m_s, limits.omega_max_rad_s, limits.vy_max_m_s
     excess = max(abs(v_m_s) / v_max, abs(omega_rad_s) / omega_max)
+    if vy_max > 0.0:
+        excess = max(excess, abs(vy_m_s) / vy_max)
+    else:
+        vy_m_s = 0.0
     if excess <= 1.0:
-        return Twist(v_m_s, omega_rad_s)
+        return Twist(v_m_s, omega_rad_s, vy_m_s)
     # The bounds again, since the division may round upwards.
     return Twist(
         min(max(v_m_s / excess, -v_max), v_max),
         min(max(omega_rad_s / excess, -omega_max), omega_max),
+        min(max(vy_m_s / excess, -vy_max), vy_max),
     )
 
 
@@ -115,84 +129,72 @@ def next_acceleration(
 
 
 class TwistLimiter:
-    """Follows a moving set-point within the limits; both axes are limited independently in time.
+    """Follows a moving set-point within the limits; the axes are limited independently in time.
 
     The rule where a set-point is too fast: it is scaled as a whole, see `scale_to_limits`. While
-    speeds change, each axis uses its own acceleration and jerk, so the curvature is met when both
+    speeds change, each axis uses its own acceleration and jerk, so the curvature is met when all
     have arrived.
+
+    Attributes
+    ----------
+    twist
+        The last output.
+    acceleration
+        Acceleration of the last step [m/s^2, rad/s^2, m/s^2], for feed-forward.
     """
 
-    __slots__ = ("_a", "_alpha", "_config", "_omega", "_v")
+    __slots__ = ("_config", "acceleration", "twist")
 
     def __init__(self, config: LimitsConfig) -> None:
         self._config = config
-        self.reset()
-
-    @property
-    def twist(self) -> Twist:
-        """The last output."""
-        return Twist(self._v, self._omega)
-
-    @property
-    def acceleration_m_s2(self) -> float:
-        """Acceleration of the last step [m/s^2], for feed-forward."""
-        return self._a
-
-    @property
-    def angular_acceleration_rad_s2(self) -> float:
-        """Angular acceleration of the last step [rad/s^2], for feed-forward."""
-        return self._alpha
+        self.twist = self.acceleration = _REST
 
     def retune(self, config: LimitsConfig) -> None:
         """Change the limits; what is faster than allowed now slows down within the others."""
         self._config = config
 
-    def reset(
-        self,
-        v_m_s: float = 0.0,
-        omega_rad_s: float = 0.0,
-        a_m_s2: float = 0.0,
-        alpha_rad_s2: float = 0.0,
-    ) -> None:
+    def reset(self, twist: Twist = _REST, acceleration: Twist = _REST) -> None:
         """Continue from this velocity and acceleration: the present state, for a smooth start.
 
         The velocity is clamped to the speed limits; what of it is not finite counts as 0.
         """
         config = self._config
-        v = v_m_s if math.isfinite(v_m_s) else 0.0
-        omega = omega_rad_s if math.isfinite(omega_rad_s) else 0.0
-        self._v = min(max(v, -config.v_max_m_s), config.v_max_m_s)
-        self._omega = min(max(omega, -config.omega_max_rad_s), config.omega_max_rad_s)
-        self._a = a_m_s2
-        self._alpha = alpha_rad_s2
+        bounds = config.v_max_m_s, config.omega_max_rad_s, config.vy_max_m_s
+        self.twist = Twist(
+            *(
+                min(max(each, -bound), bound) if math.isfinite(each) else 0.0
+                for each, bound in zip(twist, bounds, strict=True)
+            )
+        )
+        self.acceleration = acceleration
 
-    def step(self, v_ref_m_s: float, omega_ref_rad_s: float, dt_s: float) -> Twist:
+    def step(self, wanted: Twist, dt_s: float) -> Twist:
         """Return the velocity to command now.
 
         Parameters
         ----------
-        v_ref_m_s, omega_ref_rad_s
-            Wanted velocity; a value that is not finite makes it a stop.
+        wanted
+            Set-point; a value that is not finite makes it a stop.
         dt_s
             Time since the last call [s]; if it is not positive and finite, the last output is
             returned and nothing changes.
         """
         if not 0.0 < dt_s < math.inf:
-            return Twist(self._v, self._omega)
+            return self.twist
         limits = self._config
-        v_ref, omega_ref = scale_to_limits(
-            v_ref_m_s, omega_ref_rad_s, limits.v_max_m_s, limits.omega_max_rad_s
-        )
-        self._a = next_acceleration(
-            v_ref - self._v, self._a, limits.a_max_m_s2, limits.jerk_max_m_s3, dt_s
-        )
-        self._alpha = next_acceleration(
-            omega_ref - self._omega,
-            self._alpha,
+        v_ref, omega_ref, vy_ref = scale_to_limits(wanted, limits)
+        v, omega, vy = self.twist
+        a, alpha, ay = self.acceleration
+        a = next_acceleration(v_ref - v, a, limits.a_max_m_s2, limits.jerk_max_m_s3, dt_s)
+        alpha = next_acceleration(
+            omega_ref - omega,
+            alpha,
             limits.alpha_max_rad_s2,
             limits.angular_jerk_max_rad_s3,
             dt_s,
         )
-        self._v += self._a * dt_s
-        self._omega += self._alpha * dt_s
-        return Twist(self._v, self._omega)
+        if limits.vy_max_m_s > 0.0:
+            ay = next_acceleration(vy_ref - vy, ay, limits.a_max_m_s2, limits.jerk_max_m_s3, dt_s)
+        self.acceleration = Twist(a, alpha, ay)
+        self.twist = Twist(v + a * dt_s, omega + alpha * dt_s, vy + ay * dt_s)
+        return self.twist

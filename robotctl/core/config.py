@@ -9,6 +9,7 @@ from robotctl.control.pid import PidConfig
 from robotctl.control.pwm import PwmConfig
 from robotctl.messages.faults import Fault, FaultCode
 from robotctl.model.drives.drives import Drive
+from robotctl.model.geometry.twist import Twist
 
 _IMPOSSIBLE_SHARE = 2.0
 """Factor on a wheel's speed at the robot's limits, and when pushed, beyond which it cannot turn."""
@@ -69,9 +70,12 @@ class ControlConfig:
 
 
 def fastest_wheel_rad_s(drive: Drive, limits: LimitsConfig) -> float:
-    """Return how fast a wheel turns at both speed limits at once [rad/s]."""
-    corner = drive.inverse(limits.v_max_m_s, limits.omega_max_rad_s, 0.0)
-    return max(abs(corner.omega1_rad_s), abs(corner.omega2_rad_s))
+    """Return how fast a wheel turns at all speed limits at once [rad/s]."""
+    corners = (
+        drive.inverse(Twist(limits.v_max_m_s, limits.omega_max_rad_s, vy), drive.joint_max_rad)
+        for vy in (limits.vy_max_m_s, -limits.vy_max_m_s)
+    )
+    return max(abs(speed) for corner in corners for speed in corner.wheels_rad_s)
 
 
 def impossible_wheel_rad_s(drive: Drive, limits: LimitsConfig) -> float:

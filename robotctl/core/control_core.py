@@ -39,6 +39,7 @@ from robotctl.messages.procedures import CalibrateGyro, CancelProcedure, MotorTe
 from robotctl.messages.tuning import Tuning
 from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.se2 import SE2
+from robotctl.model.geometry.twist import Twist
 from robotctl.model.sensors.imu import ImuConfig
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.safety.arm_requests import ArmRequests
@@ -50,6 +51,7 @@ from robotctl.safety.state_machine import LATCHED, Event, SafetyConfig, SafetyMa
 from robotctl.safety.supervision import Supervision
 
 _AT_REST_M_S = 0.005
+_REST: Final = Twist(0.0, 0.0)
 _CLEAR_INTERVAL_NS = 100_000_000
 _TESTABLE: Final = frozenset({SafetyState.STANDBY, SafetyState.MOTOR_TEST})
 _ENDS_PROCEDURES: Final = frozenset(
@@ -139,7 +141,7 @@ class ControlCore:
                 plausibility,
                 drive.wheel_names,
                 control.pwm.deadband,
-                self._driving.steering_max_rad,
+                max(drive.joint_max_rad, default=0.0),
                 limits.a_max_m_s2 / max(drive.wheel_radii_m),
                 sonars,
                 imu,
@@ -408,7 +410,7 @@ class ControlCore:
         if driving.follow_setpoint(now_ns):
             if self.machine.state is SafetyState.ARMED:
                 self._on(Event.MOVE, "", now_ns)
-        elif driving.reference == (0.0, 0.0) and abs(motion.twist.v_m_s) < _AT_REST_M_S:
+        elif driving.reference == _REST and motion.twist.speed_m_s < _AT_REST_M_S:
             self._on(Event.REST, "", now_ns)
         command = driving.command(motion.steering_rad, self._command.steering_rad, supply_v)
         return self._unless_refused(command, now_ns)
@@ -454,6 +456,7 @@ class ControlCore:
             now_ns,
             v_ref_m_s=reference.v_m_s,
             omega_ref_rad_s=reference.omega_rad_s,
+            vy_ref_m_s=reference.vy_m_s,
             duty=(self._command.duty1, self._command.duty2)[: len(self._wheels)],
             loop=loop,
             odometer_m=self.odometer_start_m + self.motion.odometry.distance_m,

@@ -14,7 +14,7 @@ from robotctl.model.geometry.twist import Twist
 from robotctl.safety.health import Health
 from robotctl.safety.state_machine import SafetyMachine
 
-_UNKNOWN_TWIST: Final = Twist(math.nan, math.nan)
+_UNKNOWN_TWIST: Final = Twist(math.nan, math.nan, math.nan)
 
 
 def control_state(
@@ -53,6 +53,7 @@ def control_state(
         theta_rad=pose.theta_rad,
         v_m_s=twist.v_m_s,
         omega_rad_s=twist.omega_rad_s,
+        vy_m_s=twist.vy_m_s,
         distance_m=motion.odometry.distance_m,
         wheel_rad_s=motion.speeds_rad_s if measured else (math.nan,) * n,
         wheel_ref_rad_s=tuple(w.reference_rad_s for w in wheels),

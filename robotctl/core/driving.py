@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from robotctl.control.limiter import LimitsConfig, TwistLimiter
 from robotctl.control.wheel_loop import WheelLoop
 from robotctl.messages.control import VelocityCommand, WheelCommand
 from robotctl.messages.faults import Fault, FaultCode
-from robotctl.model.drives.drives import DifferentialDrive, Drive
+from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.twist import Twist
 from robotctl.safety.command_guard import guard_command
+
+_REST: Final = Twist(0.0, 0.0)
 
 
 class Driving:
@@ -31,8 +35,6 @@ class Driving:
         The newest set-point; None: there is none, or a stop has made it void.
     reference
         Output of the limiter.
-    steering_max_rad
-        Bound of the linkage [rad]; 0: no steering.
     """
 
     def __init__(
@@ -44,10 +46,8 @@ class Driving:
         period_ns: int,
     ) -> None:
         self.velocity: VelocityCommand | None = None
-        self.reference = Twist(0.0, 0.0)
-        self.steering_max_rad = (
-            0.0 if isinstance(drive, DifferentialDrive) else drive.steering_max_rad
-        )
+        self.reference = _REST
+        self._steering_max_rad = max(drive.joint_max_rad, default=0.0)
         self._drive = drive
         self._wheels = wheels
         self._limiter = TwistLimiter(limits)
@@ -64,20 +64,20 @@ class Driving:
         """Start from the present motion, so that arming causes no jump."""
         self.velocity = None
         self._armed_ns = now_ns
-        self._limiter.reset(twist_meas.v_m_s, twist_meas.omega_rad_s)
+        self._limiter.reset(twist_meas)
         for wheel in self._wheels:
             wheel.reset()
 
     def stopped(self, steering_rad: float) -> WheelCommand:
         """Return the command that brakes the wheels and leaves the steering where it is."""
-        self.reference = Twist(0.0, 0.0)
+        self.reference = _REST
         return WheelCommand(False, True, 0.0, 0.0, steering_rad)
 
     def follow_setpoint(self, now_ns: int) -> bool:
         """Move the reference towards the set-point; return whether that is a motion."""
-        wanted_v, wanted_omega = self._setpoint(now_ns)
-        self.reference = self._limiter.step(wanted_v, wanted_omega, self._period_s)
-        return wanted_v != 0.0 or wanted_omega != 0.0
+        wanted = self._setpoint(now_ns)
+        self.reference = self._limiter.step(wanted, self._period_s)
+        return wanted != _REST
 
     def command(
         self, steering_rad: float, steering_before_rad: float, bus_voltage_v: float
@@ -93,13 +93,15 @@ class Driving:
         bus_voltage_v
             Supply of the bridges [V].
         """
-        reference, dt_s = self.reference, self._period_s
-        wheels = self._drive.inverse(reference.v_m_s, reference.omega_rad_s, steering_rad)
-        duty1 = self._wheels[0].step(wheels.omega1_rad_s, bus_voltage_v, dt_s)
-        duty2 = 0.0
-        if len(self._wheels) == 2:
-            duty2 = self._wheels[1].step(wheels.omega2_rad_s, bus_voltage_v, dt_s)
-        return self.guarded(duty1, duty2, wheels.steering_rad, steering_before_rad)
+        wanted = self._drive.inverse(self.reference, (steering_rad,))
+        dt_s = self._period_s
+        duties = [
+            wheel.step(speed, bus_voltage_v, dt_s)
+            for wheel, speed in zip(self._wheels, wanted.wheels_rad_s, strict=True)
+        ]
+        duty1, duty2 = duties if len(duties) == 2 else (duties[0], 0.0)
+        steering = wanted.joints_rad[0] if wanted.joints_rad else 0.0
+        return self.guarded(duty1, duty2, steering, steering_before_rad)
 
     def guarded(
         self, duty1: float, duty2: float, steering_rad: float, steering_before_rad: float
@@ -116,20 +118,20 @@ class Driving:
             That of the last command [rad].
         """
         guarded = guard_command(
-            True, duty1, duty2, steering_rad, self.steering_max_rad, steering_before_rad
+            True, duty1, duty2, steering_rad, self._steering_max_rad, steering_before_rad
         )
         if guarded.fault:
             return Fault(FaultCode.COMMAND_GUARD, f"command guard: {guarded.fault}")
         return WheelCommand(True, False, guarded.duty1, guarded.duty2, guarded.steering_rad)
 
-    def _setpoint(self, now_ns: int) -> tuple[float, float]:
+    def _setpoint(self, now_ns: int) -> Twist:
         """Return the velocity to command now; zero if the set-point is missing or expired."""
         velocity = self.velocity
         if velocity is None or now_ns > velocity.expires_ns:
-            return 0.0, 0.0
+            return _REST
         if velocity.stamp_ns < self._armed_ns:  # who wanted it did not know of the arming
-            return 0.0, 0.0
+            return _REST
         age_ns = now_ns - velocity.stamp_ns
         if not 0 <= age_ns <= self._setpoint_limit_ns:
-            return 0.0, 0.0
-        return velocity.v_m_s, velocity.omega_rad_s
+            return _REST
+        return velocity.twist

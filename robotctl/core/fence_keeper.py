@@ -169,19 +169,15 @@ class FenceKeeper:
         if before is None or control.stamp_ns == before.stamp_ns:
             return
         dt_s = (control.stamp_ns - before.stamp_ns) * 1e-9
-        a = (control.v_ref_m_s - before.v_ref_m_s) / dt_s
-        alpha = (control.omega_ref_rad_s - before.omega_ref_rad_s) / dt_s
-        most_a, most_alpha = self._limits.a_max_m_s2, self._limits.alpha_max_rad_s2
+        limits = self._limits
+        bounds = limits.a_max_m_s2, limits.alpha_max_rad_s2, limits.a_max_m_s2
+        changes = zip(control.twist_ref, before.twist_ref, bounds, strict=True)
         self._acceleration = Twist(
-            min(max(a, -most_a), most_a), min(max(alpha, -most_alpha), most_alpha)
+            *(min(max((now - then) / dt_s, -most), most) for now, then, most in changes)
         )
 
 
 def _faster(control: ControlState) -> Twist:
     """Return the greater of set-point and measured velocity: wheels lag behind as they brake."""
-    v, omega = control.v_ref_m_s, control.omega_ref_rad_s
-    if abs(control.v_m_s) > abs(v):
-        v = control.v_m_s
-    if abs(control.omega_rad_s) > abs(omega):
-        omega = control.omega_rad_s
-    return Twist(v, omega)
+    both = zip(control.twist_ref, control.twist, strict=True)
+    return Twist(*(measured if abs(measured) > abs(ref) else ref for ref, measured in both))

@@ -63,7 +63,7 @@ class EncoderMotion:
         self._inertial = InertialTracker(imu) if imu.enabled else None
         self._drive = drive
         self._wheels = wheels
-        self._estimators = wheels[0].estimator, wheels[-1].estimator
+        self._estimators = tuple(wheel.estimator for wheel in wheels)
         self._has_counts = False
         self._latches = LatchTimes()
 
@@ -86,7 +86,7 @@ class EncoderMotion:
     def is_at_rest(self) -> bool:
         """Whether the wheels stand, up to an encoder that flickers between two counts."""
         twist = self.twist
-        return abs(twist.v_m_s) < _REST_M_S and abs(twist.omega_rad_s) < _REST_RAD_S
+        return twist.speed_m_s < _REST_M_S and abs(twist.omega_rad_s) < _REST_RAD_S
 
     def take_bias(self, bias_rad_s: tuple[float, float, float], readings: int) -> None:
         """Take a bias of the gyro that was measured [rad/s], the mean of so many readings."""
@@ -120,20 +120,21 @@ class EncoderMotion:
         """Restart with the next counts: the drive's have restarted. The pose stays."""
         self._has_counts = False
         self._latches.reset()
-        self.odometry.reset(0.0, 0.0)
+        self.odometry.reset((0.0,) * len(self._wheels))
         self.epoch_ns = now_ns
 
     def _count(self, wheels: WheelFeedback, *, anew: bool) -> None:
         """Update velocities and odometry; `anew`: after a gap of unknown length."""
-        first, last = self._estimators
+        estimators = self._estimators
         if anew or not self._has_counts:
             self._begin_counts(wheels)
-        first.update(wheels.count1, wheels.timestamp_us)
-        if last is not first:  # a robot with a single driven wheel has the first count alone
-            last.update(wheels.count2, wheels.timestamp_us)
-        self.odometry.update(first.position_rad, last.position_rad, self.steering_rad)
+        # A robot with a single driven wheel has the first count alone.
+        for estimator, count in zip(estimators, (wheels.count1, wheels.count2), strict=False):
+            estimator.update(count, wheels.timestamp_us)
+        joints_rad = (self.steering_rad,)
+        self.odometry.update(tuple([each.position_rad for each in estimators]), joints_rad)
         self.twist = self._drive.forward(
-            first.velocity_rad_s, last.velocity_rad_s, self.steering_rad
+            tuple([each.velocity_rad_s for each in estimators]), joints_rad
         )
 
     def _begin_counts(self, wheels: WheelFeedback) -> None:

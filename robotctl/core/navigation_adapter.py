@@ -235,7 +235,7 @@ class NavigationAdapter:
             self._armings = None
         return NavigationInputs(
             pose=pose,
-            twist=Twist(control.v_m_s, control.omega_rad_s),
+            twist=control.twist,
             ranges_m=control.sonar_m,
             heard_ns=control.sonar_stamp_ns,
             enabled=enabled,

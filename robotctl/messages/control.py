@@ -24,6 +24,7 @@ from robotctl.messages.procedures import (
 )
 from robotctl.messages.tuning import Tuning
 from robotctl.model.geometry.se2 import SE2
+from robotctl.model.geometry.twist import Twist
 
 
 class DriveState(enum.IntEnum):
@@ -273,12 +274,21 @@ class WheelCommand(msgspec.Struct, frozen=True, gc=False, array_like=True):
 
 
 class VelocityCommand(msgspec.Struct, frozen=True, tag=True):
-    """Wanted body velocity of `base` (m/s forward, rad/s to the left); void after `expires_ns`."""
+    """Wanted body velocity of `base`; void after `expires_ns`.
+
+    m/s forward, rad/s to the left, m/s sideways to the left.
+    """
 
     stamp_ns: int
     expires_ns: int
     v_m_s: float
     omega_rad_s: float
+    vy_m_s: float = 0.0
+
+    @property
+    def twist(self) -> Twist:
+        """The velocity."""
+        return Twist(self.v_m_s, self.omega_rad_s, self.vy_m_s)
 
 
 class Arm(msgspec.Struct, frozen=True, tag=True):
@@ -481,11 +491,23 @@ class ControlState(msgspec.Struct, frozen=True, tag=True):
     against_arming: tuple[Fault, ...] = ()
     tuning: int = 0
     procedure: Procedure = Procedure()
+    vy_m_s: float = 0.0
+    vy_ref_m_s: float = 0.0
 
     @property
     def T_odom_base(self) -> SE2:
         """The pose of `base` in `odom`."""
         return SE2(self.x_m, self.y_m, self.theta_rad)
+
+    @property
+    def twist(self) -> Twist:
+        """The measured velocity."""
+        return Twist(self.v_m_s, self.omega_rad_s, self.vy_m_s)
+
+    @property
+    def twist_ref(self) -> Twist:
+        """The velocity that the wheels are to have now, within all limits."""
+        return Twist(self.v_ref_m_s, self.omega_ref_rad_s, self.vy_ref_m_s)
 
 
 class NavigationState(msgspec.Struct, frozen=True, tag=True):

@@ -8,6 +8,7 @@ import pytest
 from robotctl.control.limiter import LimitsConfig, TwistLimiter
 from robotctl.control.pid import PidConfig
 from robotctl.control.pwm import PwmConfig
+from robotctl.model.geometry.twist import Twist
 
 FULL_V = 12.6
 RADIUS_M = 0.05
@@ -24,8 +25,8 @@ def speed_step(rig, v_m_s, seconds=1.2):
     limiter = TwistLimiter(LIMITS)
     speeds = []
     for _ in range(round(seconds / rig.dt_s)):
-        v = limiter.step(v_m_s, 0.0, rig.dt_s).v_m_s
-        omega = rig.step(v / RADIUS_M, limiter.acceleration_m_s2 / RADIUS_M)
+        v = limiter.step(Twist(v_m_s, 0.0), rig.dt_s).v_m_s
+        omega = rig.step(v / RADIUS_M, limiter.acceleration.v_m_s / RADIUS_M)
         speeds.append(omega * RADIUS_M)
     return np.array(speeds)
 
@@ -67,8 +68,8 @@ def test_a_stop_brings_the_wheel_to_rest(wheel_loop_rig):
     rig = wheel_loop_rig(gains(), PWM)
     limiter = TwistLimiter(LIMITS)
     for k in range(400):
-        v = limiter.step(0.5 if k < 160 else 0.0, 0.0, 0.005).v_m_s
-        omega = rig.step(v / RADIUS_M, limiter.acceleration_m_s2 / RADIUS_M)
+        v = limiter.step(Twist(0.5 if k < 160 else 0.0, 0.0), 0.005).v_m_s
+        omega = rig.step(v / RADIUS_M, limiter.acceleration.v_m_s / RADIUS_M)
         if k > 160 + 80:
             assert abs(omega) < 0.2
     assert omega == 0.0

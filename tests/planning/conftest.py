@@ -152,12 +152,12 @@ class World:
             self.twist = Twist(v, v * curvature)
         else:
             self.twist = Twist(v, self._slew(self.twist.omega_rad_s, omega_ref, 6.0 * dt))
-        self.pose = integrate(self.pose, *self.twist, dt)
+        self.pose = integrate(self.pose, self.twist, dt)
         step = abs(v) * dt
         self.distance_m += step
         noise = self.drift * math.sqrt(step) * self.rng.standard_normal(2)
         believed = Twist(float(v + noise[0] / dt), float(self.twist.omega_rad_s + noise[1] / dt))
-        self.odometry = integrate(self.odometry, *believed, dt)
+        self.odometry = integrate(self.odometry, believed, dt)
 
     @staticmethod
     def _slew(value: float, target: float, change: float) -> float:

@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 
 from robotctl.estimation.odometry.fit import OdometryFit, Reference
 from robotctl.estimation.odometry.innovations import OUTLIER
-from robotctl.estimation.odometry.model import OdometryModel
+from robotctl.estimation.odometry.model import Drive, OdometryModel
 from robotctl.estimation.odometry.runs import OdometryRun
-from robotctl.model.drives.drives import DifferentialDrive, Drive
+from robotctl.model.drives.drives import DifferentialDrive
 from robotctl.model.drives.odometry_noise import MotionNoise
 
 Array: TypeAlias = NDArray[np.float64]

@@ -11,7 +11,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.model.drives.drives import Drive
 from robotctl.model.drives.motion import arc
 from robotctl.model.drives.motion_noise import MotionNoise, propagate
 from robotctl.model.geometry.angles import sinc
@@ -61,30 +60,6 @@ class OdometryEstimate:
         self._pose = arc(self._pose, distance_m, angle_rad)
         self._stamp_ns = stamp_ns
         return self.estimate
-
-    def roll(
-        self,
-        drive: Drive,
-        turns_rad: tuple[float, float],
-        steering_rad: float,
-        stamp_ns: int,
-    ) -> PoseEstimate:
-        """Drive as far as the wheels of `drive` turned.
-
-        Parameters
-        ----------
-        drive
-            Kinematics.
-        turns_rad
-            Turn of wheel 1 and wheel 2 since the last call [rad]; 0 for a wheel that does not
-            exist.
-        steering_rad
-            Angle reported by the steering servo meanwhile [rad].
-        stamp_ns
-            Time at the end [ns].
-        """
-        moved_m, turned_rad = drive.forward(*turns_rad, steering_rad)
-        return self.move(moved_m, turned_rad, stamp_ns)
 
     def follow(self, odometry: SE2, stamp_ns: int) -> PoseEstimate:
         """Move as an odometry moved since the last call; the first call only takes its pose.

@@ -20,7 +20,10 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.model.drives.drives import DifferentialDrive, Drive, TricycleDrive
+from robotctl.model.drives.drives import AckermannDrive, DifferentialDrive, TricycleDrive
+
+Drive: TypeAlias = DifferentialDrive | TricycleDrive | AckermannDrive
+"""Drives that can be calibrated."""
 
 Array: TypeAlias = NDArray[np.float64]
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from operator import sub
+
 from robotctl.model.drives.drives import Drive
 from robotctl.model.drives.motion import arc
 from robotctl.model.geometry.angles import wrap_angle
@@ -9,7 +12,7 @@ from robotctl.model.geometry.se2 import SE2
 
 
 class Odometry:
-    """Dead reckoning of `base` in `odom` from wheel angles and steering angle.
+    """Dead reckoning of `base` in `odom` from the angles of wheels and joints.
 
     Each increment is an exact arc, so the error does not depend on the rate; it assumes rolling
     without slip and grows without bound.
@@ -28,26 +31,22 @@ class Odometry:
         self.turned_rad = 0.0
         """Sum of all turning by the wheels [rad]."""
         self._drive = drive
-        self._angle1_rad = 0.0
-        self._angle2_rad = 0.0
+        self._angles_rad = (0.0,) * len(drive.wheel_names)
 
-    def reset(self, angle1_rad: float, angle2_rad: float) -> None:
+    def reset(self, angles_rad: tuple[float, ...]) -> None:
         """Take the present wheel angles [rad] as a new zero; the pose stays."""
-        self._angle1_rad = angle1_rad
-        self._angle2_rad = angle2_rad
+        self._angles_rad = angles_rad
 
-    def update(self, angle1_rad: float, angle2_rad: float, steering_rad: float) -> None:
-        """Move the pose by the change of the wheel angles [rad] at the steering angle [rad]."""
-        turn1_rad = angle1_rad - self._angle1_rad
-        turn2_rad = angle2_rad - self._angle2_rad
-        if turn1_rad == 0.0 and turn2_rad == 0.0:
+    def update(self, angles_rad: tuple[float, ...], joints_rad: tuple[float, ...]) -> None:
+        """Move the pose by the change of the wheel angles [rad] with joints at [rad]."""
+        if angles_rad == self._angles_rad:
             return
-        self._angle1_rad = angle1_rad
-        self._angle2_rad = angle2_rad
+        turns_rad = tuple(map(sub, angles_rad, self._angles_rad))
+        self._angles_rad = angles_rad
         # forward() is linear in the wheel speeds, so increments give the increment of the pose.
-        moved_m, turned_rad = self._drive.forward(turn1_rad, turn2_rad, steering_rad)
-        self.pose_odom_base = arc(self.pose_odom_base, moved_m, turned_rad)
-        self.distance_m += abs(moved_m)
+        moved_m, turned_rad, sideways_m = self._drive.forward(turns_rad, joints_rad)
+        self.pose_odom_base = arc(self.pose_odom_base, moved_m, turned_rad, sideways_m)
+        self.distance_m += math.hypot(moved_m, sideways_m)
         self.turned_rad += turned_rad
 
     def correct_heading(self, turn_rad: float) -> None:

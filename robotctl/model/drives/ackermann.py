@@ -8,8 +8,8 @@ from typing import ClassVar, Literal
 
 from robotctl.errors import InvalidValue
 from robotctl.model.drives.wheels import (
+    ActuatorReference,
     SidePair,
-    WheelReference,
     require_offset,
     require_positive,
     require_steering,
@@ -68,6 +68,7 @@ class AckermannDrive:
     """It can neither move sideways nor turn on the spot."""
     steered: ClassVar[bool] = True
     wheel_names: ClassVar[tuple[str, ...]] = ("drive",)
+    joint_names: ClassVar[tuple[str, ...]] = ("steering",)
 
     def __post_init__(self) -> None:
         require_positive(
@@ -96,41 +97,47 @@ class AckermannDrive:
         return self.wheelbase_m / math.tan(reach_rad)
 
     @property
+    def joint_max_rad(self) -> tuple[float, ...]:
+        """Largest angle of the steering to either side [rad]."""
+        return (self.steering_max_rad,)
+
+    @property
+    def joint_rate_max_rad_s(self) -> tuple[float, ...]:
+        """Fastest motion of the steering [rad/s]."""
+        return (self.steering_rate_max_rad_s,)
+
+    @property
     def wheel_radii_m(self) -> tuple[float, ...]:
         """Radius of the one wheel that is measured [m]."""
         return (self.wheel_radius_m,)
 
     def inverse(
-        self, v_m_s: float, omega_rad_s: float, steering_meas_rad: float = 0.0
-    ) -> WheelReference:
+        self, twist: Twist, joints_meas_rad: tuple[float, ...] = (0.0,)
+    ) -> ActuatorReference:
         """Return carrier speed and steering for a body velocity.
 
         A curvature out of reach is clamped and v is kept. v = 0 keeps the present steering
-        `steering_meas_rad` [rad], within the linkage, as no steering then turns the robot.
+        `joints_meas_rad` [rad], within the linkage, as no steering then turns the robot.
         """
+        v_m_s = twist.v_m_s
         if v_m_s == 0.0:
-            kept_rad = within_linkage(steering_meas_rad, self.steering_max_rad)
-            return WheelReference(0.0, 0.0, kept_rad)
+            kept_rad = within_linkage(joints_meas_rad[0], self.steering_max_rad)
+            return ActuatorReference((0.0,), (kept_rad,))
         steering = steering_angle_rad(
             v_m_s,
-            omega_rad_s,
+            twist.omega_rad_s,
             self.wheelbase_m,
             self.steering_max_rad,
             self.steering_offset_rad,
         )
-        return WheelReference(v_m_s / self.wheel_radius_m, 0.0, steering)
+        return ActuatorReference((v_m_s / self.wheel_radius_m,), (steering,))
 
-    def forward(
-        self,
-        omega1_rad_s: float,
-        omega2_rad_s: float,  # noqa: ARG002 - all drives share one signature
-        steering_rad: float,
-    ) -> Twist:
-        """Return the velocity of `base`: v and v tan(s) / L; `omega2_rad_s` is not used.
+    def forward(self, wheels_rad_s: tuple[float, ...], joints_rad: tuple[float, ...]) -> Twist:
+        """Return the velocity of `base`: v and v tan(s) / L.
 
         s is the angle of the virtual wheel, offset included.
         """
-        v, s = omega1_rad_s * self.wheel_radius_m, steering_rad + self.steering_offset_rad
+        v, s = wheels_rad_s[0] * self.wheel_radius_m, joints_rad[0] + self.steering_offset_rad
         return Twist(v, v * math.tan(s) / self.wheelbase_m)
 
     def turning_radius_m(self, steering_rad: float) -> float:

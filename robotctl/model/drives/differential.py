@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from robotctl.errors import InvalidValue
-from robotctl.model.drives.wheels import WheelReference, require_positive
+from robotctl.model.drives.wheels import ActuatorReference, require_positive
 from robotctl.model.geometry.twist import Twist
 
 
@@ -46,6 +46,9 @@ class DifferentialDrive:
     """It cannot move sideways at once: dy cos(theta) = dx sin(theta)."""
     steered: ClassVar[bool] = False
     wheel_names: ClassVar[tuple[str, ...]] = ("left", "right")
+    joint_names: ClassVar[tuple[str, ...]] = ()
+    joint_max_rad: ClassVar[tuple[float, ...]] = ()
+    joint_rate_max_rad_s: ClassVar[tuple[float, ...]] = ()
 
     def __post_init__(self) -> None:
         require_positive(self, "track_width_m", "wheel_radius_m", "counts_per_revolution")
@@ -69,24 +72,26 @@ class DifferentialDrive:
 
     def inverse(
         self,
-        v_m_s: float,
-        omega_rad_s: float,
-        steering_meas_rad: float = 0.0,  # noqa: ARG002 - all drives share one signature
-    ) -> WheelReference:
-        """Return the wheel speeds for a body velocity; `steering_meas_rad` is not used."""
-        difference = 0.5 * self.track_width_m * omega_rad_s
+        twist: Twist,
+        joints_meas_rad: tuple[float, ...] = (),  # noqa: ARG002 - all drives share one signature
+    ) -> ActuatorReference:
+        """Return the wheel speeds for a body velocity; `joints_meas_rad` is not used."""
+        difference = 0.5 * self.track_width_m * twist.omega_rad_s
         left_m, right_m = self.wheel_radii_m
-        return WheelReference((v_m_s - difference) / left_m, (v_m_s + difference) / right_m, 0.0)
+        v_m_s = twist.v_m_s
+        return ActuatorReference(
+            ((v_m_s - difference) / left_m, (v_m_s + difference) / right_m), ()
+        )
 
     def forward(
         self,
-        omega1_rad_s: float,
-        omega2_rad_s: float,
-        steering_rad: float = 0.0,  # noqa: ARG002 - all drives share one signature
+        wheels_rad_s: tuple[float, ...],
+        joints_rad: tuple[float, ...] = (),  # noqa: ARG002 - all drives share one signature
     ) -> Twist:
-        """Return the velocity of `base` for wheel speeds; `steering_rad` is not used."""
+        """Return the velocity of `base` for wheel speeds; `joints_rad` is not used."""
         left_m, right_m = self.wheel_radii_m
-        v_left_m_s, v_right_m_s = left_m * omega1_rad_s, right_m * omega2_rad_s
+        left_rad_s, right_rad_s = wheels_rad_s
+        v_left_m_s, v_right_m_s = left_m * left_rad_s, right_m * right_rad_s
         return Twist(
             0.5 * (v_left_m_s + v_right_m_s), (v_right_m_s - v_left_m_s) / self.track_width_m
         )

@@ -1,9 +1,13 @@
 """The drive models: from body velocity to wheels and back (notes, sections 1.1 to 1.3).
 
-Wheel 1 is the left wheel of a differential drive and the single motor of a drive-and-steer robot;
-wheel 2 is the right wheel, 0 and unused on drive-and-steer. `base` stands between the wheels of a
-differential drive and at the centre of the rear axle of the others. All assume that no wheel
-slips. `inverse` and `forward` are on the control path: plain floats, no checks of their input.
+`Drive` is the list of all kinds; a new one is a file beside the others and a member of it. Nobody
+outside of this package asks which kind a drive is: they share `wheel_names`, `wheel_radii_m`,
+`joint_names`, `joint_max_rad`, `holonomic`, `min_turning_radius_m`, `inverse` and `forward`.
+
+`base` stands between the wheels of a differential drive, at the centre of the rear axle of drives
+with a steering, and in the middle of the contacts of the others. All but skid steer assume that no
+wheel slips. `inverse` and `forward` are on the control path: plain floats, no checks of their
+input. `forward` is linear in the wheel speeds.
 """
 
 from __future__ import annotations
@@ -12,17 +16,25 @@ from typing import TypeAlias
 
 from robotctl.model.drives.ackermann import AckermannDrive
 from robotctl.model.drives.differential import DifferentialDrive
+from robotctl.model.drives.mecanum import MecanumDrive
+from robotctl.model.drives.omni import OmniDrive
+from robotctl.model.drives.skid_steer import SkidSteerDrive
 from robotctl.model.drives.tricycle import TricycleDrive
-from robotctl.model.drives.wheels import SidePair, WheelReference
+from robotctl.model.drives.wheels import ActuatorReference, SidePair
 
 __all__ = [
     "AckermannDrive",
+    "ActuatorReference",
     "DifferentialDrive",
     "Drive",
+    "MecanumDrive",
+    "OmniDrive",
     "SidePair",
+    "SkidSteerDrive",
     "TricycleDrive",
-    "WheelReference",
 ]
 
-Drive: TypeAlias = DifferentialDrive | TricycleDrive | AckermannDrive
-"""Any drive model; `kind` identifies them."""
+Drive: TypeAlias = (
+    DifferentialDrive | TricycleDrive | AckermannDrive | SkidSteerDrive | MecanumDrive | OmniDrive
+)
+"""Any drive model; `kind` identifies them in a robot's file."""

@@ -10,6 +10,7 @@ import math
 
 from robotctl.model.geometry.angles import sinc, wrap_angle
 from robotctl.model.geometry.se2 import SE2
+from robotctl.model.geometry.twist import Twist
 
 
 def straight(pose: SE2, distance_m: float) -> SE2:
@@ -26,18 +27,21 @@ def turn(pose: SE2, angle_rad: float) -> SE2:
     return SE2(pose.x_m, pose.y_m, wrap_angle(pose.theta_rad + angle_rad))
 
 
-def arc(pose: SE2, distance_m: float, angle_rad: float) -> SE2:
+def arc(pose: SE2, distance_m: float, angle_rad: float, sideways_m: float = 0.0) -> SE2:
     """Return `pose` after an arc of length `distance_m` [m] that turns by `angle_rad` [rad].
 
     The chord form of the notes' arc: the chord has the length `d sinc(angle/2)` and the direction
     `theta + angle/2`, so that neither straight motion nor turning on the spot is a special case.
+    A holonomic robot also moves `sideways_m` to the left meanwhile [m]; its chord is the sum of
+    both.
     """
     half = 0.5 * angle_rad
-    chord = distance_m * sinc(half)
-    direction = pose.theta_rad + half
+    share = sinc(half)
+    chord, across = distance_m * share, sideways_m * share
+    cos, sin = math.cos(pose.theta_rad + half), math.sin(pose.theta_rad + half)
     return SE2(
-        pose.x_m + chord * math.cos(direction),
-        pose.y_m + chord * math.sin(direction),
+        pose.x_m + chord * cos - across * sin,
+        pose.y_m + chord * sin + across * cos,
         wrap_angle(pose.theta_rad + angle_rad),
     )
 
@@ -55,9 +59,9 @@ def arc_of_radius(pose: SE2, radius_m: float, angle_rad: float) -> SE2:
     return arc(pose, radius_m * angle_rad, angle_rad)
 
 
-def integrate(pose: SE2, v_m_s: float, omega_rad_s: float, dt_s: float) -> SE2:
-    """Return `pose` after `dt_s` [s] of constant forward speed [m/s] and turn rate [rad/s]."""
-    return arc(pose, v_m_s * dt_s, omega_rad_s * dt_s)
+def integrate(pose: SE2, twist: Twist, dt_s: float) -> SE2:
+    """Return `pose` after `dt_s` [s] of a constant velocity."""
+    return arc(pose, twist.v_m_s * dt_s, twist.omega_rad_s * dt_s, twist.vy_m_s * dt_s)
 
 
 def between(before: SE2, after: SE2, share: float) -> SE2:

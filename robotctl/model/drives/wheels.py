@@ -1,4 +1,4 @@
-"""Common parts of all drive models: wheel references, and checks of parameters."""
+"""Common parts of all drive models: references of the actuators, and checks of parameters."""
 
 from __future__ import annotations
 
@@ -8,12 +8,11 @@ from typing import NamedTuple
 from robotctl.errors import InvalidValue
 
 
-class WheelReference(NamedTuple):
-    """Wanted wheel speeds [rad/s] and steering angle [rad, positive left]."""
+class ActuatorReference(NamedTuple):
+    """Wanted speed of each driven wheel [rad/s] and angle of each joint [rad, positive left]."""
 
-    omega1_rad_s: float
-    omega2_rad_s: float
-    steering_rad: float
+    wheels_rad_s: tuple[float, ...]
+    joints_rad: tuple[float, ...]
 
 
 class SidePair(NamedTuple):

@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from robotctl.model.drives.drives import DifferentialDrive, Drive
+from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.local.controller import ControllerConfig
 from robotctl.planning.local.track import Track
@@ -78,9 +78,9 @@ class Arrival:
         self._radius = drive.min_turning_radius_m
         self._turn_over_s = 0.0
         """Time that it takes to bend the path by 1 rad/m more [s m]."""
-        if not isinstance(drive, DifferentialDrive):
-            reach_rad = drive.steering_max_rad
-            self._turn_over_s = reach_rad * self._radius / drive.steering_rate_max_rad_s
+        if drive.joint_names:
+            reach_rad = drive.joint_max_rad[0]
+            self._turn_over_s = reach_rad * self._radius / drive.joint_rate_max_rad_s[0]
         self._omega_max = omega_max_rad_s
         self._alpha = alpha_rad_s2
         self._curvature = 0.0

@@ -225,9 +225,12 @@ class Follower:
     def _soon(self, situation: LocalSituation) -> SE2:
         """Return where the robot is when its next velocity takes effect."""
         now, then = situation.twist, self._present(situation.twist)
-        v = 0.5 * (now.v_m_s + then.v_m_s)
-        omega = 0.5 * (now.omega_rad_s + then.omega_rad_s)
-        return integrate(situation.pose, v, omega, self._config.reaction_s)
+        mean = Twist(
+            0.5 * (now.v_m_s + then.v_m_s),
+            0.5 * (now.omega_rad_s + then.omega_rad_s),
+            0.5 * (now.vy_m_s + then.vy_m_s),
+        )
+        return integrate(situation.pose, mean, self._config.reaction_s)
 
     def _motion(self, v_max_m_s: float, side_m: float) -> Motion:
         """Return how the robot moves, in cells."""

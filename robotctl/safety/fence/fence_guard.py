@@ -73,7 +73,7 @@ class FenceGuard:
         self._body = body
         self._follow_s = (period_s, life_s)
         self._steered = steered
-        fastest_m_s = limits.v_max_m_s + limits.omega_max_rad_s * body.reach_m
+        fastest_m_s = limits.v_max_m_s + limits.vy_max_m_s + limits.omega_max_rad_s * body.reach_m
         self._dt_s = min(_LONGEST_STEP_S, _FARTHEST_STEP_M / fastest_m_s)
 
     def clearance(self, fence: Fence, now: MotionNow) -> float:
@@ -85,7 +85,7 @@ class FenceGuard:
     def hold(self, fence: Fence, now: MotionNow, wanted: Twist) -> Held:
         """Return the largest part of `wanted` that keeps to the fence."""
         limits = self._limits
-        wanted = scale_to_limits(*wanted, limits.v_max_m_s, limits.omega_max_rad_s)
+        wanted = scale_to_limits(wanted, limits)
         longest_m = longest_way(now, wanted, self._follow_s[-1], limits, self._body.reach_m)
         clearance_m = self.clearance(fence, now)
         if wanted == _STANDS or clearance_m >= MARGIN_M + longest_m:
@@ -105,9 +105,9 @@ class FenceGuard:
 
     def _parts(self, wanted: Twist) -> Iterator[Twist]:
         """Yield what is tried of a velocity, the most first."""
-        v, omega = wanted
-        yield from (Twist(share * v, share * omega) for share in _SHARES)
-        if not self._steered and v and omega:
+        v, omega, vy = wanted
+        yield from (Twist(share * v, share * omega, share * vy) for share in _SHARES)
+        if not self._steered and (v or vy) and omega:
             yield from (Twist(0.0, share * omega) for share in _TURNS)
 
     def _poses(self, now: MotionNow, wanted: Twist, follow_s: float) -> NDArray[np.float64]:

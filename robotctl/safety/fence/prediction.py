@@ -23,7 +23,7 @@ class MotionNow(NamedTuple):
     twist: Twist
     """Its velocity."""
     acceleration: Twist
-    """The change of that [m/s^2, rad/s^2]."""
+    """The change of that [m/s^2, rad/s^2, m/s^2]."""
     before: Twist
     """The velocity last commanded."""
     lag_s: float
@@ -39,16 +39,17 @@ def predict(
     limiter of control does.
     """
     limiter = TwistLimiter(limits)
-    limiter.reset(*now.twist, *now.acceleration)
+    limiter.reset(now.twist, now.acceleration)
     x, y, theta = now.pose.x_m, now.pose.y_m, now.pose.theta_rad
     poses = [(x, y, theta)]
     for target in _targets(now, wanted, follow_s, dt_s):
-        v, omega = limiter.step(*target, dt_s)
-        if target is _STANDS and abs(v) < _REST and abs(omega) < _REST:
+        v, omega, vy = limiter.step(target, dt_s)
+        if target is _STANDS and max(abs(v), abs(omega), abs(vy)) < _REST:
             break
         middle = theta + 0.5 * omega * dt_s
-        x += v * math.cos(middle) * dt_s
-        y += v * math.sin(middle) * dt_s
+        cos, sin = math.cos(middle), math.sin(middle)
+        x += (v * cos - vy * sin) * dt_s
+        y += (v * sin + vy * cos) * dt_s
         theta += omega * dt_s
         poses.append((x, y, theta))
     return poses
@@ -58,12 +59,13 @@ def longest_way(
     now: MotionNow, wanted: Twist, follow_s: float, limits: LimitsConfig, reach_m: float
 ) -> float:
     """Return a bound of the way of any point of the body until the robot stands [m]."""
-    v = max(abs(each.v_m_s) for each in (now.twist, now.before, wanted))
+    v = max(math.hypot(each.v_m_s, each.vy_m_s) for each in (now.twist, now.before, wanted))
     omega = max(abs(each.omega_rad_s) for each in (now.twist, now.before, wanted))
     ramp_s = limits.a_max_m_s2 / limits.jerk_max_m_s3
     turn_ramp_s = limits.alpha_max_rad_s2 / limits.angular_jerk_max_rad_s3
-    # The present acceleration goes on while it falls to zero.
-    v += 0.5 * limits.a_max_m_s2 * ramp_s
+    # The present acceleration goes on while it falls to zero; sideways, too, on holonomic robots.
+    axes = math.sqrt(2.0) if limits.vy_max_m_s > 0.0 else 1.0
+    v += 0.5 * axes * limits.a_max_m_s2 * ramp_s
     omega += 0.5 * limits.alpha_max_rad_s2 * turn_ramp_s
     brake_s = max(
         v / limits.a_max_m_s2 + 2.0 * ramp_s,

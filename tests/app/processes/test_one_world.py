@@ -34,6 +34,7 @@ from robotctl.messages.estimation import LocalisationState
 from robotctl.messages.mavlink_port import Message, Peer
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.model.geometry.se2 import SE2
+from robotctl.model.geometry.twist import Twist
 from robotctl.model.wall_map import WallMap
 
 CONFIG = load_robot(
@@ -206,7 +207,7 @@ class World:
     def drive(self, v_m_s: float, omega_rad_s: float) -> None:
         """Move as the control process lets the robot, without a jump of velocity."""
         was_m_s = self.v_m_s
-        twist = self.limiter.step(v_m_s, omega_rad_s, STEP_S)
+        twist = self.limiter.step(Twist(v_m_s, omega_rad_s), STEP_S)
         self.v_m_s, self.omega_rad_s = twist.v_m_s, twist.omega_rad_s
         most = CONFIG.limits.a_max_m_s2 * STEP_S
         assert abs(self.v_m_s - was_m_s) <= most + 1e-9

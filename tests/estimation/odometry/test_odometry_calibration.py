@@ -24,6 +24,7 @@ from robotctl.model.drives.drives import AckermannDrive, DifferentialDrive, Tric
 from robotctl.model.drives.motion import arc
 from robotctl.model.drives.odometry_noise import MotionNoise
 from robotctl.model.geometry.se2 import SE2
+from robotctl.model.geometry.twist import Twist
 
 DIFFERENTIAL = DifferentialDrive("differential", 0.3, 0.05, 2400, 1.01)
 FRONT = TricycleDrive("tricycle", "front", 0.35, 0.06, 0.9, 3.0, 2400, 0.02)
@@ -40,7 +41,8 @@ turns = st.floats(-5.0, 5.0)
 @given(first=turns, second=turns, steering=st.floats(-0.5, 0.5))
 def test_many_rows_move_as_the_drive_says_of_each(drive, first, second, steering):
     rows = np.array([[first, second, steering], [2.0, 1.0, 0.1]])
-    expected = [drive.forward(*row) for row in rows.tolist()]
+    n = len(drive.wheel_names)
+    expected = [drive.forward(tuple(row[:n]), (row[2],))[:2] for row in rows.tolist()]
     np.testing.assert_allclose(arcs_of(drive, rows), expected, atol=1e-12)
 
 
@@ -52,7 +54,10 @@ def test_wheels_found_from_arcs_make_these_arcs_again(drive, d, share):
     model = OdometryModel(drive)
     np.testing.assert_allclose(model.arcs(np.zeros(3), model.wheels(arcs)), arcs, atol=1e-12)
     np.testing.assert_allclose(
-        model.wheels(arcs)[0, :2], drive.inverse(d, d * bend)[:2], rtol=1e-9, atol=1e-12
+        model.wheels(arcs)[0, : len(drive.wheel_names)],
+        drive.inverse(Twist(d, d * bend)).wheels_rad_s,
+        rtol=1e-9,
+        atol=1e-12,
     )
 
 

@@ -17,6 +17,7 @@ from robotctl.model.drives.motion import arc
 from robotctl.model.drives.motion_noise import MotionNoise
 from robotctl.model.geometry.pose_estimate import LocalisationStatus, PoseEstimate
 from robotctl.model.geometry.se2 import SE2
+from robotctl.model.geometry.twist import Twist
 
 NOISE = MotionNoise(0.02, 0.03, 0.04)
 DIFFERENTIAL = DifferentialDrive("differential", 0.3, 0.05, 2400, 1.01)
@@ -56,10 +57,10 @@ def test_a_way_cut_anywhere_gives_the_pose_and_the_covariance_of_the_whole(d, al
 @pytest.mark.parametrize("drive", [DIFFERENTIAL, *STEERED], **NAMES)
 @given(turn=st.floats(-20.0, 20.0), steering=st.floats(-0.5, 0.5))
 def test_wheels_give_the_pose_of_the_control_process(drive, turn, steering):
-    second = 0.4 * turn if drive is DIFFERENTIAL else 0.0
+    turns = (turn, 0.4 * turn) if drive is DIFFERENTIAL else (turn,)
     plain, estimate = Odometry(drive, start().pose), OdometryEstimate(NOISE, start())
-    plain.update(turn, second, steering)
-    estimate.roll(drive, (turn, second), steering, 5)
+    plain.update(turns, (steering,))
+    estimate.move(*drive.forward(turns, (steering,))[:2], 5)
     at, expected = estimate.estimate.pose, plain.pose_odom_base
     assert (at.x_m, at.y_m) == pytest.approx((expected.x_m, expected.y_m))
     assert math.remainder(at.theta_rad - expected.theta_rad, math.tau) == pytest.approx(0.0)
@@ -128,8 +129,8 @@ def test_a_robot_with_two_noisy_wheels_scatters_as_the_covariance_says():
     estimate, runs, steps = OdometryEstimate(noise, start()), 4000, 40
     pose = np.tile([1.0, -2.0, 0.7], (runs, 1))
     for d, alpha in [(2.0, 0.0), (0.0, math.pi / 2)] * 4:
-        turns = np.array(DIFFERENTIAL.inverse(d, alpha)[:2])
-        estimate.roll(DIFFERENTIAL, tuple(turns), 0.0, 1)
+        turns = np.array(DIFFERENTIAL.inverse(Twist(d, alpha)).wheels_rad_s)
+        estimate.move(d, alpha, 1)
         rolled = turns * radii / steps
         for _ in range(steps):
             left, right = (rolled + np.sqrt(k * np.abs(rolled)) * rng.standard_normal((runs, 2))).T
@@ -150,18 +151,18 @@ def test_a_robot_with_noisy_wheel_and_steering_scatters_as_the_covariance_says(d
     estimate, runs, steps = OdometryEstimate(noise, start()), 800, 30
     poses = [start().pose] * runs
     for d, alpha in [(1.0, 0.0), (1.0, 1.0 / radius_m), (1.0, -1.0 / radius_m)]:
-        wheel, _, steering = drive.inverse(d, alpha)
-        estimate.roll(drive, (wheel, 0.0), steering, 1)
+        (wheel,), (steering,) = drive.inverse(Twist(d, alpha))
+        estimate.move(d, alpha, 1)
         wheel_sigma = e * wheel / math.sqrt(d)
         angle = steering + drive.steering_offset_rad
         # f of the heading, from d(turn)/d(angle) of the drive at this angle
-        slope = (drive.forward(wheel, 0.0, steering + 1e-6)[1] - alpha) / 1e-6
+        slope = (drive.forward((wheel,), (steering + 1e-6,))[1] - alpha) / 1e-6
         steering_sigma = f * math.sqrt(d) / slope
         assert abs(angle) < 0.4
         draws = rng.standard_normal((runs, steps, 2)) / math.sqrt(steps)
         for run, step in itertools.product(range(runs), range(steps)):
             turn = wheel / steps + wheel_sigma * draws[run, step, 0]
             off = steering + steps * steering_sigma * draws[run, step, 1]
-            poses[run] = arc(poses[run], *drive.forward(turn, 0.0, off))
+            poses[run] = arc(poses[run], *drive.forward((turn,), (off,)))
     ends = [(pose.x_m, pose.y_m, pose.theta_rad) for pose in poses]
     assert within_chi2(mean_nees(ends, estimate.estimate), runs, 0.06)

@@ -16,6 +16,7 @@ from robotctl.model.drives.motion import (
 )
 from robotctl.model.geometry.angles import sinc, wrap_angle
 from robotctl.model.geometry.se2 import SE2
+from robotctl.model.geometry.twist import Twist
 
 angles = st.floats(-50.0, 50.0)
 small = st.floats(-1e-3, 1e-3)
@@ -117,7 +118,7 @@ def test_exact_integration_agrees_with_many_runge_kutta_steps(v, omega):
         x += h * v / 6 * (math.cos(theta) + 4 * math.cos(middle) + math.cos(theta + h * omega))
         y += h * v / 6 * (math.sin(theta) + 4 * math.sin(middle) + math.sin(theta + h * omega))
         theta += h * omega
-    assert_close(integrate(start, v, omega, dt), SE2(x, y, theta), 1e-9)
+    assert_close(integrate(start, Twist(v, omega), dt), SE2(x, y, theta), 1e-9)
 
 
 def test_the_turning_radius_is_signed_and_infinite_straight_on():

@@ -61,13 +61,13 @@ def drive(name, space, plan, start, seconds, model=DRIVE, seed=0, moving=nobody)
         )
         motion = controller.step(situation)
         for _ in range(5):
-            twist = limiter.step(*late, 0.01)
+            twist = limiter.step(late, 0.01)
             if model.steered:
-                wanted = model.inverse(*late, steering).steering_rad
+                wanted = model.inverse(late, (steering,)).joints_rad[0]
                 most = 0.01 * model.steering_rate_max_rad_s
                 steering += min(max(wanted - steering, -most), most)
                 twist = Twist(twist.v_m_s, twist.v_m_s * math.tan(steering) / model.wheelbase_m)
-            pose = integrate(pose, *twist, 0.01)
+            pose = integrate(pose, twist, 0.01)
         late = Twist(motion.v_m_s, motion.omega_rad_s)
         yield 0.05 * i, pose, twist, motion
 

@@ -26,8 +26,8 @@ def follow(drive, path, start, speed=0.4, reverse=False, seconds=60.0):
         steps.append(step)
         if step.done:
             return poses, steps
-        twist = drive.forward(*drive.inverse(step.v_m_s, step.omega_rad_s))
-        pose = integrate(pose, *twist, 0.05)
+        twist = drive.forward(*drive.inverse(Twist(step.v_m_s, step.omega_rad_s)))
+        pose = integrate(pose, twist, 0.05)
         poses.append(pose)
     raise AssertionError(f"not there after {seconds} s: {steps[-1]}")
 

@@ -66,7 +66,9 @@ def braking(pose, twist):
     for i in range(count):
         left = 1.0 - (i + 0.5) / count
         poses.append(
-            integrate(poses[-1], left * twist.v_m_s, left * twist.omega_rad_s, whole_s / count)
+            integrate(
+                poses[-1], Twist(left * twist.v_m_s, left * twist.omega_rad_s), whole_s / count
+            )
         )
     return poses
 
@@ -93,7 +95,7 @@ def test_after_each_step_braking_ends_before_anything_is_touched(name, kind, see
         situation = LocalSituation(pose, twist, path, reverse, space, np.empty((0, 5)), 2.0)
         motion = controller.step(situation)
         twist = Twist(motion.v_m_s, motion.omega_rad_s)
-        driven = [integrate(pose, *twist, 0.005 * (i + 1)) for i in range(10)]
+        driven = [integrate(pose, twist, 0.005 * (i + 1)) for i in range(10)]
         pose = driven[-1]
         assert not touches(body, cells, driven + braking(pose, twist))
         if drive.steered:

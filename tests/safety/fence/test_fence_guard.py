@@ -39,15 +39,14 @@ class Driven:
 
     def ticks(self, seconds, target):
         for _ in range(round(seconds / TICK_S)):
-            v, omega = self.limiter.step(*target, TICK_S)
+            v, omega, _ = self.limiter.step(target, TICK_S)
             self.pose @= SE2(v * TICK_S, 0.0, omega * TICK_S)
             self.nearest_m = min(self.nearest_m, self.clearance())
 
     def step(self, wanted):
         """Decide, and let a period pass, in which the decision comes late."""
         limiter = self.limiter
-        acceleration = Twist(limiter.acceleration_m_s2, limiter.angular_acceleration_rad_s2)
-        now = MotionNow(self.pose, limiter.twist, acceleration, self.command, LATENCY_S)
+        now = MotionNow(self.pose, limiter.twist, limiter.acceleration, self.command, LATENCY_S)
         held = self.guard.hold(self.fence, now, Twist(*wanted))
         self.ticks(LATENCY_S, self.command)
         self.command = held.twist
