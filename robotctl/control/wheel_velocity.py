@@ -141,7 +141,12 @@ class WheelVelocityEstimator:
         """Angle turned since `reset` [rad], unwrapped."""
         return self._total * self._rad_per_count
 
-    def update(self, count_u16: int, timestamp_us_u20: int) -> float:
+    def update(
+        self,
+        count_u16: int,
+        timestamp_us_u20: int,
+        told_rad_s: float | None = None,  # noqa: ARG002 - all estimators share one signature
+    ) -> float:
         """Take one latched sample and return the velocity [rad/s].
 
         The first sample after construction only sets the reference. A sample with the time stamp
@@ -154,6 +159,8 @@ class WheelVelocityEstimator:
             Encoder count, rolling over at 2^16 (a signed reading of the same bits will do).
         timestamp_us_u20
             Time of the latch [us], rolling over at 2^20.
+        told_rad_s
+            Velocity that the drive tells [rad/s]; not used.
         """
         if not self._started:
             self.reset(count_u16, timestamp_us_u20)

@@ -19,12 +19,25 @@ _PUSHED_M_S = 1.5
 
 @dataclass(frozen=True, slots=True)
 class ControlConfig:
-    """Wheel loops: `left` and `right` for a differential drive, `drive` for drive-and-steer."""
+    """Loops of the wheels whose drives take a duty.
+
+    Parameters
+    ----------
+    pwm
+        Their bridges.
+    left, right
+        Loops of a differential drive.
+    drive
+        Loop of a drive-and-steer robot.
+    wheel
+        Loop of each wheel that has none of its own.
+    """
 
     pwm: PwmConfig = field(default_factory=PwmConfig)
     left: PidConfig | None = None
     right: PidConfig | None = None
     drive: PidConfig | None = None
+    wheel: PidConfig | None = None
 
     def loops(self, wheel_names: tuple[str, ...]) -> tuple[PidConfig, ...]:
         """Return the loops of the named wheels.
@@ -32,12 +45,13 @@ class ControlConfig:
         Raises
         ------
         ValueError
-            If one is missing, or one is given for a wheel that the drive has not.
+            If one is missing, or one is given for a wheel that needs none.
         """
         if problems := self.wrong_loops(wheel_names):
             raise ValueError("\n".join(f"control.{name}: {why}" for name, why in problems))
         given = self._loops()
-        return tuple(loop for name in wheel_names if (loop := given[name]) is not None)
+        loops = (given.get(name) or self.wheel for name in wheel_names)
+        return tuple(loop for loop in loops if loop is not None)
 
     def powerless(self, wheel_names: tuple[str, ...]) -> tuple[Fault, ...]:
         """Return a reason against arming for each wheel that its gains would not turn."""
@@ -54,13 +68,13 @@ class ControlConfig:
 
     def wrong_loops(self, wheel_names: tuple[str, ...]) -> list[tuple[str, str]]:
         """Return which loops are missing or too many for the named wheels, each with the reason."""
-        given, wheels = self._loops(), ", ".join(wheel_names)
+        given, wheels = self._loops(), ", ".join(wheel_names) or "none"
         return [
             (name, f"missing, this drive has the wheels {wheels}")
             for name in wheel_names
-            if given[name] is None
+            if given.get(name) is None and self.wheel is None
         ] + [
-            (name, f"this drive has no such wheel, only {wheels}")
+            (name, f"this drive has no such wheel with a duty, only {wheels}")
             for name, loop in given.items()
             if loop is not None and name not in wheel_names
         ]

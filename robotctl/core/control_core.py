@@ -6,20 +6,24 @@ of a run give its outputs again bit for bit.
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import msgspec
 
 from robotctl.config_values import tuned
 from robotctl.control.limiter import LimitsConfig
+from robotctl.control.speed_wheel import SpeedWheel
 from robotctl.control.wheel_loop import WheelLoop
-from robotctl.core.config import ControlConfig, impossible_wheel_rad_s
+from robotctl.control.wheels import WheelControl
+from robotctl.core.config import ControlConfig, fastest_wheel_rad_s, impossible_wheel_rad_s
 from robotctl.core.control_state import control_state
-from robotctl.core.driving import Driving
+from robotctl.core.driving import STOPPED, Driving
 from robotctl.core.motion import EncoderMotion
 from robotctl.core.motor_test import problem
 from robotctl.core.procedures import Procedures
 from robotctl.errors import InvalidValue
+from robotctl.messages.actuators import ActuatorCommand
 from robotctl.messages.control import (
     Arm,
     ControlRequest,
@@ -32,18 +36,19 @@ from robotctl.messages.control import (
     SafetyState,
     Severity,
     VelocityCommand,
-    WheelCommand,
 )
 from robotctl.messages.faults import Fault, FaultCode
 from robotctl.messages.procedures import CalibrateGyro, CancelProcedure, MotorTest, Outcome
 from robotctl.messages.tuning import Tuning
+from robotctl.model.actuators import Actuator, Takes
 from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
 from robotctl.model.sensors.imu import ImuConfig
 from robotctl.model.sensors.sonar import SonarMount
+from robotctl.safety.ages import AgeLimit
 from robotctl.safety.arm_requests import ArmRequests
-from robotctl.safety.health import AgeLimit
+from robotctl.safety.command_guard import bounds
 from robotctl.safety.monitor import Monitored
 from robotctl.safety.node_events import Events, NodeEvents
 from robotctl.safety.plausibility_config import PlausibilityConfig
@@ -74,7 +79,7 @@ class Inputs(msgspec.Struct, frozen=True, array_like=True):
 class Outputs(msgspec.Struct, frozen=True, array_like=True):
     """Outputs of one step."""
 
-    command: WheelCommand
+    command: ActuatorCommand
     emergency_stop: EmergencyStopSource | None = None
     clear_faults: bool = False
     notices: tuple[Notice, ...] = ()
@@ -87,6 +92,8 @@ class ControlCore:
     ----------
     drive
         Kinematics.
+    actuators
+        Its wheels and joints, with the abilities of the motor drives.
     control, limits, safety, plausibility
         Configuration of the wheel loops, of the set-point limiter and of the safety core.
     ages
@@ -104,6 +111,7 @@ class ControlCore:
     def __init__(
         self,
         drive: Drive,
+        actuators: tuple[Actuator, ...],
         control: ControlConfig,
         limits: LimitsConfig,
         safety: SafetyConfig,
@@ -118,30 +126,30 @@ class ControlCore:
         self.odometer_start_m = 0.0
         """Odometer before this core was created [m]."""
         self._drive = drive
-        impossible_rad_s = impossible_wheel_rad_s(drive, limits)
-        loops = control.loops(drive.wheel_names)
-        self._wheels = tuple(
-            WheelLoop(pid, control.pwm, drive.counts_per_revolution, impossible_rad_s)
-            for pid in loops
-        )
-        self._powerless = control.powerless(drive.wheel_names)
+        self.actuators = actuators
+        self._duty_wheels = tuple(each.name for each in actuators if each.takes is Takes.DUTY)
+        self._wheels = _wheels(actuators, control, impossible_wheel_rad_s(drive, limits))
+        self._powerless = control.powerless(self._duty_wheels)
         """Reasons against arming that a file cannot be refused for: it may be one to be tuned."""
         self._began_with = {"control": control, "limits": limits}
         """What can be tuned, as it was at the start."""
         self._tuning = 0
         """Number of the tuning in force."""
         self.motion = EncoderMotion(drive, self._wheels, pose_odom_base, imu)
-        self._driving = Driving(drive, self._wheels, limits, safety.setpoint_timeout_ms, period_ns)
+        allowed = bounds(actuators, fastest_wheel_rad_s(drive, limits), drive.joint_max_rad)
+        self._driving = Driving(
+            drive, self._wheels, limits, allowed, safety.setpoint_timeout_ms, period_ns
+        )
         self._safety = safety
-        self._command = WheelCommand(enable=False, brake=True)
+        self._command = STOPPED
         self._supervision = Supervision(
             safety,
             ages,
             Monitored(
                 plausibility,
-                drive.wheel_names,
+                actuators,
                 control.pwm.deadband,
-                max(drive.joint_max_rad, default=0.0),
+                drive.joint_max_rad,
                 limits.a_max_m_s2 / max(drive.wheel_radii_m),
                 sonars,
                 imu,
@@ -153,7 +161,7 @@ class ControlCore:
         self._node_events = NodeEvents()
         self._ticks = 0
         self._arming = ArmRequests()
-        self._procedures = Procedures(drive, control.pwm, plausibility, period_ns)
+        self._procedures = Procedures(drive, actuators, control.pwm, plausibility, period_ns)
         self._objections: tuple[Fault, ...] = ()
         self._cleared_ns = 0
         self._stopped_ns = 0
@@ -269,8 +277,9 @@ class ControlCore:
             self._notices.append(Notice(tuning.stamp_ns, Severity.WARNING, text))
             return
         control: ControlConfig = tables["control"]
-        names = self._drive.wheel_names
-        for wheel, pid in zip(self._wheels, control.loops(names), strict=True):
+        names = self._duty_wheels
+        looped = [wheel for wheel in self._wheels if isinstance(wheel, WheelLoop)]
+        for wheel, pid in zip(looped, control.loops(names), strict=True):
             wheel.retune(pid)
         self._powerless = control.powerless(names)
         self._driving.retune(tables["limits"])
@@ -289,7 +298,7 @@ class ControlCore:
         elif isinstance(request, CalibrateGyro):
             procedures.calibrate(request, now_ns)
         elif self._on(Event.TEST, "motor test", now_ns):
-            procedures.begin_test(request, now_ns)
+            procedures.begin_test(request, self.motion.joints_rad, now_ns)
             self._take_over(now_ns, wheels_alone=True)
 
     def _against(
@@ -387,7 +396,7 @@ class ControlCore:
         self._supervision.armed(now_ns, wheels_alone=wheels_alone)
         self._driving.take_over(self.motion.twist, now_ns)
 
-    def _drive_wheels(self, now_ns: int) -> WheelCommand:
+    def _drive_wheels(self, now_ns: int) -> ActuatorCommand:
         """Return the command for the present state and velocity set-point."""
         self._command_before = self._command
         self._command = command = self._next_command(now_ns)
@@ -395,32 +404,32 @@ class ControlCore:
             self._supervision.powered(now_ns)
         return command
 
-    def _next_command(self, now_ns: int) -> WheelCommand:
+    def _next_command(self, now_ns: int) -> ActuatorCommand:
         """Close the wheel loops where the robot is powered."""
-        driving, motion, drive = self._driving, self.motion, self._health.drive
-        supply_v = 0.0 if drive is None else drive.bus_voltage_v
+        driving, motion = self._driving, self.motion
+        supplies_v = tuple([report.voltage_v or 0.0 for report in self._health.reports])
+        supplies_v = supplies_v[: len(self._wheels)]
         if self.machine.state is SafetyState.MOTOR_TEST:
-            duties = self._procedures.turn(motion.speeds_rad_s, supply_v, now_ns)
-            if duties is not None:
-                held_rad = self._command.steering_rad
-                return self._unless_refused(driving.guarded(*duties, held_rad, held_rad), now_ns)
+            values = self._procedures.turn(motion, supplies_v, now_ns)
+            if values is not None:
+                return self._unless_refused(driving.guarded(values), now_ns)
             self._on(Event.TEST_OVER, self._procedures.latest.text, now_ns)
         if not self.machine.powered:
-            return driving.stopped(motion.steering_rad)
+            return driving.stopped()
         if driving.follow_setpoint(now_ns):
             if self.machine.state is SafetyState.ARMED:
                 self._on(Event.MOVE, "", now_ns)
         elif driving.reference == _REST and motion.twist.speed_m_s < _AT_REST_M_S:
             self._on(Event.REST, "", now_ns)
-        command = driving.command(motion.steering_rad, self._command.steering_rad, supply_v)
+        command = driving.command(motion.joints_rad, supplies_v)
         return self._unless_refused(command, now_ns)
 
-    def _unless_refused(self, command: WheelCommand | Fault, now_ns: int) -> WheelCommand:
+    def _unless_refused(self, command: ActuatorCommand | Fault, now_ns: int) -> ActuatorCommand:
         """Return a command; stop where the command guard has refused it."""
-        if isinstance(command, WheelCommand):
+        if isinstance(command, ActuatorCommand):
             return command
         self._on(Event.FAULT, command, now_ns)
-        return self._driving.stopped(self.motion.steering_rad)
+        return self._driving.stopped()
 
     def _on(self, event: Event, why: Fault | str, now_ns: int) -> bool:
         """Apply an event to the state machine and report stops and starts."""
@@ -457,7 +466,7 @@ class ControlCore:
             v_ref_m_s=reference.v_m_s,
             omega_ref_rad_s=reference.omega_rad_s,
             vy_ref_m_s=reference.vy_m_s,
-            duty=(self._command.duty1, self._command.duty2)[: len(self._wheels)],
+            duty=self._duties(),
             loop=loop,
             odometer_m=self.odometer_start_m + self.motion.odometry.distance_m,
             acks=self._arming.acks,
@@ -466,6 +475,27 @@ class ControlCore:
             tuning=self._tuning,
             procedure=self._procedures.latest,
         )
+
+    def _duties(self) -> tuple[float, ...]:
+        """Return the duty that is commanded to each wheel [-1, 1]; nan: its drive has a loop."""
+        n = len(self._wheels)
+        values = zip(self.actuators[:n], self._command.values or (0.0,) * n, strict=False)
+        return tuple([value if each.takes is Takes.DUTY else math.nan for each, value in values])
+
+
+def _wheels(
+    actuators: tuple[Actuator, ...], control: ControlConfig, impossible_rad_s: float
+) -> tuple[WheelControl, ...]:
+    """Return what turns references into commands, for each wheel."""
+    loops = iter(control.loops(tuple(e.name for e in actuators if e.takes is Takes.DUTY)))
+    wheels: list[WheelControl] = []
+    for each in actuators:
+        ticks = each.ticks_per_revolution
+        if each.takes is Takes.DUTY:
+            wheels.append(WheelLoop(next(loops), control.pwm, ticks, impossible_rad_s))
+        elif each.takes is Takes.SPEED:
+            wheels.append(SpeedWheel(ticks, impossible_rad_s))
+    return tuple(wheels)
 
 
 def _before_stop(why: str) -> Fault:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, Final
 
-from robotctl.control.wheel_loop import WheelLoop
+from robotctl.control.wheels import WheelControl
 from robotctl.core.motion import EncoderMotion
 from robotctl.messages.control import ControlState
 from robotctl.messages.faults import FaultCode
@@ -21,7 +21,7 @@ def control_state(
     machine: SafetyMachine,
     health: Health,
     motion: EncoderMotion,
-    wheels: tuple[WheelLoop, ...],
+    wheels: tuple[WheelControl, ...],
     drive: Drive,
     now_ns: int,
     **core: Any,
@@ -40,7 +40,8 @@ def control_state(
         Fields of what the core wants and answers.
     """
     pose, n = motion.pose_odom_base, len(wheels)
-    motor, bridge = health.fresh_motor(now_ns), health.fresh_drive(now_ns)
+    reports = health.reports[:n] if health.reports_fresh(now_ns) else ()
+    supplies_v = [drive.supply_v(now_ns) for drive in health.drives]
     measured = health.wheels_fresh(now_ns)
     twist = motion.twist if measured else _UNKNOWN_TWIST
     fault = machine.fault
@@ -61,14 +62,13 @@ def control_state(
             w.estimator.position_rad * radius_m
             for w, radius_m in zip(wheels, drive.wheel_radii_m, strict=True)
         ),
-        current_a=(motor.current1_a, motor.current2_a)[:n] if motor else (),
-        temperature_c=(motor.temperature1_c, motor.temperature2_c)[:n] if motor else (),
-        steering_rad=motion.steering_rad,
-        bus_voltage_v=bridge.bus_voltage_v if bridge else math.nan,
+        current_a=tuple([_number(report.current_a) for report in reports]),
+        temperature_c=tuple([_number(report.temperature_c) for report in reports]),
+        steering_rad=motion.joints_rad[0] if motion.joints_rad else 0.0,
+        bus_voltage_v=_number(next((v for v in supplies_v if v is not None), None)),
         battery=health.fresh_battery(now_ns),
         sonar_m=health.fresh_sonar_m(now_ns),
         sonar_stamp_ns=tuple(max(stamp_ns, 0) for stamp_ns in health.sonar_ns),
-        faults=motor.faults if motor else 0,
         nodes=health.nodes,
         bus=health.bus,
         fault=fault.code if fault else FaultCode.NONE,
@@ -77,3 +77,8 @@ def control_state(
         imu=motion.imu if health.is_fresh("gyro", now_ns) else None,
         **core,
     )
+
+
+def _number(value: float | None) -> float:
+    """Return a value, nan for one that is not told."""
+    return math.nan if value is None else value

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from robotctl.core.control_core import ControlCore, Inputs, Outputs
 from robotctl.core.operator import Operator
-from robotctl.messages.control import Arm, ControlRequest, Feedback, WheelCommand
+from robotctl.messages.actuators import ActuatorCommand
+from robotctl.messages.control import Arm, ControlRequest, Feedback
 from robotctl.messages.faults import Fault
 from robotctl.messages.ports import RobotPort
 from robotctl.messages.procedures import MotorTest
@@ -40,7 +41,7 @@ class ControlTick:
         self.robot = robot
         self.core = core
         self.inputs = Inputs(Feedback())
-        self.outputs = Outputs(WheelCommand())
+        self.outputs = Outputs(ActuatorCommand())
         self._operator = operator
 
     @property

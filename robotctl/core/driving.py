@@ -1,17 +1,20 @@
-"""From the body velocity asked for to the command of the wheels."""
+"""From the body velocity asked for to the command of the actuators."""
 
 from __future__ import annotations
 
 from typing import Final
 
 from robotctl.control.limiter import LimitsConfig, TwistLimiter
-from robotctl.control.wheel_loop import WheelLoop
-from robotctl.messages.control import VelocityCommand, WheelCommand
-from robotctl.messages.faults import Fault, FaultCode
+from robotctl.control.wheels import WheelControl
+from robotctl.messages.actuators import ActuatorCommand
+from robotctl.messages.control import VelocityCommand
+from robotctl.messages.faults import Fault
 from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.twist import Twist
-from robotctl.safety.command_guard import guard_command
+from robotctl.safety.command_guard import Bound, guarded
 
+STOPPED: Final = ActuatorCommand(enable=False, brake=True)
+"""Wheels without power brake; joints stay where they are."""
 _REST: Final = Twist(0.0, 0.0)
 
 
@@ -24,6 +27,8 @@ class Driving:
         Kinematics, and the loop of each driven wheel.
     limits
         Of the set-point limiter.
+    bounds
+        What each actuator may be commanded.
     setpoint_timeout_ms
         An older set-point is void [ms].
     period_ns
@@ -40,17 +45,18 @@ class Driving:
     def __init__(
         self,
         drive: Drive,
-        wheels: tuple[WheelLoop, ...],
+        wheels: tuple[WheelControl, ...],
         limits: LimitsConfig,
+        bounds: tuple[Bound, ...],
         setpoint_timeout_ms: int,
         period_ns: int,
     ) -> None:
         self.velocity: VelocityCommand | None = None
         self.reference = _REST
-        self._steering_max_rad = max(drive.joint_max_rad, default=0.0)
         self._drive = drive
         self._wheels = wheels
         self._limiter = TwistLimiter(limits)
+        self._bounds = bounds
         self._setpoint_limit_ns = setpoint_timeout_ms * 1_000_000
         self._period_s = period_ns * 1e-9
         self._armed_ns = 0
@@ -68,10 +74,10 @@ class Driving:
         for wheel in self._wheels:
             wheel.reset()
 
-    def stopped(self, steering_rad: float) -> WheelCommand:
-        """Return the command that brakes the wheels and leaves the steering where it is."""
+    def stopped(self) -> ActuatorCommand:
+        """Return the command that brakes the wheels and leaves joints where they are."""
         self.reference = _REST
-        return WheelCommand(False, True, 0.0, 0.0, steering_rad)
+        return STOPPED
 
     def follow_setpoint(self, now_ns: int) -> bool:
         """Move the reference towards the set-point; return whether that is a motion."""
@@ -80,49 +86,26 @@ class Driving:
         return wanted != _REST
 
     def command(
-        self, steering_rad: float, steering_before_rad: float, bus_voltage_v: float
-    ) -> WheelCommand | Fault:
+        self, joints_rad: tuple[float, ...], supplies_v: tuple[float, ...]
+    ) -> ActuatorCommand | Fault:
         """Close the wheel loops on the reference; a fault where the command guard refuses.
 
         Parameters
         ----------
-        steering_rad
-            Measured steering angle [rad].
-        steering_before_rad
-            That of the last command [rad].
-        bus_voltage_v
-            Supply of the bridges [V].
+        joints_rad
+            Measured angle of each joint [rad].
+        supplies_v
+            Supply of each wheel's drive [V].
         """
-        wanted = self._drive.inverse(self.reference, (steering_rad,))
-        dt_s = self._period_s
-        duties = [
-            wheel.step(speed, bus_voltage_v, dt_s)
-            for wheel, speed in zip(self._wheels, wanted.wheels_rad_s, strict=True)
-        ]
-        duty1, duty2 = duties if len(duties) == 2 else (duties[0], 0.0)
-        steering = wanted.joints_rad[0] if wanted.joints_rad else 0.0
-        return self.guarded(duty1, duty2, steering, steering_before_rad)
+        wanted, dt_s = self._drive.inverse(self.reference, joints_rad), self._period_s
+        wheels = zip(self._wheels, wanted.wheels_rad_s, supplies_v, strict=True)
+        values = [wheel.step(speed, supply_v, dt_s) for wheel, speed, supply_v in wheels]
+        return self.guarded((*values, *wanted.joints_rad))
 
-    def guarded(
-        self, duty1: float, duty2: float, steering_rad: float, steering_before_rad: float
-    ) -> WheelCommand | Fault:
-        """Return the command that drives; a fault where the command guard refuses.
-
-        Parameters
-        ----------
-        duty1, duty2
-            Duties [-1, 1].
-        steering_rad
-            Steering angle [rad].
-        steering_before_rad
-            That of the last command [rad].
-        """
-        guarded = guard_command(
-            True, duty1, duty2, steering_rad, self._steering_max_rad, steering_before_rad
-        )
-        if guarded.fault:
-            return Fault(FaultCode.COMMAND_GUARD, f"command guard: {guarded.fault}")
-        return WheelCommand(True, False, guarded.duty1, guarded.duty2, guarded.steering_rad)
+    def guarded(self, values: tuple[float, ...]) -> ActuatorCommand | Fault:
+        """Return the command that drives; a fault where the command guard refuses a value."""
+        allowed = guarded(values, self._bounds)
+        return allowed if isinstance(allowed, Fault) else ActuatorCommand(True, False, allowed)
 
     def _setpoint(self, now_ns: int) -> Twist:
         """Return the velocity to command now; zero if the set-point is missing or expired."""

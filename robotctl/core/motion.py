@@ -6,15 +6,16 @@ from typing import Final
 
 import msgspec
 
-from robotctl.control.wheel_loop import WheelLoop
+from robotctl.control.wheels import WheelControl
+from robotctl.core.wheel_motion import WheelMotion
 from robotctl.estimation.inertial.tracker import InertialTracker
 from robotctl.estimation.odometry.odometry import Odometry
-from robotctl.messages.control import Feedback, ImuFeedback, WheelFeedback
+from robotctl.messages.actuators import ActuatorFeedback
+from robotctl.messages.control import Feedback, ImuFeedback
 from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
 from robotctl.model.sensors.imu import ImuConfig
-from robotctl.safety.stale_frame_filter import Latch, LatchTimes
 
 _REST_M_S: Final = 0.02
 _REST_RAD_S: Final = 0.1
@@ -28,7 +29,7 @@ class EncoderMotion:
     Parameters
     ----------
     drive, wheels
-        Kinematics, and the loops whose estimators see the counts.
+        Kinematics, and the loops whose estimators see the positions.
     pose_odom_base
         Where odometry starts.
     imu
@@ -40,8 +41,8 @@ class EncoderMotion:
         Pose and distance.
     twist
         Measured velocity of `base`.
-    steering_rad
-        Measured steering angle [rad].
+    joints_rad
+        Measured angle of each joint [rad].
     imu
         The newest of the IMU; None on a robot without one.
     epoch_ns
@@ -51,31 +52,35 @@ class EncoderMotion:
     def __init__(
         self,
         drive: Drive,
-        wheels: tuple[WheelLoop, ...],
+        wheels: tuple[WheelControl, ...],
         pose_odom_base: SE2,
         imu: ImuConfig,
     ) -> None:
         self.odometry = Odometry(drive, pose_odom_base)
         self.twist = Twist(0.0, 0.0)
-        self.steering_rad = 0.0
+        self.joints_rad = (0.0,) * len(drive.joint_names)
         self.epoch_ns = 0
         self.imu: ImuFeedback | None = None
         self._inertial = InertialTracker(imu) if imu.enabled else None
         self._drive = drive
         self._wheels = wheels
         self._estimators = tuple(wheel.estimator for wheel in wheels)
-        self._has_counts = False
-        self._latches = LatchTimes()
+        self._motions = tuple(WheelMotion(estimator) for estimator in self._estimators)
 
     @property
     def speeds_rad_s(self) -> tuple[float, ...]:
         """Speed of each driven wheel [rad/s]."""
-        return tuple([wheel.estimator.velocity_rad_s for wheel in self._wheels])
+        return tuple([estimator.velocity_rad_s for estimator in self._estimators])
+
+    @property
+    def angles_rad(self) -> tuple[float, ...]:
+        """Angle of each driven wheel [rad], unwrapped."""
+        return tuple([estimator.position_rad for estimator in self._estimators])
 
     @property
     def jumps(self) -> int:
         """Number of impossible jumps of the counts so far."""
-        return sum([wheel.estimator.jumps for wheel in self._wheels])
+        return sum([estimator.jumps for estimator in self._estimators])
 
     @property
     def pose_odom_base(self) -> SE2:
@@ -94,16 +99,10 @@ class EncoderMotion:
             self._inertial.take_bias(bias_rad_s, readings)
 
     def update(self, feedback: Feedback) -> Feedback:
-        """Take the feedback; return it without counts of another time."""
-        wheels = feedback.wheels
-        latch = Latch.NEXT if wheels is None else self._latches.judge(wheels)
-        if latch is Latch.HELD_BACK:
-            wheels = None
-            feedback = msgspec.structs.replace(feedback, wheels=None)
-        if feedback.drive is not None:
-            self.steering_rad = feedback.drive.steering_rad
-        if wheels is not None:
-            self._count(wheels, anew=latch is Latch.ANEW)
+        """Take the feedback; return it without positions of another time."""
+        actuators = self._turn(feedback.actuators)
+        if actuators is not feedback.actuators:
+            feedback = msgspec.structs.replace(feedback, actuators=actuators)
         if self._inertial is not None:
             self._feel(self._inertial, feedback)
         return feedback
@@ -118,31 +117,25 @@ class EncoderMotion:
 
     def restart(self, now_ns: int) -> None:
         """Restart with the next counts: the drive's have restarted. The pose stays."""
-        self._has_counts = False
-        self._latches.reset()
+        for motion in self._motions:
+            motion.restart()
         self.odometry.reset((0.0,) * len(self._wheels))
         self.epoch_ns = now_ns
 
-    def _count(self, wheels: WheelFeedback, *, anew: bool) -> None:
-        """Update velocities and odometry; `anew`: after a gap of unknown length."""
-        estimators = self._estimators
-        if anew or not self._has_counts:
-            self._begin_counts(wheels)
-        # A robot with a single driven wheel has the first count alone.
-        for estimator, count in zip(estimators, (wheels.count1, wheels.count2), strict=False):
-            estimator.update(count, wheels.timestamp_us)
-        joints_rad = (self.steering_rad,)
-        self.odometry.update(tuple([each.position_rad for each in estimators]), joints_rad)
-        self.twist = self._drive.forward(
-            tuple([each.velocity_rad_s for each in estimators]), joints_rad
-        )
-
-    def _begin_counts(self, wheels: WheelFeedback) -> None:
-        """Take counts for the first, or as going on after a gap."""
-        counts = wheels.count1, wheels.count2
-        for wheel, count in zip(self._wheels, counts, strict=False):
-            if self._has_counts:
-                wheel.estimator.resume(count, wheels.timestamp_us)
-            else:
-                wheel.estimator.reset(count, wheels.timestamp_us)
-        self._has_counts = True
+    def _turn(self, reports: tuple[ActuatorFeedback, ...]) -> tuple[ActuatorFeedback, ...]:
+        """Update velocities and odometry; return the reports without motions of another time."""
+        if not reports:
+            return reports
+        n = len(self._motions)
+        if self.joints_rad:
+            self.joints_rad = tuple([report.angle_rad or 0.0 for report in reports[n:]])
+        taken = [
+            motion.take(report) for motion, report in zip(self._motions, reports, strict=False)
+        ]
+        if any([moved for _, moved in taken]):
+            joints_rad = self.joints_rad
+            self.odometry.update(self.angles_rad, joints_rad)
+            self.twist = self._drive.forward(self.speeds_rad_s, joints_rad)
+        if all([kept is report for (kept, _), report in zip(taken, reports, strict=False)]):
+            return reports
+        return (*(kept for kept, _ in taken), *reports[n:])

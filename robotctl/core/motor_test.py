@@ -1,14 +1,15 @@
-"""One wheel turned without its loop, to see and hear that motor and encoder are as they should.
+"""One wheel turned alone, to see and hear that motor and encoder are as they should.
 
-The voltage is given, not the speed: with a reversed encoder a loop would run away, a voltage does
-not. No voltage makes a motor faster than its back-EMF lets it, so a bound of the voltage is one of
-the speed, whatever the encoder says.
+A drive that takes a duty is given a voltage, not a speed: with a reversed encoder our loop would
+run away, a voltage does not. No voltage makes a motor faster than its back-EMF lets it, so a bound
+of the voltage is one of the speed, whatever the encoder says. A drive with a loop of its own is
+given a speed.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, Protocol
 
 from robotctl.control.pwm import PwmConfig, PwmMap
 from robotctl.messages.procedures import MotorTest
@@ -34,6 +35,50 @@ _TOO_FAST_RAD_S: Final = 2.0
 """A wheel is too fast beyond its bound times the first, plus the second: downhill, or pushed."""
 
 
+class Effort(Protocol):
+    """Turns the effort of a test into what the wheel's drive takes."""
+
+    def step(self, effort: float, supply_v: float, dt_s: float) -> float:
+        """Return the command for an effort [-1, 1] at a supply [V], a period [s] after the last."""
+
+
+class VoltageEffort:
+    """A voltage, for drives that take a duty.
+
+    Parameters
+    ----------
+    bound_v
+        Largest voltage [V].
+    pwm
+        The bridge.
+    """
+
+    def __init__(self, bound_v: float, pwm: PwmConfig) -> None:
+        self._bound_v = bound_v
+        self._pwm = PwmMap(pwm)
+
+    def step(self, effort: float, supply_v: float, dt_s: float) -> float:
+        """Return the duty [-1, 1]."""
+        return self._pwm.step(clamp(effort * supply_v, self._bound_v), supply_v, dt_s)
+
+
+class SpeedEffort:
+    """A share of the greatest speed, for drives that close their own loop.
+
+    Parameters
+    ----------
+    bound_rad_s
+        Largest speed [rad/s].
+    """
+
+    def __init__(self, bound_rad_s: float) -> None:
+        self._bound_rad_s = bound_rad_s
+
+    def step(self, effort: float, supply_v: float, dt_s: float) -> float:  # noqa: ARG002 - all outputs share one signature
+        """Return the speed [rad/s]."""
+        return effort * self._bound_rad_s
+
+
 class MotorTesting:
     """A test that is under way.
 
@@ -41,30 +86,20 @@ class MotorTesting:
     ----------
     request
         As it was first made; `problem` returned nothing for it.
-    wheel_radius_m
-        Of the wheel [m], > 0.
-    back_emf_v_s_rad
-        Voltage of the motor per speed of the wheel [V s/rad], > 0.
-    pwm
-        The bridge.
+    bound_rad_s
+        Bound of the wheel's speed [rad/s], > 0.
+    effort
+        What turns the wheel.
     now_ns
         Time of its beginning [ns].
     """
 
-    def __init__(
-        self,
-        request: MotorTest,
-        wheel_radius_m: float,
-        back_emf_v_s_rad: float,
-        pwm: PwmConfig,
-        now_ns: int,
-    ) -> None:
+    def __init__(self, request: MotorTest, bound_rad_s: float, effort: Effort, now_ns: int) -> None:
         self.request = request
         self.fastest_rad_s = 0.0
         """The greatest speed so far, with its sign [rad/s]."""
-        self._bound_rad_s = FASTEST_M_S / wheel_radius_m
-        self._bound_v = back_emf_v_s_rad * self._bound_rad_s
-        self._pwm = PwmMap(pwm)
+        self._bound_rad_s = bound_rad_s
+        self._effort = effort
         self._began_ns = now_ns
         self._expires_ns = 0
         self.renew(request)
@@ -87,10 +122,9 @@ class MotorTesting:
             return f"the wheel turns at {speed_rad_s:.1f} rad/s, {self._bound_rad_s:.1f} allowed"
         return ""
 
-    def duty(self, supply_v: float, dt_s: float) -> float:
-        """Return the duty of the wheel [-1, 1] at a supply [V], a period [s] after the last."""
-        voltage_v = clamp(self.request.effort * supply_v, self._bound_v)
-        return self._pwm.step(voltage_v, supply_v, dt_s)
+    def step(self, supply_v: float, dt_s: float) -> float:
+        """Return the command of the wheel at a supply [V], a period [s] after the last."""
+        return self._effort.step(self.request.effort, supply_v, dt_s)
 
 
 class Surroundings:

@@ -6,9 +6,17 @@ from typing import TYPE_CHECKING
 
 from robotctl.control.pwm import PwmConfig
 from robotctl.core.motion import EncoderMotion
-from robotctl.core.motor_test import MotorTesting, Surroundings
+from robotctl.core.motor_test import (
+    FASTEST_M_S,
+    Effort,
+    MotorTesting,
+    SpeedEffort,
+    Surroundings,
+    VoltageEffort,
+)
 from robotctl.estimation.inertial.gyro_calibration import LEAST_READINGS, GyroCalibration
 from robotctl.messages.procedures import CalibrateGyro, MotorTest, Outcome, Procedure
+from robotctl.model.actuators import Actuator, Takes
 from robotctl.model.drives.drives import Drive
 
 if TYPE_CHECKING:
@@ -20,12 +28,12 @@ class Procedures:
 
     Parameters
     ----------
-    drive
-        The wheels.
+    drive, actuators
+        Kinematics, and its wheels and joints.
     pwm
-        Their bridges.
+        Bridges of the wheels that take a duty.
     plausibility
-        Has the constant of their motors.
+        Constant of their motors.
     period_ns
         Control period [ns].
 
@@ -40,14 +48,21 @@ class Procedures:
     """
 
     def __init__(
-        self, drive: Drive, pwm: PwmConfig, plausibility: PlausibilityConfig, period_ns: int
+        self,
+        drive: Drive,
+        actuators: tuple[Actuator, ...],
+        pwm: PwmConfig,
+        plausibility: PlausibilityConfig,
+        period_ns: int,
     ) -> None:
         self.latest = Procedure()
         self.test: MotorTesting | None = None
         self.surroundings = Surroundings()
         self._calibration: GyroCalibration | None = None
         self._gyro_ns = 0
+        self._held_rad: tuple[float, ...] = ()
         self._drive = drive
+        self._actuators = actuators
         self._pwm = pwm
         self._period_s = period_ns * 1e-9
         self._back_emf_v_s_rad = plausibility.back_emf_v_s_rad
@@ -69,10 +84,15 @@ class Procedures:
         self._calibration = GyroCalibration(now_ns)
         self.latest = Procedure(request.request_id, Outcome.RUNNING)
 
-    def begin_test(self, request: MotorTest, now_ns: int) -> None:
-        """Begin to turn a wheel."""
-        radius_m = self._drive.wheel_radii_m[request.wheel]
-        self.test = MotorTesting(request, radius_m, self._back_emf_v_s_rad, self._pwm, now_ns)
+    def begin_test(self, request: MotorTest, joints_rad: tuple[float, ...], now_ns: int) -> None:
+        """Begin to turn a wheel; joints stay at their present angles [rad]."""
+        bound_rad_s = FASTEST_M_S / self._drive.wheel_radii_m[request.wheel]
+        if self._actuators[request.wheel].takes is Takes.DUTY:
+            effort: Effort = VoltageEffort(self._back_emf_v_s_rad * bound_rad_s, self._pwm)
+        else:
+            effort = SpeedEffort(bound_rad_s)
+        self.test = MotorTesting(request, bound_rad_s, effort, now_ns)
+        self._held_rad = joints_rad
         self.latest = Procedure(request.request_id, Outcome.RUNNING)
 
     def end(self, outcome: Outcome, text: str) -> None:
@@ -104,19 +124,16 @@ class Procedures:
             self.end(Outcome.DONE, f"bias of the gyro: {words} rad/s")
 
     def turn(
-        self,
-        speeds_rad_s: tuple[float, ...],
-        supply_v: float,
-        now_ns: int,
-    ) -> tuple[float, float] | None:
-        """Return the duties of the wheels under test; None if the test is over.
+        self, motion: EncoderMotion, supplies_v: tuple[float, ...], now_ns: int
+    ) -> tuple[float, ...] | None:
+        """Return the commands of all actuators during a test; None if the test is over.
 
         Parameters
         ----------
-        speeds_rad_s
-            Of the wheels [rad/s].
-        supply_v
-            Of the bridges [V].
+        motion
+            Present motion.
+        supplies_v
+            Supply of each wheel's drive [V].
         now_ns
             The time [ns].
         """
@@ -124,7 +141,7 @@ class Procedures:
         if test is None:
             return None
         wheel = test.request.wheel
-        if why := test.failure(speeds_rad_s[wheel], now_ns) or self.surroundings.obstacle:
+        if why := test.failure(motion.speeds_rad_s[wheel], now_ns) or self.surroundings.obstacle:
             self.end(Outcome.FAILED, why)
             return None
         self._tell(test.progress(now_ns))
@@ -132,8 +149,9 @@ class Procedures:
             name = self._drive.wheel_names[wheel]
             self.end(Outcome.DONE, f"{name} wheel: up to {test.fastest_rad_s:+.1f} rad/s")
             return None
-        duty = test.duty(supply_v, self._period_s)
-        return (duty, 0.0) if wheel == 0 else (0.0, duty)
+        values = [0.0] * len(supplies_v)
+        values[wheel] = test.step(supplies_v[wheel], self._period_s)
+        return (*values, *self._held_rad)
 
     def _tell(self, progress: float) -> None:
         """Keep how far it is."""

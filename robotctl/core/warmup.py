@@ -10,23 +10,20 @@ from __future__ import annotations
 from typing import Final
 
 from robotctl.core.control_core import ControlCore, Inputs
+from robotctl.messages.actuators import ActuatorFeedback, DriveState
 from robotctl.messages.control import (
     AccelerometerFeedback,
     Arm,
     BatteryFeedback,
-    DriveState,
-    DriveStatus,
     EmergencyStop,
     EmergencyStopSource,
     Feedback,
     GyroFeedback,
     LoopStatistics,
-    MotorStatus,
     NodeStatus,
     SafetyState,
     SonarFeedback,
     VelocityCommand,
-    WheelFeedback,
 )
 from robotctl.safety.state_machine import POWERED
 
@@ -50,18 +47,18 @@ def rehearse(core: ControlCore, period_ns: int) -> bool:
     armed = False
     while core.machine.state is not SafetyState.STANDBY or not core.warm:
         now_ns += period_ns
-        core.step(Inputs(_feedback(now_ns, enabled=False)), now_ns)
+        core.step(Inputs(_feedback(core, now_ns, enabled=False)), now_ns)
     for tick in range(TICKS):
         now_ns += period_ns
         enabled = core.machine.state in POWERED
         armed = armed or enabled
         velocity = VelocityCommand(now_ns, now_ns + period_ns, 1e-3, 1e-3)
         ask = (Arm(now_ns, 1, arm=True),) if tick == 0 else ()
-        core.step(Inputs(_feedback(now_ns, enabled=enabled), (velocity, *ask)), now_ns)
+        core.step(Inputs(_feedback(core, now_ns, enabled=enabled), (velocity, *ask)), now_ns)
         core.snapshot(now_ns, LoopStatistics())
     core.step(
         Inputs(
-            _feedback(now_ns + period_ns, enabled=True),
+            _feedback(core, now_ns + period_ns, enabled=True),
             (EmergencyStop(now_ns, EmergencyStopSource.TEST),),
         ),
         now_ns + period_ns,
@@ -69,14 +66,23 @@ def rehearse(core: ControlCore, period_ns: int) -> bool:
     return armed
 
 
-def _feedback(now_ns: int, *, enabled: bool) -> Feedback:
+def _feedback(core: ControlCore, now_ns: int, *, enabled: bool) -> Feedback:
     """Return the feedback of a healthy robot at rest."""
+    report = ActuatorFeedback(
+        motion_ns=now_ns,
+        latch_us=now_ns // 1000 & 0xFFFFF,
+        speed_rad_s=0.0,
+        angle_rad=0.0,
+        report_ns=now_ns,
+        state=DriveState.ENABLED if enabled else DriveState.READY,
+        current_a=0.0,
+        temperature_c=25.0,
+        supply_ns=now_ns,
+        voltage_v=_BUS_V,
+        command_age_ms=0,
+    )
     return Feedback(
-        wheels=WheelFeedback(now_ns, now_ns // 1000 & 0xFFFFF, 0, 0),
-        motor=MotorStatus(
-            now_ns, DriveState.ENABLED if enabled else DriveState.READY, 0.0, 0.0, 25.0, 25.0, 0
-        ),
-        drive=DriveStatus(now_ns, 0, 0.0, _BUS_V, 0, 0),
+        actuators=(report,) * len(core.actuators),
         sonars=tuple(SonarFeedback(now_ns, first, (1.0,) * 4) for first in range(0, 16, 4)),
         battery=BatteryFeedback(now_ns, _BUS_V, 0.0, 1.0, 25.0, low=False, critical=False),
         gyro=GyroFeedback(now_ns, 0.0, 0.0, 1e-3 * (now_ns % 7)),

@@ -12,6 +12,7 @@ from typing import TypeAlias
 
 import msgspec
 
+from robotctl.messages.actuators import ActuatorFeedback
 from robotctl.messages.faults import Fault, FaultCode
 from robotctl.messages.fence import FenceRequest, FenceState, SetRally
 from robotctl.messages.mission import MissionCommand
@@ -25,28 +26,6 @@ from robotctl.messages.procedures import (
 from robotctl.messages.tuning import Tuning
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
-
-
-class DriveState(enum.IntEnum):
-    """State of the motor controller as it reports it (MotorStatus.State of robot.dbc)."""
-
-    BOOT = 0
-    READY = 1
-    ENABLED = 2
-    STOPPED = 3
-    FAULT = 4
-    EMERGENCY_STOP = 5
-
-
-class DriveFault(enum.IntFlag):
-    """Latched faults of the motor controller, in the bit order of MotorStatus."""
-
-    OVER_CURRENT = 1
-    OVER_TEMPERATURE = 2
-    UNDER_VOLTAGE = 4
-    ENCODER = 8
-    COMMAND_TIMEOUT = 16
-    PARAMETER = 32
 
 
 class EmergencyStopSource(enum.IntEnum):
@@ -90,38 +69,6 @@ class SafetyState(enum.IntEnum):
     FAULT = 4
     EMERGENCY_STOP = 5
     MOTOR_TEST = 6
-
-
-class WheelFeedback(msgspec.Struct, frozen=True, gc=False, array_like=True):
-    """Encoder counts (16 bit, rolling over) and the drive's latch time (20 bit, us)."""
-
-    stamp_ns: int
-    timestamp_us: int
-    count1: int
-    count2: int
-
-
-class MotorStatus(msgspec.Struct, frozen=True, gc=False, array_like=True):
-    """Currents (A, positive for forward torque), winding temperatures (degC), state, faults."""
-
-    stamp_ns: int
-    state: DriveState
-    current1_a: float
-    current2_a: float
-    temperature1_c: float
-    temperature2_c: float
-    faults: int
-
-
-class DriveStatus(msgspec.Struct, frozen=True, gc=False, array_like=True):
-    """Steering angle (rad, positive left), supply (V), and the age of the host's commands."""
-
-    stamp_ns: int
-    echo_counter: int
-    steering_rad: float
-    bus_voltage_v: float
-    command_age_ms: int
-    rejected_commands: int
 
 
 class SonarFeedback(msgspec.Struct, frozen=True, gc=False, array_like=True):
@@ -247,12 +194,10 @@ class BusStatus(msgspec.Struct, frozen=True, array_like=True):
 class Feedback(msgspec.Struct, frozen=True, array_like=True):
     """Feedback since the last tick; None and () where nothing valid came.
 
-    `nodes` and `bus` are the present state, not events.
+    `actuators`, `nodes` and `bus` are the present state, not events.
     """
 
-    wheels: WheelFeedback | None = None
-    motor: MotorStatus | None = None
-    drive: DriveStatus | None = None
+    actuators: tuple[ActuatorFeedback, ...] = ()
     sonars: tuple[SonarFeedback, ...] = ()
     battery: BatteryFeedback | None = None
     emergencies: tuple[EmergencyMessage, ...] = ()
@@ -261,16 +206,6 @@ class Feedback(msgspec.Struct, frozen=True, array_like=True):
     bus: BusStatus = BusStatus()
     gyro: GyroFeedback | None = None
     accelerometer: AccelerometerFeedback | None = None
-
-
-class WheelCommand(msgspec.Struct, frozen=True, gc=False, array_like=True):
-    """One atomic actuator command: duties in [-1, 1], steering angle (rad, positive left)."""
-
-    enable: bool = False
-    brake: bool = False
-    duty1: float = 0.0
-    duty2: float = 0.0
-    steering_rad: float = 0.0
 
 
 class VelocityCommand(msgspec.Struct, frozen=True, tag=True):
@@ -477,7 +412,6 @@ class ControlState(msgspec.Struct, frozen=True, tag=True):
     battery: BatteryFeedback | None
     sonar_m: tuple[float, ...]
     sonar_stamp_ns: tuple[int, ...]
-    faults: int
     nodes: tuple[NodeStatus, ...]
     bus: BusStatus
     loop: LoopStatistics

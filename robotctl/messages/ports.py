@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple, Protocol
 
-from robotctl.messages.control import BusStatus, EmergencyStopSource, Feedback, WheelCommand
+from robotctl.messages.actuators import ActuatorCommand
+from robotctl.messages.control import BusStatus, EmergencyStopSource, Feedback
 
 
 class Frame(NamedTuple):
@@ -37,7 +38,7 @@ class RobotPort(Protocol):
     def receive(self, now_ns: int) -> Feedback:
         """Return what arrived since the last call."""
 
-    def send(self, command: WheelCommand, now_ns: int) -> None:
+    def send(self, command: ActuatorCommand, now_ns: int) -> None:
         """Send one actuator command and ask for the next feedback."""
 
     def emergency_stop(self, source: EmergencyStopSource) -> None:

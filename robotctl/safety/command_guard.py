@@ -1,27 +1,55 @@
 """The last check of an actuator command, after every other layer and just before the wire.
 
 It expects to find nothing: every layer before it keeps its own limits. Anything it finds is a
-defect, so it does not repair single values but turns the whole command into a stop. One wheel
-turning while the other is zeroed would spin the robot.
+defect, so it does not repair single values but refuses the whole command. One wheel turning while
+the other is zeroed would spin the robot.
 """
 
 from __future__ import annotations
 
-import math
 from typing import Final, NamedTuple
 
+from robotctl.messages.faults import Fault, FaultCode
+from robotctl.model.actuators import Actuator, Takes
+
 TOLERANCE: Final = 1e-6
-"""A value beyond its range by no more than this is rounding, and is clamped [duty, rad]."""
+"""A value beyond its bound by no more than this is rounding, and is clamped [duty, rad/s, rad]."""
+
+_UNITS: Final = {Takes.DUTY: "duty", Takes.SPEED: "rad/s", Takes.ANGLE: "rad"}
 
 
-class GuardedCommand(NamedTuple):
-    """The command that may be sent; `fault` says briefly what was wrong, empty if nothing was."""
+class Bound(NamedTuple):
+    """What an actuator may be commanded: up to `most` in both directions."""
 
-    enable: bool
-    duty1: float
-    duty2: float
-    steering_rad: float
-    fault: str
+    name: str
+    most: float
+    unit: str
+
+
+def bounds(
+    actuators: tuple[Actuator, ...], speed_max_rad_s: float, joint_max_rad: tuple[float, ...]
+) -> tuple[Bound, ...]:
+    """Return the bounds of a robot's actuators.
+
+    Parameters
+    ----------
+    actuators
+        In the robot's order.
+    speed_max_rad_s
+        Speed of the fastest wheel at the robot's limits [rad/s].
+    joint_max_rad
+        Bound of each joint [rad].
+    """
+    wheels = {Takes.DUTY: 1.0, Takes.SPEED: speed_max_rad_s}
+    angles = iter(joint_max_rad)
+    return tuple(
+        Bound(
+            each.name,
+            next(angles) if each.takes is Takes.ANGLE else wheels[each.takes],
+            _UNITS[each.takes],
+        )
+        for each in actuators
+    )
 
 
 def clamp(value: float, bound: float) -> float:
@@ -33,47 +61,16 @@ def clamp(value: float, bound: float) -> float:
     return value
 
 
-def guard_command(
-    enable: bool,
-    duty1: float,
-    duty2: float,
-    steering_rad: float,
-    steering_max_rad: float = math.pi / 2,
-    steering_held_rad: float = 0.0,
-) -> GuardedCommand:
-    """Return the command that may be sent.
-
-    Duties are zero unless enabled. A value that is not finite or lies outside its range makes it
-    a disabled command with zero duties, and the steering stays where it is.
-
-    Parameters
-    ----------
-    enable
-        Whether the bridge is to be on.
-    duty1, duty2
-        Duties, [-1, 1].
-    steering_rad
-        Steering angle [rad], within +-`steering_max_rad`, positive left.
-    steering_max_rad
-        Bound of the linkage [rad], >= 0.
-    steering_held_rad
-        Angle to hold where the demanded one is refused [rad]: the last one sent.
-    """
-    # False for nan as well.
-    if not (abs(duty1) <= 1.0 + TOLERANCE and abs(duty2) <= 1.0 + TOLERANCE):
-        fault = f"duties {duty1}, {duty2}: [-1, 1] allowed"
-    elif not abs(steering_rad) <= steering_max_rad + TOLERANCE:
-        fault = f"steering {steering_rad} rad: {steering_max_rad} rad to either side allowed"
-    elif enable:
-        return GuardedCommand(
-            True,
-            clamp(duty1, 1.0),
-            clamp(duty2, 1.0),
-            clamp(steering_rad, steering_max_rad),
-            "",
-        )
-    else:
-        return GuardedCommand(False, 0.0, 0.0, clamp(steering_rad, steering_max_rad), "")
-    # The steering holds its last angle: a sudden swing is unsafe motion, too.
-    held = steering_held_rad if math.isfinite(steering_held_rad) else 0.0
-    return GuardedCommand(False, 0.0, 0.0, clamp(held, steering_max_rad), fault)
+def guarded(values: tuple[float, ...], limits: tuple[Bound, ...]) -> tuple[float, ...] | Fault:
+    """Return the values that may be sent; a fault if one is not finite or beyond its bound."""
+    if len(values) != len(limits):
+        text = f"command guard: {len(values)} values for {len(limits)} actuators"
+        return Fault(FaultCode.COMMAND_GUARD, text)
+    for value, limit in zip(values, limits, strict=True):
+        if not abs(value) <= limit.most + TOLERANCE:  # false for nan as well
+            text = (
+                f"command guard: {limit.name} {value} {limit.unit}: {limit.most:g} to either side "
+                "allowed"
+            )
+            return Fault(FaultCode.COMMAND_GUARD, text, limit.name)
+    return tuple([clamp(value, limit.most) for value, limit in zip(values, limits, strict=True)])

@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Protocol
 
 import msgspec
 
-from robotctl.messages.control import Feedback, ImuFeedback, WheelCommand
+from robotctl.messages.actuators import ActuatorCommand
+from robotctl.messages.control import Feedback, ImuFeedback
 from robotctl.messages.faults import Fault
+from robotctl.model.actuators import Actuator
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.imu import ImuConfig
 from robotctl.model.sensors.sonar import SonarMount
@@ -25,12 +27,12 @@ class Monitored:
     ----------
     plausibility
         Tolerances.
-    wheel_names
-        The driven wheels.
+    actuators
+        Wheels and joints.
     deadband
-        Of the bridges.
-    steering_max_rad
-        Bound of the linkage [rad]; 0: no steering.
+        Dead-band of the bridges [duty].
+    joint_max_rad
+        Bound of each joint [rad].
     a_max_rad_s2
         Acceleration of a wheel at the robot's limit [rad/s^2], > 0.
     sonars
@@ -40,9 +42,9 @@ class Monitored:
     """
 
     plausibility: PlausibilityConfig
-    wheel_names: tuple[str, ...]
+    actuators: tuple[Actuator, ...]
     deadband: float
-    steering_max_rad: float
+    joint_max_rad: tuple[float, ...]
     a_max_rad_s2: float
     sonars: tuple[SonarMount, ...]
     imu: ImuConfig
@@ -54,6 +56,10 @@ class Motion(Protocol):
     @property
     def speeds_rad_s(self) -> tuple[float, ...]:
         """Speed of each driven wheel [rad/s]."""
+
+    @property
+    def angles_rad(self) -> tuple[float, ...]:
+        """Angle of each driven wheel [rad], unwrapped."""
 
     @property
     def jumps(self) -> int:
@@ -76,16 +82,13 @@ class MonitorInputs(msgspec.Struct, frozen=True, gc=False):
     feedback
         Feedback since the last tick.
     command
-        Command of the bridges when it was taken.
-    supply_v
-        Newest voltage of the drive's supply [V]; None before the first.
+        Command of the drives when it was taken.
     motion
         By encoders and IMU.
     """
 
     feedback: Feedback
-    command: WheelCommand
-    supply_v: float | None
+    command: ActuatorCommand
     motion: Motion
 
 

@@ -43,6 +43,9 @@ class PlausibilityConfig:
         Longer than this it may not [ms]; more than full travel takes, 20 to 2000.
     clock_share
         The drive's clock may be faster or slower than the host's by this, > 0, at most 0.25.
+    follow_ms
+        Longest time for which a wheel whose drive closes its own loop may be off its commanded
+        speed by more than the tolerances of speed [ms], 50 to 2000.
     travel_m
         Way straight ahead over which a sonar that looks along it is compared [m], > 0, at most 2.
 
@@ -65,6 +68,7 @@ class PlausibilityConfig:
     steering_ms: int = 600
     clock_share: float = 0.03
     travel_m: float = 0.3
+    follow_ms: int = 400
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -96,4 +100,5 @@ _RANGES: Final = {
     "push_ms": (20, 2000),
     "pair_ms": (20, 5000),
     "steering_ms": (20, 2000),
+    "follow_ms": (50, 2000),
 }

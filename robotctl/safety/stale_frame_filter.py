@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 from typing import Final
 
-from robotctl.messages.control import WheelFeedback
+from robotctl.messages.actuators import ActuatorFeedback
 
 TOLERANCE_NS: Final = 20_000_000
 """Tolerance of a frame's arrival against its latch [ns]: it waits for the bus and, in simulation,
@@ -43,30 +43,30 @@ class LatchTimes:
 
     def reset(self) -> None:
         """Reset, as after a restart of the drive."""
-        self._last: WheelFeedback | None = None
-        self._odd: WheelFeedback | None = None
+        self._last: ActuatorFeedback | None = None
+        self._odd: ActuatorFeedback | None = None
 
-    def judge(self, wheels: WheelFeedback) -> Latch:
+    def judge(self, wheel: ActuatorFeedback) -> Latch:
         """Return the relation of a frame, and remember it unless it was delayed."""
         last, odd = self._last, self._odd
-        if last is None or _goes_on(wheels, last):
+        if last is None or _goes_on(wheel, last):
             latch = Latch.NEXT
-        elif wheels.stamp_ns - last.stamp_ns > GAP_NS or (
-            odd is not None and _goes_on(wheels, odd)
+        elif wheel.motion_ns - last.motion_ns > GAP_NS or (
+            odd is not None and _goes_on(wheel, odd)
         ):
             latch = Latch.ANEW
         else:
-            self._odd = wheels
+            self._odd = wheel
             return Latch.HELD_BACK
-        self._last, self._odd = wheels, None
+        self._last, self._odd = wheel, None
         return latch
 
 
-def _goes_on(wheels: WheelFeedback, before: WheelFeedback) -> bool:
+def _goes_on(wheel: ActuatorFeedback, before: ActuatorFeedback) -> bool:
     """Return whether as much time has passed for the drive as for the host, and no gap."""
-    host_ns = wheels.stamp_ns - before.stamp_ns
+    host_ns = wheel.motion_ns - before.motion_ns
     if host_ns > GAP_NS:
         return False
-    late_us = host_ns // 1000 - (wheels.timestamp_us - before.timestamp_us)
+    late_us = host_ns // 1000 - (wheel.latch_us - before.latch_us)
     late_us = (late_us + _HALF_US) % _STAMP_US - _HALF_US
     return abs(late_us) * 1000 <= TOLERANCE_NS

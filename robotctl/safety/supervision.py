@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from robotctl.messages.control import DriveState, Feedback, ImuFeedback, WheelCommand
+from robotctl.messages.actuators import ActuatorCommand
+from robotctl.messages.control import Feedback, ImuFeedback
 from robotctl.messages.faults import Fault, FaultCode
-from robotctl.safety.health import AgeLimit, Health
+from robotctl.safety.ages import AgeLimit
+from robotctl.safety.health import Health
 from robotctl.safety.monitor import Monitor, Monitored, MonitorInputs, Motion
 from robotctl.safety.plausibility import Plausibility
 from robotctl.safety.plausibility_imu import ImuMonitor
@@ -19,16 +21,6 @@ _UNASKED_NS: Final = 50_000_000
 """Grace period for the drive to report power off after a stop of the host [ns]."""
 
 
-def _plausibility(robot: Monitored) -> Plausibility:
-    return Plausibility(
-        robot.plausibility,
-        robot.wheel_names,
-        robot.deadband,
-        robot.steering_max_rad,
-        robot.a_max_rad_s2,
-    )
-
-
 def _sonars(robot: Monitored) -> SonarMonitor:
     return SonarMonitor(robot.sonars, robot.plausibility.travel_m)
 
@@ -37,7 +29,7 @@ def _imu(robot: Monitored) -> ImuMonitor:
     return ImuMonitor(robot.imu)
 
 
-MONITORS: Final[tuple[Callable[[Monitored], Monitor], ...]] = (_plausibility, _sonars, _imu)
+MONITORS: Final[tuple[Callable[[Monitored], Monitor], ...]] = (Plausibility, _sonars, _imu)
 """All monitors; if several report in the same tick, the first wins, which is the wheels'."""
 
 
@@ -56,11 +48,11 @@ class Supervision:
 
     def __init__(self, safety: SafetyConfig, ages: tuple[AgeLimit, ...], robot: Monitored) -> None:
         names = tuple(mount.name for mount in robot.sonars)
-        self.health = Health(ages, safety.heartbeat_timeout_ms * 1_000_000, names)
+        self.health = Health(ages, safety.heartbeat_timeout_ms * 1_000_000, robot.actuators, names)
         self._monitors = tuple(make(robot) for make in MONITORS)
         self._watching = self._monitors
         self._values = SensorValues(
-            robot.wheel_names, robot.steering_max_rad, robot.plausibility.steering_tolerance_rad
+            robot.actuators, robot.joint_max_rad, robot.plausibility.steering_tolerance_rad
         )
         self._inertial = ImuMonitor(robot.imu)
         """Judges a robot that is to be armed."""
@@ -70,11 +62,9 @@ class Supervision:
         self._powered_ns = 0
         """Time of the last command that allows power [ns]."""
 
-    def compare(self, feedback: Feedback, command: WheelCommand, motion: Motion) -> None:
+    def compare(self, feedback: Feedback, command: ActuatorCommand, motion: Motion) -> None:
         """Pass the inputs to the monitors while the robot is powered."""
-        drive = self.health.drive
-        supply_v = None if drive is None else drive.bus_voltage_v
-        inputs = MonitorInputs(feedback, command, supply_v, motion)
+        inputs = MonitorInputs(feedback, command, motion)
         for monitor in self._watching:
             found = monitor.update(inputs)
             if found is not None and self._contradiction is None:
@@ -89,16 +79,15 @@ class Supervision:
         return fault
 
     def unasked(self) -> Fault | None:
-        """Return a fault if the drive reports power long after its last command to."""
+        """Return a fault if a drive reports power long after its last command to."""
         # Seen after old commands that a CAN controller delayed. Its time-out has passed, so lost
         # commands are no excuse.
-        motor = self.health.motor
-        if motor is None or motor.state is not DriveState.ENABLED:
-            return None
-        if motor.stamp_ns - self._powered_ns <= self._unasked_limit_ns:
-            return None
-        text = "emergency stop: the motor controller is enabled without a command"
-        return Fault(FaultCode.DRIVES_UNASKED, text)
+        for drive in self.health.drives:
+            enabled_ns = drive.enabled_ns
+            if enabled_ns is not None and enabled_ns - self._powered_ns > self._unasked_limit_ns:
+                text = "emergency stop: the motor controller is enabled without a command"
+                return Fault(FaultCode.DRIVES_UNASKED, text, drive.name)
+        return None
 
     def powered(self, now_ns: int) -> None:
         """Note that the command of this tick allows power."""
@@ -126,10 +115,10 @@ class Supervision:
     ) -> tuple[Fault, ...]:
         """Return all reasons against arming now; speeds by the encoders [rad/s]."""
         health = self.health
-        motor, drive, battery = health.motor, health.drive, health.battery
+        reports, battery = health.reports, health.battery
         refusals = health.refusals(now_ns)
         if imu is not None and (found := self._inertial.judge(imu)) is not None:
             refusals = (*refusals, found)
-        if motor is None or drive is None or battery is None:
+        if not reports or battery is None:
             return refusals
-        return refusals + self._values.faults(motor, drive, battery, speeds_rad_s, enabled=enabled)
+        return refusals + self._values.faults(reports, battery, speeds_rad_s, enabled=enabled)

@@ -1,0 +1,1 @@
+"""Motor drives on the CAN bus: a folder each."""
