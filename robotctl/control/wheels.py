@@ -26,7 +26,7 @@ class VelocityEstimator(Protocol):
         """Angle turned since `reset` [rad], unwrapped."""
 
     def reset(self, ticks: int, stamp_us: int) -> None:
-        """Restart at a position [ticks] and time [us, rolling over at 2^20]; velocity 0, angle 0."""
+        """Restart at a position [ticks] and time [us, rolls over at 2^20]: velocity 0, angle 0."""
 
     def resume(self, ticks: int, stamp_us: int) -> None:
         """Continue after a gap of unknown length: the angle counts, the velocity restarts at 0."""
@@ -54,7 +54,7 @@ class WheelControl(Protocol):
         """Forget the past; the next reference is taken as continuing the present speed."""
 
     def step(self, reference_rad_s: float, supply_v: float, dt_s: float) -> float:
-        """Return the command for a reference [rad/s] at a supply [V], a period [s] after the last."""
+        """Return the command for a reference [rad/s] at a supply [V], a period [s] later."""
 
     def retune(self, pid: PidConfig) -> None:
         """Change the gains without a bump."""

@@ -132,10 +132,10 @@ class EncoderMotion:
         taken = [
             motion.take(report) for motion, report in zip(self._motions, reports, strict=False)
         ]
-        if any([moved for _, moved in taken]):
+        if any(moved for _, moved in taken):
             joints_rad = self.joints_rad
             self.odometry.update(self.angles_rad, joints_rad)
             self.twist = self._drive.forward(self.speeds_rad_s, joints_rad)
-        if all([kept is report for (kept, _), report in zip(taken, reports, strict=False)]):
+        if all(kept is report for (kept, _), report in zip(taken, reports, strict=False)):
             return reports
         return (*(kept for kept, _ in taken), *reports[n:])

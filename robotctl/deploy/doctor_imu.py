@@ -8,7 +8,8 @@ from typing import Final
 from robotctl.deploy.check_result import Finding, fail, ok
 from robotctl.drivers.can.nodes.robot_can import CanRobot
 from robotctl.estimation.inertial.tracker import GRAVITY_M_S2, REST_RAD_S, InertialTracker
-from robotctl.messages.control import ImuFeedback, WheelCommand
+from robotctl.messages.actuators import ActuatorCommand
+from robotctl.messages.control import ImuFeedback
 from robotctl.messages.ports import Clock
 from robotctl.model.sensors.imu import ImuConfig
 
@@ -20,7 +21,7 @@ GRAVITY_TOLERANCE: Final = 0.05
 
 
 def watch_imu(
-    robot: CanRobot, clock: Clock, period_ns: int, imu: ImuConfig, off: WheelCommand
+    robot: CanRobot, clock: Clock, period_ns: int, imu: ImuConfig, off: ActuatorCommand
 ) -> ImuFeedback | None:
     """Tick with the motors off for `LOOK_NS`; return what the IMU says then, None: nothing."""
     tracker = InertialTracker(imu)

@@ -18,7 +18,8 @@ from robotctl.drivers.can.nodes.registry import wanted_nodes
 from robotctl.drivers.can.nodes.robot_can import HEARTBEAT_BASE, CanRobot
 from robotctl.drivers.can.port import SocketPort
 from robotctl.errors import LinkError
-from robotctl.messages.control import BusState, BusStatus, NodeStatus, WheelCommand
+from robotctl.messages.actuators import ActuatorCommand
+from robotctl.messages.control import BusState, BusStatus, NodeStatus
 from robotctl.messages.faults import FaultCode
 from robotctl.messages.ports import CanPort, Clock
 from robotctl.runtime.ipc.process_lock import claim_bus
@@ -28,7 +29,7 @@ LISTEN_NS: Final = 600_000_000
 
 COMMISSION_NS: Final = 3_000_000_000
 _POLL_NS = 5_000_000
-_OFF = WheelCommand(enable=False, brake=True)
+_OFF = ActuatorCommand(enable=False, brake=True)
 
 _LOAD: Final = "load the firmware that belongs to this robotctl's configs/robot.dbc"
 _FIXES: Final = {

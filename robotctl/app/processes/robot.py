@@ -9,6 +9,7 @@ from robotctl.core.checkpoint import fields_of
 from robotctl.core.control_core import ControlCore
 from robotctl.drivers.can.config import NodeParameters
 from robotctl.drivers.can.dbc import load_dbc
+from robotctl.drivers.can.drives.native.drive import actuators_on
 from robotctl.drivers.can.nodes.registry import age_limits
 from robotctl.drivers.can.nodes.robot_can import CanRobot
 from robotctl.drivers.can.nodes.robot_codec import RobotCodec
@@ -16,13 +17,14 @@ from robotctl.drivers.can.port import SocketPort
 from robotctl.messages.ports import Clock
 from robotctl.model.geometry.se2 import SE2
 from robotctl.runtime.flight.recorder import RecordHeader
-from robotctl.safety.health import AgeLimit
+from robotctl.safety.ages import AgeLimit
 
 
 def make_core(config: RobotConfig, options: StackOptions) -> ControlCore:
     """Return the control core of a robot."""
     return ControlCore(
         config.drive,
+        actuators_on(config.drive),
         config.control,
         config.limits,
         config.safety,

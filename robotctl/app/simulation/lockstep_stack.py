@@ -18,12 +18,12 @@ from robotctl.core.control_tick import ControlTick
 from robotctl.core.operator import Operator
 from robotctl.drivers.can.memory_port import MemoryPort
 from robotctl.drivers.can.nodes.robot_can import CanRobot
+from robotctl.messages.actuators import ActuatorCommand
 from robotctl.messages.control import (
     ControlRequest,
     ControlState,
     LoopStatistics,
     Notice,
-    WheelCommand,
 )
 from robotctl.runtime.clock import VirtualClock
 from robotctl.runtime.histogram import Histogram
@@ -89,7 +89,7 @@ class LockstepStack:
         tick.publish()
         return tick.outputs
 
-    def open_loop_tick(self, law: Callable[[Inputs], WheelCommand]) -> Inputs:
+    def open_loop_tick(self, law: Callable[[Inputs], ActuatorCommand]) -> Inputs:
         """Let one period pass and send the command of `law` past the core, for identification."""
         now_ns = self._advance()
         self._requests = ()

@@ -15,11 +15,11 @@ from robotctl.control.identification.tuning import Relay
 from robotctl.control.pwm import PwmConfig, PwmMap
 from robotctl.control.wheel_velocity import WheelVelocityEstimator
 from robotctl.core.control_core import Inputs
-from robotctl.messages.control import WheelCommand
+from robotctl.messages.actuators import ActuatorCommand
 from robotctl.safety.health import Health
 from robotctl.workbench.tuning.track import READY_S, Array, ExperimentError, check_room
 
-_OFF: Final = WheelCommand(enable=False, brake=True)
+_OFF: Final = ActuatorCommand(enable=False, brake=True)
 _RAMP_PER_S: Final = 0.2
 _STEPS_FORWARDS: Final = (1.0, 0.5, 1.0, 0.5, 1.0, 0.5, 0.75, 0.25)
 _STEPS_BACKWARDS: Final = (0.5, 1.0, 0.5, 1.0, 0.5, 0.25)
@@ -77,12 +77,16 @@ class OpenLoop:
 
     def __init__(self, stack: LockstepStack, config: RobotConfig) -> None:
         self._stack = stack
-        self._health = Health(feedback_ages(config), config.safety.heartbeat_timeout_ms * 1_000_000)
+        self._health = Health(
+            feedback_ages(config),
+            config.safety.heartbeat_timeout_ms * 1_000_000,
+            stack.core.actuators,
+        )
         drive = config.drive
         self._wheels = tuple(
             WheelVelocityEstimator(drive.counts_per_revolution) for _ in drive.wheel_names
         )
-        self._second = len(self._wheels) == 2
+        self._held_rad = (0.0,) * len(drive.joint_names)
         self._rows: list[tuple[float, ...]] = []
         self.dt_s = stack.period_ns * 1e-9
         for _ in range(round(READY_S / self.dt_s)):
@@ -107,8 +111,8 @@ class OpenLoop:
     @property
     def bus_voltage_v(self) -> float:
         """Supply as reported last [V]."""
-        drive = self._health.drive
-        return drive.bus_voltage_v if drive is not None else 0.0
+        reports = self._health.reports
+        return reports[0].voltage_v or 0.0 if reports else 0.0
 
     def hold(self, duty: float, duration_s: float) -> None:
         """Drive with a duty for a time [s]."""
@@ -136,18 +140,17 @@ class OpenLoop:
             raise ExperimentError(f"the experiment was stopped: {problem}")
         check_room(self._stack)
 
-    def _wait(self, inputs: Inputs) -> WheelCommand:
+    def _wait(self, inputs: Inputs) -> ActuatorCommand:
         self._take(inputs)
         return _OFF
 
     def _take(self, inputs: Inputs) -> None:
         self._health.update(inputs.feedback)
-        wheels = inputs.feedback.wheels
-        if wheels is not None:
-            for estimator, count in zip(self._wheels, (wheels.count1, wheels.count2), strict=False):
-                estimator.update(count, wheels.timestamp_us)
+        for estimator, report in zip(self._wheels, inputs.feedback.actuators, strict=False):
+            if report.latch_us >= 0:
+                estimator.update(report.position_ticks, report.latch_us)
 
-    def _command(self, inputs: Inputs, law: Law) -> WheelCommand:
+    def _command(self, inputs: Inputs, law: Law) -> ActuatorCommand:
         self._take(inputs)
         supply_v = self.bus_voltage_v
         duty = law(self.speed_rad_s, supply_v)
@@ -160,7 +163,7 @@ class OpenLoop:
                 *(wheel.position_rad for wheel in self._wheels),
             )
         )
-        return WheelCommand(True, False, duty, duty if self._second else 0.0, 0.0)
+        return ActuatorCommand(True, False, (duty,) * len(self._wheels) + self._held_rad)
 
     def record(self) -> OpenLoopRecord:
         """Return everything driven so far, without the last tick."""

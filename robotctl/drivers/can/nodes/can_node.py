@@ -10,7 +10,7 @@ from robotctl.drivers.can.codec import Decoder
 from robotctl.drivers.can.config import NodeParameters
 from robotctl.drivers.can.dbc import Dbc
 from robotctl.drivers.can.nodes.commissioning import Script
-from robotctl.safety.health import AgeLimit
+from robotctl.safety.ages import AgeLimit
 from robotctl.safety.state_machine import SafetyConfig
 
 Value: TypeAlias = object

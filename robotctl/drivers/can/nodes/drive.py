@@ -8,7 +8,8 @@ from typing import Final
 from robotctl.drivers.can.bus_load import STEERING_STATUS, SYNC, transmission_type
 from robotctl.drivers.can.config import NodeParameters
 from robotctl.drivers.can.dbc import Dbc
-from robotctl.drivers.can.nodes.can_node import CanNode, FrameReader, NodeFrame
+from robotctl.drivers.can.drives.native.wire import read_drive, read_motor, read_wheels
+from robotctl.drivers.can.nodes.can_node import CanNode, NodeFrame
 from robotctl.drivers.can.nodes.commissioning import (
     HEARTBEAT,
     Script,
@@ -19,29 +20,12 @@ from robotctl.drivers.can.nodes.commissioning import (
     same_wire,
 )
 from robotctl.drivers.can.nodes.sdo import Request
-from robotctl.messages.control import (
-    DriveFault,
-    DriveState,
-    DriveStatus,
-    MotorStatus,
-    WheelFeedback,
-)
 from robotctl.messages.faults import FaultCode
-from robotctl.safety.health import AgeLimit
+from robotctl.safety.ages import AgeLimit
 from robotctl.safety.state_machine import SafetyConfig
 
 PRODUCT: Final = 1
 CLEAR_FAULTS: Final = Request(0x2010, 0, "clear faults", value=1, size=1)
-
-_FAULT_SIGNALS: Final = {
-    DriveFault.OVER_CURRENT: "FaultOverCurrent",
-    DriveFault.OVER_TEMPERATURE: "FaultOverTemperature",
-    DriveFault.UNDER_VOLTAGE: "FaultUnderVoltage",
-    DriveFault.ENCODER: "FaultEncoder",
-    DriveFault.COMMAND_TIMEOUT: "FaultCommandTimeout",
-    DriveFault.PARAMETER: "FaultParameter",
-}
-_STATES: Final = tuple(DriveState)
 
 
 def drive_script(dbc: Dbc, parameters: NodeParameters) -> Callable[[], Script]:
@@ -83,68 +67,13 @@ def drive_script(dbc: Dbc, parameters: NodeParameters) -> Callable[[], Script]:
     return script
 
 
-def _read_wheels(reader: FrameReader) -> Callable[[bytes, int], WheelFeedback]:
-    decode = reader.decoder("WheelFeedback", "Timestamp", "Count1", "Count2")
-
-    def read(data: bytes, stamp_ns: int) -> WheelFeedback:
-        timestamp_us, count1, count2 = decode(data)
-        return WheelFeedback(stamp_ns, timestamp_us, count1, count2)
-
-    return read
-
-
-def _read_motor(reader: FrameReader) -> Callable[[bytes, int], MotorStatus]:
-    reader.dbc.expect_values("MotorStatus", "State", DriveState)
-    decode = reader.decoder(
-        "MotorStatus",
-        *("State", "Current1", "Current2", "Temperature1", "Temperature2"),
-        *_FAULT_SIGNALS.values(),
-    )
-
-    def read(data: bytes, stamp_ns: int) -> MotorStatus:
-        state, current1, current2, temperature1, temperature2, *flags = decode(data)
-        return MotorStatus(
-            stamp_ns,
-            # One that the DBC does not know is taken as a fault.
-            _STATES[state] if state < len(_STATES) else DriveState.FAULT,
-            current1,
-            current2,
-            temperature1,
-            temperature2,
-            _fault_bits(flags),
-        )
-
-    return read
-
-
-def _fault_bits(flags: list[int]) -> int:
-    """Return `DriveFault` bits of the six fault signals, in their order."""
-    bits = 0
-    for fault, flag in zip(_FAULT_SIGNALS, flags, strict=True):
-        if flag:
-            bits |= fault.value
-    return bits
-
-
-def _read_drive(reader: FrameReader) -> Callable[[bytes, int], DriveStatus]:
-    decode = reader.decoder(
-        STEERING_STATUS,
-        *("EchoCounter", "SteeringAngle", "BusVoltage", "CommandAge", "RejectedCommands"),
-    )
-
-    def read(data: bytes, stamp_ns: int) -> DriveStatus:
-        return DriveStatus(stamp_ns, *decode(data))
-
-    return read
-
-
 def _ages(safety: SafetyConfig, period_ns: int) -> tuple[AgeLimit, ...]:
     wheels_ns = safety.feedback_timeout_periods * period_ns
     status_ns = safety.status_timeout_ms * 1_000_000
     return (
-        AgeLimit("wheels", FaultCode.WHEELS_STALE, "wheel feedback is", "drive", wheels_ns),
-        AgeLimit("motor", FaultCode.MOTOR_STALE, "motor status is", "drive", status_ns),
-        AgeLimit("drive", FaultCode.DRIVE_STALE, "drive status is", "drive", status_ns),
+        AgeLimit("motion", FaultCode.WHEELS_STALE, "wheel feedback is", "drive", wheels_ns),
+        AgeLimit("report", FaultCode.MOTOR_STALE, "motor status is", "drive", status_ns),
+        AgeLimit("supply", FaultCode.DRIVE_STALE, "drive status is", "drive", status_ns),
     )
 
 
@@ -153,9 +82,9 @@ DRIVE: Final = CanNode(
     name="drive",
     script=drive_script,
     frames=(
-        NodeFrame("WheelFeedback", "wheels", _read_wheels),
-        NodeFrame("MotorStatus", "motor", _read_motor),
-        NodeFrame(STEERING_STATUS, "drive", _read_drive),
+        NodeFrame("WheelFeedback", "wheels", read_wheels),
+        NodeFrame("MotorStatus", "motor", read_motor),
+        NodeFrame(STEERING_STATUS, "drive", read_drive),
     ),
     ages=_ages,
 )

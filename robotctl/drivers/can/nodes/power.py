@@ -18,7 +18,7 @@ from robotctl.drivers.can.nodes.commissioning import (
 )
 from robotctl.messages.control import BatteryFeedback
 from robotctl.messages.faults import FaultCode
-from robotctl.safety.health import AgeLimit
+from robotctl.safety.ages import AgeLimit
 from robotctl.safety.state_machine import SafetyConfig
 
 PRODUCT: Final = 3

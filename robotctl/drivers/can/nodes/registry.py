@@ -13,7 +13,7 @@ from robotctl.drivers.can.nodes.drive import DRIVE
 from robotctl.drivers.can.nodes.imu import IMU
 from robotctl.drivers.can.nodes.power import POWER
 from robotctl.drivers.can.nodes.sonar import SONAR
-from robotctl.safety.health import AgeLimit
+from robotctl.safety.ages import AgeLimit
 from robotctl.safety.state_machine import SafetyConfig
 
 CAN_NODES: Final[tuple[CanNode, ...]] = (DRIVE, SONAR, POWER, IMU)

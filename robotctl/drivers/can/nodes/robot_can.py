@@ -12,6 +12,7 @@ from typing import Any, Final
 
 from robotctl.drivers.can.bus_load import transmission_type
 from robotctl.drivers.can.config import NodeParameters
+from robotctl.drivers.can.drives.native.feedback import NativeFeedback
 from robotctl.drivers.can.e2e import AliveCounter, E2eCounters, E2eReceiver
 from robotctl.drivers.can.nodes.can_node import NodeFrame, Value
 from robotctl.drivers.can.nodes.drive import CLEAR_FAULTS, DRIVE
@@ -19,13 +20,13 @@ from robotctl.drivers.can.nodes.node import Node
 from robotctl.drivers.can.nodes.registry import wanted_nodes
 from robotctl.drivers.can.nodes.robot_codec import SYNC, RobotCodec
 from robotctl.drivers.can.nodes.sdo import REQUEST_BASE, RESPONSE_BASE
+from robotctl.messages.actuators import ActuatorCommand
 from robotctl.messages.control import (
     BusStatus,
     EmergencyMessage,
     EmergencyStopSource,
     Feedback,
     NodeStatus,
-    WheelCommand,
 )
 from robotctl.messages.ports import CanPort
 
@@ -44,9 +45,13 @@ wrap, and later than the maximum age of feedback (ten periods in a simulator).""
 
 _FIELDS: Final = Feedback.__struct_fields__
 _NOTHING: Final[list[Any]] = [getattr(Feedback(), name) for name in _FIELDS]
-_DRIVE_STATUS, _EMERGENCIES, _EMERGENCY_STOP, _NODES, _BUS = map(
-    _FIELDS.index, ("drive", "emergencies", "emergency_stop", "nodes", "bus")
+_ACTUATORS, _EMERGENCIES, _EMERGENCY_STOP, _NODES, _BUS = map(
+    _FIELDS.index, ("actuators", "emergencies", "emergency_stop", "nodes", "bus")
 )
+_DRIVE_FRAMES: Final = ("wheels", "motor", "drive")
+"""Frames of the drive that `NativeFeedback` puts together."""
+
+_NO_DRIVE_VALUES: Final[list[Any]] = [None] * len(_DRIVE_FRAMES)
 
 _SOURCES = {source.value: source for source in EmergencyStopSource}
 
@@ -74,6 +79,11 @@ class CanRobot:
         self._receivers: dict[int, list[E2eReceiver]] = {}
         self._values = list(_NOTHING)
         """Feedback of the present tick, in the order of the fields of `Feedback`."""
+        self._drive_values = list(_NO_DRIVE_VALUES)
+        """Frames of the drive in the present tick, in the order of `_DRIVE_FRAMES`."""
+        wheels = 1 if parameters.steered else 2
+        self._steers = parameters.steered
+        self._feedback = NativeFeedback(DRIVE.name, wheels, steers=parameters.steered)
         self._refused_commands = 0
         self._stop_source: EmergencyStopSource | None = None
         self._clear_wanted = False
@@ -105,8 +115,9 @@ class CanRobot:
 
     def receive(self, now_ns: int) -> Feedback:
         """Return the data received since the last call, and the present state of nodes and bus."""
-        values = self._values
+        values, drive_values = self._values, self._drive_values
         values[:] = _NOTHING
+        drive_values[:] = _NO_DRIVE_VALUES
         handlers = self._handlers
         for arbitration_id, data, stamp_ns in self._port.receive():
             handler = handlers.get(arbitration_id)
@@ -115,10 +126,12 @@ class CanRobot:
         for node in self._nodes:
             if node.check(now_ns):
                 self._note_nodes()
-        drive = values[_DRIVE_STATUS]
+        self._feedback.update(*drive_values)
+        drive = drive_values[-1]
         if drive is not None:
             low_rad, high_rad = self._codec.steering_range_rad
             self._steering_rad = min(max(drive.steering_rad, low_rad), high_rad)
+        values[_ACTUATORS] = self._feedback.reports
         values[_NODES] = self._node_status
         values[_BUS] = self._bus_status()
         return Feedback(*values)
@@ -181,11 +194,14 @@ class CanRobot:
         """Wire a protected message to its receiver and decoder."""
         receiver = self._make_receiver(frame.message, parameters)
         self._receivers.setdefault(node_id, []).append(receiver)
-        index = _FIELDS.index(frame.field)
-        guarded = _guarded_all if isinstance(_NOTHING[index], tuple) else _guarded
+        if frame.field in _DRIVE_FRAMES:
+            values, index, guarded = self._drive_values, _DRIVE_FRAMES.index(frame.field), _guarded
+        else:
+            values, index = self._values, _FIELDS.index(frame.field)
+            guarded = _guarded_all if isinstance(_NOTHING[index], tuple) else _guarded
         arbitration_id = self._codec.dbc.message(frame.message).arbitration_id
         read = self._codec.readers[frame.message]
-        self._handlers[arbitration_id] = guarded(receiver, read, self._values, index)
+        self._handlers[arbitration_id] = guarded(receiver, read, values, index)
 
     def _make_receiver(self, name: str, parameters: NodeParameters) -> E2eReceiver:
         """Return the receiver of a message, with a time-out that suits its period."""
@@ -212,7 +228,7 @@ class CanRobot:
 
     # Sending ------------------------------------------------------------------------------------
 
-    def send(self, command: WheelCommand, now_ns: int) -> None:
+    def send(self, command: ActuatorCommand, now_ns: int) -> None:
         """Send one actuator command and SYNC, then at most one frame of node services.
 
         A command that the wire cannot carry (not finite, out of range) becomes "motors off" and
@@ -226,20 +242,19 @@ class CanRobot:
         self._port.send(self._codec.sync_id, b"")
         self._serve(now_ns)
 
-    def _send_command(self, command: WheelCommand) -> None:
+    def _send_command(self, command: ActuatorCommand) -> None:
         """Send MotorCommand; its counter moves on only when the bus took it."""
         alive = self._alive
         encode = self._codec.encode_command
-        steering_rad = command.steering_rad if command.enable else self._steering_rad
+        duty1 = duty2 = 0.0
+        steering_rad = self._steering_rad
+        if command.enable and self._steers:
+            duty1, steering_rad = command.values
+        elif command.enable:
+            duty1, duty2 = command.values
+            steering_rad = 0.0
         try:
-            data = encode(
-                alive.value,
-                command.enable,
-                command.brake,
-                command.duty1,
-                command.duty2,
-                steering_rad,
-            )
+            data = encode(alive.value, command.enable, command.brake, duty1, duty2, steering_rad)
         except (ValueError, OverflowError):
             self._refused_commands += 1
             data = encode(alive.value, 0, 1, 0.0, 0.0, self._steering_rad)
@@ -291,7 +306,7 @@ class CanRobot:
         if self._closed:
             return
         self._closed = True
-        stopped = WheelCommand(enable=False, brake=True, steering_rad=self._steering_rad)
+        stopped = ActuatorCommand(enable=False, brake=True)
         for _ in range(DISABLE_FRAMES):
             self._send_command(stopped)
         self._port.close()

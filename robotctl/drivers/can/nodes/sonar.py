@@ -22,7 +22,7 @@ from robotctl.drivers.can.nodes.commissioning import (
 from robotctl.drivers.can.nodes.sdo import Request
 from robotctl.messages.control import SonarFeedback
 from robotctl.messages.faults import FaultCode
-from robotctl.safety.health import AgeLimit
+from robotctl.safety.ages import AgeLimit
 from robotctl.safety.state_machine import SafetyConfig
 
 PRODUCT: Final = 2

@@ -1,0 +1,85 @@
+"""From the frames of our motor controller to the reports of the actuators on it."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from robotctl.drivers.can.drives.native.faults import reported_fault
+from robotctl.drivers.can.drives.native.wire import DriveStatus, MotorStatus, WheelFeedback
+from robotctl.messages.actuators import NEVER_NS, ActuatorFeedback, DriveState
+
+_NO_WHEELS: Final = WheelFeedback(NEVER_NS, -1, (0, 0))
+_NO_MOTOR: Final = MotorStatus(NEVER_NS, DriveState.BOOT, 0, (0.0, 0.0), (0.0, 0.0))
+_NO_DRIVE: Final = DriveStatus(NEVER_NS, 0.0, 0.0, 0)
+
+
+class NativeFeedback:
+    """Keeps the newest frame of each kind.
+
+    Parameters
+    ----------
+    name
+        Name of the drive, the `part` of its faults.
+    wheels
+        Number of motors, 1 or 2: channel 1 is the left wheel or the only one, channel 2 the right.
+    steers
+        Whether the steering servo is used.
+
+    Attributes
+    ----------
+    reports
+        The wheels, then the steering, as the newest frames tell of them.
+    """
+
+    def __init__(self, name: str, wheels: int, *, steers: bool) -> None:
+        self.reports: tuple[ActuatorFeedback, ...] = (ActuatorFeedback(),) * (wheels + steers)
+        self._name = name
+        self._channels = range(wheels)
+        self._steers = steers
+        self._newest = _NO_WHEELS, _NO_MOTOR, _NO_DRIVE
+        self._fault = reported_fault(DriveState.BOOT, 0, name)
+
+    def update(
+        self, wheels: WheelFeedback | None, motor: MotorStatus | None, drive: DriveStatus | None
+    ) -> None:
+        """Take the frames of a tick; None where none came."""
+        if wheels is None and motor is None and drive is None:
+            return
+        last_wheels, last_motor, last_drive = self._newest
+        if motor is not None:
+            self._fault = reported_fault(motor.state, motor.faults, self._name)
+        self._newest = newest = wheels or last_wheels, motor or last_motor, drive or last_drive
+        wheels, motor, drive = newest
+        told = drive.stamp_ns != NEVER_NS
+        reports = [
+            ActuatorFeedback(
+                wheels.stamp_ns,
+                wheels.timestamp_us,
+                wheels.counts[channel],
+                None,
+                None,
+                motor.stamp_ns,
+                motor.state,
+                self._fault,
+                motor.currents_a[channel],
+                motor.temperatures_c[channel],
+                drive.stamp_ns,
+                drive.bus_voltage_v if told else None,
+                drive.command_age_ms if told else None,
+            )
+            for channel in self._channels
+        ]
+        if self._steers:
+            reports.append(
+                ActuatorFeedback(
+                    motion_ns=drive.stamp_ns,
+                    angle_rad=drive.steering_rad,
+                    report_ns=motor.stamp_ns,
+                    state=motor.state,
+                    fault=self._fault,
+                    supply_ns=drive.stamp_ns,
+                    voltage_v=drive.bus_voltage_v if told else None,
+                    command_age_ms=drive.command_age_ms if told else None,
+                )
+            )
+        self.reports = tuple(reports)
