@@ -7,7 +7,7 @@ import pytest
 
 from hil_tests.rig import Rig
 from robotctl.app.processes.robot import make_robot
-from robotctl.messages.control import WheelCommand
+from robotctl.messages.actuators import ActuatorCommand
 from robotctl.runtime.clock import RealClock
 
 
@@ -21,7 +21,7 @@ class OpenLoop:
         self.wheels = None
         self.nodes = ()
 
-    def hold(self, command: WheelCommand, seconds: float) -> tuple[int, int]:
+    def hold(self, command: ActuatorCommand, seconds: float) -> tuple[int, int]:
         """Send `command` at 200 Hz for so long; return how far both counts moved."""
         first = None
         deadline_ns = self.clock.now_ns()
@@ -51,10 +51,10 @@ class OpenLoop:
 def open_loop(rig: Rig) -> Iterator[OpenLoop]:
     bench = OpenLoop(rig)
     deadline = time.monotonic() + 10
-    bench.hold(WheelCommand(), 0.3) if not bench.nodes else None
+    bench.hold(ActuatorCommand(), 0.3) if not bench.nodes else None
     while not bench.nodes or any(node.problem for node in bench.nodes):
         assert time.monotonic() < deadline, bench.nodes
-        bench.hold(WheelCommand(), 0.2)
+        bench.hold(ActuatorCommand(), 0.2)
     yield bench
     bench.robot.close()
 
@@ -65,7 +65,7 @@ def open_loop(rig: Rig) -> Iterator[OpenLoop]:
 def test_each_duty_moves_its_own_wheel_in_its_own_direction(
     open_loop: OpenLoop, duty1: float, duty2: float
 ) -> None:
-    counts = open_loop.hold(WheelCommand(True, False, duty1, duty2), 1.0)
+    counts = open_loop.hold(ActuatorCommand(True, False, (duty1, duty2)), 1.0)
     for duty, count in zip((duty1, duty2), counts, strict=True):
         if duty:
             assert count * duty > 0
@@ -76,10 +76,10 @@ def test_each_duty_moves_its_own_wheel_in_its_own_direction(
 
 def test_the_left_wheel_alone_turns_the_robot_right(open_loop: OpenLoop) -> None:
     before = open_loop.rig.truth
-    open_loop.hold(WheelCommand(True, False, 0.25, 0.0), 0.8)
+    open_loop.hold(ActuatorCommand(True, False, (0.25, 0.0)), 0.8)
     open_loop.rig.wait(lambda: open_loop.rig.truth is not before, 1, "truth")
     assert open_loop.rig.truth.theta_rad < -0.2
 
 
 def test_a_disabled_bridge_leaves_the_wheels_still(open_loop: OpenLoop) -> None:
-    assert open_loop.hold(WheelCommand(), 0.5) == (0, 0)
+    assert open_loop.hold(ActuatorCommand(), 0.5) == (0, 0)

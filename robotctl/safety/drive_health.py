@@ -76,8 +76,7 @@ class DriveHealth:
         for report in reports:
             if report.state is DriveState.ENABLED:
                 self._idle_ns = report.report_ns
-            age_ms = report.command_age_ms
-            if age_ms is not None and age_ms * 1_000_000 > self._lost_ns:
+            if self._tells_loss(report):
                 self._loss = report
 
     def _note_ages(self) -> None:
@@ -135,11 +134,14 @@ class DriveHealth:
 
     def loses_commands(self, now_ns: int) -> Fault | None:
         """Return a fault if its present report tells so."""
-        loss_ns = self._loss.supply_ns
-        is_newest = any(report.supply_ns == loss_ns for report in self.reports)
-        if not is_newest or not _are_fresh((loss_ns, loss_ns), now_ns, self._supply):
+        if not any(map(self._tells_loss, self.reports)):
             return None
-        return self._lost()
+        return self._lost() if _are_fresh(self._supply_span, now_ns, self._supply) else None
+
+    def _tells_loss(self, report: ActuatorFeedback) -> bool:
+        """Return whether a report tells of an old newest command."""
+        age_ms = report.command_age_ms
+        return age_ms is not None and age_ms * 1_000_000 > self._lost_ns
 
     def _lost(self) -> Fault:
         """Say how long the drive received nothing."""

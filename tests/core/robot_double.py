@@ -10,24 +10,22 @@ from robotctl.control.pid import PidConfig
 from robotctl.core.config import ControlConfig
 from robotctl.core.control_core import ControlCore, Inputs, Outputs
 from robotctl.drivers.can.config import NodeParameters
+from robotctl.drivers.can.drives.native.feedback import NativeFeedback
+from robotctl.drivers.can.drives.native.wire import DriveStatus, MotorStatus, WheelFeedback
 from robotctl.drivers.can.nodes.registry import age_limits
+from robotctl.messages.actuators import ActuatorCommand, DriveState
 from robotctl.messages.control import (
     Arm,
     BatteryFeedback,
     BusStatus,
     ControlRequest,
-    DriveState,
-    DriveStatus,
     EmergencyMessage,
     Feedback,
     LoopStatistics,
-    MotorStatus,
     NodeStatus,
     SafetyState,
     SonarFeedback,
     VelocityCommand,
-    WheelCommand,
-    WheelFeedback,
 )
 from robotctl.messages.faults import Fault, FaultCode
 from robotctl.model.drives.drives import DifferentialDrive
@@ -36,6 +34,7 @@ from robotctl.model.sensors.imu import ImuConfig
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.safety.plausibility_config import PlausibilityConfig
 from robotctl.safety.state_machine import SafetyConfig
+from tests.native_frames import WHEELS
 
 PERIOD_NS = 5_000_000
 SAFETY = SafetyConfig()
@@ -55,6 +54,7 @@ def make_core(
 ) -> ControlCore:
     return ControlCore(
         DRIVE,
+        WHEELS,
         ControlConfig(left=left, right=PID),
         LimitsConfig(),
         safety,
@@ -72,6 +72,7 @@ class RobotDouble:
 
     def __init__(self, safety: SafetyConfig = SAFETY) -> None:
         self.core = make_core(safety)
+        self.frames = NativeFeedback("drive", 2, steers=False)
         self.now_ns = 1_000_000_000
         self.speeds = [0.0, 0.0]
         self.angles = [0.0, 0.0]
@@ -100,7 +101,7 @@ class RobotDouble:
         self.bus_stop = None
         self.emergencies: tuple[EmergencyMessage, ...] = ()
         self.record: list[tuple[int, Inputs, Outputs]] = []
-        self.outputs = Outputs(WheelCommand())
+        self.outputs = Outputs(ActuatorCommand())
 
     @property
     def state(self) -> SafetyState:
@@ -145,7 +146,7 @@ class RobotDouble:
     def _move(self) -> None:
         command = self.outputs.command
         dt_s = PERIOD_NS * 1e-9
-        for i, duty in enumerate((command.duty1, command.duty2)):
+        for i, duty in enumerate(command.values or (0.0, 0.0)):
             on = command.enable and self.motor_state == DriveState.ENABLED
             final = duty * BUS_V / K_V_S_RAD if on else 0.0
             self.speeds[i] = final + (self.speeds[i] - final) * math.exp(-dt_s / TAU_S)
@@ -158,17 +159,17 @@ class RobotDouble:
         stop, self.bus_stop = self.bus_stop, None
         self.latch_ns = latch_ns = self.latch_ns if self.frozen_latch else now
         heartbeat_ns = now if self.heartbeat_ns is None else self.heartbeat_ns
-        wheels = WheelFeedback(now, (latch_ns // 1000) & 0xFFFFF, counts[0], counts[1])
+        wheels = WheelFeedback(now, (latch_ns // 1000) & 0xFFFFF, (counts[0], counts[1]))
         if self.held_back is not None:
-            wheels, self.held_back = msgspec.structs.replace(self.held_back, stamp_ns=now), None
+            wheels, self.held_back = self.held_back._replace(stamp_ns=now), None
+        state = self.drive_says or self.motor_state
+        self.frames.update(
+            None if self.mute_wheels else wheels,
+            MotorStatus(now, state, self.faults, self.currents_a(), (30, 30)) if status else None,
+            DriveStatus(now, 0.0, BUS_V, self.command_age_ms) if status else None,
+        )
         return Feedback(
-            wheels=None if self.mute_wheels else wheels,
-            motor=MotorStatus(
-                now, self.drive_says or self.motor_state, *self.currents_a(), 30, 30, self.faults
-            )
-            if status
-            else None,
-            drive=DriveStatus(now, 0, 0.0, BUS_V, self.command_age_ms, 0) if status else None,
+            actuators=self.frames.reports,
             sonars=self._sonars(),
             battery=self._battery(),
             emergencies=self.emergencies,
@@ -203,11 +204,11 @@ class RobotDouble:
         self.battery_sent, self.battery_ns = battery, self.now_ns
         return msgspec.structs.replace(battery, stamp_ns=self.now_ns)
 
-    def currents_a(self) -> list[float]:
+    def currents_a(self) -> tuple[float, ...]:
         """What the windings take: the voltage left after back-EMF, over the resistance."""
         command = self.outputs.command
         on = command.enable and self.motor_state == DriveState.ENABLED
-        return [
+        return tuple(
             (duty * BUS_V - K_V_S_RAD * speed) / RESISTANCE_OHM if on else 0.0
-            for duty, speed in zip((command.duty1, command.duty2), self.speeds, strict=True)
-        ]
+            for duty, speed in zip(command.values or (0.0, 0.0), self.speeds, strict=True)
+        )

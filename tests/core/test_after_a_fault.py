@@ -8,13 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robotctl.control.limiter import LimitsConfig
+from robotctl.messages.actuators import ActuatorCommand, DriveState
 from robotctl.messages.control import (
     Arm,
     BatteryFeedback,
     BusState,
     BusStatus,
     ControlRequest,
-    DriveState,
     EmergencyStop,
     EmergencyStopSource,
     SafetyState,
@@ -102,7 +102,7 @@ def wish(robot: RobotDouble, kind: str, before_ns: int) -> list[ControlRequest]:
 def assert_stopped(robot: RobotDouble) -> None:
     command = robot.outputs.command
     assert robot.state not in POWERED
-    assert (command.enable, command.brake, command.duty1, command.duty2) == (False, True, 0.0, 0.0)
+    assert command == ActuatorCommand(enable=False, brake=True)
 
 
 @pytest.mark.parametrize("name", FAULTS)
@@ -156,7 +156,7 @@ def assert_no_jump(robot: RobotDouble) -> None:
     assert first.state in POWERED, first.acks
     assert abs(first.v_ref_m_s - first.v_m_s) <= FIRST_V * 1.001
     assert abs(first.omega_ref_rad_s - first.omega_rad_s) <= FIRST_OMEGA * 1.001
-    assert max(abs(command.duty1), abs(command.duty2)) <= FIRST_DUTY * 1.001
+    assert max(map(abs, command.values)) <= FIRST_DUTY * 1.001
 
 
 @settings(max_examples=40, deadline=None)

@@ -5,13 +5,16 @@ from collections.abc import Callable
 
 import pytest
 
+from robotctl.drivers.can.drives.native.wire import DriveStatus
 from robotctl.drivers.can.nodes.registry import age_limits
-from robotctl.messages.control import DriveStatus, Feedback, SafetyState, VelocityCommand
+from robotctl.messages.control import Feedback, SafetyState, VelocityCommand
 from robotctl.messages.faults import FaultCode as C
-from robotctl.safety.health import Health, is_fresh
+from robotctl.safety.ages import is_fresh
+from robotctl.safety.health import Health
 from robotctl.safety.state_machine import SafetyConfig
 from tests.core.robot_double import NODES as NODES_WANTED
 from tests.core.robot_double import PERIOD_NS, RobotDouble
+from tests.native_frames import WHEELS, reports
 
 SAFETY = SafetyConfig()
 MS = 1_000_000
@@ -75,10 +78,12 @@ def test_an_input_that_is_too_old_keeps_the_robot_from_arming(name: str) -> None
 
 def test_the_drive_says_for_how_long_no_command_has_reached_it() -> None:
     limit_ms = SAFETY.feedback_timeout_periods * PERIOD_NS // MS
-    health = Health(age_limits(NODES_WANTED, SAFETY, PERIOD_NS), SAFETY.heartbeat_timeout_ms * MS)
+    limits = age_limits(NODES_WANTED, SAFETY, PERIOD_NS)
+    health = Health(limits, SAFETY.heartbeat_timeout_ms * MS, WHEELS)
 
     def status(at_ms: int, age_ms: int) -> None:
-        health.update(Feedback(drive=DriveStatus(at_ms * MS, 0, 0.0, 12.0, age_ms, 0)))
+        frames = reports(None, None, DriveStatus(at_ms * MS, 0.0, 12.0, age_ms))
+        health.update(Feedback(actuators=frames))
 
     assert health.command_loss(10**12) is None
     status(1000, limit_ms)

@@ -8,13 +8,13 @@ import pytest
 from robotctl.app.processes.control import missing_rights
 from robotctl.control.pid import PidConfig
 from robotctl.core.warmup import rehearse
+from robotctl.messages.actuators import DriveState
 from robotctl.messages.control import (
     Ack,
     Arm,
     BatteryFeedback,
     BusState,
     BusStatus,
-    DriveState,
     EmergencyStop,
     EmergencyStopSource,
     SafetyState,

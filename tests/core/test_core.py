@@ -9,12 +9,13 @@ from hypothesis import strategies as st
 
 from robotctl.control.pid import PidConfig
 from robotctl.core.config import ControlConfig
+from robotctl.drivers.can.drives.native.wire import WheelFeedback
+from robotctl.messages.actuators import DriveState
 from robotctl.messages.control import (
     Arm,
     BatteryFeedback,
     BusState,
     BusStatus,
-    DriveState,
     EmergencyMessage,
     EmergencyStop,
     EmergencyStopSource,
@@ -124,7 +125,7 @@ def test_each_fault_stops_within_its_time_and_latches(
     assert robot.state == SafetyState.FAULT
     assert robot.snapshot().fault == code, robot.snapshot().reason
     assert robot.outputs.command.enable is False
-    assert (robot.outputs.command.duty1, robot.outputs.command.duty2) == (0.0, 0.0)
+    assert robot.outputs.command.values == ()
     robot.mute_wheels = robot.mute_status = False
     robot.bus, robot.problem, robot.faults = BusStatus(), "", 0
     robot.motor_state = DriveState.READY
@@ -302,7 +303,8 @@ def test_a_drive_that_goes_on_without_being_told_to_is_stopped_by_the_emergency_
 def test_a_frame_that_was_held_back_is_no_way_and_no_feedback() -> None:
     robot = RobotDouble().armed()
     robot.ticks(100, (0.4, 0.0))
-    old = next(i.feedback.wheels for _, i, _ in reversed(robot.record[:-80]))
+    left, right = next(i.feedback.actuators for _, i, _ in reversed(robot.record[:-80]))
+    old = WheelFeedback(0, left.latch_us, (left.position_ticks, right.position_ticks))
     before, angles = robot.snapshot(), list(robot.angles)
     robot.held_back = old
     robot.tick(robot.velocity(0.4, 0.0))
@@ -433,4 +435,4 @@ def test_monitors_compare_what_came_with_the_command_that_the_bridges_had_then()
     robot.ticks(50, (0.4, 0.3))
     commands = [outputs.command for _, _, outputs in robot.record]
     assert seen == commands[begin - 2 : -2]
-    assert len({command.duty1 for command in seen}) > 10
+    assert len({command.values for command in seen}) > 10

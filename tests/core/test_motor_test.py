@@ -8,13 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robotctl.core.motor_test import CLEAR_M, FASTEST_M_S, LONGEST_NS
-from robotctl.messages.control import (
-    Arm,
-    DriveState,
-    EmergencyStop,
-    EmergencyStopSource,
-    SafetyState,
-)
+from robotctl.messages.actuators import DriveState
+from robotctl.messages.control import Arm, EmergencyStop, EmergencyStopSource, SafetyState
 from robotctl.messages.faults import Fault, FaultCode
 from robotctl.messages.procedures import CancelProcedure, MotorTest, Outcome
 from tests.core.robot_double import BUS_V, K_V_S_RAD, PERIOD_NS, WARM_TICKS, RobotDouble
@@ -49,7 +44,7 @@ class OnTest(RobotDouble):
     def stands(self):
         """Assert that the motors are off from this tick on."""
         assert self.outputs.command.enable is False
-        assert (self.outputs.command.duty1, self.outputs.command.duty2) == (0.0, 0.0)
+        assert self.outputs.command.values == ()
         assert self.state is not SafetyState.MOTOR_TEST
 
 

@@ -13,12 +13,13 @@ from robotctl.deploy.doctor_imu import check_imu, watch_imu
 from robotctl.deploy.doctor_nodes import commission
 from robotctl.drivers.can.memory_port import MemoryPort
 from robotctl.drivers.can.nodes.robot_can import CanRobot
-from robotctl.messages.control import ImuFeedback, WheelCommand
+from robotctl.messages.actuators import ActuatorCommand
+from robotctl.messages.control import ImuFeedback
 from robotctl.model.sensors.imu import ImuConfig
 
 CONFIG = ImuConfig(enabled=True)
 GOOD = ImuFeedback(5, 5, (0.01, -0.02, 0.01), (0.1, 0.0, 9.8), (0.01, 0.0, 0.999))
-OFF = WheelCommand(enable=False, brake=True)
+OFF = ActuatorCommand(enable=False, brake=True)
 
 
 @pytest.mark.parametrize(

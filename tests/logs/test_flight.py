@@ -17,15 +17,10 @@ from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file, load_robot
 from robotctl.core.checkpoint import checkpoint
 from robotctl.core.control_core import ControlCore, Inputs
+from robotctl.drivers.can.drives.native.wire import WheelFeedback
 from robotctl.logs import flight
 from robotctl.logs.flight import AFTERMATH_NS, MOST_DUMPS, FlightDumps, RecordCopy
-from robotctl.messages.control import (
-    ControlState,
-    Feedback,
-    LoopStatistics,
-    SafetyState,
-    WheelFeedback,
-)
+from robotctl.messages.control import ControlState, Feedback, LoopStatistics, SafetyState
 from robotctl.runtime.clock import RealClock
 from robotctl.runtime.flight.recorder import Recorder, RecordError
 from robotctl.runtime.flight.ring import FlightRing
@@ -33,6 +28,7 @@ from robotctl.runtime.ipc.topics import ring_path
 from robotctl.runtime.storage.log_folder import LogConfig, LogFolder
 from robotctl.runtime.storage.ring_file import crashed
 from robotctl.workbench.replay.replay import differences, replay_file
+from tests.native_frames import reports
 
 OPTIONS = StackOptions("robot", str(find_file("diff_drive").resolve()))
 CONFIG = load_robot(find_file("diff_drive"))
@@ -57,8 +53,8 @@ class Loop:
         for _ in range(count):
             self.now_ns += CONFIG.runtime.period_ns
             turns = self.now_ns // 1000
-            wheels = WheelFeedback(self.now_ns, turns & 0xFFFFF, turns // 50 & 0xFFFF, 7)
-            inputs = Inputs(Feedback(wheels=wheels))
+            wheels = WheelFeedback(self.now_ns, turns & 0xFFFFF, (turns // 50 & 0xFFFF, 7))
+            inputs = Inputs(Feedback(actuators=reports(wheels, None, None)))
             self.ring.record(self.now_ns, inputs, self.core.step(inputs, self.now_ns), 0, 0)
 
 
@@ -340,7 +336,7 @@ def test_a_replay_that_differs_shows_tick_and_both_values(tmp_path: Path, loop: 
     core = loop.core
     inputs = Inputs(Feedback())
     outputs = core.step(inputs, loop.now_ns + 5_000_000)
-    command = msgspec.structs.replace(outputs.command, steering_rad=0.25)
+    command = msgspec.structs.replace(outputs.command, values=(0.25,))
     bent = msgspec.structs.replace(outputs, command=command)
     loop.ring.record(loop.now_ns + 5_000_000, inputs, bent, 0, 0)
     copy = RecordCopy(tmp_path / "a.ring", LogFolder(tmp_path, LogConfig()))
@@ -349,12 +345,12 @@ def test_a_replay_that_differs_shows_tick_and_both_values(tmp_path: Path, loop: 
     file = tmp_path / "control-0001.rec"
     difference = replay_file(file).result.difference
     assert difference is not None
-    assert differences(difference) == [("command.steering_rad", "0.25", "0.0")]
+    assert differences(difference) == [("command.values", "(0.25,)", "()")]
     shown = CliRunner().invoke(app, ["replay", str(file)])
     assert shown.exit_code == 1
     assert "40 ticks agree" in shown.output
     assert "tick 41 of the run, at 205000000 ns, differs" in shown.output
-    assert "command.steering_rad: recorded 0.25, computed 0.0" in shown.output
+    assert "command.values: recorded (0.25,), computed ()" in shown.output
 
 
 def test_dumps_are_named_by_wall_time_in_utc(tmp_path: Path, loop: Loop) -> None:

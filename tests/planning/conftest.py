@@ -146,7 +146,7 @@ class World:
         v = self._slew(self.twist.v_m_s, v_ref, 2.0 * dt)
         drive = self.robot.drive
         if drive.steered:
-            wanted = drive.inverse(v_ref, omega_ref, self.steering).steering_rad
+            wanted = drive.inverse(Twist(v_ref, omega_ref), (self.steering,)).joints_rad[0]
             self.steering = self._slew(self.steering, wanted, 2.0 * dt)
             curvature = math.tan(self.steering) / drive.wheelbase_m
             self.twist = Twist(v, v * curvature)

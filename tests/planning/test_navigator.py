@@ -71,8 +71,8 @@ def test_the_turn_stick_of_a_drive_and_steer_robot_is_its_steering(steered, make
     run = make_run(steered)
     for forward in (1.0, -0.5):
         out = run.step(MANUAL, StickRequest(LATER, forward, 1.0))
-        wheels = steered.drive.inverse(out.v_m_s, out.omega_rad_s)
-        assert wheels.steering_rad == pytest.approx(steered.drive.steering_max_rad)
+        wanted = steered.drive.inverse(Twist(out.v_m_s, out.omega_rad_s))
+        assert wanted.joints_rad == pytest.approx((steered.drive.steering_max_rad,))
         assert out.v_m_s == pytest.approx(forward * 0.8)
 
 

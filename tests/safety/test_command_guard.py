@@ -6,113 +6,87 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robotctl.safety.command_guard import clamp, guard_command
+from robotctl.messages.faults import Fault, FaultCode
+from robotctl.model.actuators import Abilities, Actuator, Takes
+from robotctl.safety.command_guard import Bound, bounds, clamp, guarded
 
+TOLERANCE = 1e-6
+ABILITIES = Abilities(Takes.DUTY, stops_alone=True, brakes=True)
+ROBOT = tuple(
+    Actuator(name, "drive", takes, 2400, ABILITIES)
+    for name, takes in (("left", Takes.DUTY), ("right", Takes.SPEED), ("steering", Takes.ANGLE))
+)
+BOUNDS = bounds(ROBOT, 20.0, (0.6,))
 anything = st.floats()
 
 
-@settings(deadline=None)
-@given(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.floats(-0.6, 0.6))
-def test_a_good_command_passes_unchanged(duty1, duty2, steering):
-    assert guard_command(True, duty1, duty2, steering, 0.6) == (True, duty1, duty2, steering, "")
+def test_each_actuator_has_the_bound_of_what_it_takes():
+    assert (
+        Bound("left", 1.0, "duty"),
+        Bound("right", 20.0, "rad/s"),
+        Bound("steering", 0.6, "rad"),
+    ) == BOUNDS
 
 
 @settings(deadline=None)
-@given(st.booleans(), anything, anything, anything, st.floats(0.0, 1.5), anything)
-def test_whatever_comes_in_a_safe_command_goes_out(enable, duty1, duty2, steering, bound, held):
-    out = guard_command(enable, duty1, duty2, steering, bound, held)
-    assert abs(out.duty1) <= 1.0
-    assert abs(out.duty2) <= 1.0
-    assert abs(out.steering_rad) <= bound
-    if not out.enable:
-        assert out.duty1 == out.duty2 == 0.0
-    assert not (out.enable and not enable)
-    assert not (out.enable and out.fault)
+@given(st.floats(-1.0, 1.0), st.floats(-20.0, 20.0), st.floats(-0.6, 0.6))
+def test_a_good_command_passes_unchanged(duty, speed, angle):
+    assert guarded((duty, speed, angle), BOUNDS) == (duty, speed, angle)
 
 
-def test_not_enabled_means_zero_duty():
-    assert guard_command(False, 0.7, -0.7, 0.1) == (False, 0.0, 0.0, 0.1, "")
+@settings(deadline=None)
+@given(anything, anything, anything)
+def test_whatever_comes_in_what_goes_out_is_within_all_bounds(duty, speed, angle):
+    out = guarded((duty, speed, angle), BOUNDS)
+    if isinstance(out, Fault):
+        assert out.code is FaultCode.COMMAND_GUARD
+    else:
+        assert all(abs(value) <= bound.most for value, bound in zip(out, BOUNDS, strict=True))
 
 
-@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1.001, -1.001])
-@pytest.mark.parametrize("first", [True, False])
-def test_one_bad_duty_stops_both_wheels_and_holds_the_steering(bad, first):
-    duties = (bad, 0.5) if first else (0.5, bad)
-    out = guard_command(True, *duties, 0.3, 0.6, 0.2)
-    assert (out.enable, out.duty1, out.duty2, out.steering_rad) == (False, 0.0, 0.0, 0.2)
-    assert str(bad) in out.fault
-
-
-@pytest.mark.parametrize("bad", [math.nan, math.inf, 0.61, -0.61])
-def test_a_bad_steering_angle_stops_the_robot(bad):
-    out = guard_command(True, 0.5, 0.5, bad, 0.6, -0.4)
-    assert (out.enable, out.duty1, out.steering_rad) == (False, 0.0, -0.4)
-    assert str(bad) in out.fault
-
-
-def test_rounding_at_the_bound_is_clamped_and_no_fault():
-    out = guard_command(True, 1.0 + 1e-9, -1.0 - 1e-9, 0.6 + 1e-9, 0.6)
-    assert out == (True, 1.0, -1.0, 0.6, "")
-
-
-TOLERANCE = 1e-6
-BOUND = 1.0 + TOLERANCE
-BEYOND = math.nextafter(BOUND, 2.0)
+@pytest.mark.parametrize("place", [0, 1, 2])
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 20.1, -20.1])
+def test_one_bad_value_refuses_the_command_for_all(place, bad):
+    values = [0.5, 0.5, 0.3]
+    values[place] = bad
+    fault = guarded(tuple(values), BOUNDS)
+    assert isinstance(fault, Fault)
+    assert fault.part == BOUNDS[place].name
+    assert str(bad) in fault.text
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize("first", [True, False])
-def test_the_last_tolerated_duty_is_clamped_and_the_next_number_stops(sign, first):
-    def guarded(duty):
-        return guard_command(True, *((duty, 0.5) if first else (0.5, duty)), 0.1, 0.6, 0.2)
-
-    clamped = (sign, 0.5) if first else (0.5, sign)
-    assert guarded(sign * BOUND) == (True, *clamped, 0.1, "")
-    assert guarded(sign * math.nextafter(BOUND, 0.0)) == (True, *clamped, 0.1, "")
-    assert guarded(sign * BEYOND)[:4] == (False, 0.0, 0.0, 0.2)
-
-
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize("enable", [True, False])
-def test_the_last_tolerated_steering_is_clamped_and_the_next_number_stops(sign, enable):
-    bound = 0.6 + TOLERANCE
-    duty = 0.5 if enable else 0.0
-    clamped = (enable, duty, duty, sign * 0.6, "")
-    assert guard_command(enable, 0.5, 0.5, sign * bound, 0.6, 0.2) == clamped
-    out = guard_command(enable, 0.5, 0.5, sign * math.nextafter(bound, 2.0), 0.6, 0.2)
-    assert out[:4] == (False, 0.0, 0.0, 0.2)
-    assert out.fault.endswith("rad: 0.6 rad to either side allowed")
-
-
-@pytest.mark.parametrize(
-    ("held", "kept"),
-    [(0.2, 0.2), (0.6, 0.6), (0.7, 0.6), (-0.7, -0.6)]
-    + [(bad, 0.0) for bad in (math.nan, math.inf, -math.inf)],
-)
-def test_the_held_angle_is_bounded_as_well_and_straight_where_it_is_no_number(held, kept):
-    assert guard_command(True, math.nan, 0.0, 0.0, 0.6, held).steering_rad == kept
-
-
-def test_without_a_held_angle_the_wheels_go_straight_and_the_linkage_bound_is_a_right_angle():
-    assert guard_command(True, 2.0, 0.0, 0.3).steering_rad == 0.0
-    quarter = math.pi / 2
-    assert guard_command(True, 0.0, 0.0, quarter).steering_rad == quarter
-    assert guard_command(True, 0.0, 0.0, quarter + 2 * TOLERANCE).fault
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_the_last_tolerated_value_is_clamped_and_the_next_number_refused(sign, place):
+    most = BOUNDS[place].most
+    last = most + TOLERANCE
+    values = [0.5, 0.5, 0.3]
+    values[place] = sign * last
+    clamped = list(values)
+    clamped[place] = sign * most
+    assert guarded(tuple(values), BOUNDS) == tuple(clamped)
+    values[place] = sign * math.nextafter(last, math.inf)
+    assert isinstance(guarded(tuple(values), BOUNDS), Fault)
 
 
 def test_the_refusal_names_what_was_found_and_what_is_allowed():
-    assert guard_command(True, 1.5, -0.5, 0.0).fault == "duties 1.5, -0.5: [-1, 1] allowed"
-    out = guard_command(True, 0.0, 0.0, 0.7, 0.6)
-    assert out.fault == "steering 0.7 rad: 0.6 rad to either side allowed"
+    said = "command guard: left 1.5 duty: 1 to either side allowed"
+    assert guarded((1.5, -0.5, 0.0), BOUNDS).text == said
+    said = "command guard: steering 0.7 rad: 0.6 to either side allowed"
+    assert guarded((0.0, 0.0, 0.7), BOUNDS).text == said
+
+
+def test_values_for_other_actuators_than_there_are_are_refused():
+    assert guarded((0.0, 0.0), BOUNDS).text == "command guard: 2 values for 3 actuators"
 
 
 @pytest.mark.parametrize(
     ("value", "clamped"), [(0.5, 0.5), (-0.5, -0.5), (0.6, 0.5), (-0.6, -0.5), (0.0, 0.0)]
 )
-def test_clamp_limits_both_sides(value, clamped):
+def test_clamp_limits_to_both_sides(value, clamped):
     assert clamp(value, 0.5) == clamped
     assert clamp(value, 0.0) == 0.0
 
 
-def test_clamp_keeps_what_is_no_number():
+def test_clamp_leaves_what_is_no_number():
     assert math.isnan(clamp(math.nan, 0.5))

@@ -9,25 +9,26 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robotctl.drivers.can.config import NodeParameters
+from robotctl.drivers.can.drives.native.faults import DriveFault, fault_words
+from robotctl.drivers.can.drives.native.wire import DriveStatus, MotorStatus, WheelFeedback
 from robotctl.drivers.can.nodes.registry import age_limits
+from robotctl.messages.actuators import DriveState
 from robotctl.messages.control import (
     AccelerometerFeedback,
     BatteryFeedback,
     BusState,
     BusStatus,
-    DriveFault,
-    DriveState,
-    DriveStatus,
     Feedback,
     GyroFeedback,
-    MotorStatus,
     NodeStatus,
     SonarFeedback,
-    WheelFeedback,
 )
 from robotctl.messages.faults import Fault, FaultCode
-from robotctl.safety.health import Health, are_fresh, fault_words, is_fresh, span_ns
+from robotctl.safety.ages import are_fresh, is_fresh, span_ns
+from robotctl.safety.health import Health
 from robotctl.safety.state_machine import SafetyConfig
+from tests.native_frames import WHEELS as ACTUATORS
+from tests.native_frames import reports
 
 replace = msgspec.structs.replace
 MS = 1_000_000
@@ -45,10 +46,12 @@ NODES = (
     NodeStatus(1, "drive", 5, NOW, 1, ""),
     NodeStatus(2, "sonar ring", 5, NOW, 1, ""),
 )
+WHEELS = WheelFeedback(NOW, 77, (0, 0))
+MOTOR = MotorStatus(NOW, DriveState.READY, 0, (0.0, 0.0), (25.0, 25.0))
+DRIVE = DriveStatus(NOW, 0.0, 12.0, 1)
+FRAMES = {"wheels": WHEELS, "motor": MOTOR, "drive": DRIVE}
 GOOD = Feedback(
-    wheels=WheelFeedback(NOW, 77, 0, 0),
-    motor=MotorStatus(NOW, DriveState.READY, 0.0, 0.0, 25.0, 25.0, 0),
-    drive=DriveStatus(NOW, 0, 0.0, 12.0, 1, 0),
+    actuators=reports(**FRAMES),
     sonars=(SonarFeedback(NOW, 0, (1.0, math.inf, 3.0, 4.0)),),
     battery=BatteryFeedback(NOW, 12.0, 1.0, 0.8, 25.0, False, False),
     nodes=NODES,
@@ -61,7 +64,7 @@ WANTED = NodeParameters(200, 90, 350, 2400, steered=False, sonars=4)
 
 def make(safety: SafetyConfig, period_ns: int, sonars: tuple[str, ...] = NAMES) -> Health:
     ages = age_limits(WANTED, safety, period_ns)
-    return Health(ages, safety.heartbeat_timeout_ms * MS, sonars)
+    return Health(ages, safety.heartbeat_timeout_ms * MS, ACTUATORS, sonars)
 
 
 def health(*feedback: Feedback, sonars: tuple[str, ...] = NAMES) -> Health:
@@ -71,16 +74,21 @@ def health(*feedback: Feedback, sonars: tuple[str, ...] = NAMES) -> Health:
     return kept
 
 
+def frames(**values: object) -> Feedback:
+    """Healthy feedback but for some frames of the drive."""
+    return replace(GOOD, actuators=reports(**(FRAMES | values)))
+
+
 def battery(**values: object) -> Feedback:
     return replace(GOOD, battery=replace(GOOD.battery, **values))
 
 
 def motor(**values: object) -> Feedback:
-    return replace(GOOD, motor=replace(GOOD.motor, **values))
+    return frames(motor=MOTOR._replace(**values))
 
 
 def drive(**values: object) -> Feedback:
-    return replace(GOOD, drive=replace(GOOD.drive, **values))
+    return frames(drive=DRIVE._replace(**values))
 
 
 def bus(**values: object) -> Feedback:
@@ -135,8 +143,9 @@ def test_a_health_that_never_saw_anything_has_seen_nothing_at_any_time(now_ns: i
     assert str(kept.fault(now_ns)) == "wheel feedback is older than 15 ms"
     assert len(kept.fresh_sonar_m(now_ns)) == len(NAMES)
     assert all(math.isnan(range_m) for range_m in kept.fresh_sonar_m(now_ns))
-    found = kept.fresh_motor(now_ns), kept.fresh_drive(now_ns), kept.fresh_battery(now_ns)
-    assert found == (None, None, None)
+    assert not kept.reports_fresh(now_ns)
+    assert kept.drives[0].supply_v(now_ns) is None
+    assert kept.fresh_battery(now_ns) is None
     assert not kept.drive_latched
     assert len(kept.refusals(now_ns)) == 9
 
@@ -158,6 +167,8 @@ def aged(name: str, age_ns: int) -> Feedback:
         return replace(GOOD, nodes=tuple(replace(node, heartbeat_ns=stamp_ns) for node in NODES))
     if name == "sonars":
         return replace(GOOD, sonars=(replace(GOOD.sonars[0], stamp_ns=stamp_ns),))
+    if name in FRAMES:
+        return frames(**{name: FRAMES[name]._replace(stamp_ns=stamp_ns)})
     return replace(GOOD, **{name: replace(getattr(GOOD, name), stamp_ns=stamp_ns)})
 
 
@@ -174,11 +185,15 @@ def test_an_input_is_used_up_to_its_limit_and_not_one_nanosecond_longer(
 
 
 def test_what_is_too_old_is_given_to_nobody() -> None:
-    for name in ("motor", "drive", "battery"):
-        limit_ns = AGES[name][0] * MS
-        old = aged(name, limit_ns)
-        assert getattr(health(old), f"fresh_{name}")(NOW) == getattr(old, name)
-        assert getattr(health(old), f"fresh_{name}")(NOW + 1) is None
+    old = health(aged("motor", 200 * MS))
+    assert old.reports_fresh(NOW)
+    assert not old.reports_fresh(NOW + 1)
+    old = health(aged("drive", 200 * MS))
+    assert old.drives[0].supply_v(NOW) == 12.0
+    assert old.drives[0].supply_v(NOW + 1) is None
+    feedback = aged("battery", 500 * MS)
+    assert health(feedback).fresh_battery(NOW) == feedback.battery
+    assert health(feedback).fresh_battery(NOW + 1) is None
     kept = health()
     assert kept.fresh_sonar_m(NOW + 250 * MS) == (1.0, math.inf, 3.0, 4.0)
     assert all(math.isnan(range_m) for range_m in kept.fresh_sonar_m(NOW + 250 * MS + 1))
@@ -186,7 +201,7 @@ def test_what_is_too_old_is_given_to_nobody() -> None:
 
 def test_feedback_without_news_keeps_what_was_there() -> None:
     kept = health(GOOD, Feedback(nodes=NODES))
-    assert (kept.motor, kept.drive, kept.battery) == (GOOD.motor, GOOD.drive, GOOD.battery)
+    assert (kept.reports, kept.battery) == (GOOD.actuators, GOOD.battery)
     assert kept.refusals(NOW) == ()
 
 
@@ -200,15 +215,15 @@ def test_nodes_and_bus_are_the_present_state() -> None:
 
 def test_wheel_feedback_with_the_latch_of_before_is_none() -> None:
     later = NOW + 15 * MS + 1
-    kept = health(GOOD, replace(GOOD, wheels=replace(GOOD.wheels, stamp_ns=later)))
+    kept = health(GOOD, frames(wheels=WHEELS._replace(stamp_ns=later)))
     assert str(kept.fault(later)) == "wheel feedback is older than 15 ms"
-    kept.update(replace(GOOD, wheels=replace(GOOD.wheels, stamp_ns=later, timestamp_us=78)))
+    kept.update(frames(wheels=WHEELS._replace(stamp_ns=later, timestamp_us=78)))
     assert kept.fault(later) is None
 
 
 @pytest.mark.parametrize("latch_us", [0, 1])
 def test_the_first_latch_counts_whatever_it_is(latch_us: int) -> None:
-    first = replace(GOOD, wheels=replace(GOOD.wheels, timestamp_us=latch_us))
+    first = frames(wheels=WHEELS._replace(timestamp_us=latch_us))
     assert health(first).fault(NOW) is None
 
 
@@ -324,11 +339,10 @@ def test_what_the_drive_heard_last_counts_for_arming() -> None:
 def at(after_ns: int, state: DriveState, age_ms: int = 1) -> Feedback:
     """Healthy feedback of so long after NOW."""
     stamp_ns = NOW + after_ns
-    return replace(
-        GOOD,
-        wheels=WheelFeedback(stamp_ns, 77 + after_ns // 1000, 0, 0),
-        motor=replace(GOOD.motor, state=state, stamp_ns=stamp_ns),
-        drive=replace(GOOD.drive, command_age_ms=age_ms, stamp_ns=stamp_ns),
+    return frames(
+        wheels=WheelFeedback(stamp_ns, 77 + after_ns // 1000, (0, 0)),
+        motor=MOTOR._replace(state=state, stamp_ns=stamp_ns),
+        drive=DRIVE._replace(command_age_ms=age_ms, stamp_ns=stamp_ns),
     )
 
 
@@ -469,10 +483,10 @@ def test_the_motor_controllers_own_stop_is_explained_by_a_pause_and_its_faults_a
     state: DriveState, faults: DriveFault, words: str
 ) -> None:
     at = NOW + 120 * MS
-    later = replace(
-        motor(state=state, faults=int(faults), stamp_ns=at),
-        wheels=WheelFeedback(at, 78, 0, 0),
-        drive=replace(GOOD.drive, stamp_ns=at),
+    later = frames(
+        motor=MOTOR._replace(state=state, faults=int(faults), stamp_ns=at),
+        wheels=WheelFeedback(at, 78, (0, 0)),
+        drive=DRIVE._replace(stamp_ns=at),
     )
     assert paused(100, later, 20) == words
 
@@ -516,7 +530,7 @@ WITH_IMU = dataclasses.replace(WANTED, imu=True)
 
 
 def inertial(*feedback: Feedback) -> Health:
-    kept = Health(age_limits(WITH_IMU, IMU_SAFETY, PERIOD_NS), 350 * MS, NAMES)
+    kept = Health(age_limits(WITH_IMU, IMU_SAFETY, PERIOD_NS), 350 * MS, ACTUATORS, NAMES)
     for each in feedback:
         kept.update(each)
     return kept
@@ -541,8 +555,8 @@ def test_each_sensor_of_the_imu_has_an_age_of_its_own(silent: str) -> None:
             for name in ("gyro", "accelerometer")
             if name != silent
         }
-        wheels = replace(GOOD.wheels, stamp_ns=at_ns, timestamp_us=77 + later_ns // 1000)
-        kept.update(replace(GOOD, wheels=wheels, **newer))
+        wheels = WHEELS._replace(stamp_ns=at_ns, timestamp_us=77 + later_ns // 1000)
+        kept.update(replace(frames(wheels=wheels), **newer))
         expected = f"the {silent}'s report is older than 70 ms"
         said = (Fault(FaultCode.IMU_STALE, expected, "imu"),) if later_ns > 70 * MS else ()
         assert kept.refusals(at_ns) == said
@@ -558,8 +572,7 @@ def test_a_pause_of_control_explains_an_imu_that_is_not_heard() -> None:
     kept = inertial(INERTIAL)
     kept.step(NOW)
     kept.step(NOW + 100 * MS)
-    newer = replace(GOOD.wheels, stamp_ns=NOW + 100 * MS, timestamp_us=99)
-    kept.update(replace(GOOD, wheels=newer))
+    kept.update(frames(wheels=WHEELS._replace(stamp_ns=NOW + 100 * MS, timestamp_us=99)))
     fault = kept.fault(NOW + 100 * MS)
     assert fault is not None
     assert fault.code is FaultCode.CONTROL_HELD_UP

@@ -8,7 +8,8 @@ from typing import Any
 import msgspec
 import pytest
 
-from robotctl.messages.control import Feedback, ImuFeedback, WheelCommand
+from robotctl.messages.actuators import ActuatorCommand
+from robotctl.messages.control import Feedback, ImuFeedback
 from robotctl.messages.faults import Fault, FaultCode
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.imu import ImuConfig
@@ -28,7 +29,7 @@ class Motion:
 
 
 def inputs(imu: ImuFeedback | None) -> MonitorInputs:
-    return MonitorInputs(Feedback(), WheelCommand(), 12.0, Motion(imu))
+    return MonitorInputs(Feedback(), ActuatorCommand(), Motion(imu))
 
 
 def found(tilt_max_deg: float = 20.0, **values: Any) -> FaultCode:

@@ -4,7 +4,8 @@ import math
 
 import pytest
 
-from robotctl.messages.control import Feedback, ImuFeedback, SonarFeedback, WheelCommand
+from robotctl.messages.actuators import ActuatorCommand
+from robotctl.messages.control import Feedback, ImuFeedback, SonarFeedback
 from robotctl.messages.faults import Fault, FaultCode
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarMount
@@ -450,7 +451,7 @@ def ticks(front_m: tuple[float, float], rear_m: tuple[float, float]) -> Fault | 
         )
         feedback = Feedback(sonars=groups)
         motion = Motion(number * STEP_M)
-        fault = monitor.update(MonitorInputs(feedback, WheelCommand(), 12.0, motion))
+        fault = monitor.update(MonitorInputs(feedback, ActuatorCommand(), motion))
         assert fault is None or number == 8
     return fault
 

@@ -6,22 +6,18 @@ from dataclasses import replace as changed
 import msgspec
 import pytest
 
-from robotctl.messages.control import (
-    BatteryFeedback,
-    DriveState,
-    DriveStatus,
-    MotorStatus,
-    WheelCommand,
-    WheelFeedback,
-)
+from robotctl.messages.actuators import ActuatorCommand, ActuatorFeedback, DriveState
+from robotctl.messages.control import BatteryFeedback
 from robotctl.messages.faults import FaultCode
+from robotctl.safety.monitor import MonitorInputs
 from robotctl.safety.plausibility import Plausibility
 from robotctl.safety.plausibility_values import SensorValues
-from tests.safety.exact_tolerances import CONFIG, DEADBAND, MS, T0, above, below
+from tests.native_frames import WHEEL_AND_STEERING, WHEELS
+from tests.safety.exact_tolerances import CONFIG, MS, T0, above, below
+from tests.safety.monitored import inputs, monitored
 
 replace = msgspec.structs.replace
-MOTOR = MotorStatus(T0, DriveState.ENABLED, 0.0, 0.0, 25.0, 25.0, 0)
-DRIVE = DriveStatus(T0, 0, 0.0, 12.0, 1, 0)
+WHEEL = ActuatorFeedback(report_ns=T0, state=DriveState.ENABLED, current_a=0.0, temperature_c=25.0)
 BATTERY = BatteryFeedback(T0, 12.0, 1.0, 0.8, 25.0, False, False)
 
 
@@ -31,13 +27,17 @@ def steer(
     *,
     lasts_ns: int = 600 * MS + 1,
     enable: bool = True,
-    steering_max_rad: float = 0.5,
 ) -> str:
-    monitors = Plausibility(CONFIG, ("drive",), DEADBAND, steering_max_rad, math.inf)
+    monitors = Plausibility(monitored(WHEEL_AND_STEERING, joint_max_rad=(0.5,)))
     for stamp_ns in (T0, T0 + lasts_ns):
-        status = DriveStatus(stamp_ns, 0, stands, 12.0, 1, 0)
-        monitors.take_drive(status, WheelCommand(enable, False, 0.0, 0.0, told))
+        monitors.update(steering(stamp_ns, stands, told, enable=enable))
     return str(monitors.fault or "")
+
+
+def steering(stamp_ns: int, stands: float, told: float, *, enable: bool = True) -> MonitorInputs:
+    """Inputs with a steering that stands at an angle [rad] and was commanded to another."""
+    joint = ActuatorFeedback(motion_ns=stamp_ns, angle_rad=stands)
+    return inputs((ActuatorFeedback(), joint), ActuatorCommand(enable, False, (0.0, told)), (0.0,))
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -57,16 +57,17 @@ def test_steering_may_differ_by_its_tolerance_for_ever_and_by_more_for_its_time(
 def test_steering_is_not_judged_while_the_bridges_are_off_nor_where_there_is_none() -> None:
     assert steer(0.4, -0.4) != ""
     assert steer(0.4, -0.4, enable=False) == ""
-    assert steer(0.4, -0.4, steering_max_rad=0.0) == ""
-    assert steer(0.4, -0.4, steering_max_rad=0.5) != ""
+    without = Plausibility(monitored())
+    for stamp_ns in (T0, T0 + 601 * MS):
+        reports = (ActuatorFeedback(motion_ns=stamp_ns, angle_rad=1.0),) * 2
+        assert without.update(inputs(reports, ActuatorCommand(True, False, (0.0, 0.0)))) is None
 
 
 def test_after_a_reset_the_steering_has_its_whole_time_again() -> None:
-    monitors = Plausibility(CONFIG, ("drive",), DEADBAND, 0.5, math.inf)
-    command = WheelCommand(True, False, 0.0, 0.0, 0.4)
+    monitors = Plausibility(monitored(WHEEL_AND_STEERING, joint_max_rad=(0.5,)))
 
     def at(time_ns: int) -> str:
-        monitors.take_drive(DriveStatus(T0 + time_ns, 0, 0.0, 12.0, 1, 0), command)
+        monitors.update(steering(T0 + time_ns, 0.0, 0.4))
         return str(monitors.fault or "")
 
     at(0)
@@ -81,16 +82,19 @@ class Clocks:
 
     def __init__(self, first_us: int = 1_048_000, share: float = 0.03, at_ns: int = T0) -> None:
         config = changed(CONFIG, clock_share=share)
-        self.monitors = Plausibility(config, ("drive",), DEADBAND, 0.0, math.inf)
+        self.monitors = Plausibility(monitored(config=config))
         self.latch_us, self.stamp_ns = first_us, at_ns
-        self.monitors.take_wheels(WheelFeedback(at_ns, first_us, 0, 0))
+        self.take()
+
+    def take(self) -> None:
+        wheel = ActuatorFeedback(motion_ns=self.stamp_ns, latch_us=self.latch_us & 0xFFFFF)
+        self.monitors.update(inputs((wheel, wheel), ActuatorCommand()))
 
     def step(self, step_us: int, step_ns: int = 5 * MS, times: int = 1) -> str:
         for _ in range(times):
             self.latch_us += step_us
             self.stamp_ns += step_ns
-            latch_us = self.latch_us & 0xFFFFF
-            self.monitors.take_wheels(WheelFeedback(self.stamp_ns, latch_us, 0, 0))
+            self.take()
         return str(self.monitors.fault or "")
 
 
@@ -162,19 +166,24 @@ WORDS = {
 
 
 def values(
-    motor: dict[str, float] | None = None,
-    drive: dict[str, float] | None = None,
+    left: dict[str, float | None] | None = None,
+    right: dict[str, float | None] | None = None,
     *,
     speeds: tuple[float, ...] = (0.0, 0.0),
     enabled: bool = False,
     battery_v: float = 12.0,
-    steering: float = 0.5,
+    supply_v: float | None = 12.0,
+    steering_rad: float | None = 0.0,
 ) -> tuple[str, ...]:
-    """Return the texts."""
-    names = ("left", "right")[: len(speeds)]
-    found = SensorValues(names, steering, CONFIG.steering_tolerance_rad).faults(
-        replace(MOTOR, **(motor or {})),
-        replace(DRIVE, **(drive or {})),
+    """Return the texts of a robot with two wheels and a steering."""
+    robot = (*WHEELS, WHEEL_AND_STEERING[-1])
+    reports = (
+        replace(WHEEL, voltage_v=supply_v, **(left or {})),
+        replace(WHEEL, voltage_v=supply_v, **(right or {})),
+        ActuatorFeedback(angle_rad=steering_rad, voltage_v=supply_v),
+    )
+    found = SensorValues(robot, (0.5,), CONFIG.steering_tolerance_rad).faults(
+        reports,
         replace(BATTERY, voltage_v=battery_v),
         speeds,
         enabled=enabled,
@@ -185,10 +194,15 @@ def values(
     return tuple(fault.text for fault in found)
 
 
+def of(index: int, **wrong: float) -> tuple[dict[str, float], ...]:
+    """Values of wheel 1 or 2."""
+    return (wrong,) if index == 1 else ({}, wrong)
+
+
 @pytest.mark.parametrize(("index", "name"), [(1, "left"), (2, "right")])
 def test_a_temperature_that_no_motor_has_is_named(index: int, name: str) -> None:
     for allowed in (-30.0, 180.0):
-        assert values({f"temperature{index}_c": allowed}) == ()
+        assert values(*of(index, temperature_c=allowed)) == ()
     for refused, said in (
         (below(-30.0), "-30"),
         (above(180.0), "180"),
@@ -196,29 +210,28 @@ def test_a_temperature_that_no_motor_has_is_named(index: int, name: str) -> None
         (math.nan, "nan"),
     ):
         expected = f"{name} motor's temperature sensor says {said} degC"
-        assert values({f"temperature{index}_c": refused}) == (expected,)
+        assert values(*of(index, temperature_c=refused)) == (expected,)
 
 
 @pytest.mark.parametrize(("index", "name"), [(1, "left"), (2, "right")])
 def test_a_current_at_rest_with_the_bridge_off_is_named(index: int, name: str) -> None:
-    key = f"current{index}_a"
     others = (0.0, 9.0) if index == 1 else (9.0, 0.0)
     for current_a in (1.0, -1.0):
-        assert values({key: current_a}) == ()
+        assert values(*of(index, current_a=current_a)) == ()
     for current_a, said in ((above(1.0), "1"), (-2.5, "-2.5")):
         expected = (f"{name} motor's current sensor says {said} A, at rest",)
-        assert values({key: current_a}) == expected
+        assert values(*of(index, current_a=current_a)) == expected
         # The other wheel's speed is no excuse; its own is.
-        assert values({key: current_a}, speeds=others) == expected
-        assert values({key: current_a}, speeds=others[::-1]) == ()
-        assert values({key: current_a}, enabled=True) == ()
-        assert values({key: current_a}, speeds=(0.5, -0.5)) == ()
-        assert values({key: current_a}, speeds=(below(0.5), -below(0.5))) == expected
+        assert values(*of(index, current_a=current_a), speeds=others) == expected
+        assert values(*of(index, current_a=current_a), speeds=others[::-1]) == ()
+        assert values(*of(index, current_a=current_a), enabled=True) == ()
+        assert values(*of(index, current_a=current_a), speeds=(0.5, -0.5)) == ()
+        assert values(*of(index, current_a=current_a), speeds=(below(0.5), -below(0.5))) == expected
 
 
 def test_a_current_that_is_no_number_is_named_at_any_time() -> None:
     for current_a in (math.nan, math.inf, -math.inf):
-        found = values({"current1_a": current_a}, speeds=(9.0, 9.0), enabled=True)
+        found = values({"current_a": current_a}, speeds=(9.0, 9.0), enabled=True)
         assert found == (f"left motor's current sensor says {current_a:g} A, at rest",)
 
 
@@ -242,24 +255,30 @@ def test_supply_and_battery_may_differ_by_2_v_or_a_fifth(
     supply_v: float, battery_v: float, contradict: bool
 ) -> None:
     said = f"supply {supply_v:.1f} V and battery {battery_v:.1f} V contradict"
-    found = values(drive={"bus_voltage_v": supply_v}, battery_v=battery_v)
+    found = values(supply_v=supply_v, battery_v=battery_v)
     assert found == ((said,) if contradict else ())
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_steering_beyond_its_linkage_is_named_where_there_is_one(sign: float) -> None:
-    far = {"steering_rad": sign * above(0.75)}
-    assert values(drive={"steering_rad": sign * 0.75}) == ()
+    assert values(steering_rad=sign * 0.75) == ()
     said = f"the steering says {sign * 0.75:.2f} rad, beyond its linkage"
-    assert values(drive=far) == (said,)
-    assert values(drive={"steering_rad": math.nan}) != ()
-    assert values(drive={"steering_rad": sign * 9.0}, steering=0.0) == ()
+    assert values(steering_rad=sign * above(0.75)) == (said,)
+    assert values(steering_rad=math.nan) != ()
+    assert (
+        SensorValues(WHEELS, (), 0.25).faults(
+            (replace(WHEEL, angle_rad=sign * 9.0),) * 2, BATTERY, (0.0, 0.0), enabled=False
+        )
+        == ()
+    )
 
 
 def test_all_that_is_wrong_is_named_at_once() -> None:
     found = values(
-        {"temperature1_c": 200.0, "current1_a": 3.0, "current2_a": math.nan},
-        {"bus_voltage_v": 5.0, "steering_rad": 1.5},
+        {"temperature_c": 200.0, "current_a": 3.0},
+        {"current_a": math.nan},
+        supply_v=5.0,
+        steering_rad=1.5,
     )
     assert found == (
         "left motor's temperature sensor says 200 degC",
@@ -270,5 +289,6 @@ def test_all_that_is_wrong_is_named_at_once() -> None:
     )
 
 
-def test_a_single_wheel_has_the_first_channel_alone() -> None:
-    assert values({"current2_a": 9.0, "temperature2_c": -40.0}, speeds=(0.0,)) == ()
+def test_what_a_drive_does_not_tell_is_not_wrong() -> None:
+    untold = {"current_a": None, "temperature_c": None}
+    assert values(untold, untold, supply_v=None, steering_rad=None) == ()

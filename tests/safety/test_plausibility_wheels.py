@@ -5,56 +5,65 @@ What the monitors do for a whole robot stands in tests/app/simulation/test_plaus
 
 import math
 
-import msgspec
 import pytest
 
-from robotctl.messages.control import DriveState, MotorStatus, WheelCommand
+from robotctl.messages.actuators import ActuatorCommand, ActuatorFeedback, DriveState
 from robotctl.safety.plausibility import Plausibility
-from tests.safety.exact_tolerances import CONFIG, DEADBAND, MS, T0, above, below
+from tests.native_frames import WHEELS
+from tests.safety.exact_tolerances import DEADBAND, MS, T0, above, below
+from tests.safety.monitored import inputs, monitored
 
-replace = msgspec.structs.replace
 SUPPLY_V = 16.0
-MOTOR = MotorStatus(T0, DriveState.ENABLED, 0.0, 0.0, 25.0, 25.0, 0)
 
 
 class Robot:
-    """A pair of wheels; speeds by the motor are what the duties say, without any current."""
+    """Wheels whose speed by the motor is what the duty says, without any current."""
 
-    def __init__(
-        self,
-        names: tuple[str, ...] = ("left", "right"),
-        steering: float = 0.0,
-        a_max_rad_s2: float = math.inf,
-    ) -> None:
-        self.monitors = Plausibility(CONFIG, names, DEADBAND, steering, a_max_rad_s2)
+    def __init__(self, wheels: int = 2, a_max_rad_s2: float = math.inf) -> None:
+        self.wheels = WHEELS[:wheels]
+        self.monitors = Plausibility(monitored(self.wheels, a_max_rad_s2=a_max_rad_s2))
         self.now_ns = T0
 
     def sees(
         self,
         counted: tuple[float, ...],
-        electrical: tuple[float, float] = (8.0, 8.0),
+        electrical: tuple[float, ...] = (8.0, 8.0),
         *,
         jumps: int = 0,
         enable: bool = True,
         lasts_ns: int = 0,
-        **values: float,
+        currents_a: tuple[float, float] = (0.0, 0.0),
+        temperatures_c: tuple[float, float] = (25.0, 25.0),
+        supply_v: float = SUPPLY_V,
     ) -> str:
         """Show one sample, `lasts_ns` after the last; return the fault so far."""
         self.now_ns += lasts_ns
-        duties = (duty(speed * 0.5 / SUPPLY_V) for speed in electrical)
-        self.monitors.take_motor(
-            replace(MOTOR, stamp_ns=self.now_ns, **values),
-            WheelCommand(enable, False, *duties, 0.0),
-            SUPPLY_V,
-            counted,
-            jumps,
+        reports = tuple(
+            ActuatorFeedback(
+                report_ns=self.now_ns,
+                state=DriveState.ENABLED,
+                current_a=current_a,
+                temperature_c=temperature_c,
+                voltage_v=supply_v,
+            )
+            for _, current_a, temperature_c in zip(
+                self.wheels, currents_a, temperatures_c, strict=False
+            )
         )
+        duties = tuple(duty(speed * 0.5 / SUPPLY_V) for speed in electrical)[: len(counted)]
+        command = ActuatorCommand(enable, False, duties)
+        self.monitors.update(inputs(reports, command, counted, jumps=jumps))
         return str(self.monitors.fault or "")
 
 
 def duty(share: float) -> float:
     """The duty that gives this share of the supply to the motor, beyond the dead band."""
     return math.copysign(DEADBAND + (1.0 - DEADBAND) * abs(share), share) if share else 0.0
+
+
+def of(channel: int, value: float, other: float = 0.0) -> tuple[float, float]:
+    """A value of channel 1 or 2, and another one of the other."""
+    return (value, other) if channel == 1 else (other, value)
 
 
 SPEED_NS = 50 * MS + 1
@@ -88,11 +97,9 @@ def test_currents_and_temperatures_are_those_of_the_wheel() -> None:
         counted = (8.0, 16.0) if index == 1 else (16.0, 8.0)
         healthy, wrong = Robot(), Robot()
         for _ in range(2):
-            said = healthy.sees(
-                counted, (16.0, 16.0), lasts_ns=SPEED_NS, **{f"current{index}_a": 2.0}
-            )
+            said = healthy.sees(counted, (16.0, 16.0), lasts_ns=SPEED_NS, currents_a=of(index, 2.0))
             assert said == ""
-            wrong.sees(counted, (16.0, 16.0), lasts_ns=SPEED_NS, **{f"current{3 - index}_a": 2.0})
+            wrong.sees(counted, (16.0, 16.0), lasts_ns=SPEED_NS, currents_a=of(3 - index, 2.0))
         assert "encoder" in str(wrong.monitors.fault)
         hot = Robot()
         for _ in range(2):
@@ -101,18 +108,17 @@ def test_currents_and_temperatures_are_those_of_the_wheel() -> None:
                 counted,
                 (16.0, 16.0),
                 lasts_ns=SPEED_NS,
-                **{f"current{index}_a": 2.0, f"temperature{index}_c": 325.0},
+                currents_a=of(index, 2.0),
+                temperatures_c=of(index, 325.0, 25.0),
             )
         assert str(hot.monitors.fault).startswith(f"{name} encoder")
 
 
 def test_duties_within_the_dead_band_turn_nothing() -> None:
-    monitors = Plausibility(CONFIG, ("left", "right"), DEADBAND, 0.0, math.inf)
-    command = WheelCommand(True, False, DEADBAND, -DEADBAND, 0.0)
-    for number in range(100):
-        motor = replace(MOTOR, stamp_ns=T0 + number * 5 * MS)
-        monitors.take_motor(motor, command, 1000.0, (0.0, 0.0), 0)
-    assert monitors.fault is None
+    robot = Robot()
+    still = (math.copysign(1e-300, 1.0), -1e-300)  # duties of just the dead band
+    for _ in range(100):
+        assert robot.sees((0.0, 0.0), still, lasts_ns=5 * MS, supply_v=1000.0) == ""
 
 
 def test_nothing_is_compared_while_the_bridges_are_off() -> None:
@@ -171,12 +177,12 @@ def test_encoders_are_called_swapped_only_where_both_are_off() -> None:
 
 
 def test_one_wheel_alone_is_never_swapped_nor_apart() -> None:
-    robot = Robot(("drive",))
+    robot = Robot(wheels=1)
     for _ in range(3):
         assert robot.sees((7.0,), lasts_ns=2000 * MS) == ""
     robot.sees((-8.0,), lasts_ns=1)
     fault = robot.sees((-8.0,), lasts_ns=SPEED_NS)
-    assert fault.startswith("drive encoder reversed: -8.0 rad/s")
+    assert fault.startswith("left encoder reversed: -8.0 rad/s")
 
 
 @pytest.mark.parametrize(
@@ -213,7 +219,7 @@ def test_wheels_are_not_compared_while_one_of_them_is_slow() -> None:
 
 @pytest.mark.parametrize("index", [1, 2])
 def test_a_wheel_that_pushes_is_named(index: int) -> None:
-    current = {f"current{index}_a": 1.0}
+    current = {"currents_a": of(index, 1.0)}
     counted = (4.0, 8.0) if index == 1 else (8.0, 4.0)
     robot = Robot()
     robot.sees(counted, **current)
@@ -226,8 +232,8 @@ def test_a_wheel_that_pushes_is_named(index: int) -> None:
 @pytest.mark.parametrize(("a_max_rad_s2", "pushes"), [(6.0, False), (math.inf, True)])
 def test_a_robot_that_may_gain_little_need_not_gain_more(a_max_rad_s2: float, pushes: bool) -> None:
     robot = Robot(a_max_rad_s2=a_max_rad_s2)
-    robot.sees((4.0, 8.0), current1_a=1.0)
-    said = robot.sees((5.0, 8.0), lasts_ns=300 * MS + 1, current1_a=1.0)
+    robot.sees((4.0, 8.0), currents_a=(1.0, 0.0))
+    said = robot.sees((5.0, 8.0), lasts_ns=300 * MS + 1, currents_a=(1.0, 0.0))
     assert ("pushes against something" in said) is pushes
 
 

@@ -4,18 +4,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robotctl.messages.control import WheelFeedback
+from robotctl.messages.actuators import ActuatorFeedback
 from robotctl.safety.stale_frame_filter import Latch, LatchTimes
 
 MS = 1_000_000
 ROLLOVER_MS = 1048.576
 
 
-def frame(arrived_ms: float, latched_ms: float) -> WheelFeedback:
-    return WheelFeedback(round(arrived_ms * MS), round(latched_ms * 1000) & 0xFFFFF, 0, 0)
+def frame(arrived_ms: float, latched_ms: float) -> ActuatorFeedback:
+    return ActuatorFeedback(round(arrived_ms * MS), round(latched_ms * 1000) & 0xFFFFF)
 
 
-def judged(*frames: WheelFeedback) -> list[Latch]:
+def judged(*frames: ActuatorFeedback) -> list[Latch]:
     latches = LatchTimes()
     return [latches.judge(each) for each in frames]
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import msgspec
 import pytest
 
 from robotctl.drivers.can.nodes.registry import age_limits
-from robotctl.messages.control import DriveState, Feedback, ImuFeedback, WheelCommand
+from robotctl.messages.actuators import ActuatorCommand, DriveState
+from robotctl.messages.control import Feedback, ImuFeedback
 from robotctl.messages.faults import Fault, FaultCode
 from robotctl.model.sensors.imu import ImuConfig
 from robotctl.model.sensors.sonar import SonarMount
@@ -14,16 +17,26 @@ from robotctl.safety import supervision
 from robotctl.safety.monitor import Monitored, MonitorInputs
 from robotctl.safety.plausibility_config import PlausibilityConfig
 from robotctl.safety.supervision import Supervision
-from tests.safety.test_health import GOOD, MS, NAMES, NOW, PERIOD_NS, SAFETY, WANTED
+from tests.native_frames import WHEELS
+from tests.safety.test_health import (
+    DRIVE,
+    GOOD,
+    MOTOR,
+    MS,
+    NAMES,
+    NOW,
+    PERIOD_NS,
+    SAFETY,
+    WANTED,
+    frames,
+)
 
 replace = msgspec.structs.replace
 FIRST = Fault(FaultCode.ENCODER_STUCK, "the first", "left")
 LATER = Fault(FaultCode.ENCODER_WRONG, "a later one", "right")
 MOUNTS = tuple(SonarMount(name, 0.0, 0.1, 90.0) for name in NAMES)
-ROBOT = Monitored(
-    PlausibilityConfig(1.5, 0.45), ("left", "right"), 0.02, 0.0, 50.0, MOUNTS, ImuConfig()
-)
-COMMAND = WheelCommand(enable=True)
+ROBOT = Monitored(PlausibilityConfig(1.5, 0.45), WHEELS, 0.02, (), 50.0, MOUNTS, ImuConfig())
+COMMAND = ActuatorCommand(enable=True)
 LIMIT_NS = SAFETY.command_timeout_ms * MS + 50 * MS
 
 
@@ -50,7 +63,7 @@ def alone(monkeypatch: pytest.MonkeyPatch) -> Supervision:
 
 
 def enabled(stamp_ns: int) -> Feedback:
-    return replace(GOOD, motor=replace(GOOD.motor, state=DriveState.ENABLED, stamp_ns=stamp_ns))
+    return frames(motor=MOTOR._replace(state=DriveState.ENABLED, stamp_ns=stamp_ns))
 
 
 @pytest.mark.parametrize(("late_ns", "is_fault"), [(0, False), (1, True)])
@@ -61,13 +74,13 @@ def test_power_is_unasked_for_once_the_drives_time_out_and_some_grace_are_over(
     assert alone.unasked() is None, "nothing was heard of the drive"
     alone.health.update(enabled(NOW + LIMIT_NS + late_ns))
     expected = "emergency stop: the motor controller is enabled without a command"
-    assert alone.unasked() == (Fault(FaultCode.DRIVES_UNASKED, expected) if is_fault else None)
+    fault = Fault(FaultCode.DRIVES_UNASKED, expected, "drive")
+    assert alone.unasked() == (fault if is_fault else None)
 
 
 @pytest.mark.parametrize("state", [state for state in DriveState if state != DriveState.ENABLED])
 def test_a_drive_without_power_needs_no_command(alone: Supervision, state: DriveState) -> None:
-    motor = replace(GOOD.motor, state=state, stamp_ns=NOW + 10 * LIMIT_NS)
-    alone.health.update(replace(GOOD, motor=motor))
+    alone.health.update(frames(motor=MOTOR._replace(state=state, stamp_ns=NOW + 10 * LIMIT_NS)))
     assert alone.unasked() is None
 
 
@@ -78,17 +91,11 @@ def test_before_any_command_the_grace_counts_from_the_start(alone: Supervision) 
     assert alone.unasked() is not None
 
 
-def test_monitors_get_the_newest_supply_and_all_of_the_tick(alone: Supervision) -> None:
+def test_monitors_get_all_of_the_tick(alone: Supervision) -> None:
     motion = object()
     alone.compare(GOOD, COMMAND, motion)
-    alone.health.update(GOOD)
-    without = replace(GOOD, drive=None)
-    alone.compare(without, COMMAND, motion)
     for monitor in alone._monitors:
-        assert monitor.inputs == [
-            MonitorInputs(GOOD, COMMAND, None, motion),
-            MonitorInputs(without, COMMAND, GOOD.drive.bus_voltage_v, motion),
-        ]
+        assert monitor.inputs == [MonitorInputs(GOOD, COMMAND, motion)]
 
 
 def test_the_first_contradiction_is_kept_until_the_robot_is_armed_again(
@@ -110,8 +117,8 @@ def test_the_first_contradiction_is_kept_until_the_robot_is_armed_again(
 
 
 def test_wheels_that_did_not_get_the_command_are_not_to_blame(alone: Supervision) -> None:
-    drive = replace(GOOD.drive, command_age_ms=100)
-    alone.health.update(replace(enabled(NOW), drive=drive))
+    motor = MOTOR._replace(state=DriveState.ENABLED)
+    alone.health.update(frames(motor=motor, drive=DRIVE._replace(command_age_ms=100)))
     assert alone.fault(NOW) is None, "alone it stops nobody"
     alone._monitors[0].found = FIRST
     alone.compare(GOOD, COMMAND, None)
@@ -130,13 +137,13 @@ def test_a_robot_at_rest_is_armed_and_one_that_tells_nothing_is_not(alone: Super
 
 @pytest.mark.parametrize("lost", ["motor", "drive", "battery"])
 def test_values_are_judged_only_once_all_have_come(alone: Supervision, lost: str) -> None:
-    alone.health.update(replace(GOOD, **{lost: None}))
+    lacking = replace(GOOD, battery=None) if lost == "battery" else frames(**{lost: None})
+    alone.health.update(lacking)
     assert len(alone.refusals(NOW, (9.0, 0.0), None, enabled=False)) == 1
 
 
 def test_values_that_cannot_be_speak_against_arming(alone: Supervision) -> None:
-    hot = replace(GOOD, motor=replace(GOOD.motor, temperature1_c=float("nan")))
-    alone.health.update(hot)
+    alone.health.update(frames(motor=MOTOR._replace(temperatures_c=(math.nan, 25.0))))
     assert len(alone.refusals(NOW, (0.0, 0.0), None, enabled=False)) >= 1
 
 

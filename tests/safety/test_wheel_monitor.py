@@ -5,7 +5,8 @@ from dataclasses import replace as changed
 
 import pytest
 
-from robotctl.safety.plausibility import PersistenceTimer, WheelMonitor
+from robotctl.safety.duty_wheel_monitor import DutyWheelMonitor
+from robotctl.safety.persistence import PersistenceTimer
 from robotctl.safety.plausibility_config import PlausibilityConfig
 from tests.safety.exact_tolerances import CONFIG, MS, T0, above, below
 
@@ -58,6 +59,7 @@ def test_no_tolerance_can_be_set_so_wide_that_nothing_exceeds_it(name: str, most
         ("push_ms", 20, 2000),
         ("pair_ms", 20, 5000),
         ("steering_ms", 20, 2000),
+        ("follow_ms", 50, 2000),
     ],
 )
 def test_no_time_can_be_set_away(name: str, low: int, high: int) -> None:
@@ -85,9 +87,9 @@ def wheel(
     current_a: float = 0.0,
     off_ns: int = 50 * MS + 1,
     config: PlausibilityConfig = CONFIG,
-) -> WheelMonitor:
+) -> DutyWheelMonitor:
     """A wheel of which encoder and motor have said the same for so long."""
-    monitor = WheelMonitor("left", config, math.inf)
+    monitor = DutyWheelMonitor("left", config, math.inf)
     voltage_v = electrical_rad_s * 0.5 + 2.0 * current_a
     for stamp_ns in (T0, T0 + off_ns):
         monitor.update(counted_rad_s, voltage_v, current_a, 25.0, stamp_ns)
@@ -102,7 +104,7 @@ def test_the_electrical_speed_is_that_of_the_back_emf_at_any_load_and_temperatur
     sign: float, current_a: float, temperature_c: float
 ) -> None:
     speed, resistance = sign * 10.0, 2.0 * (1.0 + 0.0039 * (temperature_c - 25.0))
-    monitor = WheelMonitor("left", CONFIG, math.inf)
+    monitor = DutyWheelMonitor("left", CONFIG, math.inf)
     monitor.update(speed, resistance * current_a + 0.5 * speed, current_a, temperature_c, T0)
     assert monitor.electrical_rad_s == pytest.approx(speed)
     assert monitor.counted_rad_s == speed
@@ -152,7 +154,7 @@ def test_an_encoder_that_is_hardly_off_has_its_whole_time() -> None:
 
 def test_how_far_it_is_off_counts_as_it_is_now() -> None:
     # 8 rad/s by the motor: off by twice the tolerance for 20 ms, then by 9/8 of it, 44.4 ms in all.
-    monitor = WheelMonitor("left", CONFIG, math.inf)
+    monitor = DutyWheelMonitor("left", CONFIG, math.inf)
     for counted, at_ns, off in ((0, 0, False), (0, 20, False), (3.5, 44, False), (3.5, 45, True)):
         monitor.update(counted, 4.0, 0.0, 25.0, T0 + at_ns * MS)
         assert monitor.is_off == off
@@ -206,7 +208,7 @@ def push(
     a_max_rad_s2: float = math.inf,
 ) -> str:
     """What is said of a wheel that turned at `begin` when the current came."""
-    monitor = WheelMonitor("left", CONFIG, a_max_rad_s2)
+    monitor = DutyWheelMonitor("left", CONFIG, a_max_rad_s2)
     for speed, now_ns in ((begin, T0), (counted, T0 + lasts_ns)):
         monitor.update(speed, 0.5 * speed + 2.0 * current_a, current_a, 25.0, now_ns)
         said = str(monitor.push_fault(now_ns) or "")
@@ -263,7 +265,7 @@ def test_a_wheel_that_loses_its_speed_against_the_push_is_held(sign: float) -> N
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_push_the_other_way_is_another_push(sign: float) -> None:
-    monitor = WheelMonitor("left", CONFIG, math.inf)
+    monitor = DutyWheelMonitor("left", CONFIG, math.inf)
     said = []
     for ms, current_a in ((0, 1.0), (299, 1.0), (300, -1.0), (600, -1.0), (601, -1.0)):
         monitor.update(0.0, 2.0 * sign * current_a, sign * current_a, 25.0, T0 + ms * MS)
@@ -273,7 +275,7 @@ def test_a_push_the_other_way_is_another_push(sign: float) -> None:
 
 def test_the_gain_is_counted_from_where_the_push_began() -> None:
     """And anew after each gain: a wheel that gets faster and faster is never stopped."""
-    monitor = WheelMonitor("left", CONFIG, math.inf)
+    monitor = DutyWheelMonitor("left", CONFIG, math.inf)
     for number in range(400):
         # 5 ms, 0.06 rad/s: 3.6 rad/s in 300 ms.
         speed, now_ns = 0.06 * number, T0 + 5 * MS * number

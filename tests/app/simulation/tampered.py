@@ -7,13 +7,13 @@ import msgspec
 from robotctl.app.simulation.lockstep_stack import LockstepStack, make_simulation
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file, load_robot
+from robotctl.messages.actuators import ActuatorCommand
 from robotctl.messages.control import (
     Arm,
     EmergencyStopSource,
     Feedback,
     SafetyState,
     VelocityCommand,
-    WheelCommand,
 )
 from robotctl.messages.faults import FaultCode
 from robotctl.messages.ports import RobotPort
@@ -29,7 +29,7 @@ class Tampered:
     def __init__(self, robot: RobotPort) -> None:
         self.robot = robot
         self.feedback: Bend | None = None
-        self.command: Callable[[WheelCommand], WheelCommand] | None = None
+        self.command: Callable[[ActuatorCommand], ActuatorCommand] | None = None
         self._last = Feedback()
 
     def receive(self, now_ns: int) -> Feedback:
@@ -44,7 +44,7 @@ class Tampered:
         self._last = replace(self._last, **seen)
         return feedback
 
-    def send(self, command: WheelCommand, now_ns: int) -> None:
+    def send(self, command: ActuatorCommand, now_ns: int) -> None:
         self.robot.send(self.command(command) if self.command else command, now_ns)
 
     def emergency_stop(self, source: EmergencyStopSource) -> None:

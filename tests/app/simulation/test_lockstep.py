@@ -12,7 +12,7 @@ from robotctl.app.simulation.lockstep import LockstepRun
 from robotctl.app.simulation.lockstep_stack import make_simulation
 from robotctl.app.simulation.sim_options import SimOptions, SimulatorError
 from robotctl.config.robot_file import find_file
-from robotctl.messages.control import WheelCommand
+from robotctl.messages.actuators import ActuatorCommand
 from robotctl.messages.faults import FaultCode
 from robotctl.runtime.flight.recorder import RecordError
 from robotctl.safety.state_machine import SafetyConfig
@@ -70,7 +70,7 @@ def test_an_arming_that_the_robot_refused_is_no_leave_to_drive() -> None:
     ack = next(control.acks[-1] for control, _ in run.steps() if control.acks)
     assert ack.reasons[0].code == FaultCode.BATTERY_LOW
     for _ in range(20):
-        run.stack.open_loop_tick(lambda _: WheelCommand(enable=True, duty1=0.2, duty2=0.2))
+        run.stack.open_loop_tick(lambda _: ActuatorCommand(enable=True, values=(0.2, 0.2)))
     assert run.stack.simulation.monitor.findings[-1].since is Since.NOT_ARMED
 
 

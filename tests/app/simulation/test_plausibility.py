@@ -9,7 +9,8 @@ import pytest
 from robotctl.app.simulation.lockstep import run_lockstep
 from robotctl.app.simulation.sim_options import SimOptions
 from robotctl.config.robot_file import find_file, load_robot
-from robotctl.messages.control import Feedback, SafetyState, WheelFeedback
+from robotctl.drivers.can.drives.native.wire import WheelFeedback
+from robotctl.messages.control import Feedback, SafetyState
 from robotctl.messages.faults import FaultCode as C
 from tests.app.simulation.tampered import Bend, Trial, replace
 

@@ -9,7 +9,8 @@ from robotctl.core.control_core import Inputs, Outputs
 from robotctl.logs.formats.log_text import LogFormatError
 from robotctl.logs.formats.recorded_log import read_recording
 from robotctl.logs.mcap.log import McapLog
-from robotctl.messages.control import Feedback, SonarFeedback, WheelCommand
+from robotctl.messages.actuators import ActuatorCommand
+from robotctl.messages.control import Feedback, SonarFeedback
 from robotctl.runtime.flight.recorder import Recorder, RecordHeader
 from tests.mavlink.conftest import CONTROL
 
@@ -53,7 +54,7 @@ def write_record(path, ticks, salt=0.0, robot=ROBOT):
             ):
                 frame = SonarFeedback(now_ns, 0, (range_m, *(3 * (math.nan,))))
                 feedback = Feedback(sonars=(frame,))
-                recorder.record(now_ns, Inputs(feedback), Outputs(WheelCommand()))
+                recorder.record(now_ns, Inputs(feedback), Outputs(ActuatorCommand()))
 
 
 def ranges(recording):

@@ -226,7 +226,7 @@ def test_straight_on_both_front_wheels_are_straight():
 
 @given(st.floats(-20.0, 20.0), steerings)
 def test_rear_wheels_of_a_car_move_as_a_rigid_body_and_average_to_the_carrier(omega1, s):
-    twist = CAR.forward(omega1, 0.0, s)
+    twist = CAR.forward((omega1,), (s,))
     left, right = CAR.rear_wheel_speeds_rad_s(omega1, s)
     half = 0.5 * CAR.track_width_m * twist.omega_rad_s
     assert left * CAR.wheel_radius_m == pytest.approx(twist.v_m_s - half, abs=1e-12)
@@ -256,10 +256,11 @@ def test_a_car_whose_centre_of_rotation_lies_between_its_wheels_is_refused():
 
 @pytest.mark.parametrize("drive", ALL, ids=lambda d: d.kind)
 def test_nan_goes_through_and_is_not_turned_into_a_valid_command(drive):
-    assert any(math.isnan(value) for value in drive.inverse(0.3, math.nan))
-    assert any(math.isnan(value) for value in drive.inverse(math.nan, 0.1))
+    for twist in (Twist(0.3, math.nan), Twist(math.nan, 0.1)):
+        wanted = drive.inverse(twist)
+        assert any(map(math.isnan, (*wanted.wheels_rad_s, *wanted.joints_rad)))
     if drive.steered:
-        assert math.isnan(drive.inverse(0.0, 0.0, math.nan).steering_rad)
+        assert math.isnan(drive.inverse(Twist(0.0, 0.0), (math.nan,)).joints_rad[0])
 
 
 # What calibration brings: unequal wheels, a steering that does not stand where it says
@@ -278,14 +279,14 @@ def test_unequal_wheels_have_the_mean_radius_and_the_ratio():
 def test_with_a_greater_right_wheel_equal_turns_bend_to_the_left():
     """One turn of both wheels: the right one's rim moves on by 2 pi (R_right - R_left) more."""
     left_m, right_m = UNEQUAL.wheel_radii_m
-    moved_m, turned_rad = UNEQUAL.forward(math.tau, math.tau)
+    moved_m, turned_rad, _ = UNEQUAL.forward((math.tau, math.tau))
     assert moved_m == pytest.approx(math.tau * UNEQUAL.wheel_radius_m)
     assert turned_rad == pytest.approx(math.tau * (right_m - left_m) / UNEQUAL.track_width_m)
 
 
 @given(st.floats(-2.0, 2.0), rates)
 def test_unequal_wheels_give_back_any_twist(v, omega):
-    twist = UNEQUAL.forward(*UNEQUAL.inverse(v, omega))
+    twist = forward(UNEQUAL, UNEQUAL.inverse(Twist(v, omega)))
     assert twist.v_m_s == pytest.approx(v, abs=1e-12)
     assert twist.omega_rad_s == pytest.approx(omega, abs=1e-12)
 
@@ -294,9 +295,9 @@ def test_unequal_wheels_give_back_any_twist(v, omega):
 @given(v=speeds, share=st.floats(-1.0, 1.0))
 def test_a_skewed_steering_gives_back_any_twist_within_reach(drive, v, share):
     omega = share * v / drive.min_turning_radius_m
-    wheels = drive.inverse(v, omega)
-    twist = drive.forward(*wheels)
-    assert abs(wheels.steering_rad) <= drive.steering_max_rad
+    wanted = drive.inverse(Twist(v, omega))
+    twist = forward(drive, wanted)
+    assert abs(wanted.joints_rad[0]) <= drive.steering_max_rad
     assert twist.v_m_s == pytest.approx(v, rel=1e-12)
     assert twist.omega_rad_s == pytest.approx(omega, abs=1e-12)
 
@@ -304,7 +305,7 @@ def test_a_skewed_steering_gives_back_any_twist_within_reach(drive, v, share):
 @pytest.mark.parametrize("drive", SKEWED, ids=lambda d: f"{d.kind}")
 def test_a_skewed_steering_at_zero_bends_the_way_by_its_offset(drive):
     plain = dataclasses.replace(drive, steering_offset_rad=0.0)
-    assert drive.forward(3.0, 0.0, 0.1) == pytest.approx(plain.forward(3.0, 0.0, 0.15))
+    assert drive.forward((3.0,), (0.1,)) == pytest.approx(plain.forward((3.0,), (0.15,)))
 
 
 @pytest.mark.parametrize("offset_rad", [1.0, -1.5, math.nan])

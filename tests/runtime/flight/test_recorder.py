@@ -18,7 +18,8 @@ from hypothesis import strategies as st
 from robotctl.control.pid import Pid
 from robotctl.core.checkpoint import CheckpointError, checkpoint, fields_of, restored
 from robotctl.core.control_core import ControlCore
-from robotctl.messages.control import DriveState, LoopStatistics
+from robotctl.messages.actuators import DriveState
+from robotctl.messages.control import LoopStatistics
 from robotctl.runtime.flight.recorder import (
     LENGTH,
     Checkpoint,
@@ -95,7 +96,7 @@ def test_one_altered_bit_of_an_input_is_shown_with_the_first_tick_that_differs()
     data = bytearray(recorded(robot))
     number = 350
     now_ns, inputs, _ = robot.record[number - 1]
-    count = msgspec.msgpack.encode(inputs.feedback.wheels.count1)
+    count = msgspec.msgpack.encode(inputs.feedback.actuators[0].position_ticks)
     assert len(count) == 3
     place, after = message_at(data, 1 + number)
     data[data.index(count, place, after) + 2] ^= 1 << 3
@@ -105,22 +106,23 @@ def test_one_altered_bit_of_an_input_is_shown_with_the_first_tick_that_differs()
     assert difference.number == result.agreed + 1 == number
     assert difference.tick.now_ns == now_ns
     assert difference.tick.outputs == robot.record[number - 1][2]
-    assert difference.outputs.command.duty1 != difference.tick.outputs.command.duty1
-    assert difference.outputs.command.duty2 == difference.tick.outputs.command.duty2
+    assert difference.outputs.command.values[0] != difference.tick.outputs.command.values[0]
+    assert difference.outputs.command.values[1] == difference.tick.outputs.command.values[1]
 
 
 @pytest.mark.parametrize("bent", [1e-300, -0.0])
 def test_an_output_that_differs_by_the_last_bit_differs(bent: float) -> None:
-    robot = RobotDouble()
+    robot = RobotDouble().armed()
     robot.ticks(10)
-    now_ns, inputs, outputs = robot.record[6]
-    assert outputs.command.duty1 == 0.0
-    command = msgspec.structs.replace(outputs.command, duty1=bent)
-    robot.record[6] = now_ns, inputs, msgspec.structs.replace(outputs, command=command)
+    number = len(robot.record) - 4
+    now_ns, inputs, outputs = robot.record[number]
+    assert outputs.command.values == (0.0, 0.0)
+    command = msgspec.structs.replace(outputs.command, values=(bent, 0.0))
+    robot.record[number] = now_ns, inputs, msgspec.structs.replace(outputs, command=command)
     result = replayed(recorded(robot))
-    assert result.agreed == 6
+    assert result.agreed == number
     assert result.difference is not None
-    assert result.difference.number == 7
+    assert result.difference.number == number + 1
 
 
 @given(st.integers(1, 299))

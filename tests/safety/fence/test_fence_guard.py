@@ -39,7 +39,7 @@ class Driven:
 
     def ticks(self, seconds, target):
         for _ in range(round(seconds / TICK_S)):
-            v, omega, _ = self.limiter.step(target, TICK_S)
+            v, omega, _ = self.limiter.step(Twist(*target), TICK_S)
             self.pose @= SE2(v * TICK_S, 0.0, omega * TICK_S)
             self.nearest_m = min(self.nearest_m, self.clearance())
 

@@ -246,13 +246,12 @@ class CanRobot:
         """Send MotorCommand; its counter moves on only when the bus took it."""
         alive = self._alive
         encode = self._codec.encode_command
-        duty1 = duty2 = 0.0
-        steering_rad = self._steering_rad
-        if command.enable and self._steers:
-            duty1, steering_rad = command.values
-        elif command.enable:
+        duty1, duty2, steering_rad = 0.0, 0.0, self._steering_rad
+        if command.enable and command.values:
             duty1, duty2 = command.values
             steering_rad = 0.0
+            if self._steers:
+                duty2, steering_rad = 0.0, duty2
         try:
             data = encode(alive.value, command.enable, command.brake, duty1, duty2, steering_rad)
         except (ValueError, OverflowError):

@@ -4,7 +4,7 @@ import struct
 
 from robotctl.drivers.can.memory_port import MemoryPort
 from robotctl.drivers.can.nodes.robot_can import CanRobot
-from robotctl.messages.control import WheelCommand
+from robotctl.messages.actuators import ActuatorCommand
 
 TICK_NS = 5_000_000
 MS = 1_000_000
@@ -110,7 +110,7 @@ class FakeBus:
                     node.beat()
             self.clock.sleep_until(self.clock.now_ns() + TICK_NS)
             self.feedback = self.robot.receive(self.clock.now_ns())
-            self.robot.send(WheelCommand(), self.clock.now_ns())
+            self.robot.send(ActuatorCommand(), self.clock.now_ns())
 
     def status(self, node_id):
         return next(node for node in self.feedback.nodes if node.node_id == node_id)

@@ -5,7 +5,7 @@ import struct
 import pytest
 
 from robotctl.drivers.can.nodes.node import UNREAD_MAX
-from robotctl.messages.control import WheelCommand
+from robotctl.messages.actuators import ActuatorCommand
 from robotctl.messages.faults import FaultCode
 from tests.drivers.can.nodes.fake_nodes import OPERATIONAL, FakeBus
 
@@ -136,7 +136,7 @@ def test_nmt_of_somebody_else_takes_the_node_out_of_service_at_once(bus, command
     problems = [node.problem for node in feedback.nodes]
     assert problems[0] == f"drive (node 1): {words} by another device on the bus (NMT)"
     assert [bool(problem) for problem in problems] == [True, addressed == 0, addressed == 0]
-    bus.robot.send(WheelCommand(), bus.clock.now_ns())
+    bus.robot.send(ActuatorCommand(), bus.clock.now_ns())
     for node in bus.nodes:
         if addressed in (0, node.node_id):
             node.state = {2: 4}.get(command, 127)

@@ -10,12 +10,13 @@ import pytest
 from firmware_sim.simulation import Simulation
 from robotctl.drivers.can.memory_port import MemoryPort
 from robotctl.drivers.can.nodes.robot_can import CanRobot
-from robotctl.messages.control import BusState, DriveState, EmergencyStopSource, WheelCommand
+from robotctl.messages.actuators import ActuatorCommand, DriveState
+from robotctl.messages.control import BusState, EmergencyStopSource
 
 CONFIGS = Path(__file__).parents[4] / "configs"
 PERIOD_NS = 5_000_000
 MS = 1_000_000
-OFF = WheelCommand(enable=False, brake=True)
+OFF = ActuatorCommand(enable=False, brake=True)
 
 
 class Rig:
@@ -118,7 +119,7 @@ def test_the_load_is_what_the_bus_itself_measures(rig):
 def test_the_motors_turn_while_enabled_and_the_counts_follow(rig):
     rig.run(20)
     before = rig.last("wheels")
-    rig.run(500, WheelCommand(enable=True, duty1=0.3, duty2=0.3))
+    rig.run(500, ActuatorCommand(enable=True, values=(0.3, 0.3)))
     assert rig.last("motor").state is DriveState.ENABLED
     after = rig.last("wheels")
     turned = (after.count1 - before.count1) % 65536
@@ -130,23 +131,23 @@ def test_the_motors_turn_while_enabled_and_the_counts_follow(rig):
 
 
 def test_silence_stops_the_drive_which_stays_stopped_until_it_is_cleared(rig):
-    rig.run(300, WheelCommand(enable=True, duty1=0.2, duty2=0.2))
+    rig.run(300, ActuatorCommand(enable=True, values=(0.2, 0.2)))
     rig.clock.sleep_until(rig.clock.now_ns() + 150 * MS)
     rig.simulation.advance(rig.clock.now_ns())
-    rig.run(100, WheelCommand(enable=True, duty1=0.2, duty2=0.2))
+    rig.run(100, ActuatorCommand(enable=True, values=(0.2, 0.2)))
     assert rig.last("motor").state is DriveState.STOPPED
     assert any(f.emergencies for f in rig.seen)
     rig.robot.clear_faults()
     rig.run(100)
     assert rig.last("motor").state is DriveState.READY
-    rig.run(100, WheelCommand(enable=True))
+    rig.run(100, ActuatorCommand(enable=True))
     assert rig.last("motor").state is DriveState.ENABLED
 
 
 def test_an_emergency_stop_latches_and_is_cleared_by_request_alone(rig):
-    rig.run(100, WheelCommand(enable=True))
+    rig.run(100, ActuatorCommand(enable=True))
     rig.robot.emergency_stop(EmergencyStopSource.OPERATOR)
-    rig.run(100, WheelCommand(enable=True))
+    rig.run(100, ActuatorCommand(enable=True))
     assert rig.last("motor").state is DriveState.EMERGENCY_STOP
     rig.robot.clear_faults()
     rig.run(100)
@@ -167,7 +168,7 @@ def test_a_power_cycle_is_seen_as_boots_and_commissioned_again(rig):
 
 def test_a_host_that_comes_late_takes_over_running_nodes(codec, parameters, clock, make_rig):
     rig = make_rig().commission()
-    rig.run(100, WheelCommand(enable=True))
+    rig.run(100, ActuatorCommand(enable=True))
     second = CanRobot(rig.robot._port, codec, parameters)
     rig.robot = second
     rig.run(300)
@@ -183,7 +184,7 @@ def test_another_robots_configuration_is_refused(codec, parameters, clock):
     assert drive == ("drive (node 1): has 2400 counts per revolution, the configuration says 1000")
     assert sonar == "sonar (node 2): has 8 sonars, the configuration says 12"
     assert power == ""
-    rig.run(200, WheelCommand(enable=True, duty1=0.5, duty2=0.5))
+    rig.run(200, ActuatorCommand(enable=True, values=(0.5, 0.5)))
     assert rig.simulation.truth().distance_m == 0.0
 
 

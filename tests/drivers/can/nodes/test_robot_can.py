@@ -6,16 +6,11 @@ import math
 import pytest
 from e2e import p01
 
+from robotctl.drivers.can.drives.native.faults import DriveFault
 from robotctl.drivers.can.memory_port import MemoryPort
 from robotctl.drivers.can.nodes.robot_can import DISABLE_FRAMES, CanRobot
-from robotctl.messages.control import (
-    BusState,
-    DriveFault,
-    DriveState,
-    EmergencyMessage,
-    EmergencyStopSource,
-    WheelCommand,
-)
+from robotctl.messages.actuators import ActuatorCommand, DriveState
+from robotctl.messages.control import BusState, EmergencyMessage, EmergencyStopSource
 
 PERIOD_NS = 5_000_000
 
@@ -63,7 +58,7 @@ class Wire:
 
     def send(self, *args, **fields):
         self.clock.sleep_until(self.clock.now_ns() + PERIOD_NS)
-        self.robot.send(WheelCommand(*args, **fields), self.clock.now_ns())
+        self.robot.send(ActuatorCommand(*args, **fields), self.clock.now_ns())
 
     def commands(self):
         message = self.oracle.get_message_by_name("MotorCommand")

@@ -50,7 +50,7 @@ class NativeFeedback:
             self._fault = reported_fault(motor.state, motor.faults, self._name)
         self._newest = newest = wheels or last_wheels, motor or last_motor, drive or last_drive
         wheels, motor, drive = newest
-        told = drive.stamp_ns != NEVER_NS
+        heard, told = motor.stamp_ns != NEVER_NS, drive.stamp_ns != NEVER_NS
         reports = [
             ActuatorFeedback(
                 wheels.stamp_ns,
@@ -61,8 +61,8 @@ class NativeFeedback:
                 motor.stamp_ns,
                 motor.state,
                 self._fault,
-                motor.currents_a[channel],
-                motor.temperatures_c[channel],
+                motor.currents_a[channel] if heard else None,
+                motor.temperatures_c[channel] if heard else None,
                 drive.stamp_ns,
                 drive.bus_voltage_v if told else None,
                 drive.command_age_ms if told else None,
