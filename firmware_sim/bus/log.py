@@ -1,6 +1,7 @@
 """Writes the traffic of a bus as a candump log (`candump -L`), readable by python-can.
 
-One line a frame, `(seconds.microseconds) channel id#data`, time being that of the bus and an epoch.
+One line a frame, `(seconds.microseconds) channel id#data`, time being that of the bus and an epoch;
+of CAN FD `id##FLAGSdata`, with 1 for bit-rate switch and 2 for an error-passive transmitter.
 The same run writes the same bytes. There are no comment lines: readers of the format do not know
 them. Errors on the wire stand in it as SocketCAN error messages of class BUSERROR.
 """
@@ -18,9 +19,11 @@ from types import TracebackType
 from typing import TYPE_CHECKING, TextIO
 
 from firmware_sim.bus.frame import (
+    CLASSIC_MAX,
     ERROR_FLAG,
     EXTENDED_FLAG,
     EXTENDED_MASK,
+    FD_FLAGS_SHIFT,
     REMOTE_FLAG,
     STANDARD_MASK,
     Frame,
@@ -58,6 +61,8 @@ def log_line(frame: Frame, channel: str, epoch_ns: int = 0) -> str:
         name = f"{arbitration_id & STANDARD_MASK:03X}"
     if arbitration_id & REMOTE_FLAG:
         text = f"R{len(data)}" if data else "R"
+    elif arbitration_id > CLASSIC_MAX:
+        text = f"#{arbitration_id >> FD_FLAGS_SHIFT:X}{text}"
     return f"({micros // 1_000_000:010d}.{micros % 1_000_000:06d}) {channel} {name}#{text}\n"
 
 
