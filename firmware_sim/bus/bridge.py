@@ -206,7 +206,9 @@ def _connect(interface: str, *, fd: bool) -> socket.socket:
             connection.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FD_FRAMES, 1)
         connection.bind((interface,))
         if fd and _mtu(connection, interface) < wire.FD_FRAME.size:
-            text = f"carries no CAN FD; `ip link set {interface} mtu {wire.FD_FRAME.size}` changes it"
+            text = (
+                f"carries no CAN FD; `ip link set {interface} mtu {wire.FD_FRAME.size}` changes it"
+            )
             raise OSError(errno.EINVAL, text)
     except OSError as error:
         connection.close()

@@ -89,6 +89,12 @@ def _opened(path: Path) -> TextIO:
     return file
 
 
+def _check_channel(channel: str) -> None:
+    """Raise ValueError where a name would break the lines of a log."""
+    if not channel or channel.split() != [channel]:
+        raise ValueError(f"channel {channel!r}: a log needs a name without spaces")
+
+
 class LogWriter:
     """Writes every frame of a bus to a file, or to files in turn.
 
@@ -126,20 +132,26 @@ class LogWriter:
         file_bytes: float = math.inf,
         next_file: Callable[[Path], Path] = next_log,
     ) -> None:
-        if not channel or channel.split() != [channel]:
-            raise ValueError(f"channel {channel!r}: a log needs a name without spaces")
+        _check_channel(channel)
         self._owned = isinstance(file, Path)
         self._file = _opened(file) if isinstance(file, Path) else file
-        self._channel = channel
         self.epoch_ns = epoch_ns
         self._file_bytes = file_bytes if self._owned else math.inf
         self._next_file = next_file
         self._bytes = 0
-        bus.tap(self._write)
+        self.add(bus, channel)
 
-    def _write(self, frame: Frame) -> None:
+    def add(self, bus: Bus, channel: str) -> None:
+        """Write the frames of one more bus, under its name; raises ValueError if that has spaces.
+
+        The order of the lines is that in which frames are complete.
+        """
+        _check_channel(channel)
+        bus.tap(lambda frame: self._write(frame, channel))
+
+    def _write(self, frame: Frame, channel: str) -> None:
         if not self._file.closed:
-            line = log_line(frame, self._channel, self.epoch_ns)
+            line = log_line(frame, channel, self.epoch_ns)
             try:
                 if self._bytes > self._file_bytes:
                     self._turn()

@@ -9,7 +9,8 @@ import time
 import pytest
 
 from robotctl.drivers.can.config import CanConfig
-from robotctl.drivers.can.port import DRAIN_LIMIT, RETRY_NS, SocketPort, opener
+from robotctl.drivers.can.descriptor import opener
+from robotctl.drivers.can.port import DRAIN_LIMIT, RETRY_NS, SocketPort
 from robotctl.errors import LinkError
 from robotctl.messages.control import BusState
 from robotctl.runtime.clock import VirtualClock

@@ -51,7 +51,7 @@ class MemoryPeer:
         self.clock = clock
         self.inbox = []
         self.port = MemoryPort(
-            lambda can_id, data: self.inbox.append((can_id, data)), WANTED, 1_000_000, clock
+            lambda can_id, data: self.inbox.append((can_id, data)), WANTED, CanConfig(), clock
         )
 
     def send(self, can_id, data):

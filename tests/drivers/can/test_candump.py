@@ -75,7 +75,7 @@ def hub() -> Iterator[str]:
 def test_the_last_frames_before_the_bus_goes_are_logged(tmp_path: Path) -> None:
     with running_hub() as (process, name):
         config = CanConfig(interface="simcan", channel=name)
-        log = BusLog(LogFolder(tmp_path, LogConfig()), config, 0)
+        log = BusLog(LogFolder(tmp_path, LogConfig()), [config], 0)
         log.step(0)
         with (
             can.Bus(interface="simcan", channel=name) as sender,
@@ -91,7 +91,7 @@ def test_the_last_frames_before_the_bus_goes_are_logged(tmp_path: Path) -> None:
         process.wait()
     assert log.step(1) == ()
     (note,) = log.step(2)
-    assert note == "the log cannot read the bus: the bus has hung up"
+    assert note == f"the log cannot read bus {name}: the bus has hung up"
     log.close()
     with can.io.CanutilsLogReader(tmp_path / "can-0001.log") as reader:
         assert [each.arbitration_id for each in reader] == list(range(20))
@@ -102,12 +102,12 @@ def test_every_frame_of_the_bus_is_logged_over_files_and_the_log_waits_for_its_b
 ) -> None:
     config = CanConfig(interface="simcan", channel=hub)
     missing = CanConfig(interface="simcan", channel=f"{hub}-missing")
-    nothing = BusLog(LogFolder(tmp_path, LogConfig()), missing, 0)
+    nothing = BusLog(LogFolder(tmp_path, LogConfig()), [missing], 0)
     (note,) = nothing.step(0)
-    assert "cannot read the bus" in note
+    assert f"cannot read bus {hub}-missing" in note
     assert [nothing.step(now) for now in (1, 2_000_000_000)] == [(), ()]
 
-    log = BusLog(LogFolder(tmp_path, LogConfig(0.004, 1.0)), config, 0)
+    log = BusLog(LogFolder(tmp_path, LogConfig(0.004, 1.0)), [config], 0)
     log.step(0)
     sent = [(0x100 + number % 7, bytes((number & 0xFF, number >> 8))) for number in range(400)]
     with can.Bus(interface="simcan", channel=hub) as bus:

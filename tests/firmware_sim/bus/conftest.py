@@ -39,8 +39,8 @@ class RawClient:
     def send(self, can_id, data=b""):
         self.socket.send(struct.pack("=IBBBB8s", can_id, len(data), 0, 0, 0, data))
 
-    def messages(self):
-        """All classic (id, data, own, stamp) received so far."""
+    def raw_messages(self):
+        """All messages received so far."""
         found = []
         while True:
             try:
@@ -49,8 +49,15 @@ class RawClient:
                 return found
             if not message:
                 return found
+            found.append(message)
+
+    def messages(self):
+        """All (id, data, own, stamp) received so far, of classic frames."""
+        found = []
+        for message in self.raw_messages():
             can_id, length, _, own, _, data, stamp = struct.unpack("=IBBBB8sQ", message)
             found.append((can_id, data[:length], own, stamp))
+        return found
 
     def close(self):
         self.socket.close()
