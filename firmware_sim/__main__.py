@@ -267,7 +267,7 @@ def _check_count(options: argparse.Namespace, names: Sequence[str]) -> None:
 def _open_buses(
     simulation: Simulation, names: Sequence[str], stack: ExitStack
 ) -> tuple[list[Service], list[str]]:
-    """Return what couples the buses to the outside, for as long as `stack`; their names in a log."""
+    """Return what couples the buses to the outside while `stack` is open, and their log names."""
     services: list[Service] = []
     channels = []
     for bus, name in zip(simulation.buses.values(), names, strict=True):

@@ -9,6 +9,7 @@ SYNC, a sonar, a guard, a look at the truth.
 from __future__ import annotations
 
 import dataclasses
+import difflib
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -20,8 +21,10 @@ from firmware_sim.bus.core import Bus
 from firmware_sim.bus.faults import FaultPlan
 from firmware_sim.bus.frame import Frame
 from firmware_sim.bus.port import Port
+from firmware_sim.bus.state import FdSupport
 from firmware_sim.config.config import RobotConfig, load_robot
 from firmware_sim.config.parameters import DifferentialDrive
+from firmware_sim.errors import SimulationError
 from firmware_sim.faults.faults import Faults
 from firmware_sim.faults.faulty_imu import FaultyImu
 from firmware_sim.faults.faulty_parts import FaultyRing, FaultyStage
@@ -111,6 +114,7 @@ class Simulation:
         people: int = 0,
     ) -> None:
         config = load_robot(robot) if isinstance(robot, Path) else robot
+        _check_names(config)
         room = load_world(world) if isinstance(world, Path) else world
         if start is not None:
             room = dataclasses.replace(room, start=start)
@@ -281,7 +285,9 @@ class Simulation:
             self.monitor.on_power_up()
         receive = self._deliver_to_drive if is_drive else node.on_frame
         bus = self.bus_of(node.name)
-        port = bus.attach(node.name, receive, accept=node.arbitration_ids)
+        is_classic = node.name in self.config.simulation.classic_nodes
+        fd = FdSupport.INTOLERANT if is_classic else FdSupport.ENABLED
+        port = bus.attach(node.name, receive, accept=node.arbitration_ids, fd=fd)
         self._ports[node.name] = port
         node.connect(port, partial(self._alarm, bus))
         node.power_cycle(self.bus.now_ns)
@@ -466,6 +472,17 @@ class Simulation:
             plant.charge,
             self.config.simulation.motor.air_c,
         )
+
+
+def _check_names(config: RobotConfig) -> None:
+    """Refuse settings of nodes that no robot has; raises SimulationError."""
+    named = (("nodes", config.nodes), ("simulation.classic_nodes", config.simulation.classic_nodes))
+    for key, names in named:
+        for name in names:
+            if name not in NODE_NAMES:
+                near = difflib.get_close_matches(name, NODE_NAMES, n=1)
+                hint = f'did you mean "{near[0]}"?' if near else f"allowed: {', '.join(NODE_NAMES)}"
+                raise SimulationError(f"{key}: no node {name!r}; {hint}")
 
 
 def _allowed(config: RobotConfig) -> Allowed:

@@ -16,6 +16,10 @@ from robotctl.errors import ConfigError
 from robotctl.messages.ports import EXTENDED_FLAG, FD_FLAG
 from tests.drivers.can.dbc_files import FORMATS, HEAD, layouts
 
+MULTIPLEXED = """BO_ 1 M: 8 HOST
+ SG_ K M : 0|8@1+ (1,0) [0|0] "" X
+ SG_ A m0 : 8|8@1+ (1,0) [0|0] "" X
+"""
 ODRIVE = sorted((Path(odrive_can.__file__).parent / "dbc").glob("*.dbc"))
 
 
@@ -165,8 +169,7 @@ def test_a_float_that_is_no_number_or_too_great_is_refused(folder, value):
             "M.A: is a float of 16 bits, must have 32 or 64",
         ),
         (
-            'BO_ 1 M: 8 HOST\n SG_ K M : 0|8@1+ (1,0) [0|0] "" X\n'
-            + ' SG_ A m0 : 8|8@1+ (1,0) [0|0] "" X\n',
+            MULTIPLEXED,
             "M.A: is multiplexed, which is not supported",
         ),
     ],
