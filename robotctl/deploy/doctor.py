@@ -101,15 +101,18 @@ def _check_localisation(config: RobotConfig, robot: Path) -> Finding:
 
 
 def _check_buses(config: RobotConfig) -> Iterator[Finding]:
-    """Check each bus's link, then the nodes."""
-    are_up = True
+    """Check each bus's link, then the nodes; of several buses each finding names its own."""
+    are_up, is_one = True, len(config.buses) == 1
     for bus in config.buses:
-        if bus.interface != "socketcan":
-            yield no_kernel_link(bus)
-            continue
-        findings = check_link(bus, read_link(bus.channel))
-        yield from findings
+        if bus.interface == "socketcan":
+            findings = check_link(bus, read_link(bus.channel))
+        else:
+            findings = [no_kernel_link(bus)]
         are_up = are_up and not findings[0].fix
+        for each in findings:
+            yield (
+                each if is_one else msgspec.structs.replace(each, check=f"{each.check}, {bus.name}")
+            )
     if are_up:
         yield from check_nodes(config, RealClock())
     else:

@@ -1,4 +1,4 @@
-"""A simulated robot on two buses: who hears whom, in which order, with which bit rates and faults."""
+"""A simulated robot on two buses: who hears whom, in which order, at which bit rates."""
 
 import pytest
 
@@ -142,7 +142,8 @@ def test_a_bus_of_can_fd_carries_its_frames_unless_a_node_is_classic(make):
 
     def errors(classic):
         simulation = make(buses, overrides={"simulation.classic_nodes": classic})
-        host, other = (simulation.bus.attach(name, lambda frame: None) for name in ("host", "b"))
+        host = simulation.bus.attach("host", lambda frame: None)
+        simulation.bus.attach("other", lambda frame: None)
         simulation.advance(50 * MS)
         host.send(0x400 | FD_FLAG | BIT_RATE_SWITCH_FLAG, bytes(64))
         simulation.advance(60 * MS)
