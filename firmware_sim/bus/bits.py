@@ -141,7 +141,7 @@ def _crc_table(width: int) -> list[int]:
 _STUFF7 = _stuff_table(7)
 STUFF8 = _stuff_table(8)
 STUFF16 = _doubled_stuff_table(STUFF8)
-"""For each stuffing state a row over all words of 8 or 16 bits: stuff bits << 4 | new state."""
+"""Stuff bits << 4 | new state, by stuffing state and word of 8 or 16 bits."""
 _CRC8 = _crc_table(8)
 _CRC8_HIGH = [((crc << 8) & 0x7FFF) ^ _CRC8[crc >> 7] for crc in _CRC8]
 _CRC16 = array("H", (high ^ low for high in _CRC8_HIGH for low in _CRC8))

@@ -130,7 +130,7 @@ def frame_bit_sequence(arbitration_id: int, data: bytes) -> list[int]:
 
 _WORDS = {length: struct.Struct(f">{length // 2}H") for length in FD_LENGTHS}
 _headers: dict[int, tuple[int, int, int]] = {}
-"""By the id, shifted by seven bits, and the length."""
+"""Results of `_header`, by the id shifted by seven bits and the length."""
 
 
 def _header(key: int) -> tuple[int, int, int]:

@@ -22,7 +22,7 @@ BIT_RATE_SWITCH_FLAG = 1 << 33
 ERROR_STATE_FLAG = 1 << 34
 """Its transmitter is error-passive (ESI)."""
 FD_FLAGS_SHIFT = 33
-"""From the flags of SocketCAN's struct canfd_frame to these two."""
+"""Shift of SocketCAN's flags in struct canfd_frame to these two."""
 STANDARD_MASK = 0x0000_07FF
 EXTENDED_MASK = 0x1FFF_FFFF
 CLASSIC_MAX = 0xFFFF_FFFF

@@ -28,7 +28,7 @@ NEVER_NS = 1 << 62
 
 
 class FdSupport(enum.Enum):
-    """What a controller does with frames of CAN FD, in the words of ISO 11898-1:2015.
+    """Behaviour of a controller towards frames of CAN FD, in the words of ISO 11898-1:2015.
 
     INTOLERANT: a classic controller destroys them with error frames, for all. TOLERANT: it ignores
     them. ENABLED: it sends, receives and acknowledges them.

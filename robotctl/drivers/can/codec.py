@@ -23,7 +23,7 @@ _NAMES: Final[dict[str, Any]] = {
     **{f"unpack{length}": layout.unpack for length, layout in _FLOATS.items()},
     **{f"pack{length}": layout.pack for length, layout in _FLOATS.items()},
 }
-"""What generated functions call."""
+"""Functions that generated code calls."""
 
 CRC_POLYNOMIAL: Final = 0x1D
 """SAE J1850: x^8 + x^4 + x^3 + x^2 + 1."""
