@@ -10,6 +10,11 @@ from robotctl.drivers.can.config import CanConfig
 from robotctl.messages.control import BusState, BusStatus
 from robotctl.messages.ports import EXTENDED_FLAG, FD_FLAG, FD_LENGTHS
 
+FRAME_BITS: Final = tuple(
+    (nominal_bits(0, n).nominal + worst_case_bits(0, n).nominal) // 2 for n in range(9)
+)
+"""Estimated length of a classic data frame with an 11-bit identifier by its data length [bit]."""
+
 _WINDOW_NS = 1_000_000_000
 _FORMATS: Final = EXTENDED_FLAG | FD_FLAG
 
@@ -30,13 +35,11 @@ class BusMeter:
     ----------
     bits
         Time of the frames of this second, in bits of the bus's bit rate.
-    frame_bits
-        Length of a classic data frame with an 11-bit identifier by its data length, in such bits.
     """
 
     __slots__ = (
-        "_bitrate", "_lengths", "_load", "_since_ns", "bits", "error_frames", "frame_bits",
-        "received", "send_failures", "sent", "state",
+        "_bitrate", "_lengths", "_load", "_since_ns", "bits", "error_frames", "received",
+        "send_failures", "sent", "state",
     )  # fmt: skip
 
     def __init__(self, config: CanConfig) -> None:
@@ -52,7 +55,6 @@ class BusMeter:
             for flags in (0, EXTENDED_FLAG, FD_FLAG, EXTENDED_FLAG | FD_FLAG)
             if config.data_bitrate or not flags & FD_FLAG
         }
-        self.frame_bits = self._lengths[0]
         self._load = 0.0
         self._since_ns: int | None = None
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 
-from robotctl.drivers.can.bus_meter import BusMeter
+from robotctl.drivers.can.bus_meter import FRAME_BITS, BusMeter
 from robotctl.drivers.can.config import CanConfig
 from robotctl.drivers.can.errors import CAN_ERR_FLAG, bus_state
 from robotctl.messages.control import BusStatus
@@ -42,7 +42,6 @@ class MemoryPort:
         self._transmit = transmit
         self._clock = clock
         self._meter = BusMeter(config)
-        self._frame_bits = self._meter.frame_bits
         self._wanted = self._meter.accepted(arbitration_ids)
         self._inbox: list[Frame] = []
         self._open = True
@@ -65,7 +64,7 @@ class MemoryPort:
         """Hand one frame to the bus; False if it refuses."""
         meter = self._meter
         if arbitration_id <= _STANDARD_MAX:
-            bits = self._frame_bits[len(data)]
+            bits = FRAME_BITS[len(data)]
         else:
             bits = meter.measure(arbitration_id, len(data))
         if not bits or not self._open or self._transmit(arbitration_id, data) is False:

@@ -16,7 +16,7 @@ from typing import Final
 
 import can
 
-from robotctl.drivers.can.bus_meter import BusMeter
+from robotctl.drivers.can.bus_meter import FRAME_BITS, BusMeter
 from robotctl.drivers.can.config import CanConfig, bring_up
 from robotctl.drivers.can.descriptor import (
     BIT_RATE_SWITCH,
@@ -39,6 +39,8 @@ RETRY_NS: Final = 500_000_000
 DRAIN_LIMIT: Final = 256
 """Frames taken in one `receive`; a babbling node must not hold the loop. The rest waits."""
 
+# Bound once: a method of an imported name is looked up anew by each call.
+_PACK, _UNPACK = FRAME.pack, FRAME.unpack_from
 _FRAME_SIZE = FRAME.size
 _STAMP = struct.Struct("=q")
 _STAMPED_SIZE = _FRAME_SIZE + _STAMP.size
@@ -85,14 +87,13 @@ class SocketPort:
         self._clock = clock
         self._open = open_descriptor or opener(config, arbitration_ids)
         self._meter = BusMeter(config)
-        self._frame_bits = self._meter.frame_bits
         self._wanted = self._meter.accepted(arbitration_ids)
         self._fd_flags = FDF
         """Flags of the frames of CAN FD that this port sends."""
         if config.data_bitrate > config.bitrate:
             self._fd_flags |= BIT_RATE_SWITCH
         self._descriptor: Descriptor | None = None
-        self._send: Callable[[bytes], int] = _refuse
+        self._send: Callable[[bytes], int] = _send_nowhere
         self._retry_ns = 0
         self._closed = False
         self._buffer = bytearray(128)
@@ -104,32 +105,44 @@ class SocketPort:
 
     def send(self, arbitration_id: int, data: bytes) -> bool:
         """Queue one frame without waiting; False if the bus did not take it."""
-        meter = self._meter
+        if arbitration_id > CAN_SFF_MASK:
+            return self._send_other(arbitration_id, data)
+        length = len(data)
         try:
-            if arbitration_id <= CAN_SFF_MASK:
-                bits = self._frame_bits[len(data)]
-                self._send(FRAME.pack(arbitration_id, len(data), data))
-            else:
-                bits = meter.measure(arbitration_id, len(data))
-                if not bits:
-                    meter.send_failures += 1
-                    return False
-                self._send(self._packed(arbitration_id, data))
+            self._send(_PACK(arbitration_id, length, data))
         except OSError as error:
+            return self._refuse(error)
+        meter = self._meter
+        meter.sent += 1
+        meter.bits += FRAME_BITS[length]
+        return True
+
+    def _send_other(self, arbitration_id: int, data: bytes) -> bool:
+        """Send a frame that has more than an 11-bit identifier, if the bus carries it."""
+        meter, length = self._meter, len(data)
+        bits = meter.measure(arbitration_id, length)
+        if not bits:
             meter.send_failures += 1
-            # A full queue refuses one frame; anything else means that the bus is gone.
-            if error.errno not in _BUFFER_FULL and self._descriptor is not None:
-                self._fail()
             return False
+        if arbitration_id < FD_FLAG:
+            message = _PACK(arbitration_id, length, data)
+        else:
+            message = FD_FRAME.pack(arbitration_id ^ FD_FLAG, length, self._fd_flags, data)
+        try:
+            self._send(message)
+        except OSError as error:
+            return self._refuse(error)
         meter.sent += 1
         meter.bits += bits
         return True
 
-    def _packed(self, arbitration_id: int, data: bytes) -> bytes:
-        """Return a frame of any kind that the bus carries as it goes through the socket."""
-        if arbitration_id < FD_FLAG:
-            return FRAME.pack(arbitration_id, len(data), data)
-        return FD_FRAME.pack(arbitration_id ^ FD_FLAG, len(data), self._fd_flags, data)
+    def _refuse(self, error: OSError) -> bool:
+        """Count a frame that the socket refused; return False."""
+        self._meter.send_failures += 1
+        # A full queue refuses one frame; anything else means that the bus is gone.
+        if error.errno not in _BUFFER_FULL and self._descriptor is not None:
+            self._fail()
+        return False
 
     def receive(self) -> list[Frame]:
         """Return, without waiting, the frames received since the last call, oldest first."""
@@ -185,7 +198,7 @@ class SocketPort:
         """Close the descriptor; the next attempt to open it is after `RETRY_NS`."""
         self._meter.state = BusState.DOWN
         self._retry_ns = self._clock.now_ns() + RETRY_NS
-        self._send = _refuse
+        self._send = _send_nowhere
         if self._descriptor is not None:
             self._descriptor.close()
             self._descriptor = None
@@ -244,7 +257,7 @@ class SocketPort:
 
     def _take(self, now_ns: int, stamp_ns: int, frames: list[Frame]) -> None:
         """Keep the frame in the buffer if it is wanted; note it if it is an error frame."""
-        can_id, length, data = FRAME.unpack_from(self._buffer)
+        can_id, length, data = _UNPACK(self._buffer)
         bits = self._wanted.get(can_id)
         if bits is not None:
             self._meter.bits += bits[min(length, 8)]
@@ -265,7 +278,7 @@ class SocketPort:
             frames.append(Frame(arbitration_id, data, min(stamp_ns, now_ns)))
 
 
-def _refuse(_: bytes) -> int:
+def _send_nowhere(_: bytes) -> int:
     """Stand in for the socket of a bus that is down."""
     raise OSError(errno.ENETDOWN, "the bus is down")
 
