@@ -257,8 +257,8 @@ def _check_count(options: argparse.Namespace, names: Sequence[str]) -> None:
     """Raise SimulationError unless there is a --bus for each bus of the robot."""
     if len(options.bus) != len(names):
         raise SimulationError(
-            f"--bus: given {len(options.bus)} times, but {options.robot} has {len(names)} buses "
-            f"({', '.join(names)}); give it once for each, in this order"
+            f"--bus: {len(options.bus)} given, but {options.robot} has {len(names)} "
+            f"({', '.join(names)}); give one for each, in this order"
         )
     if len(set(options.bus)) < len(names):
         raise SimulationError(f"--bus: {', '.join(options.bus)}: each bus needs its own")
