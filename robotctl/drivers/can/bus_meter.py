@@ -23,7 +23,7 @@ class BusMeter:
     """Counters and load of one port.
 
     `load` sees what this port sends and what passes its filters; frames between other nodes are
-    not in it. Lengths are estimates half way between no and full stuffing, within 11 % of the
+    not in it. Lengths are estimates half way between no and full stuffing, within 12 % of the
     truth.
 
     Parameters

@@ -96,7 +96,7 @@ def test_no_frame_is_longer_than_the_worst_case_or_shorter_than_the_nominal_one(
     assert shortest.nominal <= length.nominal <= longest.nominal
     assert shortest.data <= length.data <= longest.data
     estimate = BusMeter(FD_BUS).measure(can_id, len(data)) / FD_BUS.bitrate
-    assert abs(estimate - length.seconds(FD_BUS)) <= 0.11 * length.seconds(FD_BUS)
+    assert abs(estimate - length.seconds(FD_BUS)) <= 0.12 * length.seconds(FD_BUS)
 
 
 def test_the_worst_cases_are_those_of_the_literature():

@@ -39,7 +39,7 @@ CLASSIC = st.tuples(
     st.one_of(
         PLAIN,
         PLAIN.map(lambda each: each | REMOTE_FLAG),
-        st.integers(1, 0x1FF).map(lambda each: each | 0x20000000),
+        st.integers(0, 0x1FF).map(lambda each: each | 0x20000080),
     ),
     st.binary(max_size=8),
 )
