@@ -317,7 +317,7 @@ class Bus:
                     tie = True
         bus.start_ns = start_ns
         queue = winner.queue
-        is_fd = queue[0][1] > CLASSIC_MAX
+        is_fd = bus.data_bit_ns and queue[0][1] > CLASSIC_MAX
         if tie or bus.slow or not winner.heard or (is_fd and bus.fd_slow):
             self._confinement.begin(start_ns)
             return
