@@ -87,7 +87,7 @@ FRAMES = st.one_of(
 )
 
 
-@settings(max_examples=600, deadline=None)
+@settings(max_examples=200, deadline=None)
 @given(FRAMES, st.booleans())
 def test_no_frame_is_longer_than_the_worst_case_or_shorter_than_the_nominal_one(frame, switch):
     can_id, data = frame

@@ -39,7 +39,7 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("layouts")
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=120, deadline=None)
 @given(layout=layouts(), data=st.data())
 def test_frames_of_any_layout_decode_as_with_cantools(folder, layout, data):
     text, can_id, extended, fd = layout
@@ -60,7 +60,7 @@ def test_frames_of_any_layout_decode_as_with_cantools(folder, layout, data):
     assert all(map(same, decode(payload[:cut]), decode(filled)))
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=120, deadline=None)
 @given(layout=layouts(), data=st.data())
 def test_values_of_any_layout_encode_as_with_cantools(folder, layout, data):
     text, *_ = layout
