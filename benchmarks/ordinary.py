@@ -19,9 +19,9 @@ from robotctl.app.processes.entry import enter
 from robotctl.app.processes.robot import make_codec, node_parameters
 from robotctl.config.robot_file import RobotConfig, config_directory
 from robotctl.drivers.can.codec import compile_syndrome
+from robotctl.drivers.can.descriptor import CAN_SFF_MASK, NODE_NAME
 from robotctl.drivers.can.nodes.robot_can import CanRobot
 from robotctl.drivers.can.nodes.robot_codec import COMMAND, RobotCodec
-from robotctl.drivers.can.port import CAN_SFF_MASK, NODE_NAME
 from robotctl.messages.control import BusStatus
 from robotctl.messages.ports import Clock, Frame
 
@@ -110,7 +110,7 @@ class OrdinaryCodec(RobotCodec):
 def make_ordinary_robot(config: RobotConfig, _clock: Clock) -> CanRobot:
     """Return what `make_robot` returns, in the ordinary way."""
     codec = OrdinaryCodec(make_codec())
-    port = OrdinaryPort(config.can.interface, config.can.channel, codec.arbitration_ids)
+    port = OrdinaryPort(config.buses[0].interface, config.buses[0].channel, codec.arbitration_ids)
     return CanRobot(port, codec, node_parameters(config))
 
 

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 from firmware_sim.bus.bridge import Bridge
 from firmware_sim.bus.hub import Hub, HubError
 from firmware_sim.bus.log import LogWriter
+from firmware_sim.bus.serve import Service
 from firmware_sim.camera.process import CameraProcess
 from firmware_sim.command_line import (
     POSE,
@@ -36,6 +37,7 @@ from firmware_sim.world.clutter import add_options, load_cluttered
 from firmware_sim.world.truth import Publisher
 
 if TYPE_CHECKING:
+    from firmware_sim.bus.core import Bus
     from firmware_sim.simulation import Simulation
 
 SIMCAN = "simcan"
@@ -59,7 +61,12 @@ def parser() -> argparse.ArgumentParser:
         metavar="KEY=VALUE",
         help="replace one value of the robot's TOML, e.g. simulation.battery.charge=0.7",
     )
-    add("--bus", default="simcan:simcan0", help="simcan:CHANNEL or a CAN interface (%(default)s)")
+    add(
+        "--bus",
+        action="append",
+        help="simcan:CHANNEL or a CAN interface (simcan:simcan0); once for each bus of the robot, "
+        "in their order",
+    )
     add("--seed", type=parse_natural, default=0, help="of all random draws (%(default)s)")
     add("--people", type=parse_natural, default=0, help="who walk about (%(default)s)")
     add_options(add)
@@ -133,7 +140,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         signal.signal(number, lambda number, _: signals.append(number))
     try:
-        _run(parser().parse_args(arguments), signals)
+        options = parser().parse_args(arguments)
+        options.bus = options.bus or ["simcan:simcan0"]
+        _run(options, signals)
     except (SimulationError, HubError) as error:
         sys.stderr.write(f"{error}\n")
         return 2
@@ -150,9 +159,11 @@ def _run(options: argparse.Namespace, signals: list[int]) -> None:
 
     if NOT_KEPT:
         sys.stderr.write(f"{NOT_KEPT}\n")
-    _check_bus(options.bus)
+    for bus in options.bus:
+        _check_bus(bus)
     _check_addresses(options)
     robot = load_robot(options.robot, dict(parse_override(text) for text in options.set))
+    _check_count(options, [bus.name for bus in robot.buses])
     scenario = load_scenario(options.faults, robot) if options.faults else Scenario()
     if options.state is not None:
         _make_directory(options.state)
@@ -172,10 +183,9 @@ def _run(options: argparse.Namespace, signals: list[int]) -> None:
         raise SimulationError(f"--camera: {options.robot} has no table [camera]")
     simulation.warm()
     with ExitStack() as stack:
-        service, channel = _open_bus(simulation, options.bus)
-        stack.enter_context(closing(service))
+        services, channels = _open_buses(simulation, options.bus, stack)
         clock = stack.enter_context(closing(_open_clock(options.clock))) if options.clock else None
-        loop = RealTime(simulation, [service, FaultConsole(simulation)], clock)
+        loop = RealTime(simulation, [*services, FaultConsole(simulation)], clock)
         if options.truth is not None:
             loop.publish_truth(stack.enter_context(Publisher(options.truth)))
         if options.lidar is not None:
@@ -183,7 +193,7 @@ def _run(options: argparse.Namespace, signals: list[int]) -> None:
         if options.camera is not None:
             loop.take_pictures(stack.enter_context(CameraProcess(_camera_arguments(options))))
         if options.log:
-            log = stack.enter_context(_open_log(simulation, options, channel))
+            log = stack.enter_context(_open_log(simulation, options, channels))
             loop.write_log(log, options.epoch_ns)
         play(scenario, simulation.faults, _announce_fault)
         _announce_when_booted(simulation, options)
@@ -230,21 +240,50 @@ def _open_clock(path: Path) -> SharedClock:
         raise SimulationError(f"--clock {path}: cannot be created: {error.strerror}") from error
 
 
-def _open_log(simulation: Simulation, options: argparse.Namespace, channel: str) -> LogWriter:
-    file_bytes = options.log_mb * 1e6
+def _open_log(
+    simulation: Simulation, options: argparse.Namespace, channels: Sequence[str]
+) -> LogWriter:
+    first, *others = zip(simulation.buses.values(), channels, strict=True)
     try:
-        return LogWriter(simulation.bus, options.log, channel, file_bytes=file_bytes)
+        log = LogWriter(first[0], options.log, first[1], file_bytes=options.log_mb * 1e6)
     except OSError as error:
         raise SimulationError(f"--log: {error}") from error
+    for bus, channel in others:
+        log.add(bus, channel)
+    return log
 
 
-def _open_bus(simulation: Simulation, name: str) -> tuple[Hub | Bridge, str]:
-    """Return what couples the bus to the outside, and its name in a log."""
+def _check_count(options: argparse.Namespace, names: Sequence[str]) -> None:
+    """Raise SimulationError unless there is a --bus for each bus of the robot."""
+    if len(options.bus) != len(names):
+        raise SimulationError(
+            f"--bus: {len(options.bus)} given, but {options.robot} has {len(names)} "
+            f"({', '.join(names)}); give one for each, in this order"
+        )
+    if len(set(options.bus)) < len(names):
+        raise SimulationError(f"--bus: {', '.join(options.bus)}: each bus needs its own")
+
+
+def _open_buses(
+    simulation: Simulation, names: Sequence[str], stack: ExitStack
+) -> tuple[list[Service], list[str]]:
+    """Return what couples the buses to the outside while `stack` is open, and their log names."""
+    services: list[Service] = []
+    channels = []
+    for bus, name in zip(simulation.buses.values(), names, strict=True):
+        service, channel = _open_bus(bus, name)
+        services.append(stack.enter_context(closing(service)))
+        channels.append(channel)
+    return services, channels
+
+
+def _open_bus(bus: Bus, name: str) -> tuple[Hub | Bridge, str]:
+    """Return what couples a bus to the outside, and its name in a log."""
     channel = name.partition(":")[2]
     try:
         if channel:
-            return Hub(simulation.bus, channel), Path(channel).stem
-        return Bridge.open(simulation.bus, name), name
+            return Hub(bus, channel), Path(channel).stem
+        return Bridge.open(bus, name), name
     except (OSError, ValueError) as error:
         raise SimulationError(f"--bus {name}: {error}") from error
 
@@ -282,7 +321,7 @@ def _announce_when_booted(simulation: Simulation, options: argparse.Namespace) -
 
     def look() -> None:
         if all(node.state is not NmtState.INITIALISING for node in simulation.nodes):
-            tell(" ".join(["ready", options.bus, *addresses]))
+            tell(" ".join(["ready", *options.bus, *addresses]))
         else:
             bus.schedule(bus.now_ns + 1_000_000, look)
 

@@ -39,7 +39,7 @@ class RealTime:
     simulation
         The simulation; its time continues from its present value.
     services
-        Hub or bridge.
+        Hubs or bridges.
     pace
         The clock; CLOCK_MONOTONIC by default.
 
@@ -82,15 +82,15 @@ class RealTime:
         _raise_priority(priority)
         pace = self._pace
         self._set_origin(pace.now_ns() - self.simulation.now_ns)
-        bus, services = self.simulation.bus, self._services
+        simulation, bus, services = self.simulation, self.simulation.bus, self._services
         while not stop():
-            event_ns = bus.next_event_ns
+            event_ns = simulation.next_event_ns
             latest_ns = bus.now_ns + pace.longest_wait_ns
             due_ns = latest_ns if event_ns is None else min(event_ns, latest_ns)
             select.select(services, (), (), pace.wait_s(due_ns + self.origin_ns))
             now_ns = pace.now_ns()
             self._let_go(now_ns, due_ns)
-            self.simulation.advance(max(now_ns - self.origin_ns, bus.now_ns))
+            simulation.advance(max(now_ns - self.origin_ns, bus.now_ns))
             pace.reached(bus.now_ns + self.origin_ns)
             for service in services:
                 service.service(now_ns)

@@ -1,14 +1,15 @@
-"""The simulated robot as one object: bus, nodes, plant and sensors under one virtual time.
+"""The simulated robot as one object: buses, nodes, plant and sensors under one virtual time.
 
-Time passes only in `advance`. Nodes receive frames at the exact bit time, and are woken by the
-bus's timers at the nanosecond they set; nothing is polled. The plant lags, in whole steps of 1 ms,
-and is brought up to date only when something touches it: a command, a SYNC, a sonar, a guard, a
-look at the truth.
+Time passes only in `advance`, on all buses from event to event. Nodes receive frames at the exact
+bit time, and are woken by the bus's timers at the nanosecond they set; nothing is polled. The plant
+lags, in whole steps of 1 ms, and is brought up to date only when something touches it: a command, a
+SYNC, a sonar, a guard, a look at the truth.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import difflib
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -20,8 +21,10 @@ from firmware_sim.bus.core import Bus
 from firmware_sim.bus.faults import FaultPlan
 from firmware_sim.bus.frame import Frame
 from firmware_sim.bus.port import Port
+from firmware_sim.bus.state import FdSupport
 from firmware_sim.config.config import RobotConfig, load_robot
 from firmware_sim.config.parameters import DifferentialDrive
+from firmware_sim.errors import SimulationError
 from firmware_sim.faults.faults import Faults
 from firmware_sim.faults.faulty_imu import FaultyImu
 from firmware_sim.faults.faulty_parts import FaultyRing, FaultyStage
@@ -31,6 +34,7 @@ from firmware_sim.faults.monitor import PERIOD_NS as MONITOR_PERIOD_NS
 from firmware_sim.nodes.drive import DriveNode
 from firmware_sim.nodes.drive_guards import MotorModel
 from firmware_sim.nodes.imu import ImuNode, ImuSample
+from firmware_sim.nodes.kinds import NODE_NAMES
 from firmware_sim.nodes.node import Node
 from firmware_sim.nodes.parameter_store import (
     FileStore,
@@ -58,14 +62,17 @@ Memory: TypeAlias = Callable[[str], ParameterStore]
 CONTINUOUS_SHARE = 0.7
 """Default limit of the drive's over-current guard, as a share of the greatest current there is."""
 CELL_V = 3.7
+_STREAMS = 7
+"""Random streams of a robot with one bus; each further bus has one of its own behind them."""
 CURRENT_STEP_MA = 500
 
 
 class Simulation:
-    """A robot on its CAN bus in a room.
+    """A robot on its CAN buses in a room.
 
     Attach a host with `simulation.bus.attach`, then let time pass with `advance`. The nodes boot
-    in the first 8 ms.
+    in the first 8 ms. A robot with several buses has `simulation.buses` by name, of which `bus` is
+    the first.
 
     Parameters
     ----------
@@ -82,7 +89,7 @@ class Simulation:
     state_directory
         Where stored parameters live; None: in this object.
     faults
-        Faults of the bus.
+        Faults of the first bus.
     start_ns
         Time at which the simulation starts [ns].
     people
@@ -107,13 +114,25 @@ class Simulation:
         people: int = 0,
     ) -> None:
         config = load_robot(robot) if isinstance(robot, Path) else robot
+        _check_names(config)
         room = load_world(world) if isinstance(world, Path) else world
         if start is not None:
             room = dataclasses.replace(room, start=start)
-        streams = [np.random.default_rng(each) for each in np.random.SeedSequence(seed).spawn(7)]
+        seeds = np.random.SeedSequence(seed).spawn(_STREAMS + len(config.buses) - 1)
+        streams = [np.random.default_rng(each) for each in seeds]
         self.config = config
         self.world = room
-        self.bus = Bus(config.can.bitrate, streams[0], faults=faults, start_ns=start_ns)
+        self.buses = {
+            each.name: Bus(
+                each.bitrate,
+                stream,
+                faults=faults if each is config.buses[0] else None,
+                start_ns=start_ns,
+                data_bitrate=each.data_bitrate,
+            )
+            for each, stream in zip(config.buses, (streams[0], *streams[_STREAMS:]), strict=True)
+        }
+        self.bus = self.buses[config.buses[0].name]
         self.plant = Plant(config, room, streams[1])
         self._plant_ns = start_ns
         sonar_m = config.simulation.sonar.z_m
@@ -150,6 +169,8 @@ class Simulation:
                 config=config,
                 world=room,
                 bus=self.bus,
+                buses=tuple(self.buses.values()),
+                bus_of=self.bus_of,
                 plant=self.plant,
                 nodes=self.nodes,
                 stores=self.stores,
@@ -163,7 +184,7 @@ class Simulation:
             )
         )
         self.monitor = SafetyMonitor(self._motion, _allowed(config))
-        self.bus.tap(self.monitor.on_bus, accept=FORBIDS)
+        self.bus_of(self.drive.name).tap(self.monitor.on_bus, accept=FORBIDS)
         self._ports: dict[str, Port] = {}
         self._supplied: set[str] = set()
         for node in self.nodes:
@@ -181,6 +202,18 @@ class Simulation:
         """Present time [ns]."""
         return self.bus.now_ns
 
+    @property
+    def next_event_ns(self) -> int | None:
+        """Time of the next event on any bus if nobody from outside sends; None: there is none."""
+        events = [bus.next_event_ns for bus in self.buses.values()]
+        return min((each for each in events if each is not None), default=None)
+
+    def bus_of(self, node: str) -> Bus:
+        """Return the bus of a node, or of the drive if there is no node of that name."""
+        buses = self.config.nodes
+        name = buses.get(node, "") if node in NODE_NAMES else buses.get("drive", "")
+        return self.buses.get(name, self.bus)
+
     def warm(self) -> None:
         """Compile, or load from the cache, the functions for which the first steps would wait."""
         self.plant.warm()
@@ -194,7 +227,15 @@ class Simulation:
         ValueError
             If `until_ns` lies in the past.
         """
-        self.bus.advance(until_ns)
+        if len(self.buses) == 1:
+            self.bus.advance(until_ns)
+            return
+        while self.now_ns < until_ns:
+            event_ns = self.next_event_ns
+            step_ns = until_ns if event_ns is None else min(event_ns, until_ns)
+            # The bus with the event last: what happens there sees no bus that is behind.
+            for bus in sorted(self.buses.values(), key=lambda each: each.next_event_ns == step_ns):
+                bus.advance(step_ns)
 
     def power_cycle(self, name: str = "") -> None:
         """Take the supply from a node, or from all, and give it back; robot and room stay."""
@@ -243,9 +284,12 @@ class Simulation:
         if is_drive:
             self.monitor.on_power_up()
         receive = self._deliver_to_drive if is_drive else node.on_frame
-        port = self.bus.attach(node.name, receive, accept=node.arbitration_ids)
+        bus = self.bus_of(node.name)
+        is_classic = node.name in self.config.simulation.classic_nodes
+        fd = FdSupport.INTOLERANT if is_classic else FdSupport.ENABLED
+        port = bus.attach(node.name, receive, accept=node.arbitration_ids, fd=fd)
         self._ports[node.name] = port
-        node.connect(port, self._alarm)
+        node.connect(port, partial(self._alarm, bus))
         node.power_cycle(self.bus.now_ns)
 
     @property
@@ -273,7 +317,7 @@ class Simulation:
             For `Truth`.
         """
         stamp_ns = self.run_to(self.bus.now_ns) + origin_ns
-        plant, statistics, findings = self.plant, self.bus.statistics, self.monitor.findings
+        plant, buses, findings = self.plant, self.buses.values(), self.monitor.findings
         people = self._people
         return Truth(
             stamp_ns=stamp_ns,
@@ -285,9 +329,9 @@ class Simulation:
             distance_m=plant.distance_m,
             collisions=plant.collisions + (0 if people is None else people.hit),
             charge=plant.charge,
-            bus_frames=statistics.frames,
-            bus_load=self.bus.load(),
-            bus_errors=sum(statistics.errors.values()),
+            bus_frames=sum(bus.statistics.frames for bus in buses),
+            bus_load=max(bus.load() for bus in buses),
+            bus_errors=sum(sum(bus.statistics.errors.values()) for bus in buses),
             late=late,
             late_max_ns=late_max_ns,
             power_off_ns=self.monitor.power_off_ns + origin_ns,
@@ -387,12 +431,12 @@ class Simulation:
         store = self.stores[name] = FragileStore(memory(name))
         return store
 
-    def _alarm(self, due_ns: int, node: Node) -> None:
-        self.bus.schedule(due_ns, partial(self._wake, node))
+    def _alarm(self, bus: Bus, due_ns: int, node: Node) -> None:
+        bus.schedule(due_ns, partial(self._wake, bus, node))
 
-    def _wake(self, node: Node) -> None:
+    def _wake(self, bus: Bus, node: Node) -> None:
         if self.runs(node):
-            node.wake(self.bus.now_ns)
+            node.wake(bus.now_ns)
 
     def _motion(self) -> Motion:
         plant = self.plant
@@ -428,6 +472,17 @@ class Simulation:
             plant.charge,
             self.config.simulation.motor.air_c,
         )
+
+
+def _check_names(config: RobotConfig) -> None:
+    """Refuse settings of nodes that no robot has; raises SimulationError."""
+    named = (("nodes", config.nodes), ("simulation.classic_nodes", config.simulation.classic_nodes))
+    for key, names in named:
+        for name in names:
+            if name not in NODE_NAMES:
+                near = difflib.get_close_matches(name, NODE_NAMES, n=1)
+                hint = f'did you mean "{near[0]}"?' if near else f"allowed: {', '.join(NODE_NAMES)}"
+                raise SimulationError(f"{key}: no node {name!r}; {hint}")
 
 
 def _allowed(config: RobotConfig) -> Allowed:

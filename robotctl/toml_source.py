@@ -261,12 +261,17 @@ def _unknown_keys(data: Any, kind: Any, at: Key) -> Iterator[tuple[Key, str]]:
 
 
 def _dataclass_of(data: Any, kind: Any) -> Any:
-    """Resolve annotations and unions (by their `kind` field) to the type that fits `data`."""
+    """Resolve annotations and unions to the type that fits `data`.
+
+    Among dataclasses their `kind` decides; a list takes the tuple.
+    """
     while typing.get_origin(kind) is typing.Annotated:
         kind = typing.get_args(kind)[0]
     if typing.get_origin(kind) not in (typing.Union, types.UnionType):
         return kind
     members = [_dataclass_of(data, member) for member in typing.get_args(kind)]
+    if isinstance(data, list):
+        return next((each for each in members if typing.get_origin(each) is tuple), None)
     dataclass_members = [member for member in members if dataclasses.is_dataclass(member)]
     if len(dataclass_members) == 1:
         return dataclass_members[0]
@@ -321,8 +326,19 @@ def _apply_override(data: dict[str, Any], override: str) -> tuple[Key, list[Key]
                     made.append(tuple(key))
                 target = target.setdefault(index, {})
         except (TypeError, IndexError) as error:
-            raise ConfigError(f"--set {override}: {_dotted(tuple(key))}: no such key") from error
+            raise ConfigError(
+                f"--set {override}: {_dotted(tuple(key))}: no such key{_entries(target, key[:-1])}"
+            ) from error
     return tuple(key), made
+
+
+def _entries(target: Any, key: list[str | int]) -> str:
+    """Say how the entries of a list are called; empty for what is none."""
+    if not isinstance(target, list) or not target:
+        return ""
+    first = ".".join(map(str, [*key, 0]))
+    last = ".".join(map(str, [*key, len(target) - 1]))
+    return f"; its entries are {first}" + (f" to {last}" if first != last else "")
 
 
 def _key_lines(text: str) -> dict[Key, int]:

@@ -239,7 +239,7 @@ def test_a_setting_below_a_number_is_refused(below: str) -> None:
 
 def test_all_wrong_settings_are_told_at_once() -> None:
     assert errors(GOOD, "gains.kpp=2", "shape.9.radius_m=0.1", "gains", "gains.kp=-1") == [
-        "--set shape.9.radius_m=0.1: shape[9]: no such key",
+        "--set shape.9.radius_m=0.1: shape[9]: no such key; its entries are shape.0 to shape.1",
         "--set gains: not of the form key.subkey=value",
         '--set gains.kpp=2: gains.kpp: unknown key; did you mean "kp"?',
         "--set gains.kp=-1: gains.kp: must not be negative, found -1.0",

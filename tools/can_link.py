@@ -8,7 +8,7 @@ import socket
 import struct
 
 _IFF_UP = 1
-_SIOCGIFFLAGS, _SIOCSIFFLAGS = 0x8913, 0x8914
+_SIOCGIFFLAGS, _SIOCSIFFLAGS, _SIOCSIFMTU = 0x8913, 0x8914, 0x8922
 _RTM_NEWLINK, _RTM_DELLINK = 16, 17
 _NLM_F_REQUEST, _NLM_F_ACK, _NLM_F_EXCL, _NLM_F_CREATE = 0x1, 0x4, 0x200, 0x400
 _IFLA_IFNAME, _IFLA_LINKINFO, _IFLA_INFO_KIND = 3, 18, 1
@@ -40,6 +40,15 @@ def set_link(name: str, *, up: bool) -> None:
         (flags,) = struct.unpack_from("H", fcntl.ioctl(any_socket, _SIOCGIFFLAGS, request), 16)
         flags = flags | _IFF_UP if up else flags & ~_IFF_UP
         fcntl.ioctl(any_socket, _SIOCSIFFLAGS, struct.pack("16sH14x", name.encode(), flags))
+
+
+def set_mtu(name: str, mtu: int) -> None:
+    """Set the size of a frame [byte], as `ip link set NAME mtu MTU`: 16, or 72 for CAN FD.
+
+    Raises OSError if the kernel refuses, as it does while the interface is up.
+    """
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
+        fcntl.ioctl(any_socket, _SIOCSIFMTU, struct.pack("16si20x", name.encode(), mtu))
 
 
 def _attribute(kind: int, payload: bytes) -> bytes:

@@ -34,6 +34,12 @@ def parser() -> argparse.ArgumentParser:
     result.add_argument("--channel", default="simcan0", help="name or socket path (%(default)s)")
     result.add_argument("--bitrate", type=int, default=1_000_000, help="bit/s (%(default)s)")
     result.add_argument(
+        "--data-bitrate",
+        type=parse_natural,
+        default=0,
+        help="of CAN FD, bit/s (default 0: classic CAN)",
+    )
+    result.add_argument(
         "--seed", type=parse_natural, default=0, help="seed of random faults (%(default)s)"
     )
     result.add_argument("--log", type=Path, help="write a candump log to this file")
@@ -51,7 +57,7 @@ def run(arguments: argparse.Namespace, stopping: list[int]) -> None:
         If the bus, its channel, its log or its bridge cannot be had.
     """
     origin_ns = time.monotonic_ns()
-    bus = Bus(arguments.bitrate, arguments.seed)
+    bus = Bus(arguments.bitrate, arguments.seed, data_bitrate=arguments.data_bitrate)
     with ExitStack() as stack:
         hub = stack.enter_context(closing(Hub(bus, arguments.channel, origin_ns=origin_ns)))
         services: list[Service] = [hub]
@@ -64,7 +70,8 @@ def run(arguments: argparse.Namespace, stopping: list[int]) -> None:
             stack.enter_context(closing(log))
         if arguments.ack:
             bus.attach("ack", _ignore, accept=())
-        _LOG.info("%s: %d bit/s at %s", arguments.channel, bus.bitrate, hub.path)
+        rates = f"{bus.bitrate}/{bus.data_bitrate}" if bus.data_bitrate else f"{bus.bitrate}"
+        _LOG.info("%s: %s bit/s at %s", arguments.channel, rates, hub.path)
         serve(bus, services, origin_ns=origin_ns, stop=lambda: bool(stopping))
         errors = sum(bus.statistics.errors.values())
         _LOG.info("%s: %d frames, %d errors", arguments.channel, bus.statistics.frames, errors)

@@ -1,4 +1,4 @@
-"""Bits of a CAN frame on the wire: arbitration order, CRC-15, bit stuffing, length.
+"""Bits of a classic CAN frame on the wire: arbitration order, CRC-15, bit stuffing, length.
 
 Source: ISO 11898-1:2015, clause 10.4 (frame formats), 10.5 (stuffing); Bosch CAN 2.0, part B.
 
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import struct
 from array import array
+from collections.abc import Iterable
 
 from firmware_sim.bus.frame import (
     EXTENDED_FLAG,
@@ -34,7 +35,8 @@ def arbitration_key(arbitration_id: int) -> int:
     """Return the arbitration field as a number: of several, the lowest wins the bus.
 
     The bits stand in the order of the wire, so a standard frame beats an extended one of the
-    same 11 leading bits (SRR and IDE are recessive) and data beats a remote request.
+    same 11 leading bits (SRR and IDE are recessive) and data beats a remote request. A frame of
+    CAN FD competes as a classic data frame does.
     """
     remote = 1 if arbitration_id & REMOTE_FLAG else 0
     if arbitration_id & EXTENDED_FLAG:
@@ -57,22 +59,24 @@ def header_bits(arbitration_id: int, length: int) -> list[int]:
     return [0, *((value >> shift) & 1 for shift in range(width - 1, -1, -1))]
 
 
-def crc15(bits: list[int]) -> int:
-    """Return the CRC-15 of a bit sequence, bit by bit as the standard has it."""
-    crc = 0
+def checksum(bits: Iterable[int], width: int, polynomial: int, initial: int = 0) -> int:
+    """Return the CRC of `width` bits of a bit sequence, bit by bit as the standard has it."""
+    crc, mask = initial, (1 << width) - 1
     for bit in bits:
-        high = crc >> 14
-        crc = (crc << 1) & 0x7FFF
+        high = crc >> width - 1
+        crc = (crc << 1) & mask
         if high != bit:
-            crc ^= CRC15_POLYNOMIAL
+            crc ^= polynomial
     return crc
 
 
-def frame_bit_sequence(arbitration_id: int, data: bytes) -> list[int]:
-    """Return all bits of the frame as sent, stuffed, up to the end of frame; acknowledged.
+def crc15(bits: Iterable[int]) -> int:
+    """Return the CRC-15 of a classic frame's bits."""
+    return checksum(bits, 15, CRC15_POLYNOMIAL)
 
-    For the rare cases which need single bits (two nodes with one id). `frame_bits` is its length.
-    """
+
+def classic_bit_sequence(arbitration_id: int, data: bytes) -> list[int]:
+    """Return all bits of a classic frame as sent, stuffed, to the end of frame; acknowledged."""
     payload = b"" if arbitration_id & REMOTE_FLAG else data
     bits = header_bits(arbitration_id, len(data))
     for byte in payload:
@@ -83,13 +87,13 @@ def frame_bit_sequence(arbitration_id: int, data: bytes) -> list[int]:
     state = 0
     for bit in bits:
         sent.append(bit)
-        stuffed, state = _stuff_step(state, bit)
+        stuffed, state = stuff_step(state, bit)
         if stuffed:
             sent.append(1 - bit)
     return sent + [1, 0] + [1] * 8
 
 
-def _stuff_step(state: int, bit: int) -> tuple[int, int]:
+def stuff_step(state: int, bit: int) -> tuple[int, int]:
     """Advance the stuffing state by one bit; return (1 where a stuff bit follows, new state).
 
     State 0: nothing sent yet; 1..4: number of equal dominant bits; 5..8: of recessive ones.
@@ -110,7 +114,7 @@ def _stuff_table(width: int) -> list[bytes]:
         for word in range(1 << width):
             count, state = 0, first_state
             for shift in range(width - 1, -1, -1):
-                stuffed, state = _stuff_step(state, (word >> shift) & 1)
+                stuffed, state = stuff_step(state, (word >> shift) & 1)
                 count += stuffed
             row.append(count << 4 | state)
         rows.append(bytes(row))
@@ -135,8 +139,9 @@ def _crc_table(width: int) -> list[int]:
 
 
 _STUFF7 = _stuff_table(7)
-_STUFF8 = _stuff_table(8)
-_STUFF16 = _doubled_stuff_table(_STUFF8)
+STUFF8 = _stuff_table(8)
+STUFF16 = _doubled_stuff_table(STUFF8)
+"""Stuff bits << 4 | new state, by stuffing state and word of 8 or 16 bits."""
 _CRC8 = _crc_table(8)
 _CRC8_HIGH = [((crc << 8) & 0x7FFF) ^ _CRC8[crc >> 7] for crc in _CRC8]
 _CRC16 = array("H", (high ^ low for high in _CRC8_HIGH for low in _CRC8))
@@ -151,7 +156,7 @@ def _header(arbitration_id: int, length: int) -> tuple[int, int, int]:
     bits = header_bits(arbitration_id, length)
     state, count = 0, len(bits)
     for bit in bits:
-        stuffed, state = _stuff_step(state, bit)
+        stuffed, state = stuff_step(state, bit)
         count += stuffed
     known = (crc15(bits), state, count)
     if len(_headers) < 0x10000:
@@ -160,7 +165,7 @@ def _header(arbitration_id: int, length: int) -> tuple[int, int, int]:
 
 
 def frame_bits(arbitration_id: int, data: bytes) -> int:
-    """Return the length of the frame in bit times, start of frame to end of frame.
+    """Return the length of a classic frame in bit times, start of frame to end of frame.
 
     Stuffing is counted exactly. The intermission (`INTERMISSION_BITS`) comes on top.
 
@@ -175,7 +180,7 @@ def frame_bits(arbitration_id: int, data: bytes) -> int:
     known = _headers.get(arbitration_id << 4 | length)
     crc, state, bits = known if known is not None else _header(arbitration_id, length)
     if length == MAX_DATA_LENGTH and not arbitration_id & REMOTE_FLAG:
-        stuff, table = _STUFF16, _CRC16
+        stuff, table = STUFF16, _CRC16
         words: tuple[int, int, int, int] = _UNPACK_WORDS(data)
         a, b, c, d = words
         crc = table[crc << 1 ^ a]
@@ -187,14 +192,14 @@ def frame_bits(arbitration_id: int, data: bytes) -> int:
         c = stuff[b & 15][c]
         d = stuff[c & 15][d]
         a = (a >> 4) + (b >> 4) + (c >> 4) + (d >> 4) + 64
-        b = _STUFF8[d & 15][crc >> 7]
+        b = STUFF8[d & 15][crc >> 7]
         return bits + a + (b >> 4) + (_STUFF7[b & 15][crc & 0x7F] >> 4) + (15 + TRAILER_BITS)
     step = state
     if not arbitration_id & REMOTE_FLAG:
         for byte in data:
             crc = ((crc << 8) & 0x7FFF) ^ _CRC8[(crc >> 7) ^ byte]
-            step = _STUFF8[step & 15][byte]
+            step = STUFF8[step & 15][byte]
             bits += 8 + (step >> 4)
-    step = _STUFF8[step & 15][crc >> 7]
+    step = STUFF8[step & 15][crc >> 7]
     bits += step >> 4
     return bits + (_STUFF7[step & 15][crc & 0x7F] >> 4) + 15 + TRAILER_BITS

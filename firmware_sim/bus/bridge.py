@@ -13,8 +13,11 @@ sent, before it has passed the bus.
 from __future__ import annotations
 
 import contextlib
+import errno
+import fcntl
 import select
 import socket
+import struct
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -28,6 +31,10 @@ if TYPE_CHECKING:
 _READS_PER_SERVICE = 64
 _RECEIVE_BUFFER = 1 << 20
 _REOPEN_NS = 100_000_000
+_GET_MTU = 0x8921
+"""SIOCGIFMTU of linux/sockios.h."""
+_INTERFACE_REQUEST = struct.Struct("16si20x")
+"""struct ifreq: name and MTU."""
 
 
 class Bridge:
@@ -38,8 +45,8 @@ class Bridge:
     bus
         The bus.
     connection
-        A bound raw CAN socket, or anything which passes `struct can_frame`s as datagrams. The
-        bridge closes it.
+        A bound raw CAN socket, or anything which passes `can_frame`s, and on a bus of CAN FD
+        `canfd_frame`s, as datagrams. The bridge closes it.
     name
         Name of the node.
     restart_ms, queue_limit
@@ -53,7 +60,7 @@ class Bridge:
     lost
         Frames which the interface did not take.
     dropped
-        Frames of the host which the bus did not take, or which are no classic frames.
+        Frames of the host which the bus did not take, or which are none.
     problem
         The interface's last error; None while all is well.
     """
@@ -89,15 +96,15 @@ class Bridge:
         Raises
         ------
         OSError
-            If the kernel has no CAN, or there is no such interface; the message names it.
+            If the kernel has no CAN, there is no such interface, or it does not carry the bus's
+            CAN FD; the message names it.
         """
-        return cls(
-            bus,
-            _connect(interface),
-            f"bridge:{interface}",
-            restart_ms=restart_ms,
-            reopen=lambda: _connect(interface),
-        )
+
+        def connect() -> socket.socket:
+            return _connect(interface, fd=bus.data_bitrate > 0)
+
+        name = f"bridge:{interface}"
+        return cls(bus, connect(), name, restart_ms=restart_ms, reopen=connect)
 
     def fileno(self) -> int:
         """Return the descriptor that is readable when `service` has something to do."""
@@ -150,8 +157,6 @@ class Bridge:
         self._epoll.register(connection.fileno(), select.EPOLLIN)
 
     def _pass_on(self, message: bytes) -> bool:
-        if len(message) != wire.CAN_FRAME.size:
-            return False
         try:
             arbitration_id, data = wire.unpack_frame(message)
             return not arbitration_id & ERROR_FLAG and self.port.send(arbitration_id, data)
@@ -180,13 +185,14 @@ class Bridge:
         self._socket.close()
 
 
-def _connect(interface: str) -> socket.socket:
+def _connect(interface: str, *, fd: bool) -> socket.socket:
     """Return a raw socket on a CAN interface.
 
     Raises
     ------
     OSError
-        If the kernel has no CAN, or there is no such interface; the message names it.
+        If the kernel has no CAN, there is no such interface, or it carries no CAN FD where that is
+        asked for; the message names it.
     """
     try:
         connection = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
@@ -196,8 +202,22 @@ def _connect(interface: str) -> socket.socket:
     try:
         with contextlib.suppress(OSError):  # as much as the system allows
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
+        if fd:
+            connection.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FD_FRAMES, 1)
         connection.bind((interface,))
+        if fd and _mtu(connection, interface) < wire.FD_FRAME.size:
+            text = (
+                f"carries no CAN FD; `ip link set {interface} mtu {wire.FD_FRAME.size}` changes it"
+            )
+            raise OSError(errno.EINVAL, text)
     except OSError as error:
         connection.close()
         raise OSError(error.errno, f"{interface}: {error.strerror}") from error
     return connection
+
+
+def _mtu(connection: socket.socket, interface: str) -> int:
+    """Return how many bytes a frame of an interface has at most."""
+    request = bytearray(_INTERFACE_REQUEST.pack(interface.encode(), 0))
+    fcntl.ioctl(connection, _GET_MTU, request)
+    return int(_INTERFACE_REQUEST.unpack(request)[1])

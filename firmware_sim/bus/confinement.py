@@ -7,12 +7,7 @@ for all nodes or, when only error-passive nodes object, for none but them.
 
 from __future__ import annotations
 
-from firmware_sim.bus.bits import (
-    ACK_SLOT_TO_END_BITS,
-    INTERMISSION_BITS,
-    frame_bit_sequence,
-    frame_bits,
-)
+from firmware_sim.bus.bits import ACK_SLOT_TO_END_BITS, INTERMISSION_BITS
 from firmware_sim.bus.errors import (
     BusError,
     ErrorClass,
@@ -21,15 +16,27 @@ from firmware_sim.bus.errors import (
     bus_error_message,
     state_message,
 )
-from firmware_sim.bus.frame import ERROR_FLAG, Frame
+from firmware_sim.bus.fd_bits import FrameLength, frame_bit_sequence, frame_length
+from firmware_sim.bus.frame import CLASSIC_MAX, ERROR_FLAG, ERROR_STATE_FLAG, Frame
 from firmware_sim.bus.frame_faults import FrameFaults, Strike
 from firmware_sim.bus.recovery import BusOffRecovery
-from firmware_sim.bus.state import BusState, Failure, Message, Offer, PortState, Route
+from firmware_sim.bus.state import (
+    BusState,
+    Failure,
+    FdSupport,
+    Message,
+    Offer,
+    PortState,
+    Route,
+)
 
 FLAG_BITS = 6
 DELIMITER_BITS = 8
 SUSPEND_BITS = 8
 """Time after the intermission that an error-passive transmitter leaves to others."""
+STUFF_ERROR_BITS = 6
+"""Bits after BRS at which a controller that knows no CAN FD sees an error. Real ones do at some bit
+of the data phase, whose bits they take for others of the nominal bit rate."""
 
 
 class Confinement:
@@ -52,6 +59,7 @@ class Confinement:
         self._popped: tuple[tuple[PortState, Offer], ...] = ()
         self._dropouts: tuple[PortState, ...] = ()
         self._deaf: tuple[PortState, ...] = ()
+        self._length = FrameLength(0, 0, 0)
 
     # One attempt to send
 
@@ -69,11 +77,12 @@ class Confinement:
         self._popped = tuple((port, port.queue.popleft()) for port in survivors)
         bus.offers[:] = [port for port in bus.offers if port.queue]
         bus.senders = survivors
-        bus.offer = self._popped[0][1]
+        bus.offer = _as_sent(survivors[0], self._popped[0][1])
         _, arbitration_id, data = bus.offer
-        bus.bits = frame_bits(arbitration_id, data)
+        self._length = frame_length(arbitration_id, data)
+        bus.bits = self._length.bits
         end_bit = self._decide(survivors, collision_bit)
-        bus.done_ns = start_ns + end_bit * bus.bit_ns
+        bus.done_ns = start_ns + bus.duration_ns(self._length, end_bit)
 
     def _collide(
         self, contenders: tuple[PortState, ...]
@@ -84,9 +93,10 @@ class Confinement:
         their frames are equal, or where only error-passive nodes had to give way.
         """
         self._dropouts = ()
-        if len({port.queue[0] for port in contenders}) == 1:
+        frames = {port: _as_sent(port, port.queue[0])[1:] for port in contenders}
+        if len(set(frames.values())) == 1:
             return contenders, None
-        streams = {port: frame_bit_sequence(*port.queue[0][1:]) for port in contenders}
+        streams = {port: frame_bit_sequence(*frame) for port, frame in frames.items()}
         while True:
             columns = enumerate(zip(*(streams[port] for port in contenders), strict=False))
             bit = next((index for index, bits in columns if len(set(bits)) > 1), None)
@@ -105,12 +115,19 @@ class Confinement:
         receivers = tuple(
             port
             for port in bus.ports.values()
-            if port.on_bus and not port.joining and port not in busy
+            if port.on_bus
+            and not port.joining
+            and port not in busy
+            and not port.ignores(bus.offer[1])
         )
         self._deaf = ()
         if collision_bit is not None:
             bus.failure = Failure(BusError.BIT_ERROR, senders, (), receivers, 2 * FLAG_BITS)
             return collision_bit
+        if bus.fd_slow and bus.offer[1] > CLASSIC_MAX:
+            bus.failure = self._object(senders, receivers)
+            if bus.failure is not None:
+                return self._length.data_phase + STUFF_ERROR_BITS
         strike = self._faults.strike(senders[0], bus.offer, bus.bits)
         if strike is not None:
             bus.failure = self._strike(strike, senders, receivers)
@@ -129,6 +146,21 @@ class Confinement:
         """Return whether one of the receivers acknowledges a frame."""
         answering = any(port.answers and port not in self._deaf for port in receivers)
         return answering and not any(port.unanswered for port in senders)
+
+    def _object(
+        self, senders: tuple[PortState, ...], receivers: tuple[PortState, ...]
+    ) -> Failure | None:
+        """Return how controllers that know no CAN FD destroy a frame of it; None: they cannot."""
+        classic = tuple(port for port in receivers if port.fd is FdSupport.INTOLERANT)
+        first = tuple(port for port in classic if not port.counters.passive)
+        if not first:
+            self._deaf = classic
+            return None
+        others = tuple(port for port in receivers if port not in first)
+        outlasted = any(not port.counters.passive for port in senders + others)
+        return Failure(
+            BusError.BIT_STUFFING_ERROR, senders, first, others, FLAG_BITS + outlasted, outlasted
+        )
 
     def _strike(
         self, strike: Strike, senders: tuple[PortState, ...], receivers: tuple[PortState, ...]
@@ -187,7 +219,12 @@ class Confinement:
             port.counters.receive_error()
             port.statistics.errors += 1
         for port in self._bus.ports.values():
-            if port.on_bus and not port.joining and port not in deaf:
+            if (
+                port.on_bus
+                and not port.joining
+                and port not in deaf
+                and not port.ignores(self._bus.offer[1])
+            ):
                 port.counters.received()
 
     def fail(self) -> None:
@@ -203,7 +240,7 @@ class Confinement:
         bus.statistics.of(arbitration_id).errors += 1
         dead_bits = failure.flag_bits + DELIMITER_BITS + INTERMISSION_BITS
         bus.free_ns = bus.now_ns + dead_bits * bus.bit_ns
-        bus.meter.busy_bits += (bus.now_ns - bus.start_ns) // bus.bit_ns + dead_bits
+        bus.meter.busy_ns += bus.free_ns - bus.start_ns
         for port in failure.transmitters:
             self._suspend(port)
         self.put_back(unanswered=failure.error is BusError.ACK_ERROR)
@@ -223,19 +260,19 @@ class Confinement:
         """Count the coming attempts of a lone node at once, as far as time will pass now."""
         bus = self._bus
         port = bus.offers[0]
-        attempt_bits = bus.bits - ACK_SLOT_TO_END_BITS
-        period_bits = attempt_bits + dead_bits + SUSPEND_BITS
+        attempt_ns = bus.duration_ns(self._length, bus.bits - ACK_SLOT_TO_END_BITS)
+        period_ns = attempt_ns + (dead_bits + SUSPEND_BITS) * bus.bit_ns
         until_ns = min(bus.until_ns, bus.timer_ns)
-        first_end_ns = port.ready_ns + attempt_bits * bus.bit_ns
-        if port.queue[0] is not bus.offer or until_ns < first_end_ns:
+        first_end_ns = port.ready_ns + attempt_ns
+        if _as_sent(port, port.queue[0]) != bus.offer or until_ns < first_end_ns:
             return
-        count = 1 + (until_ns - first_end_ns) // (period_bits * bus.bit_ns)
-        bus.free_ns += count * period_bits * bus.bit_ns
-        port.ready_ns += count * period_bits * bus.bit_ns
+        count = 1 + (until_ns - first_end_ns) // period_ns
+        bus.free_ns += count * period_ns
+        port.ready_ns += count * period_ns
         port.statistics.errors += count
         bus.statistics.count_error(error, count)
         bus.statistics.of(bus.offer[1]).errors += count
-        bus.meter.busy_bits += count * (attempt_bits + dead_bits)
+        bus.meter.busy_ns += count * (attempt_ns + dead_bits * bus.bit_ns)
 
     def count(self, failure: Failure) -> list[Message]:
         """Apply the counting rules; return the messages for those whose counters changed."""
@@ -328,3 +365,11 @@ class Confinement:
             port.joining = False
         if joining:
             self._bus.rewire()
+
+
+def _as_sent(port: PortState, offer: Offer) -> Offer:
+    """Return a frame as its controller sends it: an error-passive one says so in CAN FD (ESI)."""
+    key, arbitration_id, data = offer
+    if arbitration_id > CLASSIC_MAX and port.counters.passive:
+        return key, arbitration_id | ERROR_STATE_FLAG, data
+    return offer

@@ -21,12 +21,21 @@ from firmware_sim.bus.bits import INTERMISSION_BITS, frame_bits
 from firmware_sim.bus.confinement import Confinement
 from firmware_sim.bus.disturbance import Disturbance
 from firmware_sim.bus.faults import Fault, FaultPlan
-from firmware_sim.bus.frame import Filter, Frame, exact_filters
+from firmware_sim.bus.fd_bits import frame_length
+from firmware_sim.bus.frame import CLASSIC_MAX, Filter, Frame, exact_filters
 from firmware_sim.bus.frame_faults import FrameFaults
 from firmware_sim.bus.injection import Injector
 from firmware_sim.bus.port import Port
 from firmware_sim.bus.recovery import BusOffRecovery
-from firmware_sim.bus.state import NEVER_NS, BusState, PortState, Receive, Route, Tap
+from firmware_sim.bus.state import (
+    NEVER_NS,
+    BusState,
+    FdSupport,
+    PortState,
+    Receive,
+    Route,
+    Tap,
+)
 from firmware_sim.bus.statistics import LoadMeter
 
 DEFAULT_QUEUE_LIMIT = 64
@@ -50,9 +59,14 @@ class Bus:
         Time at which the bus starts (ns).
     load_window_ns
         Window of `load` (ns).
+    data_bitrate
+        Bits per second in the data phase of CAN FD, which must last whole nanoseconds too; 0: a
+        classic bus, which carries no such frames.
 
     Attributes
     ----------
+    bitrate, data_bitrate
+        As given.
     bit_ns
         Length of a bit (ns).
     statistics
@@ -67,14 +81,18 @@ class Bus:
         faults: FaultPlan | None = None,
         start_ns: int = 0,
         load_window_ns: int = 1_000_000_000,
+        data_bitrate: int = 0,
     ) -> None:
-        if bitrate <= 0 or 1_000_000_000 % bitrate:
-            raise ValueError(f"bitrate {bitrate}: a bit must last whole nanoseconds")
         self.bitrate = bitrate
-        self.bit_ns = 1_000_000_000 // bitrate
-        meter = LoadMeter(self.bit_ns, load_window_ns, start_ns)
+        self.data_bitrate = data_bitrate
+        self.bit_ns = _bit_ns("bitrate", bitrate)
+        data_bit_ns = _bit_ns("data_bitrate", data_bitrate) if data_bitrate else 0
+        if data_bit_ns > self.bit_ns:
+            raise ValueError(f"data_bitrate {data_bitrate}: at least the bitrate, {bitrate}")
+        meter = LoadMeter(load_window_ns, start_ns)
         self._state = state = BusState(
             bit_ns=self.bit_ns,
+            data_bit_ns=data_bit_ns,
             now_ns=start_ns,
             until_ns=start_ns,
             start_ns=start_ns,
@@ -109,6 +127,7 @@ class Bus:
         queue_limit: int = DEFAULT_QUEUE_LIMIT,
         restart_ms: int | None = 0,
         listen_only: bool = False,
+        fd: FdSupport = FdSupport.ENABLED,
     ) -> Port:
         """Put a node on the bus.
 
@@ -136,6 +155,8 @@ class Bus:
             begins; None: only `Port.restart` begins it.
         listen_only
             The controller neither sends nor acknowledges.
+        fd
+            What the controller does with frames of CAN FD, on a bus that carries them.
 
         Raises
         ------
@@ -156,6 +177,7 @@ class Bus:
             queue_limit=queue_limit,
             restart_ns=None if restart_ms is None else restart_ms * 1_000_000,
             listen_only=listen_only,
+            fd=fd,
             joining=bool(bus.senders),
         )
         bus.ports[name] = state
@@ -214,7 +236,8 @@ class Bus:
         elif bus.offers:
             start = self._next_start_ns()
             _, arbitration_id, data = min(port.queue[0] for port in bus.offers)
-            due = min(due, start + frame_bits(arbitration_id, data) * self.bit_ns)
+            length = frame_length(arbitration_id, data)
+            due = min(due, start + bus.duration_ns(length, length.bits))
         return None if due >= NEVER_NS else due
 
     def advance(self, until_ns: int) -> None:
@@ -293,21 +316,27 @@ class Bus:
                 elif other == key and port is not winner:
                     tie = True
         bus.start_ns = start_ns
-        if tie or bus.slow or not winner.heard:
+        queue = winner.queue
+        is_fd = bus.data_bit_ns and queue[0][1] > CLASSIC_MAX
+        if tie or bus.slow or not winner.heard or (is_fd and bus.fd_slow):
             self._confinement.begin(start_ns)
             return
         if contested:
             for port in offers:
                 port.statistics.arbitration_lost += 1
             winner.statistics.arbitration_lost -= 1
-        queue = winner.queue
         offer = queue.popleft()
         if not queue:
             offers.remove(winner)
         bus.senders = (winner,)
         bus.offer = offer
-        bus.bits = bits = frame_bits(offer[1], offer[2])
-        bus.done_ns = start_ns + bits * self.bit_ns
+        if is_fd:
+            length = frame_length(offer[1], offer[2])
+            bus.bits = length.bits
+            bus.done_ns = start_ns + bus.duration_ns(length, length.bits)
+        else:
+            bus.bits = bits = frame_bits(offer[1], offer[2])
+            bus.done_ns = start_ns + bits * self.bit_ns
 
     def _end_attempt(self, done_ns: int) -> None:
         """Complete the frame on the wire, or destroy it as was decided at its start."""
@@ -318,17 +347,16 @@ class Bus:
         senders = bus.senders
         sender = senders[0]
         bus.senders = ()
-        bus.free_ns = done_ns + self._intermission_ns
+        bus.free_ns = free_ns = done_ns + self._intermission_ns
         _, arbitration_id, data = bus.offer
         route = sender.routes.get(arbitration_id)
         if route is None:
             route = self._route(sender, arbitration_id)
-        bits = bus.bits + INTERMISSION_BITS
         statistics = route.statistics
         statistics.frames += 1
-        statistics.bits += bits
+        statistics.bits += bus.bits + INTERMISSION_BITS
         meter = bus.meter
-        meter.busy_bits += bits
+        meter.busy_ns += free_ns - bus.start_ns
         if done_ns >= meter.next_mark_ns:
             meter.mark(done_ns)
         frame = Frame(arbitration_id, data, done_ns)
@@ -357,3 +385,10 @@ class Bus:
             sender.sent_ids.add(arbitration_id)
         sender.routes[arbitration_id] = route
         return route
+
+
+def _bit_ns(name: str, bitrate: int) -> int:
+    """Return the length of a bit (ns)."""
+    if bitrate <= 0 or 1_000_000_000 % bitrate:
+        raise ValueError(f"{name} {bitrate}: a bit must last whole nanoseconds")
+    return 1_000_000_000 // bitrate

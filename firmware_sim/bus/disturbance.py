@@ -5,9 +5,10 @@ Source: ISO 11898-1:2015, clause 12.1.4, rules e and f for the dominant bus.
 
 from __future__ import annotations
 
-from firmware_sim.bus.bits import ACK_SLOT_TO_END_BITS, INTERMISSION_BITS, frame_bits
+from firmware_sim.bus.bits import ACK_SLOT_TO_END_BITS, INTERMISSION_BITS
 from firmware_sim.bus.confinement import DELIMITER_BITS, FLAG_BITS, Confinement
 from firmware_sim.bus.errors import BusError
+from firmware_sim.bus.fd_bits import frame_length
 from firmware_sim.bus.state import NEVER_NS, BusState, Failure, PortState
 
 
@@ -40,7 +41,11 @@ class Disturbance:
         if lost is not None and lost not in bus.senders:
             lost.counters.receive_error()
             return
-        heard = tuple(port for port in bus.ports.values() if port.on_bus and not port.joining)
+        heard = tuple(
+            port
+            for port in bus.ports.values()
+            if port.on_bus and not port.joining and not port.ignores(bus.offer[1])
+        )
         bus.failure = Failure(
             BusError.BIT_STUFFING_ERROR,
             tuple(port for port in bus.senders if port in heard),
@@ -57,9 +62,10 @@ class Disturbance:
         port.alone = True
         bus = self._bus
         _, arbitration_id, data = port.queue[0]
-        bits = frame_bits(arbitration_id, data) - ACK_SLOT_TO_END_BITS
-        bits += FLAG_BITS + DELIMITER_BITS + INTERMISSION_BITS
-        bus.schedule(bus.now_ns + bits * bus.bit_ns, lambda: self._unanswered(port))
+        length = frame_length(arbitration_id, data)
+        attempt_ns = bus.duration_ns(length, length.bits - ACK_SLOT_TO_END_BITS)
+        attempt_ns += (FLAG_BITS + DELIMITER_BITS + INTERMISSION_BITS) * bus.bit_ns
+        bus.schedule(bus.now_ns + attempt_ns, lambda: self._unanswered(port))
 
     def _unanswered(self, port: PortState) -> None:
         port.alone = False
@@ -84,7 +90,7 @@ class Disturbance:
         bus = self._bus
         self._hit = bus.senders
         if bus.senders:
-            bus.meter.busy_bits += (bus.now_ns - bus.start_ns) // bus.bit_ns
+            bus.meter.busy_ns += bus.now_ns - bus.start_ns
             self._confinement.put_back(unanswered=False)
             self._confinement.integrate()
         bus.free_ns = NEVER_NS
@@ -101,7 +107,7 @@ class Disturbance:
         flags_end_ns = self._dominant_since_ns + 2 * FLAG_BITS * bus.bit_ns
         quiet_bits = DELIMITER_BITS + INTERMISSION_BITS
         bus.free_ns = max(bus.now_ns, flags_end_ns) + quiet_bits * bus.bit_ns
-        bus.meter.busy_bits += (bus.free_ns - self._dominant_since_ns) // bus.bit_ns
+        bus.meter.busy_ns += bus.free_ns - self._dominant_since_ns
 
     def _first_dominant_error(self) -> None:
         """Everybody sees six dominant bits and answers with an error flag."""

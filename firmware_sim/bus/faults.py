@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from firmware_sim.bus.errors import BusError
-from firmware_sim.bus.frame import MAX_DATA_LENGTH
+from firmware_sim.bus.frame import FD_LENGTHS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,7 +153,7 @@ class Stale(FrameFault):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Corrupt(FrameFault):
-    """The payload changes in the sender's memory: the CRC-15 fits, only E2E protection sees it.
+    """The payload changes in the sender's memory: the CRC fits, only E2E protection sees it.
 
     Attributes
     ----------
@@ -165,8 +165,8 @@ class Corrupt(FrameFault):
 
     def __post_init__(self) -> None:
         FrameFault.__post_init__(self)
-        if self.xor is not None and not (0 < len(self.xor) <= MAX_DATA_LENGTH and any(self.xor)):
-            raise ValueError(f"xor must invert something within 8 bytes: {self.xor!r}")
+        if self.xor is not None and not (0 < len(self.xor) <= FD_LENGTHS[-1] and any(self.xor)):
+            raise ValueError(f"xor must invert something within 64 bytes: {self.xor!r}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

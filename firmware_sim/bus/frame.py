@@ -15,9 +15,24 @@ REMOTE_FLAG = 0x4000_0000
 """Remote transmission request (CAN_RTR_FLAG)."""
 ERROR_FLAG = 0x2000_0000
 """An error message of a controller, not a frame of the bus (CAN_ERR_FLAG)."""
+FD_FLAG = 1 << 32
+"""A frame of CAN FD. Beyond SocketCAN's 32 bits, so that no id of a classic frame equals it."""
+BIT_RATE_SWITCH_FLAG = 1 << 33
+"""Its data phase has the data bit rate (BRS)."""
+ERROR_STATE_FLAG = 1 << 34
+"""Its transmitter is error-passive (ESI)."""
+FD_FLAGS_SHIFT = 33
+"""Shift of SocketCAN's flags in struct canfd_frame to these two."""
 STANDARD_MASK = 0x0000_07FF
 EXTENDED_MASK = 0x1FFF_FFFF
+CLASSIC_MAX = 0xFFFF_FFFF
+"""Greatest id, flags included, of a frame that is not CAN FD."""
 MAX_DATA_LENGTH = 8
+FD_LENGTHS = (*range(9), 12, 16, 20, 24, 32, 48, 64)
+"""Data lengths of CAN FD, by data length code."""
+
+_EXACT_MASK = FD_FLAG | 0xFFFF_FFFF
+_FD_FLAGS = FD_FLAG | BIT_RATE_SWITCH_FLAG | ERROR_STATE_FLAG
 
 
 class Frame(NamedTuple):
@@ -26,10 +41,11 @@ class Frame(NamedTuple):
     Attributes
     ----------
     arbitration_id
-        11-bit id, or 29-bit id with `EXTENDED_FLAG`; with `REMOTE_FLAG` for a remote request and
-        with `ERROR_FLAG` for an error message (`errors.py`).
+        11-bit id, or 29-bit id with `EXTENDED_FLAG`; with `REMOTE_FLAG` for a remote request, with
+        `FD_FLAG` and perhaps `BIT_RATE_SWITCH_FLAG` and `ERROR_STATE_FLAG` for CAN FD, and with
+        `ERROR_FLAG` for an error message (`errors.py`).
     data
-        0 to 8 bytes. Of a remote request only the length counts.
+        0 to 8 bytes, in CAN FD one of `FD_LENGTHS`. Of a remote request only the length counts.
     stamp_ns
         Time of the bus (ns) at which the frame was complete: the last bit of its end of frame.
     """
@@ -42,8 +58,8 @@ class Frame(NamedTuple):
 class Filter(NamedTuple):
     """Acceptance filter as SocketCAN's: passes where `id & mask == can_id & mask`.
 
-    Both have the flag bits at the top, so that `mask` decides whether standard and extended ids
-    are told apart.
+    Both have the flag bits at the top, so that `mask` decides whether standard and extended ids,
+    and classic and FD frames, are told apart.
     """
 
     can_id: int
@@ -55,16 +71,37 @@ class Filter(NamedTuple):
 
 
 def exact_filters(accept: Iterable[int | Filter]) -> tuple[Filter, ...]:
-    """Turn plain ids, which accept just themselves, into filters; leave filters as they are."""
+    """Turn plain ids, which accept just themselves, into filters; leave filters as they are.
+
+    An id with `FD_FLAG` accepts frames with and without bit-rate switch.
+    """
     return tuple(
-        entry if isinstance(entry, Filter) else Filter(entry, 0xFFFF_FFFF) for entry in accept
+        entry if isinstance(entry, Filter) else Filter(entry & _EXACT_MASK, _EXACT_MASK)
+        for entry in accept
     )
 
 
-def check_id(arbitration_id: int) -> None:
-    """Raise ValueError unless the id can be sent: 11 bits, or 29 with the flag, no error flag."""
-    plain = arbitration_id & ~(EXTENDED_FLAG | REMOTE_FLAG)
+def check_frame(arbitration_id: int, length: int) -> None:
+    """Check that a frame of this id, with flags, and data length can be sent.
+
+    Raises
+    ------
+    ValueError
+        If the id has more than 11 bits, or 29 with `EXTENDED_FLAG`, an error flag, or flags that
+        exclude each other; or there is no frame of this length.
+    """
+    plain = arbitration_id & ~(EXTENDED_FLAG | REMOTE_FLAG | _FD_FLAGS)
     largest = EXTENDED_MASK if arbitration_id & EXTENDED_FLAG else STANDARD_MASK
+    is_fd = bool(arbitration_id & FD_FLAG)
     if not 0 <= plain <= largest:
         text = "error messages cannot be sent" if plain & ERROR_FLAG else f"allowed: 0..{largest:X}"
         raise ValueError(f"arbitration id {arbitration_id:X}: {text} (29 bits need EXTENDED_FLAG)")
+    if is_fd and arbitration_id & REMOTE_FLAG:
+        raise ValueError(f"frame {arbitration_id:X}: CAN FD has no remote requests")
+    if arbitration_id > CLASSIC_MAX and not is_fd:
+        raise ValueError(f"frame {arbitration_id:X}: BRS and ESI need FD_FLAG")
+    if is_fd and length not in FD_LENGTHS:
+        lengths = ", ".join(map(str, FD_LENGTHS[9:]))
+        raise ValueError(f"frame {plain:X}: {length} data bytes, allowed: 0 to 8, {lengths}")
+    if not is_fd and length > MAX_DATA_LENGTH:
+        raise ValueError(f"frame {plain:X}: {length} data bytes, at most 8 without FD_FLAG")

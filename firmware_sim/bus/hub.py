@@ -30,6 +30,7 @@ from typing import TYPE_CHECKING
 from firmware_sim.bus import wire
 from firmware_sim.bus.channels import private_directory, socket_paths
 from firmware_sim.bus.hub_client import SEND_FLAGS, Client
+from firmware_sim.bus.state import FdSupport
 
 if TYPE_CHECKING:
     from firmware_sim.bus.core import Bus
@@ -227,9 +228,11 @@ class Hub:
             queue_limit=self._queue_limit,
             restart_ms=self._restart_ms,
             listen_only=listen_only,
+            fd=_fd_support(options),
         )
-        given = client.port.name.encode()[:20]
-        welcome = wire.WELCOME.pack(wire.WELCOME_MAGIC, wire.Answer.OK, 0, self.bus.bitrate, given)
+        given = client.port.name.encode()[:16]
+        rates = self.bus.bitrate, self.bus.data_bitrate
+        welcome = wire.WELCOME.pack(wire.WELCOME_MAGIC, wire.Answer.OK, 0, *rates, given)
         try:
             client.connection.send(welcome, SEND_FLAGS)
         except OSError:
@@ -264,3 +267,10 @@ class Hub:
         self._listener.close()
         self.path.unlink(missing_ok=True)
         self._give_back_lock()
+
+
+def _fd_support(options: wire.Options) -> FdSupport:
+    """Return what a client's controller does with frames of CAN FD."""
+    if options & wire.Options.FD:
+        return FdSupport.ENABLED
+    return FdSupport.TOLERANT if options & wire.Options.FD_TOLERANT else FdSupport.INTOLERANT

@@ -67,14 +67,11 @@ class Client:
         self._backlog: deque[bytes] = deque()
         self._overflown = False
 
-    def receive(self, frame: Frame, origin_ns: int, flags: int = 0) -> None:
+    def receive(self, frame: Frame, origin_ns: int, own: int = 0) -> None:
         """Take a frame from the bus, whose time 0 is `origin_ns`; `wire.OWN` flags its own."""
         if self.gone:
             return
-        arbitration_id, data, stamp_ns = frame
-        message = wire.STAMPED_FRAME.pack(
-            arbitration_id, len(data), flags, 0, 0, data, stamp_ns + origin_ns
-        )
+        message = wire.stamp_frame(frame, frame.stamp_ns + origin_ns, own)
         if not self._backlog:
             try:
                 self.connection.send(message, SEND_FLAGS)
@@ -137,7 +134,8 @@ class Client:
 
     def _take(self, message: bytes) -> None:
         port = self.port
-        if port is not None and len(message) in (wire.CAN_FRAME.size, wire.STAMPED_FRAME.size):
+        is_frame = len(message) in wire.FRAME_SIZES or len(message) in wire.FD_FRAME_SIZES
+        if port is not None and is_frame:
             try:
                 arbitration_id, data = wire.unpack_frame(message)
                 if not port.send(arbitration_id, data):

@@ -15,7 +15,6 @@ from firmware_sim.bus.faults import (
     NodeFault,
     Unanswered,
 )
-from firmware_sim.bus.frame import check_id
 from firmware_sim.bus.frame_faults import FrameFaults
 from firmware_sim.bus.state import BusState, Offer, PortState
 
@@ -56,7 +55,7 @@ class Injector:
                 self._bus.schedule(fault.end_ns, self._disturbance.release_dominant)
         elif isinstance(fault, (Mute, AckLess, Unanswered, Babble, Cut)):
             if isinstance(fault, Babble):
-                check_id(fault.arbitration_id)
+                self._bus.check(fault.arbitration_id, len(fault.data))
             self._bus.schedule(fault.start_ns, lambda: self._open(fault))
             if fault.end_ns is not None:
                 self._bus.schedule(fault.end_ns, lambda: self._close(fault))

@@ -1,6 +1,7 @@
 """Writes the traffic of a bus as a candump log (`candump -L`), readable by python-can.
 
-One line a frame, `(seconds.microseconds) channel id#data`, time being that of the bus and an epoch.
+One line a frame, `(seconds.microseconds) channel id#data`, time being that of the bus and an epoch;
+of CAN FD `id##FLAGSdata`, with 1 for bit-rate switch and 2 for an error-passive transmitter.
 The same run writes the same bytes. There are no comment lines: readers of the format do not know
 them. Errors on the wire stand in it as SocketCAN error messages of class BUSERROR.
 """
@@ -18,9 +19,11 @@ from types import TracebackType
 from typing import TYPE_CHECKING, TextIO
 
 from firmware_sim.bus.frame import (
+    CLASSIC_MAX,
     ERROR_FLAG,
     EXTENDED_FLAG,
     EXTENDED_MASK,
+    FD_FLAGS_SHIFT,
     REMOTE_FLAG,
     STANDARD_MASK,
     Frame,
@@ -58,6 +61,8 @@ def log_line(frame: Frame, channel: str, epoch_ns: int = 0) -> str:
         name = f"{arbitration_id & STANDARD_MASK:03X}"
     if arbitration_id & REMOTE_FLAG:
         text = f"R{len(data)}" if data else "R"
+    elif arbitration_id > CLASSIC_MAX:
+        text = f"#{arbitration_id >> FD_FLAGS_SHIFT:X}{text}"
     return f"({micros // 1_000_000:010d}.{micros % 1_000_000:06d}) {channel} {name}#{text}\n"
 
 
@@ -82,6 +87,12 @@ def _opened(path: Path) -> TextIO:
     with suppress(OSError):  # some network disks know no locks
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     return file
+
+
+def _check_channel(channel: str) -> None:
+    """Raise ValueError where a name would break the lines of a log."""
+    if not channel or channel.split() != [channel]:
+        raise ValueError(f"channel {channel!r}: a log needs a name without spaces")
 
 
 class LogWriter:
@@ -121,20 +132,26 @@ class LogWriter:
         file_bytes: float = math.inf,
         next_file: Callable[[Path], Path] = next_log,
     ) -> None:
-        if not channel or channel.split() != [channel]:
-            raise ValueError(f"channel {channel!r}: a log needs a name without spaces")
+        _check_channel(channel)
         self._owned = isinstance(file, Path)
         self._file = _opened(file) if isinstance(file, Path) else file
-        self._channel = channel
         self.epoch_ns = epoch_ns
         self._file_bytes = file_bytes if self._owned else math.inf
         self._next_file = next_file
         self._bytes = 0
-        bus.tap(self._write)
+        self.add(bus, channel)
 
-    def _write(self, frame: Frame) -> None:
+    def add(self, bus: Bus, channel: str) -> None:
+        """Write the frames of one more bus, under its name; raises ValueError if that has spaces.
+
+        The order of the lines is that in which frames are complete.
+        """
+        _check_channel(channel)
+        bus.tap(lambda frame: self._write(frame, channel))
+
+    def _write(self, frame: Frame, channel: str) -> None:
         if not self._file.closed:
-            line = log_line(frame, self._channel, self.epoch_ns)
+            line = log_line(frame, channel, self.epoch_ns)
             try:
                 if self._bytes > self._file_bytes:
                     self._turn()

@@ -6,10 +6,15 @@ from collections.abc import Iterable
 
 from firmware_sim.bus.bits import arbitration_key
 from firmware_sim.bus.errors import ErrorState
-from firmware_sim.bus.frame import MAX_DATA_LENGTH, Filter, check_id, exact_filters
+from firmware_sim.bus.frame import (
+    CLASSIC_MAX,
+    MAX_DATA_LENGTH,
+    Filter,
+    exact_filters,
+)
 from firmware_sim.bus.frame_faults import FrameFaults
 from firmware_sim.bus.recovery import BusOffRecovery
-from firmware_sim.bus.state import BusState, Offer, PortState
+from firmware_sim.bus.state import BusState, FdSupport, Offer, PortState
 
 
 class Port:
@@ -48,9 +53,9 @@ class Port:
         Parameters
         ----------
         arbitration_id
-            11-bit id, or 29-bit id with `EXTENDED_FLAG`; with `REMOTE_FLAG` for a remote request.
+            Id with flags as in `Frame`.
         data
-            0 to 8 bytes; of a remote request only the length counts.
+            0 to 8 bytes, in CAN FD one of `FD_LENGTHS`; of a remote request only the length counts.
 
         Returns
         -------
@@ -61,16 +66,16 @@ class Port:
         Raises
         ------
         ValueError
-            If the id or the length cannot be sent.
+            If there is no such frame, or it is of CAN FD and bus or controller are not.
         RuntimeError
             If the port has been closed or detached.
         """
-        if len(data) > MAX_DATA_LENGTH:
-            raise ValueError(f"frame {arbitration_id:X}: {len(data)} data bytes, at most 8")
-        if 0 <= arbitration_id <= 0x7FF:
+        if 0 <= arbitration_id <= 0x7FF and len(data) <= MAX_DATA_LENGTH:
             key = arbitration_id << 21
         else:
-            check_id(arbitration_id)
+            self._bus.check(arbitration_id, len(data))
+            if arbitration_id > CLASSIC_MAX and self._state.fd is not FdSupport.ENABLED:
+                raise ValueError(f"frame {arbitration_id:X}: port {self.name!r} knows no CAN FD")
             key = arbitration_key(arbitration_id)
         offer = key, arbitration_id, bytes(data)
         state = self._state

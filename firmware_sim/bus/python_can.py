@@ -8,14 +8,16 @@ The wire
 The socket is a Unix SOCK_SEQPACKET: one datagram, one message, host byte order.
 
 - hub to client, 24 bytes: SocketCAN's `struct can_frame` (id with CAN_EFF/RTR/ERR_FLAG u32,
-  length u8, flags u8, two reserved bytes, 8 data bytes), then CLOCK_MONOTONIC at the frame's
-  completion in ns, u64. Bit 0 of the flags byte marks an own frame (`receive_own_messages`).
-- client to hub, 16 bytes: `struct can_frame`.
+  length u8, three reserved bytes, 8 data bytes), then CLOCK_MONOTONIC at the frame's completion in
+  ns, u64. Bit 0 of byte 6 marks an own frame (`receive_own_messages`). A frame of CAN FD has 80
+  bytes: `struct canfd_frame` (CANFD_BRS, ESI and FDF in byte 5, 64 data bytes), then the same.
+- client to hub, 16 or 72 bytes: `struct can_frame` or `canfd_frame`.
 
 So code which reads `bus.fileno()` itself can treat a SocketCAN raw socket and this one alike: read
-into a buffer of 24 bytes or more (SocketCAN fills 16), unpack the first 16; write 16 bytes. Both
-descriptors block: use MSG_DONTWAIT. Differences: an empty datagram means that the hub is gone; a
-full queue is EAGAIN (ENOBUFS on SocketCAN); the socket's own time stamps are those in the message.
+into a buffer of 80 bytes or more; 16 or 24 bytes are a classic frame, 72 or 80 one of CAN FD; write
+16 or 72 bytes. Both descriptors block: use MSG_DONTWAIT. Differences: an empty datagram means that
+the hub is gone; a full queue is EAGAIN (ENOBUFS on SocketCAN); the socket's own time stamps are
+those in the message.
 
 Before, the client sends a hello (`wire.HELLO`) and gets a welcome (`wire.WELCOME`); acceptance
 filters go to the hub (`wire.pack_filters`), so raw readers are spared the rest, too.
@@ -43,6 +45,7 @@ from firmware_sim.bus.frame import (
     ERROR_FLAG,
     EXTENDED_FLAG,
     EXTENDED_MASK,
+    FD_LENGTHS,
     REMOTE_FLAG,
     Filter,
 )
@@ -76,7 +79,12 @@ class SimCanBus(can.BusABC):
     bitrate
         Must be the bus's, if given.
     fd
-        Must be False: the bus is classic CAN.
+        Whether the node's controller knows CAN FD, which the bus must carry then.
+    fd_tolerant
+        Without `fd`, whether it ignores frames of CAN FD. By default it is a classic controller,
+        which destroys them with error frames, for all.
+    data_bitrate
+        Must be the bus's, if given.
     kwargs
         Other options of python-can are ignored.
 
@@ -99,10 +107,10 @@ class SimCanBus(can.BusABC):
         node: str | None = None,
         bitrate: int | None = None,
         fd: bool = False,
+        fd_tolerant: bool = False,
+        data_bitrate: int | None = None,
         **kwargs: Any,
     ) -> None:
-        if fd:
-            raise can.CanInitializationError(f"simcan channel {channel!r}: CAN FD is not simulated")
         self.channel = channel
         self._options = wire.Options(0)
         if receive_own_messages:
@@ -111,16 +119,18 @@ class SimCanBus(can.BusABC):
             self._options |= wire.Options.ERRORS
         if listen_only:
             self._options |= wire.Options.LISTEN_ONLY
+        if fd:
+            self._options |= wire.Options.FD
+        if fd_tolerant:
+            self._options |= wire.Options.FD_TOLERANT
+        self._can_protocol = can.CanProtocol.CAN_FD if fd else can.CanProtocol.CAN_20
         self._node = node or Path(sys.argv[0]).name or "python-can"
         self._state = can.BusState.ACTIVE
         self.socket = _connect(channel)
         try:
-            self.bitrate = self._greet()
-            if bitrate is not None and bitrate != self.bitrate:
-                raise can.CanInitializationError(
-                    f"simcan channel {channel!r} runs at {self.bitrate} bit/s, not {bitrate}"
-                )
+            self.bitrate, self.data_bitrate = self._greet()
             self.channel_info = f"simcan channel {channel!r} at {self.bitrate} bit/s"
+            self._check(bitrate, data_bitrate)
             self._epoch_ns = time.time_ns() - time.monotonic_ns()
             self._readable = select.poll()
             self._readable.register(self.socket, select.POLLIN)
@@ -131,8 +141,21 @@ class SimCanBus(can.BusABC):
             self.socket.close()
             raise
 
-    def _greet(self) -> int:
-        """Exchange hello and welcome; return the bitrate."""
+    def _check(self, bitrate: int | None, data_bitrate: int | None) -> None:
+        """Compare the options with the bus; raises CanInitializationError."""
+        if bitrate not in (None, self.bitrate):
+            raise can.CanInitializationError(f"{self.channel_info}, not {bitrate}")
+        if self._options & wire.Options.FD and not self.data_bitrate:
+            raise can.CanInitializationError(
+                f"{self.channel_info}: classic CAN, not CAN FD; start it with a data bit rate"
+            )
+        if data_bitrate not in (None, self.data_bitrate):
+            raise can.CanInitializationError(
+                f"{self.channel_info}: its data bit rate is {self.data_bitrate}, not {data_bitrate}"
+            )
+
+    def _greet(self) -> tuple[int, int]:
+        """Exchange hello and welcome; return bit rate and data bit rate."""
         self.socket.settimeout(_HELLO_TIMEOUT_S)
         where = f"simcan channel {self.channel!r}"
         try:
@@ -148,11 +171,11 @@ class SimCanBus(can.BusABC):
             raise can.CanInitializationError(
                 f"{where}: refused" if not answer else f"{where}: the hub is of another version"
             )
-        _, status, _, bitrate, _ = wire.WELCOME.unpack(answer)
+        _, status, _, bitrate, data_bitrate, _ = wire.WELCOME.unpack(answer)
         if status != wire.Answer.OK:
             raise can.CanInitializationError(f"{where}: the hub refused, status {status}")
         self.socket.settimeout(None)
-        return int(bitrate)
+        return int(bitrate), int(data_bitrate)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Hand a message to the bus.
@@ -160,7 +183,8 @@ class SimCanBus(can.BusABC):
         Parameters
         ----------
         msg
-            Data or remote frame of classic CAN.
+            Data or remote frame, of CAN FD if the bus was opened with `fd`. One whose data has no
+            length of CAN FD is filled up with zeros, as by the SocketCAN interface.
         timeout
             Seconds to wait while the transmit queue is full; None or 0: not at all, as the
             SocketCAN interface does.
@@ -168,11 +192,14 @@ class SimCanBus(can.BusABC):
         Raises
         ------
         can.CanOperationError
-            If the queue stays full, the hub is gone, or the message is no classic frame.
+            If the queue stays full, the hub is gone, or the node cannot send such a message.
         """
-        if msg.is_error_frame or msg.is_fd:
-            kind = "an error frame" if msg.is_error_frame else "a CAN FD frame"
-            raise can.CanOperationError(f"{self.channel_info}: {kind} cannot be sent")
+        if msg.is_error_frame:
+            raise can.CanOperationError(f"{self.channel_info}: an error frame cannot be sent")
+        if msg.is_fd and not self._options & wire.Options.FD:
+            raise can.CanOperationError(
+                f"{self.channel_info}: a CAN FD frame cannot be sent; open the bus with fd=True"
+            )
         frame = _pack(msg)
         deadline = time.monotonic() + (timeout or 0.0)
         while True:
@@ -192,7 +219,7 @@ class SimCanBus(can.BusABC):
         try:
             if not self._readable.poll(None if timeout is None else max(0.0, timeout * 1000)):
                 return None, True
-            message = self.socket.recv(wire.STAMPED_FRAME.size, socket.MSG_DONTWAIT)
+            message = self.socket.recv(wire.STAMPED_FD_FRAME.size, socket.MSG_DONTWAIT)
         except BlockingIOError:
             return None, True
         except OSError as error:
@@ -206,7 +233,9 @@ class SimCanBus(can.BusABC):
         return can.CanOperationError(f"{self.channel_info}: the hub is gone", code)
 
     def _message(self, message: bytes) -> can.Message:
-        can_id, length, flags, _, _, data, stamp_ns = wire.STAMPED_FRAME.unpack(message)
+        is_fd = len(message) == wire.STAMPED_FD_FRAME.size
+        layout = wire.STAMPED_FD_FRAME if is_fd else wire.STAMPED_FRAME
+        can_id, length, flags, own, _, data, stamp_ns = layout.unpack(message)
         is_error = bool(can_id & ERROR_FLAG)
         is_remote = bool(can_id & REMOTE_FLAG)
         if is_error:
@@ -217,7 +246,10 @@ class SimCanBus(can.BusABC):
             is_extended_id=bool(can_id & EXTENDED_FLAG),
             is_remote_frame=is_remote,
             is_error_frame=is_error,
-            is_rx=not flags & wire.OWN,
+            is_rx=not own & wire.OWN,
+            is_fd=is_fd,
+            bitrate_switch=bool(flags & wire.SWITCH),
+            error_state_indicator=bool(flags & wire.PASSIVE),
             channel=self.channel,
             dlc=length,
             data=None if is_remote else data[:length],
@@ -327,4 +359,12 @@ def _pack(msg: can.Message) -> bytes:
     if msg.is_remote_frame:
         can_id |= REMOTE_FLAG
     data = b"" if msg.is_remote_frame or msg.data is None else bytes(msg.data)
-    return wire.CAN_FRAME.pack(can_id, msg.dlc, 0, 0, 0, data)
+    if not msg.is_fd:
+        return wire.CAN_FRAME.pack(can_id, msg.dlc, 0, 0, 0, data)
+    flags = wire.FDF
+    if msg.bitrate_switch:
+        flags |= wire.SWITCH
+    if msg.error_state_indicator:
+        flags |= wire.PASSIVE
+    length = next(each for each in FD_LENGTHS if each >= len(data))
+    return wire.FD_FRAME.pack(can_id, length, flags, 0, 0, data)

@@ -5,6 +5,7 @@ The parts import this file and it imports none of them; it holds their shared st
 
 from __future__ import annotations
 
+import enum
 import heapq
 from collections import deque
 from collections.abc import Callable
@@ -12,7 +13,8 @@ from dataclasses import dataclass, field
 from typing import NamedTuple, TypeAlias
 
 from firmware_sim.bus.errors import BusError, ErrorClass, ErrorCounters
-from firmware_sim.bus.frame import ERROR_FLAG, Filter, Frame
+from firmware_sim.bus.fd_bits import FrameLength
+from firmware_sim.bus.frame import CLASSIC_MAX, ERROR_FLAG, Filter, Frame, check_frame
 from firmware_sim.bus.statistics import BusStatistics, IdStatistics, LoadMeter, PortStatistics
 
 Receive: TypeAlias = Callable[[Frame], None]
@@ -23,6 +25,18 @@ Offer: TypeAlias = tuple[int, int, bytes]
 
 NEVER_NS = 1 << 62
 """A time that does not come (146 years)."""
+
+
+class FdSupport(enum.Enum):
+    """Behaviour of a controller towards frames of CAN FD, in the words of ISO 11898-1:2015.
+
+    INTOLERANT: a classic controller destroys them with error frames, for all. TOLERANT: it ignores
+    them. ENABLED: it sends, receives and acknowledges them.
+    """
+
+    INTOLERANT = "intolerant"
+    TOLERANT = "tolerant"
+    ENABLED = "enabled"
 
 
 class Route(NamedTuple):
@@ -81,7 +95,7 @@ class PortState:
 
     Attributes
     ----------
-    name, receive, errors, on_sent, queue_limit, listen_only
+    name, receive, errors, on_sent, queue_limit, listen_only, fd
         As given to `Bus.attach`.
     filters
         Acceptance filters; None: all frames pass.
@@ -121,6 +135,7 @@ class PortState:
     queue_limit: int
     restart_ns: int | None
     listen_only: bool
+    fd: FdSupport
     joining: bool
     counters: ErrorCounters = field(default_factory=ErrorCounters)
     statistics: PortStatistics = field(default_factory=PortStatistics)
@@ -158,8 +173,16 @@ class PortState:
 
     def accepts(self, arbitration_id: int) -> bool:
         """Return whether frames of this id (with flags) pass the acceptance filters."""
+        if arbitration_id > CLASSIC_MAX and self.fd is not FdSupport.ENABLED:
+            return False
         filters = self.filters
         return filters is None or any(entry.passes(arbitration_id) for entry in filters)
+
+    def ignores(self, arbitration_id: int) -> bool:
+        """Return whether the controller waits for the end of frames of this id (with flags)."""
+        if arbitration_id <= CLASSIC_MAX or self.fd is FdSupport.ENABLED:
+            return False
+        return self.fd is FdSupport.TOLERANT or self.listen_only
 
     def discard_queue(self) -> None:
         """Discard waiting frames."""
@@ -173,8 +196,9 @@ class BusState:
 
     Attributes
     ----------
-    bit_ns, now_ns
-        Length of a bit and present time (ns).
+    bit_ns, data_bit_ns, now_ns
+        Length of a bit, of one in the data phase of CAN FD (0: the bus is classic) and present time
+        (ns).
     until_ns
         Time up to which it goes without anybody from outside sending (ns).
     meter, statistics
@@ -197,6 +221,8 @@ class BusState:
         Time from which the wire is free (ns).
     slow
         Whether an attempt needs a look at each port.
+    fd_slow
+        Whether one with a frame of CAN FD does, because some controllers do not take such frames.
     hopeless
         Whether the last attempt was a lone error-passive node's: nothing comes of the next ones
         either, until another node joins or sends.
@@ -213,6 +239,7 @@ class BusState:
     """
 
     bit_ns: int
+    data_bit_ns: int
     now_ns: int
     until_ns: int
     start_ns: int
@@ -228,6 +255,7 @@ class BusState:
     failure: Failure | None = None
     done_ns: int = 0
     slow: bool = False
+    fd_slow: bool = False
     hopeless: bool = False
     dominant: int = 0
     watches_sending: bool = False
@@ -237,6 +265,17 @@ class BusState:
     timers: list[tuple[int, int, Callable[[], None]]] = field(default_factory=list)
     timer_ns: int = NEVER_NS
     timer_number: int = 0
+
+    def check(self, arbitration_id: int, length: int) -> None:
+        """Raise ValueError unless the bus carries frames of this id (with flags) and length."""
+        check_frame(arbitration_id, length)
+        if arbitration_id > CLASSIC_MAX and not self.data_bit_ns:
+            raise ValueError(f"frame {arbitration_id:X}: the bus has no data bit rate for CAN FD")
+
+    def duration_ns(self, length: FrameLength, bit: int) -> int:
+        """Return the time from the start of a frame to the end of its first `bit` bits (ns)."""
+        fast = min(max(bit - length.data_phase, 0), length.fast_bits)
+        return bit * self.bit_ns - fast * (self.bit_ns - self.data_bit_ns)
 
     def schedule(self, due_ns: int, action: Callable[[], None]) -> None:
         """Have `action` called when time reaches `due_ns` (at once if it has passed)."""
@@ -257,6 +296,7 @@ class BusState:
                 and not (port.muted or port.closing or port.listen_only)
                 and not self.watches_sending
             )
+        self.fd_slow = any(port.fd is not FdSupport.ENABLED for port in ports)
         self.offers[:] = [port for port in ports if port.queue and port.on_bus]
         self.reconsider()
 

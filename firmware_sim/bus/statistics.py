@@ -21,7 +21,7 @@ class IdStatistics:
     frames
         Frames completed.
     bits
-        Bit times they took, intermission included.
+        Their bits, intermission included; of CAN FD those of both bit rates.
     errors
         Attempts destroyed by an error.
     """
@@ -64,8 +64,6 @@ class LoadMeter:
 
     Parameters
     ----------
-    bit_ns
-        Length of a bit (ns).
     window_ns
         Length of the window (ns); it slides in steps of a twentieth.
     start_ns
@@ -73,19 +71,18 @@ class LoadMeter:
 
     Attributes
     ----------
-    busy_bits
-        Bit times with a frame, an error frame or an intermission since the start.
+    busy_ns
+        Time with a frame, an error frame or an intermission since the start (ns).
     next_mark_ns
         Time from which `mark` is due.
     """
 
-    __slots__ = ("_bit_ns", "_marks", "_step_ns", "_window_ns", "busy_bits", "next_mark_ns")
+    __slots__ = ("_marks", "_step_ns", "_window_ns", "busy_ns", "next_mark_ns")
 
-    def __init__(self, bit_ns: int, window_ns: int, start_ns: int) -> None:
+    def __init__(self, window_ns: int, start_ns: int) -> None:
         if window_ns < 20:
             raise ValueError(f"window_ns must be >= 20: {window_ns}")
-        self.busy_bits = 0
-        self._bit_ns = bit_ns
+        self.busy_ns = 0
         self._window_ns = window_ns
         self._step_ns = window_ns // 20
         self._marks: deque[tuple[int, int]] = deque([(start_ns, 0)])
@@ -94,7 +91,7 @@ class LoadMeter:
     def mark(self, now_ns: int) -> None:
         """Note the present sum; to be called when `next_mark_ns` is reached."""
         marks = self._marks
-        marks.append((now_ns, self.busy_bits))
+        marks.append((now_ns, self.busy_ns))
         self.next_mark_ns = now_ns + self._step_ns
         while len(marks) > 1 and marks[1][0] <= now_ns - self._window_ns:
             marks.popleft()
@@ -104,10 +101,10 @@ class LoadMeter:
         marks = self._marks
         while len(marks) > 1 and marks[1][0] <= now_ns - self._window_ns:
             marks.popleft()
-        since_ns, bits = marks[0]
+        since_ns, busy_ns = marks[0]
         if now_ns <= since_ns:
             return 0.0
-        return min(1.0, (self.busy_bits - bits) * self._bit_ns / (now_ns - since_ns))
+        return min(1.0, (self.busy_ns - busy_ns) / (now_ns - since_ns))
 
 
 @dataclass(slots=True)

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import Discriminator, Field, Tag, TypeAdapter, ValidationError
 
 from firmware_sim.config.camera_parameters import CameraSection
 from firmware_sim.config.parameters import Drive, ImuMount, SimulationParameters, SonarMount
@@ -101,13 +101,32 @@ class RobotSection:
 class CanSection:
     """The table `[can]`, as far as the simulator is concerned."""
 
+    name: str = "main"
     interface: str = "socketcan"
     channel: str = "can0"
     bitrate: Annotated[int, Field(strict=True, ge=10_000, le=1_000_000)] = 1_000_000
+    data_bitrate: Annotated[int, Field(strict=True, ge=0, le=8_000_000)] = 0
 
     def __post_init__(self) -> None:
-        if 1_000_000_000 % self.bitrate:
-            raise ValueError(f"bitrate: {self.bitrate}: a bit must last whole nanoseconds")
+        for key in ("bitrate", "data_bitrate"):
+            rate = getattr(self, key)
+            if rate and 1_000_000_000 % rate:
+                raise ValueError(f"{key}: {rate}: a bit must last whole nanoseconds")
+        if 0 < self.data_bitrate < self.bitrate:
+            raise ValueError(
+                f"data_bitrate: {self.data_bitrate}: must be 0 or at least bitrate, {self.bitrate}"
+            )
+
+
+def _table_or_tables(value: object) -> str:
+    return "tables" if isinstance(value, list | tuple) else "table"
+
+
+Buses = Annotated[
+    Annotated[CanSection, Tag("table")] | Annotated[tuple[CanSection, ...], Tag("tables")],
+    Discriminator(_table_or_tables),
+]
+"""One bus, `[can]`, or several, `[[can]]` each."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,13 +146,14 @@ class SafetySection:
 
 @dataclass(frozen=True, slots=True)
 class RobotConfig:
-    """One robot: geometry, sonars, camera and physics."""
+    """One robot: geometry, sonars, camera, buses and physics."""
 
     robot: RobotSection
     drive: Drive
     simulation: SimulationParameters
     sonar: Annotated[tuple[SonarMount, ...], Field(max_length=16)] = ()
-    can: CanSection = CanSection()
+    can: Buses = CanSection()
+    nodes: Mapping[str, str] = field(default_factory=dict)
     limits: LimitsSection = LimitsSection()
     safety: SafetySection = SafetySection()
     camera: CameraSection | None = None
@@ -142,6 +162,17 @@ class RobotConfig:
     def __post_init__(self) -> None:
         if self.camera is not None:
             self.simulation.camera.true_mount(self.camera.mount)
+        names = [bus.name for bus in self.buses]
+        if len(set(names)) < len(names) or not names:
+            raise ValueError(f"can: each bus must have a name of its own, found {', '.join(names)}")
+        for node, name in self.nodes.items():
+            if name not in names:
+                raise ValueError(f"nodes.{node}: no bus {name!r}{_hint(name, names)}")
+
+    @property
+    def buses(self) -> tuple[CanSection, ...]:
+        """All buses, in the order of the file."""
+        return self.can if isinstance(self.can, tuple) else (self.can,)
 
 
 _ROBOT: TypeAdapter[RobotConfig] = TypeAdapter(RobotConfig)
@@ -226,7 +257,7 @@ def validate(adapter: TypeAdapter[T], file: TomlFile) -> T:
 def _line(file: TomlFile, item: Any, known: list[str]) -> str:
     """One error of pydantic as `file:line: key: rule, found value`."""
     # The tag of a union appears in the location, but is not part of the key.
-    tags = {"differential", "tricycle", "ackermann", "box", "pillar"}
+    tags = {"differential", "tricycle", "ackermann", "box", "pillar", "table", "tables"}
     head, *rest = item["loc"] or ("",)
     key: Key = (head, *(part for part in rest if part not in tags)) if item["loc"] else ()
     key, problem = _problem(file, key, item, known)

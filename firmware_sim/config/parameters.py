@@ -305,13 +305,17 @@ def _check_ranges(min_range_m: float, max_range_m: float) -> None:
 @closed
 @dataclass(frozen=True, slots=True)
 class SimulationParameters:
-    """The table `[simulation]`. `body` is the convex outline in base, `centre_of_mass_m` too."""
+    """The table `[simulation]`. `body` is the convex outline in base, `centre_of_mass_m` too.
+
+    The CAN controllers of `classic_nodes` know no CAN FD: they destroy its frames for all.
+    """
 
     mass_kg: Positive
     yaw_inertia_kg_m2: Positive
     body: tuple[Point, ...]
     centre_of_mass_m: Point = (-0.015, 0.0)
     wall_friction: NotNegative = 0.3
+    classic_nodes: tuple[str, ...] = ()
     motor: MotorParameters = field(default_factory=MotorParameters)
     bridge: BridgeParameters = field(default_factory=BridgeParameters)
     battery: BatteryParameters = field(default_factory=BatteryParameters)

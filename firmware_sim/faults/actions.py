@@ -267,7 +267,7 @@ def on_host(make: Callable[..., BusFault], **more: object) -> Begin:
 
 def _hold_passive(robot: FaultyRobot, name: str) -> Undo:
     """Destroy as many frames of a node as hold its transmit error counter in error-passive."""
-    bus = robot.bus
+    bus = robot.bus_of(name)
 
     def push() -> None:
         port = next((each for each in bus.ports if each.name == name), None)
@@ -297,8 +297,8 @@ def host_passive(robot: FaultyRobot, _: Arguments) -> Undo:
 
 
 def overload(robot: FaultyRobot, arguments: Arguments) -> None:
-    """Let a device that does not belong there fill a share of the bus."""
-    bus = robot.bus
+    """Let a device that does not belong there fill a share of the drive's bus."""
+    bus = robot.bus_of("drive")
     identifier, data = OVERLOAD_IDS[str(arguments["priority"])], bytes(8)
     bits = frame_bits(identifier, data) + INTERMISSION_BITS
     share = number(arguments, "load")

@@ -36,7 +36,9 @@ class FaultyRobot:
     Attributes
     ----------
     config, world, bus, plant
-        The true ones.
+        The true ones; of several buses the first, whose time is that of all.
+    buses, bus_of
+        All buses, and the one of a node by its name: the drive's for what is none.
     nodes
         Those it has.
     stores
@@ -60,6 +62,8 @@ class FaultyRobot:
     config: RobotConfig
     world: World
     bus: Bus
+    buses: tuple[Bus, ...]
+    bus_of: Callable[[str], Bus]
     plant: Plant
     nodes: tuple[Node, ...]
     stores: Mapping[str, FragileStore]
@@ -102,8 +106,10 @@ class FaultyRobot:
         return self.bus.now_ns + round(float(arguments[DURATION]) * 1e9)
 
     def on_bus(self, make: Callable[..., BusFault], arguments: Arguments, **more: object) -> None:
-        """Inject a fault of the bus from now for its duration."""
-        self.bus.inject(make(start_ns=self.bus.now_ns, end_ns=self.end_ns(arguments), **more))
+        """Inject a fault of the bus from now for its duration: of the node's, or of each bus."""
+        fault = make(start_ns=self.bus.now_ns, end_ns=self.end_ns(arguments), **more)
+        for bus in (self.bus_of(str(more["node"])),) if "node" in more else self.buses:
+            bus.inject(fault)
 
     def on_frames(
         self, make: Callable[..., BusFault], arguments: Arguments, **more: object
@@ -129,7 +135,7 @@ class FaultyRobot:
             If no host is on the bus, or several could be it.
         """
         nodes = {node.name for node in self.nodes}
-        guests = [port for port in self.bus.ports if port.name not in nodes]
+        guests = [port for port in self.bus_of("drive").ports if port.name not in nodes]
         commanding = [port for port in guests if port.has_sent(wire.MOTOR_COMMAND)]
         named = [port for port in guests if _HOST.fullmatch(port.name)]
         both = [port for port in named if port in commanding]

@@ -71,10 +71,13 @@ def install(
         return
     for line in install_files(files, root):
         print(line)
-    channel = shlex.quote(load_robot(file).can.channel)
     # Only an added device takes its queue's length.
-    added = f"udevadm trigger --action=add --subsystem-match=net --sysname-match={channel}"
-    reloaded = _run(("systemd-sysusers", *_RELOAD, added, _RELOAD_NETWORKD), root)
+    added = tuple(
+        "udevadm trigger --action=add --subsystem-match=net "
+        f"--sysname-match={shlex.quote(bus.channel)}"
+        for bus in load_robot(file).buses
+    )
+    reloaded = _run(("systemd-sysusers", *_RELOAD, *added, _RELOAD_NETWORKD), root)
     print(f"next: robotctl doctor --robot /{ROBOT}")
     print("then: systemctl enable --now systemd-networkd robotctl")
     sys.exit(0 if reloaded else INCOMPLETE)

@@ -97,10 +97,8 @@ def run(
     log = ExitLog(record.resolve()) if record else None
     if record and (reason := refusal(record)):
         print(f"{reason}; the robot drives without logs")
-    print(
-        f"{config.robot.name} on {config.can.interface}:{config.can.channel}, Ctrl-C ends",
-        flush=True,
-    )
+    buses = ", ".join(f"{bus.interface}:{bus.channel}" for bus in config.buses)
+    print(f"{config.robot.name} on {buses}, Ctrl-C ends", flush=True)
     for link in config.mavlink.link:
         print(f"MAVLink: {link.url}", flush=True)
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()

@@ -11,13 +11,14 @@ from pathlib import Path
 from typing import Annotated, Any, Final
 
 import msgspec
-from pydantic import Field, TypeAdapter
+from pydantic import Discriminator, Field, Tag, TypeAdapter
 
 from robotctl import toml_source
 from robotctl.control.limiter import LimitsConfig
 from robotctl.control.wheel_velocity import STEP_MAX, WINDOW_S
 from robotctl.core.config import ControlConfig, fastest_wheel_rad_s, impossible_wheel_rad_s
 from robotctl.drivers.can.config import CanConfig
+from robotctl.drivers.can.nodes.registry import CAN_NODES
 from robotctl.errors import ConfigError, InvalidValue
 from robotctl.estimation.camera.config import GroundCameraConfig
 from robotctl.estimation.localisation_config import LocalisationConfig
@@ -70,6 +71,17 @@ class Identity:
             )
 
 
+def _table_or_tables(value: object) -> str:
+    return "tables" if isinstance(value, list | tuple) else "table"
+
+
+Buses = Annotated[
+    Annotated[CanConfig, Tag("table")] | Annotated[tuple[CanConfig, ...], Tag("tables")],
+    Discriminator(_table_or_tables),
+]
+"""One bus, `[can]`, or several, `[[can]]` each."""
+
+
 @dataclass(frozen=True, slots=True)
 class RobotConfig:
     """Everything about one robot."""
@@ -86,7 +98,11 @@ class RobotConfig:
     imu: ImuConfig = field(default_factory=ImuConfig)
     camera: CameraConfig | None = None
     ground_camera: GroundCameraConfig = field(default_factory=GroundCameraConfig)
-    can: CanConfig = field(default_factory=CanConfig)
+    can: Buses = field(default_factory=CanConfig)
+    nodes: Annotated[
+        dict[str, str],
+        Field(description="Bus of each node, by their names; a node without one is on the first."),
+    ] = field(default_factory=dict)
     runtime: LoopConfig = field(default_factory=LoopConfig)
     safety: SafetyConfig = field(default_factory=SafetyConfig)
     mavlink: MavlinkConfig = field(default_factory=MavlinkConfig)
@@ -101,6 +117,16 @@ class RobotConfig:
             "the file believes; docs/missions.md lists the keys. firmware_sim checks them itself."
         ),
     ] = field(default_factory=dict)
+
+    @property
+    def buses(self) -> tuple[CanConfig, ...]:
+        """All buses, in the order of the file."""
+        return self.can if isinstance(self.can, tuple) else (self.can,)
+
+    def bus_of(self, node: str) -> CanConfig:
+        """Return the bus of a node, by its name."""
+        name = self.nodes.get(node)
+        return next((bus for bus in self.buses if bus.name == name), self.buses[0])
 
     @property
     def has_camera(self) -> bool:
@@ -261,6 +287,7 @@ def contradictions(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]
     if config.safety.command_timeout_ms < two_periods_ms:
         bound = f"under two control periods ({two_periods_ms:g} ms at {config.runtime.rate_hz} Hz)"
         yield ("safety", "command_timeout_ms"), f"{config.safety.command_timeout_ms} is {bound}"
+    yield from _wrong_buses(config)
     yield from _beyond_the_limits(config)
     yield from _beyond_the_nose(config)
     names = [mount.name for mount in config.sonar]
@@ -277,6 +304,33 @@ def contradictions(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]
     if settings.method in ("ekf", "mcl") and not settings.map:
         problem = "needs localisation.map, a world (.toml) or a ROS map (.yaml)"
         yield ("localisation", "method"), f'"{settings.method}" {problem}'
+
+
+def _wrong_buses(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
+    """Yield buses that cannot be told apart, and nodes on a bus that there is not."""
+    buses = config.buses
+    if not buses:
+        yield ("can",), "must be a table or a list of tables, one for each bus, found []"
+    for number, bus in enumerate(buses):
+        before = buses[:number]
+        if bus.name in [each.name for each in before]:
+            rule = "must differ from those before, since nodes and drives name their bus"
+            yield ("can", number, "name"), f"{rule}, found {bus.name!r}"
+        if (bus.interface, bus.channel) in [(each.interface, each.channel) for each in before]:
+            rule = "must differ from those before, found"
+            yield ("can", number, "channel"), f"{rule} {bus.interface} {bus.channel!r}"
+    known = [node.name for node in CAN_NODES]
+    for node, name in config.nodes.items():
+        if node not in known:
+            yield ("nodes", node), f"no such node{toml_source.nearest(node, known)}"
+        elif problem := bus_problem(name, buses):
+            yield ("nodes", node), problem
+
+
+def bus_problem(name: str, buses: Sequence[CanConfig]) -> str:
+    """Return what is wrong with the name of a bus; empty if there is one."""
+    names = [bus.name for bus in buses]
+    return "" if name in names else f"no bus {name!r}{toml_source.nearest(name, names)}"
 
 
 def _beyond_the_limits(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:

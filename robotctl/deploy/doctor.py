@@ -70,7 +70,7 @@ def examine(
     yield ok("configuration", f"{robot}: {config.robot.name}, {config.runtime.rate_hz} Hz")
     if config.localisation.map or config.localisation.places:
         yield _check_localisation(config, robot)
-    yield from _check_bus(config)
+    yield from _check_buses(config)
     yield check_preemption(root)
     yield check_governor(root)
     yield check_clock_source(root)
@@ -100,17 +100,23 @@ def _check_localisation(config: RobotConfig, robot: Path) -> Finding:
     return ok(check, ", ".join(filter(None, named)))
 
 
-def _check_bus(config: RobotConfig) -> Iterator[Finding]:
-    """Check the link, then its nodes."""
-    if config.can.interface == "socketcan":
-        findings = check_link(config.can, read_link(config.can.channel))
-        yield from findings
-        if findings[0].fix:
-            yield none("CAN nodes", "not checked: the link is not up")
-            return
+def _check_buses(config: RobotConfig) -> Iterator[Finding]:
+    """Check each bus's link, then the nodes; of several buses each finding names its own."""
+    are_up, is_one = True, len(config.buses) == 1
+    for bus in config.buses:
+        if bus.interface == "socketcan":
+            findings = check_link(bus, read_link(bus.channel))
+        else:
+            findings = [no_kernel_link(bus)]
+        are_up = are_up and not findings[0].fix
+        for each in findings:
+            yield (
+                each if is_one else msgspec.structs.replace(each, check=f"{each.check}, {bus.name}")
+            )
+    if are_up:
+        yield from check_nodes(config, RealClock())
     else:
-        yield no_kernel_link(config.can)
-    yield from check_nodes(config, RealClock())
+        yield none("CAN nodes", "not checked: the link is not up")
 
 
 def _check_wakeups(config: RobotConfig, seconds: float) -> list[Finding]:

@@ -9,7 +9,7 @@ from typing import Any, Final
 import msgspec
 
 from robotctl.deploy.check_result import Finding, fail, none, ok, warn
-from robotctl.drivers.can.config import CanConfig, bring_up, sample_point
+from robotctl.drivers.can.config import FD_MTU, CanConfig, bring_up
 
 QUEUE_FRAMES: Final = 16
 """Wanted transmit queue: four ticks of frames; a longer one sends old commands after a pause."""
@@ -45,35 +45,51 @@ def check_link(config: CanConfig, link: dict[str, Any] | str) -> list[Finding]:
     info = link.get("linkinfo", {})
     kind = info.get("info_kind", "no CAN device")
     if kind not in {"can", "vcan", "vxcan"}:
-        fix = "correct can.channel in the robot's file"
+        fix = f'correct can.channel of the bus "{config.name}" in the robot\'s file'
         return [fail("CAN link", f"{channel} is {kind}", fix)]
     up = bring_up(config, kind)
     if "UP" not in link.get("flags", ()):
         return [fail("CAN link", f"{channel} is down", up)]
     queue = _check_queue(channel, int(link.get("txqlen", 0)))
+    down = f"sudo ip link set {channel} down && {up}"
+    mtu = int(link.get("mtu", FD_MTU))
+    if config.data_bitrate and mtu < FD_MTU:
+        words = f"{channel} carries classic frames only (mtu {mtu}); the robot's file wants CAN FD"
+        return [fail("CAN link", words, down)]
     if kind != "can":
         return [ok("CAN link", f"{channel} is up, a virtual bus ({kind})"), queue]
-    down = f"sudo ip link set {channel} down && {up}"
     data = info.get("info_data", {})
     return [
         ok("CAN link", f"{channel} is up"),
-        _check_timing(config, data.get("bittiming", {}), down),
+        *_check_timings(config, data, down),
         _check_controller(channel, data, info.get("info_xstats", {}), down),
         _check_restart(int(data.get("restart_ms", 0)), down),
         queue,
     ]
 
 
-def _check_timing(config: CanConfig, timing: dict[str, Any], fix: str) -> Finding:
-    """Check bit rate and sample point."""
+def _check_timings(config: CanConfig, data: dict[str, Any], fix: str) -> list[Finding]:
+    """Check bit rates and sample points."""
+    point, data_point = config.sample_points
     check = "CAN bit rate"
+    findings = [_check_timing(check, config.bitrate, point, data.get("bittiming", {}), fix)]
+    if config.data_bitrate:
+        timing = data.get("data_bittiming", {})
+        check = "CAN data bit rate"
+        findings.append(_check_timing(check, config.data_bitrate, data_point, timing, fix))
+    return findings
+
+
+def _check_timing(
+    check: str, wanted: int, wanted_point: float, timing: dict[str, Any], fix: str
+) -> Finding:
+    """Check one bit rate [bit/s] and its sample point."""
     bitrate, point = int(timing.get("bitrate", 0)), float(timing.get("sample_point", 0))
-    wanted = sample_point(config.bitrate)
     words = f"{bitrate} bit/s, sample point {point:.1%}"
-    if bitrate != config.bitrate:
-        return fail(check, f"{words}; the robot's file says {config.bitrate} bit/s", fix)
-    if abs(point - wanted) > 0.05:
-        return warn(check, f"{words}; recommended {wanted:.1%}", fix)
+    if bitrate != wanted:
+        return fail(check, f"{words}; the robot's file says {wanted} bit/s", fix)
+    if abs(point - wanted_point) > 0.05:
+        return warn(check, f"{words}; recommended {wanted_point:.1%}", fix)
     return ok(check, words)
 
 

@@ -48,7 +48,7 @@ def check_nodes(config: RobotConfig, clock: Clock) -> list[Finding]:
     codec, parameters = make_codec(), node_parameters(config)
     ids = {*codec.arbitration_ids, codec.sync_id, codec.command_id}
     try:
-        port = SocketPort(config.can, ids, clock)
+        port = SocketPort(config.buses[0], ids, clock)
     except LinkError as error:
         fix = "fix the CAN link, or start firmware_sim if the bus is simulated"
         return [fail("CAN nodes", str(error), fix)]
@@ -72,7 +72,8 @@ def check_nodes(config: RobotConfig, clock: Clock) -> list[Finding]:
 def _claim(config: RobotConfig, held: ExitStack) -> bool:
     """Claim the bus for as long as `held` is open; return False if a controller has it."""
     try:
-        held.enter_context(claim_bus(config.can.interface, config.can.channel))
+        for bus in config.buses:
+            held.enter_context(claim_bus(bus.interface, bus.channel))
     except LinkError:
         return False
     return True

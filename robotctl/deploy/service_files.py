@@ -11,7 +11,7 @@ from typing import Final
 from robotctl.app.processes.navigator import abilities, load_mission
 from robotctl.config.robot_file import config_directory, load_robot
 from robotctl.deploy.doctor_can import QUEUE_FRAMES
-from robotctl.drivers.can.config import RESTART_MS, sample_point
+from robotctl.drivers.can.config import RESTART_MS, CanConfig
 from robotctl.errors import ConfigError
 from robotctl.planning.mission.check import check_mission
 
@@ -21,11 +21,11 @@ MISSION: Final = Path("etc/robotctl/mission.toml")
 
 _TARGETS: Final = {
     "robotctl.service": UNIT,
-    "can.network": Path("etc/systemd/network/70-robotctl-can.network"),
-    "can.link": Path("etc/systemd/network/70-robotctl-can.link"),
     "robotctl.rules": Path("etc/udev/rules.d/70-robotctl.rules"),
     "robotctl.sysusers": Path("etc/sysusers.d/robotctl.conf"),
 }
+_NETWORK: Final = Path("etc/systemd/network")
+_CAN_FD: Final = "\nDataBitRate=@DATA_BITRATE@\nDataSamplePoint=@DATA_SAMPLE_POINT@\nFDMode=yes"
 _PLACEHOLDER = re.compile(r"@([A-Z_]+)@")
 _OTHERS_MAY_ENTER = 0o001
 _OTHERS_MAY_RUN = 0o005
@@ -83,38 +83,57 @@ def service_files(
     from robotctl.app.localisation.localisation_files import files_beside  # noqa: PLC0415
 
     config = load_robot(robot)
-    if config.can.interface != "socketcan":
-        raise ConfigError(
-            f'{robot}: can.interface is "{config.can.interface}"; an installed robot needs '
-            '"socketcan"'
-        )
+    for bus in config.buses:
+        if bus.interface != "socketcan":
+            raise ConfigError(
+                f'{robot}: can.interface is "{bus.interface}"; an installed robot needs "socketcan"'
+            )
     if mission is not None:
         check_mission(load_mission(mission), abilities(config, robot))
     beside = {ROBOT.parent / name: data for name, data in files_beside(config, robot).items()}
     if taken := beside.keys() & {ROBOT, MISSION}:
         raise ConfigError(f"{robot}: the name {min(taken).name} is taken in /{ROBOT.parent}")
-    channel = config.can.channel
     values = {
         "NAME": config.robot.name,
         "ROBOTCTL": _quoted(executable),
         "MISSION": f" --mission /{MISSION}" if mission is not None else "",
-        "CHANNEL": channel,
-        "DEVICE": unit_name(channel),
-        "BITRATE": str(config.can.bitrate),
-        "SAMPLE_POINT": f"{100 * sample_point(config.can.bitrate):g}%",
-        "RESTART_MS": str(RESTART_MS),
-        "QUEUE": str(QUEUE_FRAMES),
+        "DEVICES": " ".join(
+            f"sys-subsystem-net-devices-{unit_name(bus.channel)}.device" for bus in config.buses
+        ),
         "AFFINITY": affinity(config.runtime.cpu, processors),
     }
-    folder = config_directory() / "systemd"
-    files = [
-        ServiceFile(target, fill((folder / name).read_text(encoding="utf-8"), values).encode())
-        for name, target in _TARGETS.items()
-    ]
+    files = [_filled(name, target, values) for name, target in _TARGETS.items()]
+    for number, bus in enumerate(config.buses):
+        files += network_files(bus, f"-{bus.name}" if number else "")
     files.append(ServiceFile(ROBOT, robot.read_bytes()))
     if mission is not None:
         files.append(ServiceFile(MISSION, mission.read_bytes()))
     return files + [ServiceFile(path, data) for path, data in beside.items()]
+
+
+def network_files(bus: CanConfig, suffix: str) -> list[ServiceFile]:
+    """Return the files by which systemd-networkd brings up a bus; their names end in `suffix`."""
+    point, data_point = bus.sample_points
+    values = {
+        "CHANNEL": bus.channel,
+        "BITRATE": str(bus.bitrate),
+        "SAMPLE_POINT": f"{100 * point:g}%",
+        "DATA_BITRATE": str(bus.data_bitrate),
+        "DATA_SAMPLE_POINT": f"{100 * data_point:g}%",
+        "RESTART_MS": str(RESTART_MS),
+        "QUEUE": str(QUEUE_FRAMES),
+    }
+    values["CAN_FD"] = fill(_CAN_FD, values) if bus.data_bitrate else ""
+    return [
+        _filled(f"can.{kind}", _NETWORK / f"70-robotctl-can{suffix}.{kind}", values)
+        for kind in ("network", "link")
+    ]
+
+
+def _filled(name: str, target: Path, values: dict[str, str]) -> ServiceFile:
+    """Return a file made from a template of `configs/systemd/`."""
+    template = (config_directory() / "systemd" / name).read_text(encoding="utf-8")
+    return ServiceFile(target, fill(template, values).encode())
 
 
 def fill(template: str, values: dict[str, str]) -> str:

@@ -12,6 +12,7 @@ import can
 from robotctl.config.robot_file import RobotConfig
 from robotctl.drivers.can.candump import CandumpReader
 from robotctl.drivers.can.config import CanConfig
+from robotctl.errors import LinkError
 from robotctl.logs.mcap.entries import Published
 from robotctl.logs.mcap.log import (
     LogInUseError,
@@ -29,6 +30,7 @@ FLUSH_NS: Final = 1_000_000_000
 """Maximum loss when the recorder is killed [ns]."""
 
 _RETRY_NS: Final = 1_000_000_000
+_TIME_WIDTH: Final = len("(1700000000.000000)")
 
 
 class StateLog:
@@ -86,14 +88,14 @@ class StateLog:
 
 
 class BusLog:
-    """The frames on the host's bus, in `can-0001.log` and so on.
+    """The frames on the host's buses, in `can-0001.log` and so on, in the order of their times.
 
     Parameters
     ----------
     folder
         Where to.
-    config
-        Which bus.
+    buses
+        Which they are.
     epoch_ns
         Added to the clock to get wall time [ns].
     clock
@@ -101,64 +103,98 @@ class BusLog:
     """
 
     def __init__(
-        self, folder: LogFolder, config: CanConfig, epoch_ns: int, clock: Clock | None = None
+        self,
+        folder: LogFolder,
+        buses: Sequence[CanConfig],
+        epoch_ns: int,
+        clock: Clock | None = None,
     ) -> None:
         self._folder = folder
-        self._config = config
-        self._epoch_ns = epoch_ns
-        self._clock = clock
-        self._reader: CandumpReader | None = None
+        self._listeners = [_BusListener(bus, epoch_ns, clock) for bus in buses]
         self._file: BinaryIO | None = None
-        self._retry_ns = 0
-        self._trouble = ""
 
     def step(self, now_ns: int) -> tuple[str, ...]:
-        """Log received frames; return a message when the bus can no longer be read.
+        """Log received frames; return a message for each bus that can no longer be read.
 
         Raises
         ------
         OSError
             If the disk refuses.
         """
-        try:
-            if self._reader is None:
-                if now_ns < self._retry_ns:
-                    return ()
-                self._reader = CandumpReader(self._config, self._epoch_ns, self._clock)
-                self._trouble = ""
-            lines = self._reader.read()
-        except (OSError, can.CanError, ValueError) as error:
-            self._leave()
-            self._retry_ns = now_ns + _RETRY_NS
-            news = () if self._trouble else (f"the log cannot read the bus: {error}",)
-            self._trouble = str(error)
-            return news
+        lines: list[str] = []
+        notices: list[str] = []
+        for listener in self._listeners:
+            try:
+                lines += listener.read(now_ns)
+            except LinkError as error:
+                notices.append(str(error))
         if lines:
-            self._write(lines)
-        return ()
+            self._write(lines if len(self._listeners) == 1 else sorted(lines, key=_time_of))
+        return tuple(notices)
 
-    def _write(self, lines: str) -> None:
+    def _write(self, lines: list[str]) -> None:
         """Write lines; they reach the kernel at once."""
         if self._file is None:
             self._file = self._folder.open("can", "log")
-        self._file.write(os.fsencode(lines))
+        self._file.write(os.fsencode("".join(lines)))
         self._file.flush()
         if self._file.tell() > self._folder.file_bytes or is_gone(self._file):
             self._file.close()
             self._file = None
 
-    def _leave(self) -> None:
+    def close(self) -> None:
+        """Leave the buses and close the file; raises OSError if the disk refuses."""
+        for listener in self._listeners:
+            listener.close()
+        file, self._file = self._file, None
+        if file is not None:
+            close_log(file)
+
+
+class _BusListener:
+    """Reads one bus, which may come late and go."""
+
+    def __init__(self, bus: CanConfig, epoch_ns: int, clock: Clock | None) -> None:
+        self._bus = bus
+        self._epoch_ns = epoch_ns
+        self._clock = clock
+        self._reader: CandumpReader | None = None
+        self._retry_ns = 0
+        self._trouble = ""
+
+    def read(self, now_ns: int) -> list[str]:
+        """Return the lines of the frames since the last call.
+
+        Raises
+        ------
+        LinkError
+            If the bus cannot be read, once until it can again.
+        """
+        try:
+            if self._reader is None:
+                if now_ns < self._retry_ns:
+                    return []
+                self._reader = CandumpReader(self._bus, self._epoch_ns, self._clock)
+                self._trouble = ""
+            return self._reader.read()
+        except (OSError, can.CanError, ValueError) as error:
+            self.close()
+            self._retry_ns = now_ns + _RETRY_NS
+            is_known, self._trouble = bool(self._trouble), str(error)
+            if is_known:
+                return []
+            raise LinkError(f"the log cannot read bus {self._bus.channel}: {error}") from error
+
+    def close(self) -> None:
         """Leave the bus."""
         if self._reader is not None:
             self._reader.close()
             self._reader = None
 
-    def close(self) -> None:
-        """Leave the bus and close the file; raises OSError if the disk refuses."""
-        self._leave()
-        file, self._file = self._file, None
-        if file is not None:
-            close_log(file)
+
+def _time_of(line: str) -> str:
+    """Return the time at the beginning of a line of candump, which has a fixed width."""
+    return line[:_TIME_WIDTH]
 
 
 def scene_of(config: RobotConfig) -> Scene:

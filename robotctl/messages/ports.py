@@ -2,14 +2,35 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import Final, NamedTuple, Protocol
 
 from robotctl.messages.actuators import ActuatorCommand
 from robotctl.messages.control import BusStatus, EmergencyStopSource, Feedback
 
+EXTENDED_FLAG: Final = 0x8000_0000
+"""Marks an identifier of 29 bits, as in SocketCAN's can_id."""
+REMOTE_FLAG: Final = 0x4000_0000
+"""Marks a remote request, as in SocketCAN's can_id."""
+FD_FLAG: Final = 1 << 32
+"""Marks a frame of CAN FD, so that its identifier equals that of no classic frame."""
+FD_LENGTHS: Final = (*range(9), 12, 16, 20, 24, 32, 48, 64)
+"""Data lengths of CAN FD [byte]."""
+
 
 class Frame(NamedTuple):
-    """A classic CAN data frame with an 11-bit identifier; `stamp_ns` is its reception time."""
+    """A received CAN frame.
+
+    Parameters
+    ----------
+    arbitration_id
+        Identifier of 11 bits, or of 29 with `EXTENDED_FLAG`; with `REMOTE_FLAG` or `FD_FLAG` where
+        the frame is one. One number, so that frames of different kinds never meet in a table.
+    data
+        0 to 8 bytes, in CAN FD one of `FD_LENGTHS`; for a remote request as many zeros as it asks
+        for bytes.
+    stamp_ns
+        Time of reception [ns].
+    """
 
     arbitration_id: int
     data: bytes
@@ -20,7 +41,11 @@ class CanPort(Protocol):
     """A CAN bus that never raises into the loop: failures are counted in `status`."""
 
     def send(self, arbitration_id: int, data: bytes) -> bool:
-        """Queue one frame without waiting; False if the bus did not take it."""
+        """Queue one frame without waiting; False if the bus did not take it.
+
+        Flags and lengths are those of `Frame`. A frame of CAN FD has the bus's data bit rate; a bus
+        without CAN FD refuses it, as any bus does one of another length: padding is the protocol's.
+        """
 
     def receive(self) -> list[Frame]:
         """Return, without waiting, all frames received since the last call, oldest first."""

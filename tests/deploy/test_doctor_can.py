@@ -3,12 +3,13 @@
 import copy
 import subprocess
 
+import can
 import pytest
 
 from robotctl.deploy import doctor_can
 from robotctl.deploy.check_result import Finding, Verdict
 from robotctl.deploy.doctor_can import check_link, read_link
-from robotctl.drivers.can.config import CanConfig, sample_point
+from robotctl.drivers.can.config import CanConfig, recommended_sample_point
 
 CONFIG = CanConfig()
 CAN0 = {
@@ -102,9 +103,60 @@ def test_a_missing_device_and_a_missing_program_are_told_apart(
 
 
 def test_sample_points_are_those_of_cia_301() -> None:
-    assert sample_point(1_000_000) == 0.75
-    assert sample_point(800_000) == 0.8
-    assert {sample_point(each) for each in (10_000, 125_000, 250_000, 500_000)} == {0.875}
+    assert recommended_sample_point(1_000_000) == 0.75
+    assert recommended_sample_point(800_000) == 0.8
+    slow = (10_000, 125_000, 250_000, 500_000)
+    assert {recommended_sample_point(each) for each in slow} == {0.875}
+
+
+FD = CanConfig(data_bitrate=5_000_000, data_sample_point=0.5625)
+FD_LINK = {"bitrate": 5000000, "sample_point": "0.562"}
+
+
+def fd_findings(config: CanConfig = FD, **changes: object) -> dict[str, Finding]:
+    link: dict = copy.deepcopy(CAN0) | {"mtu": 72}
+    link["linkinfo"]["info_data"]["data_bittiming"] = FD_LINK
+    for key, value in changes.items():
+        (link if key in link else link["linkinfo"]["info_data"])[key] = value
+    return {each.check: each for each in check_link(config, link)}
+
+
+def test_a_good_link_of_can_fd_has_both_bit_rates() -> None:
+    found = fd_findings()
+    assert {each.verdict for each in found.values()} == {Verdict.OK}
+    assert found["CAN data bit rate"].found == "5000000 bit/s, sample point 56.2%"
+
+
+def test_what_is_wrong_with_can_fd_is_found() -> None:
+    (finding,) = fd_findings(mtu=16).values()
+    assert finding.verdict is Verdict.FAIL
+    assert "can0 carries classic frames only (mtu 16)" in finding.found
+    assert finding.fix == (
+        "sudo ip link set can0 down && sudo ip link set can0 up type can bitrate 1000000 "
+        "sample-point 0.75 dbitrate 5000000 dsample-point 0.5625 fd on restart-ms 100"
+    )
+    found = fd_findings(data_bittiming={"bitrate": 2000000, "sample_point": "0.75"})
+    assert found["CAN data bit rate"].verdict is Verdict.FAIL
+    assert "the robot's file says 5000000 bit/s" in found["CAN data bit rate"].found
+    found = fd_findings(CanConfig(data_bitrate=5_000_000))
+    assert found["CAN data bit rate"].verdict is Verdict.WARN
+    assert "recommended 75.0%" in found["CAN data bit rate"].found
+
+
+def test_sample_points_that_are_asked_for_can_be_had() -> None:
+    """python-can's solver finds a timing of an 80 MHz controller for each pair of bit rates."""
+    for bitrate in (500_000, 1_000_000):
+        for data_bitrate in (1_000_000, 2_000_000, 4_000_000, 5_000_000):
+            point, data_point = CanConfig(bitrate=bitrate, data_bitrate=data_bitrate).sample_points
+            timing = can.BitTimingFd.from_sample_point(
+                f_clock=80_000_000,
+                nom_bitrate=bitrate,
+                nom_sample_point=100 * point,
+                data_bitrate=data_bitrate,
+                data_sample_point=100 * data_point,
+            )
+            assert timing.nom_sample_point == pytest.approx(100 * point, abs=2.5)
+            assert timing.data_sample_point == pytest.approx(100 * data_point, abs=5)
 
 
 @pytest.mark.parametrize(
@@ -124,3 +176,14 @@ def test_the_fix_of_a_virtual_link_sets_no_bit_rate(
     (finding,) = check_link(CanConfig(channel=channel), link)
     assert finding.verdict is Verdict.FAIL
     assert finding.fix == fix
+
+
+def test_a_virtual_link_is_made_large_enough_for_can_fd() -> None:
+    config = CanConfig(channel="vcan0", data_bitrate=2_000_000)
+    (finding,) = check_link(config, 'Device "vcan0" does not exist.')
+    assert finding.fix == ("sudo ip link add dev vcan0 mtu 72 type vcan; sudo ip link set vcan0 up")
+    link = {"flags": ["UP"], "txqlen": 16, "mtu": 16, "linkinfo": {"info_kind": "vcan"}}
+    (finding,) = check_link(config, link)
+    assert finding.fix == (
+        "sudo ip link set vcan0 down && sudo ip link set vcan0 mtu 72; sudo ip link set vcan0 up"
+    )

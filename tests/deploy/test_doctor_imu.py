@@ -70,7 +70,7 @@ def test_the_simulated_imu_is_judged_by_what_it_sends(fault: str, verdict: Verdi
     wire = simulation.bus.attach(
         "host", lambda frame: port.deliver(*frame), accept=codec.arbitration_ids
     )
-    port = MemoryPort(wire.send, codec.arbitration_ids, config.can.bitrate, clock)
+    port = MemoryPort(wire.send, codec.arbitration_ids, config.buses[0], clock)
     robot = CanRobot(port, codec, node_parameters(config))
     nodes = commission(robot, clock, config.runtime.period_ns)
     assert [node.problem for node in nodes] == [""] * 4

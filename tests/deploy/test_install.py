@@ -128,6 +128,40 @@ def test_the_can_link_is_that_of_the_robots_file(tmp_path: Path, program: Path) 
     assert unit["Unit"]["BindsTo"] == "sys-subsystem-net-devices-can1.device"
 
 
+def test_a_link_of_can_fd_has_its_data_bit_rate(tmp_path: Path, program: Path) -> None:
+    fd = "1_000_000\ndata_bitrate = 5_000_000\nsample_point = 0.6375\ndata_sample_point = 0.5625"
+    robot = robot_file(tmp_path, **{"1_000_000": fd})
+    network = sections(text_of(service_files(robot, None, program, 4), "70-robotctl-can.network"))
+    assert dict(network["CAN"]) == {
+        "BitRate": "1000000",
+        "SamplePoint": "63.75%",
+        "DataBitRate": "5000000",
+        "DataSamplePoint": "56.25%",
+        "FDMode": "yes",
+        "RestartSec": "100ms",
+    }
+
+
+def test_each_bus_has_its_link_and_the_service_is_bound_to_all(
+    tmp_path: Path, program: Path
+) -> None:
+    two = '[[can]]\nchannel = "can-1"\n\n[[can]]\nname = "sensors"\n'
+    robot = robot_file(tmp_path, **{"[can]\n": two})
+    files = service_files(robot, None, program, 4)
+    first = sections(text_of(files, "70-robotctl-can.network"))
+    second = sections(text_of(files, "70-robotctl-can-sensors.network"))
+    assert (first["Match"]["Name"], second["Match"]["Name"]) == ("can-1", "can0")
+    assert (
+        sections(text_of(files, "70-robotctl-can-sensors.link"))["Match"]["OriginalName"] == "can0"
+    )
+    unit = sections(text_of(files, "robotctl.service"))
+    devices = [rf"sys-subsystem-net-devices-{each}.device" for each in (r"can\x2d1", "can0")]
+    assert unit["Unit"]["BindsTo"].split() == devices
+    assert unit["Install"]["WantedBy"].split() == devices
+    assert set(devices) <= set(unit["Unit"]["After"].split())
+    assert len({each.path for each in files}) == len(files)
+
+
 def test_the_control_loops_processor_is_kept_free_of_the_others(
     tmp_path: Path, program: Path
 ) -> None:

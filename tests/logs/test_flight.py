@@ -389,7 +389,7 @@ def test_a_defect_in_the_loop_leaves_the_ring_for_the_next_start(
     monkeypatch.setattr(control, "rehearse", lambda *_: True)
     monkeypatch.setattr(ControlCore, "step", step)
     with pytest.raises(AssertionError, match="a defect"):
-        control.run(replace(CONFIG, can=replace(CONFIG.can, channel="none")), OPTIONS)
+        control.run(replace(CONFIG, can=replace(CONFIG.buses[0], channel="none")), OPTIONS)
     assert robot.is_closed
     path = ring_path(OPTIONS.instance)
     assert path.exists()

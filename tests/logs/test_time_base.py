@@ -28,7 +28,7 @@ def heard(reader: CandumpReader, seconds: float) -> list[tuple[str, str]]:
     deadline_s = time.monotonic() + seconds
     found = []
     while time.monotonic() < deadline_s:
-        found += entries(reader.read())
+        found += entries("".join(reader.read()))
         time.sleep(0.01)
     return found
 

@@ -5,7 +5,12 @@ from __future__ import annotations
 import can
 
 from robotctl.drivers.can.config import CanConfig
-from robotctl.drivers.can.port import CAN_SFF_MASK, DRAIN_LIMIT, FRAME, Descriptor, opener
+from robotctl.drivers.can.descriptor import FD_FRAME, FRAME, Descriptor, opener
+from robotctl.drivers.can.errors import CAN_ERR_FLAG
+from robotctl.drivers.can.port import DRAIN_LIMIT
+from robotctl.messages.ports import FD_FLAG, REMOTE_FLAG
+
+_NO_DATA = CAN_ERR_FLAG | REMOTE_FLAG
 
 
 class BusTap:
@@ -31,13 +36,16 @@ class BusTap:
         return True
 
     def receive(self) -> list[tuple[int, bytes]]:
-        """Return identifiers and data of the data frames that came since the last call."""
+        """Return identifiers and data of the data frames that came since the last call.
+
+        The identifiers have the flags of `Frame` for 29 bits and CAN FD.
+        """
         frames: list[tuple[int, bytes]] = []
         for _ in range(DRAIN_LIMIT):
             if self._descriptor is None:
                 break
             try:
-                raw = self._descriptor.socket.recv(FRAME.size)
+                raw = self._descriptor.socket.recv(FD_FRAME.size)
             except BlockingIOError:
                 break
             except OSError:
@@ -45,9 +53,13 @@ class BusTap:
             if len(raw) < FRAME.size:
                 self.close()
                 break
-            number, length, data = FRAME.unpack(raw)
-            if number <= CAN_SFF_MASK:  # no flag of extended, remote or error frames
-                frames.append((number, data[: min(length, len(data))]))
+            if len(raw) == FD_FRAME.size:
+                number, length, _, data = FD_FRAME.unpack(raw)
+                frames.append((number | FD_FLAG, data[:length]))
+                continue
+            number, length, data = FRAME.unpack_from(raw)
+            if not number & _NO_DATA:
+                frames.append((number, data[:length]))
         return frames
 
     def send(self, number: int, data: bytes) -> None:

@@ -147,7 +147,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     options, odometer_m, notes = continued(options)
     clock = options.open_clock(paces=True)
     folder = endpoint_directory(options.instance)
-    claims = [claim_bus(config.can.interface, config.can.channel)]
+    claims = [claim_bus(bus.interface, bus.channel) for bus in config.buses]
     claims += [claim(each) for each in sorted({str(folder), options.state} - {""})]
     endpoints = Endpoints(folder)
     context = zmq.Context()

@@ -150,7 +150,7 @@ class Logs:
         self._folder = folder.directory
         self._copy = RecordCopy(ring, folder)
         self._states = StateLog(folder, options.epoch_ns, config.robot.name, scene_of(config))
-        self._bus = BusLog(folder, config.can, options.epoch_ns, options.open_clock())
+        self._bus = BusLog(folder, config.buses, options.epoch_ns, options.open_clock())
         self._pictures = _open_pictures(folder, config, options)
         self._retry_ns = 0
 

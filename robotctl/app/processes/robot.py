@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+from contextlib import ExitStack
+
 import robotctl
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig, config_directory, robot_to_json
@@ -60,17 +63,36 @@ def feedback_ages(config: RobotConfig) -> tuple[AgeLimit, ...]:
     return age_limits(node_parameters(config), config.safety, config.runtime.period_ns)
 
 
-def make_robot(config: RobotConfig, clock: Clock) -> CanRobot:
-    """Return the robot on its CAN bus.
+def open_ports(
+    config: RobotConfig, arbitration_ids: Collection[int], clock: Clock
+) -> dict[str, SocketPort]:
+    """Return a port on each of the robot's buses, by the name of the bus.
 
     Raises
     ------
     LinkError
-        If the bus cannot be opened.
+        If one cannot be opened; none is open then.
+    """
+    with ExitStack() as opened:
+        ports = {}
+        for bus in config.buses:
+            ports[bus.name] = port = SocketPort(bus, arbitration_ids, clock)
+            opened.callback(port.close)
+        opened.pop_all()
+    return ports
+
+
+def make_robot(config: RobotConfig, clock: Clock) -> CanRobot:
+    """Return the robot on its CAN buses.
+
+    Raises
+    ------
+    LinkError
+        If one cannot be opened.
     """
     codec = make_codec()
-    port = SocketPort(config.can, codec.arbitration_ids, clock)
-    return CanRobot(port, codec, node_parameters(config))
+    ports = open_ports(config, codec.arbitration_ids, clock)
+    return CanRobot(ports[config.buses[0].name], codec, node_parameters(config))
 
 
 def record_header(config: RobotConfig, options: StackOptions) -> RecordHeader:

@@ -97,7 +97,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
         links = stack.enter_context(
             MavlinkLinks(mavlink.link, mavlink.system_id, mavlink.component_id, keys.signing, tlog)
         )
-        tap = BusTap(config.can)
+        tap = BusTap(config.buses[0])
         stack.callback(tap.close)
         telemetry = Telemetry(
             mavlink,

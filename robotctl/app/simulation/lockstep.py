@@ -181,7 +181,7 @@ class LockstepRun:
         """Log into `directory`."""
         return LockstepLogs(
             LogFolder(directory, self.config.log),
-            self.stack.simulation.bus,
+            self.stack.simulation.buses,
             record_header(self.config, self._stack_options),
             self.stack.core,
             self.config,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
@@ -69,8 +69,8 @@ class LockstepLogs:
     ----------
     folder
         Where to.
-    bus
-        Whose frames are logged.
+    buses
+        Whose frames are logged, by name; the first as simcan0, others with their name behind that.
     header
         Of the records of ticks.
     core
@@ -92,7 +92,7 @@ class LockstepLogs:
     def __init__(
         self,
         folder: LogFolder,
-        bus: Bus,
+        buses: Mapping[str, Bus],
         header: RecordHeader,
         core: ControlCore,
         config: RobotConfig,
@@ -113,11 +113,13 @@ class LockstepLogs:
 
             self._pictures = PictureLog(folder, config.log.pictures_every_s, 0)
         self._files = ExitStack()
-        self._files.enter_context(
-            LogWriter(
-                bus, folder.new("can", "log"), file_bytes=folder.file_bytes, next_file=next_file
-            )
+        first, *others = buses.items()
+        log = LogWriter(
+            first[1], folder.new("can", "log"), file_bytes=folder.file_bytes, next_file=next_file
         )
+        self._files.enter_context(log)
+        for name, bus in others:
+            log.add(bus, f"simcan0-{name}")
         self._files.callback(self._ticks.close)
         self._files.callback(self._states.close)
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from firmware_sim.bus.frame import BIT_RATE_SWITCH_FLAG, ERROR_STATE_FLAG, FD_FLAG, Frame
+from firmware_sim.bus.state import FdSupport
 from firmware_sim.errors import SimulationError
 from firmware_sim.world.world import World
 from robotctl.app.processes.robot import make_codec, make_core, node_parameters
@@ -16,6 +18,7 @@ from robotctl.config.robot_file import RobotConfig
 from robotctl.core.control_core import Inputs, Outputs
 from robotctl.core.control_tick import ControlTick
 from robotctl.core.operator import Operator
+from robotctl.drivers.can.config import CanConfig
 from robotctl.drivers.can.memory_port import MemoryPort
 from robotctl.drivers.can.nodes.robot_can import CanRobot
 from robotctl.messages.actuators import ActuatorCommand
@@ -25,13 +28,17 @@ from robotctl.messages.control import (
     LoopStatistics,
     Notice,
 )
+from robotctl.messages.ports import Clock
 from robotctl.runtime.clock import VirtualClock
 from robotctl.runtime.histogram import Histogram
 
 if TYPE_CHECKING:
+    from firmware_sim.bus.core import Bus
     from firmware_sim.simulation import Simulation
 
 _NO_FIGURES = LoopStatistics()
+_SENDERS_FLAGS = BIT_RATE_SWITCH_FLAG | ERROR_STATE_FLAG
+"""Flags of the simulator's frames that `Frame` does not have."""
 
 
 class LockstepStack:
@@ -59,18 +66,17 @@ class LockstepStack:
         self.period_ns = config.runtime.period_ns
         self.step_ns = Histogram()
         codec = make_codec()
-        wire = simulation.bus.attach(
-            "host",
-            lambda frame: port.deliver(*frame),
-            accept=codec.arbitration_ids,
-            errors=True,
-        )
-        port = MemoryPort(wire.send, codec.arbitration_ids, config.can.bitrate, self.clock)
+        ports = {
+            bus.name: attach_port(
+                simulation.buses[bus.name], bus, codec.arbitration_ids, self.clock
+            )
+            for bus in config.buses
+        }
         self.core = make_core(config, options)
         self.ticks = 0
         self._requests: tuple[ControlRequest, ...] = ()
         self.control = ControlTick(
-            CanRobot(port, codec, node_parameters(config)),
+            CanRobot(ports[config.buses[0].name], codec, node_parameters(config)),
             self.core,
             Operator(lambda: self._requests, tell),
         )
@@ -118,6 +124,32 @@ class LockstepStack:
             step_us_p50=p50 / 10,
             step_us_p99=p99 / 10,
         )
+
+
+def attach_port(
+    bus: Bus, config: CanConfig, arbitration_ids: Collection[int], clock: Clock
+) -> MemoryPort:
+    """Return the host's port on a simulated bus."""
+    fd = config.data_bitrate > 0
+    switch = BIT_RATE_SWITCH_FLAG if config.data_bitrate > config.bitrate else 0
+
+    def deliver_fd(frame: Frame) -> None:
+        port.deliver(frame.arbitration_id & ~_SENDERS_FLAGS, frame.data, frame.stamp_ns)
+
+    def send_fd(arbitration_id: int, data: bytes) -> bool:
+        return wire.send(
+            arbitration_id | switch if arbitration_id & FD_FLAG else arbitration_id, data
+        )
+
+    wire = bus.attach(
+        "host",
+        deliver_fd if fd else lambda frame: port.deliver(*frame),
+        accept=arbitration_ids,
+        errors=True,
+        fd=FdSupport.ENABLED if fd else FdSupport.INTOLERANT,
+    )
+    port = MemoryPort(send_fd if fd else wire.send, arbitration_ids, config, clock)
+    return port
 
 
 def make_simulation(

@@ -217,15 +217,17 @@ class SimRun:
     def _start_firmware(self) -> None:
         """Start firmware_sim and wait for its nodes."""
         options, start = self._options, self._options.start_of(self.mission)
-        interface, channel = options.channel
-        bus = f"simcan:{channel}" if interface == "simcan" else channel
+        buses = [
+            f"simcan:{bus.channel}" if bus.interface == "simcan" else bus.channel
+            for bus in self.config.buses
+        ]
         command = [
             sys.executable,
             "-m",
             "firmware_sim",
             *("--robot", str(options.robot)),
             *("--world", str(self.world)),
-            *("--bus", bus),
+            *(f"--bus={bus}" for bus in buses),
             *("--seed", str(options.seed)),
             f"--start={start.x_m},{start.y_m},{start.heading_deg}",
             *("--truth", self._endpoints.truth),
@@ -274,9 +276,9 @@ class SimRun:
     @property
     def connections(self) -> tuple[str, ...]:
         """Where ground stations and CAN tools can connect."""
-        interface, channel = self._options.channel
         links = tuple(f"MAVLink {link.url}" for link in self.config.mavlink.link)
-        return (*links, f"CAN {interface} {channel}")
+        buses = tuple(f"CAN {bus.interface} {bus.channel}" for bus in self.config.buses)
+        return (*links, *buses)
 
     def steps(self, *, until_done: bool = True) -> Iterator[RunStatus]:
         """Arm and start the mission, each once, and yield the progress until the run is over.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,7 +32,8 @@ class SimOptions:
     robot, mission, world
         Files; an empty world means the mission's own, one may be a ROS map's yaml file.
     bus
-        `simcan[:CHANNEL]`, or the name of a SocketCAN interface.
+        `simcan[:CHANNEL]`, or the name of a SocketCAN interface; of a robot with several buses
+        `simcan[:CHANNEL]` too, or as many interfaces with commas between.
     seed
         Seed of the simulated world.
     max_seconds
@@ -74,9 +76,16 @@ class SimOptions:
 
     def __post_init__(self) -> None:
         """Check the bus as the robot's file is checked, also where a run needs none."""
-        interface, channel = self.channel
+        kind, _, channel = self.bus.partition(":")
+        if kind != "simcan" and channel:
+            raise ConfigError(
+                f"--bus {self.bus}: allowed are simcan, simcan:CHANNEL or a SocketCAN interface "
+                "such as vcan0"
+            )
+        interface, channels = self.channels([""])
         try:
-            CanConfig(interface, channel)
+            for each in channels:
+                CanConfig(interface=interface, channel=each)
         except ValueError as error:
             raise ConfigError(f"--bus {self.bus}: {error}") from error
 
@@ -102,25 +111,61 @@ class SimOptions:
             return self.overrides
         return (f'localisation.map="{world}"', *self.localisation, *self.overrides)
 
-    @property
-    def channel(self) -> tuple[Literal["socketcan", "simcan"], str]:
-        """python-can interface and channel of the host."""
+    def channels(
+        self, names: Sequence[str]
+    ) -> tuple[Literal["socketcan", "simcan"], tuple[str, ...]]:
+        """Return python-can's interface, and the channels of buses of these names.
+
+        Simulated buses but the first have their name behind that of the channel.
+        """
         kind, _, channel = self.bus.partition(":")
         if kind == "simcan":
-            return "simcan", channel or "simcan0"
-        if channel:
-            raise ConfigError(
-                f"--bus {self.bus}: allowed are simcan, simcan:CHANNEL or a SocketCAN interface "
-                "such as vcan0"
-            )
-        return "socketcan", kind
+            first = channel or "simcan0"
+            return "simcan", (first, *(f"{first}-{name}" for name in names[1:]))
+        return "socketcan", tuple(kind.split(","))
+
+
+def bus_names(robot: Path) -> tuple[str, ...]:
+    """Return the names of the buses that a robot's file lists; none of a single one, `[can]`.
+
+    What is wrong with the file is said where it is read as a whole.
+    """
+    try:
+        tables = tomllib.loads(robot.read_text(encoding="utf-8-sig")).get("can")
+    except (OSError, ValueError, RecursionError):
+        return ()
+    if not isinstance(tables, list):
+        return ()
+    return tuple(str(table.get("name", "main")) for table in tables if isinstance(table, dict))
 
 
 def bus_overrides(options: SimOptions) -> tuple[str, ...]:
-    """Return the settings that put a robot on the bus of a simulated run."""
-    interface, channel = options.channel
+    """Return the settings that put a robot on the buses of a simulated run.
+
+    Raises
+    ------
+    ConfigError
+        If `--bus` names another number of interfaces than the robot has buses.
+    """
+    names = bus_names(options.robot)
+    interface, channels = options.channels(names or ("",))
+    count = max(len(names), 1)
+    if len(channels) != count:
+        buses = f"{count} buses ({', '.join(names)})" if names else "one bus"
+        raise ConfigError(
+            f"--bus {options.bus}: {len(channels)} interfaces found, but {options.robot} has "
+            f"{buses}; name one for each, with commas between"
+        )
+    keys = [f"can.{number}" for number in range(count)] if names else ["can"]
     # A string of JSON is one of TOML too: the path of a socket may hold a quote.
-    return f'can.interface="{interface}"', f"can.channel={json.dumps(channel, ensure_ascii=False)}"
+    return tuple(
+        setting
+        for key, channel in zip(keys, channels, strict=True)
+        for setting in (
+            f'{key}.interface="{interface}"',
+            f"{key}.channel={json.dumps(channel, ensure_ascii=False)}",
+        )
+    )
 
 
 def simulation_overrides(overrides: Sequence[str]) -> list[str]:

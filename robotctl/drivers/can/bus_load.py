@@ -2,15 +2,26 @@
 
 Frame lengths are the worst case of bit stuffing (Davis, Burns, Bril, Lukkien, "Controller Area
 Network (CAN) schedulability analysis", 2007, eq. 1): a classic frame with an 11-bit identifier and
-n data bytes takes at most 55 + 10 n bits, interframe space included.
+n data bytes takes at most 55 + 10 n bits, interframe space included, and with a 29-bit identifier
+80 + 10 n.
+
+A frame of CAN FD (ISO 11898-1:2015) has two bit rates. At the first it has start of frame,
+identifier and control bits up to BRS, 17 or 36 bits with at most 3 or 8 stuff bits, and
+acknowledgement, end of frame and interframe space, 12 bits. At the second it has ESI, DLC, data,
+at most 1 + 2 n stuff bits, and the CRC field with its fixed stuff bits and delimiter: 28 bits, and
+33 for more than 16 bytes.
 """
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
-from robotctl.drivers.can.dbc import Dbc, Message
+from robotctl.drivers.can.config import CanConfig
+from robotctl.drivers.can.dbc import HOST, Dbc, Message, urgency
+from robotctl.errors import ConfigError
+from robotctl.messages.ports import EXTENDED_FLAG, FD_FLAG
 
 MAX_LOAD: Final = 0.5
 """Share of the wire that cyclic traffic may take at most."""
@@ -23,16 +34,31 @@ SONARS_PER_FRAME: Final = 4
 _SONAR_FRAMES = ("SonarRangesA", "SonarRangesB", "SonarRangesC", "SonarRangesD")
 _TRANSMISSION_TYPE_MAX = 240
 _IMU = "IMU"
+_SHORT_CRC_LENGTH = 16
+"""Data bytes up to which CAN FD has the CRC of 17 bits."""
+
+
+class FrameBits(NamedTuple):
+    """Length of a frame [bit] at the bit rate, and at the data bit rate of CAN FD."""
+
+    nominal: int
+    data: int = 0
+
+    def seconds(self, bus: CanConfig) -> float:
+        """Return how long the frame takes on a bus [s]; one of CAN FD only on such a bus."""
+        if not self.data:
+            return self.nominal / bus.bitrate
+        return self.nominal / bus.bitrate + self.data / bus.data_bitrate
 
 
 @dataclass(frozen=True, slots=True)
 class MessageLoad:
-    """One message: its period [ms], worst-case length [bit], share of the wire [0, 1]."""
+    """One message: its period [ms], worst-case length, share of the wire [0, 1]."""
 
     name: str
     arbitration_id: int
     period_ms: float
-    bits: int
+    bits: FrameBits
     load: float
 
 
@@ -41,19 +67,27 @@ class BusLoad:
     """The budget: `total` is a share of the wire [0, 1]; rows are in the order of urgency."""
 
     rate_hz: float
-    bitrate: int
+    bus: CanConfig
     total: float
     rows: tuple[MessageLoad, ...]
 
 
-def worst_case_bits(length: int) -> int:
-    """Return the longest a frame of `length` data bytes can be on the wire [bit]."""
-    return 55 + 10 * length
+def worst_case_bits(arbitration_id: int, length: int) -> FrameBits:
+    """Return the longest that a frame of `length` data bytes can be, by its flags as in `Frame`."""
+    bits = nominal_bits(arbitration_id, length)
+    extended = arbitration_id & EXTENDED_FLAG
+    if arbitration_id & FD_FLAG:
+        return FrameBits(bits.nominal + (8 if extended else 3), bits.data + 1 + 2 * length)
+    return FrameBits(bits.nominal + (13 if extended else 8) + 2 * length)
 
 
-def nominal_bits(length: int) -> int:
-    """Return the length of a frame of `length` data bytes without any stuff bit [bit]."""
-    return 47 + 8 * length
+def nominal_bits(arbitration_id: int, length: int) -> FrameBits:
+    """Return the length of a frame without dynamic stuff bits, as `worst_case_bits`."""
+    extended = arbitration_id & EXTENDED_FLAG
+    if arbitration_id & FD_FLAG:
+        crc_field = 28 if length <= _SHORT_CRC_LENGTH else 33
+        return FrameBits(48 if extended else 29, 5 + 8 * length + crc_field)
+    return FrameBits((67 if extended else 47) + 8 * length)
 
 
 def transmission_type(message: Message, sync: Message, rate_hz: float, *, steered: bool) -> int:
@@ -71,11 +105,12 @@ def transmission_type(message: Message, sync: Message, rate_hz: float, *, steere
 def budget(
     dbc: Dbc,
     rate_hz: float,
-    bitrate: int,
+    bus: CanConfig,
     *,
     sonars: int = 16,
     steered: bool = False,
     imu: bool = False,
+    elsewhere: Collection[str] = (),
 ) -> BusLoad:
     """Add up the cyclic traffic. Events (EMCY, NMT, SDO, emergency stop) are not in it.
 
@@ -85,33 +120,43 @@ def budget(
         Messages and their cycle times.
     rate_hz
         Rate of the control loop, hence of SYNC, MotorCommand and what is sent on every SYNC [Hz].
-    bitrate
-        [bit/s].
+    bus
+        Its bit rates.
     sonars
         Number of sonars, which decides how many frames of ranges there are.
     steered
         Whether DriveStatus comes on every SYNC, as on a robot with a steering angle.
     imu
         Whether there is an IMU.
+    elsewhere
+        Nodes, by their names in the DBC, that are on another bus.
 
     Raises
     ------
     ConfigError
-        If the DBC has no SYNC.
+        If the DBC has no SYNC, or messages of CAN FD for a bus without it.
     """
     sync = dbc.message(SYNC)
     absent = _SONAR_FRAMES[-(-sonars // SONARS_PER_FRAME) :]
     rows = []
-    for message in sorted(dbc.messages.values(), key=lambda m: m.arbitration_id):
+    for message in sorted(dbc.messages.values(), key=lambda m: urgency(m.arbitration_id)):
         if message.cycle_ms == 0 or message.name in absent:
             continue
         if not imu and message.senders == (_IMU,):
             continue
+        nodes = {*message.senders, *message.receivers} - {HOST}
+        if nodes and nodes.issubset(elsewhere):
+            continue
         period_ms = _period_ms(message, sync, rate_hz, steered=steered)
-        bits = worst_case_bits(message.length)
-        load = bits / bitrate / period_ms * 1000
+        if message.arbitration_id & FD_FLAG and not bus.data_bitrate:
+            raise ConfigError(
+                f"{dbc.path}: {message.name} is a message of CAN FD, but can.data_bitrate of the "
+                f'bus "{bus.name}" is 0; set it to the drives\' data bit rate'
+            )
+        bits = worst_case_bits(message.arbitration_id, message.length)
+        load = bits.seconds(bus) / period_ms * 1000
         rows.append(MessageLoad(message.name, message.arbitration_id, period_ms, bits, load))
-    return BusLoad(rate_hz, bitrate, sum(row.load for row in rows), tuple(rows))
+    return BusLoad(rate_hz, bus, sum(row.load for row in rows), tuple(rows))
 
 
 def _period_ms(message: Message, sync: Message, rate_hz: float, *, steered: bool) -> float:

@@ -14,42 +14,57 @@ from typing import Final
 import can
 
 from robotctl.drivers.can.config import CanConfig
-from robotctl.drivers.can.port import FRAME, Descriptor
-from robotctl.messages.ports import Clock
+from robotctl.drivers.can.descriptor import (
+    BIT_RATE_SWITCH,
+    CAN_EFF_MASK,
+    CAN_SFF_MASK,
+    ERROR_STATE,
+    FD_FRAME,
+    FRAME,
+    Descriptor,
+)
+from robotctl.drivers.can.errors import CAN_ERR_FLAG
+from robotctl.messages.ports import EXTENDED_FLAG, REMOTE_FLAG, Clock
 from robotctl.runtime.clock import wall_offset_ns
 
 _STAMP: Final = struct.Struct("=q")
 _TIMESPEC: Final = struct.Struct("@ll")
 _ANCILLARY_SIZE: Final = socket.CMSG_SPACE(_TIMESPEC.size)
-_EXTENDED, _REMOTE, _ERROR = 0x80000000, 0x40000000, 0x20000000
-_STANDARD_MASK, _EXTENDED_MASK = 0x7FF, 0x1FFFFFFF
+_STAMPED_SIZES: Final = frozenset({FRAME.size + _STAMP.size, FD_FRAME.size + _STAMP.size})
+_FD_FLAGS: Final = BIT_RATE_SWITCH | ERROR_STATE
 _BUFFER_BYTES: Final = 1 << 20
+_MESSAGE_BYTES: Final = 128
 _MOST_FRAMES: Final = 4096
 
 
-def candump_line(can_id: int, data: bytes, time_us: int, channel: str) -> str:
+def candump_line(message: bytes, time_us: int, channel: str) -> str:
     """Return a frame as one line with its line end.
 
     Parameters
     ----------
-    can_id
-        As in `struct can_frame`, with the flags of SocketCAN.
-    data
-        0 to 8 bytes; of a remote frame, the number it requests.
+    message
+        A `struct can_frame` or, of 72 bytes and more, `canfd_frame`, followed by anything.
     time_us
         Wall time [us since 1970].
     channel
         Name of the bus.
     """
-    if can_id & _ERROR:
-        name = f"{can_id & (_ERROR | _EXTENDED_MASK):08X}"
-    elif can_id & _EXTENDED:
-        name = f"{can_id & _EXTENDED_MASK:08X}"
+    fd_flags = None
+    if len(message) >= FD_FRAME.size:
+        can_id, length, fd_flags, data = FD_FRAME.unpack_from(message)
     else:
-        name = f"{can_id & _STANDARD_MASK:03X}"
-    text = data.hex().upper()
-    if can_id & _REMOTE:
-        text = f"R{len(data)}" if data else "R"
+        can_id, length, data = FRAME.unpack_from(message)
+    text = data[:length].hex().upper()
+    if can_id & CAN_ERR_FLAG:
+        name = f"{can_id & (CAN_ERR_FLAG | CAN_EFF_MASK):08X}"
+    elif can_id & EXTENDED_FLAG:
+        name = f"{can_id & CAN_EFF_MASK:08X}"
+    else:
+        name = f"{can_id & CAN_SFF_MASK:03X}"
+    if fd_flags is not None:
+        text = f"#{fd_flags & _FD_FLAGS:X}{text}"
+    elif can_id & REMOTE_FLAG:
+        text = f"R{length}" if length else "R"
     return f"({time_us // 1_000_000:010d}.{time_us % 1_000_000:06d}) {channel} {name}#{text}\n"
 
 
@@ -79,6 +94,7 @@ class CandumpReader:
         bus = can.Bus(
             interface=config.interface,
             channel=config.channel,
+            fd=config.data_bitrate > 0,
             listen_only=True,
             node="recorder",
         )
@@ -89,7 +105,7 @@ class CandumpReader:
             raise
         self._descriptor.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
 
-    def read(self) -> str:
+    def read(self) -> list[str]:
         """Return the lines of all frames since the last call, without waiting.
 
         Raises
@@ -111,17 +127,17 @@ class CandumpReader:
             if not lines:
                 raise
             self._gone = error
-        return "".join(lines)
+        return lines
 
     def _drain(self, lines: list[str]) -> None:
         """Take frames of simcan, stamped by the clock."""
         receive = self._descriptor.socket.recv
         for _ in range(_MOST_FRAMES):
-            message = receive(64)
+            message = receive(_MESSAGE_BYTES)
             if not message:
                 raise ConnectionResetError("the bus has hung up")
-            if len(message) >= FRAME.size + _STAMP.size:
-                (stamp_ns,) = _STAMP.unpack_from(message, FRAME.size)
+            if len(message) in _STAMPED_SIZES:
+                (stamp_ns,) = _STAMP.unpack_from(message, len(message) - _STAMP.size)
                 lines.append(self._line(message, stamp_ns))
 
     def _drain_kernel(self, lines: list[str]) -> None:
@@ -129,9 +145,7 @@ class CandumpReader:
         offset_ns = wall_offset_ns(self._now_ns)
         receive = self._descriptor.socket.recvmsg
         for _ in range(_MOST_FRAMES):
-            message, ancillary, _flags, _address = receive(64, _ANCILLARY_SIZE)
-            if len(message) < FRAME.size:
-                continue
+            message, ancillary, _flags, _address = receive(_MESSAGE_BYTES, _ANCILLARY_SIZE)
             stamp_ns = self._now_ns()
             if ancillary:
                 seconds, nanoseconds = _TIMESPEC.unpack_from(ancillary[0][2])
@@ -140,10 +154,7 @@ class CandumpReader:
 
     def _line(self, message: bytes, stamp_ns: int) -> str:
         """Return one frame as a line."""
-        can_id, length, data = FRAME.unpack_from(message)
-        return candump_line(
-            can_id, data[:length], (stamp_ns + self._epoch_ns) // 1000, self._channel
-        )
+        return candump_line(message, (stamp_ns + self._epoch_ns) // 1000, self._channel)
 
     def close(self) -> None:
         """Leave the bus."""

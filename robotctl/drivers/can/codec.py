@@ -7,6 +7,7 @@ numbers go into the generated source, never text of the file.
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable, Collection, Sequence
 from typing import Any, Final, TypeAlias
 
@@ -15,6 +16,14 @@ from robotctl.drivers.can.dbc import Message, Signal
 Decoder: TypeAlias = Callable[[bytes], tuple[Any, ...]]
 Encoder: TypeAlias = Callable[..., bytes]
 Checksum: TypeAlias = Callable[[bytes], int]
+
+_FLOATS: Final = {32: struct.Struct("<f"), 64: struct.Struct("<d")}
+_NAMES: Final[dict[str, Any]] = {
+    "from_bytes": int.from_bytes,
+    **{f"unpack{length}": layout.unpack for length, layout in _FLOATS.items()},
+    **{f"pack{length}": layout.pack for length, layout in _FLOATS.items()},
+}
+"""Functions that generated code calls."""
 
 CRC_POLYNOMIAL: Final = 0x1D
 """SAE J1850: x^8 + x^4 + x^3 + x^2 + 1."""
@@ -92,13 +101,18 @@ def compile_decoder(message: Message, signals: Sequence[str], raw: Collection[st
         one reads as zeros) and returns physical values: int where scale and offset are integers,
         else float.
     """
-    fields = [_field(message.signals[name], name in raw) for name in signals]
-    source = (
-        "def decode(data):\n"
-        '    n = from_bytes(data, "little")\n'
-        f"    return ({''.join(f'{field}, ' for field in fields)})\n"
-    )
-    decoder: Decoder = _compile(source, "decode", {"from_bytes": int.from_bytes})
+    wanted = [message.signals[name] for name in signals]
+    fields = [_field(signal, message.length, signal.name in raw) for signal in wanted]
+    lines = ["def decode(data):"]
+    if any(signal.big_endian for signal in wanted):
+        length = message.length
+        lines.append(f"    if len(data) != {length}:")
+        lines.append(f'        data = data[:{length}].ljust({length}, b"\\0")')
+        lines.append('    m = from_bytes(data, "big")')
+    if not all(signal.big_endian for signal in wanted):
+        lines.append('    n = from_bytes(data, "little")')
+    lines.append(f"    return ({''.join(f'{field}, ' for field in fields)})")
+    decoder: Decoder = _compile("\n".join(lines), "decode", dict(_NAMES))
     return decoder
 
 
@@ -117,8 +131,8 @@ def compile_encoder(message: Message, signals: Sequence[str]) -> Encoder:
     -------
     Encoder
         Takes physical values (int or bool where scale is 1 and offset 0) and returns the frame's
-        data. Raises `ValueError` for nan and for values outside the DBC's range, `OverflowError`
-        for infinities.
+        data. Raises `ValueError` for nan and for values outside the DBC's range, also for
+        infinities in a float; `OverflowError` for infinities in an integer.
     """
     fields = [message.signals[name] for name in signals]
     names = [f"v{index}" for index in range(len(fields))]
@@ -129,14 +143,21 @@ def compile_encoder(message: Message, signals: Sequence[str]) -> Encoder:
         if not _is_plain(field)
     ]
     tests = [
-        f"{field.raw_minimum} <= {name} <= {field.raw_maximum}"
+        f"{field.raw_minimum!r} <= {name} <= {field.raw_maximum!r}"
         for name, field in zip(names, fields, strict=True)
     ]
     if tests:
         lines.append(f"    if not ({' and '.join(tests)}):")
         lines.append(f"        refuse(({', '.join(names)},))")
-    parts = [_placed(name, field) for name, field in zip(names, fields, strict=True)]
-    lines.append(f"    n = {' | '.join(parts) or '0'}")
+    placed = [
+        (field.big_endian, _placed(name, field, message.length))
+        for name, field in zip(names, fields, strict=True)
+    ]
+    little, big = ([part for is_big, part in placed if is_big is each] for each in (False, True))
+    lines.append(f"    n = {' | '.join(little) or '0'}")
+    if big:
+        lines.append(f"    m = {' | '.join(big)}")
+        lines.append(f'    n |= from_bytes(m.to_bytes({message.length}, "big"), "little")')
     if message.protection is not None:
         terms = _crc_terms(message.protection.data_id)
         lines.append('    _, b1, b2, b3, b4, b5, b6, b7 = n.to_bytes(8, "little")')
@@ -151,7 +172,8 @@ def compile_encoder(message: Message, signals: Sequence[str]) -> Encoder:
                     f"{field.unit} is out of range"
                 )
 
-    encoder: Encoder = _compile("\n".join(lines), "encode", {**_CRC_NAMES, "refuse": refuse})
+    names_in_scope = {**_NAMES, **_CRC_NAMES, "refuse": refuse}
+    encoder: Encoder = _compile("\n".join(lines), "encode", names_in_scope)
     return encoder
 
 
@@ -160,11 +182,14 @@ def _crc_terms(data_id: int) -> str:
     return " ^ ".join([f"T{byte}[b{byte}]" for byte in range(1, 8)] + [str(data_id_crc(data_id))])
 
 
-def _field(signal: Signal, raw: bool) -> str:
-    """Return the expression of a signal's value in the frame's integer `n`."""
+def _field(signal: Signal, length: int, raw: bool) -> str:
+    """Return the expression of a signal's value in the frame's integers `n` and `m`."""
     mask = (1 << signal.length) - 1
-    value = f"n >> {signal.start} & {mask}"
-    if signal.signed:
+    number = "m" if signal.big_endian else "n"
+    value = f"{number} >> {_shift(signal, length)} & {mask}"
+    if signal.is_float:
+        value = f'unpack{signal.length}(({value}).to_bytes({signal.length // 8}, "little"))[0]'
+    elif signal.signed:
         sign = 1 << signal.length - 1
         value = f"({value} ^ {sign}) - {sign}"
     if raw or _is_plain(signal):
@@ -172,16 +197,35 @@ def _field(signal: Signal, raw: bool) -> str:
     return f"({value}) * {signal.scale!r} + {signal.offset!r}"
 
 
+def _shift(signal: Signal, length: int) -> int:
+    """Return the place of a signal's lowest bit in the frame's integer.
+
+    That is `n`, little-endian, or for a big-endian signal `m`: there the first bit of the first of
+    `length` bytes is the highest, and the DBC counts bits from the lowest of each byte.
+    """
+    if not signal.big_endian:
+        return signal.start
+    byte, bit = divmod(signal.start, 8)
+    return 8 * (length - byte - 1) + bit + 1 - signal.length
+
+
 def _quantised(name: str, signal: Signal) -> str:
     """Return the expression of a signal's raw value, rounded half to even as in cantools."""
     value = f"({name} - {signal.offset!r})" if signal.offset else name
+    if signal.is_float:
+        return f"{value} / {signal.scale!r}"
     return f"round({value} / {signal.scale!r})"
 
 
-def _placed(name: str, signal: Signal) -> str:
+def _placed(name: str, signal: Signal, length: int) -> str:
     """Return the expression of a raw value, already in range, at its place in the frame."""
-    value = f"({name} & {(1 << signal.length) - 1})" if signal.signed else name
-    return f"{value} << {signal.start}" if signal.start else value
+    value = name
+    if signal.is_float:
+        value = f'from_bytes(pack{signal.length}({name}), "little")'
+    elif signal.signed:
+        value = f"({name} & {(1 << signal.length) - 1})"
+    shift = _shift(signal, length)
+    return f"{value} << {shift}" if shift else value
 
 
 def _is_plain(signal: Signal) -> bool:

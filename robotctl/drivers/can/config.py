@@ -1,4 +1,4 @@
-"""Configuration of the CAN side: the bus, and the settings of its nodes."""
+"""Configuration of the CAN side: buses, and the settings of their nodes."""
 
 from __future__ import annotations
 
@@ -10,9 +10,13 @@ from typing import Final, Literal
 from robotctl.errors import InvalidValue
 
 _BITRATES = (10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)
+_DATA_BITRATES = (*_BITRATES, 2_000_000, 4_000_000, 5_000_000, 8_000_000)
 
 RESTART_MS: Final = 100
 """Wanted pause between bus-off and the controller's return [ms]."""
+
+FD_MTU: Final = 72
+"""CANFD_MTU: size of a frame of CAN FD, and so the MTU of a network device that carries them."""
 
 _DEVICE_BYTES: Final = 15
 """IFNAMSIZ of netdevice(7) less the NUL."""
@@ -22,9 +26,12 @@ _SIMULATED: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*|[^\0]*/[^\0]*")
 """A name, or the path of a socket, which has a slash in it."""
 
 
+_NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
+
+
 @dataclass(frozen=True, slots=True)
 class CanConfig:
-    """The robot's bus.
+    """A bus of the robot.
 
     Parameters
     ----------
@@ -36,14 +43,32 @@ class CanConfig:
     bitrate
         [bit/s], one of CiA 301's. The kernel's interface must have been brought up with it; here
         it only scales the bus load.
+    data_bitrate
+        Of the data phase of CAN FD [bit/s], at least `bitrate`: where it is higher, frames of CAN
+        FD are sent with bit-rate switch. 0: a classic bus.
+    sample_point, data_sample_point
+        Shares of a bit, 0.5 to 0.9, that the kernel's interface must have been brought up with; 0:
+        CiA's recommendation. Some drives at 5 Mbit/s need their own.
+    name
+        What nodes and drives call it; each bus of a robot has its own.
     """
 
     interface: Literal["socketcan", "simcan"] = "socketcan"
     channel: str = "can0"
     bitrate: int = 1_000_000
+    data_bitrate: int = 0
+    sample_point: float = 0.0
+    data_sample_point: float = 0.0
+    name: str = "main"
 
     def __post_init__(self) -> None:
         """Check the ranges."""
+        if not _NAME.fullmatch(self.name):
+            raise InvalidValue(
+                "name",
+                "must be letters, digits, - and _, a letter first, not " + repr(self.name),
+                self.name,
+            )
         if not self.channel:
             raise InvalidValue(
                 "channel", f"must not be empty, found {self.channel!r}", self.channel
@@ -67,6 +92,34 @@ class CanConfig:
             raise InvalidValue(
                 "bitrate", f"must be one of {allowed}, not {self.bitrate}", self.bitrate
             )
+        self._check_fd()
+        for key in ("sample_point", "data_sample_point"):
+            share = getattr(self, key)
+            if share and not 0.5 <= share <= 0.9:
+                raise InvalidValue(
+                    key, f"must be 0.5 to 0.9, or 0 for CiA's recommendation, not {share:g}", share
+                )
+
+    def _check_fd(self) -> None:
+        """Check the data bit rate."""
+        rate = self.data_bitrate
+        allowed = [each for each in _DATA_BITRATES if each >= self.bitrate]
+        if rate and rate not in allowed:
+            words = ", ".join(map(str, allowed))
+            raise InvalidValue(
+                "data_bitrate",
+                f"must be 0 (classic CAN) or, with bitrate {self.bitrate}, one of {words}, "
+                f"not {rate}",
+                rate,
+            )
+
+    @property
+    def sample_points(self) -> tuple[float, float]:
+        """Sample points of the arbitration and of the data phase, as shares of a bit."""
+        return (
+            self.sample_point or recommended_sample_point(self.bitrate),
+            self.data_sample_point or recommended_sample_point(self.data_bitrate),
+        )
 
 
 def _is_device(name: str) -> bool:
@@ -75,7 +128,7 @@ def _is_device(name: str) -> bool:
     return len(encoded) <= _DEVICE_BYTES and _DEVICE.fullmatch(encoded) is not None
 
 
-def sample_point(bitrate: int) -> float:
+def recommended_sample_point(bitrate: int) -> float:
     """Return the sample point that CiA 301 recommends for a bit rate [bit/s], as a share."""
     return 0.75 if bitrate > 800_000 else 0.8 if bitrate > 500_000 else 0.875
 
@@ -93,13 +146,16 @@ def bring_up(config: CanConfig, kind: str = "") -> str:
     """
     up = f"sudo ip link set {config.channel} up"
     if kind in {"vcan", "vxcan"}:
-        return up
+        fd = f"sudo ip link set {config.channel} mtu {FD_MTU}; " if config.data_bitrate else ""
+        return f"{fd}{up}"
     if not kind and config.channel.startswith("vcan"):
-        return f"sudo ip link add dev {config.channel} type vcan; {up}"
-    return (
-        f"{up} type can bitrate {config.bitrate} "
-        f"sample-point {sample_point(config.bitrate):g} restart-ms {RESTART_MS}"
-    )
+        fd = f" mtu {FD_MTU}" if config.data_bitrate else ""
+        return f"sudo ip link add dev {config.channel}{fd} type vcan; {up}"
+    point, data_point = config.sample_points
+    timing = f"bitrate {config.bitrate} sample-point {point:g}"
+    if config.data_bitrate:
+        timing += f" dbitrate {config.data_bitrate} dsample-point {data_point:g} fd on"
+    return f"{up} type can {timing} restart-ms {RESTART_MS}"
 
 
 @dataclass(frozen=True, slots=True)

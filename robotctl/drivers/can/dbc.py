@@ -1,12 +1,14 @@
 """The DBC, read once at start with cantools into plain values; nothing here is on the hot path.
 
-Only what a fast integer codec can handle is accepted: classic frames with 11-bit identifiers,
-integer little-endian signals, no multiplexing. Anything else is a `ConfigError` that names it.
+What the codec cannot handle is a `ConfigError` that names it: multiplexed signals, floats of other
+than 32 or 64 bits, and end-to-end protection of other than eight bytes.
 """
 
 from __future__ import annotations
 
 import difflib
+import struct
+import sys
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -15,27 +17,45 @@ from pathlib import Path
 from typing import Any
 
 from robotctl.errors import ConfigError
+from robotctl.messages.ports import EXTENDED_FLAG, FD_FLAG, FD_LENGTHS
 
 HOST = "HOST"
 """Name of the robot computer among the DBC's nodes."""
+
+_FLOAT_MAX = {32: struct.unpack("<f", b"\xff\xff\x7f\x7f")[0], 64: sys.float_info.max}
+"""Greatest finite float by its length [bit]."""
+
+
+def urgency(arbitration_id: int) -> int:
+    """Return the rank of an identifier, with its flags, in arbitration: the lowest wins.
+
+    Of the same first eleven bits, 11-bit identifiers win.
+    """
+    if arbitration_id & EXTENDED_FLAG:
+        plain = arbitration_id & 0x1FFF_FFFF
+        return plain >> 18 << 19 | 1 << 18 | plain & 0x3_FFFF
+    return (arbitration_id & 0x7FF) << 19
 
 
 @dataclass(frozen=True, slots=True)
 class Signal:
     """One signal: physical = raw * scale + offset, in `unit`.
 
+    `start` is the DBC's: the lowest bit of a little-endian signal, the highest of a big-endian one.
     `raw_minimum` and `raw_maximum` bound the raw values that the DBC's range [min|max] and the
-    field's width allow; `values` names some raw values.
+    field's width allow; `values` names some raw values. A float's raw value is that float.
     """
 
     name: str
     start: int
     length: int
+    big_endian: bool
     signed: bool
+    is_float: bool
     scale: float
     offset: float
-    raw_minimum: int
-    raw_maximum: int
+    raw_minimum: float
+    raw_maximum: float
     unit: str
     values: Mapping[int, str]
 
@@ -59,7 +79,11 @@ class Protection:
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """One frame of the DBC. `cycle_ms` is 0 for events; `send_type` is GenMsgSendType."""
+    """One frame of the DBC.
+
+    `arbitration_id` has the flags of `Frame` for 29 bits and CAN FD. `cycle_ms` is 0 for events;
+    `send_type` is GenMsgSendType.
+    """
 
     name: str
     arbitration_id: int
@@ -139,9 +163,8 @@ class Dbc:
 
     def received_by(self, node: str) -> tuple[int, ...]:
         """Return the identifiers of all messages with a signal for `node`, most urgent first."""
-        return tuple(
-            sorted(m.arbitration_id for m in self.messages.values() if node in m.receivers)
-        )
+        ids = (m.arbitration_id for m in self.messages.values() if node in m.receivers)
+        return tuple(sorted(ids, key=urgency))
 
 
 def load_dbc(path: Path) -> Dbc:
@@ -182,16 +205,15 @@ def load_dbc(path: Path) -> Dbc:
 def _message_problems(found: Any) -> Iterator[str]:
     """Yield the properties of a cantools message that codec or E2E protection do not support."""
     name = found.name
-    if found.is_extended_frame:
-        yield f"{name}: has a 29-bit identifier, only 11 bits are supported"
-    if found.length > 8:
-        yield f"{name}: has {found.length} bytes, a classic frame at most 8"
+    if not found.is_fd and found.length > 8:
+        yield f"{name}: has {found.length} bytes, a classic frame at most 8; see VFrameFormat"
+    if found.is_fd and found.length not in FD_LENGTHS:
+        lengths = ", ".join(map(str, FD_LENGTHS[9:]))
+        yield f"{name}: has {found.length} bytes, CAN FD allows 0 to 8, {lengths}"
     for signal in found.signals:
-        if signal.byte_order != "little_endian":
-            yield f"{name}.{signal.name}: is big-endian (@0), only little-endian is supported"
-        if signal.is_float:
-            yield f"{name}.{signal.name}: is a float, only integers are supported"
-        if signal.is_multiplexer or signal.multiplexer_ids:
+        if signal.is_float and signal.length not in _FLOAT_MAX:
+            yield f"{name}.{signal.name}: is a float of {signal.length} bits, must have 32 or 64"
+        if signal.multiplexer_ids:  # a multiplexor on which nothing depends is a signal like others
             yield f"{name}.{signal.name}: is multiplexed, which is not supported"
     yield from _protection_problems(found)
 
@@ -208,21 +230,30 @@ def _protection_problems(found: Any) -> Iterator[str]:
             yield f"{name}: attribute {key} is missing beside {given[0]}"
     if len(given) < len(_E2E_ATTRIBUTES):
         return
+    yield from _place_problems(found)
+    if found.length != 8 or found.is_fd:
+        kind = " of CAN FD" if found.is_fd else ""
+        yield f"{name}: is protected and has {found.length} bytes{kind}, must have 8 of classic CAN"
+    if not 1 <= attributes["E2E_MaxDeltaCounter"].value <= 13:
+        yield f"{name}: E2E_MaxDeltaCounter must be 1 to 13"
+
+
+def _place_problems(found: Any) -> Iterator[str]:
+    """Yield errors in CRC and counter of a protected message."""
+    name, attributes = found.name, found.dbc.attributes
     signals = {signal.name: signal for signal in found.signals}
     for key, place in (("E2E_CrcSignal", (0, 8)), ("E2E_CounterSignal", (8, 4))):
         wanted = attributes[key].value
         signal = signals.get(wanted)
         if signal is None:
             yield f"{name}: {key} {wanted}: no such signal{_nearest(wanted, signals)}"
+        elif signal.byte_order != "little_endian" or signal.is_float:
+            yield f"{name}.{wanted}: is big-endian or a float, profile 1 has neither"
         elif (signal.start, signal.length) != place:
             yield (
                 f"{name}.{wanted}: is at bit {signal.start} with {signal.length} bits, "
                 f"profile 1 has it at bit {place[0]} with {place[1]}"
             )
-    if found.length != 8:
-        yield f"{name}: is protected and has {found.length} bytes, must have 8"
-    if not 1 <= attributes["E2E_MaxDeltaCounter"].value <= 13:
-        yield f"{name}: E2E_MaxDeltaCounter must be 1 to 13"
 
 
 _E2E_ATTRIBUTES = ("E2E_DataId", "E2E_CounterSignal", "E2E_CrcSignal", "E2E_MaxDeltaCounter")
@@ -237,7 +268,9 @@ def _message(found: Any) -> Message:
         protection = Protection(int(data_id), str(counter), str(crc), int(max_delta))
     return Message(
         name=found.name,
-        arbitration_id=found.frame_id,
+        arbitration_id=found.frame_id
+        | (EXTENDED_FLAG if found.is_extended_frame else 0)
+        | (FD_FLAG if found.is_fd else 0),
         length=found.length,
         senders=tuple(found.senders),
         receivers=frozenset(found.receivers),
@@ -251,18 +284,25 @@ def _message(found: Any) -> Message:
 def _signal(found: Any) -> Signal:
     """Turn a signal of cantools into ours. A range [0|0] means none, as DBC editors write it."""
     length: int = found.length
-    low = -(1 << length - 1) if found.is_signed else 0
-    high = (1 << length - 1) - 1 if found.is_signed else (1 << length) - 1
+    low: float
+    high: float
+    if found.is_float:
+        low, high = -_FLOAT_MAX[length], _FLOAT_MAX[length]
+    else:
+        low = -(1 << length - 1) if found.is_signed else 0
+        high = (1 << length - 1) - 1 if found.is_signed else (1 << length) - 1
     if found.minimum is not None and found.maximum is not None and found.minimum < found.maximum:
-        ends = [
-            round((limit - found.offset) / found.scale) for limit in (found.minimum, found.maximum)
-        ]
+        ends = [(limit - found.offset) / found.scale for limit in (found.minimum, found.maximum)]
+        if not found.is_float:
+            ends = [round(end) for end in ends]
         low, high = max(low, min(ends)), min(high, max(ends))
     return Signal(
         name=found.name,
         start=found.start,
         length=length,
+        big_endian=found.byte_order == "big_endian",
         signed=found.is_signed,
+        is_float=found.is_float,
         scale=found.scale,
         offset=found.offset,
         raw_minimum=low,

@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 
 from robotctl.drivers.can.bus_meter import FRAME_BITS, BusMeter
+from robotctl.drivers.can.config import CanConfig
 from robotctl.drivers.can.errors import CAN_ERR_FLAG, bus_state
 from robotctl.messages.control import BusStatus
 from robotctl.messages.ports import Clock, Frame
+
+_STANDARD_MAX = 0x7FF
 
 
 class MemoryPort:
@@ -19,11 +22,12 @@ class MemoryPort:
     Parameters
     ----------
     transmit
-        Takes identifier and data of a frame; returns False if the bus refuses it.
+        Takes identifier, with flags as in `Frame`, and data of a frame; returns False if the bus
+        refuses it.
     arbitration_ids
         Accepted identifiers, as in the kernel's filter.
-    bitrate
-        [bit/s], for the load.
+    config
+        Which bus: its bit rates decide the load, and whether it carries CAN FD.
     clock
         For the load.
     """
@@ -32,13 +36,13 @@ class MemoryPort:
         self,
         transmit: Callable[[int, bytes], object],
         arbitration_ids: Collection[int],
-        bitrate: int,
+        config: CanConfig,
         clock: Clock,
     ) -> None:
         self._transmit = transmit
-        self._wanted = frozenset(arbitration_ids)
         self._clock = clock
-        self._meter = BusMeter(bitrate)
+        self._meter = BusMeter(config)
+        self._wanted = self._meter.accepted(arbitration_ids)
         self._inbox: list[Frame] = []
         self._open = True
 
@@ -47,9 +51,10 @@ class MemoryPort:
 
         An identifier with CAN_ERR_FLAG is an error frame and moves the state of the bus.
         """
-        if arbitration_id in self._wanted and self._open:
+        bits = self._wanted.get(arbitration_id)
+        if bits is not None and self._open:
             self._inbox.append(Frame(arbitration_id, data, stamp_ns))
-            self._meter.bits += FRAME_BITS[len(data)]
+            self._meter.bits += bits[len(data)]
         elif arbitration_id & CAN_ERR_FLAG:
             meter = self._meter
             meter.error_frames += 1
@@ -58,11 +63,15 @@ class MemoryPort:
     def send(self, arbitration_id: int, data: bytes) -> bool:
         """Hand one frame to the bus; False if it refuses."""
         meter = self._meter
-        if not self._open or self._transmit(arbitration_id, data) is False:
+        if arbitration_id <= _STANDARD_MAX:
+            bits = FRAME_BITS[len(data)]
+        else:
+            bits = meter.measure(arbitration_id, len(data))
+        if not bits or not self._open or self._transmit(arbitration_id, data) is False:
             meter.send_failures += 1
             return False
         meter.sent += 1
-        meter.bits += FRAME_BITS[len(data)]
+        meter.bits += bits
         return True
 
     def receive(self) -> list[Frame]:

@@ -15,18 +15,23 @@ from collections.abc import Callable, Collection
 from typing import Final
 
 import can
-from can.typechecking import CanFilter
 
 from robotctl.drivers.can.bus_meter import FRAME_BITS, BusMeter
 from robotctl.drivers.can.config import CanConfig, bring_up
+from robotctl.drivers.can.descriptor import (
+    BIT_RATE_SWITCH,
+    CAN_SFF_MASK,
+    FD_FRAME,
+    FDF,
+    FRAME,
+    Descriptor,
+    OpenDescriptor,
+    opener,
+)
 from robotctl.drivers.can.errors import CAN_ERR_FLAG, bus_state
 from robotctl.errors import LinkError
 from robotctl.messages.control import BusState, BusStatus
-from robotctl.messages.ports import Clock, Frame
-
-CAN_SFF_MASK: Final = 0x7FF
-NODE_NAME: Final = "host"
-"""Name of this node in simcan's log and faults."""
+from robotctl.messages.ports import FD_FLAG, Clock, Frame
 
 RETRY_NS: Final = 500_000_000
 """Between attempts to open a bus that went down [ns]."""
@@ -34,10 +39,12 @@ RETRY_NS: Final = 500_000_000
 DRAIN_LIMIT: Final = 256
 """Frames taken in one `receive`; a babbling node must not hold the loop. The rest waits."""
 
-FRAME: Final = struct.Struct("=IB3x8s")
-"""SocketCAN's `struct can_frame`: identifier with flags, number of bytes, data."""
+# Bound once: a method of an imported name is looked up anew by each call.
+_PACK, _UNPACK = FRAME.pack, FRAME.unpack_from
 _FRAME_SIZE = FRAME.size
 _STAMP = struct.Struct("=q")
+_STAMPED_SIZE = _FRAME_SIZE + _STAMP.size
+_FD_SIZES = frozenset({FD_FRAME.size, FD_FRAME.size + _STAMP.size})
 _TIMESPEC = struct.Struct("@ll")
 _ANCILLARY_SIZE = socket.CMSG_SPACE(_TIMESPEC.size)
 _MAX_CLOCK_STEP_NS = 1_000_000
@@ -45,77 +52,12 @@ _MAX_AGE_NS = 10_000_000_000
 _BUFFER_FULL = frozenset({errno.EAGAIN, errno.ENOBUFS, errno.EINTR})
 
 
-class Descriptor:
-    """An open python-can bus and a non-blocking socket on the same file description.
-
-    Parameters
-    ----------
-    bus
-        An open bus whose `fileno()` is a socket.
-    """
-
-    def __init__(self, bus: can.BusABC) -> None:
-        self.bus = bus
-        self.socket = socket.socket(fileno=os.dup(bus.fileno()))
-        self.socket.setblocking(False)
-
-    @property
-    def kernel(self) -> bool:
-        """Whether this is SocketCAN, with kernel time stamps beside each frame."""
-        return self.socket.family == socket.AF_CAN
-
-    def close(self) -> None:
-        """Release both; a bus that is already gone is no error."""
-        self.socket.close()
-        try:
-            self.bus.shutdown()
-        except (OSError, can.CanError):
-            return
-
-
-OpenDescriptor = Callable[[], Descriptor]
-
-
-def opener(config: CanConfig, arbitration_ids: Collection[int]) -> OpenDescriptor:
-    """Return the function that opens the bus of `config`, filtered to the given identifiers.
-
-    The first call goes through `can.Bus`, which looks the interface up among the installed ones;
-    later calls build the same class directly, without that search. A network device that is not
-    there is found out first, since python-can logs each failure.
-    """
-    filters = [
-        CanFilter(can_id=each, can_mask=CAN_SFF_MASK, extended=False) for each in arbitration_ids
-    ]
-    found: list[type[can.BusABC]] = []
-
-    def open_descriptor() -> Descriptor:
-        if config.interface == "socketcan":
-            # Raises OSError for a missing device, before python-can logs it.
-            socket.if_nametoindex(config.channel)
-        if found:
-            bus = found[0](channel=config.channel, can_filters=filters, node=NODE_NAME)
-        else:
-            bus = can.Bus(
-                interface=config.interface,
-                channel=config.channel,
-                can_filters=filters,
-                node=NODE_NAME,
-            )
-            found.append(type(bus))
-        try:
-            return Descriptor(bus)
-        except OSError:
-            bus.shutdown()
-            raise
-
-    return open_descriptor
-
-
 class SocketPort:
-    """A `CanPort` on a socket that carries `struct can_frame`.
+    """A `CanPort` on a socket that carries `struct can_frame` and, with CAN FD, `canfd_frame`.
 
-    A full transmit queue (ENOBUFS, EAGAIN) refuses the frame and no more. Any other error takes
-    the port DOWN; from then on `receive` tries to open the bus again, at most each `RETRY_NS`.
+    A full transmit queue (ENOBUFS, EAGAIN) refuses the frame and no more, and so does a bus that
+    carries no such frame. Any other error takes the port DOWN; from then on `receive` tries to open
+    the bus again, at most each `RETRY_NS`.
     Fails to know the controller's state before its first error frame: it starts as error active.
 
     Parameters
@@ -123,7 +65,7 @@ class SocketPort:
     config
         Which bus.
     arbitration_ids
-        Accepted identifiers; all others stay in the kernel.
+        Accepted identifiers, with flags as in `Frame`; all others stay in the kernel.
     clock
         CLOCK_MONOTONIC.
     open_descriptor
@@ -142,12 +84,16 @@ class SocketPort:
         clock: Clock,
         open_descriptor: OpenDescriptor | None = None,
     ) -> None:
-        self._wanted = frozenset(arbitration_ids)
         self._clock = clock
         self._open = open_descriptor or opener(config, arbitration_ids)
-        self._meter = BusMeter(config.bitrate)
+        self._meter = BusMeter(config)
+        self._wanted = self._meter.accepted(arbitration_ids)
+        self._fd_flags = FDF
+        """Flags of the frames of CAN FD that this port sends."""
+        if config.data_bitrate > config.bitrate:
+            self._fd_flags |= BIT_RATE_SWITCH
         self._descriptor: Descriptor | None = None
-        self._send: Callable[[bytes], int] = _refuse
+        self._send: Callable[[bytes], int] = _send_nowhere
         self._retry_ns = 0
         self._closed = False
         self._buffer = bytearray(128)
@@ -159,18 +105,44 @@ class SocketPort:
 
     def send(self, arbitration_id: int, data: bytes) -> bool:
         """Queue one frame without waiting; False if the bus did not take it."""
-        meter = self._meter
+        if arbitration_id > CAN_SFF_MASK:
+            return self._send_other(arbitration_id, data)
+        length = len(data)
         try:
-            self._send(FRAME.pack(arbitration_id, len(data), data))
+            self._send(_PACK(arbitration_id, length, data))
         except OSError as error:
-            meter.send_failures += 1
-            # A full queue refuses one frame; anything else means that the bus is gone.
-            if error.errno not in _BUFFER_FULL and self._descriptor is not None:
-                self._fail()
-            return False
+            return self._refuse(error)
+        meter = self._meter
         meter.sent += 1
-        meter.bits += FRAME_BITS[len(data)]
+        meter.bits += FRAME_BITS[length]
         return True
+
+    def _send_other(self, arbitration_id: int, data: bytes) -> bool:
+        """Send a frame that has more than an 11-bit identifier, if the bus carries it."""
+        meter, length = self._meter, len(data)
+        bits = meter.measure(arbitration_id, length)
+        if not bits:
+            meter.send_failures += 1
+            return False
+        if arbitration_id < FD_FLAG:
+            message = _PACK(arbitration_id, length, data)
+        else:
+            message = FD_FRAME.pack(arbitration_id ^ FD_FLAG, length, self._fd_flags, data)
+        try:
+            self._send(message)
+        except OSError as error:
+            return self._refuse(error)
+        meter.sent += 1
+        meter.bits += bits
+        return True
+
+    def _refuse(self, error: OSError) -> bool:
+        """Count a frame that the socket refused; return False."""
+        self._meter.send_failures += 1
+        # A full queue refuses one frame; anything else means that the bus is gone.
+        if error.errno not in _BUFFER_FULL and self._descriptor is not None:
+            self._fail()
+        return False
 
     def receive(self) -> list[Frame]:
         """Return, without waiting, the frames received since the last call, oldest first."""
@@ -226,28 +198,33 @@ class SocketPort:
         """Close the descriptor; the next attempt to open it is after `RETRY_NS`."""
         self._meter.state = BusState.DOWN
         self._retry_ns = self._clock.now_ns() + RETRY_NS
-        self._send = _refuse
+        self._send = _send_nowhere
         if self._descriptor is not None:
             self._descriptor.close()
             self._descriptor = None
 
     def _drain(self, descriptor: socket.socket, now_ns: int, frames: list[Frame]) -> None:
-        """Take frames of simcan: a can_frame, then its CLOCK_MONOTONIC stamp if it has one.
+        """Take frames of simcan: a frame, then its CLOCK_MONOTONIC stamp if it has one.
 
         Leaves by `BlockingIOError` when there are no more.
         """
         buffer = self._buffer
         for _ in range(DRAIN_LIMIT):
             size = descriptor.recv_into(buffer)
-            if size == 0:
-                raise ConnectionResetError(errno.ECONNRESET, "the bus has hung up")
-            if size < _FRAME_SIZE:
-                self._meter.error_frames += 1
-                continue
-            stamp_ns = now_ns
-            if size >= _FRAME_SIZE + _STAMP.size:
+            if size == _STAMPED_SIZE:
                 (stamp_ns,) = _STAMP.unpack_from(buffer, _FRAME_SIZE)
-            self._take(now_ns, stamp_ns, frames)
+                self._take(now_ns, stamp_ns, frames)
+            elif size == _FRAME_SIZE:
+                self._take(now_ns, now_ns, frames)
+            elif size == 0:
+                raise ConnectionResetError(errno.ECONNRESET, "the bus has hung up")
+            elif size in _FD_SIZES:
+                stamp_ns = now_ns
+                if size > FD_FRAME.size:
+                    (stamp_ns,) = _STAMP.unpack_from(buffer, FD_FRAME.size)
+                self._take_fd(now_ns, stamp_ns, frames)
+            else:
+                self._meter.error_frames += 1
 
     def _drain_kernel(self, descriptor: socket.socket, now_ns: int, frames: list[Frame]) -> None:
         """Take frames of SocketCAN; their CLOCK_REALTIME stamps become monotonic ones.
@@ -261,7 +238,7 @@ class SocketPort:
         self._offset_ns = offset_ns
         buffers = [self._buffer]
         for _ in range(DRAIN_LIMIT):
-            _, ancillary, _, _ = descriptor.recvmsg_into(buffers, _ANCILLARY_SIZE)
+            size, ancillary, _, _ = descriptor.recvmsg_into(buffers, _ANCILLARY_SIZE)
             stamp_ns = now_ns
             if ancillary and steady:
                 seconds, nanoseconds = _TIMESPEC.unpack_from(ancillary[0][2])
@@ -269,7 +246,10 @@ class SocketPort:
                 if stamp_ns < now_ns - _MAX_AGE_NS:  # this process stood for long, or it was set
                     steady = abs(self._wall_offset_ns() - offset_ns) < _MAX_CLOCK_STEP_NS
                     stamp_ns = stamp_ns if steady else now_ns
-            self._take(now_ns, stamp_ns, frames)
+            if size == _FRAME_SIZE:
+                self._take(now_ns, stamp_ns, frames)
+            else:
+                self._take_fd(now_ns, stamp_ns, frames)
 
     def _wall_offset_ns(self) -> int:
         """Return how far the wall clock is ahead of this port's [ns]."""
@@ -277,17 +257,28 @@ class SocketPort:
 
     def _take(self, now_ns: int, stamp_ns: int, frames: list[Frame]) -> None:
         """Keep the frame in the buffer if it is wanted; note it if it is an error frame."""
-        can_id, length, data = FRAME.unpack_from(self._buffer)
-        if can_id in self._wanted:
-            self._meter.bits += FRAME_BITS[min(length, 8)]
+        can_id, length, data = _UNPACK(self._buffer)
+        bits = self._wanted.get(can_id)
+        if bits is not None:
+            self._meter.bits += bits[min(length, 8)]
             frames.append(Frame(can_id, data[:length], min(stamp_ns, now_ns)))
         elif can_id & CAN_ERR_FLAG:
             meter = self._meter
             meter.error_frames += 1
             meter.state = bus_state(can_id & ~CAN_ERR_FLAG, data, meter.state)
 
+    def _take_fd(self, now_ns: int, stamp_ns: int, frames: list[Frame]) -> None:
+        """Keep the frame of CAN FD in the buffer if it is wanted."""
+        can_id, length, _, data = FD_FRAME.unpack_from(self._buffer)
+        arbitration_id = can_id | FD_FLAG
+        bits = self._wanted.get(arbitration_id)
+        if bits is not None:
+            data = data[:length]
+            self._meter.bits += bits[len(data)]
+            frames.append(Frame(arbitration_id, data, min(stamp_ns, now_ns)))
 
-def _refuse(_: bytes) -> int:
+
+def _send_nowhere(_: bytes) -> int:
     """Stand in for the socket of a bus that is down."""
     raise OSError(errno.ENETDOWN, "the bus is down")
 

@@ -23,7 +23,54 @@ def on(bus: str) -> SimOptions:
     ],
 )
 def test_a_bus_is_an_interface_and_a_channel(bus: str, channel: tuple[str, str]) -> None:
-    assert on(bus).channel == channel
+    interface, name = channel
+    assert on(bus).channels([""]) == (interface, (name,))
+
+
+TWO_BUSES = """[[can]]
+channel = "can0"
+
+[[can]]
+name = "sensors"
+channel = "can1"
+bitrate = 500_000
+"""
+
+
+@pytest.fixture
+def two_buses(tmp_path: Path) -> Path:
+    text = find_file("diff_drive").read_text()
+    head, rest = text.split("[can]\n")
+    _, rest = rest.split("\n\n", 1)
+    path = tmp_path / "two.toml"
+    path.write_text(f"{head}{TWO_BUSES}\n{rest}")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("bus", "interface", "channels"),
+    [
+        ("simcan", "simcan", ("simcan0", "simcan0-sensors")),
+        ("simcan:/run/hub", "simcan", ("/run/hub", "/run/hub-sensors")),
+        ("vcan0,vcan1", "socketcan", ("vcan0", "vcan1")),
+    ],
+)
+def test_a_robot_with_two_buses_is_put_on_two(
+    two_buses: Path, bus: str, interface: str, channels: tuple[str, ...]
+) -> None:
+    options = SimOptions(two_buses, find_file("patrol", "missions"), bus=bus)
+    robot = load_robot(two_buses, bus_overrides(options))
+    assert tuple(each.channel for each in robot.buses) == channels
+    assert {each.interface for each in robot.buses} == {interface}
+    assert [each.bitrate for each in robot.buses] == [1_000_000, 500_000]
+
+
+def test_each_bus_of_a_robot_needs_an_interface(two_buses: Path) -> None:
+    options = SimOptions(two_buses, find_file("patrol", "missions"), bus="vcan0")
+    with pytest.raises(ConfigError, match=r"1 interfaces found.*2 buses \(main, sensors\)"):
+        bus_overrides(options)
+    with pytest.raises(ConfigError, match=r"--bus vcan0,vcan1: 2 interfaces found.*one bus"):
+        bus_overrides(on("vcan0,vcan1"))
 
 
 @pytest.mark.parametrize(
@@ -44,7 +91,7 @@ def test_a_bus_that_cannot_be_is_refused_before_the_run(bus: str, said: str) -> 
 @pytest.mark.parametrize("channel", ['/run/a"b\\c d/hub', "simcan0"])
 def test_a_robot_is_put_on_the_bus_whatever_its_path(channel: str) -> None:
     robot = load_robot(find_file("diff_drive"), bus_overrides(on(f"simcan:{channel}")))
-    assert (robot.can.interface, robot.can.channel) == ("simcan", channel)
+    assert (robot.buses[0].interface, robot.buses[0].channel) == ("simcan", channel)
 
 
 def test_a_channel_in_a_robots_file_is_refused_with_its_place() -> None:

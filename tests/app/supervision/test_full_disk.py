@@ -107,7 +107,7 @@ def test_each_log_that_is_refused_its_first_bytes_takes_its_file_away(
 ) -> None:
     folder = LogFolder(tmp_path, LogConfig())
     state = make_core(CONFIG, OPTIONS).snapshot(0, LoopStatistics())
-    states, bus = StateLog(folder, 0, "rover"), BusLog(folder, CONFIG.can, 0)
+    states, bus = StateLog(folder, 0, "rover"), BusLog(folder, CONFIG.buses, 0)
     log = states if kind == "states" else bus
 
     def write(second: int) -> None:

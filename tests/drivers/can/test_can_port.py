@@ -9,9 +9,11 @@ import time
 import pytest
 
 from robotctl.drivers.can.config import CanConfig
-from robotctl.drivers.can.port import DRAIN_LIMIT, RETRY_NS, SocketPort, opener
+from robotctl.drivers.can.descriptor import opener
+from robotctl.drivers.can.port import DRAIN_LIMIT, RETRY_NS, SocketPort
 from robotctl.errors import LinkError
 from robotctl.messages.control import BusState
+from robotctl.messages.ports import EXTENDED_FLAG, FD_FLAG
 from robotctl.runtime.clock import VirtualClock
 
 FRAME = struct.Struct("=IB3x8s")
@@ -242,6 +244,21 @@ def pair(clock):
 def test_a_sent_frame_is_a_struct_can_frame(pair):
     assert pair.port.send(0x201, b"\x01\x02\x03")
     assert pair.far.recv(64) == struct.pack("=IBBBB8s", 0x201, 3, 0, 0, 0, b"\x01\x02\x03")
+
+
+@pytest.mark.parametrize(("data_bitrate", "flags"), [(1_000_000, 4), (5_000_000, 5)])
+def test_a_frame_of_can_fd_switches_where_the_bus_has_a_higher_data_bit_rate(
+    clock, data_bitrate, flags
+):
+    far, near = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    config = CanConfig(data_bitrate=data_bitrate)
+    port = SocketPort(config, [], clock, lambda: FakeDescriptor(near))
+    assert port.send(0x1F001 | EXTENDED_FLAG | FD_FLAG, bytes(range(12)))
+    sent = far.recv(128)
+    header = struct.pack("=IBBBB", 0x8001F001, 12, flags, 0, 0)
+    assert sent == header + bytes(range(12)) + bytes(52)
+    port.close()
+    far.close()
 
 
 def test_received_frames_come_in_order_with_their_data_length(pair):

@@ -15,30 +15,64 @@ from robotctl.drivers.can.memory_port import MemoryPort
 from robotctl.drivers.can.port import SocketPort
 from robotctl.errors import LinkError
 from robotctl.messages.control import BusState
+from robotctl.messages.ports import EXTENDED_FLAG, FD_FLAG, FD_LENGTHS, REMOTE_FLAG
 from robotctl.runtime.clock import RealClock
 
-WANTED = frozenset({0x001, 0x181, 0x281, 0x701})
+FD_ID, FD_LONG_ID = 0x105 | FD_FLAG, 0x1F001 | EXTENDED_FLAG | FD_FLAG
+LONG_ID, REMOTE_ID = 0x1234 | EXTENDED_FLAG, 0x702 | REMOTE_FLAG
+WANTED = frozenset({0x001, 0x181, 0x281, 0x701, FD_ID, FD_LONG_ID, LONG_ID, REMOTE_ID})
+DATA_BITRATE = 5_000_000
 VCAN = "vcan0"
 DEADLINE_S = 5.0
+
+
+def message_of(can_id, data, switch=True):
+    """A frame with an identifier as in `Frame`, for python-can."""
+    extended, remote = bool(can_id & EXTENDED_FLAG), bool(can_id & REMOTE_FLAG)
+    fd = bool(can_id & FD_FLAG)
+    return can.Message(
+        arbitration_id=can_id & (0x1FFFFFFF if extended else 0x7FF),
+        is_extended_id=extended,
+        is_remote_frame=remote,
+        is_fd=fd,
+        bitrate_switch=fd and switch,
+        dlc=len(data),
+        data=None if remote else data,
+    )
+
+
+def frame_of(message):
+    """Identifier as in `Frame`, and data, of a frame from python-can."""
+    can_id = message.arbitration_id
+    for flag, is_set in (
+        (EXTENDED_FLAG, message.is_extended_id),
+        (REMOTE_FLAG, message.is_remote_frame),
+        (FD_FLAG, message.is_fd),
+    ):
+        can_id |= flag if is_set else 0
+    return can_id, bytes(message.dlc) if message.is_remote_frame else bytes(message.data)
 
 
 class BusPeer:
     """Another node, through python-can."""
 
-    def __init__(self, interface, channel):
-        self.bus = can.Bus(interface=interface, channel=channel)
+    def __init__(self, interface, channel, fd=False):
+        self.bus = can.Bus(interface=interface, channel=channel, fd=fd)
 
-    def send(self, can_id, data):
-        self.bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
+    def send(self, can_id, data, switch=True):
+        self.bus.send(message_of(can_id, data, switch))
 
-    def receive(self, count):
-        frames = []
+    def messages(self, count):
+        found = []
         deadline = time.monotonic() + DEADLINE_S
-        while len(frames) < count and time.monotonic() < deadline:
+        while len(found) < count and time.monotonic() < deadline:
             message = self.bus.recv(0.05)
             if message is not None and not message.is_error_frame:
-                frames.append((message.arbitration_id, bytes(message.data)))
-        return frames
+                found.append(message)
+        return found
+
+    def receive(self, count):
+        return [frame_of(message) for message in self.messages(count)]
 
     def close(self):
         self.bus.shutdown()
@@ -47,14 +81,14 @@ class BusPeer:
 class MemoryPeer:
     """Another node, in the same process."""
 
-    def __init__(self, clock):
+    def __init__(self, config, clock):
         self.clock = clock
         self.inbox = []
         self.port = MemoryPort(
-            lambda can_id, data: self.inbox.append((can_id, data)), WANTED, 1_000_000, clock
+            lambda can_id, data: self.inbox.append((can_id, data)), WANTED, config, clock
         )
 
-    def send(self, can_id, data):
+    def send(self, can_id, data, switch=True):
         self.port.deliver(can_id, data, self.clock.now_ns())
 
     def receive(self, count):
@@ -65,36 +99,63 @@ class MemoryPeer:
         """There is nothing to close."""
 
 
-@pytest.fixture(scope="module")
-def hub(tmp_path_factory):
-    channel = str(tmp_path_factory.mktemp("simcan") / "bus.sock")
+def run_hub(channel, *options):
     process = subprocess.Popen(
-        [sys.executable, "-m", "firmware_sim.bus", "--channel", channel],
+        [sys.executable, "-m", "firmware_sim.bus", "--channel", channel, *options],
         stderr=subprocess.PIPE,
         text=True,
     )
     line = process.stderr.readline()
     assert channel in line, line
+    return process
+
+
+@pytest.fixture(scope="module")
+def hub(tmp_path_factory):
+    channel = str(tmp_path_factory.mktemp("simcan") / "bus.sock")
+    process = run_hub(channel)
     yield channel
     process.terminate()
     process.communicate(timeout=10)
 
 
-@pytest.fixture(params=["memory", "simcan", "socketcan"])
-def ends(request):
+@pytest.fixture(scope="module")
+def fd_hub(tmp_path_factory):
+    channel = str(tmp_path_factory.mktemp("simcan") / "fd.sock")
+    process = run_hub(channel, "--data-bitrate", str(DATA_BITRATE))
+    yield channel
+    process.terminate()
+    process.communicate(timeout=10)
+
+
+def open_ends(request, data_bitrate=0):
+    """A port and another node on a bus of the kind that the fixture's parameter names."""
     clock = RealClock()
     if request.param == "memory":
-        peer = MemoryPeer(clock)
-        port = peer.port
+        peer = MemoryPeer(CanConfig(data_bitrate=data_bitrate), clock)
+        return peer.port, peer
+    if request.param == "simcan":
+        channel = request.getfixturevalue("fd_hub" if data_bitrate else "hub")
+    elif VCAN in {name for _, name in socket.if_nameindex()}:
+        channel = VCAN
     else:
-        if request.param == "simcan":
-            channel = request.getfixturevalue("hub")
-        elif VCAN in {name for _, name in socket.if_nameindex()}:
-            channel = VCAN
-        else:
-            pytest.skip(f"this kernel has no {VCAN}: run in tools/vcan-guest")
-        peer = BusPeer(request.param, channel)
-        port = SocketPort(CanConfig(request.param, channel), WANTED, clock)
+        pytest.skip(f"this kernel has no {VCAN}: run in tools/vcan-guest")
+    peer = BusPeer(request.param, channel, fd=data_bitrate > 0)
+    config = CanConfig(request.param, channel, data_bitrate=data_bitrate)
+    return SocketPort(config, WANTED, clock), peer
+
+
+@pytest.fixture(params=["memory", "simcan", "socketcan"])
+def ends(request):
+    port, peer = open_ends(request)
+    yield port, peer
+    port.close()
+    peer.close()
+
+
+@pytest.fixture(params=["memory", "simcan", "socketcan"])
+def fd_ends(request):
+    port, peer = open_ends(request, DATA_BITRATE)
     yield port, peer
     port.close()
     peer.close()
@@ -128,12 +189,75 @@ def test_what_the_other_node_sends_is_received_in_order(ends):
 
 
 def test_frames_that_are_not_wanted_stay_outside(ends):
+    """Among them those that have the low eleven bits of a wanted one, of any other kind."""
     port, peer = ends
-    peer.send(0x7FF, b"\x01")
-    peer.send(0x182, b"\x02")
+    for can_id in (0x7FF, 0x182, 0x181 | EXTENDED_FLAG, 0x181 | REMOTE_FLAG, 0x1234 & 0x7FF):
+        peer.send(can_id, b"\x01")
     peer.send(0x181, b"\x03")
     assert [(f.arbitration_id, f.data) for f in drain(port, 1)] == [(0x181, b"\x03")]
     assert port.receive() == []
+
+
+OTHERS = [(LONG_ID, bytes(range(8))), (REMOTE_ID, bytes(1)), (0x181, b"x"), (REMOTE_ID, b"")]
+FD_FRAMES = [
+    *OTHERS,
+    *((FD_ID, bytes(range(size))) for size in FD_LENGTHS),
+    (FD_LONG_ID, bytes(range(64))),
+]
+
+
+def test_29_bit_identifiers_and_remote_requests_pass_both_ways(ends):
+    port, peer = ends
+    assert all(port.send(*frame) for frame in OTHERS)
+    assert peer.receive(len(OTHERS)) == OTHERS
+    for frame in OTHERS:
+        peer.send(*frame)
+    assert [(f.arbitration_id, f.data) for f in drain(port, len(OTHERS))] == OTHERS
+    assert (port.status().sent, port.status().received) == (len(OTHERS), len(OTHERS))
+
+
+def test_frames_of_can_fd_pass_both_ways_with_bit_rate_switch_and_received_without(fd_ends):
+    port, peer = fd_ends
+    assert all(port.send(*frame) for frame in FD_FRAMES)
+    if isinstance(peer, BusPeer):
+        messages = peer.messages(len(FD_FRAMES))
+        assert [frame_of(message) for message in messages] == FD_FRAMES
+        assert all(message.bitrate_switch == message.is_fd for message in messages)
+    else:
+        assert peer.receive(len(FD_FRAMES)) == FD_FRAMES
+    for frame in FD_FRAMES:
+        peer.send(*frame)
+        peer.send(*frame, switch=False)
+    expected = [frame for frame in FD_FRAMES for _ in range(2)]
+    assert [(f.arbitration_id, f.data) for f in drain(port, len(expected))] == expected
+
+
+def test_frames_of_can_fd_are_told_from_classic_ones_of_the_same_identifier(fd_ends):
+    port, peer = fd_ends
+    peer.send(0x181 | FD_FLAG, b"\x01")
+    peer.send(FD_ID & 0x7FF, b"\x02")
+    peer.send(0x181 | EXTENDED_FLAG | FD_FLAG, b"\x03")
+    peer.send(FD_ID, b"\x04")
+    assert [(f.arbitration_id, f.data) for f in drain(port, 1)] == [(FD_ID, b"\x04")]
+    assert port.receive() == []
+
+
+@pytest.mark.parametrize("frame", [(FD_ID, b""), (FD_ID, bytes(64)), (LONG_ID, bytes(9))])
+def test_a_classic_bus_refuses_frames_of_can_fd_and_stays_up(ends, frame):
+    port, peer = ends
+    assert port.send(*frame) is False
+    assert (port.status().send_failures, port.status().sent) == (1, 0)
+    assert port.send(0x201, b"x")
+    assert peer.receive(1) == [(0x201, b"x")]
+
+
+@pytest.mark.parametrize("size", [9, 13, 63, 65])
+def test_a_frame_of_no_length_of_can_fd_is_refused_since_padding_is_the_protocols(fd_ends, size):
+    port, peer = fd_ends
+    assert port.send(FD_ID, bytes(size)) is False
+    assert port.status().send_failures == 1
+    assert port.send(FD_ID, bytes(64))
+    assert peer.receive(1) == [(FD_ID, bytes(64))]
 
 
 def test_a_frame_of_ones_own_does_not_come_back(ends):
@@ -180,16 +304,7 @@ def test_after_close_the_port_is_dead_and_silent(ends):
 def test_a_simulated_bus_that_dies_and_comes_back_is_found_again(tmp_path, clock):
     channel = str(tmp_path / "bus.sock")
 
-    def start():
-        process = subprocess.Popen(
-            [sys.executable, "-m", "firmware_sim.bus", "--channel", channel, "--ack"],
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        assert channel in process.stderr.readline()
-        return process
-
-    process = start()
+    process = run_hub(channel, "--ack")
     port = SocketPort(CanConfig("simcan", channel), WANTED, clock)
     assert port.send(0x201, bytes(8))
     process.kill()
@@ -200,7 +315,7 @@ def test_a_simulated_bus_that_dies_and_comes_back_is_found_again(tmp_path, clock
     clock.sleep_until(clock.now_ns() + 500_000_000)
     assert port.receive() == []
     assert port.status().state is BusState.DOWN
-    process = start()
+    process = run_hub(channel, "--ack")
     clock.sleep_until(clock.now_ns() + 500_000_000)
     port.receive()
     assert port.status().state is BusState.ERROR_ACTIVE
@@ -208,6 +323,11 @@ def test_a_simulated_bus_that_dies_and_comes_back_is_found_again(tmp_path, clock
     port.close()
     process.terminate()
     process.communicate(timeout=10)
+
+
+def test_can_fd_on_a_simulated_bus_without_it_is_refused_at_the_start(hub, clock):
+    with pytest.raises(LinkError, match="classic CAN, not CAN FD"):
+        SocketPort(CanConfig("simcan", hub, data_bitrate=DATA_BITRATE), WANTED, clock)
 
 
 def test_a_socketcan_interface_that_is_not_there_is_named(clock):
@@ -227,6 +347,21 @@ def own_interface():
     yield name
     with contextlib.suppress(OSError):
         can_link.delete(name)
+
+
+def test_an_interface_without_can_fd_is_refused_for_it_and_carries_classic_frames(
+    own_interface, clock
+):
+    can_link.set_link(own_interface, up=False)
+    can_link.set_mtu(own_interface, 16)
+    can_link.set_link(own_interface, up=True)
+    with pytest.raises(LinkError, match=r"classic frames only, not CAN FD; .* mtu 72"):
+        SocketPort(CanConfig("socketcan", own_interface, data_bitrate=DATA_BITRATE), WANTED, clock)
+    port = SocketPort(CanConfig("socketcan", own_interface), WANTED, clock)
+    assert port.send(FD_ID, bytes(12)) is False
+    assert port.send(0x201, bytes(8))
+    assert port.status().state is BusState.ERROR_ACTIVE
+    port.close()
 
 
 def test_an_interface_that_goes_down_or_away_and_comes_back_is_found_again(own_interface, clock):

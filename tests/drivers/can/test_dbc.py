@@ -6,6 +6,8 @@ import pytest
 from robotctl.drivers.can.dbc import load_dbc
 from robotctl.drivers.can.nodes.robot_codec import RobotCodec
 from robotctl.errors import ConfigError
+from robotctl.messages.ports import EXTENDED_FLAG
+from tests.drivers.can.dbc_files import FORMATS
 
 ROBOT_DBC = Path(__file__).parents[3] / "configs" / "robot.dbc"
 
@@ -94,9 +96,9 @@ def refusal(path):
             'MotorCommand: E2E_CounterSignal Countr: no such signal; did you mean "Counter"?',
         ),
         (
-            "SG_ BusVoltage : 32|16@1+",
-            "SG_ BusVoltage : 39|16@0+",
-            "DriveStatus.BusVoltage: is big-endian",
+            "SG_ Counter : 8|4@1+ (1,0) [0|14] \"\" HOST\n SG_ Timestamp : 12|20@1+",
+            "SG_ Counter : 11|4@0+ (1,0) [0|14] \"\" HOST\n SG_ Timestamp : 12|20@1+",
+            "WheelFeedback.Counter: is big-endian or a float, profile 1 has neither",
         ),
         (
             "SG_ Counter : 8|4@1+ (1,0) [0|14] \"\" HOST\n SG_ Timestamp : 12|20@1+",
@@ -113,7 +115,11 @@ def refusal(path):
             'VAL_ 386 Range0 8191 "no_eco"',
             'SonarRangesA.Range0: value no_echo is missing; did you mean "no_eco"?',
         ),
-        ("BO_ 387 Battery: 8", "BO_ 2147484035 Battery: 8", "Battery: has a 29-bit identifier"),
+        (
+            'BA_ "E2E_DataId" BO_ 387',
+            f'{FORMATS}BA_ "VFrameFormat" BO_ 387 14;\nBA_ "E2E_DataId" BO_ 387',
+            "Battery: is protected and has 8 bytes of CAN FD, must have 8 of classic CAN",
+        ),
         ('BO_ 385 WheelFeedback: 8', "BO_ 385 WheelFeedback: x", "not a valid DBC"),
         (
             'BA_ "E2E_MaxDeltaCounter" BO_ 387 3;',
@@ -125,13 +131,26 @@ def refusal(path):
 def test_a_dbc_that_does_not_fit_is_refused_with_file_place_and_nearest_name(
     edited_dbc, old, new, said
 ):
-    if "BO_ 2147484035" in new:  # all lines that name the message by its identifier move with it
-        path = edited_dbc(("BO_ 387", "BO_ 2147484035"), ("SG_ 387", "SG_ 2147484035"))
-    else:
-        path = edited_dbc((old, new))
+    path = edited_dbc((old, new))
     message = refusal(path)
     assert str(path) in message
     assert said in message
+
+
+def test_a_message_may_have_a_29_bit_identifier_and_big_endian_signals(edited_dbc):
+    """All lines that name the message by its identifier move with it."""
+    path = edited_dbc(
+        ("BO_ 387", "BO_ 2147484035"),
+        ("SG_ 387", "SG_ 2147484035"),
+        ("SG_ BusVoltage : 32|16@1+", "SG_ BusVoltage : 39|16@0+"),
+    )
+    codec = RobotCodec(load_dbc(path))
+    assert codec.dbc.message("Battery").arbitration_id == 387 | EXTENDED_FLAG
+    assert 387 | EXTENDED_FLAG in codec.arbitration_ids
+    assert 387 not in codec.arbitration_ids
+    frame = bytes((0, 0, 0, 0, 0x01, 0x02, 0, 0))
+    (voltage_v,) = codec.decoder("DriveStatus", "BusVoltage")(frame)
+    assert voltage_v == pytest.approx(0x0102 * codec.dbc.signal("DriveStatus", "BusVoltage").scale)
 
 
 def test_all_errors_of_a_file_are_reported_at_once(edited_dbc):

@@ -32,15 +32,15 @@ class RawClient:
         hub.service(0)
         welcome = self.socket.recv(100)
         assert len(welcome) == 32
-        assert welcome[:6] == b"SCW1\0\0"
-        self.bitrate = struct.unpack_from("=I", welcome, 8)[0]
+        assert welcome[:6] == b"SCW2\0\0"
+        self.bitrate, self.data_bitrate = struct.unpack_from("=II", welcome, 8)
         self.socket.setblocking(False)
 
     def send(self, can_id, data=b""):
         self.socket.send(struct.pack("=IBBBB8s", can_id, len(data), 0, 0, 0, data))
 
-    def messages(self):
-        """All (id, data, flags, stamp) received so far."""
+    def raw_messages(self):
+        """All messages received so far."""
         found = []
         while True:
             try:
@@ -49,8 +49,15 @@ class RawClient:
                 return found
             if not message:
                 return found
-            can_id, length, flags, _, _, data, stamp = struct.unpack("=IBBBB8sQ", message)
-            found.append((can_id, data[:length], flags, stamp))
+            found.append(message)
+
+    def messages(self):
+        """All (id, data, own, stamp) received so far, of classic frames."""
+        found = []
+        for message in self.raw_messages():
+            can_id, length, _, own, _, data, stamp = struct.unpack("=IBBBB8sQ", message)
+            found.append((can_id, data[:length], own, stamp))
+        return found
 
     def close(self):
         self.socket.close()

@@ -1,7 +1,7 @@
 """One contract for the three ways onto the bus: in process, through a hub, over a CAN interface.
 
-The interface is stood in for by a pair of datagram sockets, which pass `struct can_frame`s whole
-as a raw CAN socket does. All run under virtual time.
+The interface is stood in for by a pair of datagram sockets, which pass `can_frame`s and
+`canfd_frame`s whole as a raw CAN socket does. All run under virtual time, on a bus of CAN FD.
 """
 
 import socket
@@ -14,18 +14,44 @@ from firmware_sim.bus.bridge import Bridge
 from firmware_sim.bus.core import Bus
 from firmware_sim.bus.errors import BusError
 from firmware_sim.bus.faults import Destroy
-from firmware_sim.bus.frame import EXTENDED_FLAG, REMOTE_FLAG
+from firmware_sim.bus.frame import (
+    BIT_RATE_SWITCH_FLAG,
+    EXTENDED_FLAG,
+    FD_FLAG,
+    FD_LENGTHS,
+    REMOTE_FLAG,
+)
 from firmware_sim.bus.hub import Hub
 
 MILLISECOND = 1_000_000
 ERROR = 0x20000000
+DATA_BITRATE = 5_000_000
+BRS, ESI, FDF = 1, 2, 4
+
+
+def packed(can_id, data):
+    """A frame as struct can_frame or canfd_frame of linux/can.h."""
+    if can_id < 1 << 32:
+        return struct.pack("=IBBBB8s", can_id, len(data), 0, 0, 0, data)
+    flags = FDF | (BRS if can_id & BIT_RATE_SWITCH_FLAG else 0)
+    return struct.pack("=IBBBB64s", can_id & 0xFFFFFFFF, len(data), flags, 0, 0, data)
+
+
+def unpacked(message):
+    """Id with the simulator's flags, and data, of such a frame."""
+    can_id, length, flags = struct.unpack_from("=IBB", message)
+    if len(message) >= 72:
+        assert flags & FDF
+        assert not flags & ESI
+        can_id |= FD_FLAG | (BIT_RATE_SWITCH_FLAG if flags & BRS else 0)
+    return can_id, message[8 : 8 + length]
 
 
 class InProcess:
     """The host is a port of the bus."""
 
     def __init__(self):
-        self.bus = Bus()
+        self.bus = Bus(data_bitrate=DATA_BITRATE)
         self._heard = []
         self._waiting = []
         self._port = self.bus.attach("host", self._heard.append, errors=True)
@@ -54,18 +80,20 @@ class ThroughHub:
     """The host is a client of a hub."""
 
     def __init__(self, raw_client):
-        self.bus = Bus()
+        self.bus = Bus(data_bitrate=DATA_BITRATE)
         self._hub = Hub(self.bus, "contract")
-        self._client = raw_client(self._hub, options=2)
+        self._client = raw_client(self._hub, options=2 | 8)
 
     def send(self, can_id, data=b""):
-        self._client.send(can_id, data)
+        self._client.socket.send(packed(can_id, data))
 
     def service(self):
         self._hub.service(0)
 
     def heard(self):
-        return [(can_id, data) for can_id, data, _, _ in self._client.messages()]
+        messages = self._client.raw_messages()
+        assert {len(message) for message in messages} <= {24, 80}
+        return [unpacked(message[:-8]) for message in messages]
 
     def leave(self):
         self._client.close()
@@ -78,13 +106,13 @@ class OverInterface:
     """The host is on the far side of a bridged interface."""
 
     def __init__(self):
-        self.bus = Bus()
+        self.bus = Bus(data_bitrate=DATA_BITRATE)
         near, self._far = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._far.setblocking(False)
         self._bridge = Bridge(self.bus, near, "host")
 
     def send(self, can_id, data=b""):
-        self._far.send(struct.pack("=IBBBB8s", can_id, len(data), 0, 0, 0, data))
+        self._far.send(packed(can_id, data))
 
     def service(self):
         self._bridge.service(0)
@@ -96,8 +124,8 @@ class OverInterface:
                 message = self._far.recv(100)
             except BlockingIOError:
                 return found
-            can_id, length, _, _, _, data = struct.unpack("=IBBBB8s", message)
-            found.append((can_id, data[:length]))
+            assert len(message) in {16, 72}
+            found.append(unpacked(message))
 
     def leave(self):
         self._bridge.close()
@@ -136,6 +164,9 @@ FRAMES = [
     (0x1ABCDEF0 | EXTENDED_FLAG, bytes(range(8))),
     (0x181 | REMOTE_FLAG, bytes(5)),
     (0x001 | EXTENDED_FLAG, b"\xff"),
+    (0x201 | FD_FLAG, b"\x01\x02\x03"),
+    (0x1ABCDEF0 | EXTENDED_FLAG | FD_FLAG | BIT_RATE_SWITCH_FLAG, bytes(range(64))),
+    *((0x123 | FD_FLAG | BIT_RATE_SWITCH_FLAG, bytes(length)) for length in FD_LENGTHS),
 ]
 
 

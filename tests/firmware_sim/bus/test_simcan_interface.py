@@ -27,6 +27,13 @@ def pair(hub):
         yield a, b
 
 
+@pytest.fixture
+def fd_pair(running_hub):
+    running_hub(data_bitrate=5_000_000)
+    with open_bus(node="a", fd=True) as a, open_bus(node="b", fd=True) as b:
+        yield a, b
+
+
 def frame(can_id, data=b"", **options):
     options.setdefault("is_extended_id", can_id > 0x7FF)
     return can.Message(arbitration_id=can_id, data=data, **options)
@@ -50,6 +57,64 @@ def test_messages_arrive_as_they_were_sent(pair, message):
     assert received.channel == "simcan0"
     assert received.is_rx
     assert abs(received.timestamp - time.time()) < 5.0
+
+
+@pytest.mark.parametrize("size", can.util.CAN_FD_DLC)
+@pytest.mark.parametrize("extended", [False, True])
+@pytest.mark.parametrize("switch", [False, True])
+def test_messages_of_can_fd_arrive_as_they_were_sent(fd_pair, size, extended, switch):
+    a, b = fd_pair
+    message = frame(
+        0x12345678 if extended else 0x181, bytes(range(size)), is_fd=True, bitrate_switch=switch
+    )
+    a.send(message)
+    received = b.recv(5.0)
+    assert received.equals(message, timestamp_delta=None, check_channel=False)
+    assert not received.error_state_indicator
+
+
+def test_classic_messages_go_over_a_bus_of_can_fd(fd_pair):
+    a, b = fd_pair
+    sent = [
+        frame(0x181, bytes(8)),
+        frame(0x181, is_remote_frame=True, dlc=3),
+        frame(0x181, bytes(8), is_fd=True),
+        frame(0x12345678, b"x"),
+    ]
+    for message in sent:
+        a.send(message)
+    for message in sent:
+        assert b.recv(5.0).equals(message, timestamp_delta=None, check_channel=False)
+
+
+def test_a_message_of_no_length_of_can_fd_is_filled_up_with_zeros(fd_pair):
+    a, b = fd_pair
+    a.send(can.Message(arbitration_id=1, is_fd=True, data=b"\xff" * 9, dlc=9, check=False))
+    assert b.recv(5.0).data == b"\xff" * 9 + bytes(3)
+
+
+def test_a_sender_may_say_that_it_is_error_passive(fd_pair):
+    a, b = fd_pair
+    a.send(frame(0x181, is_fd=True, error_state_indicator=True))
+    assert b.recv(5.0).error_state_indicator
+
+
+def test_a_classic_client_destroys_frames_of_can_fd_unless_it_is_tolerant(running_hub):
+    running_hub(data_bitrate=2_000_000)
+    message = frame(0x100, bytes(64), is_fd=True, bitrate_switch=True)
+    with open_bus(fd=True) as a, open_bus(fd=True, ignore_rx_error_frames=True) as b:
+        with open_bus(fd_tolerant=True) as other:
+            a.send(message)
+            assert b.recv(5.0).equals(message, timestamp_delta=None, check_channel=False)
+            a.send(frame(0x200))
+            assert other.recv(5.0).arbitration_id == 0x200
+            assert b.recv(5.0).arbitration_id == 0x200
+        with open_bus():
+            a.send(message)
+            error = a.recv(5.0)
+            assert error.is_error_frame
+            assert error.data[2] & 0x80  # seen as the transmitter
+            assert b.recv(5.0) is not None  # once the classic node is error-passive
 
 
 def test_receiving_waits_no_longer_than_asked(pair):
@@ -166,7 +231,12 @@ def test_without_a_hub_the_error_names_channel_places_and_alternatives(running_h
 
 
 @pytest.mark.parametrize(
-    ("options", "text"), [({"bitrate": 500_000}, "1000000"), ({"fd": True}, "FD")]
+    ("options", "text"),
+    [
+        ({"bitrate": 500_000}, "1000000"),
+        ({"fd": True}, "classic CAN, not CAN FD"),
+        ({"data_bitrate": 5_000_000}, "its data bit rate is 0, not 5000000"),
+    ],
 )
 def test_options_the_bus_cannot_have_are_refused(hub, options, text):
     with pytest.raises(can.CanInitializationError, match=text):

@@ -39,8 +39,9 @@ HISTORY = (0x1003, True)
 
 def arguments(channel, *options):
     robot, world = CONFIGS / "diff_drive.toml", CONFIGS / "worlds" / "empty_room.toml"
-    given = ["--robot", str(robot), "--world", str(world), "--bus", f"simcan:{channel}"]
-    return [*given, *options]
+    given = ["--robot", str(robot), "--world", str(world)]
+    bus = [] if "--bus" in options else ["--bus", f"simcan:{channel}"]
+    return [*given, *bus, *options]
 
 
 class Firmware:
@@ -330,6 +331,7 @@ def signals_kept():
         (["--bus", "can77"], "no such CAN interface"),
         (["--bus", "ether:net"], "allowed are simcan:CHANNEL or a CAN interface"),
         (["--bus", "simcan:a b"], "letters, digits"),
+        (["--bus", "simcan:a", "--bus", "simcan:b"], "2 given, but"),
         (["--truth", "tcp://*:1"], "allowed is ipc:///ABSOLUTE/PATH"),
         (["--truth", ""], "not an address"),
         (

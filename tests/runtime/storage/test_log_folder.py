@@ -17,7 +17,7 @@ from robotctl.runtime.storage.log_folder import LogConfig, LogFolder, refusal
 from robotctl.runtime.storage.ring_file import is_written
 from tests.cli.command import status_of
 
-CAN = load_robot(find_file("diff_drive")).can
+BUSES = load_robot(find_file("diff_drive")).buses
 SMALL = LogConfig(file_mb=0.1, total_mb=1.0)
 
 
@@ -29,7 +29,7 @@ def log_states(folder: LogFolder) -> StateLog:
 
 
 def log_bus(folder: LogFolder) -> BusLog:
-    log = BusLog(folder, CAN, 0)
+    log = BusLog(folder, BUSES, 0)
     log._write("a frame\n")
     return log
 

@@ -16,6 +16,7 @@ from robotctl.mavlink.command import ACCEPTED, DENIED, FAILED, Command
 from robotctl.mavlink.context import Context
 from robotctl.mavlink.service import Microservice
 from robotctl.messages.mavlink_port import Message, Peer
+from robotctl.messages.ports import FD_FLAG
 
 FORWARD: Final[int] = common.MAV_CMD_CAN_FORWARD
 LASTS_NS: Final = 5_000_000_000
@@ -25,6 +26,10 @@ PER_STEP: Final = 32
 FIRST_SDO, LAST_SDO = 0x601, 0x67F
 _CLASSIC: Final = 8
 """Bytes of a frame at most."""
+_FD: Final = 64
+"""Bytes of a frame of CAN FD at most."""
+_ID_MASK: Final = 0xFFFF_FFFF
+"""Identifier with the flag of one of 29 bits, as MAVLink and SocketCAN have it."""
 _MOST_PEERS: Final = 4
 _MOST_IDS: Final = 64
 
@@ -103,9 +108,17 @@ class CanForward(Microservice):
             return
         for number, data in self._context.can.receive()[:PER_STEP]:
             wanted = [
-                peer for peer, each in self._listeners.items() if not each.ids or number in each.ids
+                peer
+                for peer, each in self._listeners.items()
+                if not each.ids or number & _ID_MASK in each.ids
             ]
             if wanted:
-                padded = list(data.ljust(_CLASSIC, b"\0"))
-                frame = common.MAVLink_can_frame_message(0, 0, 0, len(data), number, padded)
-                self._context.links.broadcast(frame, wanted)
+                self._context.links.broadcast(_forwarded(number, data), wanted)
+
+
+def _forwarded(number: int, data: bytes) -> Message:
+    """Return a frame, its identifier with the flags of `Frame`, as a MAVLink message."""
+    number, is_fd = number & _ID_MASK, bool(number & FD_FLAG)
+    size = _FD if is_fd else _CLASSIC
+    make = common.MAVLink_canfd_frame_message if is_fd else common.MAVLink_can_frame_message
+    return make(0, 0, 0, len(data), number, list(data.ljust(size, b"\0")))

@@ -2,6 +2,7 @@
 
 import struct
 
+from robotctl.drivers.can.config import CanConfig
 from robotctl.drivers.can.memory_port import MemoryPort
 from robotctl.drivers.can.nodes.robot_can import CanRobot
 from robotctl.messages.actuators import ActuatorCommand
@@ -72,7 +73,7 @@ class FakeBus:
     def __init__(self, codec, parameters, clock):
         self.clock = clock
         self.sent = []
-        self.port = MemoryPort(self.transmit, codec.arbitration_ids, 1_000_000, clock)
+        self.port = MemoryPort(self.transmit, codec.arbitration_ids, CanConfig(), clock)
         self.robot = CanRobot(self.port, codec, parameters)
         self.drive = FakeNode(
             self,

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from firmware_sim.simulation import Simulation
+from robotctl.drivers.can.config import CanConfig
 from robotctl.drivers.can.memory_port import MemoryPort
 from robotctl.drivers.can.nodes.robot_can import CanRobot
 from robotctl.messages.actuators import ActuatorCommand, DriveState
@@ -32,7 +33,7 @@ class Rig:
         self.line = self.simulation.bus.attach(
             "host", lambda frame: port.deliver(*frame), accept=codec.arbitration_ids, errors=True
         )
-        port = MemoryPort(self.line.send, codec.arbitration_ids, 1_000_000, clock)
+        port = MemoryPort(self.line.send, codec.arbitration_ids, CanConfig(), clock)
         self.robot = CanRobot(port, codec, parameters)
         self.feedback = None
         self.seen = []

@@ -6,6 +6,7 @@ import math
 import pytest
 from e2e import p01
 
+from robotctl.drivers.can.config import CanConfig
 from robotctl.drivers.can.drives.native.faults import DriveFault
 from robotctl.drivers.can.memory_port import MemoryPort
 from robotctl.drivers.can.nodes.robot_can import DISABLE_FRAMES, CanRobot
@@ -25,7 +26,7 @@ class Wire:
         self.takes = True
         self.closed = False
         self.counters = {}
-        self.port = MemoryPort(self.transmit, codec.arbitration_ids, 1_000_000, clock)
+        self.port = MemoryPort(self.transmit, codec.arbitration_ids, CanConfig(), clock)
         self.robot = CanRobot(self.port, codec, parameters)
 
     def transmit(self, can_id, data):
