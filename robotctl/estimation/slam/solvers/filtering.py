@@ -24,11 +24,11 @@ from robotctl.estimation.slam.graph.factor import (
 from robotctl.estimation.slam.graph.factor_graph import FactorGraph, chi2_of, values_of
 from robotctl.estimation.slam.graph.variables import SE3, Floats, VariableKind
 from robotctl.estimation.slam.incremental.placing import carried
-from robotctl.estimation.slam.solvers.anchors import twist_increments
 from robotctl.estimation.slam.solvers.incremental import arrivals
 from robotctl.estimation.slam.solvers.optimum import is_optimum
 from robotctl.estimation.slam.solvers.problem import Problem, Solution, Tell, solver
 from robotctl.estimation.slam.start.chordal import matrices
+from robotctl.estimation.slam.start.twists import twist_increments
 
 MOST_NUMBERS: Final = 6000
 """In the state; its covariance then takes 288 MB."""
@@ -240,6 +240,8 @@ class GraphFilter:
         ends = [int(numbers[row]) for numbers in self.graph.numbers(self.graph.blocks[index])]
         there = [(self._slot(e), J) for e, J in zip(ends, jacobians, strict=True)
                  if e in self.members]  # fmt: skip
+        if not there:  # between fixed variables
+            return
         for slot, J in there:
             PJ += self._P[:n, slot] @ J.T
         for slot, J in there:
@@ -254,7 +256,7 @@ class GraphFilter:
         W = np.ascontiguousarray(np.linalg.solve(L, PJ.T))
         error = (-np.linalg.solve(L, r) @ W).reshape(-1, D)
         _downdate(self._P, W, n)
-        members = np.array(self.members)
+        members = np.array(self.members, np.int64)
         for kind, first in self._kinds.items():
             chosen = (members >= first) & (members < first + len(self.graph.ids[kind]))
             self._move(kind, members[chosen] - first, error[chosen, : kind.dof])

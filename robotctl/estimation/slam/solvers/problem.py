@@ -246,8 +246,8 @@ def singular(graph: FactorGraph, number: int) -> GraphError:
     )
     near = f" (linked to {graph.names(linked)})" if linked else ""
     return GraphError(
-        f"{graph.name(number)}{near}: the factors do not determine it; the graph needs a prior, "
-        "or more measurements of what is named"
+        f"{graph.name(number)}{near}: the factors do not determine it at these values; the graph "
+        "needs a prior, more measurements of what is named, or another start"
     )
 
 

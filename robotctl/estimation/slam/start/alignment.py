@@ -1,23 +1,28 @@
 """Parts of a graph without a known pose, laid onto known points and positions.
 
 A drive between surveyed landmarks, or one with a GNSS, knows its own shape and not where that lies.
-It is moved as a whole to where it fits best what is known (Kabsch 1976; Umeyama 1991); then points
-that it sees are known to other parts.
+It is moved as a whole to where it fits best what is known: by places, if it tells enough of them
+(Kabsch 1976; Umeyama 1991), in the plane else by bearings and ranges, too. Then points that it sees
+are known to other parts.
 """
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from collections.abc import Iterator
+from typing import Final, TypeAlias
 
 import numpy as np
 
+from robotctl.estimation.slam.factors.landmarks import BEARING, RANGE, RANGE_BEARING, SEEN_2D
 from robotctl.estimation.slam.factors.prior import POSITION_2D, POSITION_3D
 from robotctl.estimation.slam.graph.factor import Ints
 from robotctl.estimation.slam.graph.factor_graph import FactorGraph, Values, blocks_of
-from robotctl.estimation.slam.graph.variables import SE3, Floats
+from robotctl.estimation.slam.graph.variables import POINT2, SE2, SE3, Floats
 from robotctl.estimation.slam.start.chordal import matrices, quaternions
 from robotctl.estimation.slam.start.points import Mask, place_seen, sightings
+from robotctl.estimation.slam.start.resection import Outlook, best_pose
 
+_MEASURES_KNOWN: Final = (SEEN_2D, RANGE_BEARING, BEARING, RANGE, POSITION_2D)
 Pairs: TypeAlias = tuple[Ints, Floats, Floats]
 """Rows of poses, where these see something now, and where it is known to be; (m,) and (m, d)."""
 
@@ -47,22 +52,64 @@ def align_parts(
     bounds = np.searchsorted(parts[order], np.arange(len(is_placed) + 1))
     while not np.all(is_placed):
         place_seen(graph, values, known, is_placed[parts])
-        rows, here, there = _pairs(graph, values, known, ~is_placed[parts])
-        counts = np.bincount(parts[rows], minlength=len(is_placed))
-        # Fewer leave a turn open; such parts wait for what others may see.
-        chosen = np.flatnonzero(counts >= poses.positions)
-        if len(chosen) == 0:
-            chosen = np.flatnonzero(counts)
-        if len(chosen) == 0:
+        fits = _fits(graph, values, known, parts, is_placed)
+        if not fits:
             return
-        by_part = np.argsort(parts[rows], kind="stable")
-        begins = np.searchsorted(parts[rows][by_part], np.arange(len(is_placed) + 1))
-        for part in chosen.tolist():
-            mine = by_part[begins[part] : begins[part + 1]]
+        for part, (R, t) in fits.items():
             own = order[bounds[part] : bounds[part + 1]]
-            R, t = rigid_fit(here[mine], there[mine])
             values[poses][own] = _moved(values[poses][own], R, t)
-        is_placed[chosen] = True
+            is_placed[part] = True
+
+
+def _fits(
+    graph: FactorGraph, values: Values, known: dict[object, Mask], parts: Ints, is_placed: Mask
+) -> dict[int, tuple[Floats, Floats]]:
+    """Return by which rotation and shift to move parts: those that are told best what is known."""
+    wanted = ~is_placed[parts]
+    rows, here, there = _pairs(graph, values, known, wanted)
+    by_part = _grouped(parts[rows], len(is_placed))
+    enough = [part for part, mine in by_part.items() if len(mine) >= values_needed(graph)]
+    if enough:
+        return {part: rigid_fit(here[by_part[part]], there[by_part[part]]) for part in enough}
+    views: dict[int, list[Outlook]] = {}
+    for part, outlook in _outlooks(graph, values, known, wanted, parts, len(is_placed)):
+        views.setdefault(part, []).append(outlook)
+    told = {part: sum(each.numbers for each in own) for part, own in views.items()}
+    resected = {part: best_pose(own) for part, own in views.items() if told[part] >= SE2.dof}
+    # One place alone leaves the turn open; what is there stays.
+    return resected or {part: rigid_fit(here[mine], there[mine]) for part, mine in by_part.items()}
+
+
+def values_needed(graph: FactorGraph) -> int:
+    """Return how many places of a part, seen and known, tell where all of it is."""
+    return graph.poses.positions if graph.poses is not None else 2
+
+
+def _grouped(parts: Ints, count: int) -> dict[int, Ints]:
+    """Return for each part that occurs in it the indices of an array, (m,)."""
+    order = np.argsort(parts, kind="stable")
+    bounds = np.searchsorted(parts[order], np.arange(count + 1))
+    return {
+        part: order[bounds[part] : bounds[part + 1]]
+        for part in np.flatnonzero(np.diff(bounds)).tolist()
+    }
+
+
+def _outlooks(
+    graph: FactorGraph, values: Values, known: dict[object, Mask], wanted: Mask, parts: Ints,
+    count: int,
+) -> Iterator[tuple[int, Outlook]]:  # fmt: skip
+    """Yield what the wanted poses in the plane, (n,), measure of what is known, part by part."""
+    for block in blocks_of(graph, *_MEASURES_KNOWN):
+        poses = block.variables[0]
+        mask = wanted[poses]
+        if len(block.variables) == 2:
+            mask &= known[POINT2][block.variables[1]]
+        own = block.take(mask)
+        for part, mine in _grouped(parts[own.variables[0]], count).items():
+            these = own.take(mine)
+            points = values[POINT2][these.variables[1]] if len(these.variables) == 2 else None
+            yield part, Outlook(these, values[SE2][these.variables[0]], points)
 
 
 def _pairs(graph: FactorGraph, values: Values, known: dict[object, Mask], wanted: Mask) -> Pairs:
