@@ -111,8 +111,6 @@ def _kept_in_place(result: OptimizeResult) -> str:
 
 def summary(result: OptimizeResult) -> str:
     """Return what there is to say of an optimum."""
-    from robotctl.workbench.graphs.optimize import advice  # noqa: PLC0415 - as above
-
     figures = result.report()
     time_ms = figures["time_ms"]["total"]
     count = figures["connected_components"]
@@ -134,9 +132,10 @@ def summary(result: OptimizeResult) -> str:
         )
     lines += [f"note: {each}" for each in figures["notes"]]
     lines.append(_kept_in_place(result))
-    doubt = advice(result, figures)
-    if doubt:
-        lines.append(doubt if figures["converged"] else f"not converged: {doubt}")
+    if not figures["converged"]:
+        lines.append(f"not converged: {figures['advice']}")
+    elif figures["advice"]:
+        lines.append(figures["advice"])
     for name, covariance in result.covariances.items():
         sigma = ", ".join(f"{each:.3g}" for each in covariance.diagonal() ** 0.5)
         lines.append(f"{name}: standard deviations {sigma} in its own frame, m and rad")

@@ -67,7 +67,7 @@ def judged(path: Path, file: GraphFile, *, clip: bool) -> GraphFile:
         )
         if found.count
     ]
-    graph = FactorGraph(file.graph.ids, tuple(blocks))
+    graph = FactorGraph(file.graph.ids, tuple(blocks)) if indefinite.count else file.graph
     return replace(file, graph=graph, notes=(*file.notes, *notes))
 
 

@@ -33,7 +33,7 @@ _SUSPICIOUS: Final = 4.0
 """Share of chi2 to degrees of freedom from which on the noise is twice as large as stated."""
 _BY_CHANCE: Final = 1e-6
 _NOT_CONVERGED: Final = {
-    "ekf": "a filter does not go back to what left its state; --solver isam or lm does",
+    "ekf": "a filter does not go back to what has left its state; try --solver isam or lm",
     "isam": "a further step would lower chi2; try --solver lm",
 }
 """What to say of solvers that go pose by pose."""
@@ -162,6 +162,7 @@ class OptimizeResult:
             }
         if self.covariances:
             report["marginals"] = {name: P.tolist() for name, P in self.covariances.items()}
+        report["advice"] = advice(self.options, report)
         return report
 
 
@@ -279,25 +280,27 @@ def variable(graph: FactorGraph, name: str) -> int:
     )
 
 
-def advice(result: OptimizeResult, figures: dict[str, Any]) -> str:
-    """Return what to try where the result is doubtful; empty where it is not.
+def advice(options: OptimizeOptions, figures: dict[str, Any]) -> str:
+    """Return what to try where a result is doubtful; empty where it is not.
 
     Parameters
     ----------
-    result, figures
-        The result, and its report.
+    options
+        What was asked for.
+    figures
+        The report.
     """
     if not figures["converged"]:
-        return _NOT_CONVERGED.get(result.options.solver, "another --init, or --robust")
+        return _NOT_CONVERGED.get(options.solver, "try another --init, or --robust")
     count, chi2 = figures["degrees_of_freedom"], figures["chi2_kept"]
     if count < 1 or chi2 < max(_SUSPICIOUS * count, float(chdtri(count, _BY_CHANCE))):
         return ""
-    others = [] if result.options.solver == "isam" else ["--solver isam, which follows the drive"]
-    others += [] if result.options.robust else ["--robust consistent, if loops may be false"]
+    others = [] if options.solver == "isam" else ["--solver isam (it follows the drive)"]
+    others += [] if options.robust else ["--robust consistent (loops may be false)"]
     return (
-        f"chi2 is {chi2 / count:.3g} times the degrees of freedom, {count}: by the noise that the "
-        "file states it would be about once; so this is a local minimum, or measurements are "
-        f"wrong, or their information is too large; try {' or '.join(others) or 'another --init'}"
+        f"chi2 is {chi2 / count:.3g} times the degrees of freedom ({count}), with the noise that "
+        "the file states it would be about once: a local minimum, wrong measurements, or too large "
+        f"information; try {' or '.join(others) or 'another --init'}"
     )
 
 

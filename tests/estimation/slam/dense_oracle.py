@@ -20,15 +20,28 @@ def matrix_of(value):
         c, s = np.cos(value[2]), np.sin(value[2])
         T[:2, :2] = [[c, -s], [s, c]]
     else:
-        T[:3, :3] = Rotation.from_quat(value[3:]).as_matrix()
+        x, y, z, w = value[3:]
+        cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        T[:3, :3] = np.eye(3) + 2.0 * w * cross + 2.0 * cross @ cross
     return T
 
 
+def inverse(T):
+    """Return the inverse of a homogeneous matrix."""
+    d = len(T) - 1
+    result = np.eye(d + 1)
+    result[:d, :d] = T[:d, :d].T
+    result[:d, d] = -T[:d, :d].T @ T[:d, d]
+    return result
+
+
 def coordinates(T):
-    """Return what g2o takes for the residual of a pose."""
+    """Return what g2o takes for the residual of a pose; in space for less than half a turn."""
     if len(T) == 3:
         return np.array([T[0, 2], T[1, 2], np.arctan2(T[1, 0], T[0, 0])])
-    return np.concatenate([T[:3, 3], Rotation.from_matrix(T[:3, :3]).as_quat(canonical=True)[:3]])
+    w = 0.5 * np.sqrt(1.0 + np.trace(T[:3, :3]))
+    vector = np.array([T[2, 1] - T[1, 2], T[0, 2] - T[2, 0], T[1, 0] - T[0, 1]]) / (4.0 * w)
+    return np.concatenate([T[:3, 3], vector])
 
 
 def local(pose, point):
@@ -48,11 +61,11 @@ def polar(pose, point):
 
 
 def between(a, b, z):
-    return coordinates(np.linalg.inv(matrix_of(z)) @ np.linalg.inv(matrix_of(a)) @ matrix_of(b))
+    return coordinates(inverse(matrix_of(z)) @ inverse(matrix_of(a)) @ matrix_of(b))
 
 
 def prior(a, z):
-    return coordinates(np.linalg.inv(matrix_of(z)) @ matrix_of(a))
+    return coordinates(inverse(matrix_of(z)) @ matrix_of(a))
 
 
 def range_bearing(a, b, z):
@@ -100,35 +113,36 @@ class Dense:
         self.fixed = fixed
 
     def residuals(self, values):
-        parts = [
-            root @ residual(*(values[kind][row] for kind, row in ends), z)
-            for residual, ends, z, root in self.factors
-        ]
+        parts = [self.residual(each, values) for each in self.factors]
         return np.concatenate(parts) if parts else np.empty(0)
+
+    def residual(self, factor, values):
+        residual, ends, z, root = factor
+        return root @ residual(*(values[kind][row] for kind, row in ends), z)
 
     def chi2(self, values):
         return float(np.sum(self.residuals(values) ** 2))
 
     def jacobian(self, values):
         columns = []
+        begins = np.cumsum([0, *(len(root) for *_, root in self.factors)])
         for kind, each in values.items():
             for row in range(len(each)):
                 if (kind, row) in self.fixed:
                     continue
                 for k in range(kind.dof):
-                    ends = []
+                    ends, column = [], np.zeros(begins[-1])
                     for sign in (1.0, -1.0):
                         step = np.zeros(kind.dof)
                         step[k] = sign * 1e-6
-                        ends.append(self.residuals(self.at(values, kind, row, step)))
-                    columns.append((ends[0] - ends[1]) / 2e-6)
-        return np.array(columns).T if columns else np.empty((len(self.residuals(values)), 0))
-
-    def at(self, values, kind, row, step):
-        result = dict(values)
-        result[kind] = values[kind].copy()
-        result[kind][row] = moved(kind, values[kind][row], step)
-        return result
+                        ends.append({**values, kind: each.copy()})
+                        ends[-1][kind][row] = moved(kind, each[row], step)
+                    for at, factor in zip(begins, self.factors, strict=False):
+                        if (kind, row) in factor[1]:
+                            r, s = (self.residual(factor, there) for there in ends)
+                            column[at : at + len(r)] = (r - s) / 2e-6
+                    columns.append(column)
+        return np.array(columns).T if columns else np.empty((begins[-1], 0))
 
     def stepped(self, values, step):
         result, at = {kind: each.copy() for kind, each in values.items()}, 0

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from robotctl.estimation.slam.factors.registry import FACTORS
 from robotctl.estimation.slam.graph.builder import GraphBuilder
 from robotctl.estimation.slam.graph.variables import POINT2, POINT3, SE2, SE3
-from tests.estimation.slam.dense_oracle import RESIDUALS, Dense, coordinates, matrix_of
+from tests.estimation.slam.dense_oracle import RESIDUALS, Dense, coordinates, inverse, matrix_of
 
 SIGMA = 0.02
 
@@ -62,24 +62,25 @@ class RandomGraph:
             result[3:] = (Rotation.from_quat(value[3:]) * turn).as_quat()
         return result
 
-    def _information(self, size):
+    def _information(self, size, *, singular=False):
         half = np.eye(size) + 0.3 * self.rng.standard_normal((size, size))
+        if singular:
+            half[:, -1] = 0.0  # nothing is said of one direction; of all if there is just one
         return half @ half.T / SIGMA**2
 
-    def _add(self, name, *rows, information=None):
+    def _add(self, name, *rows, whole=False):
         kind = FACTORS[name]
         ends = tuple(zip(kind.variables, rows, strict=True))
         true = [self.truth[variable][row] for variable, row in ends]
         if name.startswith("between"):
-            z = self._noisy(self._value(np.linalg.inv(matrix_of(true[0])) @ matrix_of(true[1])))
+            z = self._noisy(self._value(inverse(matrix_of(true[0])) @ matrix_of(true[1])))
         elif name.startswith("prior") and kind.variables[0].is_pose:
             z = self._noisy(true[0])
         else:
             nothing = np.zeros(kind.measurement)
             z = RESIDUALS[name](*true, nothing)
             z = z + SIGMA * self.rng.standard_normal(len(z))
-        if information is None:
-            information = self._information(kind.size)
+        information = self._information(kind.size, singular=not whole and self._chance(0.2))
         self.factors.append((name, ends, z, information))
 
     def _add_all(self):
@@ -87,7 +88,7 @@ class RandomGraph:
         count, points = len(self.truth[self.pose]), len(self.truth.get(self.point, ()))
         for k in range(count - 1):
             if self._chance(0.9):
-                self._add("between" + s, k, k + 1)
+                self._add("between" + s, k, k + 1, whole=True)
         for _ in range(int(rng.integers(0, 3))):
             a, b = rng.choice(count, 2, replace=False)
             self._add("between" + s, int(a), int(b))
@@ -95,7 +96,7 @@ class RandomGraph:
         for m in range(points):
             for k in rng.choice(count, int(rng.integers(1, count + 1)), replace=False).tolist():
                 self._add(str(rng.choice(ways)), k, m)
-            self._add(ways[0], int(rng.integers(0, count)), m)
+            self._add(ways[0], int(rng.integers(0, count)), m, whole=True)
             if self._chance(0.2):
                 self._add("prior_point" + s, m)
         for k in range(count):
