@@ -45,8 +45,13 @@ def _informed(rows: Rows, triangles: Floats, size: int) -> Floats:
     """Return the information (n, size, size) of covariances, (n, ...) upper triangles by rows."""
     covariance = symmetric(triangles, size)
     rows.check(is_definite(covariance), "the covariance matrix is not positive definite")
-    information = inverses(covariance)
-    return 0.5 * (information + information.transpose(0, 2, 1))
+    return _inverse(covariance)
+
+
+def _inverse(matrices: Floats) -> Floats:
+    """Return the inverses of symmetric matrices, symmetric to the last digit."""
+    result = inverses(matrices)
+    return 0.5 * (result + result.transpose(0, 2, 1))
 
 
 def _odometry(rows: Rows) -> tuple[Floats, Floats]:
@@ -78,15 +83,23 @@ TAGS: Final[dict[str, Tag]] = {
 }
 
 
-def _lines(file: GraphFile, block: FactorBlock) -> list[str] | None:
-    ids, z = ids_of(file, block), block.measurements
-    if block.kind in (BETWEEN_2D, SEEN_2D):
-        tag = "ODOMETRY" if block.kind is BETWEEN_2D else "LANDMARK"
-        return lines_of(tag, ids, np.hstack([z, upper(inverses(block.information))]))
-    if block.kind is RANGE_BEARING and not np.any(block.information[:, 0, 1]):
-        sigma = 1.0 / np.sqrt(np.diagonal(block.information, axis1=1, axis2=2))
+def _lines(path: Path, file: GraphFile, block: FactorBlock) -> list[str] | None:
+    ids, z, information = ids_of(file, block), block.measurements, block.information
+    if block.kind not in (BETWEEN_2D, SEEN_2D, RANGE_BEARING):
+        return None
+    covariance = _inverse(information) if np.all(is_definite(information)) else -information
+    if not np.all(is_definite(covariance)):
+        raise GraphFormatError(
+            f"{path}: GTSAM's text has covariances, and none for {block.kind.name!r} whose "
+            "information is singular; g2o has information"
+        )
+    if block.kind is RANGE_BEARING:
+        if np.any(information[:, 0, 1]):
+            return None
+        sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
         return lines_of("BR", ids, np.hstack([z[:, ::-1], sigma[:, ::-1]]))
-    return None
+    tag = "ODOMETRY" if block.kind is BETWEEN_2D else "LANDMARK"
+    return lines_of(tag, ids, np.hstack([z, upper(covariance)]))
 
 
 def _write(path: Path, file: GraphFile) -> None:
@@ -96,7 +109,7 @@ def _write(path: Path, file: GraphFile) -> None:
             text += lines_of("VERTEX2", ids[:, None], file.values[kind])
         elif kind.is_pose:
             raise GraphFormatError(f"{path}: GTSAM's text has no poses in space")
-    text += factor_lines(path, file, "GTSAM's text", lambda block: _lines(file, block))
+    text += factor_lines(path, file, "GTSAM's text", lambda block: _lines(path, file, block))
     path.write_text("\n".join(text) + "\n", encoding="ascii")
 
 

@@ -90,8 +90,7 @@ class Tag:
 
 def tags_of(path: Path) -> set[str]:
     """Return the tags at the beginning of a text file."""
-    lines = first_words(path).splitlines()
-    return {words[0] for line in lines[:-1] or lines if (words := line.split())}
+    return {words[0] for line in first_words(path).splitlines() if (words := line.split())}
 
 
 def read_tagged(path: Path, tags: Mapping[str, Tag], fix: str = "", merge: str = "") -> GraphFile:

@@ -94,7 +94,10 @@ TAGS: Final[dict[str, Tag]] = {
     "EDGE2": EDGE2,
     "VERTEX3": variable_tag(_SE3, SE3, lambda rows: quaternion_poses(rows.numbers)),
     "EDGE3": factor_tag(
-        (*_SE3, *triangle(6)), BETWEEN_3D, _split_3d, tuple(map(repr, upper(np.eye(6)[None])[0]))
+        (*_SE3, *triangle(6)),
+        BETWEEN_3D,
+        _split_3d,
+        tuple(map(repr, upper(np.eye(6)[None])[0].tolist())),
     ),
 }
 
