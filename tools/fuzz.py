@@ -30,8 +30,8 @@ TARGETS = {
     "toro": GRAPHS,
     "gtsam": GRAPHS,
 }
-"""The module of each target: with `TARGETS`, `corpus` and `CORPUS`; with `LONGEST` and `mutate` where
-inputs are changed in a way of their own."""
+"""The module of each target. It has `TARGETS`, `corpus` and `CORPUS`; `LONGEST` and `mutate` change
+inputs by rules of their own."""
 LONGEST = 1024
 
 
