@@ -43,8 +43,8 @@ from robotctl.logs.formats.robotctl_sonars import OwnSonars, own_sonars
 from robotctl.logs.formats.ros_bag import is_ros_bag
 from robotctl.logs.formats.times import in_order
 from robotctl.logs.formats.tum import read_tum
-from robotctl.logs.mcap.log import log_records
 from robotctl.logs.mcap.records import Gap
+from robotctl.logs.mcap.recovery import log_records
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.recording import RecordedScan, RecordedSonar, Recording
