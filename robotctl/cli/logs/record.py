@@ -56,7 +56,9 @@ def dump(
 
 @app.command()
 def recover(
-    file: Annotated[Path, typer.Argument(help="robot-*.mcap, or another MCAP file, that was cut short.")],
+    file: Annotated[
+        Path, typer.Argument(help="robot-*.mcap, or another MCAP file, that was cut short.")
+    ],
 ) -> None:
     """Complete an MCAP log that was not closed, in place; the recorder does so when it starts.
 

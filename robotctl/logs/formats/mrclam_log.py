@@ -19,7 +19,9 @@ from numpy.typing import NDArray
 
 from robotctl.logs.formats.log_format import LogFormat, ReadOptions
 from robotctl.logs.formats.log_text import LogFormatError, LogText, read_text, row_number, table
-from robotctl.logs.formats.times import ordered_stamps
+from robotctl.logs.formats.placing import trajectory
+from robotctl.logs.formats.timeline import Series, Timeline
+from robotctl.logs.formats.times import going_on
 from robotctl.model.recording import Recording, Sighting
 from robotctl.model.trajectory import Trajectory
 
@@ -64,11 +66,11 @@ def read_mrclam(folder: Path, robot: int, unit: str = "s") -> Recording:
     }
     codes = _rows(folder, "Barcodes", _BARCODE, notes).astype(np.int64)
     subject_of = {code: subject for subject, code in codes.tolist()}
-    stamps_ns, odometry = _timed(folder, f"Robot{robot}_Odometry", _ODOMETRY, unit, notes)
+    odometry = _timed(folder, f"Robot{robot}_Odometry", _ODOMETRY, unit, notes)
     return Recording(
         name=f"{folder.name}, robot {robot}",
-        twist_stamps_ns=stamps_ns,
-        twists=odometry[:, 1:],
+        twist_stamps_ns=odometry.stamps_ns,
+        twists=np.array(odometry.values).reshape(-1, 2),
         reference=_reference(folder, robot, unit, notes),
         sightings=_sightings(folder, robot, unit, subject_of, landmarks, notes),
         landmarks=landmarks,
@@ -109,18 +111,21 @@ def _text(folder: Path, name: str, notes: list[str]) -> LogText:
 
 def _timed(
     folder: Path, name: str, columns: tuple[str, ...], unit: str, notes: list[str]
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return times [ns] that do not go back, and the rows whose first column they are."""
+) -> Series:
+    """Return the rows of a file whose first column is the time, without that."""
     text = _text(folder, name, notes)
     rows = table(text, columns)
-    stamps_ns = ordered_stamps(
+    what = f"rows of {name}"
+    stamps_ns = going_on(
         rows[:, 0],
         unit,
-        f"rows of {name}",
+        what,
         notes,
         lambda at, problem: text.error(row_number(text, at), problem),
     )
-    return stamps_ns, rows
+    timeline: Timeline[str] = Timeline(notes)
+    timeline.add_file(what, stamps_ns.tolist(), rows[:, 1:].tolist())
+    return timeline.settled()[what]
 
 
 def _reference(folder: Path, robot: int, unit: str, notes: list[str]) -> Trajectory | None:
@@ -128,8 +133,8 @@ def _reference(folder: Path, robot: int, unit: str, notes: list[str]) -> Traject
     name = f"Robot{robot}_Groundtruth"
     if not any((folder / f"{name}.dat{packed}").exists() for packed in ("", ".gz")):
         return None
-    stamps_ns, rows = _timed(folder, name, _GROUNDTRUTH, unit, notes)
-    return Trajectory(stamps_ns, rows[:, 1:]) if len(rows) else None
+    known = trajectory(_timed(folder, name, _GROUNDTRUTH, unit, notes), notes)
+    return None if known is None else known[0]
 
 
 def _sightings(
@@ -142,11 +147,9 @@ def _sightings(
 ) -> tuple[Sighting, ...]:
     """Return the robot's sightings of landmarks."""
     name = f"Robot{robot}_Measurement"
-    stamps_ns, rows = _timed(folder, name, _MEASUREMENT, unit, notes)
+    rows = _timed(folder, name, _MEASUREMENT, unit, notes)
     found, robots, strangers, empty = [], 0, 0, 0
-    for stamp_ns, (_, code, range_m, bearing_rad) in zip(
-        stamps_ns.tolist(), rows.tolist(), strict=True
-    ):
+    for stamp_ns, (code, range_m, bearing_rad) in rows.with_times():
         subject = subject_of.get(int(code))
         if range_m <= 0.0:
             empty += 1

@@ -64,16 +64,6 @@ def stamps(seconds: NDArray[np.float64]) -> NDArray[np.int64]:
     return np.where(fine, nanoseconds, np.rint(seconds * 1e6).astype(np.int64) * 1000)
 
 
-def in_order(stamps_ns: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
-    """Return times that never go back, in the order of the log, and how many had to be moved on.
-
-    The order of the log is that in which things happened; a clock that is set, or messages of two
-    sources, put single times wrong.
-    """
-    ordered = np.maximum.accumulate(stamps_ns)
-    return ordered, int(np.count_nonzero(ordered != stamps_ns))
-
-
 def checked_stamps(
     times: NDArray[np.float64], unit: str, error_at: ErrorAt, *, can_tell: bool = True
 ) -> NDArray[np.int64]:
@@ -123,32 +113,24 @@ def unwrapped(times: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(times + _WRAP * (added - min(added.min(), 0.0)))
 
 
-def ordered_stamps(
+def going_on(
     times: NDArray[np.float64], unit: str, what: str, notes: list[str], error_at: ErrorAt
 ) -> NDArray[np.int64]:
-    """Return `checked_stamps` that never decrease, with a wrapping clock unwrapped.
+    """Return `checked_stamps` of a clock that may wrap after 2^32, unwrapped.
 
     Parameters
     ----------
     times, unit, error_at
         See there.
     what
-        Name of the entries: `scans`.
+        Name of the entries, for the note that the clock wraps: `scans`.
     notes
-        Sentences for people; what had to be done, and is strange, is added.
+        Sentences for people, to be added to.
     """
-    going_on = unwrapped(times)
-    if np.any(going_on != times):
+    unwound = unwrapped(times)
+    if np.any(unwound != times):
         notes.append(wraps(what, unit))
-    stamps_ns, held = in_order(checked_stamps(going_on, unit, error_at))
-    if held:
-        notes.append(f"{held} of {len(times)} {what}: their clock goes back, time held")
-    if is_timeless(stamps_ns):
-        at_s = 1e-9 * int(stamps_ns[0])
-        notes.append(
-            f"all {len(times)} {what} have one time, {at_s:.15g} s: only their order is known"
-        )
-    return stamps_ns
+    return checked_stamps(unwound, unit, error_at)
 
 
 def wraps(what: str, unit: str) -> str:
@@ -197,7 +179,7 @@ def usual_pace(trajectory: Trajectory) -> float | None:
     way_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     lengths_m = []
     while True:
-        end = int(np.searchsorted(way_m, way_m[begin] + _STEP_M))
+        end = max(int(np.searchsorted(way_m, way_m[begin] + _STEP_M)), begin + 1)
         if end >= len(way_m):
             break
         spans_s.append(1e-9 * float(stamps_ns[end] - stamps_ns[begin]))

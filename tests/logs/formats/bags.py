@@ -113,8 +113,9 @@ def stamp(i):
 
 
 def write_bag(path, kind, lasers=(CENTRED,), *, odometry=True, world="map", steps=60, seed=7,
-              truth_topic="", reach_m=30.0, slash=False, stamped=True):  # fmt: skip
-    """Write a drive; return its true poses (n, 3)."""
+              truth_topic="", reach_m=30.0, slash=False, stamped=True, begin=0,
+              until=None):  # fmt: skip
+    """Write a drive, or its steps from one to another; return all its true poses (n, 3)."""
     rng = np.random.default_rng(seed)
     truth, odom = driven(steps)
     bag = Bag(path, kind)
@@ -125,7 +126,7 @@ def write_bag(path, kind, lasers=(CENTRED,), *, odometry=True, world="map", step
         roll = math.pi * laser.upside_down + laser.tilt
         frames = name("base_link"), name(laser.frame)
         bag.transform(*frames, stamp(0), mount, 0.3, roll, static=True)
-    for i, (pose, at) in enumerate(zip(truth, odom, strict=True)):
+    for i, (pose, at) in list(enumerate(zip(truth, odom, strict=True)))[begin:until]:
         if odometry:
             bag.odometry("/odom", name("odom"), name("base_footprint"), stamp(i), at)
         bag.transform(name("odom"), name("base_footprint"), stamp(i), at)

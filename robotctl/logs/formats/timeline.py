@@ -1,0 +1,273 @@
+"""What a recorded log says, by source, in the order of one clock that goes forward.
+
+Every reader hands over what it finds in the order of the log, which is that in which things
+happened. Repeated entries, and single ones whose time is far from that of both neighbours, are
+left out. A clock that is set back makes times ambiguous: the log counts as several stretches then,
+of which the longest is read. A time that goes back by less is held. All of it is noted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Hashable, Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import Any, Final, Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.logs.formats.times import is_timeless
+
+K = TypeVar("K", bound=Hashable)
+
+HELD_NS: Final = 100_000_000
+"""A clock that goes back no more than this was not set [ns]."""
+_REASONS: Final = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """What one source says, in the order of its times.
+
+    Parameters
+    ----------
+    what
+        The source, for messages.
+    stamps_ns
+        (n,) [ns], never decreasing.
+    log_ns
+        When the log received each, (n,) [ns]; (0,) where it does not say.
+    values
+        What was said; n of them.
+    """
+
+    what: str
+    stamps_ns: NDArray[np.int64]
+    log_ns: NDArray[np.int64]
+    values: list[Any]
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def with_times(self) -> Iterator[tuple[int, Any]]:
+        """Yield time [ns] and value of each."""
+        return zip(self.stamps_ns.tolist(), self.values, strict=True)
+
+
+@dataclass(slots=True)
+class _Source:
+    """Entries of a source in the order of the log.
+
+    Places are comparable among sources of one tape.
+    """
+
+    tape: int
+    places: list[int] = field(default_factory=list)
+    stamps_ns: list[int] = field(default_factory=list)
+    log_ns: list[int] = field(default_factory=list)
+    values: list[Any] = field(default_factory=list)
+    seen: set[int] = field(default_factory=set)
+    repeated: int = 0
+    refused: int = 0
+    refused_ns: int = 0
+    reasons: list[str] = field(default_factory=list)
+
+    @property
+    def total(self) -> int:
+        """How many entries the log has of it."""
+        return len(self.values) + self.repeated + self.refused
+
+
+class Timeline(Generic[K]):
+    """Collects what a log says.
+
+    Parameters
+    ----------
+    notes
+        Sentences for people; what is left out, or strange, is added.
+    held_ns
+        See `HELD_NS`.
+    """
+
+    def __init__(self, notes: list[str], held_ns: int = HELD_NS) -> None:
+        self._notes = notes
+        self._held_ns = held_ns
+        self._sources: dict[K, _Source] = {}
+        self._tapes = self._count = 0
+
+    def sources(self) -> list[K]:
+        """Return the sources so far, in the order of their first entries."""
+        return list(self._sources)
+
+    def add(
+        self, source: K, stamp_ns: int, value: object, raw: Hashable, log_ns: int | None = None
+    ) -> None:
+        """Add the next entry of the log.
+
+        Parameters
+        ----------
+        source
+            Its source, whose text is its name for people.
+        stamp_ns
+            Its time [ns].
+        value
+            What it says.
+        raw
+            The entry as it stands in the log: two with the same time are one that is repeated.
+        log_ns
+            When the log received it, if it says [ns].
+        """
+        entries = self._sources.setdefault(source, _Source(tape=0))
+        self._count += 1
+        key = hash((stamp_ns, raw))
+        if key in entries.seen:
+            entries.repeated += 1
+            return
+        entries.seen.add(key)
+        entries.places.append(self._count)
+        entries.stamps_ns.append(stamp_ns)
+        entries.values.append(value)
+        if log_ns is not None:
+            entries.log_ns.append(log_ns)
+
+    def add_file(self, source: K, stamps_ns: Iterable[int], values: Iterable[object]) -> None:
+        """Add all entries of a source that has a file of its own."""
+        self._tapes += 1
+        entries = self._sources[source] = _Source(self._tapes)
+        entries.stamps_ns, entries.values = list(stamps_ns), list(values)
+        entries.places = list(range(len(entries.values)))
+
+    def leave_out(self, source: K, stamp_ns: int, reason: str) -> None:
+        """Count an entry that cannot be."""
+        entries = self._sources.setdefault(source, _Source(tape=0))
+        if not entries.refused:
+            entries.refused_ns = stamp_ns
+        entries.refused += 1
+        if reason not in entries.reasons and len(entries.reasons) < _REASONS:
+            entries.reasons.append(reason)
+
+    def settled(self, details: Collection[K] = ()) -> dict[K, Series]:
+        """Return all that counts, by source; what does not is noted.
+
+        Parameters
+        ----------
+        details
+            Sources that do not make stretches of the log and of which nothing is noted.
+        """
+        rows = {each: np.arange(len(found.values)) for each, found in self._sources.items()}
+        cuts: dict[int, list[int]] = {}
+        for source, found in self._sources.items():
+            if source not in details:
+                self._note_left_out(str(source), found)
+                rows[source], places = self._in_order(str(source), found)
+                cuts.setdefault(found.tape, []).extend(places)
+        for tape, places in cuts.items():
+            if places:
+                self._keep_longest(tape, sorted(places), rows, details)
+        return {
+            source: self._series(source, rows[source], is_noted=source not in details)
+            for source in self._sources
+        }
+
+    def _note_left_out(self, what: str, found: _Source) -> None:
+        if found.repeated:
+            self._notes.append(
+                f"{found.repeated} of {found.total} {what} repeat an earlier one, left out"
+            )
+        if found.refused:
+            self._notes.append(
+                f"{found.refused} of {found.total} {what} left out: {', '.join(found.reasons)}; "
+                f"the first at {seconds(found.refused_ns)} s"
+            )
+
+    def _in_order(self, what: str, found: _Source) -> tuple[NDArray[np.int64], list[int]]:
+        """Return the rows without single times far off, and the places where the clock is set."""
+        strays, cuts = _walk(found.stamps_ns, self._held_ns)
+        if strays:
+            at = min(strays)
+            self._notes.append(
+                f"{len(strays)} of {found.total} {what} left out: their time is far from that of "
+                f"their neighbours; after {seconds(found.stamps_ns[at - 1])} s follows first "
+                f"{seconds(found.stamps_ns[at])} s"
+            )
+        for at in cuts:
+            before_ns, after_ns = found.stamps_ns[at - 1], found.stamps_ns[at]
+            self._notes.append(
+                f"{what}: the clock is set back by {1e-9 * (before_ns - after_ns):.3f} s at "
+                f"{seconds(before_ns)} s"
+            )
+        keep = np.ones(len(found.values), bool)
+        keep[strays] = False
+        return np.flatnonzero(keep), [found.places[at] for at in cuts]
+
+    def _keep_longest(
+        self, tape: int, cuts: list[int], rows: dict[K, NDArray[np.int64]], details: Collection[K]
+    ) -> None:
+        """Leave out all but the longest stretch between two cuts."""
+        here = {each: found for each, found in self._sources.items() if found.tape == tape}
+        places = {each: np.array(found.places, np.int64) for each, found in here.items()}
+        edges = np.array([-1, *cuts, np.iinfo(np.int64).max])
+        counts = sum(
+            np.histogram(places[each][rows[each]], edges)[0] for each in here if each not in details
+        )
+        longest = int(np.argmax(counts))
+        begin, end = edges[longest], edges[longest + 1]
+        left_out = []
+        for each, found in here.items():
+            inside = (places[each][rows[each]] >= begin) & (places[each][rows[each]] < end)
+            lost = len(inside) - int(np.count_nonzero(inside))
+            if lost and each not in details:
+                left_out.append(f"{lost} of {found.total} {each}")
+            rows[each] = rows[each][inside]
+        self._notes.append(
+            f"the longest of {len(cuts) + 1} stretches of the log between times that go back is "
+            f"read; left out are {', '.join(left_out)}"
+        )
+
+    def _series(self, source: K, rows: NDArray[np.int64], *, is_noted: bool) -> Series:
+        """Return the chosen entries of a source, with times that go back held."""
+        found, what = self._sources[source], str(source)
+        stamps_ns = np.array(found.stamps_ns, np.int64)[rows]
+        ordered_ns = np.maximum.accumulate(stamps_ns)
+        held = int(np.count_nonzero(ordered_ns != stamps_ns))
+        if held and is_noted:
+            self._notes.append(f"{held} of {found.total} {what}: their clock goes back, time held")
+        if is_noted and is_timeless(ordered_ns):
+            self._notes.append(
+                f"all {len(ordered_ns)} {what} have one time, {seconds(int(ordered_ns[0]))} s: "
+                "only their order is known"
+            )
+        log_ns = np.array(found.log_ns, np.int64)
+        return Series(
+            what, ordered_ns, log_ns[rows] if len(log_ns) else log_ns,
+            [found.values[row] for row in rows.tolist()],
+        )  # fmt: skip
+
+
+def seconds(stamp_ns: int) -> str:
+    """Return a time [ns] as seconds, for messages."""
+    return f"{1e-9 * stamp_ns:.15g}"
+
+
+def _walk(stamps_ns: list[int], held_ns: int) -> tuple[list[int], list[int]]:
+    """Return which times are far from both neighbours, and at which the clock has been set back."""
+    strays: list[int] = []
+    cuts: list[int] = []
+    times = np.array(stamps_ns, np.int64)
+    if not np.any(times < np.maximum.accumulate(times) - held_ns):
+        return strays, cuts
+    last_ns = stamps_ns[0]
+    for at, (now_ns, next_ns) in enumerate(
+        zip(stamps_ns, [*stamps_ns[1:], None], strict=True)
+    ):  # fmt: skip
+        goes_on = next_ns is not None and next_ns >= last_ns - held_ns
+        if now_ns < last_ns - held_ns:
+            if goes_on:
+                strays.append(at)
+                continue
+            cuts.append(at)
+            last_ns = now_ns
+        elif goes_on and next_ns is not None and now_ns > next_ns + held_ns and at > 0:
+            strays.append(at)
+        else:
+            last_ns = max(last_ns, now_ns)
+    return strays, cuts
