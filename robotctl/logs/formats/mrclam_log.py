@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from robotctl.logs.formats.log_format import LogFormat, ReadOptions
 from robotctl.logs.formats.log_text import LogFormatError, LogText, read_text, row_number, table
-from robotctl.logs.formats.placing import trajectory
+from robotctl.logs.formats.placing import trajectory, within
 from robotctl.logs.formats.timeline import Series, Timeline
 from robotctl.logs.formats.times import going_on
 from robotctl.model.recording import Recording, Sighting
@@ -72,7 +72,7 @@ def read_mrclam(folder: Path, robot: int, unit: str = "s") -> Recording:
         twist_stamps_ns=odometry.stamps_ns,
         twists=np.array(odometry.values).reshape(-1, 2),
         reference=_reference(folder, robot, unit, notes),
-        sightings=_sightings(folder, robot, unit, subject_of, landmarks, notes),
+        sightings=_sightings(folder, robot, unit, odometry.stamps_ns, subject_of, landmarks, notes),
         landmarks=landmarks,
         notes=tuple(notes),
     )
@@ -141,15 +141,21 @@ def _sightings(
     folder: Path,
     robot: int,
     unit: str,
+    known_ns: NDArray[np.int64],
     subject_of: dict[int, int],
     landmarks: dict[int, tuple[float, float]],
     notes: list[str],
 ) -> tuple[Sighting, ...]:
-    """Return the robot's sightings of landmarks."""
+    """Return the robot's sightings of landmarks while there is odometry."""
     name = f"Robot{robot}_Measurement"
     rows = _timed(folder, name, _MEASUREMENT, unit, notes)
     found, robots, strangers, empty = [], 0, 0, 0
-    for stamp_ns, (code, range_m, bearing_rad) in rows.with_times():
+    is_inside = within(rows, known_ns, notes) if len(known_ns) else np.ones(len(rows), bool)
+    for is_known, (stamp_ns, (code, range_m, bearing_rad)) in zip(
+        is_inside.tolist(), rows.with_times(), strict=True
+    ):
+        if not is_known:
+            continue
         subject = subject_of.get(int(code))
         if range_m <= 0.0:
             empty += 1

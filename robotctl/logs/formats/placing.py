@@ -32,8 +32,10 @@ _HASTE: Final = 5.0
 not below `_SLOW_M_S`, and always above `_FAST_M_S`."""
 _RESTART_M, _RESTART_RAD = 0.1, 0.1
 """Tolerance with which an odometry that begins anew goes on from its last pose."""
-_JUMPS: Final = 0.1
-"""With a larger share of jumps the poses are of several robots, or of clocks."""
+_NEAR_NS: Final = 500_000_000
+"""So near to a jump it is not known on which side of it a reading was taken [ns]."""
+_PART: Final = 0.25
+"""If no larger share of the poses is without a jump, they are of several robots."""
 
 _OTHER_CLOCK_S: Final = 0.5
 """Readings whose times differ so much more from those of the log are of another clock [s]."""
@@ -62,6 +64,31 @@ def trajectory(series: Series, notes: list[str]) -> tuple[Trajectory, NDArray[np
     if len(wrong) == len(poses):
         return None
     return Trajectory(series.stamps_ns[can_be], poses[can_be]), can_be
+
+
+def within(series: Series, known_ns: NDArray[np.int64], notes: list[str]) -> NDArray[np.bool_]:
+    """Return whether each entry lies in the time of the odometry, (n,); note how many do not.
+
+    Parameters
+    ----------
+    series
+        Entries of a source.
+    known_ns
+        Times of the odometry [ns], not empty.
+    notes
+        Sentences for people, to be added to.
+    """
+    begin_ns, end_ns = int(known_ns[0]), int(known_ns[-1])
+    is_inside = (series.stamps_ns >= begin_ns) & (series.stamps_ns <= end_ns)
+    outside = series.stamps_ns[~is_inside]
+    if len(outside):
+        away_ns = max(begin_ns - int(outside[0]), int(outside[-1]) - end_ns)
+        notes.append(
+            f"{len(outside)} of {len(series)} {series.what} left out: they lie outside of the time "
+            f"of the odometry, {seconds(begin_ns)} s to {seconds(end_ns)} s, by up to "
+            f"{1e-9 * away_ns:.3f} s"
+        )
+    return is_inside
 
 
 class Odometry:
@@ -116,8 +143,7 @@ class Odometry:
         if not len(series) or not self.has_clock_of(series):
             return []
         stamps_ns, known_ns = series.stamps_ns, self.trajectory.stamps_ns
-        is_inside = (stamps_ns >= known_ns[0]) & (stamps_ns <= known_ns[-1])
-        self._note_outside(series, is_inside)
+        is_inside = within(series, known_ns, self._notes)
         after = np.clip(np.searchsorted(known_ns, stamps_ns), 1, max(len(known_ns) - 1, 1))
         is_lost = is_inside & (stamps_ns < known_ns[after % len(known_ns)])
         is_lost &= np.append(self._is_missing, False)[after - 1]
@@ -135,19 +161,6 @@ class Odometry:
             )
             if is_known and (pose := self.trajectory.at(stamp_ns)) is not None
         ]
-
-    def _note_outside(self, series: Series, is_inside: NDArray[np.bool_]) -> None:
-        """Note how many readings lie outside of the time of the odometry, and by how much."""
-        outside = series.stamps_ns[~is_inside]
-        if not len(outside):
-            return
-        begin_ns, end_ns = self.trajectory.stamps_ns[[0, -1]].tolist()
-        away_ns = max(begin_ns - int(outside[0]), int(outside[-1]) - end_ns)
-        self._notes.append(
-            f"{len(outside)} of {len(series)} {series.what} left out: they lie outside of the time "
-            f"of the odometry, {seconds(begin_ns)} s to {seconds(end_ns)} s, by up to "
-            f"{1e-9 * away_ns:.3f} s"
-        )
 
     def _ahead_s(self, series: Series) -> float:
         """Return by how much the clock of a source is ahead [s]; 0 where the log does not say."""
@@ -177,14 +190,18 @@ def _without_jumps(
         f"{np.hypot(*(poses[at + 1] - poses[at])[:2]):.2f} m within "
         f"{1e-9 * int(stamps_ns[at + 1] - stamps_ns[at]):.3f} s"
     )
-    if count > max(1, _JUMPS * len(jumps)):
+    edges = np.concatenate([[0], np.flatnonzero(jumps) + 1, [len(poses)]])
+    longest = int(np.argmax(np.diff(edges)))
+    begin, end = int(edges[longest]), int(edges[longest + 1])
+    if begin > 0:
+        begin += int(np.searchsorted(stamps_ns[begin:end], stamps_ns[begin - 1] + _NEAR_NS))
+    if end < len(poses):
+        end = begin + int(np.searchsorted(stamps_ns[begin:end], stamps_ns[end] - _NEAR_NS, "right"))
+    if end - begin < _PART * len(poses):
         raise LogFormatError(
             f"{what}: the robot jumps {count} times in {len(poses)} poses, first {jump}: they are "
             "of several robots, or of several drives; a drive of one robot is needed"
         )
-    edges = np.concatenate([[0], np.flatnonzero(jumps) + 1, [len(poses)]])
-    longest = int(np.argmax(np.diff(edges)))
-    begin, end = int(edges[longest]), int(edges[longest + 1])
     notes.append(
         f"{what}: the robot jumps {count} time{'s' if count > 1 else ''}, first {jump}; the "
         f"longest part without is read, {len(poses) - end + begin} of {len(poses)} poses are left "

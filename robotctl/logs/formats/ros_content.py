@@ -110,7 +110,9 @@ def content_of(path: Path, notes: list[str]) -> BagContent:
     sources = timeline.sources()
     edges = [each for each in sources if isinstance(each, Edge)]
     says_motion = any(isinstance(each, OdometrySource) for each in sources)
-    found = timeline.settled(details=edges if says_motion else [e for e in edges if e.is_static])
+    found = timeline.settled(
+        details=edges if says_motion else (), timeless=[each for each in edges if each.is_static]
+    )
     return BagContent(
         {each: found[each] for each in sources if isinstance(each, OdometrySource)},
         {each: found[each] for each in sources if isinstance(each, ScanSource)},

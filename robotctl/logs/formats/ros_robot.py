@@ -143,15 +143,23 @@ def _robots(content: BagContent) -> dict[str, list[OdometrySource | str]]:
             space, _, last = frame.rpartition("/")
             if last in _BASES and any(map(frames.moves, frames.chain(frame))):
                 found[space].append(frame)
-    names = list(found)
-    for name in names[1:]:  # names of one robot, if its frames hang together
+    first, *others = list(found) or [""]
+    for name in others:
         if any(
-            frames.are_one(_frame(one), _frame(other))
-            for one in found[names[0]]
+            _is_one(frames, _frame(one), _frame(other), is_named=bool(first and name))
+            for one in found[first]
             for other in found[name]
         ):
-            found[names[0]] += found.pop(name)
+            found[first] += found.pop(name)
     return dict(found)
+
+
+def _is_one(frames: Frames, one: str, other: str, *, is_named: bool) -> bool:
+    """Return whether two base frames are on one robot.
+
+    Robots of which each has a name may call their frames the same.
+    """
+    return not is_named if one == other else frames.are_one(one, other)
 
 
 def _frame(source: OdometrySource | str) -> str:

@@ -2,8 +2,8 @@
 
 Every reader hands over what it finds in the order of the log, which is that in which things
 happened. Repeated entries, and single ones whose time is far from that of both neighbours, are
-left out. A clock that is set back makes times ambiguous: the log counts as several stretches then,
-of which the longest is read. A time that goes back by less is held. All of it is noted.
+left out. A clock that is set makes times ambiguous: the log counts as several stretches then, of
+which the longest is read. A time that goes back by less is held. All of it is noted.
 """
 
 from __future__ import annotations
@@ -15,12 +15,16 @@ from typing import Any, Final, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.logs.formats.times import is_timeless
+from robotctl.logs.formats.times import FIRST_S, LAST_S, is_timeless
 
 K = TypeVar("K", bound=Hashable)
 
 HELD_NS: Final = 100_000_000
 """A clock that goes back no more than this was not set [ns]."""
+_FORWARD_NS, _STEPS = 100_000 * 1_000_000_000, 1000
+"""A clock that goes forward by more at once, and by so many of its usual steps, was set, as by NTP
+after a start in 1970 [ns]."""
+_FIRST_NS, _LAST_NS = int(FIRST_S) * 10**9, int(LAST_S) * 10**9
 _REASONS: Final = 3
 
 
@@ -116,6 +120,9 @@ class Timeline(Generic[K]):
         log_ns
             When the log received it, if it says [ns].
         """
+        if not all(_FIRST_NS <= each <= _LAST_NS for each in (stamp_ns, log_ns or 0)):
+            self.leave_out(source, stamp_ns, "the time is before 1969 or after 2261")
+            return
         entries = self._sources.setdefault(source, _Source(tape=0))
         self._count += 1
         key = hash((stamp_ns, raw))
@@ -145,14 +152,17 @@ class Timeline(Generic[K]):
         if reason not in entries.reasons and len(entries.reasons) < _REASONS:
             entries.reasons.append(reason)
 
-    def settled(self, details: Collection[K] = ()) -> dict[K, Series]:
+    def settled(self, details: Collection[K] = (), timeless: Collection[K] = ()) -> dict[K, Series]:
         """Return all that counts, by source; what does not is noted.
 
         Parameters
         ----------
         details
             Sources that do not make stretches of the log and of which nothing is noted.
+        timeless
+            Sources that hold for the whole log, whatever their times; details too.
         """
+        details = {*details, *timeless}
         rows = {each: np.arange(len(found.values)) for each, found in self._sources.items()}
         cuts: dict[int, list[int]] = {}
         for source, found in self._sources.items():
@@ -162,7 +172,7 @@ class Timeline(Generic[K]):
                 cuts.setdefault(found.tape, []).extend(places)
         for tape, places in cuts.items():
             if places:
-                self._keep_longest(tape, sorted(places), rows, details)
+                self._keep_longest(tape, sorted(places), rows, details, timeless)
         return {
             source: self._series(source, rows[source], is_noted=source not in details)
             for source in self._sources
@@ -192,18 +202,27 @@ class Timeline(Generic[K]):
         for at in cuts:
             before_ns, after_ns = found.stamps_ns[at - 1], found.stamps_ns[at]
             self._notes.append(
-                f"{what}: the clock is set back by {1e-9 * (before_ns - after_ns):.3f} s at "
-                f"{seconds(before_ns)} s"
+                f"{what}: their clock is set {'back' if after_ns < before_ns else 'forward'} by "
+                f"{1e-9 * abs(after_ns - before_ns):.3f} s at {seconds(before_ns)} s"
             )
         keep = np.ones(len(found.values), bool)
         keep[strays] = False
         return np.flatnonzero(keep), [found.places[at] for at in cuts]
 
     def _keep_longest(
-        self, tape: int, cuts: list[int], rows: dict[K, NDArray[np.int64]], details: Collection[K]
+        self,
+        tape: int,
+        cuts: list[int],
+        rows: dict[K, NDArray[np.int64]],
+        details: Collection[K],
+        timeless: Collection[K],
     ) -> None:
         """Leave out all but the longest stretch between two cuts."""
-        here = {each: found for each, found in self._sources.items() if found.tape == tape}
+        here = {
+            each: found
+            for each, found in self._sources.items()
+            if found.tape == tape and each not in timeless
+        }
         places = {each: np.array(found.places, np.int64) for each, found in here.items()}
         edges = np.array([-1, *cuts, np.iinfo(np.int64).max])
         counts = sum(
@@ -219,8 +238,8 @@ class Timeline(Generic[K]):
                 left_out.append(f"{lost} of {found.total} {each}")
             rows[each] = rows[each][inside]
         self._notes.append(
-            f"the longest of {len(cuts) + 1} stretches of the log between times that go back is "
-            f"read; left out are {', '.join(left_out)}"
+            f"the longest of {len(cuts) + 1} stretches of the log between such times is read; left "
+            f"out are {', '.join(left_out) or 'none'}"
         )
 
     def _series(self, source: K, rows: NDArray[np.int64], *, is_noted: bool) -> Series:
@@ -249,25 +268,27 @@ def seconds(stamp_ns: int) -> str:
 
 
 def _walk(stamps_ns: list[int], held_ns: int) -> tuple[list[int], list[int]]:
-    """Return which times are far from both neighbours, and at which the clock has been set back."""
+    """Return which times are far from both neighbours, and at which the clock has been set."""
     strays: list[int] = []
     cuts: list[int] = []
     times = np.array(stamps_ns, np.int64)
-    if not np.any(times < np.maximum.accumulate(times) - held_ns):
+    steps_ns = np.diff(times)
+    forward_ns = max(
+        _FORWARD_NS, _STEPS * int(np.median(np.abs(steps_ns))) if len(times) > 1 else 0
+    )
+    goes_back = np.any(times < np.maximum.accumulate(times) - held_ns)
+    if not goes_back and not np.any(steps_ns > forward_ns):
         return strays, cuts
     last_ns = stamps_ns[0]
-    for at, (now_ns, next_ns) in enumerate(
-        zip(stamps_ns, [*stamps_ns[1:], None], strict=True)
-    ):  # fmt: skip
-        goes_on = next_ns is not None and next_ns >= last_ns - held_ns
-        if now_ns < last_ns - held_ns:
-            if goes_on:
-                strays.append(at)
-                continue
+    for at, now_ns in enumerate(stamps_ns[1:], 1):
+        next_ns = stamps_ns[at + 1] if at + 1 < len(stamps_ns) else None
+        goes_on = next_ns is not None and last_ns - held_ns <= next_ns <= last_ns + forward_ns
+        is_back = now_ns < last_ns - held_ns
+        if goes_on and (is_back or (next_ns is not None and now_ns > next_ns + held_ns)):
+            strays.append(at)
+        elif is_back or now_ns > last_ns + forward_ns:
             cuts.append(at)
             last_ns = now_ns
-        elif goes_on and next_ns is not None and now_ns > next_ns + held_ns and at > 0:
-            strays.append(at)
         else:
             last_ns = max(last_ns, now_ns)
     return strays, cuts

@@ -36,6 +36,8 @@ _STEP_M: Final = 0.1
 _STEPS: Final = 10
 _CREEP_M_S, _FLY_M_S = 0.005, 50.0
 """No robot's usual speed is outside of these [m/s]."""
+_LONGEST_S: Final = 1e6
+"""No drive lasts longer [s]."""
 
 
 ErrorAt: TypeAlias = Callable[[int, str], LogFormatError]
@@ -162,14 +164,38 @@ def check_pace(recording: Recording, can_tell: bool) -> None:
     """
     trajectory = recording.odometry or recording.reference
     pace_m_s = None if trajectory is None else usual_pace(trajectory)
-    if trajectory is None or pace_m_s is None or _CREEP_M_S <= pace_m_s <= _FLY_M_S:
+    if pace_m_s is None or _CREEP_M_S <= pace_m_s <= _FLY_M_S:
         return
-    spans_s = 1e-9 * float(trajectory.stamps_ns[-1] - trajectory.stamps_ns[0])
     raise LogFormatError(
-        f"{recording.name}: by its times the log lasts {spans_s:.4g} s and the robot drives "
-        f"{pace_m_s:.2g} m/s; allowed are {_CREEP_M_S:g} to {_FLY_M_S:g} m/s"
+        f"{recording.name}: by its times the log lasts {_span_s(recording):.4g} s and the robot "
+        f"drives {pace_m_s:.2g} m/s; allowed are {_CREEP_M_S:g} to {_FLY_M_S:g} m/s"
         + ("; tell the unit of its times by --time-unit, s where this is right" if can_tell else "")
     )
+
+
+def check_span(recording: Recording) -> None:
+    """Refuse a recording that lasts longer than any drive.
+
+    Raises
+    ------
+    LogFormatError
+        If it does.
+    """
+    span_s = _span_s(recording)
+    if span_s > _LONGEST_S:
+        raise LogFormatError(
+            f"{recording.name}: by its times the log lasts {span_s:.4g} s; allowed are up to "
+            f"{_LONGEST_S:g} s, which is eleven days"
+        )
+
+
+def _span_s(recording: Recording) -> float:
+    """Return how long the motion of a recording lasts [s]."""
+    known = (recording.odometry, recording.reference)
+    times = [each.stamps_ns for each in known if each is not None]
+    if len(recording.twists):
+        times.append(recording.twist_stamps_ns)
+    return max((1e-9 * float(each[-1] - each[0]) for each in times), default=0.0)
 
 
 def usual_pace(trajectory: Trajectory) -> float | None:
