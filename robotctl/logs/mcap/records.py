@@ -45,6 +45,7 @@ _DAMAGE: Final = (
     KeyError,
     EOFError,
     MemoryError,
+    OverflowError,  # of lengths beyond 63 bits
     RuntimeError,  # of lz4
 )
 _RECORD_LIMIT: Final = 1 << 28
@@ -278,6 +279,8 @@ def _of_cut_chunk(source: BinaryIO, place: int) -> tuple[list[McapRecord], int]:
     """
     source.seek(place + _HEAD.size)
     _, _, uncompressed, _, length = _CHUNK.unpack(source.read(_CHUNK.size))
+    if uncompressed > _RECORD_LIMIT:
+        raise ValueError("too long")
     compression = source.read(length).decode()
     source.seek(8, io.SEEK_CUR)  # the length of the data, which the file does not have
     records, used = _whole_in(_beginning(compression, source.read()))
