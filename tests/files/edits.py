@@ -29,7 +29,8 @@ _NUMBERS: Final = tuple(
 _WORDS: Final = (
     b"", b"0", b"-1", b"1", b"nan", b"inf", b"-inf", b"1e999", b"1e300", b"-0.0", b"0x10", b"1_0",
     b"99999999", b"99999999999999999999", b"-9223372036854775808", b"true", b"null", b"'", b'"',
-    b"[", b"{", b"]", b"}", b"#", b"\0", b"\xff\xfe", b"\n", b"a" * 40, b"[[", b"1979-05-27", b"../..",
+    b"[", b"{", b"]", b"}", b"#", b"\0", b"\xff\xfe", b"\n", b"a" * 40, b"[[", b"1979-05-27",
+    b"../..",
     "\u0663".encode(), b"9" * 5000,
 )  # fmt: skip
 _WORD: Final = re.compile(rb"[\w.+-]+")

