@@ -11,8 +11,8 @@ import struct
 from collections.abc import Sequence
 from typing import Final
 
-LONGEST: Final = 256
-"""Bytes of an input [bytes]: 20 to 60 changes."""
+LONGEST: Final = 128
+"""Bytes of an input: some 25 changes."""
 
 _NUMBERS: Final = tuple(
     struct.pack(form, value)

@@ -42,9 +42,11 @@ from robotctl.messages.estimation import CameraView, LidarScan, LocalisationStat
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.recording import Recording
-from tests.files.edits import edited
+from tests.files.edits import LONGEST, edited
 from tests.logs.formats.bags import Bag
 from tests.mavlink.conftest import CONTROL
+
+__all__ = ["CORPUS", "LONGEST", "TARGETS", "corpus"]
 
 CORPUS = Path(__file__).parent / "corpus"
 CONFIGS = Path(__file__).parents[2] / "configs"

@@ -64,8 +64,8 @@ def read_mrclam(folder: Path, robot: int, unit: str = "s") -> Recording:
         int(subject): (x, y)
         for subject, x, y, *_ in _rows(folder, "Landmark_Groundtruth", _LANDMARK, notes).tolist()
     }
-    codes = _rows(folder, "Barcodes", _BARCODE, notes).astype(np.int64)
-    subject_of = {code: subject for subject, code in codes.tolist()}
+    barcodes = _rows(folder, "Barcodes", _BARCODE, notes).tolist()
+    subject_of = {int(code): int(subject) for subject, code in barcodes}
     odometry = _timed(folder, f"Robot{robot}_Odometry", _ODOMETRY, unit, notes)
     return Recording(
         name=f"{folder.name}, robot {robot}",
