@@ -71,14 +71,14 @@ class BagContent:
         `RawScan`s.
     frames
         By the tf messages.
-    tf_spaces
-        Names before `/tf` of the topics with tf messages.
+    tf_topics
+        Topics with tf messages.
     """
 
     odometry: Mapping[OdometrySource, Series]
     scans: Mapping[ScanSource, Series]
     frames: Frames
-    tf_spaces: frozenset[str]
+    tf_topics: frozenset[str]
 
 
 def content_of(path: Path, notes: list[str]) -> BagContent:
@@ -90,10 +90,10 @@ def content_of(path: Path, notes: list[str]) -> BagContent:
         See `bag_messages`.
     """
     timeline: Timeline[_Source] = Timeline(notes)
-    spaces, unstamped = set(), 0
+    tf_topics, unstamped = set(), 0
     for topic, kind, message, raw, log_ns in bag_messages(path, (SCAN, ODOMETRY, *TF)):
         if kind in TF:
-            spaces.add(topic.rpartition("/")[0].strip("/"))
+            tf_topics.add(topic)
         parts = message.transforms if kind in TF else (message,)
         for number, part in enumerate(parts):
             stamp_ns = int(part.header.stamp.sec) * 1_000_000_000 + int(part.header.stamp.nanosec)
@@ -117,7 +117,7 @@ def content_of(path: Path, notes: list[str]) -> BagContent:
         {each: found[each] for each in sources if isinstance(each, OdometrySource)},
         {each: found[each] for each in sources if isinstance(each, ScanSource)},
         Frames({each: found[each] for each in edges}, notes),
-        frozenset(spaces - {""}),
+        frozenset(tf_topics),
     )
 
 

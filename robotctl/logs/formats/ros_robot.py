@@ -132,7 +132,7 @@ def named_bases(frames: Frames, name: str) -> list[str]:
 
 
 def _robots(content: BagContent) -> dict[str, list[OdometrySource | str]]:
-    """Return the robots of a bag by name, each with its odometry or its base in tf."""
+    """Return the robots of a bag by name, each with its odometry, or its base or topics of tf."""
     frames = content.frames
     found: dict[str, list[OdometrySource | str]] = defaultdict(list)
     for source in content.odometry:
@@ -151,6 +151,9 @@ def _robots(content: BagContent) -> dict[str, list[OdometrySource | str]]:
             for other in found[name]
         ):
             found[first] += found.pop(name)
+    with_tf = {_beginning(topic) for topic in content.tf_topics} - {""}
+    for name in sorted(with_tf - found.keys()) if len(with_tf) > 1 else ():
+        found[name] = []  # its tf would be mixed with that of the other
     return dict(found)
 
 
@@ -173,25 +176,20 @@ def _name_of(source: OdometrySource, content: BagContent) -> str:
         return space
     begins = _beginning(source.topic)
     shared = {_beginning(each.topic) for each in content.scans}
-    shared |= {each.partition("/")[0] for each in content.tf_spaces}
+    shared |= {_beginning(each) for each in content.tf_topics}
     return begins if begins in shared else ""
 
 
 def _choice(path: Path, content: BagContent, by_name: dict[str, list[OdometrySource | str]]) -> str:
     """Return that a bag holds several robots, and how to take one out."""
-    topics = {
-        name: sorted(
-            {
-                *(each.topic for each in sources if isinstance(each, OdometrySource)),
-                *(
-                    each.topic
-                    for each in content.scans
-                    if name and name in (_space(each.frame), _beginning(each.topic))
-                ),
-            }
-        )
-        for name, sources in by_name.items()
-    }
+    topics: dict[str, list[str]] = {}
+    for name, sources in by_name.items():
+        own = {each.topic for each in sources if isinstance(each, OdometrySource)}
+        for laser in content.scans:
+            if name and name in (_space(laser.frame), _beginning(laser.topic)):
+                own.add(laser.topic)
+        own |= {each for each in content.tf_topics if name and _beginning(each) == name}
+        topics[name] = sorted(own)
     named = [
         f"{name or 'one without a name'} ({', '.join(topics[name] or map(str, by_name[name]))})"
         for name in by_name

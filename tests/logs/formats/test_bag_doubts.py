@@ -264,7 +264,7 @@ def two_robots(tmp_path, first, second):
         (
             {"prefix": "r1/", "space": "/r1"},
             {"prefix": "r2/", "space": "/r2"},
-            r"2 robots in it, r1 \(/r1/odom, /r1/scan\) and r2 \(/r2/odom, /r2/scan\)",
+            r"2 robots in it, r1 \(/r1/odom, /r1/scan, /r1/tf, /r1/tf_static\) and r2 \(/r2/od",
         ),
         (
             {"prefix": "r1/"},
@@ -274,12 +274,12 @@ def two_robots(tmp_path, first, second):
         (
             {"space": "/r1"},
             {"space": "/r2"},
-            r"2 robots in it, r1 \(/r1/odom, /r1/scan\) and r2 \(/r2/odom, /r2/scan\)",
+            r"2 robots in it, r1 \(/r1/odom, /r1/scan, /r1/tf, /r1/tf_static\) and r2 \(/r2/od",
         ),
         (
             {},
             {"prefix": "r2/", "space": "/r2"},
-            r"2 robots in it, one without a name \(/odom\) and r2 \(/r2/odom, /r2/scan\)",
+            r"2 robots in it, one without a name \(/odom\) and r2 \(/r2/odom, /r2/scan, /r2/tf, /",
         ),
         (
             {"prefix": "r1/", "odometry": False},
@@ -297,9 +297,17 @@ def test_the_refusal_says_how_to_take_one_robot_out(tmp_path):
     bag = two_robots(tmp_path, {"prefix": "r1/", "space": "/r1"}, {"prefix": "r2/", "space": "/r2"})
     with pytest.raises(
         LogFormatError,
-        match=rf"rosbags-convert --src {bag} --dst one --exclude-topic /r2/odom /r2/scan$",
+        match=rf"rosbags-convert --src {bag} --dst one --exclude-topic /r2/odom /r2/scan /r2/tf ",
     ):
         read_recording(bag)
+
+
+def test_tf_of_a_robot_that_is_not_in_the_bag_otherwise_is_not_mixed_in(tmp_path):
+    says = {"says": lambda topic, _: topic not in {"/odom", "/scan", "/r2/scan"}}
+    with pytest.raises(
+        LogFormatError, match=r"2 robots in it, r1 \(.*\) and r2 \(/r2/tf, /r2/tf_s"
+    ):
+        read_recording(two_robots(tmp_path, {"space": "/r1"}, {"space": "/r2", **says}))
 
 
 def test_two_robots_that_share_all_names_jump(tmp_path):
