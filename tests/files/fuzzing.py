@@ -42,6 +42,8 @@ from robotctl.messages.estimation import CameraView, LidarScan, LocalisationStat
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.recording import Recording
+from robotctl.toml_source import load
+from robotctl.workbench.places.places import Marks
 from tests.files.edits import LONGEST, edited
 from tests.logs.formats.bags import Bag
 from tests.mavlink.conftest import CONTROL
@@ -293,6 +295,37 @@ YAML = (
 )
 
 
+TOPOLOGY = b"""\
+version = 2
+[[place]]
+name = "lounge"
+kind = "room"
+passages = ["door"]
+area_m2 = 20.0
+width_m = 4.0
+depth_m = [2.0, 2.0, 2.0, 2.0]
+x_m = 2.0
+y_m = 2.5
+[[place.exit]]
+passage = "door"
+bearing_deg = 0.0
+distance_m = 2.0
+heading_deg = 0.0
+[[place]]
+name = "kitchen"
+kind = "room"
+passages = ["door"]
+area_m2 = 9.0
+width_m = 3.0
+depth_m = [1.5, 1.5, 1.5, 1.5]
+[[passage]]
+name = "door"
+between = ["lounge", "kitchen"]
+width_m = 0.9
+length_m = 0.2
+"""
+
+
 def image(path: Path) -> None:
     """Read a map whose image is changed."""
     path.with_suffix(".yaml").write_bytes(YAML)
@@ -379,8 +412,9 @@ TARGETS: dict[str, Callable[[bytes], None]] = {
         "mission.toml", _configs("missions/patrol.toml", "missions/errand.toml"), load_mission, data
     ),
     "places": lambda data: on_file("book.toml", [_book()], load_book, data),
-    "topology": lambda data: on_file(
-        "places.toml", _configs("places/office.toml"), load_topology, data
+    "topology": lambda data: on_file("places.toml", [TOPOLOGY], load_topology, data),
+    "marks": lambda data: on_file(
+        "marks.toml", _configs("places/office.toml"), lambda path: load(path, Marks), data
     ),
 }  # fmt: skip
 
