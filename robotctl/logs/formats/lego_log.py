@@ -105,7 +105,7 @@ def _part(path: Path) -> str:
 def read_lego(path: Path, unit: str = "ms") -> Recording:
     """Read the recording in a folder, or that to which one of its files belongs.
 
-    Its times have a unit of `log_times`.
+    Its times are in one of `times.TIME_UNITS`.
 
     Raises
     ------

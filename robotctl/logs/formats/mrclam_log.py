@@ -46,10 +46,10 @@ def robot_of(file: Path) -> int | None:
 
 
 def read_mrclam(folder: Path, robot: int, unit: str = "s") -> Recording:
-    """Read one robot's records, with times in a unit (`log_times`).
+    """Read one robot's records, with times in one of `times.TIME_UNITS`.
 
-    Sightings of other robots are left out and counted in the notes, so are those of bar codes that
-    belong to none. Without a ground truth of the robot there is no reference.
+    Sightings of other robots, of bar codes that belong to none, and at times without odometry are
+    left out and counted in the notes. Without a ground truth of the robot there is no reference.
 
     Raises
     ------

@@ -164,7 +164,9 @@ class Odometry:
 
     def _ahead_s(self, series: Series) -> float:
         """Return by how much the clock of a source is ahead [s]; 0 where the log does not say."""
-        if not len(series.log_ns) or not len(self._log_ns):
+        if not _goes_on(series.stamps_ns, series.log_ns) or not _goes_on(
+            self.trajectory.stamps_ns, self._log_ns
+        ):
             return 0.0
         order = np.argsort(self._log_ns, kind="stable")
         own_s = 1e-9 * (self.trajectory.stamps_ns - self._log_ns)[order].astype(np.float64)
@@ -173,6 +175,11 @@ class Odometry:
         at_s = 1e-9 * (series.log_ns - origin_ns).astype(np.float64)
         known_s = 1e-9 * (self._log_ns[order] - origin_ns).astype(np.float64)
         return float(np.median(its_s - np.interp(at_s, known_s, own_s)))
+
+
+def _goes_on(stamps_ns: NDArray[np.int64], log_ns: NDArray[np.int64]) -> bool:
+    """Return whether the times of the log are those of receiving, not one that a program put in."""
+    return bool(len(log_ns)) and 2 * int(np.ptp(log_ns)) >= int(np.ptp(stamps_ns))
 
 
 def _without_jumps(

@@ -1,7 +1,7 @@
 """Messages read back from our own logs, in the present and the former format.
 
 In logs of older versions poses are `x_m`, `y_m`, `theta_rad` of the message itself, ranges are
-lists, and null stands for infinity and nan alike: it is taken for infinity, see `own_log`.
+lists, and null stands for infinity and nan alike: it is taken for infinity, see `robotctl_log`.
 """
 
 from __future__ import annotations

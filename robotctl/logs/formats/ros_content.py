@@ -95,7 +95,7 @@ def content_of(path: Path, notes: list[str]) -> BagContent:
         if kind in TF:
             tf_topics.add(topic)
         parts = message.transforms if kind in TF else (message,)
-        for number, part in enumerate(parts):
+        for part in parts:
             stamp_ns = int(part.header.stamp.sec) * 1_000_000_000 + int(part.header.stamp.nanosec)
             unstamped += stamp_ns == 0
             source = _source(topic, kind, part)
@@ -104,7 +104,7 @@ def content_of(path: Path, notes: list[str]) -> BagContent:
             except ValueError as error:
                 timeline.leave_out(source, stamp_ns or log_ns, str(error))
             else:
-                timeline.add(source, stamp_ns or log_ns, value, (number, raw), log_ns)
+                timeline.add(source, stamp_ns or log_ns, value, None if kind in TF else raw, log_ns)
     if unstamped:
         notes.append(f"{unstamped} messages without a time: that of the log counts")
     sources = timeline.sources()

@@ -103,7 +103,12 @@ class Timeline(Generic[K]):
         return list(self._sources)
 
     def add(
-        self, source: K, stamp_ns: int, value: object, raw: Hashable, log_ns: int | None = None
+        self,
+        source: K,
+        stamp_ns: int,
+        value: object,
+        raw: Hashable | None,
+        log_ns: int | None = None,
     ) -> None:
         """Add the next entry of the log.
 
@@ -117,6 +122,7 @@ class Timeline(Generic[K]):
             What it says.
         raw
             The entry as it stands in the log: two with the same time are one that is repeated.
+            None: it may be repeated.
         log_ns
             When the log received it, if it says [ns].
         """
@@ -125,11 +131,12 @@ class Timeline(Generic[K]):
             return
         entries = self._sources.setdefault(source, _Source(tape=0))
         self._count += 1
-        key = hash((stamp_ns, raw))
-        if key in entries.seen:
-            entries.repeated += 1
-            return
-        entries.seen.add(key)
+        if raw is not None:
+            key = hash((stamp_ns, raw))
+            if key in entries.seen:
+                entries.repeated += 1
+                return
+            entries.seen.add(key)
         entries.places.append(self._count)
         entries.stamps_ns.append(stamp_ns)
         entries.values.append(value)

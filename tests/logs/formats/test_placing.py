@@ -90,6 +90,12 @@ def test_a_log_that_received_at_another_pace_does_not_make_another_clock():
     assert len(odometry.place(series("scans", times_s, times_s, 1e6 + 3.0 * times_s + 0.2))) == 100
 
 
+def test_times_that_a_program_put_in_the_log_make_no_other_clock():
+    times_s = np.arange(0.0, 10.0, 0.1)
+    odometry = driven(times_s, [], log_s=np.full(100, 5.0))
+    assert len(odometry.place(series("scans", times_s, times_s, np.full(100, 5.0)))) == 100
+
+
 def test_what_is_no_pose_is_left_out():
     rows = [
         (0.0, 0.0, 0.0),
