@@ -27,7 +27,7 @@ readings are trusted more than the header. The fallback is 81.83 m.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -46,8 +46,8 @@ from robotctl.logs.formats.carmen_lines import (
 from robotctl.logs.formats.log_format import LogFormat, ReadOptions
 from robotctl.logs.formats.log_text import LogFormatError, first_word, read_text
 from robotctl.logs.formats.no_echo import reaches, valid_ranges
-from robotctl.logs.formats.placing import Odometry
-from robotctl.logs.formats.timeline import Timeline
+from robotctl.logs.formats.placing import Odometry, trajectory
+from robotctl.logs.formats.timeline import Series, Timeline
 from robotctl.logs.formats.times import checked_stamps, note_pairs
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
@@ -136,20 +136,33 @@ def _drive(
     timeline: Timeline[str] = Timeline(lines.notes, _BURST_NS)
     for stamp_ns, (line, source, value) in zip(stamps_ns.tolist(), entries, strict=True):
         timeline.add(source, stamp_ns, value, lines.text.lines[line.number - 1])
-    found = timeline.settled()
-    scans = (
-        [
+    return _in_time(lines, timeline.settled())
+
+
+def _in_time(
+    lines: CarmenLines, found: Mapping[str, Series]
+) -> tuple[list[RecordedScan], Trajectory]:
+    """Return scans and odometry of entries in the order of their times.
+
+    Scans have poses of their own. Those by odometry alone have to be without a jump.
+    """
+    path, notes = lines.text.path, lines.notes
+    scans, series = [], found.get(_ODOMETRY)
+    if _SCANS in found:
+        scans = [
             RecordedScan(replace(scan, stamp_ns=stamp_ns), odometry, reference)
             for stamp_ns, (scan, odometry, reference) in found[_SCANS].with_times()
         ]
-        if _SCANS in found
-        else []
-    )
-    series = found.get(_ODOMETRY)
-    if series is None:
-        rows = [(pose.x_m, pose.y_m, pose.theta_rad) for pose in (scan.odometry for scan in scans)]
-        series = replace(found[_SCANS], what="odometry of the scans", values=rows)
-    return scans, Odometry(series, lines.notes).trajectory
+        poses = [each.odometry for each in scans]
+        rows = [(pose.x_m, pose.y_m, pose.theta_rad) for pose in poses]
+        of_scans = replace(found[_SCANS], what="poses of the scans", values=rows)
+        if not any(each.reference for each in scans):
+            scans = [scans[row] for row in Odometry(path, of_scans, notes).rows.tolist()]
+        series = series or of_scans
+    known = None if series is None else trajectory(series, notes)
+    if known is None:
+        raise LogFormatError("; ".join([f"{path}: no pose of use in it", *notes]))
+    return scans, known[0]
 
 
 _Placed = tuple[RangeScan, SE2, SE2 | None]

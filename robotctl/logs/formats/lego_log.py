@@ -129,7 +129,7 @@ def read_lego(path: Path, unit: str = "ms") -> Recording:
     motors = found["lines M"]
     ticks = np.array([(at, row[1], row[5]) for at, row in motors.with_times()], dtype=np.int64)
     rows = wheel_odometry(ticks).poses.tolist()
-    odometry = Odometry(replace(motors, what="wheel odometry", values=rows), notes)
+    odometry = Odometry(path, replace(motors, what="wheel odometry", values=rows), notes)
     return Recording(
         name=path.name,
         scans=tuple(_scans(found["scans"], odometry)),

@@ -1,11 +1,12 @@
-"""Where the robot was by the odometry of a recorded log, and where nothing says it.
+"""Poses of a robot at the times of a recorded log's readings, by the log's odometry.
 
-Readings count only at times at which the odometry is known: not before its first or after its last
-pose, not while it is missing, and only if both have the same clock. What is left out is noted.
+Readings count only while the odometry is known: not before its first or after its last pose, not in
+its gaps, and only if both have the same clock. Whatever is left out is noted.
 """
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -21,28 +22,28 @@ FARTHEST_M: Final = 1e7
 """Coordinates beyond it are no place on Earth [m]."""
 
 _GAP_S, _PERIODS = 1.0, 10.0
-"""The odometry is missing while it says nothing for so long, and for so many of its periods."""
+"""Least length of a gap of the odometry [s], and in its usual periods."""
 _STOOD_M, _STOOD_RAD = 0.1, 0.1
-"""A robot that moved no farther meanwhile stood."""
+"""Motion up to which a robot stood during a gap, so that its poses there are known."""
 
 _JUMP_M: Final = 0.5
 _SLOW_M_S, _FAST_M_S = 10.0, 50.0
 _HASTE: Final = 5.0
-"""The odometry jumps where it moves farther than `_JUMP_M` at so many times its usual speed, but
-not below `_SLOW_M_S`, and always above `_FAST_M_S`."""
+"""A step is a jump if it is `_JUMP_M` longer than a drive at `_HASTE` times the usual speed, which
+counts as `_SLOW_M_S` at least and `_FAST_M_S` at most."""
 _RESTART_M, _RESTART_RAD = 0.1, 0.1
-"""Tolerance with which an odometry that begins anew goes on from its last pose."""
+"""Step up to which an odometry that begins anew goes on from its last pose."""
 _NEAR_NS: Final = 500_000_000
-"""So near to a jump it is not known on which side of it a reading was taken [ns]."""
+"""Margin beside a jump, where a reading may be of either side [ns]."""
 _PART: Final = 0.25
-"""If no larger share of the poses is without a jump, they are of several robots."""
+"""Least share of the poses in one part without a jump; with less they are of several robots."""
 
 _OTHER_CLOCK_S: Final = 0.5
-"""Readings whose times differ so much more from those of the log are of another clock [s]."""
+"""Difference from which on two clocks are not the same [s]; no message is delayed so long."""
 
 
 def trajectory(series: Series, notes: list[str]) -> tuple[Trajectory, NDArray[np.bool_]] | None:
-    """Return the poses of a source that can be, and which those are; None if there is none.
+    """Return the possible poses of a source, and which entries these are; None if there are none.
 
     Parameters
     ----------
@@ -52,8 +53,8 @@ def trajectory(series: Series, notes: list[str]) -> tuple[Trajectory, NDArray[np
         Sentences for people, to be added to.
     """
     poses = np.array(series.values, np.float64).reshape(-1, 3)
-    can_be = np.all(np.abs(poses[:, :2]) <= FARTHEST_M, axis=1) & np.isfinite(poses[:, 2])
-    wrong = np.flatnonzero(~can_be)
+    is_possible = np.all(np.abs(poses[:, :2]) <= FARTHEST_M, axis=1) & np.isfinite(poses[:, 2])
+    wrong = np.flatnonzero(~is_possible)
     if len(wrong):
         x_m, y_m, theta_rad = poses[wrong[0]].tolist()
         notes.append(
@@ -63,7 +64,7 @@ def trajectory(series: Series, notes: list[str]) -> tuple[Trajectory, NDArray[np
         )
     if len(wrong) == len(poses):
         return None
-    return Trajectory(series.stamps_ns[can_be], poses[can_be]), can_be
+    return Trajectory(series.stamps_ns[is_possible], poses[is_possible]), is_possible
 
 
 def within(series: Series, known_ns: NDArray[np.int64], notes: list[str]) -> NDArray[np.bool_]:
@@ -96,6 +97,8 @@ class Odometry:
 
     Parameters
     ----------
+    path
+        The log, for messages.
     series
         Its values are rows (x [m], y [m], theta [rad]).
     notes
@@ -110,17 +113,22 @@ class Odometry:
     """
 
     def __init__(
-        self, series: Series, notes: list[str], begins: NDArray[np.bool_] | None = None
+        self,
+        path: Path,
+        series: Series,
+        notes: list[str],
+        begins: NDArray[np.bool_] | None = None,
     ) -> None:
         self._notes = notes
         known = trajectory(series, notes)
         if known is None:
-            raise LogFormatError(f"{series.what}: no pose in it; {'; '.join(notes)}")
-        whole, can_be = known
+            raise LogFormatError("; ".join([f"{path}: no {series.what} of use in it", *notes]))
+        whole, is_possible = known
         begins = np.zeros(len(series), bool) if begins is None else begins
-        kept = _without_jumps(series.what, whole, begins[can_be], notes)
+        jumps = _jumps(whole, series.is_held[is_possible], begins[is_possible])
+        kept = _without_jumps(path, series.what, whole, jumps, notes)
         self.trajectory = Trajectory(whole.stamps_ns[kept], whole.poses[kept])
-        self.rows = np.flatnonzero(can_be)[kept]
+        self.rows = np.flatnonzero(is_possible)[kept]
         """Rows of the series that are the poses of the trajectory."""
         self._log_ns = series.log_ns[self.rows] if len(series.log_ns) else series.log_ns
         self._is_missing = _missing(self.trajectory)
@@ -145,19 +153,19 @@ class Odometry:
         stamps_ns, known_ns = series.stamps_ns, self.trajectory.stamps_ns
         is_inside = within(series, known_ns, self._notes)
         after = np.clip(np.searchsorted(known_ns, stamps_ns), 1, max(len(known_ns) - 1, 1))
-        is_lost = is_inside & (stamps_ns < known_ns[after % len(known_ns)])
-        is_lost &= np.append(self._is_missing, False)[after - 1]
-        if np.any(is_lost):
-            first = int(after[is_lost][0])
+        is_in_gap = is_inside & (stamps_ns < known_ns[after % len(known_ns)])
+        is_in_gap &= np.append(self._is_missing, False)[after - 1]
+        if np.any(is_in_gap):
+            first = int(after[is_in_gap][0])
             self._notes.append(
-                f"{np.count_nonzero(is_lost)} of {len(series)} {series.what} left out: "
+                f"{np.count_nonzero(is_in_gap)} of {len(series)} {series.what} left out: "
                 "the odometry says nothing meanwhile, for the first time from "
                 f"{seconds(int(known_ns[first - 1]))} s to {seconds(int(known_ns[first]))} s"
             )
         return [
             (stamp_ns, value, pose)
             for stamp_ns, value, is_known in zip(
-                stamps_ns.tolist(), series.values, (is_inside & ~is_lost).tolist(), strict=True
+                stamps_ns.tolist(), series.values, (is_inside & ~is_in_gap).tolist(), strict=True
             )
             if is_known and (pose := self.trajectory.at(stamp_ns)) is not None
         ]
@@ -178,16 +186,15 @@ class Odometry:
 
 
 def _goes_on(stamps_ns: NDArray[np.int64], log_ns: NDArray[np.int64]) -> bool:
-    """Return whether the times of the log are those of receiving, not one that a program put in."""
+    """Return whether the log's own times advance as it does, and were not put in by a converter."""
     return bool(len(log_ns)) and 2 * int(np.ptp(log_ns)) >= int(np.ptp(stamps_ns))
 
 
 def _without_jumps(
-    what: str, whole: Trajectory, begins: NDArray[np.bool_], notes: list[str]
+    path: Path, what: str, whole: Trajectory, jumps: NDArray[np.bool_], notes: list[str]
 ) -> slice:
     """Return the longest part in which the robot never jumps; note what is left out."""
     stamps_ns, poses = whole.stamps_ns, whole.poses
-    jumps = _jumps(whole) | (begins[1:] & _moves(poses, _RESTART_M, _RESTART_RAD))
     count = int(np.count_nonzero(jumps))
     if count == 0:
         return slice(0, len(poses))
@@ -206,8 +213,8 @@ def _without_jumps(
         end = begin + int(np.searchsorted(stamps_ns[begin:end], stamps_ns[end] - _NEAR_NS, "right"))
     if end - begin < _PART * len(poses):
         raise LogFormatError(
-            f"{what}: the robot jumps {count} times in {len(poses)} poses, first {jump}: they are "
-            "of several robots, or of several drives; a drive of one robot is needed"
+            f"{path}: {what}: the robot jumps {count} times in {len(poses)} poses, first {jump}: "
+            "they are of several robots, or of several drives; a drive of one robot is needed"
         )
     notes.append(
         f"{what}: the robot jumps {count} time{'s' if count > 1 else ''}, first {jump}; the "
@@ -217,13 +224,20 @@ def _without_jumps(
     return slice(begin, end)
 
 
-def _jumps(whole: Trajectory) -> NDArray[np.bool_]:
-    """Return whether each step is none of a robot, (n - 1,)."""
-    steps_m = np.hypot(*np.diff(whole.poses[:, :2], axis=0).T)
+def _jumps(
+    whole: Trajectory, is_held: NDArray[np.bool_], begins: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Return whether each step is longer than a robot drives in that time, (n - 1,).
+
+    How long a step to or from a pose whose time was held took is not known.
+    """
+    restarts = begins[1:] & _moves(whole.poses, _RESTART_M, _RESTART_RAD)
     if is_timeless(whole.stamps_ns):
-        return np.zeros(len(steps_m), bool)
+        return restarts
+    steps_m = np.hypot(*np.diff(whole.poses[:, :2], axis=0).T)
     fast_m_s = min(_FAST_M_S, max(_SLOW_M_S, _HASTE * (usual_pace(whole) or 0.0)))
-    return np.asarray(steps_m > _JUMP_M + fast_m_s * 1e-9 * np.diff(whole.stamps_ns))
+    too_far = steps_m > _JUMP_M + fast_m_s * 1e-9 * np.diff(whole.stamps_ns)
+    return np.asarray(restarts | (too_far & ~is_held[1:] & ~is_held[:-1]))
 
 
 def _moves(poses: NDArray[np.float64], distance_m: float, turn_rad: float) -> NDArray[np.bool_]:

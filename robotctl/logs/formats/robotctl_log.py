@@ -136,7 +136,7 @@ def read_own(path: Path, *, with_sonars: bool = True) -> Recording:
         raise LogFormatError(
             "; ".join([f"{path}: no message of the topic `control` in it", *notes])
         )
-    odometry = _odometry(found[_STATES], notes)
+    odometry = _odometry(path, found[_STATES], notes)
     known = odometry.trajectory
     in_time = [
         (each.log_ns, each.state) for at, each in found[_STATES].with_times() if at == each.log_ns
@@ -218,13 +218,13 @@ def json_messages(file: Path, notes: list[str]) -> Iterator[tuple[str, Message]]
                 yield topics[record.channel_id], record
 
 
-def _odometry(states: Series, notes: list[str]) -> Odometry:
+def _odometry(path: Path, states: Series, notes: list[str]) -> Odometry:
     """Return where the odometry was."""
     poses = [each.state.T_odom_base for each in states.values]
     rows = [(pose.x_m, pose.y_m, pose.theta_rad) for pose in poses]
     epochs_ns = np.array([each.state.odom_epoch_ns for each in states.values])
     begins = np.append(False, np.diff(epochs_ns) != 0)
-    return Odometry(replace(states, what="odometry", values=rows), notes, begins)
+    return Odometry(path, replace(states, what="poses of the odometry", values=rows), notes, begins)
 
 
 def _gyro_turns_rad(states: Sequence[_State]) -> NDArray[np.float64]:
@@ -268,7 +268,9 @@ def _heard(readings: Sequence[SonarReading], odometry: Odometry) -> tuple[Record
     begin_ns, end_ns = odometry.trajectory.stamps_ns[[0, -1]].tolist()
     inside = [each for each in readings if begin_ns <= each.stamp_ns <= end_ns]
     stamps_ns = np.array([each.stamp_ns for each in inside], np.int64)
-    series = Series("sonar readings", stamps_ns, np.empty(0, np.int64), inside)
+    series = Series(
+        "sonar readings", stamps_ns, np.empty(0, np.int64), inside, np.zeros(len(inside), bool)
+    )
     return tuple(RecordedSonar(reading, pose) for _, reading, pose in odometry.place(series))
 
 

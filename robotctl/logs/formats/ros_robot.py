@@ -110,7 +110,7 @@ def robot_of(path: Path, content: BagContent, notes: list[str]) -> BagRobot:
     odom = best.frame or "odom"
     if odom == base:
         odom = next(iter(content.frames.chain(base)[1:]), "odom")
-    odometry = Odometry(content.odometry[best], notes)
+    odometry = Odometry(path, content.odometry[best], notes)
     notes.append(f"odometry: {best.topic}, {base} in {odom}")
     return BagRobot(name, odometry, odom, base)
 
@@ -255,9 +255,10 @@ def _by_tf(path: Path, content: BagContent, name: str, notes: list[str]) -> BagR
         np.array([stamp_ns for stamp_ns, _ in known], np.int64),
         log_ns if len(log_ns) == len(known) else np.empty(0, np.int64),
         [(pose.x_m, pose.y_m, pose.theta_rad) for _, pose in known],
+        np.zeros(len(known), bool),
     )
     notes.append(f"odometry: tf, {base} in {odom}")
-    return BagRobot(name, Odometry(series, notes), odom, base)
+    return BagRobot(name, Odometry(path, series, notes), odom, base)
 
 
 def _space(frame: str) -> str:

@@ -1,9 +1,9 @@
-"""What a recorded log says, by source, in the order of one clock that goes forward.
+"""Entries of a recorded log, by source, in the order of one clock that goes forward.
 
-Every reader hands over what it finds in the order of the log, which is that in which things
-happened. Repeated entries, and single ones whose time is far from that of both neighbours, are
-left out. A clock that is set makes times ambiguous: the log counts as several stretches then, of
-which the longest is read. A time that goes back by less is held. All of it is noted.
+Every reader hands over its entries in the order of the log, which is that in which things happened.
+Repeated entries, and single ones whose time is far from that of both neighbours, are left out. A
+clock that is set makes times ambiguous: the log then counts as several stretches, of which the
+longest is read. A time that goes back by less is held. All of it is noted.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from robotctl.logs.formats.times import FIRST_S, LAST_S, is_timeless
 K = TypeVar("K", bound=Hashable)
 
 HELD_NS: Final = 100_000_000
-"""A clock that goes back no more than this was not set [ns]."""
+"""Step back up to which a clock was not set [ns]."""
 _FORWARD_NS, _STEPS = 100_000 * 1_000_000_000, 1000
-"""A clock that goes forward by more at once, and by so many of its usual steps, was set, as by NTP
-after a start in 1970 [ns]."""
+"""Step forward from which on a clock was set, as by NTP after a start in 1970: [ns], and in usual
+steps."""
 _FIRST_NS, _LAST_NS = int(FIRST_S) * 10**9, int(LAST_S) * 10**9
 _REASONS: Final = 3
 
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """What one source says, in the order of its times.
+    """Entries of one source, in the order of their times.
 
     Parameters
     ----------
@@ -41,13 +41,16 @@ class Series:
     log_ns
         When the log received each, (n,) [ns]; (0,) where it does not say.
     values
-        What was said; n of them.
+        Content of the n entries.
+    is_held
+        Whether a time was held, since its clock went back, (n,).
     """
 
     what: str
     stamps_ns: NDArray[np.int64]
     log_ns: NDArray[np.int64]
     values: list[Any]
+    is_held: NDArray[np.bool_]
 
     def __len__(self) -> int:
         return len(self.values)
@@ -61,11 +64,11 @@ class Series:
 class _Source:
     """Entries of a source in the order of the log.
 
-    Places are comparable among sources of one tape.
+    Positions in the log are comparable among sources of one file.
     """
 
-    tape: int
-    places: list[int] = field(default_factory=list)
+    file: int
+    positions: list[int] = field(default_factory=list)
     stamps_ns: list[int] = field(default_factory=list)
     log_ns: list[int] = field(default_factory=list)
     values: list[Any] = field(default_factory=list)
@@ -96,7 +99,7 @@ class Timeline(Generic[K]):
         self._notes = notes
         self._held_ns = held_ns
         self._sources: dict[K, _Source] = {}
-        self._tapes = self._count = 0
+        self._files = self._count = 0
 
     def sources(self) -> list[K]:
         """Return the sources so far, in the order of their first entries."""
@@ -129,7 +132,7 @@ class Timeline(Generic[K]):
         if not all(_FIRST_NS <= each <= _LAST_NS for each in (stamp_ns, log_ns or 0)):
             self.leave_out(source, stamp_ns, "the time is before 1969 or after 2261")
             return
-        entries = self._sources.setdefault(source, _Source(tape=0))
+        entries = self._sources.setdefault(source, _Source(file=0))
         self._count += 1
         if raw is not None:
             key = hash((stamp_ns, raw))
@@ -137,7 +140,7 @@ class Timeline(Generic[K]):
                 entries.repeated += 1
                 return
             entries.seen.add(key)
-        entries.places.append(self._count)
+        entries.positions.append(self._count)
         entries.stamps_ns.append(stamp_ns)
         entries.values.append(value)
         if log_ns is not None:
@@ -145,14 +148,14 @@ class Timeline(Generic[K]):
 
     def add_file(self, source: K, stamps_ns: Iterable[int], values: Iterable[object]) -> None:
         """Add all entries of a source that has a file of its own."""
-        self._tapes += 1
-        entries = self._sources[source] = _Source(self._tapes)
+        self._files += 1
+        entries = self._sources[source] = _Source(self._files)
         entries.stamps_ns, entries.values = list(stamps_ns), list(values)
-        entries.places = list(range(len(entries.values)))
+        entries.positions = list(range(len(entries.values)))
 
     def leave_out(self, source: K, stamp_ns: int, reason: str) -> None:
-        """Count an entry that cannot be."""
-        entries = self._sources.setdefault(source, _Source(tape=0))
+        """Count an entry whose content is impossible."""
+        entries = self._sources.setdefault(source, _Source(file=0))
         if not entries.refused:
             entries.refused_ns = stamp_ns
         entries.refused += 1
@@ -160,7 +163,7 @@ class Timeline(Generic[K]):
             entries.reasons.append(reason)
 
     def settled(self, details: Collection[K] = (), timeless: Collection[K] = ()) -> dict[K, Series]:
-        """Return all that counts, by source; what does not is noted.
+        """Return the entries that count, by source; the others are noted.
 
         Parameters
         ----------
@@ -175,11 +178,11 @@ class Timeline(Generic[K]):
         for source, found in self._sources.items():
             if source not in details:
                 self._note_left_out(str(source), found)
-                rows[source], places = self._in_order(str(source), found)
-                cuts.setdefault(found.tape, []).extend(places)
-        for tape, places in cuts.items():
-            if places:
-                self._keep_longest(tape, sorted(places), rows, details, timeless)
+                rows[source], positions = self._in_order(str(source), found)
+                cuts.setdefault(found.file, []).extend(positions)
+        for file, positions in cuts.items():
+            if positions:
+                self._keep_longest(file, sorted(positions), rows, details, timeless)
         return {
             source: self._series(source, rows[source], is_noted=source not in details)
             for source in self._sources
@@ -197,7 +200,7 @@ class Timeline(Generic[K]):
             )
 
     def _in_order(self, what: str, found: _Source) -> tuple[NDArray[np.int64], list[int]]:
-        """Return the rows without single times far off, and the places where the clock is set."""
+        """Return the rows without single times far off, and the positions of a set clock."""
         strays, cuts = _walk(found.stamps_ns, self._held_ns)
         if strays:
             at = min(strays)
@@ -214,11 +217,11 @@ class Timeline(Generic[K]):
             )
         keep = np.ones(len(found.values), bool)
         keep[strays] = False
-        return np.flatnonzero(keep), [found.places[at] for at in cuts]
+        return np.flatnonzero(keep), [found.positions[at] for at in cuts]
 
     def _keep_longest(
         self,
-        tape: int,
+        file: int,
         cuts: list[int],
         rows: dict[K, NDArray[np.int64]],
         details: Collection[K],
@@ -228,22 +231,24 @@ class Timeline(Generic[K]):
         here = {
             each: found
             for each, found in self._sources.items()
-            if found.tape == tape and each not in timeless
+            if found.file == file and each not in timeless
         }
-        places = {each: np.array(found.places, np.int64) for each, found in here.items()}
+        positions = {
+            each: np.array(found.positions, np.int64)[rows[each]] for each, found in here.items()
+        }
         edges = np.array([-1, *cuts, np.iinfo(np.int64).max])
         counts = sum(
-            np.histogram(places[each][rows[each]], edges)[0] for each in here if each not in details
+            np.histogram(positions[each], edges)[0] for each in here if each not in details
         )
         longest = int(np.argmax(counts))
         begin, end = edges[longest], edges[longest + 1]
         left_out = []
         for each, found in here.items():
-            inside = (places[each][rows[each]] >= begin) & (places[each][rows[each]] < end)
-            lost = len(inside) - int(np.count_nonzero(inside))
+            is_inside = (positions[each] >= begin) & (positions[each] < end)
+            lost = len(is_inside) - int(np.count_nonzero(is_inside))
             if lost and each not in details:
                 left_out.append(f"{lost} of {found.total} {each}")
-            rows[each] = rows[each][inside]
+            rows[each] = rows[each][is_inside]
         self._notes.append(
             f"the longest of {len(cuts) + 1} stretches of the log between such times is read; left "
             f"out are {', '.join(left_out) or 'none'}"
@@ -254,7 +259,8 @@ class Timeline(Generic[K]):
         found, what = self._sources[source], str(source)
         stamps_ns = np.array(found.stamps_ns, np.int64)[rows]
         ordered_ns = np.maximum.accumulate(stamps_ns)
-        held = int(np.count_nonzero(ordered_ns != stamps_ns))
+        is_held = ordered_ns != stamps_ns
+        held = int(np.count_nonzero(is_held))
         if held and is_noted:
             self._notes.append(f"{held} of {found.total} {what}: their clock goes back, time held")
         if is_noted and is_timeless(ordered_ns):
@@ -265,7 +271,7 @@ class Timeline(Generic[K]):
         log_ns = np.array(found.log_ns, np.int64)
         return Series(
             what, ordered_ns, log_ns[rows] if len(log_ns) else log_ns,
-            [found.values[row] for row in rows.tolist()],
+            [found.values[row] for row in rows.tolist()], is_held,
         )  # fmt: skip
 
 

@@ -1,6 +1,7 @@
 """Where readings were taken, against the closed form of a drive, and where that is not known."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,11 +14,13 @@ from robotctl.logs.formats.timeline import Series
 
 SECOND = 10**9
 NO_LOG = np.empty(0, np.int64)
+LOG = Path("drive")
 
 
 def series(what, times_s, values, log_s=None):
     log_ns = NO_LOG if log_s is None else np.rint(np.array(log_s) * 1e9).astype(np.int64)
-    return Series(what, np.rint(np.array(times_s) * 1e9).astype(np.int64), log_ns, list(values))
+    stamps_ns = np.rint(np.array(times_s) * 1e9).astype(np.int64)
+    return Series(what, stamps_ns, log_ns, list(values), np.zeros(len(stamps_ns), bool))
 
 
 def circle(time_s):
@@ -27,7 +30,7 @@ def circle(time_s):
 
 
 def driven(times_s, notes, **options):
-    return Odometry(series("poses", times_s, map(circle, times_s), **options), notes)
+    return Odometry(LOG, series("poses", times_s, map(circle, times_s), **options), notes)
 
 
 @given(st.lists(st.floats(-2.0, 12.0).map(lambda s: round(s, 6)), max_size=20).map(sorted))
@@ -67,7 +70,7 @@ def test_readings_while_a_moving_robot_says_nothing_are_left_out(begin, length):
 
 def test_a_robot_that_stands_need_not_say_so():
     times_s = [0.0, 0.1, 0.2, 30.0, 30.1]
-    odometry = Odometry(series("poses", times_s, [(1.0, 2.0, 0.5)] * 5), [])
+    odometry = Odometry(LOG, series("poses", times_s, [(1.0, 2.0, 0.5)] * 5), [])
     ((_, _, pose),) = odometry.place(series("scans", [15.0], "a"))
     assert (pose.x_m, pose.y_m, pose.theta_rad) == (1.0, 2.0, 0.5)
 
@@ -112,15 +115,15 @@ def test_what_is_no_pose_is_left_out():
         "3 of 5 poses left out: they are no poses; the first, at 1 s, is nan m, 0 m, 0 rad"
     ]
     assert trajectory(series("poses", [0], [(math.nan, 0.0, 0.0)]), []) is None
-    with pytest.raises(LogFormatError, match="poses: no pose in it; 1 of 1 poses left out"):
-        Odometry(series("poses", [0], [(math.nan, 0.0, 0.0)]), [])
+    with pytest.raises(LogFormatError, match="drive: no poses of use in it; 1 of 1 poses left out"):
+        Odometry(LOG, series("poses", [0], [(math.nan, 0.0, 0.0)]), [])
 
 
 def test_the_longest_part_without_a_jump_counts_and_not_what_is_near_the_jump():
     times_s = 0.1 * np.arange(100)
     rows = [(x if x < 3.0 else x + 9.0, 0.0, 0.0) for x in (0.05 * np.arange(100)).tolist()]
     notes = []
-    odometry = Odometry(series("poses", times_s, rows), notes)
+    odometry = Odometry(LOG, series("poses", times_s, rows), notes)
     known_s = 1e-9 * odometry.trajectory.stamps_ns[[0, -1]]
     assert known_s == pytest.approx([0.0, 5.5])
     assert odometry.rows.tolist() == list(range(56))
@@ -133,7 +136,7 @@ def test_the_longest_part_without_a_jump_counts_and_not_what_is_near_the_jump():
 
 def test_a_fast_robot_does_not_jump():
     times_s = np.arange(0.0, 20.0, 0.2)
-    odometry = Odometry(series("poses", times_s, [(22.0 * t, 0.0, 0.0) for t in times_s]), [])
+    odometry = Odometry(LOG, series("poses", times_s, [(22.0 * t, 0.0, 0.0) for t in times_s]), [])
     assert len(odometry.trajectory.poses) == 100
 
 
@@ -141,12 +144,15 @@ def test_a_frame_that_begins_anew_elsewhere_is_a_jump_however_long_that_took():
     times_s = [*range(10), *range(100, 106)]
     rows = [(0.1 * i, 0.0, 0.0) for i in range(10)] + [(0.1 * i, 0.0, 0.0) for i in range(6)]
     begins = np.arange(16) == 10
-    assert len(Odometry(series("poses", times_s, rows), [], begins).trajectory.poses) == 10
+    assert len(Odometry(LOG, series("poses", times_s, rows), [], begins).trajectory.poses) == 10
     on = [(0.1 * i, 0.0, 0.0) for i in range(16)]
-    assert len(Odometry(series("poses", times_s, on), [], begins).trajectory.poses) == 16
+    assert len(Odometry(LOG, series("poses", times_s, on), [], begins).trajectory.poses) == 16
 
 
 def test_poses_of_two_robots_in_turn_are_refused():
     rows = [(0.01 * i, 5.0 * (i % 2), 0.0) for i in range(100)]
-    with pytest.raises(LogFormatError, match=r"jumps 99 times in 100 poses, .* of several robots"):
-        Odometry(series("poses", 0.02 * np.arange(100), rows), [])
+    with pytest.raises(
+        LogFormatError,
+        match=r"drive: poses: the robot jumps 99 times in 100 poses, .* of several robots",
+    ):
+        Odometry(LOG, series("poses", 0.02 * np.arange(100), rows), [])
