@@ -14,13 +14,8 @@ from robotctl.drivers.can.candump import CandumpReader
 from robotctl.drivers.can.config import CanConfig
 from robotctl.errors import LinkError
 from robotctl.logs.mcap.entries import Published
-from robotctl.logs.mcap.log import (
-    LogInUseError,
-    McapLog,
-    McapLogError,
-    is_complete,
-    recover,
-)
+from robotctl.logs.mcap.log import McapLog
+from robotctl.logs.mcap.recovery import LogInUseError, McapLogError, is_complete, recover
 from robotctl.logs.mcap.scene import Scene
 from robotctl.messages.ports import Clock
 from robotctl.runtime.storage.atomic_file import remove_parts

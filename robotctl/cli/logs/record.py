@@ -56,14 +56,16 @@ def dump(
 
 @app.command()
 def recover(
-    file: Annotated[Path, typer.Argument(help="robot-*.mcap that was cut short.")],
+    file: Annotated[
+        Path, typer.Argument(help="robot-*.mcap, or another MCAP file, that was cut short.")
+    ],
 ) -> None:
     """Complete an MCAP log that was not closed, in place; the recorder does so when it starts.
 
-    A whole log stays as it is. Damaged places are left out; the log as it was is kept then, as
+    A whole log stays as it is. If anything is left out, the log as it was is kept, as
     FILE.damaged-1 and so on.
     """
-    from robotctl.logs.mcap.log import recover as recover_log  # noqa: PLC0415 - loads zstd
+    from robotctl.logs.mcap.recovery import recover as recover_log  # noqa: PLC0415 - loads zstd
 
     try:
         recovered = recover_log(file)

@@ -75,7 +75,7 @@ def learn(
         refuse_unused(ctx, "without --world", "seed")
     source = _source(log, world, live, at, robot, seed, overrides)
     with _turning(source) as progress:
-        learned = places.learn(name, book, source, progress)
+        learned = places.learn(name, book, source, progress, _tell)
     known = learned.book
     place = next(each for each in known.places if each.name == name)
     pose, heard = place.visits[-1].pose, place.visits[-1].signature
@@ -112,7 +112,7 @@ def recognise(
         refuse_unused(ctx, "without --world", "seed")
     source = _source(log, world, live, at, robot, seed, overrides)
     with _turning(source) as progress:
-        found = places.recognise(book, source, progress)
+        found = places.recognise(book, source, progress, _tell)
     for each in found:
         print("\n".join(_lines(each)))
     if plot is not None:
@@ -165,6 +165,10 @@ def _turning(source: PlaceSource) -> Iterator[Progress]:
         console.print(f"turn {source.live} on the spot by 360°; Ctrl-C ends")
     with console.status("reading" if source.log else "waiting") as status:
         yield lambda turned_rad: status.update(f"turned {math.degrees(turned_rad):.0f}°")
+
+
+def _tell(note: str) -> None:
+    plain_console(stderr=True).print(f"note: {note}", soft_wrap=True)
 
 
 def _lines(found: Recognised) -> Iterator[str]:

@@ -180,9 +180,9 @@ def _from_tape(
     options: OdometryCalibrateOptions, config: RobotConfig, file: Path, progress: Progress
 ) -> OdometryCalibrateResult:
     """Fit runs that a user measured."""
-    _, runs = runs_of_file(file, OdometryModel(config.drive))
+    _, runs, read = runs_of_file(file, OdometryModel(config.drive))
     found = _fit(config, runs, _tape(runs), progress)
-    notes = ("Before and after are computed on the same runs; drive again to prove it.",)
+    notes = (*read, "Before and after are computed on the same runs; drive again to prove it.")
     return OdometryCalibrateResult(
         options, config, runs, found, (), (tape_check(found, runs),), notes
     )

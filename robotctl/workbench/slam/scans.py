@@ -107,6 +107,7 @@ class ScanResult:
             }
         return {
             "log": self.recording.name,
+            "notes": list(self.recording.notes),
             "scans": len(self.recording.scans),
             "odometry": self.has_odometry,
             "slips": self.mapper.slips,
@@ -173,7 +174,7 @@ def scan_slam(
     if first is None:
         raise ScanSlamError(
             f"{log}: {len(recording.scans)} {sensor} scans in it, none with {LEAST_ECHOES} echoes, "
-            f"which --sensor {sensor} needs"
+            f"which --sensor {sensor} needs{recording.why()}"
         )
     if first:
         note = f"{first} scans left out, before the first with {LEAST_ECHOES} echoes"
