@@ -8,6 +8,7 @@ from collections.abc import Callable
 from robotctl.config.options import StackOptions, options_of_command_line
 from robotctl.config.robot_file import RobotConfig
 from robotctl.errors import ConfigError, RobotctlError
+from robotctl.runtime.ipc.run_folder import hold_folder
 
 _AGAIN = 1
 _BAD_INPUT = 2
@@ -30,6 +31,7 @@ def enter(
     """
     options = options_of_command_line(sys.argv)
     try:
+        hold_folder(options.instance)
         run(options.load(), options)
     except RobotctlError as error:
         print(f"robotctl {name}: {error}", file=sys.stderr)  # noqa: T201

@@ -66,6 +66,7 @@ from robotctl.model.sensors.camera import SIMULATED
 from robotctl.model.sensors.lidar import SOCKET
 from robotctl.model.wall_map import WallMap
 from robotctl.runtime.clock import RealClock
+from robotctl.runtime.ipc.run_folder import hold_folder, remove_dead_runs, simulated_instance
 from robotctl.runtime.ipc.topics import (
     Endpoints,
     RequestSender,
@@ -127,7 +128,9 @@ class SimRun:
         unfit = misfit(self.config, robot, self.world, self.walls)
         self._scenario = load_faults(options)
         start = options.start_of(self.mission)
-        instance = f"sim-{os.getpid()}"
+        remove_dead_runs()
+        instance = simulated_instance()
+        self._held = hold_folder(instance)
         record = str(options.record.resolve()) if options.record else ""
         self._folder = endpoint_directory(instance)
         self._clock_file = ring_path(instance).with_suffix(".clock")
@@ -213,6 +216,7 @@ class SimRun:
         self._context.destroy(linger=0)
         shutil.rmtree(self._folder, ignore_errors=True)
         self._clock_file.unlink(missing_ok=True)
+        os.close(self._held)
 
     def _start_firmware(self) -> None:
         """Start firmware_sim and wait for its nodes."""
