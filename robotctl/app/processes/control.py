@@ -44,6 +44,7 @@ from robotctl.runtime.ipc.topics import (
 )
 from robotctl.runtime.loop import Loop
 from robotctl.runtime.realtime import acquire_realtime
+from robotctl.runtime.simulated_clock import Pacer
 
 PUBLISH_HZ: Final = 50
 
@@ -145,7 +146,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     stopped = StopFlag()
     emergency = EmergencySignal()
     options, odometer_m, notes = continued(options)
-    clock = options.open_clock(paces=True)
+    clock = options.open_clock(Pacer.CONTROL)
     folder = endpoint_directory(options.instance)
     claims = [claim_bus(config.can.interface, config.can.channel)]
     claims += [claim(each) for each in sorted({str(folder), options.state} - {""})]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 
+from robotctl.app.supervision.signals import name_process
 from robotctl.config.options import StackOptions, options_of_command_line
 from robotctl.config.robot_file import RobotConfig
 from robotctl.errors import ConfigError, RobotctlError
@@ -29,6 +30,7 @@ def enter(
     device_may_come
         Whether an error that is none of the configuration passes when a device is plugged in.
     """
+    name_process(name)
     options = options_of_command_line(sys.argv)
     try:
         hold_folder(options.instance)

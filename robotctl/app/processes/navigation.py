@@ -34,6 +34,7 @@ from robotctl.runtime.ipc.topics import (
     Subscriber,
     endpoint_directory,
 )
+from robotctl.runtime.simulated_clock import Pacer
 
 _PLAN_S: Final = 0.15
 """Planning in a step; a command lives for 0.2 s [s]."""
@@ -82,7 +83,7 @@ def take_bounds(adapter: NavigationAdapter, options: StackOptions) -> tuple[str,
 def run(config: RobotConfig, options: StackOptions) -> None:
     """Navigate until SIGTERM or SIGINT; then the commands expire and the robot comes to rest."""
     stopped = StopFlag()
-    clock = options.open_clock()
+    clock = options.open_clock(Pacer.NAVIGATION, round(1e9 / config.navigation.rate_hz))
     endpoints = Endpoints(endpoint_directory(options.instance))
     context = zmq.Context()
     states = Subscriber[ControlState | Notice](

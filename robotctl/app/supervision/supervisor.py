@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from typing import Final, TypeAlias
 
 from robotctl.app.supervision.exit_log import ExitLog
-from robotctl.app.supervision.pause import Pause
 from robotctl.app.supervision.service import ServiceNotifier
 from robotctl.app.supervision.stack import CONTROL, Stack
 from robotctl.app.supervision.supervised import ProcessPhase
@@ -17,9 +15,6 @@ Message: TypeAlias = ControlState | NavigationState | Notice
 
 POLL_S: Final = 0.1
 """Between two steps of the supervisor [s]."""
-
-HELD_S: Final = 1.0
-"""A longer pause of the supervisor is reported [s]."""
 
 
 class Supervisor:
@@ -43,7 +38,6 @@ class Supervisor:
         self._notifier = notifier
         self._log = log
         self._ready = False
-        self._stepped_s: float | None = None
         self._state: ControlState | None = None
         self._fed_s = 0.0
         self._fed_ticks = (0, 0)
@@ -75,7 +69,8 @@ class Supervisor:
         StackError
             As of `Stack.watch`; what it ends with is logged first.
         """
-        lines, own = [], self._own_pause(now_s)
+        lines: list[str] = []
+        own: list[str] = []
         for message in messages:
             if isinstance(message, Notice):
                 lines.append(message.text)
@@ -94,14 +89,6 @@ class Supervisor:
         self._feed(now_s)
         self._notifier.status(self._status())
         return lines
-
-    def _own_pause(self, now_s: float) -> list[str]:
-        """Return a line where this process itself was held up."""
-        before_s, self._stepped_s = self._stepped_s, now_s
-        if before_s is None or now_s - before_s < HELD_S:
-            return []
-        pause = Pause("the supervisor", os.getpid(), now_s - before_s, "", over=True)
-        return [pause.words(), *([] if self._log is None else self._log.note([pause]))]
 
     def _log_exits(self) -> list[str]:
         """Log the ends and pauses of this step; return the errors of doing so."""
