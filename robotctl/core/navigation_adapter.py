@@ -144,6 +144,7 @@ class NavigationAdapter:
         requests: Sequence[NavigationRequest],
         now_ns: int,
         seen: Sequence[LidarScan | CameraView] = (),
+        late_ns: int = 0,
     ) -> tuple[VelocityCommand, NavigationState]:
         """Return the velocity command of this step and what to publish.
 
@@ -152,12 +153,13 @@ class NavigationAdapter:
         robot to others. HOLD is always taken; velocities and sticks expire by themselves.
 
         `localisation` is the localiser's last message. Where `WorldPose` has no pose, the robot
-        looks around by odometry alone. `seen` is what lidar and camera saw since the last step.
+        looks around by odometry alone. `seen` is what lidar and camera saw since the last step,
+        `late_ns` how long this process was kept from it [ns].
         """
         if localisation is not None:
             self._world.localise(localisation)
         self.bound_by(each for each in requests if not too_late(each, now_ns))
-        inputs = self._inputs(control, requests, now_ns, seen)
+        inputs = self._inputs(control, requests, now_ns, seen)._replace(late_ns=late_ns)
         out = self.navigator.step(inputs, now_ns)
         offer, self._offer = self._offer, None
         if offer is not None and self.navigator.mission is offer.mission:
@@ -282,7 +284,8 @@ class NavigationAdapter:
 
     def take_notices(self) -> list[str]:
         """Return sentences for people since the last call."""
-        notices, self._notices = [*self._notices, *self.fence.take_notices()], []
+        said = self.navigator.take_notices()
+        notices, self._notices = [*self._notices, *said, *self.fence.take_notices()], []
         return notices
 
     def _attended(self, requests: Sequence[NavigationRequest], now_ns: int) -> bool:
