@@ -268,7 +268,7 @@ def test_without_navigation_the_robot_stops_and_a_new_navigation_does_not_drive_
 
 
 def comes_to_rest(rig: Rig, fault: str, reaction: React) -> None:
-    """Assert that the robot comes to rest in time behind navigation's last step, and stays armed."""
+    """Assert that the robot is at rest in time behind navigation's last step, and stays armed."""
     rig.wait(lambda: rig.control.v_ref_m_s == 0.0, 3.0, "set-points expire")
     taken_ms = (rig.control.stamp_ns - rig.navigation.stamp_ns) / 1e6
     reaction(fault, taken_ms)

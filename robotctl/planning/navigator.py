@@ -89,7 +89,8 @@ class Navigator:
     where it was left. MANUAL stays: there the operator's hand is on the stick. So it is where a
     ground station is lost, and while `attended` is false: no other mode can be had then.
 
-    While its navigator is held up, the robot stands; what follows, `StallWatch` says.
+    While its navigator is held up, the robot stands; what follows, `StallWatch` says. One that
+    counts on a camera stands while that shows nothing of the floor ahead, but by hand.
 
     Parameters
     ----------
@@ -164,6 +165,7 @@ class Navigator:
         """When a stop of the robot was last received [ns]."""
         self._stalls = StallWatch()
         self._notices: list[str] = []
+        self._waits_to_see = False
 
     @property
     def mode(self) -> Mode:
@@ -270,6 +272,7 @@ class Navigator:
             self._pause()
             return self._outputs(BehaviourOutput(0.0, 0.0, text="no valid pose or velocity"))
         situation = self._surroundings.observe(inputs, now_ns)
+        self._note_blindness(inputs.blind)
         if (why := self._stands_for(inputs, stall)) is not None:
             self._pause()
             return self._outputs(BehaviourOutput(0.0, 0.0, text=why))
@@ -290,9 +293,20 @@ class Navigator:
         """Return why the robot must not move in this step, None if it may."""
         if stall is not None and self._mode not in _BY_HAND:
             return f"waits: {stall.words}"
+        if inputs.enabled and inputs.blind and self._mode not in _BY_HAND:
+            return f"waits: {inputs.blind}"
         if inputs.enabled:
             return None
         return "not armed" if inputs.heard else SILENT
+
+    def _note_blindness(self, blind: str) -> None:
+        """Tell people when a robot that drives by itself stands because it sees no floor."""
+        waits = bool(blind) and self._enabled and self._mode not in _BY_HAND
+        if waits and not self._waits_to_see:
+            self._notices.append(f"{blind}: the robot waits")
+        elif self._waits_to_see and not blind:
+            self._notices.append("the camera gives pictures again")
+        self._waits_to_see = waits
 
     def take_notices(self) -> list[str]:
         """Return sentences for people since the last call."""
