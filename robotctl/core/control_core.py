@@ -474,6 +474,7 @@ class ControlCore:
             against_arming=() if self.machine.powered else self._refusals(now_ns, objections),
             tuning=self._tuning,
             procedure=self._procedures.latest,
+            stopped_ns=self._stopped_ns,
         )
 
 

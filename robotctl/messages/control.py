@@ -474,7 +474,8 @@ class ControlState(msgspec.Struct, frozen=True, tag=True):
     `fault` is the kind of what `reason` says, NONE if that is no fault; `fault_part` names the
     node, wheel or sonar it is about. `against_arming` are all reasons for which a request to arm
     would be refused now, empty while the robot is powered. `tuning` is the number of the `Tuning`
-    in force. `procedure` is the last that was asked for.
+    in force. `procedure` is the last that was asked for. `stopped_ns` is when a fault or an
+    emergency stop last stopped the robot, 0: none did since the start of the process.
     """
 
     stamp_ns: int
@@ -513,6 +514,7 @@ class ControlState(msgspec.Struct, frozen=True, tag=True):
     against_arming: tuple[Fault, ...] = ()
     tuning: int = 0
     procedure: Procedure = Procedure()
+    stopped_ns: int = 0
 
     @property
     def T_odom_base(self) -> SE2:
