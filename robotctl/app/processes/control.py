@@ -7,7 +7,6 @@ import math
 import os
 import sys
 from collections.abc import Sequence
-from typing import Final
 
 import msgspec
 import zmq
@@ -16,6 +15,7 @@ from robotctl.app.processes.entry import enter
 from robotctl.app.processes.progress import last_pose, load_progress
 from robotctl.app.processes.robot import make_core, make_robot, record_header
 from robotctl.app.supervision.signals import EmergencySignal, StopFlag
+from robotctl.app.supervision.silence import STATE_PERIOD_NS
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig
 from robotctl.core.checkpoint import checkpoint
@@ -45,8 +45,6 @@ from robotctl.runtime.ipc.topics import (
 from robotctl.runtime.loop import Loop
 from robotctl.runtime.realtime import acquire_realtime
 from robotctl.runtime.simulated_clock import Pacer
-
-PUBLISH_HZ: Final = 50
 
 
 class ControlTicker:
@@ -82,7 +80,6 @@ class ControlTicker:
         self._loop = loop
         self._ring = ring
         self._heartbeat = heartbeat
-        self._publish_period_ns = 1_000_000_000 // PUBLISH_HZ
         self._published_ns = 0
 
     def publish(self, now_ns: int) -> None:
@@ -92,7 +89,7 @@ class ControlTicker:
         if self._ring is not None:
             self._ring.record(now_ns, tick.inputs, tick.outputs, loop.lag_ns, loop.step_ns)
         tick.publish()
-        if now_ns - self._published_ns >= self._publish_period_ns:
+        if now_ns - self._published_ns >= STATE_PERIOD_NS:
             self._published_ns = now_ns
             loop.refresh()
             figures = loop.statistics()

@@ -151,7 +151,9 @@ class Report(msgspec.Struct, frozen=True):
 
     `unsafe_motions` counts what the simulator's monitor holds against the robot: power at the
     wheels that nothing on the bus allowed, or too much speed; `unsafe_reason` is that of the last.
-    `held_up_ms` is how long this computer was held up at most, by an estimate of its own. `faults`
+    `held_up_ms` is how long this computer was held up at most, by an estimate of its own. `silent`
+    names the processes that had said nothing for a while at the end: what is reported of them is of
+    before. `faults`
     are those of the scenario whose time has come, each with the simulator's time, and why where it
     could not begin; then those that never began, since the run was over before their time.
     `collisions` are those that the robot causes; `ran_into` counts people who ran into it.
@@ -184,6 +186,7 @@ class Report(msgspec.Struct, frozen=True):
     bus: dict[str, Any]
     real_time_factor: float
     held_up_ms: float = 0.0
+    silent: tuple[str, ...] = ()
     faults: tuple[str, ...] = ()
     log_trouble: str = ""
     localisation: LocalisationReport | None = None

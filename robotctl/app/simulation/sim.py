@@ -41,7 +41,9 @@ from robotctl.app.simulation.sim_options import (
 )
 from robotctl.app.supervision.child_process import lines_of, start_child
 from robotctl.app.supervision.exit_log import ExitLog
+from robotctl.app.supervision.pause import state_of
 from robotctl.app.supervision.stack import CONTROL, Stack
+from robotctl.app.supervision.supervised import ProcessPhase
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig, load_robot
 from robotctl.errors import DiskError
@@ -80,6 +82,8 @@ _READY_S = 180.0
 _BELOW_CONTROL = 10
 _POLL_S = 0.05
 _SAY_S = 5.0
+_LATE_NS = 1_000_000_000
+"""A notice that was said longer ago is shown with its age [ns]."""
 _READY, _FAULT = "ready", "fault at "
 """Prefix of firmware_sim's lines."""
 
@@ -167,6 +171,7 @@ class SimRun:
         self._said_waiting = False
         self._was_ready = False
         """Whether there has been a run that could be scored."""
+        self._firmware_silent = False
         self._attended = False
         """Whether the robot was stopped from the keyboard, which may arm it again."""
         self._score = RunScore(
@@ -176,7 +181,11 @@ class SimRun:
             has_localiser=self.config.localisation.method != "none",
             is_recorded=options.record is not None,
         )
-        self.progress = RunStatus()
+        camera = self.config.camera
+        self.progress = RunStatus(
+            navigation_period_ns=round(1e9 / self.config.navigation.rate_hz),
+            camera_period_ns=round(2e9 / camera.rate_hz) if camera is not None else 0,
+        )
         if unfit:
             self.progress.lines.append(unfit)
 
@@ -293,7 +302,8 @@ class SimRun:
         while True:
             self._listen()
             progress = self.progress
-            progress.elapsed_s = now_s = (clock.now_ns() - begin_ns) / 1e9
+            self._note_silence(progress)
+            progress.elapsed_s = now_s = (progress.now_ns - begin_ns) / 1e9
             real_ns = time.monotonic_ns() - real_begin_ns
             progress.real_time_factor = 1e9 * now_s / real_ns if real_ns else 1.0
             late_ns = 0 if progress.truth is None else progress.truth.late_max_ns
@@ -320,6 +330,17 @@ class SimRun:
                     self._stack.tell(ended, Severity.CRITICAL)
                 raise SimulatorError(ended)
             time.sleep(_POLL_S)
+
+    def _note_silence(self, progress: RunStatus) -> None:
+        """Note what is silent, and say so where nobody else does."""
+        progress.now_ns = self._clock.now_ns()
+        phase = ProcessPhase.IDLE if self._stack is None else self._stack.phase(CONTROL)
+        progress.control_phase = "" if phase is ProcessPhase.READY else phase.value
+        silent = progress.truth_silence
+        if bool(silent) != self._firmware_silent and self._firmware is not None:
+            self._firmware_silent = bool(silent)
+            why = state_of(self._firmware.pid)
+            progress.lines.append(f"{silent} ({why})" if silent else "firmware_sim goes on")
 
     @property
     def _is_over(self) -> bool:
@@ -393,7 +414,9 @@ class SimRun:
                     progress.navigation = message
                     self._operator.hear(message)
                 case Notice():
-                    progress.lines.append(message.text)
+                    late_ns = self._clock.now_ns() - message.stamp_ns
+                    late = f" ({late_ns / 1e9:.1f} s ago)" if late_ns > _LATE_NS else ""
+                    progress.lines.append(message.text + late)
 
     def _listen_to_firmware(self) -> None:
         """Take readiness and begun faults."""
@@ -461,6 +484,7 @@ class SimRun:
             bus=bus_report(control.bus),
             real_time_factor=round(progress.real_time_factor, 4),
             held_up_ms=round(self._held_up.longest_ms, 1),
+            silent=progress.silences,
             faults=tuple(self._faults),
             log_trouble=log_trouble,
             localisation=self._score.localisation_report,

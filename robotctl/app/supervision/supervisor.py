@@ -7,6 +7,7 @@ from typing import Final, TypeAlias
 
 from robotctl.app.supervision.exit_log import ExitLog
 from robotctl.app.supervision.service import ServiceNotifier
+from robotctl.app.supervision.silence import silence
 from robotctl.app.supervision.stack import CONTROL, Stack
 from robotctl.app.supervision.supervised import ProcessPhase
 from robotctl.messages.control import ControlState, NavigationState, Notice
@@ -15,6 +16,9 @@ Message: TypeAlias = ControlState | NavigationState | Notice
 
 POLL_S: Final = 0.1
 """Between two steps of the supervisor [s]."""
+
+_POLL_NS: Final = round(POLL_S * 1e9)
+"""States are read as often as this [ns], more seldom than they are published."""
 
 
 class Supervisor:
@@ -87,7 +91,7 @@ class Supervisor:
             self._stack.tell(line)
         lines += own
         self._feed(now_s)
-        self._notifier.status(self._status())
+        self._notifier.status(self._status(now_s))
         return lines
 
     def _log_exits(self) -> list[str]:
@@ -104,13 +108,16 @@ class Supervisor:
         self._fed_s, self._fed_ticks = now_s, ticks
         self._notifier.feed_watchdog()
 
-    def _status(self) -> str:
-        """Return the robot's state and that of its processes in one line."""
+    def _status(self, now_s: float) -> str:
+        """Return the robot's state at a time [s] and that of its processes in one line."""
         state = self._state
         if state is None or self._stack.phase(CONTROL) is not ProcessPhase.READY:
             return self._processes()
         words = state.state.name.lower().replace("_", " ")
         reason = f" ({state.reason})" if state.reason else ""
+        silent = silence("control", state.stamp_ns, round(now_s * 1e9), _POLL_NS)
+        if silent:
+            return f"{silent} (before: {words}{reason}); {self._processes()}"
         return f"{words}{reason}; {self._processes()}"
 
     def _processes(self) -> str:
