@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import msgspec
 
-from robotctl.app.supervision.silence import STATE_PERIOD_NS, silence
+from robotctl.app.supervision.silence import LONG_NS, STATE_PERIOD_NS, silence
 from robotctl.messages.control import ControlState, NavigationState
 from robotctl.messages.estimation import (
     CameraView,
@@ -98,6 +98,15 @@ class RunStatus:
         if self.truth is None:
             return ""
         return silence("firmware_sim", self.truth.stamp_ns, self.now_ns, TRUTH_PERIOD_NS)
+
+    @property
+    def is_silent_for_long(self) -> bool:
+        """Whether control has ended, or it, navigation or firmware_sim is silent for long."""
+        parts = (self.control, self.navigation, self.truth)
+        stamps_ns = [part.stamp_ns for part in parts if part is not None]
+        since_ns = min(stamps_ns, default=self.now_ns)
+        ended = bool(self.control_phase) and self.control is not None
+        return ended or self.now_ns - since_ns > LONG_NS
 
     @property
     def silences(self) -> tuple[str, ...]:

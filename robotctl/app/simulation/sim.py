@@ -42,6 +42,7 @@ from robotctl.app.simulation.sim_options import (
 from robotctl.app.supervision.child_process import lines_of, start_child
 from robotctl.app.supervision.exit_log import ExitLog
 from robotctl.app.supervision.pause import state_of
+from robotctl.app.supervision.silence import LONG_NS
 from robotctl.app.supervision.stack import CONTROL, Stack
 from robotctl.app.supervision.supervised import ProcessPhase
 from robotctl.config.options import StackOptions
@@ -336,11 +337,14 @@ class SimRun:
         progress.now_ns = self._clock.now_ns()
         phase = ProcessPhase.IDLE if self._stack is None else self._stack.phase(CONTROL)
         progress.control_phase = "" if phase is ProcessPhase.READY else phase.value
-        silent = progress.truth_silence
-        if bool(silent) != self._firmware_silent and self._firmware is not None:
-            self._firmware_silent = bool(silent)
-            why = state_of(self._firmware.pid)
-            progress.lines.append(f"{silent} ({why})" if silent else "firmware_sim goes on")
+        truth = progress.truth
+        if truth is None or self._firmware is None:
+            return
+        silent = progress.now_ns - truth.stamp_ns > LONG_NS
+        if silent != self._firmware_silent:
+            self._firmware_silent = silent
+            words = f"{progress.truth_silence} ({state_of(self._firmware.pid)})"
+            progress.lines.append(words if silent else "firmware_sim goes on")
 
     @property
     def _is_over(self) -> bool:

@@ -13,6 +13,10 @@ PERIODS: Final = 3
 """Periods without a word after which a sender is silent."""
 
 
+LONG_NS: Final = 500_000_000
+"""Silence that is worth a line of its own [ns]: a shorter one may be the reader's own."""
+
+
 def silence(who: str, stamp_ns: int, now_ns: int, period_ns: int) -> str:
     """Return for how long a sender has been silent, for people; empty if it is not.
 

@@ -104,7 +104,8 @@ class LineView:
         self._connections = connections
         self._keys = keys
         self._printed_s = -math.inf
-        self._what_now = self._silent = ""
+        self._what_now = ""
+        self._is_silent = False
 
     def __enter__(self) -> LineView:
         """Begin to show."""
@@ -131,9 +132,9 @@ class LineView:
         if control is None:
             return
         silent = "; ".join(progress.silences)
-        if bool(silent) != bool(self._silent):
-            self._print(progress.elapsed_s, silent or "all are heard again")
-        self._silent = silent
+        if progress.is_silent_for_long != self._is_silent:
+            self._is_silent = not self._is_silent
+            self._print(progress.elapsed_s, silent if self._is_silent else "all are heard again")
         now = what_now(control, keys=True) if self._keys and control.state in LATCHED else ""
         if now and now != self._what_now:
             self._print(progress.elapsed_s, now)

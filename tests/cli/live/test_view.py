@@ -286,10 +286,15 @@ def test_nothing_is_proposed_to_an_operator_that_silent_control_could_not_do() -
     assert not any("arms it again" in line for line in coloured(run_status(0.0, control=old)))
 
 
-def test_lines_say_at_once_who_falls_silent_and_when_all_are_heard_again() -> None:
+def test_lines_say_who_falls_silent_and_when_all_are_heard_again() -> None:
     console = Console(file=io.StringIO(), width=120)
     with LineView(console, CONFIG, ()) as view:
-        for age_ms in (0.0, 100.0, 300.0, 10.0):
+        for age_ms in (0.0, 100.0, 510.0, 560.0, 10.0):
             view.update(run_status(age_ms))
+        view.update(run_status(control_phase="waiting to be restarted"))
     lines = [line.partition(" s  ")[2] for line in console.file.getvalue().splitlines()]  # type: ignore[attr-defined]
-    assert lines[1:] == ["control silent for 0.1 s", "all are heard again"]
+    assert lines[1:] == [
+        "control silent for 0.5 s",
+        "all are heard again",
+        "control waiting to be restarted",
+    ]
