@@ -14,6 +14,7 @@ from robotctl.messages.control import BusStatus, ControlState, LoopStatistics, N
 from robotctl.model.drives.motion import between
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
+from robotctl.safety.causes import AFTER_NS
 from robotctl.safety.state_machine import LATCHED, POWERED
 
 T = TypeVar("T")
@@ -222,11 +223,14 @@ AT_REST_M_S = 0.01
 
 
 def is_over(control: ControlState | None, navigation: NavigationState | None) -> bool:
-    """Return whether a run has ended: stopped for good, or mission over and the robot at rest."""
+    """Return whether a run has ended: stopped for good, or mission over and the robot at rest.
+
+    A stop is for good once its cause is known, as far as it will be.
+    """
     if control is None:
         return False
     if control.state in LATCHED:
-        return True
+        return control.stamp_ns - control.stopped_ns > AFTER_NS
     return (
         navigation is not None
         and (navigation.mission_completed or navigation.mission_failed)

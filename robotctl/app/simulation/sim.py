@@ -42,7 +42,6 @@ from robotctl.app.simulation.sim_options import (
 from robotctl.app.supervision.child_process import lines_of, start_child
 from robotctl.app.supervision.exit_log import ExitLog
 from robotctl.app.supervision.pause import state_of
-from robotctl.app.supervision.silence import LONG_NS
 from robotctl.app.supervision.stack import CONTROL, Stack
 from robotctl.app.supervision.supervised import ProcessPhase
 from robotctl.config.options import StackOptions
@@ -83,6 +82,8 @@ _READY_S = 180.0
 _BELOW_CONTROL = 10
 _POLL_S = 0.05
 _SAY_S = 5.0
+_SILENT_S, _HELD_S = 0.3, 1.0
+"""Silence of firmware_sim after which it is asked why, and said in any case [s]."""
 _LATE_NS = 1_000_000_000
 """A notice that was said longer ago is shown with its age [ns]."""
 _READY, _FAULT = "ready", "fault at "
@@ -173,6 +174,8 @@ class SimRun:
         self._was_ready = False
         """Whether there has been a run that could be scored."""
         self._firmware_silent = False
+        self._truth_s = 0.0
+        """When the truth was last heard, monotonic [s]."""
         self._attended = False
         """Whether the robot was stopped from the keyboard, which may arm it again."""
         self._score = RunScore(
@@ -337,14 +340,20 @@ class SimRun:
         progress.now_ns = self._clock.now_ns()
         phase = ProcessPhase.IDLE if self._stack is None else self._stack.phase(CONTROL)
         progress.control_phase = "" if phase is ProcessPhase.READY else phase.value
-        truth = progress.truth
-        if truth is None or self._firmware is None:
+        if progress.truth is None or self._firmware is None:
             return
-        silent = progress.now_ns - truth.stamp_ns > LONG_NS
-        if silent != self._firmware_silent:
-            self._firmware_silent = silent
-            words = f"{progress.truth_silence} ({state_of(self._firmware.pid)})"
-            progress.lines.append(words if silent else "firmware_sim goes on")
+        # Simulated time stands still with the simulator at first.
+        silent_s = time.monotonic() - self._truth_s
+        if silent_s > _SILENT_S and not self._firmware_silent:
+            why = state_of(self._firmware.pid)
+            if why.startswith("stopped") or silent_s > _HELD_S:
+                self._firmware_silent = True
+                progress.lines.append(
+                    f"firmware_sim is held up: silent for {silent_s:.1f} s ({why})"
+                )
+        elif silent_s <= _SILENT_S and self._firmware_silent:
+            self._firmware_silent = False
+            progress.lines.append("firmware_sim goes on")
 
     @property
     def _is_over(self) -> bool:
@@ -394,6 +403,7 @@ class SimRun:
         self._listen_to_firmware()
         for truth in self._truths.receive():
             progress.truth = truth
+            self._truth_s = time.monotonic()
             pose = StampedPose(truth.stamp_ns, truth.x_m, truth.y_m, truth.theta_rad)
             self._score.truth(pose, truth.people)
         for message in self._states.receive():
