@@ -52,6 +52,9 @@ _SYMPTOMS: Final = frozenset(
 
 _DRIVE: Final = "drive"
 _DRIVE_NODE: Final = 1
+STRANGER_RANK: Final = -1
+"""Of another sender that is told by its frames: nothing else explains those."""
+
 _EMERGENCIES: Final = {
     0x2310: FaultCode.DRIVE_OVER_CURRENT,
     0x4310: FaultCode.DRIVE_OVER_TEMPERATURE,
@@ -87,6 +90,11 @@ class Causes:
         self._supply_v = self._supply_before_v = 0.0
         """Of the drive: now, and the highest of late before that."""
         self._supply_ns = _NEVER_NS
+
+    @staticmethod
+    def is_symptom(fault: Fault) -> bool:
+        """Return whether a fault says what is missing, and not why."""
+        return fault.code in _SYMPTOMS
 
     def take(self, feedback: Feedback, now_ns: int) -> None:
         """Note what the inputs of one tick prove."""
@@ -129,16 +137,16 @@ class Causes:
         began_ns, now_ns
             When it stopped, and now [ns].
         """
-        if symptom.code in _SYMPTOMS:
+        if self.is_symptom(symptom):
             since_ns = began_ns - BEFORE_NS
             for rank, find in enumerate((self._dead_bus, self._drive, self._errors_of_bus)):
                 cause = find(symptom, since_ns)
                 if cause is not None:
-                    return Explained(rank, _because(cause, symptom))
+                    return Explained(rank, because(cause, symptom))
             cause = self._no_traffic(now_ns)
             if cause is not None:
                 blocked = cause.code is FaultCode.BUS_BLOCKED
-                return Explained(3 if blocked else 4, _because(cause, symptom))
+                return Explained(3 if blocked else 4, because(cause, symptom))
         return Explained(5, symptom)
 
     def _dead_bus(self, _: Fault, since_ns: int) -> Fault | None:
@@ -186,6 +194,6 @@ class Causes:
         return Fault(FaultCode.BUS_SILENT, silent)
 
 
-def _because(cause: Fault, symptom: Fault) -> Fault:
+def because(cause: Fault, symptom: Fault) -> Fault:
     """Return a cause together with what it led to."""
     return Fault(cause.code, f"{cause.text}: {symptom}", cause.part)

@@ -7,7 +7,7 @@ from typing import Final
 
 from robotctl.messages.control import DriveState, Feedback, ImuFeedback, WheelCommand
 from robotctl.messages.faults import Fault, FaultCode
-from robotctl.safety.causes import AFTER_NS, Causes
+from robotctl.safety.causes import AFTER_NS, STRANGER_RANK, Causes, because
 from robotctl.safety.health import AgeLimit, Health
 from robotctl.safety.monitor import Monitor, Monitored, MonitorInputs, Motion
 from robotctl.safety.plausibility import Plausibility
@@ -121,6 +121,10 @@ class Supervision:
             self._symptom = None
             return None
         rank, fault = self._causes.explain(self._symptom, self._stopped_ns, now_ns)
+        stranger = self.strangers.fault(now_ns)
+        if stranger is not None and self._causes.is_symptom(self._symptom):
+            rank, fault = STRANGER_RANK, because(stranger, self._symptom)
+            self.strangers.told()
         if rank >= self._rank:
             return None
         self._rank = rank

@@ -23,8 +23,12 @@ and later than the maximum age of feedback (ten periods in a simulator)."""
 WINDOW_PERIODS: Final = 20
 """Periods over which frames are counted to tell a second sender."""
 
-SURPLUS: Final = 2
-"""Frames more than its sender sends in that time which are no proof: they may have waited."""
+SURPLUS_TIMED: Final = 2
+"""Frames more than a sender with a timer of its own sends in that time which are no proof: they may
+have waited."""
+
+SURPLUS_ON_SYNC: Final = 4
+"""The same of a sender that answers SYNC, which comes late where the host does."""
 
 
 class E2eStatus(enum.Enum):
@@ -86,6 +90,8 @@ class E2eReceiver:
         How often it is sent [ns].
     counters
         Where rejects and losses are counted.
+    surplus
+        Frames more than one sender sends that are no proof of a second one.
     on_surplus
         Given the time [ns] of each frame that a second sender must have sent.
 
@@ -101,19 +107,8 @@ class E2eReceiver:
     """
 
     __slots__ = (
-        "_counters",
-        "_data",
-        "_frames",
-        "_frames_before",
-        "_last_ns",
-        "_max_delta",
-        "_on_surplus",
-        "_period_ns",
-        "_reference",
-        "_since_ns",
-        "_syndrome",
-        "_timeout_ns",
-        "status",
+        "_counters", "_data", "_frames", "_frames_before", "_last_ns", "_max_delta", "_on_surplus",
+        "_period_ns", "_reference", "_since_ns", "_surplus", "_syndrome", "_timeout_ns", "status",
     )  # fmt: skip
 
     def __init__(
@@ -121,6 +116,7 @@ class E2eReceiver:
         message: Message,
         period_ns: int,
         counters: E2eCounters,
+        surplus: int = SURPLUS_ON_SYNC,
         on_surplus: Callable[[int], None] = lambda _: None,
     ) -> None:
         if message.protection is None:
@@ -134,6 +130,7 @@ class E2eReceiver:
         self._last_ns = 0
         self._data = b""
         self._frames = self._frames_before = self._since_ns = 0
+        self._surplus = surplus
         self._on_surplus = on_surplus
         self.status = E2eStatus.INITIAL
 
@@ -188,7 +185,7 @@ class E2eReceiver:
         if elapsed_ns > WINDOW_PERIODS * self._period_ns:
             self._since_ns, self._frames_before = stamp_ns, self._frames
             return
-        sent = elapsed_ns // self._period_ns + SURPLUS
+        sent = elapsed_ns // self._period_ns + self._surplus
         if self._frames - self._frames_before > sent:
             self._frames_before += 1
             self._on_surplus(stamp_ns)

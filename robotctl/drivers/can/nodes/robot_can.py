@@ -13,7 +13,13 @@ from typing import Any, Final
 from robotctl.drivers.can.bus_load import transmission_type
 from robotctl.drivers.can.config import NodeParameters
 from robotctl.drivers.can.dbc import Message
-from robotctl.drivers.can.e2e import AliveCounter, E2eCounters, E2eReceiver
+from robotctl.drivers.can.e2e import (
+    SURPLUS_ON_SYNC,
+    SURPLUS_TIMED,
+    AliveCounter,
+    E2eCounters,
+    E2eReceiver,
+)
 from robotctl.drivers.can.nodes.can_node import NodeFrame, Value
 from robotctl.drivers.can.nodes.drive import CLEAR_FAULTS, DRIVE
 from robotctl.drivers.can.nodes.node import HEARTBEAT_BASE, Node
@@ -184,28 +190,29 @@ class CanRobot:
         message = self._codec.dbc.message(frame.message)
         arbitration_id = message.arbitration_id
         note, name = self._strangers.note, node.status.name
-        period_ns, late = self._period_ns(message, parameters)
+        period_ns, on_sync = self._period_ns(message, parameters)
         receiver = E2eReceiver(
             message,
             period_ns,
             self._counters,
+            SURPLUS_ON_SYNC if on_sync else SURPLUS_TIMED,
             lambda stamp_ns: note(
                 StrangerKind.SECOND_SENDER, message.name, arbitration_id, name, stamp_ns
             ),
         )
-        node.watch(receiver, round(late * period_ns))
+        node.watch(receiver, period_ns if on_sync else round(_LATE * period_ns))
         index = _FIELDS.index(frame.field)
         guarded = _guarded_all if isinstance(_NOTHING[index], tuple) else _guarded
         read = self._codec.readers[frame.message]
         self._handlers[arbitration_id] = guarded(receiver, read, self._values, index)
 
-    def _period_ns(self, message: Message, parameters: NodeParameters) -> tuple[int, float]:
-        """Return how often a message is sent [ns], and the share of that it may take to come."""
+    def _period_ns(self, message: Message, parameters: NodeParameters) -> tuple[int, bool]:
+        """Return how often a message is sent [ns], and whether by SYNC."""
         if message.send_type != "OnSync":
-            return message.cycle_ms * 1_000_000, _LATE
+            return message.cycle_ms * 1_000_000, False
         sync, rate_hz = self._codec.dbc.message(SYNC), parameters.rate_hz
         every = transmission_type(message, sync, rate_hz, steered=parameters.steered)
-        return every * 1_000_000_000 // rate_hz, 1.0
+        return every * 1_000_000_000 // rate_hz, True
 
     def _on_emergency_stop(self, data: bytes, _: int) -> None:
         self._leave_latches()
