@@ -80,6 +80,7 @@ def install(
     reloaded = _run(("systemd-sysusers", *_RELOAD, *added, _RELOAD_NETWORKD), root)
     print(f"next: robotctl doctor --robot /{ROBOT}")
     print("then: systemctl enable --now systemd-networkd robotctl")
+    print("emergency stop, from then on: systemctl kill --signal=SIGUSR1 robotctl")
     sys.exit(0 if reloaded else INCOMPLETE)
 
 

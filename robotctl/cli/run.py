@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import signal
 import time
 import uuid
 from pathlib import Path
@@ -17,7 +16,7 @@ from robotctl.app.processes.navigator import load_mission
 from robotctl.app.processes.progress import StoredProgress, resumed, state_directory
 from robotctl.app.supervision.exit_log import ExitLog
 from robotctl.app.supervision.service import ServiceNotifier
-from robotctl.app.supervision.signals import EmergencySignal, StopFlag
+from robotctl.app.supervision.signals import StopFlag, on_emergency_signal
 from robotctl.app.supervision.stack import Stack
 from robotctl.app.supervision.supervisor import POLL_S, Supervisor
 from robotctl.cli.arguments import Overrides, RobotName
@@ -68,7 +67,8 @@ def run(
 ) -> None:
     """Run control, navigation and telemetry until Ctrl-C; arm from a ground station.
 
-    SIGUSR1, Space and e stop the robot at once. Processes that end are restarted, disarmed.
+    Space, e, and `pkill -USR1 robotctl` stop the robot at once. Processes that end are restarted,
+    disarmed.
     """
     path = find_file(robot)
     mission_path = find_file(mission, "missions") if mission else None
@@ -92,7 +92,6 @@ def run(
     if resume:
         options = _resumed(options, len(loaded.item) if loaded else 0)
     stopped = StopFlag()
-    asked_early = EmergencySignal()
     notifier = ServiceNotifier(os.environ)
     log = ExitLog(record.resolve()) if record else None
     if record and (reason := refusal(record)):
@@ -107,9 +106,7 @@ def run(
         context, endpoints.published, ControlState | NavigationState | Notice
     )
     stack = Stack(options)
-    signal.signal(signal.SIGUSR1, lambda _number, _frame: stack.emergency_stop())
-    if asked_early.take():
-        stack.emergency_stop()
+    on_emergency_signal(stack.emergency_stop)
     try:
         with Voice() as voice, Supervisor(stack, notifier, log) as supervisor, Keys() as keys:
             if keys.usable:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import atexit
 import json
 import shutil
-import signal
 import sys
 import tempfile
 from pathlib import Path
@@ -327,13 +326,14 @@ def _localisation(
 def _run(options: SimOptions, stopped: StopFlag, *, headless: bool, until_done: bool) -> Report:
     """Run the processes behind a live view; Ctrl-C ends the run and still scores it."""
     from robotctl.app.simulation.sim import SimRun  # noqa: PLC0415
+    from robotctl.app.supervision.signals import on_emergency_signal  # noqa: PLC0415
     from robotctl.cli.live.sim_keys import obey  # noqa: PLC0415
     from robotctl.cli.live.view import make_view  # noqa: PLC0415
 
     run, keys = SimRun(options, stopped), Keys()
     print("starting firmware_sim; its first run compiles for half a minute", file=sys.stderr)
-    signal.signal(signal.SIGUSR1, lambda _number, _frame: run.emergency_stop())
     with run, make_view(run, headless=headless, keys=keys.usable) as view, keys:
+        on_emergency_signal(run.emergency_stop)
         for progress in run.steps(until_done=until_done):
             obey(keys.pressed(), run, view)
             view.update(progress)

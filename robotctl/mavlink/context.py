@@ -7,7 +7,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol, TypeAlias
+from typing import NamedTuple, Protocol, TypeAlias
 
 from pymavlink.dialects.v20 import common
 
@@ -180,6 +180,14 @@ class GroundStation:
         return tuple(sorted(self.heard_ns))
 
 
+class Said(NamedTuple):
+    """A sentence for people: its severity, and when it was said [ns]."""
+
+    severity: int
+    text: str
+    stamp_ns: int
+
+
 @dataclass(slots=True)
 class Pending:
     """A command that waits for its result: since when, and when its sender heard of it [ns]."""
@@ -236,7 +244,7 @@ class Context:
     acks: list[Ack] = field(default_factory=list)
     requests: list[Request] = field(default_factory=list)
     notices: deque[Notice] = field(default_factory=lambda: deque(maxlen=MAX_TEXTS))
-    texts: deque[tuple[int, str]] = field(default_factory=lambda: deque(maxlen=MAX_TEXTS))
+    texts: deque[Said] = field(default_factory=lambda: deque(maxlen=MAX_TEXTS))
 
     def __post_init__(self) -> None:
         """Wait for the localiser, where the robot has one; begin with the configured origin."""
@@ -271,7 +279,10 @@ class Context:
         elif isinstance(state, LidarScan):
             self.scan = state
         else:
-            self.texts.extend((state.severity, line) for line in state.text.splitlines())
+            stamp_ns = state.stamp_ns
+            self.texts.extend(
+                Said(state.severity, line, stamp_ns) for line in state.text.splitlines()
+            )
 
     def say(self, now_ns: int, text: str, severity: Severity = Severity.WARNING) -> None:
         """Send `text` to ground stations and notices.
@@ -281,7 +292,7 @@ class Context:
         """
         if len(self.texts) >= MAX_TEXTS // 2:
             return
-        self.texts.append((severity, text))
+        self.texts.append(Said(severity, text, now_ns))
         self.notices.append(Notice(now_ns, severity, text))
 
     def acknowledge(self, command: Command, result: int) -> None:

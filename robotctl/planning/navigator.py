@@ -49,13 +49,11 @@ from robotctl.planning.navigation_step import (
     on_earth,
 )
 from robotctl.planning.remote_velocity import guided_velocity, stick_velocity
+from robotctl.planning.stalls import SILENT, Stall, StallWatch
 from robotctl.planning.surroundings import Surroundings
 
 if TYPE_CHECKING:
     from robotctl.planning.behaviours.outlook import Outlook  # which loads numpy
-
-_LONGEST_STEP_NS = 500_000_000
-"""Gap between steps after which a user may think the mission has ended [ns]."""
 
 _STOPPED = "the robot was stopped"
 
@@ -86,11 +84,13 @@ class Navigator:
     While `localised` is false, AUTO, RTL and positions of GUIDED look around, see `LookAround`: a
     way through the world needs a place in it. A velocity along a direction of the world is void.
 
-    While `enabled` is false the output is zero. A robot that was enabled and is not any more, or
-    whose navigator was held up for longer than half a second, goes to HOLD: it shall not drive
-    on by itself when it is armed again or when the computer has time again. AUTO, asked for
-    again, goes on where it was left. MANUAL stays: there the operator's hand is on the stick. So it
-    is where a ground station is lost, and while `attended` is false: no other mode can be had then.
+    While `enabled` is false the output is zero. A robot that was enabled and is not any more goes
+    to HOLD: it shall not drive on by itself when it is armed again. AUTO, asked for again, goes on
+    where it was left. MANUAL stays: there the operator's hand is on the stick. So it is where a
+    ground station is lost, and while `attended` is false: no other mode can be had then.
+
+    While its navigator is held up, the robot stands; what follows, `StallWatch` says. One that
+    counts on a camera stands while that shows nothing of the floor ahead, but by hand.
 
     Parameters
     ----------
@@ -163,8 +163,9 @@ class Navigator:
         """As of the last step with a control state."""
         self._stopped_ns = -1
         """When a stop of the robot was last received [ns]."""
-        self._last_ns: int | None = None
-        """Time of the last step, None if that did not drive."""
+        self._stalls = StallWatch()
+        self._notices: list[str] = []
+        self._waits_to_see = False
 
     @property
     def mode(self) -> Mode:
@@ -258,7 +259,8 @@ class Navigator:
             self._enabled = inputs.enabled
         if stopped:
             self._stopped_ns = now_ns
-        self._fall_back(inputs, now_ns, stopped=stopped)
+        stall = self._held_up(inputs, now_ns)
+        self._fall_back(inputs, stall, stopped=stopped)
         known = inputs.are_finite
         if known and inputs.localised:
             self._note_way(inputs.pose)
@@ -270,14 +272,46 @@ class Navigator:
             self._pause()
             return self._outputs(BehaviourOutput(0.0, 0.0, text="no valid pose or velocity"))
         situation = self._surroundings.observe(inputs, now_ns)
-        if not inputs.enabled:
+        self._note_blindness(inputs.blind)
+        if (why := self._stands_for(inputs, stall)) is not None:
             self._pause()
-            text = "not armed" if inputs.heard else "no messages from control"
-            return self._outputs(BehaviourOutput(0.0, 0.0, text=text))
-        self._last_ns = now_ns
+            return self._outputs(BehaviourOutput(0.0, 0.0, text=why))
         if self._searches(inputs.localised):
             return self._outputs(self._look_around.step(situation))
         return self._outputs(self._decide(situation, now_ns))
+
+    def _held_up(self, inputs: NavigationInputs, now_ns: int) -> Stall | None:
+        """Return the stall of an enabled robot's navigator; tell people of one that is over."""
+        stall = self._stalls.step(now_ns, inputs.late_ns, heard=inputs.heard)
+        if not self._enabled:
+            return None
+        if self._stalls.over and self._mode not in _BY_HAND:
+            self._notices.append(self._stalls.over)
+        return stall
+
+    def _stands_for(self, inputs: NavigationInputs, stall: Stall | None) -> str | None:
+        """Return why the robot must not move in this step, None if it may."""
+        if stall is not None and self._mode not in _BY_HAND:
+            return f"waits: {stall.words}"
+        if inputs.enabled and inputs.blind and self._mode not in _BY_HAND:
+            return f"waits: {inputs.blind}"
+        if inputs.enabled:
+            return None
+        return "not armed" if inputs.heard else SILENT
+
+    def _note_blindness(self, blind: str) -> None:
+        """Tell people when a robot that drives by itself stands because it sees no floor."""
+        waits = bool(blind) and self._enabled and self._mode not in _BY_HAND
+        if waits and not self._waits_to_see:
+            self._notices.append(f"{blind}: the robot waits")
+        elif self._waits_to_see and not blind:
+            self._notices.append("the camera gives pictures again")
+        self._waits_to_see = waits
+
+    def take_notices(self) -> list[str]:
+        """Return sentences for people since the last call."""
+        notices, self._notices = self._notices, []
+        return notices
 
     def _searches(self, localised: bool) -> bool:
         """Return whether the present behaviour needs a place in the world that is unknown."""
@@ -309,7 +343,7 @@ class Navigator:
             self._change_mode(Mode.HOLD)
             self._ended, self._held = f"hold: {reason}", True
 
-    def _fall_back(self, inputs: NavigationInputs, now_ns: int, *, stopped: bool) -> None:
+    def _fall_back(self, inputs: NavigationInputs, stall: Stall | None, *, stopped: bool) -> None:
         """Go to HOLD where a robot must not drive, or drive on, by itself, and say why."""
         if self._mode in _BY_HAND:
             return
@@ -320,8 +354,9 @@ class Navigator:
             reason = "the ground station is lost"
         elif stopped:
             reason = _STOPPED
-        elif self._last_ns is not None:
-            reason = _interruption(inputs, now_ns - self._last_ns)
+        elif stall is not None and stall.ends_mode and self._enabled:
+            reason = stall.words
+            self._stalls.forget()
         if reason:
             self._change_mode(Mode.HOLD)
             self._ended, self._held = f"hold: {reason}", True
@@ -432,7 +467,6 @@ class Navigator:
 
     def _pause(self) -> None:
         """Stop the present behaviour, and its time."""
-        self._last_ns = None
         self._look_around.pause()
         self._pause_mode()
 
@@ -499,10 +533,3 @@ class Navigator:
             self._commands,
             **self._auto.progress._asdict(),
         )
-
-
-def _interruption(inputs: NavigationInputs, gap_ns: int) -> str:
-    """Return what came between this step and the one `gap_ns` ago [ns], empty if nothing did."""
-    if gap_ns > _LONGEST_STEP_NS:
-        return f"navigation was held up for {gap_ns / 1e9:.1f} s"
-    return "" if inputs.heard else "no messages from control"

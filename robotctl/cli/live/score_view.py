@@ -83,10 +83,12 @@ def _journey_rows(report: Report) -> list[tuple[str, str]]:
 
 
 def _computer_rows(report: Report) -> list[tuple[str, str]]:
-    """Return how long this computer was held up, where that counts."""
-    if report.held_up_ms < SAY_MS:
-        return []
-    return [("computer", f"held up for {report.held_up_ms:.0f} ms at most; not so in lockstep")]
+    """Return what was silent at the end, and how long this computer was held up."""
+    rows = [("silent", "; ".join(report.silent))] if report.silent else []
+    if report.held_up_ms >= SAY_MS:
+        text = f"held up for {report.held_up_ms:.0f} ms at most; not so in lockstep"
+        rows.append(("computer", text))
+    return rows
 
 
 def _place_rows(report: Report) -> list[tuple[str, str]]:

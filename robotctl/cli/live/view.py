@@ -37,6 +37,8 @@ _FEWEST_COLUMNS = 30
 _NOTICES, _NOTICES_LOW = 5, 3
 _LOW = 30
 """A terminal of fewer lines is low."""
+_OLD, _SILENT = "dim", "bold white on red"
+"""Of what a silent process said last, and of the fact that it is silent."""
 _SLOW = 0.99
 """Below this real-time factor it is shown."""
 _STATE_STYLE = {
@@ -103,6 +105,7 @@ class LineView:
         self._keys = keys
         self._printed_s = -math.inf
         self._what_now = ""
+        self._is_silent = False
 
     def __enter__(self) -> LineView:
         """Begin to show."""
@@ -128,6 +131,10 @@ class LineView:
         control, navigation = progress.control, progress.navigation
         if control is None:
             return
+        silent = "; ".join(progress.silences)
+        if progress.is_silent_for_long != self._is_silent:
+            self._is_silent = not self._is_silent
+            self._print(progress.elapsed_s, silent if self._is_silent else "all are heard again")
         now = what_now(control, keys=True) if self._keys and control.state in LATCHED else ""
         if now and now != self._what_now:
             self._print(progress.elapsed_s, now)
@@ -145,7 +152,7 @@ class LineView:
             f"{control.state.name} {item} {_place(progress.pose, ' ')} "
             f"v {_measured(control.v_m_s)} m/s "
             f"lag p99 {control.loop.lag_us_p99:.0f} µs bus {100 * control.bus.load:.0f} %"
-            f"{_factor(progress)}",
+            f"{_factor(progress)}{f' [{silent}]' if silent else ''}",
         )
 
     def _print(self, elapsed_s: float, line: str) -> None:
@@ -232,19 +239,28 @@ class LiveView:
         """Yield state, mode and mission item; why it stands and what to do; pose; keys."""
         control, navigation = progress.control, progress.navigation
         first = _line(f"{self._config.robot.name}  {progress.elapsed_s:6.1f} s  ")
+        silent, old = progress.control_silence, _OLD if progress.control_silence else ""
         if control is None:
             first.append("waiting for the control process")
         else:
-            first.append(f" {control.state.name} ", style=_STATE_STYLE[control.state])
+            if silent:
+                first.append(f" {silent} ", style=_SILENT)
+            style = old or _STATE_STYLE[control.state]
+            first.append(f" {control.state.name} ", style=style)
         if navigation is not None:
+            nav_silent = progress.navigation_silence
             first.append(
                 f"  {navigation.mode.name}  {navigation.mission} "
-                f"{navigation.item}/{navigation.items} {navigation.item_name}"
+                f"{navigation.item}/{navigation.items} {navigation.item_name}",
+                style=_OLD if nav_silent else "",
             )
+            if nav_silent:
+                first.append(f" {nav_silent} ", style=_SILENT)
         yield first
         if control is not None:
-            yield _line(run_message(control, navigation))
-            if now := what_now(control, keys=self._keys):
+            message_old = old or (_OLD if progress.navigation_silence else "")
+            yield _line(run_message(control, navigation), message_old)
+            if (now := what_now(control, keys=self._keys)) and not silent:
                 yield _line(now, "bold")
             battery = control.battery
             charge = (
@@ -254,7 +270,8 @@ class LiveView:
             )
             yield _line(
                 f"{_place(progress.pose, '  ')}  {_measured(control.v_m_s)} m/s   "
-                f"{charge}  {_factor(progress)}"
+                f"{charge}  {_factor(progress)}",
+                old,
             )
         if self._keys:
             yield _line(BRIEF, "bold")
@@ -280,7 +297,9 @@ class LiveView:
             return both
         figures = [*self._motion(control), *self._sonars(control), *_health(control)][:rows]
         longest = max(len(name) for name, _ in figures)
-        both.add_row(panel, Group(*(_line(f"{name:{longest}}  {text}") for name, text in figures)))
+        old = _OLD if progress.control_silence else ""
+        lines = (_line(f"{name:{longest}}  {text}", old) for name, text in figures)
+        both.add_row(panel, Group(*lines))
         return both
 
     def _motion(self, control: ControlState) -> Iterator[tuple[str, str]]:

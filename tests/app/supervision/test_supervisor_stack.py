@@ -375,17 +375,18 @@ def test_a_second_robot_on_the_same_bus_or_of_the_same_name_is_refused_and_distu
     robot = str(find_file("diff_drive").resolve())
     bus = f"{channel}-of-its-own" if own_bus else channel
     second = Stack(StackOptions(instance, robot, overrides(bus)))
+    lines: list[str] = []
     try:
         with pytest.raises(StackError, match="control process did not start"):
-            wait(lambda: second.watch() and False, "never")
+            wait(lambda: lines.extend(stack.watch()) or (second.watch() and False), "never")
     finally:
         second.close()
     told = capfd.readouterr().err
     assert (str(endpoint_directory("robot")) if own_bus else f"simcan {channel}") in told
     assert "another robotctl of this computer has it" in told
     for _ in range(5):
-        wait(ear.newest, "the first one goes on")
-    assert stack.watch() == []
+        lines += watch_until(stack, ear.newest, "the first one goes on")
+    assert lines == []
     assert stack.ready
 
 
