@@ -32,7 +32,7 @@ from robotctl.messages.control import (
     Severity,
 )
 from robotctl.messages.estimation import LidarScan, LocalisationState
-from robotctl.messages.mavlink_port import MavlinkPort, Peer, Received
+from robotctl.messages.mavlink_port import Address, MavlinkPort, Peer, Received
 from robotctl.messages.supervision import SupervisorRequest
 from robotctl.messages.world_pose import WorldPose
 from robotctl.model.geometry.se2 import SE2
@@ -54,6 +54,10 @@ earlier, so that the robot brakes in time."""
 LOCALISER_NOT_READY = "the localiser is not ready"
 
 Request: TypeAlias = ControlRequest | NavigationRequest
+Answer: TypeAlias = Callable[[int], None]
+"""Tells who asked for a change of a plan its MAV_MISSION_RESULT."""
+Clear: TypeAlias = Callable[[Address, Answer, int], None]
+"""Removes the plan of one kind for a station, now [ns]; the answer follows."""
 State: TypeAlias = ControlState | NavigationState | LocalisationState | LidarScan | Notice
 
 
@@ -199,10 +203,11 @@ class Context:
     keeps a key for signing with its time stamp, and returns why not. `ask_supervisor` hands it a
     request, and returns whether it is there. `folders` are served as files by their names in the
     root, which is "" itself. `can` is the robot's bus. `origin` says where `world` is on the globe,
-    once that is known, `origin_users` which kinds of plans have places by it. `catalogue` is the
-    sum of them, known once all are made. `wall_ns` returns the time of day [ns since 1970]; `scan`
-    is the lidar's last. `stretch` says how much longer than asked for the intervals of streams are,
-    by link. `peers` are served on the links now, `heard_ns` says when each of them was heard last
+    once that is known, `origin_users` which kinds of plans have places by it; `clears` remove the
+    plan of each kind. `catalogue` is the sum of all services, known once all are made. `wall_ns`
+    returns the time of day [ns since 1970]; `scan` is the lidar's last. `stretch` says how much
+    longer than asked for the intervals of streams are, by link. `peers` are served on the links
+    now, `heard_ns` says when each of them was heard last
     [ns]. `ground_stations` are those alive, by address, the longest known first. `pending` are the
     commands that wait for their results, by sender, number and peer. `acks` are those of this step.
     `texts` wait for the STATUSTEXT service, `notices` for the process, which may publish them; they
@@ -221,6 +226,7 @@ class Context:
     can: CanTap = field(default_factory=NoCan)
     origin: Origin | None = None
     origin_users: set[str] = field(default_factory=set)
+    clears: list[Clear] = field(default_factory=list)
     wall_ns: Callable[[], int] = time.time_ns
     scan: LidarScan | None = None
     control: ControlState | None = None

@@ -200,7 +200,7 @@ class Missions(Transfer[MissionPlan]):
             result = common.MAV_MISSION_INVALID_SEQUENCE
         if why:
             self._say(now_ns, why)
-            self._acknowledge(result, source(message), peer)
+            self._acknowledge(source(message), peer, result)
 
     def _objection(self, peer: Peer, sender: tuple[int, int], now_ns: int) -> str:
         """Return why no item may be chosen now; empty: it may.
