@@ -82,8 +82,8 @@ class MavlinkConfig:
     gcs_timeout_s : float
         A ground station is lost when its heartbeat is older [s], 1 to 60.
     gcs_system_id : int
-        System of the operator's ground station, 1 to 255: once it was heard, its loss counts, not
-        that of others.
+        System of the operator's ground station, 1 to 255, not the robot's own: once it was heard,
+        its loss counts, not that of others.
     hold_on_gcs_loss : bool
         The robot goes to HOLD when a ground station that was there is lost.
     hold_without_gcs : bool

@@ -7,7 +7,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol, TypeAlias
+from typing import NamedTuple, Protocol, TypeAlias
 
 from pymavlink.dialects.v20 import common
 
@@ -18,6 +18,7 @@ from robotctl.mavlink.config import MavlinkConfig
 from robotctl.mavlink.ftp.files import Files
 from robotctl.mavlink.globe import Origin
 from robotctl.mavlink.guards.stale_link import HeldBack
+from robotctl.mavlink.guards.word_limit import WordLimit
 from robotctl.mavlink.parameters.parameter_set import NO_PARAMETERS, ParameterSet
 from robotctl.mavlink.parameters.store import NoParameterStore, ParameterStore
 from robotctl.mavlink.personality import PERSONALITIES, Personality
@@ -184,6 +185,15 @@ class GroundStation:
         return tuple(sorted(self.heard_ns))
 
 
+class Text(NamedTuple):
+    """A line for people."""
+
+    severity: int
+    line: str
+    peer: Peer | None = None
+    """Who is told; None: all."""
+
+
 @dataclass(slots=True)
 class Pending:
     """A command that waits for its result: since when, and when its sender heard of it [ns]."""
@@ -242,7 +252,9 @@ class Context:
     acks: list[Ack] = field(default_factory=list)
     requests: list[Request] = field(default_factory=list)
     notices: deque[Notice] = field(default_factory=lambda: deque(maxlen=MAX_TEXTS))
-    texts: deque[tuple[int, str]] = field(default_factory=lambda: deque(maxlen=MAX_TEXTS))
+    texts: deque[Text] = field(default_factory=lambda: deque(maxlen=MAX_TEXTS))
+    asker: Peer | None = None
+    words: WordLimit = field(default_factory=WordLimit)
 
     def __post_init__(self) -> None:
         """Wait for the localiser, where the robot has one; begin with the configured origin."""
@@ -277,18 +289,33 @@ class Context:
         elif isinstance(state, LidarScan):
             self.scan = state
         else:
-            self.texts.extend((state.severity, line) for line in state.text.splitlines())
+            self.texts.extend(Text(state.severity, line) for line in state.text.splitlines())
+
+    def may_speak(self, now_ns: int) -> bool:
+        """Return whether there is room for a text, and its cause has not had too many of them.
+
+        Not where half the room for texts is taken, nor for a sender of `BURST` texts: whoever asks
+        for nonsense again and again must not crowd out what the other processes say, such as why
+        the robot has stopped.
+        """
+        has_room = len(self.texts) < MAX_TEXTS // 2
+        return has_room and (self.asker is None or self.words.allows(self.asker, now_ns))
 
     def say(self, now_ns: int, text: str, severity: Severity = Severity.WARNING) -> None:
-        """Send `text` to ground stations and notices.
+        """Send `text` to ground stations and notices, if it `may_speak`."""
+        self._speak(now_ns, Text(severity, text))
 
-        Not where half the room for texts is taken: whoever asks for nonsense again and again must
-        not crowd out what the other processes say, such as why the robot has stopped.
-        """
-        if len(self.texts) >= MAX_TEXTS // 2:
+    def tell_asker(self, now_ns: int, text: str) -> None:
+        """Send `text` to whose message is handled, and to notices, if it `may_speak`."""
+        self._speak(now_ns, Text(Severity.WARNING, text, self.asker))
+
+    def _speak(self, now_ns: int, text: Text) -> None:
+        if not self.may_speak(now_ns):
             return
-        self.texts.append((severity, text))
-        self.notices.append(Notice(now_ns, severity, text))
+        if self.asker is not None:
+            self.words.take(self.asker, now_ns)
+        self.texts.append(text)
+        self.notices.append(Notice(now_ns, text.severity, text.line))
 
     def acknowledge(self, command: Command, result: int) -> None:
         """Send COMMAND_ACK with a MAV_RESULT to the sender of `command`, which has ended."""

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from pymavlink.dialects.v20 import common
 
-from robotctl.mavlink.context import Context
+from robotctl.mavlink.context import Context, Text
 from robotctl.mavlink.service import Microservice
 from robotctl.messages.control import Severity
 from robotctl.messages.mavlink_port import Message
@@ -34,25 +34,25 @@ class StatusText(Microservice):
 
     def step(self, now_ns: int) -> None:
         """Send a few of the waiting texts."""
-        heard = bool(self._context.ground_stations)
-        for severity, text in self._next(now_ns, heard=heard):
+        heard, links = bool(self._context.ground_stations), self._context.links
+        for severity, text, peer in self._next(now_ns, heard=heard):
             self._last_id = self._last_id % 0xFFFF + 1
             for message in status_texts(severity, text, self._last_id):
-                self._context.links.broadcast(message)
+                links.broadcast(message) if peer is None else links.reply(message, peer)
 
-    def _next(self, now_ns: int, *, heard: bool) -> Iterator[tuple[int, str]]:
+    def _next(self, now_ns: int, *, heard: bool) -> Iterator[Text]:
         """Yield the texts of this step, unreceived ones first."""
         texts = self._context.texts
         for _ in range(TEXTS_PER_STEP):
             if heard and self._unsent:
-                text = next(iter(self._unsent))
-                severity, said_ns = self._unsent.pop(text)
-                yield severity, f"{text} ({(now_ns - said_ns) / 1e9:.0f} s ago)"
+                line = next(iter(self._unsent))
+                severity, said_ns = self._unsent.pop(line)
+                yield Text(severity, f"{line} ({(now_ns - said_ns) / 1e9:.0f} s ago)")
             elif texts:
-                severity, text = texts.popleft()
-                if not heard and severity <= Severity.WARNING:
-                    self._keep(severity, text, now_ns)
-                yield severity, text
+                text = texts.popleft()
+                if not heard and text.severity <= Severity.WARNING and text.peer is None:
+                    self._keep(text.severity, text.line, now_ns)
+                yield text
 
     def _keep(self, severity: int, text: str, now_ns: int) -> None:
         """Keep a text for a ground station, once, so that repeated ones leave room."""
