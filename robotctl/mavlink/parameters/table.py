@@ -79,7 +79,7 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     Parameter("FS_GCS_TIMEOUT", "mavlink.gcs_timeout_s", 1.0, 60.0),
     Parameter("FS_GCS_HOLD", "mavlink.hold_on_gcs_loss", 0, 1),
     Parameter("FS_GCS_NEEDED", "mavlink.hold_without_gcs", 0, 1),
-    Parameter("FS_SETPOINT", "mavlink.setpoint_timeout_s", 0.05, 10.0, _LOWER),
+    Parameter("FS_SETPOINT", "mavlink.setpoint_timeout_s", 0.2, 1.0, _LOWER),
     Parameter("SAF_CMD_MS", "safety.command_timeout_ms", 10, 1000),
     Parameter("SAF_FB_PERIODS", "safety.feedback_timeout_periods", 2, 10),
     # The ages of reports: at least two and a half of their periods in `robot.dbc`.
