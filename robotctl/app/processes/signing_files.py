@@ -12,7 +12,7 @@ from typing import Final
 import msgspec
 
 from robotctl.config.options import StackOptions
-from robotctl.drivers.mavlink.signing import KEY_SIZE, MINUTE, Signing
+from robotctl.drivers.mavlink.signing import KEY_SIZE, MINUTE, Memory, Signing
 from robotctl.errors import ConfigError
 from robotctl.mavlink.config import MavlinkConfig
 from robotctl.runtime.storage.atomic_file import part_file
@@ -26,9 +26,17 @@ _FEWEST_CHARACTERS: Final = 8
 
 
 class SigningState(msgspec.Struct, frozen=True):
-    """The newest time stamp that was used [10 us since 2015]."""
+    """Time stamps of a key [10 us since 2015].
+
+    `stamp` is the newest that was used, `last` the newest of each system, component and link, and
+    `floor` that of those forgotten. They count for the key of which `key` names the first half of
+    the hash.
+    """
 
     stamp: int
+    key: str = ""
+    floor: int = 0
+    last: tuple[tuple[tuple[int, int, int], int], ...] = ()
 
 
 def read_key(path: Path) -> bytes:
@@ -113,7 +121,12 @@ class SigningFiles:
         if options.state:
             self._state = StateFile(Path(options.state) / NAME, SigningState)
             saved, _ = self._state.load()
-        self.signing = Signing(key, 0 if saved is None else saved.stamp + MINUTE)
+        stamp, memory = 0, Memory()
+        if saved is not None:
+            stamp = saved.stamp + MINUTE
+            if saved.key == _name(key):
+                memory = Memory(saved.floor, saved.last)
+        self.signing = Signing(key, stamp, memory=memory)
 
     def take_key(self, key: bytes, stamp: int) -> str:
         """Use and keep a key that came over a safe link; return why not, empty: it is used."""
@@ -131,15 +144,20 @@ class SigningFiles:
         return ""
 
     def save(self, now_ns: int) -> None:
-        """Save the time stamp if it is time."""
+        """Save the time stamps if it is time."""
         if now_ns - self._saved_ns >= SAVE_NS:
             self._saved_ns = now_ns
             self.close()
 
     def close(self) -> None:
-        """Save the time stamp."""
-        if self._state is not None:
+        """Save the time stamps."""
+        if self._state is not None and self.signing.key is not None:
+            state = SigningState(self.signing.stamp, _name(self.signing.key), *self.signing.memory)
             try:
-                self._state.save(SigningState(self.signing.stamp))
+                self._state.save(state)
             except StateError:
                 return  # the recorder says that the disk takes nothing
+
+
+def _name(key: bytes) -> str:
+    return hashlib.sha256(key).hexdigest()[:32]
