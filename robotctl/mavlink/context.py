@@ -36,6 +36,7 @@ from robotctl.messages.estimation import LidarScan, LocalisationState
 from robotctl.messages.mavlink_port import Address, MavlinkPort, Peer, Received
 from robotctl.messages.supervision import SupervisorRequest
 from robotctl.messages.world_pose import WorldPose
+from robotctl.model.fence import Fence
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.safety.state_machine import ENABLED
@@ -207,54 +208,65 @@ class Pending:
 
 @dataclass
 class Context:
-    """The present state and the outputs of a step, shared by all microservices.
-
-    `stores` keep plans, by their kind, `parameter_store` the `parameters`; `take_key` uses and
-    keeps a key for signing with its time stamp, and returns why not. `ask_supervisor` hands it a
-    request, and returns whether it is there. `folders` are served as files by their names in the
-    root, which is "" itself. `can` is the robot's bus. `origin` says where `world` is on the globe,
-    once that is known, `origin_users` which kinds of plans have places by it; `clears` remove the
-    plan of each kind. `catalogue` is the sum of all services, known once all are made. `wall_ns`
-    returns the time of day [ns since 1970]; `scan` is the lidar's last. `stretch` says how much
-    longer than asked for the intervals of streams are, by link. `peers` are served on the links
-    now, `heard_ns` says when each of them was heard last
-    [ns]. `ground_stations` are those alive, by address, the longest known first. `pending` are the
-    commands that wait for their results, by sender, number and peer. `acks` are those of this step.
-    `texts` wait for the STATUSTEXT service, `notices` for the process, which may publish them; they
-    must not come back as input, they are sent already.
-    """
+    """The present state and the outputs of a step, shared by all microservices."""
 
     config: MavlinkConfig
     robot: TelemetryRobot
     links: MavlinkPort
     stores: Mapping[str, PlanStore] = field(default_factory=dict)
+    """Where plans outlive a power cut, by their kind."""
     parameters: ParameterSet = field(default_factory=lambda: NO_PARAMETERS)
     parameter_store: ParameterStore = field(default_factory=NoParameterStore)
+    """Where `parameters` outlive a power cut."""
     take_key: Callable[[bytes, int], str] = _take_no_key
+    """Use and keep a key for signing with its time stamp; return why not."""
     ask_supervisor: Callable[[SupervisorRequest], bool] = _have_no_supervisor
+    """Hand the supervisor a request; return whether it is there."""
     folders: Mapping[str, Files] = field(default_factory=dict)
+    """Files that are served, by their names in the root, which is "" itself."""
     can: CanTap = field(default_factory=NoCan)
+    """The robot's bus."""
     origin: Origin | None = None
+    """Where `world` is on the globe, once that is known."""
     origin_users: set[str] = field(default_factory=set)
+    """Kinds of plans that have places by `origin`."""
     clears: list[Clear] = field(default_factory=list)
+    """What removes the plan of each kind."""
+    fence: Fence = Fence()  # noqa: RUF009 - it does not change
+    """The last fence that navigation took."""
+    fence_crc: int = 0
+    """Its name in `NavigationState`."""
     wall_ns: Callable[[], int] = time.time_ns
+    """Return the time of day [ns since 1970]."""
     scan: LidarScan | None = None
+    """The lidar's last."""
     control: ControlState | None = None
     navigation: NavigationState | None = None
     world: WorldPose = field(init=False)
     catalogue: Catalogue = field(default_factory=Catalogue)
+    """The sum of all services, known once all are made."""
     stretch: dict[int, float] = field(default_factory=dict)
+    """How many times longer than asked for the intervals of streams are, by link."""
     peers: tuple[Peer, ...] = ()
+    """Who is served on the links now."""
     heard_ns: dict[Peer, int] = field(default_factory=dict)
-    ground_stations: dict[tuple[int, int], GroundStation] = field(default_factory=dict)
+    """When each of them was heard last [ns]."""
+    ground_stations: dict[Address, GroundStation] = field(default_factory=dict)
+    """Those alive, the longest known first."""
     held_back: HeldBack = field(default_factory=HeldBack)
-    pending: dict[tuple[tuple[int, int], int, Peer], Pending] = field(default_factory=dict)
+    pending: dict[tuple[Address, int, Peer], Pending] = field(default_factory=dict)
+    """Commands that wait for their results, by sender, number and peer."""
     acks: list[Ack] = field(default_factory=list)
+    """Answers of the control process in this step."""
     requests: list[Request] = field(default_factory=list)
     notices: deque[Notice] = field(default_factory=lambda: deque(maxlen=MAX_TEXTS))
+    """Texts for the process, which may publish them; they are sent, and must not come back."""
     texts: deque[Text] = field(default_factory=lambda: deque(maxlen=MAX_TEXTS))
+    """Texts for the STATUSTEXT service."""
     asker: Peer | None = None
+    """Who has sent the message that is handled now."""
     words: WordLimit = field(default_factory=WordLimit)
+    """How much each peer has made the robot say."""
 
     def __post_init__(self) -> None:
         """Wait for the localiser, where the robot has one; begin with the configured origin."""
@@ -376,6 +388,15 @@ class Context:
         if self.robot.has_localiser and self.fresh_fix(now_ns) is None:
             return None
         return found[1]
+
+    def fence_objection(self, x_m: float, y_m: float, now_ns: int) -> str:
+        """Say that the robot's fence does not let it to a point of `world` [m]; empty: it may."""
+        navigation = self.fresh_navigation(now_ns)
+        if navigation is None or not navigation.fence.enabled:
+            return ""
+        if navigation.fence.crc != self.fence_crc or self.fence.allows(x_m, y_m):
+            return ""
+        return f"x {x_m:.2f} m, y {y_m:.2f} m is beyond the fence, a place within it allowed"
 
     @property
     def home(self) -> SE2:

@@ -153,6 +153,8 @@ class Missions(Transfer[MissionPlan]):
             place = bounded_place(item, 0, context.origin)
         except BadItem as error:
             return error.result, error.why, None
+        if why := context.fence_objection(*place, now_ns):
+            return denied, why, None
         return int(common.MAV_MISSION_ACCEPTED), "", place
 
     def hidden_items(self) -> list[MissionItem]:

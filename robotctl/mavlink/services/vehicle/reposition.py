@@ -72,6 +72,8 @@ class Repositions(Microservice):
             return UNSUPPORTED_FRAME, f"frame {command.frame} means nothing here"
         if not max(map(abs, place)) < FARTHEST_M:
             return DENIED, f"{FARTHEST_M / 1e3:g} km away or farther"
+        if why := context.fence_objection(*place, now_ns):
+            return DENIED, why
         if control is None or control.state not in POWERED:
             return TEMPORARILY_REJECTED, "arm first"
         if mode is not Mode.GUIDED and not (command.whole(1) or 0) & CHANGE_MODE:

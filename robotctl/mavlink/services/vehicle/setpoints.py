@@ -177,7 +177,10 @@ class Setpoints(Microservice):
             raise Refused(f"came {life_ns / 1e9:g} s late or later")
         pose = context.known_pose(now_ns)
         if used.position:
-            context.requests.append(position_target(message, pose, sent_ns))
+            target = position_target(message, pose, sent_ns)
+            if context.fence_objection(target.x_m, target.y_m, now_ns):
+                raise Refused("a position beyond the fence")
+            context.requests.append(target)
             return
         wanted = wanted_velocity(message, used, None if pose is None else pose.theta_rad)
         context.requests.append(VelocityTarget(sent_ns, sent_ns + life_ns, *wanted))
