@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol, TypeAlias
 
@@ -249,6 +249,8 @@ class Context:
     """How many times longer than asked for the intervals of streams are, by link."""
     peers: tuple[Peer, ...] = ()
     """Who is served on the links now."""
+    receivers: Callable[[int], Collection[Peer]] = field(init=False)
+    """Return who gets a periodic message, by its number."""
     heard_ns: dict[Peer, int] = field(default_factory=dict)
     """When each of them was heard last [ns]."""
     ground_stations: dict[Address, GroundStation] = field(default_factory=dict)
@@ -272,6 +274,7 @@ class Context:
         """Wait for the localiser, where the robot has one; begin with the configured origin."""
         self.origin = self.origin or self.config.origin
         self.world = WorldPose(has_localiser=self.robot.has_localiser)
+        self.receivers = lambda _message_id: self.peers
 
     @property
     def personality(self) -> Personality:
@@ -317,9 +320,9 @@ class Context:
         """Send `text` to ground stations and notices, if it `may_speak`."""
         self._speak(now_ns, Text(severity, text))
 
-    def tell_asker(self, now_ns: int, text: str) -> None:
-        """Send `text` to whose message is handled, and to notices, if it `may_speak`."""
-        self._speak(now_ns, Text(Severity.WARNING, text, self.asker))
+    def tell_asker(self, now_ns: int, text: str, severity: Severity = Severity.WARNING) -> None:
+        """Send `text` to whose message is handled, if it `may_speak`; a warning to notices, too."""
+        self._speak(now_ns, Text(severity, text, self.asker))
 
     def _speak(self, now_ns: int, text: Text) -> None:
         if not self.may_speak(now_ns):
@@ -327,7 +330,8 @@ class Context:
         if self.asker is not None:
             self.words.take(self.asker, now_ns)
         self.texts.append(text)
-        self.notices.append(Notice(now_ns, text.severity, text.line))
+        if text.peer is None or text.severity <= Severity.WARNING:
+            self.notices.append(Notice(now_ns, text.severity, text.line))
 
     def acknowledge(self, command: Command, result: int) -> None:
         """Send COMMAND_ACK with a MAV_RESULT to the sender of `command`, which has ended."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 import difflib
 import json
 import zlib
-from collections import Counter
+from collections import Counter, deque
 from typing import Final
 
 from pymavlink.dialects.v20 import common
@@ -34,8 +34,9 @@ PER_STEP: Final = 4
 """Parameters of a list sent in a step: 400 in a second, 15 kB/s."""
 MOST_SETS: Final = 16
 """PARAM_SET of one connection in a step; whoever sends more has to repeat them."""
-SAVE_NS: Final = 50_000_000
-"""Least time between two saves [ns]: a disk may take as long, and telemetry waits for it."""
+SAVES: Final = 10
+"""Most saves within `SAVES_NS`: telemetry waits for the disk, which may take milliseconds."""
+SAVES_NS: Final = 500_000_000
 FRESH_NS: Final = 1_000_000_000
 """Who sets a parameter to the value that all were told this recently [ns] is answered alone."""
 AGAIN_NS: Final = 500_000_000
@@ -73,7 +74,8 @@ class Parameters(Microservice):
         """Parameters that were set since the last save, and what is to be said of them."""
         self._puts: Counter[Peer] = Counter()
         """PARAM_SET of this step."""
-        self._saved_ns = 0
+        self._saves_ns: deque[int] = deque([-SAVES_NS] * SAVES, SAVES)
+        """When the last saves were [ns]."""
         self._told_ns: dict[str, int] = {}
         """When all were told the value of each parameter [ns]."""
         self._live = Tuning(0, {}, 0)
@@ -146,7 +148,7 @@ class Parameters(Microservice):
         for peer in list(self._lists):
             self._send_next(peer)
         self._puts.clear()
-        if self._taken and now_ns - self._saved_ns >= SAVE_NS:
+        if self._taken and now_ns - self._saves_ns[0] >= SAVES_NS:
             self._keep(now_ns)
         if now_ns - self._sent_ns >= AGAIN_NS:
             self._follow(now_ns)
@@ -211,7 +213,7 @@ class Parameters(Microservice):
 
     def _keep(self, now_ns: int) -> None:
         """Save changes, bring them into force, and tell everybody."""
-        self._saved_ns = now_ns
+        self._saves_ns.append(now_ns)
         taken, said = self._taken, self._said
         self._taken, self._said = [], []
         if not self._context.parameter_store.save(self._set.changes()):

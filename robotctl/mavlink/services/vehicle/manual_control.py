@@ -10,7 +10,8 @@ Of RC_CHANNELS_OVERRIDE channel 1 turns and channel 3 drives, by ArduPilot's def
 rest at once, and 65535 leaves it as it is, until it expires. (Channels 9 to 18, where 0 and 65535
 leave a channel and 65534 releases it, steer nothing.)
 
-In MANUAL it is said, once in a while, that the sticks have stopped coming and the robot brakes.
+RC_CHANNELS tells the sticks of both in these pulses. In MANUAL it is said, once in a while, that
+they have stopped coming and the robot brakes.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ from typing import Final, NamedTuple
 from pymavlink.dialects.v20 import common
 
 from robotctl.mavlink import frames
-from robotctl.mavlink.context import Context
+from robotctl.mavlink.catalogue import Stream
+from robotctl.mavlink.context import UNKNOWN, Context
 from robotctl.mavlink.service import Microservice
 from robotctl.mavlink.services.vehicle.setpoints import SAY_AGAIN_NS
 from robotctl.messages.control import ManualControl, Mode
@@ -34,6 +36,7 @@ FULL = 1000
 PULSES_US = range(800, 2201)
 """Pulses that a receiver gives [us]; others are mistakes."""
 REST_US, DEAD_US, TRAVEL_US = 1500, 30, 400
+CHANNELS, THROTTLE_CHANNEL = 18, 3
 _RELEASED, _UNCHANGED = 0, frames.UINT16_MAX
 _OVERRIDE = common.MAVLINK_MSG_ID_RC_CHANNELS_OVERRIDE
 
@@ -60,6 +63,11 @@ class ManualControls(Microservice):
         self._throttle = self._steering = _REST
         self._expires_ns: int | None = None
         """When the first of them is void that is not [ns]."""
+
+    def streams(self) -> tuple[Stream, ...]:
+        """Return RC_CHANNELS, which is off."""
+        group = common.MAV_DATA_STREAM_RC_CHANNELS
+        return (Stream(common.MAVLINK_MSG_ID_RC_CHANNELS, self._channels, 0.0, group),)
 
     def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:  # noqa: ARG002
         """Take one position of the sticks."""
@@ -108,6 +116,17 @@ class ManualControls(Microservice):
         turn = frames.stick_turn(steering)
         self._context.requests.append(ManualControl(now_ns, expires_ns, throttle / FULL, turn))
 
+    def _channels(self, now_ns: int) -> list[Message]:
+        """Return RC_CHANNELS: the sticks as pulses of channels 1 and 3 [us], while they count."""
+        channels = [frames.UINT16_MAX] * CHANNELS
+        for place, stick in ((0, self._steering), (2, self._throttle)):
+            if stick.expires_ns > now_ns:
+                channels[place] = _pulse_us(stick.axis)
+        count = 0 if self._expires_ns is None else THROTTLE_CHANNEL
+        return [
+            common.MAVLink_rc_channels_message(frames.boot_ms(now_ns), count, *channels, UNKNOWN)
+        ]
+
     def step(self, now_ns: int) -> None:
         """Let the stick that is not void go on alone; say that no sticks come any more."""
         if self._expires_ns is None or now_ns < self._expires_ns:
@@ -137,3 +156,10 @@ def _axis(pulse_us: int) -> int:
     beyond_us = min(max(abs(off_us) - DEAD_US, 0), TRAVEL_US - DEAD_US)
     share = beyond_us / (TRAVEL_US - DEAD_US)
     return round(math.copysign(share * FULL, off_us))
+
+
+def _pulse_us(axis: int) -> int:
+    """Return the pulse that means an axis of MANUAL_CONTROL."""
+    share = axis / FULL
+    off_us = math.copysign(DEAD_US, share) + share * (TRAVEL_US - DEAD_US) if axis else 0.0
+    return round(REST_US + off_us)
