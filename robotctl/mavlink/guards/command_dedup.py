@@ -6,15 +6,16 @@ or has finished, must not set it off again.
 
 A command is a copy where it means the same as one of the same sender whose answer is no older than
 
-| what comes | window |
+| `confirmation` of COMMAND_LONG | window |
 |---|---|
-| a frame with the same sequence number | `REPEAT_NS` |
-| the next that its sender asks for | `REPEAT_NS` |
-| a COMMAND_LONG whose `confirmation` is not 0: its sender repeats it | `CONFIRMED_REPEAT_NS` |
+| 0, or a message without that field | `REPEAT_NS` |
+| more, by which the sender says that it repeats | `CONFIRMED_REPEAT_NS` |
 
-So MANUAL, HOLD and MANUAL of one sender are three wishes, however fast they come: each frame has a
-number of its own. MANUAL of one sender that HOLD of another has ended is none in that time, since
-MAVSDK repeats what was not answered after 0.5 s, with `confirmation` 0.
+and its sender has asked for nothing else since, or its frame has the number of one that was
+answered. So MANUAL, HOLD and MANUAL of one sender are three wishes, however fast they come. MANUAL
+of one sender that HOLD of another has ended is none in that time, since MAVSDK repeats what was not
+answered after 0.5 s, by a new frame with `confirmation` 0. (mavros arms with `confirmation` 1 at
+once.)
 
 Copies do not prolong the window. A copy is never carried out. Its answer is that of the first where
 that was a refusal, or what was asked for still holds; else it is "temporarily rejected". To repeat
@@ -122,4 +123,4 @@ class LateCopies:
     def _may_repeat(self, frame: Frame, meaning: Hashable, first: _Answered) -> bool:
         """Return whether a sender need not have meant what it asks for anew."""
         is_last = self._last.get(frame.sender, meaning) == meaning
-        return frame.confirmation > 0 or is_last or frame.sequence in first.sequences
+        return is_last or frame.sequence in first.sequences

@@ -61,9 +61,11 @@ def test_what_a_station_repeats_by_itself_is_no_wish_against_another_ones_hold(b
     assert results(bench) == [BUSY]
 
 
-def test_arming_disarming_and_arming_again_are_three_wishes_by_their_numbers(bench):
+@pytest.mark.parametrize("confirmation", [0, 1], ids=["", "as mavros does"])
+def test_arming_disarming_and_arming_again_are_three_wishes_by_their_numbers(bench, confirmation):
+    """arming_cb in mavros/src/plugins/command.cpp has confirmation 1 in each request."""
     for sequence, wanted in enumerate((1, 0, 1, 0)):
-        bench.command(ARM, wanted, sequence=sequence)
+        bench.command(ARM, wanted, sequence=sequence, confirmation=confirmation)
         (request,) = bench.step(bench.control())
         assert (type(request), request.arm) == (Arm, bool(wanted))
         bench.step(bench.control(acks=(Ack(request.request_id, accepted=True),)))

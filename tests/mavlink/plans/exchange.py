@@ -25,7 +25,7 @@ STATIONS = {"a": (255, Peer(0, 0)), "b": (254, Peer(0, 1))}
 STEP_MS, COARSE_MS = 20, 200
 DELAY_MS = 2 * STEP_MS
 """Navigation has taken a plan after this."""
-REFUSED_MS, SOONEST_MS = 1500, 100
+REFUSED_MS, SOONEST_MS = 1200, 100
 CODEC = m.MAVLink(None, 1, 1)
 
 

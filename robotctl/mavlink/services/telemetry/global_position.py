@@ -54,8 +54,8 @@ class GlobalPosition(Microservice):
                 GPS_HZ,
                 common.MAV_DATA_STREAM_EXTENDED_STATUS,
             ),
-            Stream(common.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, self._origin, None),
-            Stream(common.MAVLINK_MSG_ID_HOME_POSITION, self._home, None),
+            Stream(common.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, self._origin, 0.0),
+            Stream(common.MAVLINK_MSG_ID_HOME_POSITION, self._home, 0.0),
         )
 
     def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:  # noqa: ARG002
