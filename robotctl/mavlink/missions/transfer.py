@@ -28,7 +28,7 @@ from pymavlink.dialects.v20 import common
 from robotctl.mavlink.context import Answer, Context, Request
 from robotctl.mavlink.missions.item import MissionItem, item_of, message_of
 from robotctl.mavlink.missions.offers import ACCEPTED, DENIED, Offers, P
-from robotctl.mavlink.missions.stations import Stations
+from robotctl.mavlink.missions.stations import MOST_STATIONS, Stations
 from robotctl.mavlink.missions.translate import BadItem
 from robotctl.mavlink.missions.upload import Upload
 from robotctl.mavlink.service import Microservice
@@ -77,6 +77,8 @@ class Transfer(Microservice, Generic[P]):
         self._upload: Upload | None = None
         self._offers: Offers[P] = Offers(context, self, store)
         self._stations = Stations()
+        self._listing: dict[Address, Peer] = {}
+        """Who asked how many items there are, while navigation decides."""
         context.clears.append(self.clear)
         self._take: dict[int, Any] = {
             common.MAVLINK_MSG_ID_MISSION_COUNT: self._begin,
@@ -172,17 +174,25 @@ class Transfer(Microservice, Generic[P]):
     def step(self, now_ns: int) -> None:
         """Answer what navigation has taken; ask for what has not come."""
         self._offers.step(now_ns)
+        if not self._offers.are_pending:
+            self._go_on(now_ns)
+        navigation = self._context.fresh_navigation(now_ns)
+        if self._saved and navigation is not None and not self._offers.are_pending:
+            self._offer_again(navigation, now_ns)
+
+    def _go_on(self, now_ns: int) -> None:
+        """Answer what came while navigation decided; ask for what has not come."""
+        for partner, peer in self._listing.items():
+            self._count(partner, peer, now_ns)
+        self._listing.clear()
         upload = self._upload
-        if upload is not None and not self._offers.are_pending:
+        if upload is not None:
             if upload.is_given_up(now_ns):
                 self._say(now_ns, "the upload was given up, the old one stays")
                 self._end(upload, _CANCELLED)
             elif upload.is_due(now_ns):
                 upload.note_request(now_ns)
                 self._request(upload)
-        navigation = self._context.fresh_navigation(now_ns)
-        if self._saved and navigation is not None and not self._offers.are_pending:
-            self._offer_again(navigation, now_ns)
 
     def _say(self, now_ns: int, text: str, severity: Severity = Severity.WARNING) -> None:
         self._context.say(now_ns, f"{self.word.capitalize()}: {text}", severity)
@@ -347,8 +357,16 @@ class Transfer(Microservice, Generic[P]):
     # Download.
 
     def _tell_count(self, message: Message, peer: Peer, now_ns: int) -> None:
-        """Say how many items there are, which the station then reads whatever comes meanwhile."""
-        items, partner = self.listed(now_ns), source(message)
+        """Say how many items there are, once navigation has decided on what came before."""
+        partner = source(message)
+        if not self._offers.are_pending:
+            self._count(partner, peer, now_ns)
+        elif len(self._listing) < MOST_STATIONS:
+            self._listing[partner] = peer
+
+    def _count(self, partner: Address, peer: Peer, now_ns: int) -> None:
+        """Say how many items there are; the station then reads them whatever comes meanwhile."""
+        items = self.listed(now_ns)
         self._stations.begin_reading(partner, items, now_ns)
         count = max(len(items) - self.hidden, 0)
         self._context.links.reply(

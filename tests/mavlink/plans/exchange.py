@@ -155,6 +155,7 @@ class Exchange:
             assert self.model.undecided[0][0] == plan, "navigation was asked for another plan"
             self._asked = None
             self._adopted = crc if taken else self._adopted
+            self.model.is_there = self._crc == self._adopted
             self.model.decide(taken)
 
     def _take(self, request):

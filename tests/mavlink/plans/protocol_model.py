@@ -43,6 +43,8 @@ class Model:
     ended: dict = field(default_factory=dict)
     """Number of the last item of each station's upload, and how that ended, once it is known."""
     reading: dict = field(default_factory=dict)
+    listing: dict = field(default_factory=dict)
+    """Stations that asked for the list while navigation decided."""
     replies: list = field(default_factory=list)
     now_ms: int = 0
 
@@ -113,6 +115,9 @@ class Model:
             self.upload, self.ended[station] = None, (self.upload.last, None)
 
     def list(self, station):
+        if self.undecided:
+            self.listing.setdefault(station)
+            return
         self.reading[station] = self.listed, self.now_ms
         self.replies.append((station, "COUNT", len(self.listed)))
 
@@ -132,7 +137,12 @@ class Model:
     def go_on(self, now_ms):
         """Ask for what is wanted next; give up what has not come."""
         self.now_ms, upload = now_ms, self.upload
-        if self.undecided or upload is None:
+        if self.undecided:
+            return
+        asked, self.listing = self.listing, {}
+        for station in asked:
+            self.list(station)
+        if upload is None:
             return
         if upload.requested_ms is None:
             upload.requested_ms = now_ms

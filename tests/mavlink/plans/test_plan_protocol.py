@@ -114,6 +114,14 @@ def test_a_count_right_behind_a_clear_is_served_after_it():
     assert len(exchange.plan) == 1
 
 
+def test_who_lists_right_behind_an_upload_is_told_of_that():
+    """dronekit's `commands.download` behind `upload`, which does not wait for the answer."""
+    exchange = Exchange()
+    answers(exchange, ("count", 3), ("right",), ("right",))
+    exchange.say("a", "right")
+    assert answers(exchange, ("list",)) == [(ACK, ACCEPTED), ("COUNT", 3)]
+
+
 def test_a_mission_of_home_alone_is_asked_for_and_leaves_none():
     """MAVSDK's `clear_mission` for ArduPilot."""
     exchange = Exchange()
