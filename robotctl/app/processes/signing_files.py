@@ -68,6 +68,22 @@ def read_key(path: Path) -> bytes:
     return hashlib.sha256(text.encode()).digest()
 
 
+def configured_key(config: MavlinkConfig) -> bytes | None:
+    """Return the key that a robot's file names, if there is one already.
+
+    None where its file names none, or one that is still to come over a safe link.
+
+    Raises
+    ------
+    ConfigError
+        If the key cannot be read.
+    """
+    path = Path(config.signing_key) if config.signing_key else None
+    if path is None or (any(link.safe for link in config.link) and not path.exists()):
+        return None
+    return read_key(path)
+
+
 def write_new_key(path: Path) -> str:
     """Write a file with a new pass phrase, which only its owner may read; return the phrase.
 
@@ -115,8 +131,7 @@ class SigningFiles:
         self.signing = Signing()
         if self._path is None:
             return
-        may_come = any(link.safe for link in config.link) and not self._path.exists()
-        key = secrets.token_bytes(KEY_SIZE) if may_come else read_key(self._path)
+        key = configured_key(config) or secrets.token_bytes(KEY_SIZE)
         saved = None
         if options.state:
             self._state = StateFile(Path(options.state) / NAME, SigningState)

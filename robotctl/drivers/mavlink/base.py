@@ -185,7 +185,7 @@ class Link(ABC):
         if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
             port = self.address.port
             return f"port {port} is in use by another program, see sudo ss -lnp | grep :{port}"
-        return str(error)
+        return getattr(error, "strerror", None) or str(error)
 
     def opened(self) -> None:
         """Count a successful opening."""

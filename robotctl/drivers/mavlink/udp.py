@@ -118,7 +118,7 @@ class UdpLink(Link):
                 if error.errno not in _NOBODY:
                     self.fail(error, now_ns)
                 else:
-                    self._nobody()
+                    self._nobody(error)
                 return
             key = sender if sender in self._peers else None
             taken[key] = taken.get(key, 0) + len(data) + 1
@@ -158,8 +158,10 @@ class UdpLink(Link):
             self._forget(loser)
         return loser is not None
 
-    def _nobody(self) -> None:
-        """Take down that the peer that was heard has closed its port."""
+    def _nobody(self, error: OSError) -> None:
+        """Take down that nobody has the port of a peer; no fault of the link."""
+        if not self._server:
+            self.counters.last_error = self._words(error)
         for sender, channel in self._peers.items():
             if not self._server and channel.standing.heard_ns is not None:
                 self._peers[sender] = self.new_channel()
@@ -195,7 +197,7 @@ class UdpLink(Link):
         except OSError as error:
             self.counters.dropped += 1
             if error.errno in _NOBODY:
-                self._nobody()
+                self._nobody(error)
             else:
                 self.count_error(error)
                 self._broken = not self._server
