@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 NOT_COMPLETED = 3
 ERRAND = "errand"
 """What a robot drives that is told nothing; it has to find out where it is, too."""
-PATROL = "patrol"
-"""The default mission in another world, unless that is a map."""
+PATROL, FLATS = "patrol", ("flat", "flat_lived_in")
+"""The default mission, and the worlds with room for it."""
 GOAL_WORLD = "flat"
 """Where a goal lies unless the user says."""
 OWN_BUS = "simcan"
@@ -47,8 +47,8 @@ def sim(
     mission: Annotated[
         str,
         typer.Option(
-            help="Mission file or name; default: errand; with --world patrol, in a ROS map the "
-            "longest straight line."
+            help="Mission file or name; default: errand; with --world a straight line, in the flat "
+            "patrol."
         ),
     ] = "",
     bus: Annotated[
@@ -262,10 +262,10 @@ def _start(start: str) -> tuple[float, ...]:
 
 def _mission(name: str, world: str) -> Path:
     """Return the mission's file; where none is asked for, one that fits into the world."""
-    from robotctl.config.robot_file import MAPS, find_file  # noqa: PLC0415
+    from robotctl.config.robot_file import find_file  # noqa: PLC0415
     from robotctl.maps.world import find_world  # noqa: PLC0415
 
-    if name or not world or find_world(world).suffix.lower() not in MAPS:
+    if name or not world or find_world(world).stem in FLATS:
         return find_file(name or PATROL, "missions")
     from robotctl.app.simulation.room import straight_mission  # noqa: PLC0415
 
