@@ -61,6 +61,7 @@ class DrivenRobot:
         self._to_control: list[ControlRequest] = []
         self._to_navigation = []
         self._states = []
+        self._codecs = {}
         self.state = None
 
     @property
@@ -71,10 +72,13 @@ class DrivenRobot:
         """Return where the robot truly is: x, y [m], heading [rad]."""
         return self.stack.simulation.pose()
 
-    def send(self, message, system=255):
+    def send(self, message, system=255, component=190):
         """Let a message of the ground station arrive."""
-        codec = common.MAVLink(None, system, 190)
+        codec = self._codecs.setdefault(
+            (system, component), common.MAVLink(None, system, component)
+        )
         decoded = codec.decode(bytearray(message.pack(codec)))
+        codec.seq = (codec.seq + 1) % 256
         self.links.incoming.append(Received(decoded, Peer(0, 0)))
 
     def tick(self):
