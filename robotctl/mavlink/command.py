@@ -26,7 +26,7 @@ senders must not delay a stop. The others are told to ask again."""
 
 
 class Frame(NamedTuple):
-    """What tells the frames of requests apart.
+    """Identity of a frame with a request.
 
     `confirmation` counts how often its sender has sent the request before, as far as it says;
     `sequence` is the number of the frame, 0 to 255.

@@ -192,7 +192,7 @@ class Text(NamedTuple):
     severity: int
     line: str
     peer: Peer | None = None
-    """Who is told; None: all."""
+    """Receiver; None: everybody."""
 
 
 @dataclass(slots=True)
@@ -214,10 +214,10 @@ class Context:
     robot: TelemetryRobot
     links: MavlinkPort
     stores: Mapping[str, PlanStore] = field(default_factory=dict)
-    """Where plans outlive a power cut, by their kind."""
+    """Storage of plans, by their kind."""
     parameters: ParameterSet = field(default_factory=lambda: NO_PARAMETERS)
     parameter_store: ParameterStore = field(default_factory=NoParameterStore)
-    """Where `parameters` outlive a power cut."""
+    """Storage of `parameters`."""
     take_key: Callable[[bytes, int], str] = _take_no_key
     """Use and keep a key for signing with its time stamp; return why not."""
     ask_supervisor: Callable[[SupervisorRequest], bool] = _have_no_supervisor
@@ -227,11 +227,11 @@ class Context:
     can: CanTap = field(default_factory=NoCan)
     """The robot's bus."""
     origin: Origin | None = None
-    """Where `world` is on the globe, once that is known."""
+    """Place of `world` on the globe, once that is known."""
     origin_users: set[str] = field(default_factory=set)
     """Kinds of plans that have places by `origin`."""
     clears: list[Clear] = field(default_factory=list)
-    """What removes the plan of each kind."""
+    """Functions that remove the plan of each kind."""
     fence: Fence = Fence()  # noqa: RUF009 - it does not change
     """The last fence that navigation took."""
     fence_crc: int = 0
@@ -248,13 +248,13 @@ class Context:
     stretch: dict[int, float] = field(default_factory=dict)
     """How many times longer than asked for the intervals of streams are, by link."""
     peers: tuple[Peer, ...] = ()
-    """Who is served on the links now."""
+    """Peers served on the links now."""
     receivers: Callable[[int], Collection[Peer]] = field(init=False)
-    """Return who gets a periodic message, by its number."""
+    """Return the peers that get a periodic message, by its number."""
     heard_ns: dict[Peer, int] = field(default_factory=dict)
-    """When each of them was heard last [ns]."""
+    """Time at which each of them was heard last [ns]."""
     ground_stations: dict[Address, GroundStation] = field(default_factory=dict)
-    """Those alive, the longest known first."""
+    """Stations alive, the longest known first."""
     held_back: HeldBack = field(default_factory=HeldBack)
     pending: dict[tuple[Address, int, Peer], Pending] = field(default_factory=dict)
     """Commands that wait for their results, by sender, number and peer."""
@@ -266,9 +266,9 @@ class Context:
     texts: deque[Text] = field(default_factory=lambda: deque(maxlen=MAX_TEXTS))
     """Texts for the STATUSTEXT service."""
     asker: Peer | None = None
-    """Who has sent the message that is handled now."""
+    """Sender of the message that is handled now."""
     words: WordLimit = field(default_factory=WordLimit)
-    """How much each peer has made the robot say."""
+    """Limit on what each peer makes the robot say."""
 
     def __post_init__(self) -> None:
         """Wait for the localiser, where the robot has one; begin with the configured origin."""
@@ -278,7 +278,7 @@ class Context:
 
     @property
     def personality(self) -> Personality:
-        """What the robot claims to be."""
+        """The autopilot that the robot claims to be."""
         return PERSONALITIES[self.config.personality]
 
     def store_of(self, word: str) -> PlanStore:

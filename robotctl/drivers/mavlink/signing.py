@@ -56,7 +56,7 @@ class Verdict(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """What outlives a restart: the last time stamp of each sender, and of those forgotten."""
+    """State kept over a restart: the last time stamp of each sender, and of those forgotten."""
 
     floor: int = 0
     last: tuple[tuple[Stream, int], ...] = ()
@@ -102,7 +102,7 @@ class Signing:
         self._heard: set[Stream] = set()
         """Senders heard since the start."""
         self._ahead: dict[Stream, int] = {}
-        """By how much the clocks of senders are ahead, which nobody was told yet."""
+        """Leads of the clocks of senders, not told yet [time stamps]."""
 
     @property
     def stamp(self) -> int:
@@ -111,7 +111,7 @@ class Signing:
 
     @property
     def memory(self) -> Memory:
-        """What is to outlive a restart."""
+        """State to keep over a restart."""
         return Memory(self._floor, tuple(self._last.items()))
 
     @property

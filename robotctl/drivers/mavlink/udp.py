@@ -159,7 +159,7 @@ class UdpLink(Link):
         return loser is not None
 
     def _nobody(self, error: OSError) -> None:
-        """Take down that nobody has the port of a peer; no fault of the link."""
+        """Note that a peer's port is closed, which is no fault of the link."""
         if not self._server:
             self.counters.last_error = self._words(error)
         for sender, channel in self._peers.items():

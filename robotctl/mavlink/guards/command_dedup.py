@@ -53,7 +53,7 @@ class LateCopies:
         self._answered: dict[tuple[Address, Hashable], _Answered] = {}
         """In the order in which they were answered."""
         self._last: dict[Address, Hashable] = {}
-        """What each sender has asked for last."""
+        """Last request of each sender."""
 
     def ask(self, sender: Address, meaning: Hashable) -> None:
         """Note what a sender asks for: what it has asked for before is no longer its wish."""
@@ -121,6 +121,6 @@ class LateCopies:
         return first.result if holds or first.result != ACCEPTED else TEMPORARILY_REJECTED
 
     def _may_repeat(self, frame: Frame, meaning: Hashable, first: _Answered) -> bool:
-        """Return whether a sender need not have meant what it asks for anew."""
+        """Return whether a request may be a repetition."""
         is_last = self._last.get(frame.sender, meaning) == meaning
         return is_last or frame.sequence in first.sequences

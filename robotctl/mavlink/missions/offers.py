@@ -47,7 +47,7 @@ P = TypeVar("P", bound=Plan)
 
 
 class PlanKind(Protocol[P]):
-    """What differs between the kinds of plans for navigation."""
+    """Differences between the kinds of plans for navigation."""
 
     word: ClassVar[str]
 
@@ -72,7 +72,7 @@ class _Offer(Generic[P]):
     plan: P
     notes: list[str]
     answers: list[Answer]
-    """Of all who wait for the result; none for a plan of before a restart."""
+    """Answers to all who wait for the result; empty for a plan from before a restart."""
     asked_ns: int | None = None
     """When navigation was asked [ns]; None: others come first."""
 

@@ -1,4 +1,4 @@
-"""What the robot remembers of each ground station's transfers of one kind of plans."""
+"""Memory of each ground station's transfers of one kind of plans."""
 
 from __future__ import annotations
 

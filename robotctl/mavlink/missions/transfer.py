@@ -78,7 +78,7 @@ class Transfer(Microservice, Generic[P]):
         self._offers: Offers[P] = Offers(context, self, store)
         self._stations = Stations()
         self._listing: dict[Address, Peer] = {}
-        """Who asked how many items there are, while navigation decides."""
+        """Stations that asked for the list while navigation decides."""
         context.clears.append(self.clear)
         self._take: dict[int, Any] = {
             common.MAVLINK_MSG_ID_MISSION_COUNT: self._begin,

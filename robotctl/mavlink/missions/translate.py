@@ -92,7 +92,7 @@ def first_from(sources: Sequence[int], seq: int) -> int | None:
 
 
 def check_item(item: MissionItem, seq: int, around: Surroundings) -> None:
-    """Check one item by itself; of home, which is not driven, only the numbers.
+    """Check one item by itself. Home is not driven: only its numbers count.
 
     Raises
     ------

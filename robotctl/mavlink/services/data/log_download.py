@@ -66,7 +66,7 @@ class LogDownload(Microservice):
         super().__init__(context)
         self._files: Files = context.folders.get(LOGS, NoFiles())
         self._logs: list[_Log] = []
-        """As they were listed last: their numbers stay."""
+        """Logs of the last list, whose numbers stay."""
         self._entries: list[tuple[Message, Peer]] = []
         self._reading: _Reading | None = None
 

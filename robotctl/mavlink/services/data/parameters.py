@@ -38,7 +38,7 @@ SAVES: Final = 10
 """Most saves within `SAVES_NS`: telemetry waits for the disk, which may take milliseconds."""
 SAVES_NS: Final = 500_000_000
 FRESH_NS: Final = 1_000_000_000
-"""Who sets a parameter to the value that all were told this recently [ns] is answered alone."""
+"""A value set again within this time after all were told it is told to its sender alone [ns]."""
 AGAIN_NS: Final = 500_000_000
 """What control or navigation has not taken is sent again after this [ns]."""
 LATE_NS: Final = 1_200_000_000

@@ -31,7 +31,7 @@ class Estimator(Microservice):
     """Sends flags and accuracy while control publishes."""
 
     def streams(self) -> tuple[Stream, ...]:
-        """Return both messages, off until somebody asks for them."""
+        """Return both messages; a station has to ask for them."""
         report = additions.MAVLINK_MSG_ID_EKF_STATUS_REPORT
         return (
             Stream(common.MAVLINK_MSG_ID_ESTIMATOR_STATUS, self._build, 0.0),

@@ -27,7 +27,7 @@ RATE_HZ: Final = 2.0
 GPS_HZ: Final = 1.0
 _UNKNOWN: Final = 0xFFFF
 _SATELLITES: Final = 255
-"""Nobody has counted them."""
+"""Their number is unknown."""
 _FASTEST_M_S: Final = 300.0
 """Faster does not fit the message [m/s]."""
 _MILLI: Final = 1e3
