@@ -7,6 +7,7 @@ import json
 import shutil
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -27,8 +28,8 @@ if TYPE_CHECKING:
 NOT_COMPLETED = 3
 ERRAND = "errand"
 """What a robot drives that is told nothing; it has to find out where it is, too."""
-PATROL = "patrol"
-"""The default mission in another world, unless that is a map."""
+PATROL, FLATS = "patrol", ("flat", "flat_lived_in")
+"""The default mission, and the worlds with room for it."""
 GOAL_WORLD = "flat"
 """Where a goal lies unless the user says."""
 OWN_BUS = "simcan"
@@ -45,8 +46,8 @@ def sim(
     mission: Annotated[
         str,
         typer.Option(
-            help="Mission file or name; default: errand; with --world patrol, in a ROS map the "
-            "longest straight line."
+            help="Mission file or name; default: errand; with --world a straight line, in the flat "
+            "patrol."
         ),
     ] = "",
     bus: Annotated[
@@ -183,6 +184,7 @@ def sim(
         seed=seed,
         max_seconds=max_seconds,
         overrides=(
+            *_origin(robot, overrides or ()),
             *(["camera.enabled=true"] if camera else []),
             *_places(topological),
             *(overrides or ()),
@@ -259,10 +261,10 @@ def _start(start: str) -> tuple[float, ...]:
 
 def _mission(name: str, world: str) -> Path:
     """Return the mission's file; where none is asked for, one that fits into the world."""
-    from robotctl.config.robot_file import MAPS, find_file  # noqa: PLC0415
+    from robotctl.config.robot_file import find_file  # noqa: PLC0415
     from robotctl.maps.world import find_world  # noqa: PLC0415
 
-    if name or not world or find_world(world).suffix.lower() not in MAPS:
+    if name or not world or find_world(world).stem in FLATS:
         return find_file(name or PATROL, "missions")
     from robotctl.app.simulation.room import straight_mission  # noqa: PLC0415
 
@@ -282,6 +284,20 @@ def _goal(world: str, start: tuple[float, ...], goal: str, topological: str) -> 
     except ConfigError as error:
         raise ConfigError(f"{error}; a place by name needs --topological FILE") from error
     return _written("goal", goal_mission(room, start, there))
+
+
+def _origin(robot: str, overrides: Sequence[str]) -> list[str]:
+    """Return where the simulated world lies on the globe, unless the robot's settings say.
+
+    Stations with a map need it. It is on an island near the equator and the zero meridian, since
+    degrees in 32 bits, as dronekit sends them, are off by 3 cm at most there; they would be by
+    20 cm in the middle of Europe.
+    """
+    from robotctl.config.robot_file import find_file, load_robot  # noqa: PLC0415
+
+    if load_robot(find_file(robot), overrides).mavlink.origin is not None:
+        return []
+    return ["mavlink.origin={latitude_deg=0.3365,longitude_deg=6.7273,altitude_m=5.0}"]
 
 
 def _places(topological: str) -> list[str]:

@@ -35,6 +35,7 @@ from robotctl.deploy.wakeup import (
     measure_in_a_process,
 )
 from robotctl.errors import ConfigError
+from robotctl.mavlink.config import MavlinkConfig
 from robotctl.messages.mavlink_port import LinkConfig
 from robotctl.runtime.clock import RealClock
 
@@ -83,6 +84,8 @@ def examine(
     yield from check_serial(serial, root)
     yield check_time_sync(clock_status())
     yield from check_mavlink(config.mavlink.link)
+    if config.mavlink.signing_key:
+        yield check_key(config.mavlink)
 
 
 def _check_localisation(config: RobotConfig, robot: Path) -> Finding:
@@ -149,6 +152,21 @@ def check_mavlink(links: tuple[LinkConfig, ...]) -> list[Finding]:
         return [fail("MAVLink", "no link: nobody can arm the robot", fix)]
     listeners: list[_Listener] = []
     return [_check_mavlink_link(link, listeners) for link in links]
+
+
+def check_key(config: MavlinkConfig) -> Finding:
+    """Check that the file with the signing key can be used."""
+    # It loads pymavlink.
+    from robotctl.app.processes.signing_files import configured_key  # noqa: PLC0415
+
+    check = "MAVLink signing"
+    try:
+        key = configured_key(config)
+    except ConfigError as error:
+        fix = "correct the file, or mavlink.signing_key in the robot's file"
+        return fail(check, str(error), fix)
+    is_missing = f"{config.signing_key} is to come over a safe link"
+    return ok(check, is_missing if key is None else config.signing_key)
 
 
 class _Listener(NamedTuple):

@@ -142,9 +142,10 @@ class Bench:
         self.telemetry = Telemetry(self.config, self.robot, self.links)
         self.now_ns = 1_000_000_000_000
 
-    def receive(self, message, system=255, component=190, peer=FIRST_PEER):
-        """Let `message` arrive from a ground station, over the wire."""
+    def receive(self, message, system=255, component=190, peer=FIRST_PEER, sequence=0):
+        """Let `message` arrive from a ground station, over the wire, by the number of its frame."""
         codec = common.MAVLink(None, system, component)
+        codec.seq = sequence
         decoded = codec.decode(bytearray(message.pack(codec)))
         self.links.incoming.append(Received(decoded, peer))
 

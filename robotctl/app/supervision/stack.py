@@ -15,13 +15,14 @@ import signal
 import time
 from typing import Final, NoReturn
 
+from robotctl.app.processes.signing_files import configured_key
 from robotctl.app.supervision.announcer import Announcer
 from robotctl.app.supervision.pause import Pause
 from robotctl.app.supervision.restart import RestartPolicy
 from robotctl.app.supervision.supervised import Exit, ProcessPhase, Role, Supervised, status_words
 from robotctl.config.changes import with_changes
 from robotctl.config.options import StackOptions
-from robotctl.errors import RobotctlError
+from robotctl.errors import ConfigError, RobotctlError
 from robotctl.messages.control import Severity
 from robotctl.messages.supervision import LIFE_NS, Restart
 from robotctl.model.sensors.lidar import SOCKET
@@ -71,13 +72,14 @@ class Stack:
     Raises
     ------
     ConfigError
-        If the robot's configuration is wrong.
+        If the robot's configuration is wrong, or the signing key it names cannot be read.
     """
 
     def __init__(self, options: StackOptions) -> None:
         self._options = options.validated()
         options, notes = with_changes(self._options)
         config = options.load()
+        configured_key(config.mavlink)  # telemetry needs it, which starts when control runs
         roles: tuple[Role, ...] = ROLES
         if config.has_camera:
             roles += (CAMERA_ROLE,)
@@ -221,6 +223,11 @@ class Stack:
     def restart(self) -> None:
         """Start all processes again, control first, with the parameters as they are kept."""
         options, notes = with_changes(self._options)
+        try:
+            configured_key(options.load().mavlink)
+        except ConfigError as error:
+            self.tell(f"no restart, for telemetry would not come back: {error}", Severity.WARNING)
+            return
         self.tell("restarting, as a ground station asked")
         for note in notes:
             self.tell(note, Severity.WARNING)

@@ -83,15 +83,20 @@ def load(file: ParameterFile, link: Link = DEFAULT, key: Key = None) -> None:
     from robotctl.workbench.mavlink import parameters  # noqa: PLC0415
 
     wanted = parameters.read(file)
-    refused = 0
     with _client(link, key) as client:
-        for each in parameters.differences(client.read_all(), wanted):
-            try:
-                reading, said = client.set(each.name, wanted[each.name])
-                print(said or f"{each.name}: {reading.text}")
-            except parameters.ParameterRefusedError as error:
-                refused += 1
-                print(f"refused: {error}")
+        waiting = [each.name for each in parameters.differences(client.read_all(), wanted)]
+        refused: dict[str, str] = {}
+        while waiting:  # some values are allowed only after others
+            refused = {}
+            for name in waiting:
+                try:
+                    reading, said = client.set(name, wanted[name])
+                    print(said or f"{name}: {reading.text}")
+                except parameters.ParameterRefusedError as error:
+                    refused[name] = str(error)
+            waiting = [*refused] if len(refused) < len(waiting) else []
+    for why in refused.values():
+        print(f"refused: {why}")
     if refused:
         raise typer.Exit(REFUSED)
 

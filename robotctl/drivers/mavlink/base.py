@@ -81,7 +81,9 @@ class Channel:
         if self._signing.key is not None:
             codec.signing.secret_key = self._signing.key
             codec.signing.sign_outgoing = True
-            codec.signing.timestamp = self._signing.next_stamp()
+            # pymavlink has raised its own behind the last frame.
+            newest = max(self.reader.newest + 1, codec.signing.timestamp)
+            codec.signing.timestamp = max(self._signing.next_stamp(), newest)
         codec.seq = self._seq
         frame: bytes = message.pack(codec)
         self._seq = (self._seq + 1) & 0xFF
@@ -183,7 +185,7 @@ class Link(ABC):
         if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
             port = self.address.port
             return f"port {port} is in use by another program, see sudo ss -lnp | grep :{port}"
-        return str(error)
+        return getattr(error, "strerror", None) or str(error)
 
     def opened(self) -> None:
         """Count a successful opening."""

@@ -129,7 +129,7 @@ class StraightTo(Behaviour):
         if not self._steered and self._must_turn(bearing):
             return BehaviourOutput(0.0, turn_rate(bearing, config), text=f"{text}, turning")
         curvature = reachable_curvature(*in_base(pose, x, y), self._curvature_max)
-        v = max(min(v, bend_speed(abs(curvature), config)), config.creep_m_s)
+        v = max(min(v, bend_speed(abs(curvature), config)), min(config.creep_m_s, self._speed))
         return BehaviourOutput(v, curvature * v, text=text)
 
     def _must_back(self, pose: SE2) -> bool:

@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import common
 from robotctl.mavlink.context import Context, Said
 from robotctl.mavlink.service import Microservice
 from robotctl.messages.control import Severity
-from robotctl.messages.mavlink_port import Message
+from robotctl.messages.mavlink_port import Message, Peer
 from robotctl.safety.state_machine import LATCHED
 
 CHUNK = 50
@@ -46,11 +46,11 @@ class StatusText(Microservice):
     def step(self, now_ns: int) -> None:
         """Send a few of the waiting texts."""
         self._explain(now_ns)
-        heard = bool(self._context.ground_stations)
-        for severity, text in self._next(now_ns, heard=heard):
+        heard, links = bool(self._context.ground_stations), self._context.links
+        for severity, text, peer in self._next(now_ns, heard=heard):
             self._last_id = self._last_id % 0xFFFF + 1
             for message in status_texts(severity, text, self._last_id):
-                self._context.links.broadcast(message)
+                links.broadcast(message) if peer is None else links.reply(message, peer)
 
     def _explain(self, now_ns: int) -> None:
         """Say why the robot stands, at the start and to each ground station that comes."""
@@ -74,19 +74,20 @@ class StatusText(Microservice):
         if said.text not in waiting:
             self._context.texts.append(said)
 
-    def _next(self, now_ns: int, *, heard: bool) -> Iterator[tuple[int, str]]:
+    def _next(self, now_ns: int, *, heard: bool) -> Iterator[tuple[int, str, Peer | None]]:
         """Yield the texts of this step, unreceived ones first."""
         texts = self._context.texts
         for _ in range(TEXTS_PER_STEP):
             if heard and self._unsent:
                 said = self._unsent.pop(next(iter(self._unsent)))
-                yield said.severity, f"{said.text} ({_ago(said, now_ns)})"
+                yield said.severity, f"{said.text} ({_ago(said, now_ns)})", None
             elif texts:
                 said = texts.popleft()
-                if not heard and said.severity <= Severity.WARNING:
+                if not heard and said.severity <= Severity.WARNING and said.peer is None:
                     self._keep(said)
                 late = now_ns - said.stamp_ns > LATE_NS
-                yield said.severity, f"{said.text} ({_ago(said, now_ns)})" if late else said.text
+                text = f"{said.text} ({_ago(said, now_ns)})" if late else said.text
+                yield said.severity, text, said.peer
 
     def _keep(self, said: Said) -> None:
         """Keep a text for a ground station, once, so that repeated ones leave room."""
