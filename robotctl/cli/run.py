@@ -13,6 +13,7 @@ from typing import Annotated
 import typer
 import zmq
 
+from robotctl import kernel_cache
 from robotctl.app.processes.navigator import load_mission
 from robotctl.app.processes.progress import StoredProgress, resumed, state_directory
 from robotctl.app.supervision.exit_log import ExitLog
@@ -21,6 +22,7 @@ from robotctl.app.supervision.signals import EmergencySignal, StopFlag
 from robotctl.app.supervision.stack import Stack
 from robotctl.app.supervision.supervisor import POLL_S, Supervisor
 from robotctl.cli.arguments import Overrides, RobotName
+from robotctl.cli.compile import compile_missing
 from robotctl.cli.live.keys import AFTERWARDS, HINT, Keys
 from robotctl.cli.live.voice import Voice
 from robotctl.config.options import StackOptions
@@ -56,7 +58,8 @@ def run(
         str, typer.Option(help="Mission file or name for mode AUTO; default: none.")
     ] = "",
     record: Annotated[
-        Path | None, typer.Option(help="Folder for the record of the control loop.")
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Folder for the record of the control loop."),
     ] = None,
     resume: Annotated[
         bool,
@@ -91,8 +94,10 @@ def run(
     config = options.load()
     if resume:
         options = _resumed(options, len(loaded.item) if loaded else 0)
-    stopped = StopFlag()
     asked_early = EmergencySignal()
+    if not kernel_cache.is_complete():
+        compile_missing(simulated=False)
+    stopped = StopFlag()
     notifier = ServiceNotifier(os.environ)
     log = ExitLog(record.resolve()) if record else None
     if record and (reason := refusal(record)):

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from robotctl.cli.arguments import Overrides, RobotName, place, refuse_unused
+from robotctl.cli.compile import compile_missing
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
 from robotctl.cli.live.keys import Keys
@@ -56,11 +57,12 @@ def sim(
     ] = OWN_BUS,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the simulated world.")] = 1,
     max_seconds: Annotated[
-        float, typer.Option(min=1.0, help="Time limit, in the robot's time.")
+        float, typer.Option(min=1.0, help="Time limit from arming on, in the robot's time.")
     ] = 300.0,
     report: Annotated[Path | None, typer.Option(help="Write the score here as JSON.")] = None,
     record: Annotated[
-        Path | None, typer.Option(help="Folder for the control record and the CAN log.")
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Folder for the control record and the CAN log."),
     ] = None,
     headless: Annotated[bool, typer.Option("--headless", help="No live view.")] = False,
     until_done: Annotated[
@@ -200,6 +202,7 @@ def sim(
         hard_real_time=hard_real_time,
     )
     _refuse_what_has_no_effect(ctx, options, lockstep=lockstep, until_done=until_done)
+    compile_missing(simulated=True)
     if lockstep:
         from robotctl.app.simulation.lockstep import run_lockstep  # noqa: PLC0415 - numba
 
@@ -331,7 +334,7 @@ def _run(options: SimOptions, stopped: StopFlag, *, headless: bool, until_done: 
     from robotctl.cli.live.view import make_view  # noqa: PLC0415
 
     run, keys = SimRun(options, stopped), Keys()
-    print("starting firmware_sim; its first run compiles for half a minute", file=sys.stderr)
+    print("starting firmware_sim", file=sys.stderr)
     signal.signal(signal.SIGUSR1, lambda _number, _frame: run.emergency_stop())
     with run, make_view(run, headless=headless, keys=keys.usable) as view, keys:
         for progress in run.steps(until_done=until_done):

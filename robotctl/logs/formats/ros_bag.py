@@ -34,6 +34,7 @@ from robotctl.model.geometry.se3 import SE3
 from robotctl.model.recording import RecordedScan, Recording
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.model.trajectory import Trajectory
+from robotctl.words import counted
 
 SCAN: Final = "sensor_msgs/msg/LaserScan"
 ODOMETRY: Final = "nav_msgs/msg/Odometry"
@@ -99,7 +100,8 @@ def read_ros_bag(path: Path, max_range_m: float | None = None) -> Recording:
     content = _content(path)
     notes = content.notes
     if content.unstamped:
-        notes.append(f"{content.unstamped} messages without a time: that of the log counts")
+        messages = counted(content.unstamped, "message")
+        notes.append(f"{messages} without a time: that of the log counts")
     topic, odometry, odom, base = _odometry(path, content)
     notes.append(f"odometry: {topic}, {base} in {odom}")
     reference = _reference(content, odometry, odom, base)
