@@ -58,7 +58,7 @@ def _sources() -> dict[Path, bytes]:
     found = {
         path: text
         for path in sorted(_PACKAGE.rglob("*.py"))
-        if _KERNEL.search(text := path.read_bytes()) or path.name == "compiled.py"
+        if _KERNEL.search(text := path.read_bytes())
     }
     new = list(found.values())
     while new:
@@ -67,7 +67,8 @@ def _sources() -> dict[Path, bytes]:
             if _CONSTANT.search(names) and path not in found:
                 found[path] = path.read_bytes()
                 new.append(found[path])
-    return found
+    how = _PACKAGE / "compiled.py"
+    return {**found, how: how.read_bytes()}
 
 
 def _cache_folder() -> str:
