@@ -21,7 +21,9 @@ def slam(
         Path,
         typer.Option(help="MRCLAM folder, another log with sightings or scans, or a graph."),
     ],
-    out: Annotated[Path, typer.Option(metavar="FOLDER", help="Write the results into this folder.")],
+    out: Annotated[
+        Path, typer.Option(metavar="FOLDER", help="Write the results into this folder.")
+    ],
     features: Annotated[str, typer.Option(help="What the map is made of: landmarks.")] = (
         "landmarks"
     ),
