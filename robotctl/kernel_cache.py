@@ -104,7 +104,9 @@ def processor() -> str:
     from llvmlite import binding  # noqa: PLC0415 - 90 MB
 
     name = os.environ.get("NUMBA_CPU_NAME") or binding.get_host_cpu_name()
-    features = os.environ.get("NUMBA_CPU_FEATURES") or binding.get_host_cpu_features().flatten()
+    features = os.environ.get("NUMBA_CPU_FEATURES") or (
+        "" if name == "generic" else binding.get_host_cpu_features().flatten()
+    )
     return f"{name}-{hashlib.sha256(features.encode()).hexdigest()[:8]}"
 
 
