@@ -115,19 +115,21 @@ def _run(units: list[str], watch: Callable[[], None]) -> None:
             for name, (process, lines) in [*running.items()]:
                 if process.poll() is not None:
                     del running[name]
-                    _check(name, process.returncode, lines)
+                    last = _last_line(process, lines)
+                    if process.returncode:
+                        raise CompileError(f"{name}: its functions cannot be compiled: {last}")
             watch()
             time.sleep(_POLL_S)
     finally:
-        for process, _ in running.values():
+        for process, lines in running.values():
             process.kill()
-            process.wait()
+            _last_line(process, lines)
 
 
-def _check(name: str, status: int, lines: Queue[str | None]) -> None:
-    """Raise CompileError if a process failed, with the last line that it printed."""
-    last = f"status {status}"
+def _last_line(process: subprocess.Popen[str], lines: Queue[str | None]) -> str:
+    """Wait for the end of a process; return the last line that it printed."""
+    last = ""
     while (line := lines.get()) is not None:
         last = line.strip() or last
-    if status:
-        raise CompileError(f"{name}: its functions cannot be compiled: {last}")
+    with process:  # closes the pipe
+        return last or f"status {process.wait()}"
