@@ -26,9 +26,11 @@ from robotctl.cli.compile import compile_missing
 from robotctl.cli.live.keys import AFTERWARDS, HINT, Keys
 from robotctl.cli.live.voice import Voice
 from robotctl.config.options import StackOptions
-from robotctl.config.robot_file import find_file
+from robotctl.config.robot_file import RobotConfig, find_file
+from robotctl.drivers.mavlink.listening import busy_links
 from robotctl.messages.control import ControlState, NavigationState, Notice
 from robotctl.runtime.ipc.topics import Endpoints, Subscriber, endpoint_directory
+from robotctl.runtime.open_files import need_open_files
 from robotctl.runtime.storage.log_folder import refusal
 
 
@@ -50,6 +52,16 @@ def _resumed(options: StackOptions, items: int) -> StackOptions:
         print(note)
     print(f"resuming {place_of(saved, items)}: the robot must stand there")
     return options
+
+
+def _tell_connections(config: RobotConfig) -> None:
+    """Print where others can connect, and what is in the way."""
+    can = config.can
+    print(f"{config.robot.name} on {can.interface}:{can.channel}, Ctrl-C ends", flush=True)
+    for link in config.mavlink.link:
+        print(f"MAVLink: {link.url}", flush=True)
+    for busy in busy_links(config.mavlink.link):
+        print(busy, flush=True)
 
 
 def run(
@@ -94,6 +106,7 @@ def run(
     config = options.load()
     if resume:
         options = _resumed(options, len(loaded.item) if loaded else 0)
+    need_open_files()
     asked_early = EmergencySignal()
     if not kernel_cache.is_complete():
         compile_missing(simulated=False)
@@ -102,12 +115,7 @@ def run(
     log = ExitLog(record.resolve()) if record else None
     if record and (reason := refusal(record)):
         print(f"{reason}; the robot drives without logs")
-    print(
-        f"{config.robot.name} on {config.can.interface}:{config.can.channel}, Ctrl-C ends",
-        flush=True,
-    )
-    for link in config.mavlink.link:
-        print(f"MAVLink: {link.url}", flush=True)
+    _tell_connections(config)
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
     endpoints = Endpoints(endpoint_directory(options.instance))
     messages = Subscriber[ControlState | NavigationState | Notice](

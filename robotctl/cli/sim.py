@@ -18,8 +18,10 @@ from robotctl.cli.compile import compile_missing
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
 from robotctl.cli.live.keys import Keys
+from robotctl.drivers.mavlink.listening import busy_links
 from robotctl.errors import ConfigError, DiskError
 from robotctl.estimation.sensors.registry import SENSORS
+from robotctl.runtime.open_files import need_open_files
 
 if TYPE_CHECKING:
     from robotctl.app.simulation.score import Report
@@ -210,6 +212,7 @@ def sim(
             result = run_lockstep(options, progress.say, progress.tell)
         stayed = False
     else:
+        need_open_files()
         stopped = StopFlag()
         result = _run(options, stopped, headless=headless, until_done=until_done)
         stayed = stopped() and not until_done
@@ -334,6 +337,8 @@ def _run(options: SimOptions, stopped: StopFlag, *, headless: bool, until_done: 
     from robotctl.cli.live.view import make_view  # noqa: PLC0415
 
     run, keys = SimRun(options, stopped), Keys()
+    for busy in busy_links(run.config.mavlink.link):
+        print(busy, file=sys.stderr)
     print("starting firmware_sim", file=sys.stderr)
     signal.signal(signal.SIGUSR1, lambda _number, _frame: run.emergency_stop())
     with run, make_view(run, headless=headless, keys=keys.usable) as view, keys:
