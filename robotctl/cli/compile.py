@@ -6,7 +6,6 @@ import time
 from typing import Final
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from robotctl import kernel_cache
 from robotctl.cli.console import plain_console
@@ -38,7 +37,7 @@ def compile_missing(*, simulated: bool) -> None:
     """
     kernels, console = Kernels(simulated), plain_console(stderr=True)
     if why := kernels.missing:
-        console.print(f"compiling the inner loops first, which is needed once: {why}")
+        console.print(f"compiling the inner loops first, once: {why}", soft_wrap=True)
         try:
             _compile(kernels, console)
         except CompileError as error:
@@ -47,6 +46,14 @@ def compile_missing(*, simulated: bool) -> None:
 
 def _compile(kernels: Kernels, console: Console) -> None:
     """Compile behind a bar or, without a terminal, a line now and then."""
+    from rich.progress import (  # noqa: PLC0415 - few runs compile
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+    )
+
     began_s = told_s = time.monotonic()
     columns = (TextColumn("compiling"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(

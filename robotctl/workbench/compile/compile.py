@@ -1,4 +1,8 @@
-"""Compilation of all kernels ahead of time, on all processors: the work of `robotctl compile`."""
+"""Compilation of all kernels ahead of time, on all processors: the work of `robotctl compile`.
+
+Each module of this package but this one has a `warm_up` that calls kernels with whatever fits them,
+where possible as a starting robot warms up itself, over all entries of a registry.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +25,7 @@ _HERE: Final = "robotctl.workbench.compile"
 _ROBOT: Final = ("mapping", "navigation", "paths", "recordings")
 _SIMULATION: Final = "simulation"
 """Modules of this package whose `warm_up` calls kernels: a process each, as they share few."""
-_POLL_S: Final = 0.1
+_POLL_S: Final = 0.25
 
 Tell: TypeAlias = Callable[[int, int], None]
 """Is told how many functions are compiled, and of how many."""
@@ -63,7 +67,7 @@ class Kernels:
             return ""
         if kernel_cache.is_complete():
             return f"they were compiled for another processor than this one, {here}"
-        return "they are not compiled yet"
+        return "nothing of these sources is compiled yet"
 
     def compile(self, tell: Tell = lambda *_: None) -> None:
         """Compile what is missing, on all processors.

@@ -10,7 +10,7 @@ import numpy as np
 
 from robotctl.app.localisation.load_estimators import load_estimators
 from robotctl.config.options import StackOptions
-from robotctl.config.robot_file import find_file
+from robotctl.config.robot_file import config_directory
 from robotctl.estimation.slam.beliefs.schedules import Residual, Synchronous
 from robotctl.estimation.slam.factors.registry import FACTORS
 from robotctl.estimation.slam.graph.builder import GraphBuilder
@@ -40,7 +40,7 @@ def warm_up() -> None:
             f'localisation.sensors=["{sensor}"]',
             "camera.enabled=true",
         )
-        options = StackOptions("compile", str(find_file("diff_drive")), settings)
+        options = StackOptions("compile", str(config_directory() / "diff_drive.toml"), settings)
         if (estimators := load_estimators(options.load(), options)) is not None:
             estimators.close()
     for pose in KINDS:

@@ -15,20 +15,22 @@ from robotctl.app.localisation.map_sensors import MapSensors
 from robotctl.app.processes.floor_pipeline import GroundWatch
 from robotctl.app.processes.navigator import equip, make_navigation
 from robotctl.config.options import StackOptions
-from robotctl.config.robot_file import find_file
+from robotctl.config.robot_file import config_directory
 from robotctl.estimation.sensors.registry import SENSORS
 from robotctl.maps.localisation_map import LocalisationMap, load_localisation_map
 from robotctl.planning.local.controllers import CONTROLLERS
 
-MAP: Final = 'localisation.map="flat"'
+CONFIGS: Final = config_directory()
+"""Only what comes along: a file of the same name may lie in the working directory."""
+FLAT: Final = str(CONFIGS / "worlds" / "flat.toml")
+MAP: Final = f"localisation.map={json.dumps(FLAT)}"
 CAMERA: Final = "camera.enabled=true"
 
 
 def warm_up() -> None:
     """Make robots that turn and that steer ready to drive, with each part there is to choose."""
     for name, settings in _robots():
-        robot = find_file(name)
-        options = StackOptions("compile", str(robot), settings)
+        options = StackOptions("compile", str(CONFIGS / f"{name}.toml"), settings)
         config = options.load()
         estimators = load_estimators(config, options)
         adapter = make_navigation(config, options)
@@ -51,8 +53,8 @@ def _robots() -> Iterator[tuple[str, tuple[str, ...]]]:
 
 def _sense_by_grid() -> None:
     """Measure in a map of cells, as a ROS map is: beams that few particles agree with, too."""
-    config = StackOptions("compile", str(find_file("diff_drive")), (CAMERA,)).load()
-    known = load_localisation_map("flat", Path())
+    config = StackOptions("compile", str(CONFIGS / "diff_drive.toml"), (CAMERA,)).load()
+    known = load_localisation_map(FLAT, Path())
     for measurement in MapSensors(
         LocalisationMap(known.grid, None), sensed_robot(config)
     ).rehearsal():

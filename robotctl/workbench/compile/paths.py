@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import get_args
+from collections.abc import Iterator
+from functools import partial
+from typing import Final, get_args
 
 import numpy as np
 
@@ -14,6 +16,9 @@ from robotctl.planning.global_planning.plan import Plan, PlannerConfig, Steering
 from robotctl.planning.global_planning.planners import PLANNERS
 from robotctl.workbench.planning.plan import min_clearance_m
 
+_ROUNDS: Final = 50
+"""Rounds of planning: some planners would improve their path for long."""
+
 
 def warm_up() -> None:
     """Plan around a wall, and once against one without a gap."""
@@ -24,7 +29,8 @@ def warm_up() -> None:
     for make in PLANNERS.values():
         for steering in get_args(Steering):
             config = PlannerConfig(steering=steering, turning_radius_m=1.0)
-            found = make(config).plan(space, start, goal)
+            rounds = iter(range(_ROUNDS))
+            found = make(config).plan(space, start, goal, partial(_goes_on, rounds))
             if isinstance(found, Plan):
                 min_clearance_m(space, found)
     closed = cells.copy()
@@ -32,3 +38,7 @@ def warm_up() -> None:
     PLANNERS["astar"](PlannerConfig()).plan(
         PlanningMap(GridMap(closed, 1.0), Footprint()), start, goal
     )
+
+
+def _goes_on(rounds: Iterator[int]) -> bool:
+    return next(rounds, None) is not None

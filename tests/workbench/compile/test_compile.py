@@ -117,7 +117,7 @@ def test_all_parts_run_and_then_the_folder_is_marked(tmp_path, monkeypatch):
     made = {f"unit{k}": f"open({str(tmp_path / f'done{k}')!r}, 'w')" for k in range(4)}
     units(tmp_path, monkeypatch, **made)
     kernels, told = Kernels(simulated=False), []
-    assert "not compiled yet" in kernels.missing
+    assert "nothing of these sources is compiled" in kernels.missing
     kernels.compile(lambda done, total: told.append((done, total)))
     assert len(list(tmp_path.glob("done*"))) == 4
     assert kernels.missing == ""
