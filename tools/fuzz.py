@@ -35,7 +35,7 @@ FAMILIES = {
 }
 """Modules with targets, and the packages whose code leads the search.
 
-A module has `TARGETS`, `corpus`, `CORPUS` and `LONGEST`; `mutate` changes inputs by rules of its own.
+A module has `TARGETS`, `corpus`, `CORPUS` and `LONGEST`; a `mutate` changes inputs by own rules.
 """
 
 INSIDE = "ROBOTCTL_FUZZ_TARGET"

@@ -12,6 +12,7 @@ from typing import Annotated
 import typer
 import zmq
 
+from robotctl import kernel_cache
 from robotctl.app.processes.navigator import load_mission
 from robotctl.app.processes.progress import StoredProgress, resumed, state_directory
 from robotctl.app.supervision.exit_log import ExitLog
@@ -20,12 +21,15 @@ from robotctl.app.supervision.signals import StopFlag, on_emergency_signal
 from robotctl.app.supervision.stack import Stack
 from robotctl.app.supervision.supervisor import POLL_S, Supervisor
 from robotctl.cli.arguments import Overrides, RobotName
+from robotctl.cli.compile import compile_missing
 from robotctl.cli.live.keys import AFTERWARDS, HINT, Keys
 from robotctl.cli.live.voice import Voice
 from robotctl.config.options import StackOptions
-from robotctl.config.robot_file import find_file
+from robotctl.config.robot_file import RobotConfig, find_file
+from robotctl.drivers.mavlink.listening import busy_links
 from robotctl.messages.control import ControlState, NavigationState, Notice
 from robotctl.runtime.ipc.topics import Endpoints, Subscriber, endpoint_directory
+from robotctl.runtime.open_files import need_open_files
 from robotctl.runtime.storage.log_folder import refusal
 
 
@@ -49,13 +53,24 @@ def _resumed(options: StackOptions, items: int) -> StackOptions:
     return options
 
 
+def _tell_connections(config: RobotConfig) -> None:
+    """Print where others can connect, and what is in the way."""
+    buses = ", ".join(f"{bus.interface}:{bus.channel}" for bus in config.buses)
+    print(f"{config.robot.name} on {buses}, Ctrl-C ends", flush=True)
+    for link in config.mavlink.link:
+        print(f"MAVLink: {link.url}", flush=True)
+    for busy in busy_links(config.mavlink.link):
+        print(busy, flush=True)
+
+
 def run(
     robot: RobotName = "diff_drive",
     mission: Annotated[
         str, typer.Option(help="Mission file or name for mode AUTO; default: none.")
     ] = "",
     record: Annotated[
-        Path | None, typer.Option(help="Folder for the record of the control loop.")
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Folder for the record of the control loop."),
     ] = None,
     resume: Annotated[
         bool,
@@ -91,15 +106,15 @@ def run(
     config = options.load()
     if resume:
         options = _resumed(options, len(loaded.item) if loaded else 0)
+    need_open_files()
+    if not kernel_cache.is_complete():
+        compile_missing(simulated=False)
     stopped = StopFlag()
     notifier = ServiceNotifier(os.environ)
     log = ExitLog(record.resolve()) if record else None
     if record and (reason := refusal(record)):
         print(f"{reason}; the robot drives without logs")
-    buses = ", ".join(f"{bus.interface}:{bus.channel}" for bus in config.buses)
-    print(f"{config.robot.name} on {buses}, Ctrl-C ends", flush=True)
-    for link in config.mavlink.link:
-        print(f"MAVLink: {link.url}", flush=True)
+    _tell_connections(config)
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
     endpoints = Endpoints(endpoint_directory(options.instance))
     messages = Subscriber[ControlState | NavigationState | Notice](

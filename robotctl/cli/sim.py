@@ -14,11 +14,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from robotctl.cli.arguments import Overrides, RobotName, place, refuse_unused
+from robotctl.cli.compile import compile_missing
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
 from robotctl.cli.live.keys import Keys
+from robotctl.drivers.mavlink.listening import busy_links
 from robotctl.errors import ConfigError, DiskError
 from robotctl.estimation.sensors.registry import SENSORS
+from robotctl.runtime.open_files import need_open_files
 
 if TYPE_CHECKING:
     from robotctl.app.simulation.score import Report
@@ -56,11 +59,12 @@ def sim(
     ] = OWN_BUS,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the simulated world.")] = 1,
     max_seconds: Annotated[
-        float, typer.Option(min=1.0, help="Time limit, in the robot's time.")
+        float, typer.Option(min=1.0, help="Time limit from arming on, in the robot's time.")
     ] = 300.0,
     report: Annotated[Path | None, typer.Option(help="Write the score here as JSON.")] = None,
     record: Annotated[
-        Path | None, typer.Option(help="Folder for the control record and the CAN log.")
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Folder for the control record and the CAN log."),
     ] = None,
     headless: Annotated[bool, typer.Option("--headless", help="No live view.")] = False,
     until_done: Annotated[
@@ -201,6 +205,7 @@ def sim(
         hard_real_time=hard_real_time,
     )
     _refuse_what_has_no_effect(ctx, options, lockstep=lockstep, until_done=until_done)
+    compile_missing(simulated=True)
     if lockstep:
         from robotctl.app.simulation.lockstep import run_lockstep  # noqa: PLC0415 - numba
 
@@ -208,6 +213,7 @@ def sim(
             result = run_lockstep(options, progress.say, progress.tell)
         stayed = False
     else:
+        need_open_files()
         stopped = StopFlag()
         result = _run(options, stopped, headless=headless, until_done=until_done)
         stayed = stopped() and not until_done
@@ -347,7 +353,9 @@ def _run(options: SimOptions, stopped: StopFlag, *, headless: bool, until_done: 
     from robotctl.cli.live.view import make_view  # noqa: PLC0415
 
     run, keys = SimRun(options, stopped), Keys()
-    print("starting firmware_sim; its first run compiles for half a minute", file=sys.stderr)
+    for busy in busy_links(run.config.mavlink.link):
+        print(busy, file=sys.stderr)
+    print("starting firmware_sim", file=sys.stderr)
     with run, make_view(run, headless=headless, keys=keys.usable) as view, keys:
         on_emergency_signal(run.emergency_stop)
         for progress in run.steps(until_done=until_done):

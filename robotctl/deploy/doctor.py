@@ -34,6 +34,7 @@ from robotctl.deploy.wakeup import (
     check_timer_slack,
     measure_in_a_process,
 )
+from robotctl.drivers.mavlink.listening import refusal
 from robotctl.errors import ConfigError
 from robotctl.mavlink.config import MavlinkConfig
 from robotctl.messages.mavlink_port import LinkConfig
@@ -207,15 +208,10 @@ def _check_mavlink_link(link: LinkConfig, listeners: list[_Listener]) -> Finding
     if before is not None:
         found = f"{link.url}: {here.host} port {port} is that of {before.url} too"
         return fail("MAVLink", found, "give one of the two links another port, or remove it")
-    with socket.socket(family, kind_of_socket) as listener:
-        if not udp:
-            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            listener.bind(address)
-        except OSError as error:
-            fix = (
-                "fine if robotctl is running, otherwise see which program has it: "
-                f"sudo ss -lnp | grep {port}"
-            )
-            return warn("MAVLink", f"{link.url}: {error.strerror}", fix)
+    if (refused := refusal(family, kind_of_socket, address)) is not None:
+        fix = (
+            "fine if robotctl is running, otherwise see which program has it: "
+            f"sudo ss -lnp | grep {port}"
+        )
+        return warn("MAVLink", f"{link.url}: {refused.strerror}", fix)
     return ok("MAVLink", f"{link.url}: port {port} is free")

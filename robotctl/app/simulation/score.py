@@ -150,6 +150,8 @@ class CameraReport(msgspec.Struct, frozen=True):
 class Report(msgspec.Struct, frozen=True):
     """The result of one simulated run, written as JSON.
 
+    `message` is what the robot said last, `ended` why the run ended: with the robot's last word, by
+    `--max-seconds` or by the user; empty while it goes on.
     `unsafe_motions` counts what the simulator's monitor holds against the robot: power at the
     wheels that nothing on the bus allowed, or too much speed; `unsafe_reason` is that of the last.
     `held_up_ms` is how long this computer was held up at most, by an estimate of its own. `silent`
@@ -175,6 +177,7 @@ class Report(msgspec.Struct, frozen=True):
     bus_kind: str
     mission_completed: bool
     message: str
+    ended: str
     items_done: int
     items: int
     duration_s: float

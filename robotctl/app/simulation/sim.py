@@ -39,6 +39,7 @@ from robotctl.app.simulation.sim_options import (
     load_faults,
     simulation_overrides,
 )
+from robotctl.app.simulation.time_limit import TimeLimit
 from robotctl.app.supervision.child_process import lines_of, start_child
 from robotctl.app.supervision.exit_log import ExitLog
 from robotctl.app.supervision.pause import state_of
@@ -171,6 +172,8 @@ class SimRun:
         self._exit_log: ExitLog | None = None
         self._operator = MissionOperator()
         self._said_waiting = False
+        self._ended = ""
+        """Why the run ended."""
         self._was_ready = False
         """Whether there has been a run that could be scored."""
         self._firmware_silent = False
@@ -294,7 +297,7 @@ class SimRun:
     def connections(self) -> tuple[str, ...]:
         """Where ground stations and CAN tools can connect."""
         links = tuple(f"MAVLink {link.url}" for link in self.config.mavlink.link)
-        buses = tuple(f"CAN {bus.interface} {bus.channel}" for bus in self.config.buses)
+        buses = tuple(f"CAN -i {bus.interface} -c {bus.channel}" for bus in self.config.buses)
         return (*links, *buses)
 
     def steps(self, *, until_done: bool = True) -> Iterator[RunStatus]:
@@ -303,7 +306,7 @@ class SimRun:
         Without `until_done` the robot stays in service after its mission, for ground stations.
         Anyone who disarms, holds or takes over the robot meanwhile keeps it.
         """
-        clock = self._clock
+        clock, limit = self._clock, TimeLimit(self._options.max_seconds)
         begin_ns, real_begin_ns = clock.now_ns(), time.monotonic_ns()
         while True:
             self._listen()
@@ -314,12 +317,11 @@ class SimRun:
             progress.real_time_factor = 1e9 * now_s / real_ns if real_ns else 1.0
             late_ns = 0 if progress.truth is None else progress.truth.late_max_ns
             progress.lines += self._held_up.step(progress.control, late_ns)
-            stopped = self._stopped() or (self._stack is not None and self._stack.shut_down)
-            if stopped:
-                progress.lines.append("stopped by the user")
+            self._ended = self._end(limit, until_done=until_done)
+            if self._ended:
+                progress.lines.append(self._ended)
             yield progress
-            over = self._is_over or self._control_began_anew
-            if stopped or progress.elapsed_s > self._options.max_seconds or (until_done and over):
+            if self._ended:
                 self._faults += not_begun(self._scenario, self._faults)
                 return
             if not self._control_began_anew:
@@ -356,6 +358,20 @@ class SimRun:
         elif silent_s <= _SILENT_S and self._firmware_silent:
             self._firmware_silent = False
             progress.lines.append("firmware_sim goes on")
+
+    def _end(self, limit: TimeLimit, *, until_done: bool) -> str:
+        """Return why the run ends now; empty if it goes on."""
+        control, navigation, stack = self.progress.control, self.progress.navigation, self._stack
+        if self._stopped():
+            return "stopped by the user"
+        if stack is not None and stack.shut_down:
+            return "a ground station shut the robot down"
+        if until_done and self._control_began_anew:
+            return "the control process was restarted, so the robot may stand elsewhere"
+        if until_done and control is not None and self._is_over:
+            return run_message(control, navigation) or "the mission is over"
+        is_ready = stack is not None and stack.ready
+        return limit.step(control, self._clock.now_ns(), is_ready=is_ready)
 
     @property
     def _is_over(self) -> bool:
@@ -483,6 +499,7 @@ class SimRun:
             bus_kind=self._options.bus,
             mission_completed=navigation.mission_completed,
             message=run_message(control, navigation),
+            ended=self._ended,
             items_done=navigation.item,
             items=navigation.items,
             duration_s=round(progress.elapsed_s, 3),

@@ -26,6 +26,7 @@ from robotctl.errors import ConfigError, RobotctlError
 from robotctl.messages.control import Severity
 from robotctl.messages.supervision import LIFE_NS, Restart
 from robotctl.model.sensors.lidar import SOCKET
+from robotctl.words import counted
 
 CONTROL = "robotctl.app.processes.control"
 NAVIGATION = "robotctl.app.processes.navigation"
@@ -199,7 +200,8 @@ class Stack:
             return
         if process.phase is ProcessPhase.GIVEN_UP:
             self._fail(
-                f"the {name} process ended {process.role.restart.crashes + 1} times within "
+                f"the {name} process ended "
+                f"{counted(process.role.restart.crashes + 1, 'time')} within "
                 f"{process.role.restart.window_s:g} s ({status_words(ended.status)})"
             )
         if self._restarts:

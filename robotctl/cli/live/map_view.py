@@ -15,6 +15,7 @@ from robotctl.cli.live.canvas import Canvas
 from robotctl.messages.estimation import PlanView
 from robotctl.messages.map_message import grid_of
 from robotctl.model.wall_map import WallMap
+from robotctl.words import counted
 
 _ARROWS: Final = "→↗↑↖←↙↓↘"
 _PATH, _ARC, _SEEN, _PERSON = "green", "bold yellow", "red", "bold magenta"
@@ -87,7 +88,7 @@ def title(progress: RunStatus) -> str:
     if state is None:
         return "map" if progress.map is None else "map as it grows"
     sigma_m = math.sqrt(max(0.0, state.covariance[0] + state.covariance[3]))
-    particles = f", {state.particles} particles" if state.particles else ""
+    particles = f", {counted(state.particles, 'particle')}" if state.particles else ""
     silent = f" ({progress.navigation_silence})" if progress.navigation_silence else ""
     return f"{state.method}: {state.status.name.lower()}, ±{sigma_m:.2f} m{particles}{silent}"
 

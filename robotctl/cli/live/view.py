@@ -24,6 +24,7 @@ from robotctl.messages.control import ControlState, SafetyState
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.wall_map import WallMap
 from robotctl.safety.state_machine import LATCHED
+from robotctl.words import counted
 
 _LINE_S = 5.0
 _LIVE_S = 0.2
@@ -195,6 +196,7 @@ class LiveView:
         self._notices: deque[str] = deque(maxlen=_NOTICES)
         self._shown_s = -math.inf
         self._live = Live(console=console, auto_refresh=False, screen=False)
+        self._size = console.size
 
     def __enter__(self) -> LiveView:
         """Take the terminal."""
@@ -215,9 +217,20 @@ class LiveView:
         for line in progress.lines:
             self._notices += [f"{progress.elapsed_s:6.1f} s  {each}" for each in line.splitlines()]
         progress.lines.clear()
+        if self._console.size != self._size:
+            self._begin_anew()
         if progress.elapsed_s - self._shown_s >= _LIVE_S:
             self._shown_s = progress.elapsed_s
             self._live.update(self.screen(progress), refresh=True)
+
+    def _begin_anew(self) -> None:
+        """Clear a terminal of another size, which has broken the lines that stood there."""
+        self._size = self._console.size
+        self._live.stop()
+        self._console.clear()
+        self._live = Live(console=self._console, auto_refresh=False, screen=False)
+        self._live.start()
+        self._shown_s = -math.inf
 
     def screen(self, progress: RunStatus) -> Group:
         """Lay out the whole screen, one line less than the terminal has."""
@@ -225,9 +238,9 @@ class LiveView:
         control = progress.control
         top = [*self._head(progress)]
         most = _NOTICES if height >= _LOW else _NOTICES_LOW
-        bottom = [_line("connect: " + "  ".join(self._connections), "dim")]
-        bottom += [_line(each) for each in [*self._notices][-most:]]
-        rows = height - 1 - len(top) - 1 - most
+        connect = [_line(each, "dim") for each in _packed("connect:", self._connections, width)]
+        bottom = [*connect, *(_line(each) for each in [*self._notices][-most:])]
+        rows = height - 1 - len(top) - len(connect) - most
         parts: list[object] = [*top]
         if self._helps:
             parts += [_line(each) for each in HELP]
@@ -260,7 +273,9 @@ class LiveView:
         if control is not None:
             message_old = old or (_OLD if progress.navigation_silence else "")
             yield _line(run_message(control, navigation), message_old)
-            if (now := what_now(control, keys=self._keys)) and not silent:
+            if navigation is None:
+                yield _line("navigation starts; then the robot is armed and drives its mission")
+            elif (now := what_now(control, keys=self._keys)) and not silent:
                 yield _line(now, "bold")
             battery = control.battery
             charge = (
@@ -345,17 +360,28 @@ def _health(control: ControlState) -> Sequence[tuple[str, str]]:
             "loop",
             (
                 f"{loop.rate_hz:.0f} Hz, lag p50 {loop.lag_us_p50:.0f} p99 {loop.lag_us_p99:.0f} "
-                f"max {loop.lag_us_max:.0f} µs, {loop.overruns} overruns"
+                f"max {loop.lag_us_max:.0f} µs, {counted(loop.overruns, 'overrun')}"
             ),
         ),
         (
             "bus",
             (
                 f"{bus.state.name.lower()}, load {100 * bus.load:.0f} %, "
-                f"{bus.received + bus.sent} frames, {bus.error_frames} error frames"
+                f"{counted(bus.received + bus.sent, 'frame')}, "
+                f"{counted(bus.error_frames, 'error frame')}"
             ),
         ),
     )
+
+
+def _packed(first: str, parts: Sequence[str], width: int) -> list[str]:
+    """Return a word and parts in as few lines as they fit in, no part broken."""
+    lines, indent = [first], " " * len(first)
+    for each in parts:
+        if lines[-1] not in (first, indent) and len(lines[-1]) + 2 + len(each) > width:
+            lines.append(indent)
+        lines[-1] += f"  {each}"
+    return lines
 
 
 def _line(text: str, style: str = "") -> Text:

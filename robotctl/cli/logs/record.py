@@ -19,6 +19,7 @@ from robotctl.runtime.flight.recorder import RecordError, read_record
 from robotctl.runtime.flight.ring import dump as dump_ring
 from robotctl.runtime.ipc.topics import ring_folder, ring_name
 from robotctl.runtime.storage.ring_file import is_written
+from robotctl.words import counted
 
 app = typer.Typer(help="The flight recorder and the logs.", no_args_is_help=True)
 
@@ -72,9 +73,9 @@ def recover(
     except OSError as error:
         raise RecordError(f"{file}: cannot be recovered: {error.strerror}") from error
     if recovered.was_intact:
-        print(f"{file}: is complete, {recovered.messages} messages; left as it is")
+        print(f"{file}: is complete, {counted(recovered.messages, 'message')}; left as it is")
     else:
-        print(f"{file}: complete, {recovered.messages} messages{recovered.loss()}")
+        print(f"{file}: complete, {counted(recovered.messages, 'message')}{recovered.loss()}")
 
 
 @app.command()
@@ -85,7 +86,7 @@ def export(
             help="Folder of --record, a robot-*.mcap of it, or a record: fault-*.rec, a dump."
         ),
     ],
-    csv: Annotated[Path, typer.Option(help="Output folder, one file per topic.")],
+    csv: Annotated[Path, typer.Option(metavar="FOLDER", help="Output folder, one file per topic.")],
 ) -> None:
     """Write a recording as tables: CSV for spreadsheets and pandas, the units in the headings."""
     if csv.exists() and not csv.is_dir():
@@ -98,7 +99,7 @@ def export(
     for note in exported.notes:
         console.print(f"note: {note}", soft_wrap=True)
     for each in exported.files:
-        print(f"{each.path}: {each.rows} rows, {each.columns} columns")
+        print(f"{each.path}: {counted(each.rows, 'row')}, {counted(each.columns, 'column')}")
 
 
 def _check_target(file: Path) -> None:

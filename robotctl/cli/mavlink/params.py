@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from robotctl.cli.mavlink.link import DEFAULT, Key, Link, companion
+from robotctl.words import counted
 
 if TYPE_CHECKING:
     from robotctl.workbench.mavlink.parameters import ParameterClient
@@ -74,7 +75,7 @@ def save(file: ParameterFile, link: Link = DEFAULT, key: Key = None) -> None:
     with _client(link, key) as client:
         readings = client.read_all()
     parameters.save(file, readings)
-    print(f"{file}: {len(readings)} parameters")
+    print(f"{file}: {counted(len(readings), 'parameter')}")
 
 
 @app.command()

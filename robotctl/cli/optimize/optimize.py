@@ -9,6 +9,7 @@ import typer
 
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
+from robotctl.words import counted
 
 if TYPE_CHECKING:
     from robotctl.workbench.graphs.optimize import OptimizeResult
@@ -116,18 +117,20 @@ def summary(result: OptimizeResult) -> str:
     count = figures["connected_components"]
     parts = "all connected" if count == 1 else f"in {count} separate parts"
     lines = [
-        "{vertices} variables, {edges} factors, ".format(**figures) + parts,
-        "chi2 {chi2_initial:.6g} -> {chi2_final:.8g} in {iterations} iterations".format(**figures)
-        + f", {time_ms:.1f} ms",
+        ", ".join(
+            (counted(figures["vertices"], "variable"), counted(figures["edges"], "factor"), parts)
+        ),
+        "chi2 {chi2_initial:.6g} -> {chi2_final:.8g} in ".format(**figures)
+        + f"{counted(figures['iterations'], 'iteration')}, {time_ms:.1f} ms",
     ]
     if "rounds" in figures:
         lines.append(
-            "{rounds} rounds of messages; the last means are within {left_sigma:.2g} standard "
-            "deviations of the solution".format(**figures)
+            f"{counted(figures['rounds'], 'round')} of messages; the last means are within "
+            f"{figures['left_sigma']:.2g} standard deviations of the solution"
         )
     if figures["switched_off"]:
         lines.append(
-            f"{figures['switched_off']} factors switched off; chi2 of the rest "
+            f"{counted(figures['switched_off'], 'factor')} switched off; chi2 of the rest "
             f"{figures['chi2_kept']:.8g}"
         )
     lines += [f"note: {each}" for each in figures["notes"]]

@@ -16,6 +16,7 @@ from robotctl.cli.arguments import Overrides, RobotName, refuse_unused
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
 from robotctl.cli.places.images import match, train_vocabulary
+from robotctl.words import counted
 
 if TYPE_CHECKING:
     from robotctl.estimation.places.database import PlaceBook
@@ -84,7 +85,8 @@ def learn(
     for other in learned.alike:
         print(f"{name} is hardly told from {other}: they may be taken for each other")
     print(
-        f"{book}: {len(known.places)} places, accepted up to a difference of {known.threshold:.3f}"
+        f"{book}: {counted(len(known.places), 'place')}, accepted up to a difference of "
+        f"{known.threshold:.3f}"
     )
 
 

@@ -14,6 +14,7 @@ from pymavlink.dialects.v20 import common
 
 from robotctl.drivers.mavlink.admission import Standing
 from robotctl.drivers.mavlink.frames import FrameReader
+from robotctl.drivers.mavlink.listening import in_use
 from robotctl.drivers.mavlink.signing import Signing
 from robotctl.drivers.mavlink.tlog import TlogRecorder
 from robotctl.messages.mavlink_port import LinkConfig, LinkStatus, Message, Peer, Received
@@ -183,8 +184,7 @@ class Link(ABC):
     def _words(self, error: Exception | str) -> str:
         """Return the problem, and the remedy if known."""
         if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
-            port = self.address.port
-            return f"port {port} is in use by another program, see sudo ss -lnp | grep :{port}"
+            return in_use(self.address.port)
         return getattr(error, "strerror", None) or str(error)
 
     def opened(self) -> None:

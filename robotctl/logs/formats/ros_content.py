@@ -16,6 +16,7 @@ from robotctl.logs.formats.ros_messages import bag_messages
 from robotctl.logs.formats.timeline import Series, Timeline
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.se3 import SE3
+from robotctl.words import counted
 
 SCAN: Final = "sensor_msgs/msg/LaserScan"
 ODOMETRY: Final = "nav_msgs/msg/Odometry"
@@ -106,7 +107,7 @@ def content_of(path: Path, notes: list[str]) -> BagContent:
             else:
                 timeline.add(source, stamp_ns or log_ns, value, None if kind in TF else raw, log_ns)
     if unstamped:
-        notes.append(f"{unstamped} messages without a time: that of the log counts")
+        notes.append(f"{counted(unstamped, 'message')} without a time: that of the log counts")
     sources = timeline.sources()
     edges = [each for each in sources if isinstance(each, Edge)]
     says_motion = any(isinstance(each, OdometrySource) for each in sources)

@@ -23,6 +23,7 @@ from robotctl.planning.guard.behaviour import (
 from robotctl.planning.journey.recovery import Ladder, Rung
 from robotctl.planning.journey.route import Route
 from robotctl.planning.local.controller import LocalMotion, LocalSituation
+from robotctl.words import counted
 
 if TYPE_CHECKING:
     from robotctl.planning.journey.pilot import MapPilot
@@ -284,7 +285,7 @@ class Journey(Behaviour):
         rung = self._ladder.climb()
         self._route, self._stuck_ns, self._driven_m = None, None, 0.0
         if rung is None:
-            return failed(f"gave up after {self._ladder.tries} tries: {reason}")
+            return failed(f"gave up after {counted(self._ladder.tries, 'try', 'tries')}: {reason}")
         if rung is Rung.CLEAR:
             self._pilot.forget_unseen()
         self._attempt = _Attempt(rung, f"{rung.value}: {reason}", now_ns, pose)

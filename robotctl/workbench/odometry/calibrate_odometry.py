@@ -20,6 +20,7 @@ from robotctl.estimation.odometry.fit import Reference
 from robotctl.estimation.odometry.model import OdometryModel
 from robotctl.estimation.odometry.runs import OdometryRun
 from robotctl.logs.formats.recorded_log import read_recording
+from robotctl.words import counted
 from robotctl.workbench.odometry.calibrate_checks import (
     Check,
     check_way,
@@ -225,7 +226,7 @@ def _fit(
     config: RobotConfig, runs: Sequence[OdometryRun], reference: Reference, progress: Progress
 ) -> Calibration:
     """Fit, or raise an error in the user's terms."""
-    progress(f"fitting {sum(len(run.reference_s) for run in runs)} references")
+    progress(f"fitting {counted(sum(len(run.reference_s) for run in runs), 'reference')}")
     try:
         return calibrate(config.drive, runs, reference, config.odometry)
     except ValueError as error:

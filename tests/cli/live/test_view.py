@@ -144,6 +144,7 @@ NAVIGATION = NavigationState(
 CHARGED = msgspec.structs.replace(
     MOVING, battery=BatteryFeedback(0, 24.5, 0.0, 0.87, 25.0, low=False, critical=False)
 )
+CLEAR = "\x1b[2J"
 NOTICES = [
     f"notice {number} of a robot that has a lot to tell, more than a line" for number in range(9)
 ]
@@ -298,3 +299,50 @@ def test_lines_say_who_falls_silent_and_when_all_are_heard_again() -> None:
         "all are heard again",
         "control waiting to be restarted",
     ]
+
+
+CONNECTIONS = (
+    "MAVLink udpout:127.0.0.1:14550",
+    "MAVLink tcpin:127.0.0.1:5760",
+    "CAN -i simcan -c simcan0",
+)
+
+
+@pytest.mark.parametrize(("width", "height"), [(80, 24), (60, 20), (200, 50)])
+def test_what_others_have_to_type_to_connect_is_whole(width: int, height: int) -> None:
+    console = Console(file=io.StringIO(), width=width, height=height)
+    view = LiveView(console, CONFIG, WallMap(ROOM), CONNECTIONS)
+    console.print(view.screen(RunStatus(6.0, CHARGED, NAVIGATION, pose=CHARGED.T_odom_base)))
+    lines = console.file.getvalue().splitlines()  # type: ignore[attr-defined]
+    assert len(lines) <= height - 1
+    for each in CONNECTIONS:
+        assert any(each in line for line in lines)
+
+
+def test_a_terminal_of_another_size_is_cleared_first() -> None:
+    file = io.StringIO()
+    console = Console(file=file, width=120, height=40, force_terminal=True)
+    progress = RunStatus(6.0, CHARGED, NAVIGATION, pose=CHARGED.T_odom_base)
+    with LiveView(console, CONFIG, WallMap(ROOM), CONNECTIONS) as view:
+        view.update(progress)
+        assert CLEAR not in file.getvalue()
+        console.width = 70
+        file.truncate(0)
+        view.update(progress)
+        _, _, after = file.getvalue().partition(CLEAR)
+        assert "DRIVING" in after
+        assert "\x1b[1A" not in after  # nothing of the old screen is gone back over
+        progress.elapsed_s = 7.0
+        file.truncate(0)
+        view.update(progress)
+        assert CLEAR not in file.getvalue()
+
+
+def test_before_navigation_is_there_nobody_is_told_to_arm() -> None:
+    standing = msgspec.structs.replace(CHARGED, state=SafetyState.STANDBY)
+    console = Console(file=io.StringIO(), width=80, height=24)
+    view = LiveView(console, CONFIG, WallMap(ROOM), CONNECTIONS, keys=True)
+    console.print(view.screen(RunStatus(6.0, standing, None)))
+    text = console.file.getvalue()  # type: ignore[attr-defined]
+    assert "a arms it" not in text
+    assert "navigation starts; then the robot is armed" in text

@@ -276,8 +276,12 @@ class IncrementalSmoother:
         solve_down(self._cliques, first, self.config.wildfire, self._increments.view)
         self._touched, self._new, self._fresh = [], [], []
         if self._cliques.used[2] > _WASTE and len(self._cliques.pool) > 4 * self._live():
-            self._cliques = compact(self._cliques, self._clique_of.view)
+            self.compact()
         return True
+
+    def compact(self) -> None:
+        """Give back the memory of cliques that are gone."""
+        self._cliques = compact(self._cliques, self._clique_of.view)
 
     def refine(self, most: int = 10) -> None:
         """Linearise anew until nothing changes that matters, in so many updates at most."""
