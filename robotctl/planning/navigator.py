@@ -27,13 +27,14 @@ from robotctl.messages.requests import (
 )
 from robotctl.model.drives.drives import Drive
 from robotctl.model.fence import Fence, Point
+from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.behaviours.breadcrumbs import Breadcrumbs
 from robotctl.planning.behaviours.goto import NO_PILOT
 from robotctl.planning.behaviours.goto_place import place_problems
-from robotctl.planning.behaviours.kind import NavigatedRobot, Paths, Pilot
+from robotctl.planning.behaviours.kind import Goal, NavigatedRobot, Paths, Pilot
 from robotctl.planning.behaviours.mission import Mission
 from robotctl.planning.behaviours.registry import behaviour_for
 from robotctl.planning.behaviours.rejoin import Rejoining
@@ -54,6 +55,11 @@ from robotctl.planning.surroundings import Surroundings
 
 if TYPE_CHECKING:
     from robotctl.planning.behaviours.outlook import Outlook  # which loads numpy
+
+_SAME_M, _SAME_RAD = 1e-3, 1e-3
+"""Positions and headings of GUIDED that differ by less are one [m, rad]."""
+_STREAM_NS = 1_500_000_000
+"""Longest gap between two messages of a stream of positions [ns]."""
 
 _STOPPED = "the robot was stopped"
 
@@ -154,6 +160,12 @@ class Navigator:
         self._refused = ""
         self._goal: Point | None = None
         """Of the last position of GUIDED."""
+        self._guided: PositionRequest | ExploreRequest | PlaceRequest | None = None
+        """What GUIDED drives to, or drove to last."""
+        self._guided_ns = 0
+        """When a position was last asked for [ns]."""
+        self._guided_m_s = 0.0
+        """Largest speed there [m/s]."""
         self._goals = 0
         self._commands = 0
         self._home: SE2 | None = None
@@ -215,6 +227,7 @@ class Navigator:
         pilot.use_fence(self._fence)
         if self._auto.mission is not None:
             pilot.use_zones(self._auto.mission.zone)
+            pilot.use_recovery(self._auto.mission.recovery)
 
     def use_fence(self, fence: Fence) -> None:
         """Plan within a fence."""
@@ -373,10 +386,10 @@ class Navigator:
             case VelocityRequest():
                 self._velocity = request
                 if self._mode is Mode.GUIDED:
-                    self._behaviour = None
+                    self._behaviour = self._guided = None
             case PositionRequest() | ExploreRequest() | PlaceRequest():
                 if enabled and self._mode is Mode.GUIDED:
-                    self._guide(request)
+                    self._guide(request, now_ns)
             case StickRequest():
                 self._sticks = request
             case _:
@@ -416,18 +429,45 @@ class Navigator:
         if self._robot.pilot is not None:
             self._robot.pilot.use_reverse(reverse=reverse)
 
-    def _guide(self, request: PositionRequest | ExploreRequest | PlaceRequest) -> None:
-        """Drive to a goal in GUIDED."""
+    def _guide(self, request: PositionRequest | ExploreRequest | PlaceRequest, now_ns: int) -> None:
+        """Drive to a goal in GUIDED.
+
+        Off-board programs send the same goal many times a second, or one that moves: the robot is
+        on its way then and stays so. What it has given up it tries again once the stream has ended.
+        """
         if isinstance(request, PlaceRequest):
             self._refused = "; ".join(place_problems(request, self._robot.places))
             if self._refused:
                 return
-        if isinstance(request, PositionRequest) and not on_earth(request.x_m, request.y_m):
-            return
-        self._velocity, self._ended = None, ""
-        self._goals, self._goal_reached = self._goals + 1, None
+        self._goals += 1
+        self._velocity = None
+        if isinstance(request, PositionRequest):
+            if not on_earth(request.x_m, request.y_m):
+                return
+            repeats = self._repeats(request, now_ns)
+            self._guided_ns = now_ns
+            if repeats:
+                return
+        self._goal_reached, self._ended = None, ""
         self._goal = (request.x_m, request.y_m) if isinstance(request, PositionRequest) else None
-        self._behaviour = behaviour_for(request, self._robot)
+        self._guided_m_s = self._robot.config.guided_speed_m_s
+        before, self._guided = self._guided, request
+        if (
+            self._behaviour is not None
+            and isinstance(request, PositionRequest)
+            and isinstance(before, PositionRequest)
+        ):
+            self._behaviour.redirect(Goal(*request), self._guided_m_s)
+        else:
+            self._behaviour = behaviour_for(request, self._robot)
+
+    def _repeats(self, request: PositionRequest, now_ns: int) -> bool:
+        """Return whether a position only says again where the robot drives, or cannot get to."""
+        if not isinstance(self._guided, PositionRequest) or not _are_same(request, self._guided):
+            return False
+        if self._behaviour is not None:
+            return self._guided_m_s == self._robot.config.guided_speed_m_s
+        return self._goal_reached is False and now_ns - self._guided_ns <= _STREAM_NS
 
     def _command(self, request: _Commanded) -> None:
         """Do what is asked of the mission; `MissionError`, `ValueError`: it cannot be done."""
@@ -458,6 +498,7 @@ class Navigator:
         self._pause()
         self._mode = mode
         self._behaviour, self._velocity, self._sticks, self._ended = None, None, None, ""
+        self._guided = None
         self._held = False
         self._use_reverse(reverse=False)
         if mode is Mode.AUTO:
@@ -533,3 +574,12 @@ class Navigator:
             self._commands,
             **self._auto.progress._asdict(),
         )
+
+
+def _are_same(one: PositionRequest, other: PositionRequest) -> bool:
+    """Return whether two positions differ only by rounding."""
+    if math.dist(one[:2], other[:2]) > _SAME_M:
+        return False
+    if one.heading_rad is None or other.heading_rad is None:
+        return one.heading_rad is other.heading_rad
+    return abs(wrap_angle(one.heading_rad - other.heading_rad)) <= _SAME_RAD

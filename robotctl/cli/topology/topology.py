@@ -25,9 +25,12 @@ def build_command(
     world_map: Annotated[str, typer.Argument(metavar="MAP", help="ROS map (.yaml) or world.")],
     out: Annotated[Path, typer.Option(metavar="FILE", help="Write places and passages here.")],
     marks: Annotated[
-        Path | None,
-        typer.Option(help="File of [[mark]]s (name, x_m, y_m): a place with one gets its name."),
-    ] = None,
+        str,
+        typer.Option(
+            metavar="FILE",
+            help="File of [[mark]]s (name, x_m, y_m): a place with one gets its name.",
+        ),
+    ] = "",
     robot: RobotName = "diff_drive",
     plot: Annotated[
         Path | None, typer.Option(help="Draw places over the map: .png, .svg or .pdf.")

@@ -9,7 +9,7 @@ from typing import Literal
 from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behaviours.item import NO_LENGTH_S, require_bounded, require_positive
-from robotctl.planning.behaviours.kind import Kind, NavigatedRobot
+from robotctl.planning.behaviours.kind import Goal, Kind, NavigatedRobot
 from robotctl.planning.behaviours.rearwards import Rearwards
 from robotctl.planning.guard.behaviour import (
     Anchor,
@@ -111,6 +111,10 @@ class StraightTo(Behaviour):
     def pause(self) -> None:
         """Replan from the robot's present place."""
         self.reset()
+
+    def redirect(self, goal: Goal, speed_m_s: float) -> None:
+        """Drive to another point from now on; its heading does not matter."""
+        self._goal, self._speed = (goal.x_m, goal.y_m), speed_m_s
 
     def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:  # noqa: ARG002 - as all behaviours
         """Return the next velocity; done within the goal tolerance of the point."""
