@@ -18,7 +18,7 @@ class SpeedMonitor:
     """Finds wheels that are faster than a limit."""
 
     def __init__(self, robot: Monitored) -> None:
-        assert robot.wheel_names == ("left", "right")
+        assert [each.name for each in robot.actuators] == ["left", "right"]
         self.resets = 0
 
     def reset(self) -> None:

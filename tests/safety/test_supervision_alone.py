@@ -39,6 +39,9 @@ from tests.safety.test_health import (
     WANTED,
     frames,
 )
+from tests.safety.test_health import (
+    WHEELS as WHEELS_NOW,
+)
 
 replace = msgspec.structs.replace
 FIRST = Fault(FaultCode.ENCODER_STUCK, "the first", "left")
@@ -174,7 +177,8 @@ LATE_NS = 20 * MS
 
 def heard(alone: Supervision, now_ns: int = NOW, age_ns: int = 0, **changes: object) -> Supervision:
     """Let supervision take good feedback of some age, with changes."""
-    fresh = replace(GOOD, wheels=replace(GOOD.wheels, stamp_ns=now_ns - age_ns), **changes)
+    wheels = WHEELS_NOW._replace(stamp_ns=now_ns - age_ns)
+    fresh = replace(frames(wheels=wheels), **changes)
     alone.take(fresh, now_ns)
     return alone
 

@@ -10,8 +10,9 @@ from robotctl.drivers.can.config import CanConfig
 from robotctl.drivers.can.drives.native.faults import DriveFault
 from robotctl.drivers.can.memory_port import MemoryPort
 from robotctl.drivers.can.nodes.robot_can import DISABLE_FRAMES, CanRobot
-from robotctl.messages.actuators import ActuatorCommand, DriveState
+from robotctl.messages.actuators import ActuatorCommand, ActuatorFeedback, DriveState
 from robotctl.messages.control import BusState, EmergencyMessage, EmergencyStopSource
+from robotctl.messages.faults import FaultCode
 
 PERIOD_NS = 5_000_000
 
@@ -76,12 +77,18 @@ def wire(codec, parameters, oracle, clock):
     return Wire(codec, parameters, oracle, clock)
 
 
+@pytest.fixture
+def steered_wire(codec, parameters, oracle, clock):
+    return Wire(codec, dataclasses.replace(parameters, steered=True), oracle, clock)
+
+
 def test_wheel_feedback_is_decoded_and_stamped(wire):
     wire.put_checked("WheelFeedback", Timestamp=1_048_575, Count1=65_535, Count2=1)
-    wheels = wire.receive().wheels
-    assert wheels.timestamp_us == 1_048_575
-    assert (wheels.count1, wheels.count2) == (65_535, 1)
-    assert wheels.stamp_ns == wire.clock.now_ns()
+    left, right = wire.receive().actuators
+    assert (left.position_ticks, right.position_ticks) == (65_535, 1)
+    for wheel in (left, right):
+        assert wheel.latch_us == 1_048_575
+        assert wheel.motion_ns == wire.clock.now_ns()
 
 
 def test_motor_status_is_decoded_with_state_and_faults(wire):
@@ -96,12 +103,22 @@ def test_motor_status_is_decoded_with_state_and_faults(wire):
         FaultEncoder=1,
         FaultParameter=1,
     )
-    motor = wire.receive().motor
-    assert motor.state is DriveState.FAULT
-    assert motor.current1_a == pytest.approx(-12.35)
-    assert motor.current2_a == pytest.approx(7.5)
-    assert (motor.temperature1_c, motor.temperature2_c) == (-40, 121)
-    assert motor.faults == DriveFault.OVER_CURRENT | DriveFault.ENCODER | DriveFault.PARAMETER
+    left, right = wire.receive().actuators
+    assert left.current_a == pytest.approx(-12.35)
+    assert right.current_a == pytest.approx(7.5)
+    assert (left.temperature_c, right.temperature_c) == (-40, 121)
+    for wheel in (left, right):
+        assert wheel.report_ns == wire.clock.now_ns()
+        assert wheel.state is DriveState.FAULT
+        assert wheel.fault.code is FaultCode.DRIVE_OVER_CURRENT
+        assert str(wheel.fault) == (
+            "the motor controller is in fault: over current, encoder, parameter"
+        )
+
+
+def told(wire):
+    """Return whether the drive told its supply just now."""
+    return wire.receive().actuators[0].supply_ns == wire.clock.now_ns()
 
 
 @pytest.mark.parametrize(("steered", "period_ms"), [(True, 5), (False, 20)])
@@ -112,35 +129,36 @@ def test_a_drive_status_whose_counter_may_have_gone_round_unheard_only_starts_it
     wire = Wire(codec, robot, oracle, clock)
     for lost in (11, 15):
         wire.put_checked("DriveStatus", BusVoltage=12.0)
-        assert wire.receive().drive is not None
+        assert told(wire)
         for _ in range(lost):
             wire.frame("DriveStatus", BusVoltage=12.0)
         clock.sleep_until(clock.now_ns() + (lost + 1) * period_ms * 1_000_000)
         rejects = wire.receive().bus.counter_rejects
         wire.put(*wire.frame("DriveStatus", BusVoltage=12.0))
-        feedback = wire.receive()
-        assert feedback.drive is None
+        assert not told(wire)
         # Within the time-out the jump is seen; later the counter says nothing.
-        assert feedback.bus.counter_rejects - rejects == (lost == 11)
+        assert wire.receive().bus.counter_rejects - rejects == (lost == 11)
         wire.put(*wire.frame("DriveStatus", BusVoltage=12.0))
-        assert wire.receive().drive is not None
+        assert told(wire)
 
 
 @pytest.mark.parametrize("fault", list(DriveFault))
 def test_each_fault_has_its_signal(wire, fault):
     name = "Fault" + "".join(word.title() for word in fault.name.split("_"))
     wire.put_checked("MotorStatus", **{name: 1})
-    assert wire.receive().motor.faults == fault
+    wheel, *_ = wire.receive().actuators
+    assert wheel.fault.code is FaultCode[f"DRIVE_{fault.name}"]
 
 
 @pytest.mark.parametrize("raw", range(16))
 def test_a_state_that_the_dbc_does_not_know_is_taken_as_a_fault(wire, raw):
     wire.put_checked("MotorStatus", State=raw)
     expected = DriveState(raw) if raw <= 5 else DriveState.FAULT
-    assert wire.receive().motor.state is expected
+    assert wire.receive().actuators[0].state is expected
 
 
-def test_drive_status_is_decoded(wire):
+def test_drive_status_is_decoded(steered_wire):
+    wire = steered_wire
     wire.put_checked(
         "DriveStatus",
         EchoCounter=7,
@@ -149,10 +167,12 @@ def test_drive_status_is_decoded(wire):
         CommandAge=3,
         RejectedCommands=9,
     )
-    drive = wire.receive().drive
-    assert drive.steering_rad == pytest.approx(-0.5236)
-    assert drive.bus_voltage_v == pytest.approx(11.987)
-    assert (drive.echo_counter, drive.command_age_ms, drive.rejected_commands) == (7, 3, 9)
+    wheel, steering = wire.receive().actuators
+    assert steering.angle_rad == pytest.approx(-0.5236)
+    assert steering.motion_ns == wire.clock.now_ns()
+    for each in (wheel, steering):
+        assert each.voltage_v == pytest.approx(11.987)
+        assert (each.command_age_ms, each.supply_ns) == (3, wire.clock.now_ns())
 
 
 def test_battery_is_decoded_with_its_charge_as_a_share(wire):
@@ -207,14 +227,15 @@ def test_an_emergency_stop_of_any_length_and_sender_counts(wire, data):
 
 def test_what_did_not_come_is_none(wire):
     feedback = wire.receive()
-    assert (feedback.wheels, feedback.motor, feedback.drive, feedback.battery) == (None,) * 4
+    assert feedback.actuators == (ActuatorFeedback(),) * 2
+    assert feedback.battery is None
     assert feedback.sonars == ()
 
 
 def test_of_several_feedbacks_in_one_tick_the_newest_counts(wire):
     wire.put_checked("WheelFeedback", Count1=1)
     wire.put_checked("WheelFeedback", Count1=2)
-    assert wire.receive().wheels.count1 == 2
+    assert wire.receive().actuators[0].position_ticks == 2
 
 
 def test_corrupt_repeated_jumped_and_foreign_frames_are_dropped_and_counted(wire):
@@ -224,17 +245,17 @@ def test_corrupt_repeated_jumped_and_foreign_frames_are_dropped_and_counted(wire
     wire.put(can_id, good[:7])
     wire.put(can_id, wire.frame("MotorStatus")[1])
     feedback = wire.receive()
-    assert feedback.wheels.count1 == 1
+    assert feedback.actuators[0].position_ticks == 1
     assert feedback.bus.crc_rejects == 3
     wire.put(can_id, good)
     wire.put(can_id, good)
-    assert wire.receive().wheels.count1 == 2
+    assert wire.receive().actuators[0].position_ticks == 2
     wire.counters["WheelFeedback"] += 2
     wire.put(*wire.frame("WheelFeedback", Count1=3))
     wire.counters["WheelFeedback"] += 7
     wire.put(*wire.frame("WheelFeedback", Count1=4))
     feedback = wire.receive()
-    assert feedback.wheels.count1 == 3
+    assert feedback.actuators[0].position_ticks == 3
     assert (feedback.bus.counter_rejects, feedback.bus.lost) == (2, 2)
 
 
@@ -248,7 +269,7 @@ def test_after_a_boot_the_counters_of_a_node_start_anew(wire):
     wire.put(*wire.frame("WheelFeedback", Count1=9))
     wire.put(*wire.frame("Battery"))
     feedback = wire.receive()
-    assert feedback.wheels.count1 == 9
+    assert feedback.actuators[0].position_ticks == 9
     assert feedback.battery is not None
     assert feedback.nodes[0].boots == 1
 
@@ -264,7 +285,7 @@ def test_no_frame_of_any_length_raises(wire, can_id, length):
 
 def test_commands_go_out_with_a_running_counter(wire):
     for n in range(17):
-        wire.send(enable=True, duty1=n / 20, duty2=-n / 20, steering_rad=0.1)
+        wire.send(enable=True, values=(n / 20, -n / 20))
     commands = wire.commands()
     assert [c["Counter"] for c in commands] == [*range(15), 0, 1]
     assert [c["Duty1"] for c in commands] == pytest.approx([n / 20 for n in range(17)])
@@ -283,20 +304,22 @@ def test_a_frame_that_the_bus_did_not_take_uses_up_no_counter(wire):
     assert wire.receive().bus.send_failures == 2
 
 
-@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1.5, -1.5])
-@pytest.mark.parametrize("field", ["duty1", "duty2", "steering_rad"])
-def test_a_command_that_cannot_be_sent_becomes_motors_off(wire, field, bad):
-    wire.send(enable=True, **{field: 2 * bad})
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 3.0, -3.0])
+@pytest.mark.parametrize(("robot", "place"), [("wire", 0), ("wire", 1), ("steered_wire", 1)])
+def test_a_command_that_cannot_be_sent_becomes_motors_off(request, robot, place, bad):
+    wire = request.getfixturevalue(robot)
+    wire.send(enable=True, values=tuple(bad if at == place else 0.1 for at in range(2)))
     [command] = wire.commands()
     assert (command["Enable"], command["Brake"]) == (0, 1)
     assert (command["Duty1"], command["Duty2"], command["SteeringAngle"]) == (0, 0, 0)
     assert wire.receive().bus.send_failures == 1
 
 
-def test_motors_that_are_switched_off_leave_the_steering_where_it_is(wire):
+def test_motors_that_are_switched_off_leave_the_steering_where_it_is(steered_wire):
+    wire = steered_wire
     wire.put_checked("DriveStatus", SteeringAngle=0.25)
     wire.receive()
-    wire.send(enable=True, duty1=math.nan, steering_rad=0.4)
+    wire.send(enable=True, values=(math.nan, 0.4))
     wire.robot.close()
     commands = wire.commands()
     assert len(commands) == 1 + DISABLE_FRAMES
@@ -304,10 +327,13 @@ def test_motors_that_are_switched_off_leave_the_steering_where_it_is(wire):
 
 
 @pytest.mark.parametrize("angle_rad", [1.6, -1.6, 3.2767, -3.2768])
-def test_a_steering_angle_that_no_command_can_carry_does_not_keep_motors_on(wire, angle_rad):
+def test_a_steering_angle_that_no_command_can_carry_does_not_keep_motors_on(
+    steered_wire, angle_rad
+):
+    wire = steered_wire
     wire.put_checked("DriveStatus", SteeringAngle=angle_rad)
-    assert wire.receive().drive.steering_rad == pytest.approx(angle_rad)
-    wire.send(enable=False, brake=True, steering_rad=angle_rad)
+    assert wire.receive().actuators[1].angle_rad == pytest.approx(angle_rad)
+    wire.send(enable=False, brake=True, values=(0.0, angle_rad))
     wire.robot.close()
     commands = wire.commands()
     assert [(c["Enable"], c["Brake"]) for c in commands] == [(0, 1)] * (1 + DISABLE_FRAMES)
@@ -332,7 +358,7 @@ def test_an_emergency_stop_that_the_bus_did_not_take_is_repeated_until_it_does(w
 
 
 def test_closing_turns_the_motors_off_before_the_bus_is_released(wire):
-    wire.send(enable=True, duty1=0.5)
+    wire.send(enable=True, values=(0.5, 0.5))
     wire.robot.close()
     wire.robot.close()
     commands = wire.commands()
