@@ -18,7 +18,7 @@ class OpenLoop:
         self.rig = rig
         self.clock = RealClock()
         self.robot = make_robot(rig.config, self.clock)
-        self.wheels = None
+        self.wheels = ()
         self.nodes = ()
 
     def hold(self, command: ActuatorCommand, seconds: float) -> tuple[int, int]:
@@ -31,19 +31,15 @@ class OpenLoop:
             self.clock.sleep_until(deadline_ns)
             feedback = self.robot.receive(deadline_ns)
             self.nodes = feedback.nodes
-            if feedback.wheels is not None:
-                self.wheels = feedback.wheels
-                first = first or feedback.wheels
+            if feedback.actuators[0].motion_ns > 0:
+                self.wheels = feedback.actuators
+                first = first or self.wheels
             self.robot.send(command, deadline_ns)
             self.rig.listen()
         assert first is not None
-        assert self.wheels is not None
         return tuple(
-            (after - before + 0x8000) % 0x10000 - 0x8000
-            for before, after in (
-                (first.count1, self.wheels.count1),
-                (first.count2, self.wheels.count2),
-            )
+            (after.position_ticks - before.position_ticks + 0x8000) % 0x10000 - 0x8000
+            for before, after in zip(first, self.wheels, strict=True)
         )
 
 

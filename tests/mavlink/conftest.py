@@ -60,7 +60,6 @@ CONTROL = ControlState(
     battery=BatteryFeedback(0, 12.345, 1.5, 0.8, 31.25, low=False, critical=False),
     sonar_m=(1.0, 2.0, 0.5, 1.0, 1.0, 1.0, 1.0, 1.0),
     sonar_stamp_ns=(0,) * 8,
-    faults=0,
     nodes=(),
     bus=BusStatus(),
     loop=LoopStatistics(),

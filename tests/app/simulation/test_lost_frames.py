@@ -20,6 +20,7 @@ from robotctl.messages.control import (
 )
 from robotctl.messages.faults import Fault, FaultCode
 from robotctl.safety.state_machine import POWERED
+from tests.native_frames import reports
 
 MS = 1_000_000
 MIDDLE = (3.0, 2.0, 0.0)
@@ -251,8 +252,9 @@ def test_behind_a_gap_each_wheel_has_turned_by_its_own_counts(robot, gap_ms, bef
         nonlocal now_ns
         second = count if len(config.drive.wheel_names) == 2 else 0
         for _ in range(20):
-            wheels = WheelFeedback(now_ns, now_ns // 1000 & 0xFFFFF, count, second)
-            core.step(Inputs(Feedback(wheels=wheels)), now_ns)
+            wheels = WheelFeedback(now_ns, now_ns // 1000 & 0xFFFFF, (count, second))
+            told = reports(wheels, None, None, steers=bool(config.drive.joint_names))
+            core.step(Inputs(Feedback(actuators=told)), now_ns)
             now_ns += 5 * MS
         return core.motion.odometry.pose_odom_base.x_m
 

@@ -9,7 +9,7 @@ import pytest
 from robotctl.app.simulation.lockstep import run_lockstep
 from robotctl.app.simulation.sim_options import SimOptions
 from robotctl.config.robot_file import find_file, load_robot
-from robotctl.drivers.can.drives.native.wire import WheelFeedback
+from robotctl.messages.actuators import ActuatorCommand, ActuatorFeedback
 from robotctl.messages.control import Feedback, SafetyState
 from robotctl.messages.faults import FaultCode as C
 from tests.app.simulation.tampered import Bend, Trial, replace
@@ -18,15 +18,14 @@ Said = tuple[C, str]
 ROBOTS = ("diff_drive", "tricycle", "ackermann")
 
 
-def counts(change: Callable[[WheelFeedback, WheelFeedback], WheelFeedback]) -> Bend:
-    """Bend the wheel feedback alone."""
+Reports = tuple[ActuatorFeedback, ...]
 
-    def bend(feedback: Feedback, last: Feedback) -> Feedback:
-        if feedback.wheels is None or last.wheels is None:
-            return feedback
-        return replace(feedback, wheels=change(feedback.wheels, last.wheels))
 
-    return bend
+def reports(change: Callable[[Reports, Reports], Reports]) -> Bend:
+    """Bend what the actuators report, given also what they reported last before the fault."""
+    return lambda feedback, last: replace(
+        feedback, actuators=change(feedback.actuators, last.actuators)
+    )
 
 
 def from_there(count: int, start: int, factor: float) -> int:
@@ -35,53 +34,60 @@ def from_there(count: int, start: int, factor: float) -> int:
     return start + round(factor * moved) & 0xFFFF
 
 
-def scaled(factor1: float, factor2: float) -> Bend:
-    return counts(
-        lambda now, start: replace(
-            now,
-            count1=from_there(now.count1, start.count1, factor1),
-            count2=from_there(now.count2, start.count2, factor2),
+def counted(report: ActuatorFeedback, count: int) -> ActuatorFeedback:
+    return replace(report, position_ticks=count & 0xFFFF)
+
+
+def scaled(*factors: float) -> Bend:
+    """The counts of each wheel go on by a factor of what they do."""
+    return reports(
+        lambda now, start: tuple(
+            counted(new, from_there(new.position_ticks, old.position_ticks, factor))
+            for new, old, factor in zip(now, start, factors, strict=True)
         )
     )
 
 
-SWAPPED = counts(
-    lambda now, start: replace(
-        now,
-        count1=start.count1 + now.count2 - start.count2 & 0xFFFF,
-        count2=start.count2 + now.count1 - start.count1 & 0xFFFF,
+SWAPPED = reports(
+    lambda now, start: tuple(
+        counted(new, old.position_ticks + other.position_ticks - first.position_ticks)
+        for new, old, other, first in zip(now, start, now[::-1], start[::-1], strict=True)
     )
 )
 
 
 def glitches() -> Bend:
     """Every twentieth count of the left wheel is nonsense."""
-    seen = iter(range(10**9))
-    return counts(
-        lambda now, _: (
-            replace(now, count1=now.count1 + 9000 & 0xFFFF) if next(seen) % 20 == 0 else now
-        )
-    )
+    seen: dict[int, int] = {}
+
+    def change(now: Reports, _: Reports) -> Reports:
+        number = seen.setdefault(now[0].motion_ns, len(seen))
+        if number % 20:
+            return now
+        return (counted(now[0], now[0].position_ticks + 9000), *now[1:])
+
+    return reports(change)
 
 
 def clock(factor: float) -> Bend:
     """The latch times run by a factor of the real ones, over any number of roll-overs."""
     state = {"start": None, "true": 0, "told": 0.0}
 
-    def change(now: WheelFeedback, start: WheelFeedback) -> WheelFeedback:
+    def change(now: Reports, start: Reports) -> Reports:
+        first = start[0].latch_us
         if state["start"] is not start:
-            state.update(start=start, true=start.timestamp_us, told=0.0)
-        state["told"] += factor * (now.timestamp_us - state["true"] & 0xFFFFF)
-        state["true"] = now.timestamp_us
-        return replace(now, timestamp_us=start.timestamp_us + round(state["told"]) & 0xFFFFF)
+            state.update(start=start, true=first, told=0.0)
+        state["told"] += factor * (now[0].latch_us - state["true"] & 0xFFFFF)
+        state["true"] = now[0].latch_us
+        latch_us = first + round(state["told"]) & 0xFFFFF
+        return tuple(
+            each if each.latch_us < 0 else replace(each, latch_us=latch_us) for each in now
+        )
 
-    return counts(change)
+    return reports(change)
 
 
-def steering_stuck(feedback: Feedback, last: Feedback) -> Feedback:
-    if feedback.drive is None:
-        return feedback
-    return replace(feedback, drive=replace(feedback.drive, steering_rad=last.drive.steering_rad))
+STEERING_STUCK = reports(lambda now, last: (now[0], replace(now[1], angle_rad=last[1].angle_rad)))
 
 
 def front_sonar(range_m: float) -> Bend:
@@ -95,15 +101,12 @@ def front_sonar(range_m: float) -> Bend:
     return bend
 
 
-def motor(**values: float) -> Bend:
-    return lambda feedback, _: (
-        replace(feedback, motor=replace(feedback.motor, **values)) if feedback.motor else feedback
-    )
-
-
-def drive(**values: float) -> Bend:
-    return lambda feedback, _: (
-        replace(feedback, drive=replace(feedback.drive, **values)) if feedback.drive else feedback
+def told(*places: int, **values: float) -> Bend:
+    """Let some actuators report other values."""
+    return reports(
+        lambda now, _: tuple(
+            replace(each, **values) if at in places else each for at, each in enumerate(now)
+        )
     )
 
 
@@ -250,9 +253,14 @@ def test_a_robot_put_together_wrongly_stops_when_it_first_drives(
     assert trial.top_m_s < 0.8
 
 
+def reversed_by(command: ActuatorCommand, *signs: int) -> ActuatorCommand:
+    values = (sign * value for sign, value in zip(signs, command.values, strict=False))
+    return replace(command, values=tuple(values))
+
+
 def test_a_motor_with_its_wires_exchanged_stops_when_it_first_drives() -> None:
     trial = Trial("diff_drive")
-    trial.port.command = lambda command: replace(command, duty1=-command.duty1)
+    trial.port.command = lambda command: reversed_by(command, -1, 1)
     trial.armed()
     assert trial.drive(0.4, 0.0, 1.0) < 0.25
     assert trial.fault == (C.ENCODER_REVERSED, "left"), trial.reason
@@ -264,17 +272,15 @@ def test_a_robot_that_drives_backwards_in_every_respect_is_seen_by_its_sonars() 
 
     def mirror(feedback: Feedback, last: Feedback) -> Feedback:
         feedback = negated(feedback, last)
-        if feedback.motor is None:
-            return feedback
-        currents = {
-            "current1_a": -feedback.motor.current1_a,
-            "current2_a": -feedback.motor.current2_a,
-        }
-        return replace(feedback, motor=replace(feedback.motor, **currents))
+        turned = (
+            replace(each, current_a=-each.current_a) if each.current_a is not None else each
+            for each in feedback.actuators
+        )
+        return replace(feedback, actuators=tuple(turned))
 
     trial.wait(0.2)
     trial.port.feedback = mirror
-    trial.port.command = lambda c: replace(c, duty1=-c.duty1, duty2=-c.duty2)
+    trial.port.command = lambda c: reversed_by(c, -1, -1)
     trial.armed()
     took_s = trial.drive(0.3, 0.0, 4.0)
     assert trial.fault == (C.ODOMETRY_REVERSED, ""), trial.reason
@@ -285,7 +291,7 @@ def test_a_robot_that_drives_backwards_in_every_respect_is_seen_by_its_sonars() 
 def test_steering_that_stays_where_it_is_stops_the_robot(robot: str) -> None:
     trial = Trial(robot, (2.0, 1.0, 0.0)).armed()
     trial.drive(0.3, 0.0, 1.0)
-    trial.port.feedback = steering_stuck
+    trial.port.feedback = STEERING_STUCK
     assert trial.drive(0.3, 0.5, 2.0) < 1.0
     assert trial.fault == (C.STEERING_OFF, ""), trial.reason
 
@@ -318,13 +324,13 @@ def test_slipping_wheels_in_front_of_a_wall_are_seen_by_sonar_where_the_push_is_
 @pytest.mark.parametrize(
     ("bend", "fault"),
     [
-        (motor(temperature1_c=-40.0), (C.TEMPERATURE_WRONG, "left")),
-        (motor(temperature2_c=200.0), (C.TEMPERATURE_WRONG, "right")),
-        (motor(current1_a=1.5), (C.CURRENT_WRONG, "left")),
-        (motor(current2_a=-102.4), (C.CURRENT_WRONG, "right")),
-        (drive(bus_voltage_v=7.0), (C.SUPPLY_WRONG, "")),
-        (drive(bus_voltage_v=math.nan), (C.SUPPLY_WRONG, "")),
-        (lambda feedback, _: replace(feedback, wheels=None), (C.WHEELS_STALE, "drive")),
+        (told(0, temperature_c=-40.0), (C.TEMPERATURE_WRONG, "left")),
+        (told(1, temperature_c=200.0), (C.TEMPERATURE_WRONG, "right")),
+        (told(0, current_a=1.5), (C.CURRENT_WRONG, "left")),
+        (told(1, current_a=-102.4), (C.CURRENT_WRONG, "right")),
+        (told(0, 1, voltage_v=7.0), (C.SUPPLY_WRONG, "")),
+        (told(0, 1, voltage_v=math.nan), (C.SUPPLY_WRONG, "")),
+        (reports(lambda _, last: last), (C.WHEELS_STALE, "drive")),
     ],
 )
 def test_an_implausible_sensor_keeps_the_robot_from_arming(bend: Bend, fault: Said) -> None:

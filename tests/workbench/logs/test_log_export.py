@@ -224,7 +224,7 @@ def test_a_record_of_the_control_loop_tells_the_same_states_as_the_log_beside_it
         np.testing.assert_array_equal(both[column], both[f"{column} logged"])
     ticks = pd.read_csv(tmp_path / "tick.csv")
     assert len(ticks) == len(states)
-    assert ticks["command.duty1"].abs().max() > 0.1
+    assert ticks["command.values[0]"].abs().max() > 0.1
     heard = pd.read_csv(tmp_path / "sonars.csv")
     assert heard["range_m[front]"].dropna().between(0.02, 4.2).any()
 

@@ -20,7 +20,7 @@ from robotctl.drivers.can.config import CanConfig
 from robotctl.drivers.can.memory_port import MemoryPort
 from robotctl.drivers.can.nodes.robot_can import CanRobot
 from robotctl.drivers.can.port import SocketPort
-from robotctl.messages.control import WheelCommand
+from robotctl.messages.actuators import ActuatorCommand
 from robotctl.messages.ports import EXTENDED_FLAG, FD_LENGTHS, REMOTE_FLAG
 from robotctl.runtime.clock import VirtualClock
 
@@ -29,7 +29,7 @@ START_NS = 1_000_000_000
 TICKS = 120
 """As long as commissioning takes, so that SDO answers are among what is forged."""
 BUSES = [CanConfig(), CanConfig(data_bitrate=5_000_000)]
-COMMAND = WheelCommand(enable=False, brake=True)
+COMMAND = ActuatorCommand(enable=False, brake=True)
 
 
 class FakeDescriptor:
