@@ -177,19 +177,18 @@ class Journey(Behaviour):
         if self._route is None and self._is_near(_goal_of(pose), 1.0):
             return done()
         self._note_progress(pose)
-        if self._attempt is not None:
-            output = self._recover(self._attempt, situation, now_ns)
-            if output is not None:
-                return output
-            self._attempt = None
-        route = self._route
-        if self._looks_again(pose, now_ns) or route is None:
-            found = self._find_route(pose, now_ns)
-            if isinstance(found, BehaviourOutput):
-                return found
-            route = found
+        if (output := self._recover(situation, now_ns)) is not None:
+            return output
+        route = self._route_from(pose, now_ns)
+        if isinstance(route, BehaviourOutput):
+            return route
         if turn_rad_s := self._turning_round(situation, route):
             return BehaviourOutput(0.0, turn_rad_s, text="turning round")
+        return self._drive(situation, route, now_ns)
+
+    def _drive(self, situation: BehaviourInput, route: Route, now_ns: int) -> BehaviourOutput:
+        """Return the next velocity along the path; done where it ends at the goal."""
+        pose = situation.pose
         motion = self._looked_at(pose, self._follow(situation, route.plan))
         self._pilot.show(route.rest, motion.ahead)
         is_at_end = motion.arrived and not self._is_redirected
@@ -218,6 +217,12 @@ class Journey(Behaviour):
         self._last = pose
         if self._closed is not None and _away_m(self._closed.pose, pose) > _PROGRESS_M:
             self._closed = None
+
+    def _route_from(self, pose: SE2, now_ns: int) -> Route | BehaviourOutput:
+        """Return the path to follow, or what to do where there is none."""
+        if not self._looks_again(pose, now_ns) and self._route is not None:
+            return self._route
+        return self._find_route(pose, now_ns)
 
     def _looks_again(self, pose: SE2, now_ns: int) -> bool:
         """Return whether it is time to plan: there is no path, it is far away, or a while ago."""
@@ -416,13 +421,16 @@ class Journey(Behaviour):
         self._attempt = Attempt(rung, reason, now_ns, pose)
         return BehaviourOutput(0.0, 0.0, text=self._attempt.text)
 
-    def _recover(
-        self, attempt: Attempt, situation: BehaviourInput, now_ns: int
-    ) -> BehaviourOutput | None:
-        """Return the motion of an attempt; None once it has ended."""
+    def _recover(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput | None:
+        """Return the motion of the attempt under way; None: there is none, or it has ended."""
+        attempt = self._attempt
+        if attempt is None:
+            return None
         output = attempt.step(self._pilot, situation.pose, now_ns)
         if attempt.rung is Rung.WAIT and output is not None and self._may_go_on(situation, now_ns):
-            return None
+            output = None
+        if output is None:
+            self._attempt = None
         return output
 
     def _may_go_on(self, situation: BehaviourInput, now_ns: int) -> bool:
