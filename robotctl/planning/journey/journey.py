@@ -131,7 +131,7 @@ class Journey(Behaviour):
         """Drive to another place from now on, along the present path until the next is planned."""
         self._goal, self._speed_m_s = goal, speed_m_s
         self._is_redirected = not self._is_near(self._aim, 0.5)
-        self._chases = self._is_redirected
+        self._chases = self._is_redirected or self._route is None
         if math.dist(goal[:2], self._ladder_goal[:2]) > _ELSEWHERE_M:
             self._ladder_goal = goal
             self._closed = None
@@ -362,6 +362,8 @@ class Journey(Behaviour):
                 return BehaviourOutput(0.0, 0.0, text="waiting for somebody to pass")
             if self._closed is not None and self._waits(self._closed, now_ns):
                 return BehaviourOutput(0.0, 0.0, text=self._closed.text)
+            if self._chases:
+                return BehaviourOutput(0.0, 0.0, text="about to plan to where the goal is now")
         answer = self._failure or self._plan(pose, now_ns)
         if isinstance(answer, PlanFailure):
             found = self._without_path(answer, pose, now_ns)
