@@ -148,6 +148,8 @@ def way_out(
     way = np.hypot(target[0] - pose[0], target[1] - pose[1])
     best, chosen = 0.0, (0.0, 0.0)
     for v, omega in _creeps(problem.motion, bare, swing):
+        if v < 0.0 and best > 0.0:
+            break
         free, end = _driven(space, drawn_in, pose, v, omega)
         if free < _FREE:
             continue
@@ -163,17 +165,19 @@ def way_out(
 
 @compiled
 def _creeps(motion: Motion, bare: Body, swing: float) -> list[tuple[float, float]]:
-    """Return the slow velocities in which the tail swings out by no more than so much per way."""
+    """Return the slow velocities in which the tail swings out by no more than so much per way.
+
+    Those ahead come first, and those backwards last, where a robot sees least.
+    """
     ahead, behind = bare.outline[:, 0].max(), -bare.outline[:, 0].min()
-    most = motion.curvature_max * motion.creep
     creeps = []
-    for v in (-motion.creep, 0.0, motion.creep):
-        tail = behind if v > 0.0 else ahead
+    for v, tail in ((motion.creep, behind), (0.0, 1.0), (-motion.creep, ahead)):
+        most = min(motion.curvature_max, swing / tail) * abs(v)
+        if v == 0.0:
+            most = _SLOW_TURN if motion.curvature_max == np.inf else 0.0
         for turn in _TURNS:
-            omega = turn * min(most if v != 0.0 else np.inf, _SLOW_TURN)
-            if v == 0.0 and (omega == 0.0 or motion.curvature_max != np.inf):
-                continue
-            if v == 0.0 or abs(omega / v) * tail <= swing:
+            omega = max(min(turn * _SLOW_TURN, most), -most)
+            if v != 0.0 or omega != 0.0:
                 creeps.append((v, omega))
     return creeps
 
