@@ -10,7 +10,7 @@ import numpy as np
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behaviours.kind import Goal
-from robotctl.planning.global_planning.plan import Plan, PlanFailure, Reason
+from robotctl.planning.global_planning.plan import PlanFailure, Reason
 from robotctl.planning.guard.behaviour import (
     Anchor,
     Behaviour,
@@ -189,7 +189,7 @@ class Journey(Behaviour):
     def _drive(self, situation: BehaviourInput, route: Route, now_ns: int) -> BehaviourOutput:
         """Return the next velocity along the path; done where it ends at the goal."""
         pose = situation.pose
-        motion = self._looked_at(pose, self._follow(situation, route.plan))
+        motion = self._looked_at(pose, self._follow(situation, route))
         self._pilot.show(route.rest, motion.ahead)
         is_at_end = motion.arrived and not self._is_redirected
         if (is_at_end and route.leads_there) or self._is_there(pose):
@@ -286,18 +286,18 @@ class Journey(Behaviour):
         off_rad = wrap_angle(place.heading_rad - wanted_rad)
         return abs(off_rad) <= share * config.heading_tolerance_rad
 
-    def _follow(self, situation: BehaviourInput, plan: Plan) -> LocalMotion:
+    def _follow(self, situation: BehaviourInput, route: Route) -> LocalMotion:
         """Return the local controller's motion along the path."""
         pilot, pose = self._pilot, situation.pose
         return pilot.controller.step(
             LocalSituation(
                 pose,
                 situation.twist,
-                plan.poses,
-                plan.reverse,
+                route.plan.poses,
+                route.plan.reverse,
                 pilot.space_around(pose),
                 pilot.moving,
-                min(self._speed_m_s, pilot.speed_limit(pose)),
+                min(self._speed_m_s, pilot.speed_limit(pose, route.rest)),
             )
         )
 
@@ -443,7 +443,7 @@ class Journey(Behaviour):
         if isinstance(answer, PlanFailure):
             return False
         self._route = answer
-        motion = self._follow(situation, answer.plan)
+        motion = self._follow(situation, answer)
         self._pilot.controller.reset()  # nothing has followed this step
         return not motion.blocked
 
