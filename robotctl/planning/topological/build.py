@@ -47,8 +47,14 @@ _CORRIDOR: Final = 3.0
 """Length over width from which on a place is a corridor."""
 _NARROWER: Final = 0.5
 """Of an open area's width, a corridor that leads off it without a door has less."""
+_NARROWER_IN_HALL: Final = 0.6
+"""The same of a hall, which is as wide as what stands in it leaves."""
 _CORRIDOR_WIDTH_M: Final = 1.0
 """Of such a corridor, at least."""
+_DEEP: Final = 0.5
+"""Depth over width from which on a bay of a hall is a place."""
+_MOUTH: Final = 1.5
+"""Length of the border to the hall over its width, at most: corners, which are round, have more."""
 _BESIDE: Final = ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1))
 
 
@@ -93,8 +99,7 @@ def build(grid: GridMap, radius_m: float) -> Topology:
     depth_m = np.where(halls, room_m, depth_m)
     labels = _with_corridors(np.where(halls, -1, labels), depth_m, side_m)
     labels, kinds = with_junctions(labels, depth_m, side_m)
-    parts = _regions(np.where(halls, room_m, 0.0), radius_m, widest_m=math.inf)
-    parts = _with_corridors(parts, depth_m, side_m)
+    parts = _hall_parts(halls, room_m, radius_m, side_m)
     labels = np.where(parts >= 0, parts + (int(labels.max()) + 1), labels)
     labels = _without_small(labels, depth_m, side_m)
     return _topology(grid, labels, kinds, depth_m, room_m, radius_m)
@@ -187,15 +192,31 @@ def _regions(
     return roots.reshape(depths.shape)[1:-1, 1:-1]
 
 
-def _with_corridors(
-    labels: NDArray[np.int64], depth_m: NDArray[np.float64], side_m: float
+def _hall_parts(
+    halls: NDArray[np.bool_], room_m: NDArray[np.float64], radius_m: float, side_m: float
 ) -> NDArray[np.int64]:
-    """Give corridors that lead off an open area without a door regions of their own."""
+    """Divide halls at necks of any width, and from the gaps and bays that open into them.
+
+    Gaps that meet behind a shelf are one region at first, and divided at their necks then.
+    """
+    whole = _regions(np.where(halls, room_m, 0.0), radius_m, widest_m=math.inf)
+    parts = _with_corridors(whole, room_m, side_m, in_hall=True)
+    off = _regions(np.where(parts != whole, room_m, 0.0), radius_m, widest_m=math.inf)
+    return np.where(off >= 0, off + (int(parts.max()) + 1), parts)
+
+
+def _with_corridors(
+    labels: NDArray[np.int64], depth_m: NDArray[np.float64], side_m: float, *, in_hall: bool = False
+) -> NDArray[np.int64]:
+    """Give corridors that lead off an open area without a door regions of their own.
+
+    In a hall bays get them, too: what ends there, and opens by a mouth no wider than itself.
+    """
     labels = labels.copy()
     unused = int(labels.max()) + 1
     for region in np.unique(labels[labels >= 0]).tolist():
         inside = labels == region
-        half_m = _NARROWER * float(depth_m[inside].max())
+        half_m = (_NARROWER_IN_HALL if in_hall else _NARROWER) * float(depth_m[inside].max())
         core = inside & (depth_m >= half_m)
         # What circles of that radius cover; a corridor is beyond.
         beyond = inside & (ndimage.distance_transform_edt(~core) * side_m > half_m)
@@ -204,10 +225,21 @@ def _with_corridors(
             cells = parts == part
             width_m = 2.0 * float(depth_m[cells].max())
             area_m2 = np.count_nonzero(cells) * side_m**2
-            if width_m >= _CORRIDOR_WIDTH_M and area_m2 >= _CORRIDOR * width_m**2:
+            is_corridor = area_m2 >= _CORRIDOR * width_m**2
+            if in_hall and not is_corridor and area_m2 >= _DEEP * width_m**2:
+                is_corridor = _mouth_m(cells, inside, labels, side_m) <= _MOUTH * width_m
+            if width_m >= _CORRIDOR_WIDTH_M and is_corridor:
                 labels[cells] = unused
                 unused += 1
     return labels
+
+
+def _mouth_m(
+    part: NDArray[np.bool_], hall: NDArray[np.bool_], labels: NDArray[np.int64], side_m: float
+) -> float:
+    """Return the length of the border of a part to the rest of its hall [m]; inf: it has others."""
+    border = ndimage.binary_dilation(part, np.ones((3, 3))) & (labels >= 0) & ~part
+    return float(np.count_nonzero(border)) * side_m if hall[border].all() else math.inf
 
 
 def _without_small(
