@@ -16,7 +16,8 @@ PY := $(BIN)/python
 help: ## list the targets
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
 
-setup: $(STAMP) ## make .venv as uv.lock says
+setup: $(STAMP) ## make .venv as uv.lock says, and compile the inner loops
+	@$(BIN)/robotctl compile
 
 # uv itself: pinned, in a virtual environment of its own.
 $(UV):

@@ -17,8 +17,9 @@ DBC = Path(__file__).parent.parent / "configs" / "robot.dbc"
 FRAMES = 200
 
 database = cantools.database.load_file(DBC)
+channel = sys.argv[1] if len(sys.argv) == 2 else sys.exit(__doc__)
 seen: dict[str, dict] = {}
-with can.Bus(interface="simcan", channel=sys.argv[1]) as bus:
+with can.Bus(interface="simcan", channel=channel) as bus:
     bus.send(can.Message(arbitration_id=0, data=[1, 0], is_extended_id=False))  # NMT: all start
     for _ in range(FRAMES):
         frame = bus.recv(timeout=5.0)

@@ -18,7 +18,8 @@ from robotctl.logs.formats.recorded_log import read_recording
 from robotctl.maps.world import load_walls
 from robotctl.model.geometry.localisation import LocalisationStatus
 
-log = read_recording(Path(sys.argv[1]))
+log_file, plot_file = sys.argv[1:] if len(sys.argv) == 3 else sys.exit(__doc__)
+log = read_recording(Path(log_file))
 walls = load_walls(Path("configs/worlds/flat.toml"))
 grid = grid_of_walls(walls)
 field = LikelihoodField(grid)
@@ -36,4 +37,4 @@ print(f"localised in {len(found)} of {len(log.scans)} scans, last at {found[-1]}
 axes = Figure(figsize=(6, 5)).add_subplot(aspect="equal", xlabel="x [m]", ylabel="y [m]")
 axes.plot(walls.segments[:, ::2].T, walls.segments[:, 1::2].T, "k")
 axes.plot(*np.transpose(found))
-axes.figure.savefig(sys.argv[2])
+axes.figure.savefig(plot_file)

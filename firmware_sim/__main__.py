@@ -1,6 +1,7 @@
 """`python -m firmware_sim`: the simulated robot as a process of its own, in real time.
 
-SIGTERM and SIGINT end it; SIGHUP, like a restart of the program, is a power cycle of all nodes.
+SIGTERM, SIGINT and the end of its parent end it; SIGHUP, like a restart of the program, is a power
+cycle of all nodes.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import time
 from collections.abc import Sequence
 from contextlib import ExitStack, closing
 from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING
 
 from firmware_sim.bus.bridge import Bridge
@@ -33,6 +35,7 @@ from firmware_sim.config.config import load_robot, parse_override
 from firmware_sim.errors import SimulationError
 from firmware_sim.nodes.node import NmtState
 from firmware_sim.pace import SharedClock
+from firmware_sim.parent import end_with_parent
 from firmware_sim.world.clutter import add_options, load_cluttered
 from firmware_sim.world.truth import Publisher
 
@@ -134,11 +137,10 @@ def _positive(text: str, unit: str) -> float:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; return its exit status: 0, or 2 on bad input."""
-    signals: list[int] = []
     # Faults are read from standard input, also where that is a terminal in which others type.
     signal.signal(signal.SIGTTIN, signal.SIG_IGN)
-    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
-        signal.signal(number, lambda number, _: signals.append(number))
+    signals = _Signals()
+    end_with_parent()
     try:
         options = parser().parse_args(arguments)
         options.bus = options.bus or ["simcan:simcan0"]
@@ -149,7 +151,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _run(options: argparse.Namespace, signals: list[int]) -> None:
+class _Signals(list[int]):
+    """Signals that wait for the loop; until that runs, SIGTERM and SIGINT end the process at once.
+
+    Compiling takes half a minute, in which nobody asks for them.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.awaited = False
+        """Whether the loop looks after them."""
+        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+            signal.signal(number, self._on_signal)
+
+    def _on_signal(self, number: int, _frame: FrameType | None) -> None:
+        if not self.awaited and number != signal.SIGHUP:
+            sys.exit(0)
+        self.append(number)
+
+
+def _run(options: argparse.Namespace, signals: _Signals) -> None:
     # They load numba; without it this is an error like others.
     from firmware_sim.compiled import NOT_KEPT  # noqa: PLC0415
     from firmware_sim.fault_console import FaultConsole  # noqa: PLC0415
@@ -197,6 +218,7 @@ def _run(options: argparse.Namespace, signals: list[int]) -> None:
             loop.write_log(log, options.epoch_ns)
         play(scenario, simulation.faults, _announce_fault)
         _announce_when_booted(simulation, options)
+        signals.awaited = True
         loop.run(lambda: _finished(simulation, signals, options.duration), options.priority)
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -67,7 +68,7 @@ def _cache_folder() -> str:
     with suppress(FileNotFoundError):  # no temporary folder at all
         for parent in _parents():
             folder = parent / f"compiled-{digest.hexdigest()[:12]}"
-            if _takes_files(folder):
+            if _takes_files(folder) or any(folder.glob(_mark("*"))):
                 return str(folder)
     return ""
 
@@ -91,12 +92,29 @@ def _remove_old(parent: Path) -> None:
             shutil.rmtree(old, ignore_errors=True)
 
 
-_FOLDER = _cache_folder()
+def _mark(processor: str) -> str:
+    """Name of the empty file that stands for all functions, compiled for a processor."""
+    return f"complete-{numba.__version__}-{sys.implementation.cache_tag}-{processor}"
+
+
+FOLDER = _cache_folder()
+"""Folder of the compiled code, "" if it cannot be kept. Only readable where it is complete."""
+
+
+def is_complete(processor: str) -> bool:
+    """Whether all functions were compiled for a processor and are kept."""
+    return bool(FOLDER) and Path(FOLDER, _mark(processor)).exists()
+
+
+def mark_complete(processor: str) -> None:
+    """Note that all functions are compiled for a processor; raises OSError if that fails."""
+    if FOLDER:
+        Path(FOLDER, _mark(processor)).touch()
 
 
 NOT_KEPT = (
     ""
-    if _FOLDER
+    if FOLDER
     else "note: no folder takes the compiled code, so each start compiles for half a minute; "
     "NUMBA_CACHE_DIR=FOLDER names one that does"
 )
@@ -108,7 +126,7 @@ class _Locator(_SOURCE_FILE, _LOCATOR):  # type: ignore[misc] # numba has no typ
 
     def __init__(self, function: Any, file: str) -> None:
         self._py_file, self._lineno = file, function.__code__.co_firstlineno
-        self._folder = str(Path(_FOLDER, function.__module__))
+        self._folder = str(Path(FOLDER, function.__module__))
 
     @classmethod
     def from_function(cls, function: Any, file: str) -> _Locator:
@@ -163,7 +181,7 @@ def compiled_with_arrays(function: Callable[P, R]) -> Callable[P, R]:
 
 def _kept(dispatcher: Any, function: Callable[P, R]) -> Callable[P, R]:
     """Let the code of a compiled function be kept on disk."""
-    if _FOLDER:
+    if FOLDER:
         dispatcher._cache = _Cache(function)  # as its `enable_caching` does
     result: Callable[P, R] = dispatcher
     return result

@@ -1,14 +1,15 @@
 """Clocks for the simulation: the computer's, or one that waits for the computer.
 
-A computer that is held up gives a simulation, and the control loop that it drives, no time to
-think, which no robot's computer would do. `SharedClock` pauses meanwhile, for the simulation and
-for all processes that read it: simulated time stretches. It is a file in memory of eight signed
-64-bit integers in host byte order, `FIELDS`. The clock reads
+A computer that is held up gives a simulation, and the control loop and navigation that it drives,
+no time to think, which no robot's computer would do. `SharedClock` pauses meanwhile, for the
+simulation and for all processes that read it: simulated time stretches. It is a file in memory of
+16 signed 64-bit integers in host byte order, `FIELDS`. The clock reads
 
     min(CLOCK_MONOTONIC - offset, limit)
 
-and, once nobody has written for `GONE_NS`, no limit: a simulator that hangs must not halt those who
-watch it. The limit is read before the offset; a reader never lets its time go back.
+and, once nobody has written for `GONE_NS`, goes on from the limit: a simulator that hangs must not
+halt those who watch it, and no process may take the pause for one of its own. The limit is read
+before the offset; a reader never lets its time go back.
 """
 
 from __future__ import annotations
@@ -19,24 +20,29 @@ from pathlib import Path
 from typing import Final, Protocol
 
 MARGIN_NS: Final = 5_000_000
-"""Lag of the simulation, or of its pacer, at which time pauses [ns]."""
-
-HOLD_NS: Final = 400_000_000
-"""A longer stall counts as a hang, and time continues without it [ns]."""
+"""Lag of the simulation, or of a pacer, at which time pauses [ns]."""
 
 GONE_NS: Final = 500_000_000
-"""Age of the last write after which a clock has no limit [ns]."""
+"""Age of the last write after which time continues without the simulator [ns]."""
 
 POLL_NS: Final = 500_000
 """How often one that is held up looks whether it still is [ns]."""
 
 LONGEST_WAIT_NS: Final = 50_000_000
 
-FIELDS: Final = ("offset", "limit", "written", "pid", "deadline", "held", "longest", "spare")
-"""In ns but `pid`: the process that paces the clock, 0: none; `deadline`: until when it sleeps, by
-this clock. `held`: how long time has paused; `longest`: at most at a time."""
+FIELDS: Final = (
+    *("offset", "limit", "written", "held", "longest", "spare"),
+    *("control's pid", "control's deadline", "navigation's pid", "navigation's deadline"),
+    *("spare",) * 6,
+)
+"""In ns but the pids, of the processes that pace the clock, 0: none; deadline: until when each may
+be away without being late, by this clock. `held`: how long time has paused; `longest`: at most at a
+time."""
 
-_OFFSET, _LIMIT, _WRITTEN, _PID, _DEADLINE, _HELD, _LONGEST = range(7)
+_OFFSET, _LIMIT, _WRITTEN, _HELD, _LONGEST = range(5)
+PACERS: Final = ((6, 400_000_000), (8, 2_000_000_000))
+"""Where pid and deadline of control and navigation are, and the longest stall of each that time
+waits for [ns]; a longer one counts as a hang. A step of navigation computes for longer."""
 
 
 class Pace(Protocol):
@@ -95,23 +101,26 @@ class SharedClock:
         self._words = memoryview(self._map).cast("q")
         self._hold_ns = 0
         """How long time has paused at the present limit [ns]."""
-        self._given_up_ns = 0
-        """The deadline that the pacer has missed for too long [ns]."""
+        self._given_up_ns = [0] * len(PACERS)
+        """The deadline that each pacer has missed for too long [ns]."""
         self.reached(time.monotonic_ns())
 
     def now_ns(self) -> int:
         """Return the time [ns]; lag behind the limit is dropped."""
         words = self._words
         monotonic_ns = time.monotonic_ns()
+        limit_ns = words[_LIMIT]
         now_ns = monotonic_ns - words[_OFFSET]
-        late_ns = now_ns - words[_LIMIT]
-        if late_ns <= 0 or monotonic_ns - words[_WRITTEN] > HOLD_NS:
+        if now_ns <= limit_ns:
             return now_ns
+        # After a hang of this process its readers have gone on by themselves.
+        alone_ns = max(0, monotonic_ns - words[_WRITTEN] - GONE_NS)
+        late_ns = now_ns - limit_ns - alone_ns
         words[_OFFSET] += late_ns
         self._hold_ns += late_ns
         words[_HELD] += late_ns
         words[_LONGEST] = max(words[_LONGEST], self._hold_ns)
-        return words[_LIMIT]
+        return limit_ns + alone_ns
 
     def wait_s(self, until_ns: int) -> float:
         """Return how long to wait for `until_ns` before looking again [s]."""
@@ -121,23 +130,25 @@ class SharedClock:
         return max(shortest_ns, rest_ns) / 1e9
 
     def reached(self, time_ns: int) -> None:
-        """Let time run to a margin past the simulation and past its pacer's sleep."""
+        """Let time run to a margin past the simulation and past the deadlines of its pacers."""
         words = self._words
         limit_ns = time_ns + MARGIN_NS
-        paced_ns = words[_DEADLINE] + MARGIN_NS
-        if words[_PID] and paced_ns < limit_ns and self._waits_for(words[_DEADLINE]):
-            limit_ns = paced_ns
+        for number, (pid, longest_ns) in enumerate(PACERS):
+            paced_ns = words[pid + 1] + MARGIN_NS
+            if words[pid] and paced_ns < limit_ns and self._waits_for(number, pid, longest_ns):
+                limit_ns = paced_ns
         if limit_ns > words[_LIMIT]:
             self._hold_ns = 0
             words[_LIMIT] = limit_ns
         words[_WRITTEN] = time.monotonic_ns()
 
-    def _waits_for(self, deadline_ns: int) -> bool:
-        """Return whether to wait for the pacer, which has not moved."""
-        if deadline_ns == self._given_up_ns:
+    def _waits_for(self, number: int, pid: int, longest_ns: int) -> bool:
+        """Return whether to wait for a pacer, which has not moved."""
+        deadline_ns = self._words[pid + 1]
+        if deadline_ns == self._given_up_ns[number]:
             return False
-        if self._hold_ns and (self._hold_ns > HOLD_NS or not _runs(self._words[_PID])):
-            self._given_up_ns = deadline_ns
+        if self._hold_ns and (self._hold_ns > longest_ns or not _runs(self._words[pid])):
+            self._given_up_ns[number] = deadline_ns
             return False
         return True
 
@@ -168,8 +179,8 @@ class ClockReader:
         limit_ns = words[_LIMIT]
         monotonic_ns = time.monotonic_ns()
         now_ns = monotonic_ns - words[_OFFSET]
-        if monotonic_ns - words[_WRITTEN] < GONE_NS:
-            now_ns = min(now_ns, limit_ns)
+        if now_ns > limit_ns:
+            now_ns = limit_ns + max(0, monotonic_ns - words[_WRITTEN] - GONE_NS)
         self._last_ns = max(self._last_ns, now_ns)
         return self._last_ns
 

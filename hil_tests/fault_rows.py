@@ -46,12 +46,14 @@ class Row:
 
 SILENT = frozenset({C.WHEELS_STALE})
 STOPPED = frozenset({C.DRIVE_STOPPED})
+BUS_BROKEN = frozenset({C.BUS_OFF, C.BUS_DOWN, C.BUS_PASSIVE, C.BUS_ERRORS})
+BUS_FULL = frozenset({C.BUS_BLOCKED, C.BUS_SILENT})
+"""Nothing comes; that nothing goes either shows only when the queue is full."""
 NODE_GONE = (
     *(C.NODE_SILENT, C.NODE_STARTING, C.NODE_REFUSED, C.NODE_NO_ANSWER),
     *(C.NODE_PUT_OUT, C.NODE_RESTARTED),
 )
 DRIVE_GONE = SILENT | {(code, "drive") for code in NODE_GONE}
-BUS_GONE = SILENT | STOPPED | {C.BUS_OFF, C.BUS_DOWN}
 DRIVE_BOOTS = DRIVE_GONE | {C.DRIVE_UNDER_VOLTAGE}
 WRONG = DRIVE_BOOTS | {(C.NODE_OTHER_FIRMWARE, "drive")}
 NO_RANGE = frozenset({C.SONAR_STALE})
@@ -89,8 +91,13 @@ ROWS = (
     ),
     Row("over_temperature kelvin=150 duration=0.5", only(C.DRIVE_OVER_TEMPERATURE), 400),
     Row("under_voltage volts=6 duration=0.5", only(C.DRIVE_UNDER_VOLTAGE), 400),
-    Row("brown_out volts=4 duration=0.5", DRIVE_BOOTS, 400, rests_within_m=UNBRAKED_M),
-    Row("brown_out volts=8 duration=0.5", DRIVE_BOOTS, 400),
+    Row(
+        "brown_out volts=4 duration=0.5",
+        only(C.DRIVE_UNDER_VOLTAGE, "drive"),
+        400,
+        rests_within_m=UNBRAKED_M,
+    ),
+    Row("brown_out volts=8 duration=0.5", only(C.DRIVE_UNDER_VOLTAGE, "drive"), 400),
     Row("parameter_lost node=drive", DRIVE_BOOTS, 100, rests_within_m=UNBRAKED_M),
     # Each setting is read once in 0.7 s, twice where it differs.
     Row("parameter_changed value=2000", only(C.NODE_CHANGED, "drive"), 850),
@@ -113,15 +120,16 @@ ROWS = (
         omega_rad_s=0.5,
     ),
     Row("node_cut node=drive duration=0.5", DRIVE_GONE, 100, cut_off=True),
-    Row("node_bus_off node=drive duration=0.5", DRIVE_GONE, 100),
-    Row("host_cut duration=0.5", BUS_GONE, 100, cut_off=True),
-    Row("host_bus_off duration=0.5", BUS_GONE, 100, cut_off=True),
-    Row("no_ack duration=0.5", BUS_GONE, 100, cut_off=True),
-    Row("overload priority=high load=1 duration=0.5", BUS_GONE, 100, cut_off=True),
-    Row("bus_cut duration=0.5", BUS_GONE, 100, cut_off=True),
-    Row("bus_short duration=0.5", BUS_GONE, 100, cut_off=True),
-    Row("babble node=sonar duration=0.5", BUS_GONE, 100, cut_off=True),
-    Row("frames_destroyed duration=0.5", BUS_GONE, 100, cut_off=True),
+    Row("node_bus_off node=drive duration=0.5", BUS_BROKEN, 100),
+    Row("host_cut duration=0.5", BUS_BROKEN, 100, cut_off=True),
+    Row("host_bus_off duration=0.5", BUS_BROKEN, 100, cut_off=True),
+    Row("no_ack duration=0.5", BUS_BROKEN, 100, cut_off=True),
+    Row("overload priority=high load=1 duration=0.5", BUS_FULL, 100, cut_off=True),
+    Row("bus_cut duration=0.5", BUS_BROKEN, 100, cut_off=True),
+    Row("bus_short duration=0.5", BUS_BROKEN, 100, cut_off=True),
+    Row("babble node=sonar duration=0.5", only(C.BUS_STRANGER, "NmtControl"), 100, cut_off=True),
+    Row("masquerade duration=0.5", only(C.BUS_STRANGER, "MotorCommand"), 100),
+    Row("frames_destroyed duration=0.5", BUS_BROKEN, 100, cut_off=True),
     Row("frames_lost id=0x181 duration=0.5", SILENT, 80),
     Row("frames_lost id=0x201 duration=0.5", STOPPED, 100),
     Row("frames_stale id=0x181 duration=0.5", SILENT, 80, last_true=0x181),

@@ -43,6 +43,7 @@ from robotctl.messages.control import (
     SafetyState,
     SetMode,
     VelocityCommand,
+    VelocityTarget,
 )
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.runtime.ipc.topics import Endpoints, RequestSender, Subscriber, endpoint_directory
@@ -54,6 +55,10 @@ COMMAND, EMCY_DRIVE, EMERGENCY_STOP = 0x201, 0x081, 0x001
 EMCY_COMMAND_TIMEOUT = 0x8130
 _COMMAND_CRC = data_id_crc(wire.data_id(wire.MOTOR_COMMAND))
 T = TypeVar("T")
+
+SUPERVISOR = "supervisor"
+UNIT = (SUPERVISOR, CONTROL, NAVIGATION, TELEMETRY, RECORDER)
+"""The processes of a robot."""
 
 NODE_NAMES = {DRIVE: "drive", SONAR: "sonar", POWER: "power"}
 
@@ -254,6 +259,28 @@ class Rig:
         """Start one process of the stack, or another `program` in its place."""
         self._processes[module] = start_child(self.options.command(program or module))
 
+    def start_supervised(self) -> None:
+        """Start the whole stack under a supervisor, as on a robot, and wait until all of it works.
+
+        `unit` has its processes then.
+        """
+        self.start(SUPERVISOR, "hil_tests.supervised")
+        self.wait(lambda: len(self.unit()) == len(UNIT), PATIENT_S, "all processes have begun")
+        self.wait(lambda: self.navigation, PATIENT_S, "navigation works")
+
+    def unit(self) -> dict[str, int]:
+        """Return the pids of the supervisor and its processes, as `systemctl kill` finds them."""
+        pid = self.pid(SUPERVISOR)
+        children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+        lines = {int(each): Path(f"/proc/{each}/cmdline").read_bytes() for each in children}
+        found = {
+            module: child
+            for module in UNIT
+            for child, line in lines.items()
+            if f"\0{module}\0".encode() in line
+        }
+        return {SUPERVISOR: pid, **found}
+
     def prefer(self, *names: str) -> None:
         """Let running processes come before ordinary tasks, where that is permitted.
 
@@ -268,7 +295,8 @@ class Rig:
 
     def pid(self, name: str) -> int:
         """Return the process id of a running process."""
-        return self._processes[name].pid
+        process = self._processes.get(name)
+        return self.unit()[name] if process is None else process.pid
 
     def is_running(self, name: str) -> bool:
         """Return whether a process has not ended."""
@@ -289,7 +317,7 @@ class Rig:
         """End all but the firmware; return how each of them ended."""
         return {
             name: self.kill(name, signal.SIGTERM)
-            for name in (TELEMETRY, NAVIGATION, CONTROL, RECORDER)
+            for name in (SUPERVISOR, TELEMETRY, NAVIGATION, CONTROL, RECORDER)
             if name in self._processes
         }
 
@@ -495,6 +523,16 @@ class Rig:
     def ask_for_mode(self, mode: Mode) -> None:
         """Ask the navigation process for a mode once."""
         self._to_navigation.send(SetMode(time.monotonic_ns(), mode))
+
+    def guide(self, v_m_s: float, omega_rad_s: float, seconds: float) -> None:
+        """Let navigation hold a velocity in GUIDED for so long."""
+        deadline_s = time.monotonic() + seconds
+        while time.monotonic() < deadline_s:
+            now_ns = time.monotonic_ns()
+            target = VelocityTarget(now_ns, now_ns + 1_000_000_000, v_m_s, omega_rad_s)
+            self._to_navigation.send(target)
+            time.sleep(0.05)
+            self.listen()
 
     def set_mode(self, mode: Mode) -> None:
         """Ask the navigation process for a mode until it is in it."""

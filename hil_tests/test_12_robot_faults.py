@@ -192,7 +192,6 @@ def turned_rad(fault: str, rig: Rig) -> float:
     [
         BELOW_A_JUMP,
         "encoder_glitch wheel=left counts=2000",
-        "masquerade duration=0.5",
         "sonar_crosstalk duration=1",
         "node_error_passive node=drive duration=1",
         "host_error_passive duration=1",

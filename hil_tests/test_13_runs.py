@@ -21,6 +21,7 @@ from robotctl.app.simulation.sim_options import SimOptions
 from robotctl.app.supervision.stack import NAVIGATION
 from robotctl.config.robot_file import find_file
 from robotctl.messages.control import Mode, SafetyState
+from robotctl.messages.faults import FaultCode
 from robotctl.model.geometry.localisation import LocalisationStatus
 from tests.firmware_sim.world.cell_rooms import room_map
 
@@ -270,3 +271,36 @@ def test_simulated_time_stands_still_while_the_computer_is_held_up(
         assert report.mission_completed, report.message
         assert report.real_time_factor * took_s < took_s - PAUSES * 0.8 * PAUSE_S
         assert any("simulated time paused" in line for line in said), lines
+
+
+@pytest.mark.timeout(240)
+def test_a_simulator_that_somebody_stopped_is_told_as_such(bus: str) -> None:
+    """Nothing comes from the bus: neither control nor this computer was held up."""
+    options = SimOptions(
+        find_file("diff_drive"),
+        find_file("patrol", "missions"),
+        bus=own(bus, "stopped"),
+        max_seconds=100.0,
+        overrides=("mavlink.link=[]",),
+    )
+    lines: list[str] = []
+    stopped = 0
+    with SimRun(options) as run:
+        for progress in run.steps():
+            lines += progress.lines
+            progress.lines.clear()
+            if not stopped and progress.truth is not None and progress.truth.distance_m > 0.3:
+                stopped = pid_of("firmware_sim")
+                os.kill(stopped, signal.SIGSTOP)
+            control = progress.control
+        os.kill(stopped, signal.SIGCONT)
+    assert control is not None
+    assert control.state is SafetyState.FAULT
+    # Blocked, once the socket that stands for the bus is full.
+    assert control.fault in {FaultCode.BUS_SILENT, FaultCode.BUS_BLOCKED}, control.reason
+    assert "nothing has come from the CAN bus for" in control.reason
+    assert any(
+        line.startswith("firmware_sim is held up:") and "stopped by a signal" in line
+        for line in lines
+    ), lines
+    assert not any("control was held up" in line for line in lines), lines

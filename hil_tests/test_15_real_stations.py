@@ -1,7 +1,9 @@
-"""Ground stations as people use them drive the robot: MAVSDK and MAVProxy, in processes of theirs.
+"""Ground stations as people use them drive the robot: MAVSDK, MAVProxy and dronekit, each in a
+process of its own.
 
 They are no dependency of robotctl. ROBOTCTL_STATIONS names the Python of a virtual environment with
-what hil_tests/stations/requirements.txt says; ROBOTCTL_NODE a folder in which `npm install
+what hil_tests/stations/requirements.txt says; ROBOTCTL_DRONEKIT that of one with `dronekit==2.9.2`
+and `future`, whose pymavlink is another; ROBOTCTL_NODE a folder in which `npm install
 node-mavlink@2.3.0` was run, a codec that others wrote.
 """
 
@@ -17,6 +19,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -31,6 +34,7 @@ from robotctl.mavlink.services.registry import SERVICES
 from robotctl.messages.control import Mode, SafetyState
 
 PYTHON = os.environ.get("ROBOTCTL_STATIONS", "")
+DRONEKIT = os.environ.get("ROBOTCTL_DRONEKIT", "")
 NODE = os.environ.get("ROBOTCTL_NODE", "")
 HERE = Path(__file__).parent / "stations"
 LONGEST_S = 240.0
@@ -48,17 +52,18 @@ def on_globe(place: tuple[float, float]) -> tuple[float, float]:
 
 
 @pytest.fixture
-def robot(without_floods: None, make_rig: Callable[..., Rig]) -> Callable[[str], tuple[Rig, int]]:
+def robot(without_floods: None, make_rig: Callable[..., Rig]) -> Callable[..., tuple[Rig, int]]:
     """Return what starts a robot of a personality; the port of its TCP server comes with it."""
 
-    def start(personality: str) -> tuple[Rig, int]:
+    def start(personality: str, record: str = "") -> tuple[Rig, int]:
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
             port = probe.getsockname()[1]
         origin = f"{{latitude_deg={ORIGIN.latitude_deg},longitude_deg={ORIGIN.longitude_deg}}}"
         link = f'{{url="tcpin:127.0.0.1:{port}"}}'
         rig = make_rig(
-            override=f'mavlink={{personality="{personality}",origin={origin},link=[{link}]}}'
+            override=f'mavlink={{personality="{personality}",origin={origin},link=[{link}]}}',
+            record=record,
         )
         rig.start_firmware()
         for module in (CONTROL, NAVIGATION, TELEMETRY):
@@ -70,11 +75,18 @@ def robot(without_floods: None, make_rig: Callable[..., Rig]) -> Callable[[str],
     return start
 
 
+def steps_of(*command: str) -> tuple[dict[str, Any], str]:
+    """Return the steps that a program tells of, and all that it says."""
+    said = subprocess.run(command, capture_output=True, text=True, timeout=LONGEST_S, check=False)
+    lines = (line for line in said.stdout.splitlines() if line.startswith('["'))
+    return dict(json.loads(line) for line in lines), said.stdout + said.stderr
+
+
 @needs_stations
 @pytest.mark.timeout(2 * LONGEST_S)
 @pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 def test_a_program_of_mavsdk_does_all_with_it(
-    robot: Callable[[str], tuple[Rig, int]], personality: str
+    robot: Callable[..., tuple[Rig, int]], personality: str
 ) -> None:
     rig, port = robot(personality)
     plan = {
@@ -83,25 +95,45 @@ def test_a_program_of_mavsdk_does_all_with_it(
         "goto": on_globe(GOAL),
         "first": int(personality == "ardupilot"),
     }
-    command = [PYTHON, str(HERE / "mavsdk_drive.py"), f"tcpout://127.0.0.1:{port}"]
-    said = subprocess.run(
-        [*command, json.dumps(plan)], capture_output=True, text=True, timeout=LONGEST_S, check=False
-    )
-    steps = dict(json.loads(line) for line in said.stdout.splitlines() if line.startswith('["'))
+    program = [PYTHON, str(HERE / "mavsdk_drive.py"), f"tcpout://127.0.0.1:{port}"]
+    steps, output = steps_of(*program, json.dumps(plan))
     scaled = [[round(degrees * 1e7) for degrees in place] for place in plan["places"]]
     assert steps == {
         **dict.fromkeys(
             ("connect", "parameters", "set", "set whole", "upload", "download", "arm", "start"),
             "done",
         ),
-        **dict.fromkeys(("goto", "return", "hold", "disarm"), "done"),
+        **dict.fromkeys(("goto", "return", "hold", "disarm", "clear"), "done"),
         **dict.fromkeys(("armable", "position", "complete", "there", "home", "disarmed"), True),
         "how many": steps["how many"],
         "set to": 0.35,
         "set whole to": 1500,
         "downloaded": scaled,
-    }, said.stdout + said.stderr
+        "left": 0,
+    }, output
     assert sum(steps["how many"]) > 50
+    rig.wait_for_state(SafetyState.STANDBY)
+
+
+@pytest.mark.skipif(not DRONEKIT, reason="not run, no Python with dronekit in ROBOTCTL_DRONEKIT")
+@pytest.mark.timeout(2 * LONGEST_S)
+def test_a_program_of_dronekit_does_all_with_it(robot: Callable[..., tuple[Rig, int]]) -> None:
+    rig, port = robot("ardupilot")
+    plan = {
+        "home": on_globe(HOME),
+        "places": [on_globe(place) for place in PLACES],
+        "goto": on_globe(GOAL),
+    }
+    program = [DRONEKIT, str(HERE / "dronekit_drive.py"), f"tcp:127.0.0.1:{port}"]
+    steps, output = steps_of(*program, json.dumps(plan))
+    assert steps == {
+        **dict.fromkeys(("connect", "upload", "goto", "clear"), "done"),
+        **dict.fromkeys(("armable", "ekf", "position", "set to", "arm", "driven", "there"), True),
+        **dict.fromkeys(("mode AUTO", "mode GUIDED", "mode RTL", "mode HOLD"), True),
+        **dict.fromkeys(("home", "disarm"), True),
+        "downloaded": [[round(degrees, 5) for degrees in place] for place in plan["places"]],
+        "left": [],
+    }, output
     rig.wait_for_state(SafetyState.STANDBY)
 
 
@@ -162,8 +194,13 @@ def items(folder: Path, name: str, lines: list[tuple[float, ...]]) -> str:
 
 @needs_stations
 @pytest.mark.timeout(2 * LONGEST_S)
-def test_mavproxy_does_all_with_it(robot: Callable[[str], tuple[Rig, int]], tmp_path: Path) -> None:
-    rig, port = robot("ardupilot")
+def test_mavproxy_does_all_with_it(robot: Callable[..., tuple[Rig, int]], tmp_path: Path) -> None:
+    record = tmp_path / "record"
+    record.mkdir()
+    for age_s, name in ((100, "newest.mcap"), (200, "before.mcap")):
+        (record / name).write_bytes(name.encode() * 100)
+        os.utime(record / name, (time.time() - age_s, time.time() - age_s))
+    rig, port = robot("ardupilot", str(record))
     proxy = Proxy(port, tmp_path)
     try:
         proxy.expect("Mode HOLD", "Received ", "parameters (ftp)")
@@ -188,6 +225,9 @@ def test_mavproxy_does_all_with_it(robot: Callable[[str], tuple[Rig, int]], tmp_
         rig.wait(lambda: _is_at(rig, HOME), PATIENT_S, "the robot is home")
         proxy.enter("disarm", "COMPONENT_ARM_DISARM: ACCEPTED")
         rig.wait_for_state(SafetyState.STANDBY)
+        proxy.enter("log list", "Log 1  numLogs 2 lastLog 2 size 1100", "Log 2  numLogs 2")
+        proxy.enter("log download latest", "Finished downloading log2.bin (1100 bytes")
+        assert (tmp_path / "log2.bin").read_bytes() == b"newest.mcap" * 100
     finally:
         proxy.close()
 

@@ -32,6 +32,7 @@ from robotctl.app.supervision.stack import CONTROL, NAVIGATION, RECORDER, TELEME
 from robotctl.core.navigation_adapter import PRESENCE_MAX_AGE_NS
 from robotctl.messages.control import Mode, SafetyState
 from robotctl.messages.faults import FaultCode
+from robotctl.planning.stalls import LONGEST_NS
 
 React = Callable[[str, float], None]
 
@@ -233,7 +234,7 @@ def navigation_drives(rig: Rig) -> None:
     rig.wait(drives, PATIENT_S, "the mission drives")
 
 
-@pytest.mark.parametrize("fault", ["killed", "frozen", "out of memory"])
+@pytest.mark.parametrize("fault", ["killed", "frozen for long", "out of memory"])
 def test_without_navigation_the_robot_stops_and_a_new_navigation_does_not_drive_on(
     mission_rig: Rig, fault: str, reaction: React
 ) -> None:
@@ -246,17 +247,13 @@ def test_without_navigation_the_robot_stops_and_a_new_navigation_does_not_drive_
         rig.wait(lambda: not rig.is_running(NAVIGATION), PATIENT_S, "its memory is used up")
     if fault == "killed":
         rig.kill(NAVIGATION, signal.SIGKILL)
-    elif fault == "frozen":
+    elif fault == "frozen for long":
         rig.send_signal(NAVIGATION, signal.SIGSTOP)
-    rig.wait(lambda: rig.control.v_ref_m_s == 0.0, 3.0, "set-points expire")
-    taken_ms = (rig.control.stamp_ns - rig.navigation.stamp_ns) / 1e6  # of its last step
-    reaction(f"navigation {fault}", taken_ms)
-    assert taken_ms <= at_rest_ms(rig) + 2 * STATE_MS
-    rig.at_rest()
-    rig.wait_for_state(SafetyState.ARMED, 1.0)
+    comes_to_rest(rig, f"navigation {fault}", reaction)
     before = rig.fresh_truth()
     rig.navigation = None
-    if fault == "frozen":
+    if fault == "frozen for long":
+        time.sleep(LONGEST_NS / 1e9)
         rig.send_signal(NAVIGATION, signal.SIGCONT)
     else:
         rig.start(NAVIGATION)
@@ -264,10 +261,45 @@ def test_without_navigation_the_robot_stops_and_a_new_navigation_does_not_drive_
     rig.heard(1.0)
     rig.listen()
     assert rig.navigation.mode == Mode.HOLD
-    if fault == "frozen":
-        assert any("hold: navigation was held up for" in notice for notice in rig.notices)
+    if fault == "frozen for long":
+        assert any("hold: navigation was held up (kept" in notice for notice in rig.notices)
     assert rig.fresh_truth().distance_m - before.distance_m < 1e-3
     navigation_drives(rig)
+
+
+def comes_to_rest(rig: Rig, fault: str, reaction: React) -> None:
+    """Assert that the robot is at rest in time behind navigation's last step, and stays armed."""
+    rig.wait(lambda: rig.control.v_ref_m_s == 0.0, 3.0, "set-points expire")
+    taken_ms = (rig.control.stamp_ns - rig.navigation.stamp_ns) / 1e6
+    reaction(fault, taken_ms)
+    assert taken_ms <= at_rest_ms(rig) + 2 * STATE_MS
+    rig.at_rest()
+    rig.wait_for_state(SafetyState.ARMED, 1.0)
+
+
+def test_a_navigation_frozen_for_a_moment_goes_on_by_itself_and_says_so(
+    mission_rig: Rig, reaction: React
+) -> None:
+    rig = mission_rig
+    on_mission(rig)
+    rig.heard(0.02)
+    rig.at_any_moment()
+    rig.send_signal(NAVIGATION, signal.SIGSTOP)
+    comes_to_rest(rig, "navigation frozen", reaction)
+    rig.notices.clear()
+    rig.send_signal(NAVIGATION, signal.SIGCONT)
+    rig.wait(lambda: rig.navigation.message.startswith("waits: "), 2.0, "it says why it stands")
+    rig.wait(lambda: rig.control.v_m_s > 0.2, PATIENT_S, "it goes on")
+    assert rig.navigation.mode == Mode.AUTO
+    rig.wait(
+        lambda: any(
+            each.startswith("navigation was held up (kept from the processor, or stopped) for")
+            and each.endswith("; the robot goes on")
+            for each in rig.notices
+        ),
+        1.0,
+        "it is told",
+    )
 
 
 def test_without_telemetry_the_robot_drives_on(mission_rig: Rig) -> None:

@@ -15,6 +15,7 @@ import tomllib
 import types
 import typing
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -31,6 +32,10 @@ Rules = Callable[[T], Iterable[tuple[Key, str]]]
 _HEADER = re.compile(r"^\s*(\[\[?)\s*([^\]]+?)\s*\]\]?\s*(?:#.*)?$")
 _ASSIGNMENT = re.compile(r"^\s*([A-Za-z0-9_\-\"'.]+)\s*=")
 _INDEX = re.compile(r"\[(\d+)\]")
+_BARE = re.compile(
+    r"""(?<=[\[,={\s])[^\s"'\[\]{},=](?:[^"'\[\]{},=]*[^\s"'\[\]{},=])?(?=\s*[,\]}])"""
+)
+"""A value of a list or table that is not in quotes."""
 _END_OF_VALUE = re.compile(r"[\]}\"']\s*(?:#.*)?$")
 
 
@@ -291,11 +296,23 @@ def _split_override(override: str) -> tuple[list[str], Any]:
         raise ConfigError(f"--set {override}: {path} found, write {spelled}")
     if not is_utf_8(override):
         raise ConfigError(f"--set {override}: not UTF-8")
-    try:
-        value = tomllib.loads(f"value = {text}")["value"]
-    except (ValueError, RecursionError):
-        value = text
-    return [part.strip() for part in path.split(".")], value
+    return [part.strip() for part in path.split(".")], _override_value(text)
+
+
+def _override_value(text: str) -> Any:
+    """Return a value in TOML whose quotes a shell may have taken: bare words are strings."""
+    for spelled in (text, _BARE.sub(_quoted, text)):
+        with suppress(ValueError, RecursionError):
+            return tomllib.loads(f"value = {spelled}")["value"]
+    return text
+
+
+def _quoted(word: re.Match[str]) -> str:
+    """Return a word of a list or table in quotes, unless it is a value without."""
+    with suppress(ValueError):
+        tomllib.loads(f"value = {word[0]}")
+        return word[0]
+    return json.dumps(word[0], ensure_ascii=False)
 
 
 def _apply_override(data: dict[str, Any], override: str) -> tuple[Key, list[Key]]:

@@ -42,6 +42,8 @@ def installed(tmp_path: Path) -> Path:
         (folder / name).mkdir(parents=True)
         (folder / name / "__init__.py").touch()
         shutil.copy(ROOT / name / "compiled.py", folder / name)
+        if name == "robotctl":
+            shutil.copy(ROOT / name / "kernel_cache.py", folder / name)
         (folder / name / "kernel.py").write_text(KERNEL.format(package=name))
         (folder / name / "__pycache__").write_text("no folder")
     return folder

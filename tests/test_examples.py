@@ -37,6 +37,16 @@ def test_an_example_is_short(path):
     assert len(path.read_text(encoding="utf-8").splitlines()) <= MOST_LINES
 
 
+@pytest.mark.parametrize("name", ["listen_to_simcan", "localise_in_a_log"])
+def test_an_example_without_its_arguments_says_what_it_needs(name):
+    done = subprocess.run(
+        [sys.executable, EXAMPLES / f"{name}.py"], capture_output=True, check=False, text=True
+    )
+    assert done.returncode == 1
+    assert f"python examples/{name}.py " in done.stderr
+    assert "Traceback" not in done.stderr
+
+
 def test_both_drives_come_back_to_where_they_began():
     for length_m, x_m, y_m in run("drive_and_odometry"):
         # Four straights of 1 m and a circle of 0.8 m radius.

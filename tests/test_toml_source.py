@@ -190,6 +190,28 @@ def test_an_override_wins_and_is_named_in_its_own_errors() -> None:
     assert "key.subkey=value" in line
 
 
+@pytest.mark.parametrize(
+    ("setting", "names"),
+    [
+        ('names=["c", "d"]', ("c", "d")),
+        ("names=[c, d]", ("c", "d")),
+        ("names=[front left,d.e]", ("front left", "d.e")),
+        ("names=['c', udp:127.0.0.1:14]", ("c", "udp:127.0.0.1:14")),
+        ("names=[]", ()),
+        ('names=["a, b]", "c=d"]', ("a, b]", "c=d")),
+    ],
+)
+def test_a_list_whose_quotes_a_shell_has_taken_is_one_of_words(setting, names) -> None:
+    assert parse(GOOD, File, "robot.toml", [setting]).names == names
+
+
+def test_a_table_whose_quotes_a_shell_has_taken_keeps_its_numbers() -> None:
+    file = parse(GOOD, File, "robot.toml", ["shape=[{kind=round, radius_m=1.5}]"])
+    assert file.shape == (Round("round", 1.5),)
+    (line,) = errors(GOOD, "names=[a, 3]")
+    assert "names[1]" in line
+
+
 def test_a_table_that_a_setting_made_up_is_blamed_on_the_setting() -> None:
     (line,) = errors(GOOD, "nonsense.a.b=1")
     assert line.startswith("--set nonsense.a.b=1: nonsense: unknown key")

@@ -47,7 +47,7 @@ class Host:
 
     def __init__(self, dbc: Dbc) -> None:
         message = dbc.message("WheelFeedback")
-        self._receiver = E2eReceiver(message, 10 * PERIOD_NS, E2eCounters())
+        self._receiver = E2eReceiver(message, PERIOD_NS, E2eCounters())
         self._stamp_ns = 0
         self.reset = self._receiver.reset
 

@@ -29,6 +29,7 @@ from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file
 from robotctl.messages.control import Arm, SafetyState, VelocityCommand
 from robotctl.messages.faults import FaultCode
+from robotctl.safety.causes import AFTER_NS
 from robotctl.safety.state_machine import POWERED
 
 BUS = "simcan, lockstep"
@@ -98,11 +99,14 @@ class Run:
         return self._stack.clock.now_ns()
 
     def fault(self) -> tuple[FaultCode, str]:
-        """Return code and part of the fault for which the host has stopped, once it has.
+        """Return code and part of the fault for which the host has stopped, once it knows.
 
-        It may hear of it later than the wheels.
+        It may hear of it later than the wheels, and of its cause yet later.
         """
         self.drive(self.now_ns() + SECOND_NS)
+        known_ns = self.now_ns() + AFTER_NS
+        while self.now_ns() <= known_ns:
+            self._stack.tick(())
         control = self._stack.snapshot()
         return control.fault, control.fault_part
 

@@ -30,13 +30,6 @@ from can_link import add_vcan, set_link
 ROOT = Path(__file__).resolve().parent.parent
 GUEST = str(ROOT / "tools" / "vcan-guest")
 PYTEST = (sys.executable, "-m", "pytest")
-DRIVE = (sys.executable, "-m", "robotctl", "sim", "--goal", "3,1", "--localiser", "mcl")
-DRIVE += ("--lockstep", "--headless")
-GRAPHS = tuple(
-    f"tests/estimation/slam/{name}"
-    for name in ("test_batch.py", "test_incremental.py", "ekf_slam/test_ekf_slam.py")
-)
-"""Between them they call every compiled function of the graphs."""
 INTERFACE = "vcan0"
 # Also the tests of drivers that need SocketCAN, which the unit stage names as skipped.
 DRIVERS = ("tests/vcan", "tests/drivers/can/test_can_port_contract.py")
@@ -217,12 +210,7 @@ def main() -> int:
         return 2
     outcomes = [
         # What two workers would compile side by side, within the time limit of a test.
-        stage(
-            "kernels",
-            (*DRIVE, "--robot", "diff_drive", "--camera"),
-            (*DRIVE, "--robot", "ackermann"),
-            (*PYTEST, *GRAPHS),
-        ),
+        stage("kernels", (sys.executable, "-m", "robotctl", "compile")),
         # One worker makes a file's costly fixtures, and never two a robot of the same file.
         stage("unit tests", (*PYTEST, "-n", "2", "--dist", "loadfile")),
         stage("HIL on simcan", on_simcan(wanted)),

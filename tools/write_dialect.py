@@ -19,7 +19,7 @@ from pymavlink.generator import mavgen_python, mavparse
 SOURCE = Path(__file__).parents[1] / "robotctl" / "dialect" / "robotctl.xml"
 TARGET = SOURCE.with_name("additions.py")
 BUNDLED = Path(pymavlink.dialects.v20.__path__[0])
-WANTED = ("AVAILABLE_MODES", "AVAILABLE_MODES_MONITOR", "CURRENT_MODE")
+WANTED = ("AVAILABLE_MODES", "AVAILABLE_MODES_MONITOR", "CURRENT_MODE", "EKF_STATUS_REPORT")
 """Of what `all.xml` has and `common` lacks, as generated code is long."""
 
 HEAD = '''\

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
 
-from pymavlink.dialects.v20 import common
+from pymavlink.dialects.v20 import ardupilotmega, common
 
 from firmware_sim.faults.catalogue import describe
 from robotctl.mavlink.config import MavlinkConfig
@@ -75,7 +75,8 @@ def _row(service: Microservice) -> str:
 
 def _name(enum: str, value: int) -> str:
     """Return the name of an entry of a MAVLink enumeration, without that of the enumeration."""
-    return str(common.enums[enum][value].name).removeprefix(f"{enum}_")
+    entries = ardupilotmega.enums[enum] if value not in common.enums[enum] else common.enums[enum]
+    return str(entries[value].name).removeprefix(f"{enum}_")
 
 
 def parameters() -> str:

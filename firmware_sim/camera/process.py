@@ -2,8 +2,8 @@
 
 The loop writes 40 bytes into a pipe for each exposure: number, time, pose. This process draws the
 newest of them and drops what it is too slow for; each picture is published when the camera's
-latency is over. It ends when the pipe does, and has a process group of its own: Ctrl-C only reaches
-the simulator.
+latency is over. It ends with the pipe, or with the simulator, and has a process group of its own:
+Ctrl-C only reaches the simulator.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from firmware_sim.command_line import parse_pose, tell
 from firmware_sim.config.config import load_robot, parse_override
 from firmware_sim.errors import SimulationError
 from firmware_sim.pace import ClockReader, MonotonicPace
+from firmware_sim.parent import end_with_parent
 from firmware_sim.world.clutter import add_options, load_cluttered
 from firmware_sim.world.truth import Picture, Publisher
 
@@ -106,6 +107,7 @@ class CameraProcess:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Draw what standard input asks for, until it ends; return 0, or 2 on bad input."""
+    end_with_parent()
     parser = argparse.ArgumentParser(prog="python -m firmware_sim.camera.process")
     add = parser.add_argument
     add("--robot", type=Path, required=True)

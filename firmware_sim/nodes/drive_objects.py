@@ -5,7 +5,12 @@ from __future__ import annotations
 from typing import Final
 
 from firmware_sim.nodes import wire
-from firmware_sim.nodes.standard_objects import pdo_communication, pdo_mapping, standard_objects
+from firmware_sim.nodes.standard_objects import (
+    pdo_communication,
+    pdo_image,
+    pdo_mapping,
+    standard_objects,
+)
 from firmware_sim.nodes.variables import Access, DataType, Kind, Member, Object, compound, variable
 
 NODE_ID: Final = 1
@@ -33,7 +38,6 @@ DEFAULT_COUNTS_PER_REVOLUTION: Final = 2400
 DEFAULT_CURRENT_LIMIT_MA: Final = 5000
 
 _U8, _U16, _U32 = DataType.UNSIGNED8, DataType.UNSIGNED16, DataType.UNSIGNED32
-_U64 = DataType.UNSIGNED64
 _RO, _RW, _WO = Access.RO, Access.RW, Access.WO
 
 _DIAGNOSTICS = (
@@ -44,15 +48,6 @@ _DIAGNOSTICS = (
     "Command time-outs",
     "Emergency stops",
 )
-
-
-def _image(index: int, name: str, access: Access) -> Object:
-    """Return the object a PDO maps: its whole payload, laid out as robot.dbc describes it."""
-    return variable(index, name, _U64, access, 0, mappable=True)
-
-
-def _mapped(index: int) -> tuple[int]:
-    return (index << 16 | 64,)
 
 
 def drive_objects(
@@ -71,7 +66,7 @@ def drive_objects(
     return [
         *standard_objects(NODE_ID, DEVICE_NAME, PRODUCT_CODE),
         pdo_communication(0x1400, "RPDO 1 communication", wire.MOTOR_COMMAND, 255),
-        pdo_mapping(0x1600, "RPDO 1 mapping", _mapped(COMMAND_IMAGE)),
+        pdo_mapping(0x1600, "RPDO 1 mapping", COMMAND_IMAGE),
         pdo_communication(0x1800, "TPDO 1 communication", wire.WHEEL_FEEDBACK, 1),
         pdo_communication(
             MOTOR_STATUS_PDO, "TPDO 2 communication", wire.MOTOR_STATUS, 4, configurable=True
@@ -79,9 +74,9 @@ def drive_objects(
         pdo_communication(
             DRIVE_STATUS_PDO, "TPDO 3 communication", wire.DRIVE_STATUS, 4, configurable=True
         ),
-        pdo_mapping(0x1A00, "TPDO 1 mapping", _mapped(FEEDBACK_IMAGE)),
-        pdo_mapping(0x1A01, "TPDO 2 mapping", _mapped(MOTOR_STATUS_IMAGE)),
-        pdo_mapping(0x1A02, "TPDO 3 mapping", _mapped(DRIVE_STATUS_IMAGE)),
+        pdo_mapping(0x1A00, "TPDO 1 mapping", FEEDBACK_IMAGE),
+        pdo_mapping(0x1A01, "TPDO 2 mapping", MOTOR_STATUS_IMAGE),
+        pdo_mapping(0x1A02, "TPDO 3 mapping", DRIVE_STATUS_IMAGE),
         variable(
             COMMAND_TIMEOUT, "Command time-out [ms]", _U16, _RW, 100, low=2, high=2000, stored=True
         ),
@@ -108,8 +103,8 @@ def drive_objects(
             Kind.ARRAY,
             [Member(name, _U32, _RO, 0) for name in _DIAGNOSTICS],
         ),
-        _image(COMMAND_IMAGE, "Motor command", _RW),
-        _image(FEEDBACK_IMAGE, "Wheel feedback", _RO),
-        _image(MOTOR_STATUS_IMAGE, "Motor status", _RO),
-        _image(DRIVE_STATUS_IMAGE, "Drive status", _RO),
+        pdo_image(COMMAND_IMAGE, "Motor command", _RW),
+        pdo_image(FEEDBACK_IMAGE, "Wheel feedback"),
+        pdo_image(MOTOR_STATUS_IMAGE, "Motor status"),
+        pdo_image(DRIVE_STATUS_IMAGE, "Drive status"),
     ]  # fmt: skip

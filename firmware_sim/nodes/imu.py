@@ -10,11 +10,18 @@ from firmware_sim.nodes.e2e import Protector
 from firmware_sim.nodes.node import MILLISECOND_NS, NEVER_NS, NmtState, Node
 from firmware_sim.nodes.object_dictionary import ObjectDictionary
 from firmware_sim.nodes.parameter_store import ParameterStore
-from firmware_sim.nodes.standard_objects import pdo_communication, standard_objects
+from firmware_sim.nodes.standard_objects import (
+    pdo_communication,
+    pdo_image,
+    pdo_mapping,
+    standard_objects,
+)
 from firmware_sim.nodes.variables import Access, DataType, Object, variable
 
 NODE_ID: Final = 4
 SAMPLE_PERIOD: Final = 0x2400
+GYRO_IMAGE: Final = 0x2410
+ACCELEROMETER_IMAGE: Final = 0x2411
 EVENT_DRIVEN: Final = 254
 
 Vector: TypeAlias = tuple[float, float, float]
@@ -33,6 +40,8 @@ def imu_objects() -> list[Object]:
         *standard_objects(NODE_ID, "robotctl imu", 4),
         pdo_communication(0x1800, "TPDO 1 communication", wire.IMU_GYRO, EVENT_DRIVEN),
         pdo_communication(0x1801, "TPDO 2 communication", wire.IMU_ACCELEROMETER, EVENT_DRIVEN),
+        pdo_mapping(0x1A00, "TPDO 1 mapping", GYRO_IMAGE),
+        pdo_mapping(0x1A01, "TPDO 2 mapping", ACCELEROMETER_IMAGE),
         variable(
             0x2001, "Wire-protocol version", DataType.UNSIGNED32, Access.RO, wire.PROTOCOL_VERSION
         ),
@@ -40,6 +49,8 @@ def imu_objects() -> list[Object]:
             SAMPLE_PERIOD, "Sample period [ms]", DataType.UNSIGNED16, Access.RW, 20,
             low=5, high=100, stored=True,
         ),
+        pdo_image(GYRO_IMAGE, "Gyro"),
+        pdo_image(ACCELEROMETER_IMAGE, "Accelerometer"),
     ]  # fmt: skip
 
 
@@ -80,9 +91,10 @@ class ImuNode(Node):
             return
         self._measure_ns += self._period_ns()
         sample = self._measure(now_ns)
-        self.send(wire.IMU_GYRO, self._gyro.protect(wire.imu_gyro(sample.rate_rad_s)))
-        payload = wire.imu_accelerometer(sample.force_m_s2)
-        self.send(wire.IMU_ACCELEROMETER, self._accelerometer.protect(payload))
+        gyro = self._gyro.protect(wire.imu_gyro(sample.rate_rad_s))
+        self.send_image(wire.IMU_GYRO, GYRO_IMAGE, gyro)
+        force = self._accelerometer.protect(wire.imu_accelerometer(sample.force_m_s2))
+        self.send_image(wire.IMU_ACCELEROMETER, ACCELEROMETER_IMAGE, force)
 
     def _period_ns(self) -> int:
         return self.clock.span_ns(self.dictionary.number(SAMPLE_PERIOD) * MILLISECOND_NS)

@@ -191,6 +191,11 @@ class Node:
         if self._port is not None:
             self._port.send(arbitration_id, data)
 
+    def send_image(self, arbitration_id: int, image: int, data: bytes) -> None:
+        """Send a PDO, and keep it as the value of the object that it maps."""
+        self.dictionary.set(image, 0, int.from_bytes(data, "little"))
+        self.send(arbitration_id, data)
+
     # What a kind of node adds -------------------------------------------------------------------
 
     def _on_power_up(self) -> None:

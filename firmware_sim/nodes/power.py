@@ -10,13 +10,19 @@ from firmware_sim.nodes.e2e import Protector
 from firmware_sim.nodes.node import GENERIC, MILLISECOND_NS, NEVER_NS, NmtState, Node, Trouble
 from firmware_sim.nodes.object_dictionary import ObjectDictionary
 from firmware_sim.nodes.parameter_store import ParameterStore
-from firmware_sim.nodes.standard_objects import pdo_communication, standard_objects
+from firmware_sim.nodes.standard_objects import (
+    pdo_communication,
+    pdo_image,
+    pdo_mapping,
+    standard_objects,
+)
 from firmware_sim.nodes.variables import Access, DataType, Object, variable
 
 NODE_ID: Final = 3
 PERIOD_NS: Final = 100 * MILLISECOND_NS
 LOW_LIMIT: Final = 0x2300
 CRITICAL_LIMIT: Final = 0x2301
+BATTERY_IMAGE: Final = 0x2310
 HYSTERESIS_V: Final = 0.2
 
 LOW_MV_PER_CELL: Final = 3500
@@ -44,6 +50,7 @@ def power_objects(cells: int) -> list[Object]:
     return [
         *standard_objects(NODE_ID, "robotctl power", 3),
         pdo_communication(0x1800, "TPDO 1 communication", wire.BATTERY, 254),
+        pdo_mapping(0x1A00, "TPDO 1 mapping", BATTERY_IMAGE),
         variable(
             LOW_LIMIT, "Low limit [mV]", number, Access.RW, low_mv,
             low=0, high=0xFFFF, stored=True,
@@ -52,6 +59,7 @@ def power_objects(cells: int) -> list[Object]:
             CRITICAL_LIMIT, "Critical limit [mV]", number, Access.RW, critical_mv,
             low=0, high=0xFFFF, stored=True,
         ),
+        pdo_image(BATTERY_IMAGE, "Battery"),
     ]  # fmt: skip
 
 
@@ -104,8 +112,8 @@ class PowerNode(Node):
             self.report(BATTERY_CRITICAL)
         else:
             self.retract(BATTERY_CRITICAL)
-        payload = wire.battery(*sample, flags)
-        self.send(wire.BATTERY, self._protector.protect(payload))
+        payload = self._protector.protect(wire.battery(*sample, flags))
+        self.send_image(wire.BATTERY, BATTERY_IMAGE, payload)
 
     def _judge(self, flag: int, limit: int, voltage_v: float) -> int:
         limit_v = self.dictionary.number(limit) * 1e-3

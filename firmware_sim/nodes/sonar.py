@@ -12,7 +12,12 @@ from firmware_sim.nodes.e2e import Protector
 from firmware_sim.nodes.node import MILLISECOND_NS, NEVER_NS, NmtState, Node
 from firmware_sim.nodes.object_dictionary import ObjectDictionary
 from firmware_sim.nodes.parameter_store import ParameterStore
-from firmware_sim.nodes.standard_objects import pdo_communication, standard_objects
+from firmware_sim.nodes.standard_objects import (
+    pdo_communication,
+    pdo_image,
+    pdo_mapping,
+    standard_objects,
+)
 from firmware_sim.nodes.variables import Access, DataType, Object, variable
 
 NODE_ID: Final = 2
@@ -20,6 +25,7 @@ GROUP_SIZE: Final = 4
 SONARS_MAX: Final = 16
 SONAR_COUNT: Final = 0x2200
 RING_PERIOD: Final = 0x2201
+RANGES_IMAGE: Final = 0x2210
 EVENT_DRIVEN: Final = 254
 
 SPEED_OF_SOUND_M_S: Final = 343.0
@@ -37,19 +43,31 @@ class Echoes(Protocol):
 
 
 def sonar_objects(count: int) -> list[Object]:
-    """Return all objects of a ring of `count` sonars."""
-    pdos = [
-        pdo_communication(0x1800 + group, f"TPDO {group + 1} communication", can_id, EVENT_DRIVEN)
-        for group, can_id in enumerate(range_identifiers(count))
-    ]
+    """Return all objects of a ring of `count` sonars.
+
+    All rings have the same; PDOs of groups without a sonar do not exist.
+    """
+    groups = len(range_identifiers(count))
+    communications, mappings, images = [], [], []
+    for group, can_id in enumerate(wire.SONAR_RANGES):
+        name, image = f"TPDO {group + 1}", RANGES_IMAGE + group
+        communications.append(
+            pdo_communication(
+                0x1800 + group, f"{name} communication", can_id, EVENT_DRIVEN, exists=group < groups
+            )
+        )
+        mappings.append(pdo_mapping(0x1A00 + group, f"{name} mapping", image))
+        images.append(pdo_image(image, f"Ranges of group {group + 1}"))
     return [
         *standard_objects(NODE_ID, "robotctl sonar ring", 2),
-        *pdos,
+        *communications,
+        *mappings,
         variable(SONAR_COUNT, "Number of sonars", DataType.UNSIGNED8, Access.RO, count),
         variable(
             RING_PERIOD, "Ring period [ms]", DataType.UNSIGNED16, Access.RW, 50,
             low=20, high=2000, stored=True,
         ),
+        *images,
     ]  # fmt: skip
 
 
@@ -118,8 +136,8 @@ class SonarNode(Node):
     def _step(self, now_ns: int) -> None:
         while self._echoes and now_ns >= self._echoes[0][0]:
             _, group, ranges_m = self._echoes.popleft()
-            payload = wire.sonar_ranges(ranges_m)
-            self.send(wire.SONAR_RANGES[group], self._protectors[group].protect(payload))
+            payload = self._protectors[group].protect(wire.sonar_ranges(ranges_m))
+            self.send_image(wire.SONAR_RANGES[group], RANGES_IMAGE + group, payload)
         if now_ns >= self._fire_ns:
             self._fire_group(now_ns)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Final
 
 from firmware_sim.nodes.variables import Access, DataType, Kind, Member, Object, compound, variable
@@ -19,6 +18,7 @@ VENDOR_ID: Final = 0x00526F62
 """ASCII "Rob"; not assigned by CiA."""
 REVISION: Final = 0x00010000
 ERROR_FIELD_LENGTH: Final = 8
+PDO_MISSING: Final = 1 << 31
 SIGNATURE_SAVE: Final = 0x65766173
 SIGNATURE_LOAD: Final = 0x64616F6C
 
@@ -83,11 +83,14 @@ def pdo_communication(
     transmission_type: int,
     *,
     configurable: bool = False,
+    exists: bool = True,
 ) -> Object:
     """Return a PDO communication parameter record (0x1400.., 0x1800..).
 
-    A `configurable` transmission type is 1..240: the PDO is sent on every n-th SYNC.
+    A `configurable` transmission type is 1..240: the PDO is sent on every n-th SYNC. A PDO that
+    does not exist has bit 31 of its COB-ID set (CiA 301, 7.5.2.35).
     """
+    cob_id |= 0 if exists else PDO_MISSING
     kind = (
         Member("Transmission type", _U8, _RW, transmission_type, 1, 240, stored=True)
         if configurable
@@ -96,10 +99,12 @@ def pdo_communication(
     return compound(index, name, Kind.RECORD, [Member("COB-ID", _U32, _CONST, cob_id), kind])
 
 
-def pdo_mapping(index: int, name: str, mapped: Sequence[int]) -> Object:
-    """Return a PDO mapping record; `mapped` holds index << 16 | sub-index << 8 | bits."""
-    members = [
-        Member(f"Mapped object {number}", _U32, _CONST, each)
-        for number, each in enumerate(mapped, start=1)
-    ]
-    return compound(index, name, Kind.RECORD, members, count_name="Number of mapped objects")
+def pdo_mapping(index: int, name: str, image: int) -> Object:
+    """Return a PDO mapping record: the PDO is the whole object `image`, see `pdo_image`."""
+    mapped = Member("Mapped object 1", _U32, _CONST, image << 16 | 64)
+    return compound(index, name, Kind.RECORD, [mapped], count_name="Number of mapped objects")
+
+
+def pdo_image(index: int, name: str, access: Access = Access.RO) -> Object:
+    """Return the object a PDO maps: its whole payload, laid out as robot.dbc describes it."""
+    return variable(index, name, DataType.UNSIGNED64, access, 0, mappable=True)

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from firmware_sim.world.cells import Cells
 from firmware_sim.world.world import World
 
 CELL_M = 0.1
@@ -110,6 +111,11 @@ class FreeSpace:
         while cells[-1] != first:
             cells.append(came[cells[-1]])
         return self._straightened(self._middles(np.array(cells[::-1])))
+
+    def cells(self) -> Cells:
+        """Return the free cells as those of a map."""
+        x_m, y_m = self._low.tolist()
+        return Cells(~self._free, self._free, self._cell_m, (x_m, y_m, 0.0))
 
     def _cell(self, place: np.ndarray) -> tuple[int, int]:
         """Return row and column of a place."""

@@ -59,7 +59,7 @@ def _header(path: Path) -> dict[str, Any]:
     try:
         # BaseLoader makes text, lists and tables of it, nothing else.
         header = yaml.load(path.read_text(encoding="utf-8"), yaml.BaseLoader)  # noqa: S506
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+    except (OSError, UnicodeDecodeError, yaml.YAMLError, RecursionError) as error:
         raise SimulationError(f"{path}: cannot be read: {error}") from error
     if not isinstance(header, dict):
         raise SimulationError(f"{path}: is no map: needed are image, resolution and origin")

@@ -92,6 +92,9 @@ def main():
     done("hold", action.hold)
     done("disarm", action.disarm)
     tell("disarmed", until(lambda: not telemetry.armed()))
+    done("clear", missions.clear_mission)
+    left = missions.download_mission()
+    tell("left", len(left[plan["first"] :]))
 
 
 main()

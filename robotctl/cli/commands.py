@@ -43,6 +43,10 @@ COMMANDS: Final = {
         "install:uninstall",
         "Stop the service and remove what `install` wrote; logs and state stay.",
     ),
+    "compile": (
+        "compile:compile_all",
+        "Compile all inner loops for this processor, so that no robot and no command waits for it.",
+    ),
     "replay": (
         "logs.replay:replay",
         "Recompute every output of a record; status 1 and the first tick that differs.",
@@ -105,7 +109,7 @@ def load(name: str) -> Any:
     """Import a subcommand of the table and return it as typer runs it."""
     module, _, attribute = COMMANDS[name][0].partition(":")
     target = getattr(importlib.import_module(f"robotctl.cli.{module}"), attribute)
-    holder = typer.Typer(callback=_nothing, add_completion=False)
+    holder = typer.Typer(callback=_nothing, add_completion=False, rich_markup_mode=None)
     if isinstance(target, typer.Typer):
         holder.add_typer(target, name=name)
     else:
@@ -114,7 +118,35 @@ def load(name: str) -> Any:
             target
         )
     group: Any = get_command(holder)
-    return group.commands[name]
+    command = group.commands[name]
+    _write_plainly(command)
+    return command
+
+
+def _write_plainly(command: Any) -> None:
+    """Let the help of a command and those below it be read as it was written.
+
+    Typer's markup would take `[m]` for a style and show Python's names of types.
+    """
+    command.rich_markup_mode = None
+    command.short_help = (command.help or "").partition("\n\n")[0]  # else cut at 45 characters
+    for each in command.params:
+        if each.param_type_name == "argument":
+            each.metavar = each.metavar or each.name.upper()
+            each.display_type_rich = lambda ctx: ""  # noqa: ARG005 - as typer calls it
+        elif each.metavar is None and not each.is_flag:
+            each.metavar = _metavar(each.type_descriptor)
+    for each in getattr(command, "commands", {}).values():
+        _write_plainly(each)
+
+
+def _metavar(kind: Any) -> str:
+    """Return what stands for a value of a type in a usage line."""
+    if kind.is_choice:
+        return "|".join(map(str, kind.choices))
+    if kind.is_path:
+        return "FILE"
+    return {int: "N", float: "X"}.get(kind.annotation, "NAME")
 
 
 def _nothing() -> None:
@@ -127,9 +159,10 @@ app = typer.Typer(
     help="Real-time controller for wheeled robots.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
+    rich_markup_mode=None,
 )
 for _name, (_, _summary) in COMMANDS.items():
-    app.command(_name, help=_summary)(_nothing)
+    app.command(_name, help=_summary, short_help=_summary)(_nothing)
 
 
 @app.command()

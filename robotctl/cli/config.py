@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from robotctl.cli.arguments import Overrides
+from robotctl.words import counted
 
 RobotFile = Annotated[str, typer.Argument(help="Robot file, or the name of a built-in one.")]
 
@@ -36,7 +37,8 @@ def check(
 
         check_localisation(config, path)
     print(
-        f"{path}: {config.robot.name}, {config.drive.kind}, {len(config.sonar)} sonars, "
+        f"{path}: {config.robot.name}, {config.drive.kind}, "
+        f"{counted(len(config.sonar), 'sonar')}, "
         f"{config.runtime.rate_hz} Hz: all keys are known and all values are allowed"
     )
 

@@ -17,6 +17,7 @@ from robotctl.cli.console import plain_console
 from robotctl.config.robot_file import find_file
 from robotctl.deploy.check_result import Finding, Verdict
 from robotctl.deploy.doctor import LAG_SECONDS, LOGS, examine
+from robotctl.words import counted
 
 NOT_FIT = 1
 _STYLE = {
@@ -30,7 +31,9 @@ _STYLE = {
 def doctor(
     robot: RobotName = "diff_drive",
     json: Annotated[bool, typer.Option("--json", help="Print the results as JSON.")] = False,
-    logs: Annotated[Path, typer.Option(help="Folder whose disk is tested.")] = LOGS,
+    logs: Annotated[
+        Path, typer.Option(metavar="FOLDER", help="Folder whose disk is tested.")
+    ] = LOGS,
     seconds: Annotated[
         float, typer.Option(min=0.1, max=3600.0, help="How long to measure wake-ups.")
     ] = LAG_SECONDS,
@@ -52,7 +55,9 @@ def doctor(
         report = {"fit": failures == 0, "findings": findings}
         print(dumps(msgspec.to_builtins(report), indent=2))  # of names that are no UTF-8, too
     else:
-        console.print(f"{len(findings)} checks: {failures} failed, {warnings} warnings")
+        console.print(
+            f"{counted(len(findings), 'check')}: {failures} failed, {counted(warnings, 'warning')}"
+        )
     sys.exit(NOT_FIT if failures else 0)
 
 

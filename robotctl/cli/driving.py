@@ -52,7 +52,8 @@ def drive(
     with RemoteRobot(instance) as robot, console.status("") as status:
         try:
             for state in begin(robot):
-                status.update(state.message)
+                silent = robot.silence
+                status.update(f"[dim]{state.message}[/dim] {silent}" if silent else state.message)
                 words = state.item, re.sub(r"[\d.]+", "", state.message)
                 if state.message and words != said:  # of a countdown the first line
                     said = words

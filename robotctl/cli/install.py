@@ -24,7 +24,10 @@ _RUNNING_SYSTEMD: Final = Path("/run/systemd/system")
 _RELOAD: Final = ("systemctl daemon-reload", "udevadm control --reload", "udevadm trigger")
 _RELOAD_NETWORKD: Final = "systemctl try-restart systemd-networkd"
 
-Root = Annotated[Path, typer.Option("--root", help="Folder to use as /, such as an image's root.")]
+Root = Annotated[
+    Path,
+    typer.Option("--root", metavar="FOLDER", help="Folder to use as /, such as an image's root."),
+]
 
 
 def install(
@@ -77,9 +80,12 @@ def install(
         f"--sysname-match={shlex.quote(bus.channel)}"
         for bus in load_robot(file).buses
     )
-    reloaded = _run(("systemd-sysusers", *_RELOAD, *added, _RELOAD_NETWORKD), root)
+    # The service could keep nothing that it compiles.
+    compiled = f"{shlex.quote(str(executable))} compile"
+    reloaded = _run((compiled, "systemd-sysusers", *_RELOAD, *added, _RELOAD_NETWORKD), root)
     print(f"next: robotctl doctor --robot /{ROBOT}")
     print("then: systemctl enable --now systemd-networkd robotctl")
+    print("emergency stop, from then on: systemctl kill --signal=SIGUSR1 robotctl")
     sys.exit(0 if reloaded else INCOMPLETE)
 
 

@@ -7,6 +7,7 @@ import signal
 import sys
 from typing import Final
 
+from robotctl.app.supervision.signals import hold_emergency_signal, name_process
 from robotctl.cli.output import quiet_output
 from robotctl.errors import DISK, DiskError, RobotctlError
 
@@ -26,6 +27,8 @@ def main() -> None:
     standard output is full or nobody reads it, the rest is dropped. A full one is said, and is an
     error of a command that only prints.
     """
+    hold_emergency_signal()
+    name_process()
     with quiet_output() as output:
         status = _status()
         if status == INTERRUPTED:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from robotctl.app.supervision.remote import RemoteRobot
-    from robotctl.messages.control import NavigationState
+    from robotctl.messages.control import ControlState, NavigationState
 
 app = typer.Typer(help="Missions of a robot that runs on this computer.", no_args_is_help=True)
 
@@ -77,10 +77,18 @@ def status(instance: Instance = "") -> None:
     from robotctl.app.supervision.remote import RemoteRobot  # noqa: PLC0415
 
     with RemoteRobot(instance) as robot:
-        state = robot.navigation
+        state, control, silent = robot.navigation, robot.control, robot.silence
     console = plain_console()
     for line in [] if state is None else status_lines(state):
         console.print(line, soft_wrap=True)
+    if control is not None:
+        console.print(f"control: {silent or control_words(control)}", soft_wrap=True)
+
+
+def control_words(control: ControlState) -> str:
+    """Return the robot's state, and why it is in it."""
+    words = control.state.name.lower().replace("_", " ")
+    return f"{words}: {control.reason}" if control.reason else words
 
 
 def status_lines(state: NavigationState) -> list[str]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import signal
 import time
 import uuid
 from pathlib import Path
@@ -13,20 +12,24 @@ from typing import Annotated
 import typer
 import zmq
 
+from robotctl import kernel_cache
 from robotctl.app.processes.navigator import load_mission
 from robotctl.app.processes.progress import StoredProgress, resumed, state_directory
 from robotctl.app.supervision.exit_log import ExitLog
 from robotctl.app.supervision.service import ServiceNotifier
-from robotctl.app.supervision.signals import EmergencySignal, StopFlag
+from robotctl.app.supervision.signals import StopFlag, on_emergency_signal
 from robotctl.app.supervision.stack import Stack
 from robotctl.app.supervision.supervisor import POLL_S, Supervisor
 from robotctl.cli.arguments import Overrides, RobotName
+from robotctl.cli.compile import compile_missing
 from robotctl.cli.live.keys import AFTERWARDS, HINT, Keys
 from robotctl.cli.live.voice import Voice
 from robotctl.config.options import StackOptions
-from robotctl.config.robot_file import find_file
+from robotctl.config.robot_file import RobotConfig, find_file
+from robotctl.drivers.mavlink.listening import busy_links
 from robotctl.messages.control import ControlState, NavigationState, Notice
 from robotctl.runtime.ipc.topics import Endpoints, Subscriber, endpoint_directory
+from robotctl.runtime.open_files import need_open_files
 from robotctl.runtime.storage.log_folder import refusal
 
 
@@ -50,13 +53,24 @@ def _resumed(options: StackOptions, items: int) -> StackOptions:
     return options
 
 
+def _tell_connections(config: RobotConfig) -> None:
+    """Print where others can connect, and what is in the way."""
+    buses = ", ".join(f"{bus.interface}:{bus.channel}" for bus in config.buses)
+    print(f"{config.robot.name} on {buses}, Ctrl-C ends", flush=True)
+    for link in config.mavlink.link:
+        print(f"MAVLink: {link.url}", flush=True)
+    for busy in busy_links(config.mavlink.link):
+        print(busy, flush=True)
+
+
 def run(
     robot: RobotName = "diff_drive",
     mission: Annotated[
         str, typer.Option(help="Mission file or name for mode AUTO; default: none.")
     ] = "",
     record: Annotated[
-        Path | None, typer.Option(help="Folder for the record of the control loop.")
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Folder for the record of the control loop."),
     ] = None,
     resume: Annotated[
         bool,
@@ -68,7 +82,8 @@ def run(
 ) -> None:
     """Run control, navigation and telemetry until Ctrl-C; arm from a ground station.
 
-    SIGUSR1, Space and e stop the robot at once. Processes that end are restarted, disarmed.
+    Space, e, and `pkill -USR1 robotctl` stop the robot at once. Processes that end are restarted,
+    disarmed.
     """
     path = find_file(robot)
     mission_path = find_file(mission, "missions") if mission else None
@@ -91,25 +106,22 @@ def run(
     config = options.load()
     if resume:
         options = _resumed(options, len(loaded.item) if loaded else 0)
+    need_open_files()
+    if not kernel_cache.is_complete():
+        compile_missing(simulated=False)
     stopped = StopFlag()
-    asked_early = EmergencySignal()
     notifier = ServiceNotifier(os.environ)
     log = ExitLog(record.resolve()) if record else None
     if record and (reason := refusal(record)):
         print(f"{reason}; the robot drives without logs")
-    buses = ", ".join(f"{bus.interface}:{bus.channel}" for bus in config.buses)
-    print(f"{config.robot.name} on {buses}, Ctrl-C ends", flush=True)
-    for link in config.mavlink.link:
-        print(f"MAVLink: {link.url}", flush=True)
+    _tell_connections(config)
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
     endpoints = Endpoints(endpoint_directory(options.instance))
     messages = Subscriber[ControlState | NavigationState | Notice](
         context, endpoints.published, ControlState | NavigationState | Notice
     )
     stack = Stack(options)
-    signal.signal(signal.SIGUSR1, lambda _number, _frame: stack.emergency_stop())
-    if asked_early.take():
-        stack.emergency_stop()
+    on_emergency_signal(stack.emergency_stop)
     try:
         with Voice() as voice, Supervisor(stack, notifier, log) as supervisor, Keys() as keys:
             if keys.usable:

@@ -5,20 +5,23 @@ from __future__ import annotations
 import atexit
 import json
 import shutil
-import signal
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from robotctl.cli.arguments import Overrides, RobotName, place, refuse_unused
+from robotctl.cli.compile import compile_missing
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
 from robotctl.cli.live.keys import Keys
+from robotctl.drivers.mavlink.listening import busy_links
 from robotctl.errors import ConfigError, DiskError
 from robotctl.estimation.sensors.registry import SENSORS
+from robotctl.runtime.open_files import need_open_files
 
 if TYPE_CHECKING:
     from robotctl.app.simulation.score import Report
@@ -28,8 +31,8 @@ if TYPE_CHECKING:
 NOT_COMPLETED = 3
 ERRAND = "errand"
 """What a robot drives that is told nothing; it has to find out where it is, too."""
-PATROL = "patrol"
-"""The default mission in another world, unless that is a map."""
+PATROL, FLATS = "patrol", ("flat", "flat_lived_in")
+"""The default mission, and the worlds with room for it."""
 GOAL_WORLD = "flat"
 """Where a goal lies unless the user says."""
 OWN_BUS = "simcan"
@@ -46,8 +49,8 @@ def sim(
     mission: Annotated[
         str,
         typer.Option(
-            help="Mission file or name; default: errand; with --world patrol, in a ROS map the "
-            "longest straight line."
+            help="Mission file or name; default: errand; with --world a straight line, in the flat "
+            "patrol."
         ),
     ] = "",
     bus: Annotated[
@@ -56,11 +59,12 @@ def sim(
     ] = OWN_BUS,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the simulated world.")] = 1,
     max_seconds: Annotated[
-        float, typer.Option(min=1.0, help="Time limit, in the robot's time.")
+        float, typer.Option(min=1.0, help="Time limit from arming on, in the robot's time.")
     ] = 300.0,
     report: Annotated[Path | None, typer.Option(help="Write the score here as JSON.")] = None,
     record: Annotated[
-        Path | None, typer.Option(help="Folder for the control record and the CAN log.")
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Folder for the control record and the CAN log."),
     ] = None,
     headless: Annotated[bool, typer.Option("--headless", help="No live view.")] = False,
     until_done: Annotated[
@@ -184,6 +188,7 @@ def sim(
         seed=seed,
         max_seconds=max_seconds,
         overrides=(
+            *_origin(robot, overrides or ()),
             *(["camera.enabled=true"] if camera else []),
             *_places(topological),
             *(overrides or ()),
@@ -200,6 +205,7 @@ def sim(
         hard_real_time=hard_real_time,
     )
     _refuse_what_has_no_effect(ctx, options, lockstep=lockstep, until_done=until_done)
+    compile_missing(simulated=True)
     if lockstep:
         from robotctl.app.simulation.lockstep import run_lockstep  # noqa: PLC0415 - numba
 
@@ -207,6 +213,7 @@ def sim(
             result = run_lockstep(options, progress.say, progress.tell)
         stayed = False
     else:
+        need_open_files()
         stopped = StopFlag()
         result = _run(options, stopped, headless=headless, until_done=until_done)
         stayed = stopped() and not until_done
@@ -260,10 +267,10 @@ def _start(start: str) -> tuple[float, ...]:
 
 def _mission(name: str, world: str) -> Path:
     """Return the mission's file; where none is asked for, one that fits into the world."""
-    from robotctl.config.robot_file import MAPS, find_file  # noqa: PLC0415
+    from robotctl.config.robot_file import find_file  # noqa: PLC0415
     from robotctl.maps.world import find_world  # noqa: PLC0415
 
-    if name or not world or find_world(world).suffix.lower() not in MAPS:
+    if name or not world or find_world(world).stem in FLATS:
         return find_file(name or PATROL, "missions")
     from robotctl.app.simulation.room import straight_mission  # noqa: PLC0415
 
@@ -283,6 +290,20 @@ def _goal(world: str, start: tuple[float, ...], goal: str, topological: str) -> 
     except ConfigError as error:
         raise ConfigError(f"{error}; a place by name needs --topological FILE") from error
     return _written("goal", goal_mission(room, start, there))
+
+
+def _origin(robot: str, overrides: Sequence[str]) -> list[str]:
+    """Return where the simulated world lies on the globe, unless the robot's settings say.
+
+    Stations with a map need it. It is on an island near the equator and the zero meridian, since
+    degrees in 32 bits, as dronekit sends them, are off by 3 cm at most there; they would be by
+    20 cm in the middle of Europe.
+    """
+    from robotctl.config.robot_file import find_file, load_robot  # noqa: PLC0415
+
+    if load_robot(find_file(robot), overrides).mavlink.origin is not None:
+        return []
+    return ["mavlink.origin={latitude_deg=0.3365,longitude_deg=6.7273,altitude_m=5.0}"]
 
 
 def _places(topological: str) -> list[str]:
@@ -327,13 +348,16 @@ def _localisation(
 def _run(options: SimOptions, stopped: StopFlag, *, headless: bool, until_done: bool) -> Report:
     """Run the processes behind a live view; Ctrl-C ends the run and still scores it."""
     from robotctl.app.simulation.sim import SimRun  # noqa: PLC0415
+    from robotctl.app.supervision.signals import on_emergency_signal  # noqa: PLC0415
     from robotctl.cli.live.sim_keys import obey  # noqa: PLC0415
     from robotctl.cli.live.view import make_view  # noqa: PLC0415
 
     run, keys = SimRun(options, stopped), Keys()
-    print("starting firmware_sim; its first run compiles for half a minute", file=sys.stderr)
-    signal.signal(signal.SIGUSR1, lambda _number, _frame: run.emergency_stop())
+    for busy in busy_links(run.config.mavlink.link):
+        print(busy, file=sys.stderr)
+    print("starting firmware_sim", file=sys.stderr)
     with run, make_view(run, headless=headless, keys=keys.usable) as view, keys:
+        on_emergency_signal(run.emergency_stop)
         for progress in run.steps(until_done=until_done):
             obey(keys.pressed(), run, view)
             view.update(progress)

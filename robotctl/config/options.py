@@ -19,7 +19,7 @@ from robotctl.config_values import with_values
 from robotctl.errors import ConfigError
 from robotctl.messages.ports import Clock
 from robotctl.runtime.clock import RealClock, wall_offset_ns
-from robotctl.runtime.simulated_clock import SimulatedClock
+from robotctl.runtime.simulated_clock import Pacer, SimulatedClock
 from robotctl.toml_source import is_utf_8
 
 _MOST_BYTES: Final = 128 * 1024 - 1
@@ -99,20 +99,20 @@ class StackOptions(msgspec.Struct, frozen=True):
             return robot_of_json(self.config)
         return load_robot(Path(self.robot), self.overrides)
 
-    def open_clock(self, *, paces: bool = False) -> Clock:
+    def open_clock(self, pacer: Pacer | None = None, slack_ns: int = 0) -> Clock:
         """Return the clock of this robot.
 
         Parameters
         ----------
-        paces
-            Whether a simulator's clock waits for this process, as it does for the control loop.
+        pacer, slack_ns
+            Which process this is, if a simulator's clock waits for it, and how late it may be [ns].
 
         Raises
         ------
         LinkError
             If there is no such clock.
         """
-        return SimulatedClock(Path(self.clock), paces=paces) if self.clock else RealClock()
+        return SimulatedClock(Path(self.clock), pacer, slack_ns) if self.clock else RealClock()
 
     def command(self, module: str) -> list[str]:
         """Return the command line of the process that `module` implements.

@@ -288,6 +288,15 @@ def contradictions(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]
         bound = f"under two control periods ({two_periods_ms:g} ms at {config.runtime.rate_hz} Hz)"
         yield ("safety", "command_timeout_ms"), f"{config.safety.command_timeout_ms} is {bound}"
     yield from _wrong_buses(config)
+    yield from _out_of_order(config)
+    if config.mavlink.gcs_system_id == config.mavlink.system_id:
+        problem = f"{config.mavlink.gcs_system_id} found, which is the robot's own system_id"
+        yield ("mavlink", "gcs_system_id"), problem
+    two_steps_ms = 2e3 / config.navigation.rate_hz
+    if config.safety.setpoint_timeout_ms < two_steps_ms:
+        rate_hz = config.navigation.rate_hz
+        bound = f"under two steps of navigation ({two_steps_ms:g} ms at {rate_hz:g} Hz)"
+        yield ("safety", "setpoint_timeout_ms"), f"{config.safety.setpoint_timeout_ms} is {bound}"
     yield from _beyond_the_limits(config)
     yield from _beyond_the_nose(config)
     names = [mount.name for mount in config.sonar]
@@ -331,6 +340,19 @@ def bus_problem(name: str, buses: Sequence[CanConfig]) -> str:
     """Return what is wrong with the name of a bus; empty if there is one."""
     names = [bus.name for bus in buses]
     return "" if name in names else f"no bus {name!r}{toml_source.nearest(name, names)}"
+
+
+def _out_of_order(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
+    """Yield least values above their greatest."""
+    pursuit = config.navigation.pursuit
+    for least, greatest in (
+        ("lookahead_min_m", "lookahead_max_m"),
+        ("turned_deg", "turn_on_spot_deg"),
+    ):
+        value, most = getattr(pursuit, least), getattr(pursuit, greatest)
+        if value > most:
+            problem = f"{value:g} found, at most {greatest} ({most:g}) allowed"
+            yield ("navigation", "pursuit", least), problem
 
 
 def _beyond_the_limits(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:

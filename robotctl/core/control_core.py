@@ -186,12 +186,13 @@ class ControlCore:
     def _take_feedback(self, feedback: Feedback, now_ns: int) -> None:
         """Update estimates and monitors from the feedback."""
         feedback = self.motion.update(feedback)
-        self._health.update(feedback)
+        self._supervision.take(feedback, now_ns)
         if self.machine.powered:
             self._supervision.compare(feedback, self._command_before, self.motion)
         self._procedures.measure(self.motion, now_ns)
         if self.machine.state in _TESTABLE:
             self._procedures.surroundings.watch(self._health.fresh_sonar_m(now_ns), now_ns)
+        self._notices += self._supervision.strangers.take_notices(now_ns)
         events = self._node_events.take(feedback, now_ns)
         if events is not None:
             self._take_node_events(events, now_ns)
@@ -206,7 +207,8 @@ class ControlCore:
             self.motion.restart(now_ns)
         self._notices += events.notices
         if events.restarts and self.machine.powered:
-            self._on(Event.FAULT, events.restarts[0], now_ns)
+            fault = self._supervision.explained(events.restarts[0], now_ns)
+            self._on(Event.FAULT, fault, now_ns)
 
     def _take_requests(self, inputs: Inputs, now_ns: int) -> EmergencyStopSource | None:
         """Carry out requests that are not too old; an emergency stop has no age.
@@ -329,6 +331,8 @@ class ControlCore:
             if fault is None:
                 return None
             self._on(Event.FAULT, fault, now_ns)
+        elif self.machine.state is SafetyState.FAULT:
+            self._explain_stop(now_ns)
         elif self.machine.state not in LATCHED:
             problem = self._health.node_problem(now_ns)
             if problem is None:
@@ -340,6 +344,14 @@ class ControlCore:
             return None
         self._on(Event.EMERGENCY_STOP, unasked, now_ns)
         return EmergencyStopSource.HOST_FAULT
+
+    def _explain_stop(self, now_ns: int) -> None:
+        """Tell the cause of a stop that shows up only now."""
+        cause = self._supervision.later_cause(now_ns)
+        if cause is not None:
+            self.machine.explain(cause)
+            text = f"cause of the stop: {cause}"
+            self._notices.append(Notice(now_ns, Severity.CRITICAL, text))
 
     def _try_to_arm(self, now_ns: int) -> bool:
         """Arm if nothing speaks against it; return whether the drive's latches must be cleared."""
@@ -462,6 +474,7 @@ class ControlCore:
             against_arming=() if self.machine.powered else self._refusals(now_ns, objections),
             tuning=self._tuning,
             procedure=self._procedures.latest,
+            stopped_ns=self._stopped_ns,
         )
 
 

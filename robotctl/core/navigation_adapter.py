@@ -46,6 +46,15 @@ COMMAND_LIFE_PERIODS: Final = 4
 STATE_MAX_AGE_NS: Final = 200_000_000
 """An older control state is not acted on [ns]."""
 
+_VIEW_LIFE_NS: Final = 500_000_000
+"""The robot does not drive by itself on an older view of its camera [ns]: one metre a second is
+half of what it remembers ahead; or on one older than `_MISSED` periods of the camera."""
+
+_MISSED: Final = 2.5
+
+_PICTURE_LIFE_NS: Final = 1_000_000_000
+"""An older picture says nothing of what is ahead now, however late it came [ns]."""
+
 PRESENCE_MAX_AGE_NS: Final = 1_000_000_000
 """Time without a report from telemetry after which there is no ground station [ns]."""
 
@@ -85,8 +94,8 @@ class NavigationAdapter:
         What keeps the robot within its fence.
     has_localiser
         Whether one is to be waited for.
-    looks
-        Whether the robot has a camera that watches the floor.
+    camera_rate_hz
+        Pictures a second of the camera that watches the floor; 0: there is none.
     needs_station
         Whether it drives by itself only while a ground station is there.
     station_timeout_s
@@ -107,7 +116,7 @@ class NavigationAdapter:
         fence: FenceKeeper,
         *,
         has_localiser: bool,
-        looks: bool,
+        camera_rate_hz: float,
         needs_station: bool,
         station_timeout_s: float,
     ) -> None:
@@ -121,7 +130,12 @@ class NavigationAdapter:
         """A mission that the navigator is asked to take in this step."""
         self._odometry = OdometryHistory()
         self._floor = FloorMemory()
-        self._looks = looks
+        self._looks = camera_rate_hz > 0.0
+        self._view_life_ns = 0
+        if self._looks:
+            self._view_life_ns = max(_VIEW_LIFE_NS, round(_MISSED * 1e9 / camera_rate_hz))
+        self._view_ns: int | None = None
+        """When the last view of the camera came [ns]."""
         self._guard = config.guard
         self._world = WorldPose(has_localiser=has_localiser)
         self._odom_epoch_ns: int | None = None
@@ -144,6 +158,7 @@ class NavigationAdapter:
         requests: Sequence[NavigationRequest],
         now_ns: int,
         seen: Sequence[LidarScan | CameraView] = (),
+        late_ns: int = 0,
     ) -> tuple[VelocityCommand, NavigationState]:
         """Return the velocity command of this step and what to publish.
 
@@ -152,12 +167,13 @@ class NavigationAdapter:
         robot to others. HOLD is always taken; velocities and sticks expire by themselves.
 
         `localisation` is the localiser's last message. Where `WorldPose` has no pose, the robot
-        looks around by odometry alone. `seen` is what lidar and camera saw since the last step.
+        looks around by odometry alone. `seen` is what lidar and camera saw since the last step,
+        `late_ns` how long this process was kept from it [ns].
         """
         if localisation is not None:
             self._world.localise(localisation)
         self.bound_by(each for each in requests if not too_late(each, now_ns))
-        inputs = self._inputs(control, requests, now_ns, seen)
+        inputs = self._inputs(control, requests, now_ns, seen)._replace(late_ns=late_ns)
         out = self.navigator.step(inputs, now_ns)
         offer, self._offer = self._offer, None
         if offer is not None and self.navigator.mission is offer.mission:
@@ -223,7 +239,10 @@ class NavigationAdapter:
             return NavigationInputs(
                 _UNKNOWN, Twist(0.0, 0.0), (), (), False, taken, True, attended, lost, heard=False
             )
-        floor = self._look(control, [each for each in seen if isinstance(each, CameraView)])
+        views = [each for each in seen if isinstance(each, CameraView)]
+        floor = self._look(control, views)
+        if any(now_ns - each.stamp_ns <= _PICTURE_LIFE_NS for each in views):
+            self._view_ns = now_ns
         known = self._world.pose(control)
         pose = control.T_odom_base if known is None else known
         fresh = now_ns - control.stamp_ns <= STATE_MAX_AGE_NS
@@ -244,6 +263,7 @@ class NavigationAdapter:
             station_lost=lost,
             heard=fresh,
             requests=taken,
+            blind=self._blind(now_ns),
             floor_base=floor,
             epoch=self._world.epoch(control),
             scans=self._placed(seen),
@@ -282,7 +302,8 @@ class NavigationAdapter:
 
     def take_notices(self) -> list[str]:
         """Return sentences for people since the last call."""
-        notices, self._notices = [*self._notices, *self.fence.take_notices()], []
+        said = self.navigator.take_notices()
+        notices, self._notices = [*self._notices, *said, *self.fence.take_notices()], []
         return notices
 
     def _attended(self, requests: Sequence[NavigationRequest], now_ns: int) -> bool:
@@ -335,6 +356,17 @@ class NavigationAdapter:
             if seen_from is not None:
                 self._floor.see(seen_from, _floor_view(view))
         return self._floor.around(odometry)
+
+    def _blind(self, now_ns: int) -> str:
+        """Return why the floor ahead is not seen now, empty if it is, or need not be."""
+        if not self._looks:
+            return ""
+        if self._view_ns is None:
+            return "the camera has given no picture yet"
+        age_ns = now_ns - self._view_ns
+        if age_ns <= self._view_life_ns:
+            return ""
+        return f"the camera has given no picture for {age_ns / 1e9:.1f} s"
 
     def _placed(self, seen: Sequence[LidarScan | CameraView]) -> list[tuple[SE2, RangeScan]]:
         """Return the scans of the lidar, each with `base` in `odom` at its time.

@@ -91,14 +91,20 @@ class NavigationTick:
         self._control: ControlState | None = None
         self._seen: tuple[SensorMessage, ...] = ()
         self._requests: tuple[NavigationRequest, ...] = ()
+        self._late_ns = 0
         self._recalled_ns = 0
         """Epoch of `world` in which the navigator was told what the map knows."""
         self._tuning = 0
         """Number of the tuning in force."""
 
-    def receive(self, control: ControlState | None, seen: Sequence[SensorMessage]) -> None:
-        """Take in the newest state of control, what was seen since the last step, and requests."""
-        self._control, self._seen = control, tuple(seen)
+    def receive(
+        self, control: ControlState | None, seen: Sequence[SensorMessage], late_ns: int = 0
+    ) -> None:
+        """Take in the newest state of control, what was seen since the last step, and requests.
+
+        `late_ns` is how long this process was kept from the step, by its own measure [ns].
+        """
+        self._control, self._seen, self._late_ns = control, tuple(seen), late_ns
         self._requests = tuple(self._operator.ask())
 
     def localise(self, now_ns: int) -> None:
@@ -114,7 +120,12 @@ class NavigationTick:
             if isinstance(each, Tuning):
                 self._retune(each)
         command, state = self._adapter.step(
-            self._control, self.localisation, self._requests, now_ns, self._seen
+            self._control,
+            self.localisation,
+            self._requests,
+            now_ns,
+            self._seen,
+            self._late_ns,
         )
         self._recall()
         self.state = msgspec.structs.replace(state, tuning=self._tuning)

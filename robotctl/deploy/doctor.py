@@ -34,7 +34,9 @@ from robotctl.deploy.wakeup import (
     check_timer_slack,
     measure_in_a_process,
 )
+from robotctl.drivers.mavlink.listening import refusal
 from robotctl.errors import ConfigError
+from robotctl.mavlink.config import MavlinkConfig
 from robotctl.messages.mavlink_port import LinkConfig
 from robotctl.runtime.clock import RealClock
 
@@ -83,6 +85,8 @@ def examine(
     yield from check_serial(serial, root)
     yield check_time_sync(clock_status())
     yield from check_mavlink(config.mavlink.link)
+    if config.mavlink.signing_key:
+        yield check_key(config.mavlink)
 
 
 def _check_localisation(config: RobotConfig, robot: Path) -> Finding:
@@ -151,6 +155,21 @@ def check_mavlink(links: tuple[LinkConfig, ...]) -> list[Finding]:
     return [_check_mavlink_link(link, listeners) for link in links]
 
 
+def check_key(config: MavlinkConfig) -> Finding:
+    """Check that the file with the signing key can be used."""
+    # It loads pymavlink.
+    from robotctl.app.processes.signing_files import configured_key  # noqa: PLC0415
+
+    check = "MAVLink signing"
+    try:
+        key = configured_key(config)
+    except ConfigError as error:
+        fix = "correct the file, or mavlink.signing_key in the robot's file"
+        return fail(check, str(error), fix)
+    is_missing = f"{config.signing_key} is to come over a safe link"
+    return ok(check, is_missing if key is None else config.signing_key)
+
+
 class _Listener(NamedTuple):
     """Where a link listens."""
 
@@ -189,15 +208,10 @@ def _check_mavlink_link(link: LinkConfig, listeners: list[_Listener]) -> Finding
     if before is not None:
         found = f"{link.url}: {here.host} port {port} is that of {before.url} too"
         return fail("MAVLink", found, "give one of the two links another port, or remove it")
-    with socket.socket(family, kind_of_socket) as listener:
-        if not udp:
-            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            listener.bind(address)
-        except OSError as error:
-            fix = (
-                "fine if robotctl is running, otherwise see which program has it: "
-                f"sudo ss -lnp | grep {port}"
-            )
-            return warn("MAVLink", f"{link.url}: {error.strerror}", fix)
+    if (refused := refusal(family, kind_of_socket, address)) is not None:
+        fix = (
+            "fine if robotctl is running, otherwise see which program has it: "
+            f"sudo ss -lnp | grep {port}"
+        )
+        return warn("MAVLink", f"{link.url}: {refused.strerror}", fix)
     return ok("MAVLink", f"{link.url}: port {port} is free")

@@ -10,6 +10,7 @@ import msgspec
 
 from robotctl.deploy.check_result import Finding, fail, none, ok, warn
 from robotctl.drivers.can.config import FD_MTU, CanConfig, bring_up
+from robotctl.words import counted
 
 QUEUE_FRAMES: Final = 16
 """Wanted transmit queue: four ticks of frames; a longer one sends old commands after a pause."""
@@ -103,7 +104,8 @@ def _check_controller(
     sending, receiving = counters.get("tx", 0), counters.get("rx", 0)
     words = (
         f"{state.lower()}, error counters tx {sending} rx {receiving}, "
-        f"bus-off {statistics.get('bus_off', 0)} times, bus errors {statistics.get('bus_error', 0)}"
+        f"bus-off {counted(statistics.get('bus_off', 0), 'time')}, "
+        f"bus errors {statistics.get('bus_error', 0)}"
     )
     if state in {"ERROR-ACTIVE", "ERROR-WARNING"}:
         if sending == receiving == 0 and state == "ERROR-ACTIVE":

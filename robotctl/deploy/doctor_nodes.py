@@ -14,8 +14,9 @@ from robotctl.config.robot_file import RobotConfig
 from robotctl.deploy.check_result import Finding, fail, none, ok, warn
 from robotctl.deploy.doctor_imu import check_imu, watch_imu
 from robotctl.drivers.can.nodes.can_node import CanNode
+from robotctl.drivers.can.nodes.node import HEARTBEAT_BASE
 from robotctl.drivers.can.nodes.registry import wanted_nodes
-from robotctl.drivers.can.nodes.robot_can import HEARTBEAT_BASE, CanRobot
+from robotctl.drivers.can.nodes.robot_can import CanRobot
 from robotctl.drivers.can.port import SocketPort
 from robotctl.errors import LinkError
 from robotctl.messages.control import BusState, BusStatus, NodeStatus, WheelCommand

@@ -21,6 +21,7 @@ MAV_RESULT_CANCELLED = 6
 MAV_RESULT_COMMAND_UNSUPPORTED_MAV_FRAME = 9
 
 MAVLINK_MSG_ID_COMMAND_CANCEL = 80
+MAVLINK_MSG_ID_EKF_STATUS_REPORT = 193
 MAVLINK_MSG_ID_ESC_INFO = 290
 MAVLINK_MSG_ID_ESC_STATUS = 291
 MAVLINK_MSG_ID_PROTOCOL_VERSION = 300
@@ -73,6 +74,50 @@ class MAVLink_command_cancel_message(MAVLink_message):
 # Define name on the class for backwards compatibility (it is now msgname).
 # Done with setattr to hide the class variable from mypy.
 setattr(MAVLink_command_cancel_message, "name", mavlink_msg_deprecated_name_property())
+
+
+class MAVLink_ekf_status_report_message(MAVLink_message):
+    """
+    EKF Status message including flags and variances.
+    """
+
+    id = MAVLINK_MSG_ID_EKF_STATUS_REPORT
+    msgname = "EKF_STATUS_REPORT"
+    fieldnames = ["flags", "velocity_variance", "pos_horiz_variance", "pos_vert_variance", "compass_variance", "terrain_alt_variance", "airspeed_variance"]
+    ordered_fieldnames = ["velocity_variance", "pos_horiz_variance", "pos_vert_variance", "compass_variance", "terrain_alt_variance", "flags", "airspeed_variance"]
+    fieldtypes = ["uint16_t", "float", "float", "float", "float", "float", "float"]
+    fielddisplays_by_name: Dict[str, str] = {}
+    fieldenums_by_name: Dict[str, str] = {"flags": "EKF_STATUS_FLAGS"}
+    fieldunits_by_name: Dict[str, str] = {}
+    native_format = bytearray(b"<fffffHf")
+    orders = [5, 0, 1, 2, 3, 4, 6]
+    lengths = [1, 1, 1, 1, 1, 1, 1]
+    array_lengths = [0, 0, 0, 0, 0, 0, 0]
+    crc_extra = 71
+    unpacker = struct.Struct("<fffffHf")
+    instance_field = None
+    instance_offset = -1
+
+    def __init__(self, flags: int, velocity_variance: float, pos_horiz_variance: float, pos_vert_variance: float, compass_variance: float, terrain_alt_variance: float, airspeed_variance: float = 0):
+        MAVLink_message.__init__(self, MAVLink_ekf_status_report_message.id, MAVLink_ekf_status_report_message.msgname)
+        self._fieldnames = MAVLink_ekf_status_report_message.fieldnames
+        self._instance_field = MAVLink_ekf_status_report_message.instance_field
+        self._instance_offset = MAVLink_ekf_status_report_message.instance_offset
+        self.flags = flags
+        self.velocity_variance = velocity_variance
+        self.pos_horiz_variance = pos_horiz_variance
+        self.pos_vert_variance = pos_vert_variance
+        self.compass_variance = compass_variance
+        self.terrain_alt_variance = terrain_alt_variance
+        self.airspeed_variance = airspeed_variance
+
+    def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.velocity_variance, self.pos_horiz_variance, self.pos_vert_variance, self.compass_variance, self.terrain_alt_variance, self.flags, self.airspeed_variance), force_mavlink1=force_mavlink1)
+
+
+# Define name on the class for backwards compatibility (it is now msgname).
+# Done with setattr to hide the class variable from mypy.
+setattr(MAVLink_ekf_status_report_message, "name", mavlink_msg_deprecated_name_property())
 
 
 class MAVLink_esc_info_message(MAVLink_message):
@@ -609,6 +654,7 @@ setattr(MAVLink_available_modes_monitor_message, "name", mavlink_msg_deprecated_
 
 MESSAGES = {
     MAVLINK_MSG_ID_COMMAND_CANCEL: MAVLink_command_cancel_message,
+    MAVLINK_MSG_ID_EKF_STATUS_REPORT: MAVLink_ekf_status_report_message,
     MAVLINK_MSG_ID_ESC_INFO: MAVLink_esc_info_message,
     MAVLINK_MSG_ID_ESC_STATUS: MAVLink_esc_status_message,
     MAVLINK_MSG_ID_PROTOCOL_VERSION: MAVLink_protocol_version_message,

@@ -14,17 +14,13 @@ from robotctl.drivers.can.candump import CandumpReader
 from robotctl.drivers.can.config import CanConfig
 from robotctl.errors import LinkError
 from robotctl.logs.mcap.entries import Published
-from robotctl.logs.mcap.log import (
-    LogInUseError,
-    McapLog,
-    McapLogError,
-    is_complete,
-    recover,
-)
+from robotctl.logs.mcap.log import McapLog
+from robotctl.logs.mcap.recovery import LogInUseError, McapLogError, is_complete, recover
 from robotctl.logs.mcap.scene import Scene
 from robotctl.messages.ports import Clock
 from robotctl.runtime.storage.atomic_file import remove_parts
 from robotctl.runtime.storage.log_folder import LogFolder, close_log, is_gone
+from robotctl.words import counted
 
 FLUSH_NS: Final = 1_000_000_000
 """Maximum loss when the recorder is killed [ns]."""
@@ -222,8 +218,8 @@ def recover_all(folder: LogFolder) -> tuple[str, ...]:
                 with suppress(LogInUseError):
                     recovered = recover(path)
                     notes.append(
-                        f"{path}: was cut, completed with its {recovered.messages} messages"
-                        f"{recovered.loss()}"
+                        f"{path}: was cut, completed with its "
+                        f"{counted(recovered.messages, 'message')}{recovered.loss()}"
                     )
         except (OSError, McapLogError) as error:
             notes.append(f"{path}: was cut and cannot be completed: {error}")

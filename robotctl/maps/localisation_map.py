@@ -44,7 +44,21 @@ def find_map(name: str, beside: Path) -> Path:
 
 
 def load_localisation_map(name: str, beside: Path) -> LocalisationMap:
-    """Read the map that `find_map` finds.
+    """Read the map that `find_map` finds, to find a robot in it.
+
+    Raises
+    ------
+    ConfigError
+        If there is none, it is wrong, or no robot can find itself in it.
+    """
+    found = load_any_map(name, beside)
+    if found.walls is None:
+        _check_cells(found.grid, find_map(name, beside))
+    return found
+
+
+def load_any_map(name: str, beside: Path) -> LocalisationMap:
+    """Read the map that `find_map` finds; it may be empty.
 
     Raises
     ------
@@ -54,9 +68,7 @@ def load_localisation_map(name: str, beside: Path) -> LocalisationMap:
     path = find_map(name, beside)
     try:
         if path.suffix.lower() in MAPS:
-            grid = load_map(path)
-            _check_cells(grid, path)
-            return LocalisationMap(grid, None)
+            return LocalisationMap(load_map(path), None)
         walls = load_walls(path)
     except ConfigError:
         from robotctl.logs.formats.recorded_log import is_log  # noqa: PLC0415 - loads all readers

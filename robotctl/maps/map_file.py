@@ -22,6 +22,7 @@ import difflib
 import math
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -165,7 +166,8 @@ def _header(path: Path) -> _Header:
     """Read the yaml file, and check all of it before complaining."""
     try:
         data = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        # yaml leaves the errors of Python's numbers and dates, and of deep brackets, as they are.
         raise ConfigError(f"{path}: not valid YAML: {error}") from error
     if not isinstance(data, dict):
         raise ConfigError(f"{path}: a map needs `key: value` lines, {', '.join(_KEYS)}")
@@ -213,9 +215,12 @@ def _number(value: object) -> float:
     """
     if isinstance(value, str) and _NUMBER.fullmatch(value.strip()):
         value = float(value)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, int | float):
         raise ValueError("must be a finite number")
-    return float(value)
+    with suppress(OverflowError):  # of a whole number of hundreds of digits
+        if math.isfinite(number := float(value)):
+            return number
+    raise ValueError("must be a finite number")
 
 
 def _resolution(value: object) -> float:

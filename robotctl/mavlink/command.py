@@ -8,7 +8,7 @@ from typing import NamedTuple
 from pymavlink.dialects.v20 import common
 
 from robotctl.dialect import additions
-from robotctl.messages.mavlink_port import Peer
+from robotctl.messages.mavlink_port import Address, Peer
 
 ACCEPTED: int = common.MAV_RESULT_ACCEPTED
 TEMPORARILY_REJECTED: int = common.MAV_RESULT_TEMPORARILY_REJECTED
@@ -25,6 +25,18 @@ MAX_PENDING = 8
 senders must not delay a stop. The others are told to ask again."""
 
 
+class Frame(NamedTuple):
+    """Identity of a frame with a request.
+
+    `confirmation` counts how often its sender has sent the request before, as far as it says;
+    `sequence` is the number of the frame, 0 to 255.
+    """
+
+    sender: Address
+    sequence: int
+    confirmation: int = 0
+
+
 class Command(NamedTuple):
     """A command and its origin.
 
@@ -35,13 +47,19 @@ class Command(NamedTuple):
 
     number: int
     params: tuple[float, ...]
-    sender: tuple[int, int]
+    sender: Address
     peer: Peer
     confirmation: int = 0
     frame: int | None = None
+    sequence: int = 0
 
     @property
-    def key(self) -> tuple[tuple[int, int], int, Peer]:
+    def origin(self) -> Frame:
+        """The frame that it came in."""
+        return Frame(self.sender, self.sequence, self.confirmation)
+
+    @property
+    def key(self) -> tuple[Address, int, Peer]:
         """What tells it from others that wait."""
         return self.sender, self.number, self.peer
 

@@ -77,13 +77,14 @@ class MavlinkConfig:
     rates : StreamRates
         Rates of the periodic messages.
     setpoint_timeout_s : float
-        Velocity set-points and manual control are void after this long [s], 0.05 to 10; set-points
-        from their sending where their `time_boot_ms` tells, all else from its arrival.
+        Velocity set-points and manual control are void after this long [s], 0.2 to 1; set-points
+        from their sending where their `time_boot_ms` tells, all else from its arrival. Velocities
+        that come at 5 Hz or more are void after 0.3 s at the latest.
     gcs_timeout_s : float
         A ground station is lost when its heartbeat is older [s], 1 to 60.
     gcs_system_id : int
-        System of the operator's ground station, 1 to 255: once it was heard, its loss counts, not
-        that of others.
+        System of the operator's ground station, 1 to 255, not the robot's own: once it was heard,
+        its loss counts, not that of others.
     hold_on_gcs_loss : bool
         The robot goes to HOLD when a ground station that was there is lost.
     hold_without_gcs : bool
@@ -126,7 +127,7 @@ class MavlinkConfig:
                 raise InvalidValue(
                     name, f"must be 1 to 255, not {getattr(self, name)}", getattr(self, name)
                 )
-        _check_range("setpoint_timeout_s", self.setpoint_timeout_s, 0.05, 10.0)
+        _check_range("setpoint_timeout_s", self.setpoint_timeout_s, 0.2, 1.0)
         _check_range("gcs_timeout_s", self.gcs_timeout_s, 1.0, 60.0)
         for name in ("signing_key", "tlog"):
             path = getattr(self, name)

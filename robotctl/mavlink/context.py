@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol, TypeAlias
+from typing import NamedTuple, Protocol, TypeAlias
 
 from pymavlink.dialects.v20 import common
 
@@ -18,6 +18,7 @@ from robotctl.mavlink.config import MavlinkConfig
 from robotctl.mavlink.ftp.files import Files
 from robotctl.mavlink.globe import Origin
 from robotctl.mavlink.guards.stale_link import HeldBack
+from robotctl.mavlink.guards.word_limit import WordLimit
 from robotctl.mavlink.parameters.parameter_set import NO_PARAMETERS, ParameterSet
 from robotctl.mavlink.parameters.store import NoParameterStore, ParameterStore
 from robotctl.mavlink.personality import PERSONALITIES, Personality
@@ -32,9 +33,10 @@ from robotctl.messages.control import (
     Severity,
 )
 from robotctl.messages.estimation import LidarScan, LocalisationState
-from robotctl.messages.mavlink_port import MavlinkPort, Peer, Received
+from robotctl.messages.mavlink_port import Address, MavlinkPort, Peer, Received
 from robotctl.messages.supervision import SupervisorRequest
 from robotctl.messages.world_pose import WorldPose
+from robotctl.model.fence import Fence
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.safety.state_machine import ENABLED
@@ -54,6 +56,10 @@ earlier, so that the robot brakes in time."""
 LOCALISER_NOT_READY = "the localiser is not ready"
 
 Request: TypeAlias = ControlRequest | NavigationRequest
+Answer: TypeAlias = Callable[[int], None]
+"""Tells who asked for a change of a plan its MAV_MISSION_RESULT."""
+Clear: TypeAlias = Callable[[Address, Answer, int], None]
+"""Removes the plan of one kind for a station, now [ns]; the answer follows."""
 State: TypeAlias = ControlState | NavigationState | LocalisationState | LidarScan | Notice
 
 
@@ -180,6 +186,16 @@ class GroundStation:
         return tuple(sorted(self.heard_ns))
 
 
+class Said(NamedTuple):
+    """A line for people: its severity, and when it was said [ns]."""
+
+    severity: int
+    text: str
+    stamp_ns: int
+    peer: Peer | None = None
+    """Receiver; None: everybody."""
+
+
 @dataclass(slots=True)
 class Pending:
     """A command that waits for its result: since when, and when its sender heard of it [ns]."""
@@ -193,59 +209,77 @@ class Pending:
 
 @dataclass
 class Context:
-    """The present state and the outputs of a step, shared by all microservices.
-
-    `stores` keep plans, by their kind, `parameter_store` the `parameters`; `take_key` uses and
-    keeps a key for signing with its time stamp, and returns why not. `ask_supervisor` hands it a
-    request, and returns whether it is there. `folders` are served as files by their names in the
-    root, which is "" itself. `can` is the robot's bus. `origin` says where `world` is on the globe,
-    once that is known, `origin_users` which kinds of plans have places by it. `catalogue` is the
-    sum of them, known once all are made. `wall_ns` returns the time of day [ns since 1970]; `scan`
-    is the lidar's last. `stretch` says how much longer than asked for the intervals of streams are,
-    by link. `peers` are served on the links now, `heard_ns` says when each of them was heard last
-    [ns]. `ground_stations` are those alive, by address, the longest known first. `pending` are the
-    commands that wait for their results, by sender, number and peer. `acks` are those of this step.
-    `texts` wait for the STATUSTEXT service, `notices` for the process, which may publish them; they
-    must not come back as input, they are sent already.
-    """
+    """The present state and the outputs of a step, shared by all microservices."""
 
     config: MavlinkConfig
     robot: TelemetryRobot
     links: MavlinkPort
     stores: Mapping[str, PlanStore] = field(default_factory=dict)
+    """Storage of plans, by their kind."""
     parameters: ParameterSet = field(default_factory=lambda: NO_PARAMETERS)
     parameter_store: ParameterStore = field(default_factory=NoParameterStore)
+    """Storage of `parameters`."""
     take_key: Callable[[bytes, int], str] = _take_no_key
+    """Use and keep a key for signing with its time stamp; return why not."""
     ask_supervisor: Callable[[SupervisorRequest], bool] = _have_no_supervisor
+    """Hand the supervisor a request; return whether it is there."""
     folders: Mapping[str, Files] = field(default_factory=dict)
+    """Files that are served, by their names in the root, which is "" itself."""
     can: CanTap = field(default_factory=NoCan)
+    """The robot's bus."""
     origin: Origin | None = None
+    """Place of `world` on the globe, once that is known."""
     origin_users: set[str] = field(default_factory=set)
+    """Kinds of plans that have places by `origin`."""
+    clears: list[Clear] = field(default_factory=list)
+    """Functions that remove the plan of each kind."""
+    fence: Fence = Fence()  # noqa: RUF009 - it does not change
+    """The last fence that navigation took."""
+    fence_crc: int = 0
+    """Its name in `NavigationState`."""
     wall_ns: Callable[[], int] = time.time_ns
+    """Return the time of day [ns since 1970]."""
     scan: LidarScan | None = None
+    """The lidar's last."""
     control: ControlState | None = None
     navigation: NavigationState | None = None
     world: WorldPose = field(init=False)
     catalogue: Catalogue = field(default_factory=Catalogue)
+    """The sum of all services, known once all are made."""
     stretch: dict[int, float] = field(default_factory=dict)
+    """How many times longer than asked for the intervals of streams are, by link."""
     peers: tuple[Peer, ...] = ()
+    """Peers served on the links now."""
+    receivers: Callable[[int], Collection[Peer]] = field(init=False)
+    """Return the peers that get a periodic message, by its number."""
     heard_ns: dict[Peer, int] = field(default_factory=dict)
-    ground_stations: dict[tuple[int, int], GroundStation] = field(default_factory=dict)
+    """Time at which each of them was heard last [ns]."""
+    ground_stations: dict[Address, GroundStation] = field(default_factory=dict)
+    """Stations alive, the longest known first."""
     held_back: HeldBack = field(default_factory=HeldBack)
-    pending: dict[tuple[tuple[int, int], int, Peer], Pending] = field(default_factory=dict)
+    pending: dict[tuple[Address, int, Peer], Pending] = field(default_factory=dict)
+    """Commands that wait for their results, by sender, number and peer."""
     acks: list[Ack] = field(default_factory=list)
+    """Answers of the control process in this step."""
     requests: list[Request] = field(default_factory=list)
     notices: deque[Notice] = field(default_factory=lambda: deque(maxlen=MAX_TEXTS))
-    texts: deque[tuple[int, str]] = field(default_factory=lambda: deque(maxlen=MAX_TEXTS))
+    """Texts for the process, which may publish them; they are sent, and must not come back."""
+    texts: deque[Said] = field(default_factory=lambda: deque(maxlen=MAX_TEXTS))
+    """Texts for the STATUSTEXT service."""
+    asker: Peer | None = None
+    """Sender of the message that is handled now."""
+    words: WordLimit = field(default_factory=WordLimit)
+    """Limit on what each peer makes the robot say."""
 
     def __post_init__(self) -> None:
         """Wait for the localiser, where the robot has one; begin with the configured origin."""
         self.origin = self.origin or self.config.origin
         self.world = WorldPose(has_localiser=self.robot.has_localiser)
+        self.receivers = lambda _message_id: self.peers
 
     @property
     def personality(self) -> Personality:
-        """What the robot claims to be."""
+        """The autopilot that the robot claims to be."""
         return PERSONALITIES[self.config.personality]
 
     def store_of(self, word: str) -> PlanStore:
@@ -271,18 +305,37 @@ class Context:
         elif isinstance(state, LidarScan):
             self.scan = state
         else:
-            self.texts.extend((state.severity, line) for line in state.text.splitlines())
+            stamp_ns = state.stamp_ns
+            self.texts.extend(
+                Said(state.severity, line, stamp_ns) for line in state.text.splitlines()
+            )
+
+    def may_speak(self, now_ns: int) -> bool:
+        """Return whether there is room for a text, and its cause has not had too many of them.
+
+        Not where half the room for texts is taken, nor for a sender of `BURST` texts: whoever asks
+        for nonsense again and again must not crowd out what the other processes say, such as why
+        the robot has stopped.
+        """
+        has_room = len(self.texts) < MAX_TEXTS // 2
+        return has_room and (self.asker is None or self.words.allows(self.asker, now_ns))
 
     def say(self, now_ns: int, text: str, severity: Severity = Severity.WARNING) -> None:
-        """Send `text` to ground stations and notices.
+        """Send `text` to ground stations and notices, if it `may_speak`."""
+        self._speak(now_ns, Said(severity, text, now_ns))
 
-        Not where half the room for texts is taken: whoever asks for nonsense again and again must
-        not crowd out what the other processes say, such as why the robot has stopped.
-        """
-        if len(self.texts) >= MAX_TEXTS // 2:
+    def tell_asker(self, now_ns: int, text: str, severity: Severity = Severity.WARNING) -> None:
+        """Send `text` to whose message is handled, if it `may_speak`; a warning to notices, too."""
+        self._speak(now_ns, Said(severity, text, now_ns, self.asker))
+
+    def _speak(self, now_ns: int, said: Said) -> None:
+        if not self.may_speak(now_ns):
             return
-        self.texts.append((severity, text))
-        self.notices.append(Notice(now_ns, severity, text))
+        if self.asker is not None:
+            self.words.take(self.asker, now_ns)
+        self.texts.append(said)
+        if said.peer is None or said.severity <= Severity.WARNING:
+            self.notices.append(Notice(now_ns, said.severity, said.text))
 
     def acknowledge(self, command: Command, result: int) -> None:
         """Send COMMAND_ACK with a MAV_RESULT to the sender of `command`, which has ended."""
@@ -343,6 +396,15 @@ class Context:
         if self.robot.has_localiser and self.fresh_fix(now_ns) is None:
             return None
         return found[1]
+
+    def fence_objection(self, x_m: float, y_m: float, now_ns: int) -> str:
+        """Say that the robot's fence does not let it to a point of `world` [m]; empty: it may."""
+        navigation = self.fresh_navigation(now_ns)
+        if navigation is None or not navigation.fence.enabled:
+            return ""
+        if navigation.fence.crc != self.fence_crc or self.fence.allows(x_m, y_m):
+            return ""
+        return f"x {x_m:.2f} m, y {y_m:.2f} m is beyond the fence, a place within it allowed"
 
     @property
     def home(self) -> SE2:

@@ -17,6 +17,7 @@ from typing import Final, Literal, TypeAlias
 from pymavlink.dialects.v20 import common
 
 from robotctl.config_values import Value
+from robotctl.dialect import additions
 from robotctl.messages.mode import Mode
 
 Name: TypeAlias = Literal["ardupilot", "px4", "generic"]
@@ -48,6 +49,9 @@ class Personality:
         Whether DO_SET_MODE gives PX4's main and sub mode in two parameters.
     unused
         What stands in a float field that the robot has no value for.
+    unknown
+        Messages that the dialect of its stations does not have: they count them as lost, so they
+        are sent to who asks for them alone.
     """
 
     autopilot: int
@@ -56,6 +60,7 @@ class Personality:
     is_bytewise: bool
     has_sub_modes: bool
     unused: float
+    unknown: frozenset[int] = frozenset()
 
     @property
     def capabilities(self) -> int:
@@ -108,6 +113,7 @@ PERSONALITIES: Final[Mapping[str, Personality]] = {
         is_bytewise=False,
         has_sub_modes=False,
         unused=0.0,
+        unknown=frozenset(additions.MESSAGES) - {additions.MAVLINK_MSG_ID_EKF_STATUS_REPORT},
     ),
     "px4": Personality(
         common.MAV_AUTOPILOT_PX4,

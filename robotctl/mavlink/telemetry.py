@@ -107,8 +107,10 @@ class Telemetry:
         context.hear(messages, now_ns)
         self._forwarder.begin()
         for message in messages:
+            context.asker = message.peer
             self._forwarder.take(message, now_ns)
             self._router.route(message, now_ns)
+        context.asker = None
         self._router.step(now_ns)
         if context.config is not self._config:  # the rates of streams are in it
             self._config = context.config

@@ -229,6 +229,37 @@ class NodeStatus(msgspec.Struct, frozen=True, array_like=True):
     fault: FaultCode = FaultCode.NONE
 
 
+class StrangerKind(enum.IntEnum):
+    """What another sender on the bus was seen to do."""
+
+    HOST_FRAME = 0
+    """It sends a frame that only this computer may send."""
+    SECOND_SENDER = 1
+    """It sends process data beside the node that they are of."""
+    FALSE_STATE = 2
+    """It said that a node booted, or left operational, which went on as before."""
+    SDO_WRITE = 3
+    """It writes to a node's object dictionary."""
+
+
+class Stranger(msgspec.Struct, frozen=True, array_like=True):
+    """What another sender on the bus has done since the start.
+
+    `name` is that of the frame in the DBC, `node` the name of the node concerned, empty for none.
+    `count` are the frames since `first_ns`, `stamp_ns` is the time of the last [ns]. `refused` of
+    the writes were refused by the node.
+    """
+
+    kind: StrangerKind
+    name: str
+    arbitration_id: int
+    node: str
+    count: int
+    first_ns: int
+    stamp_ns: int
+    refused: int = 0
+
+
 class BusStatus(msgspec.Struct, frozen=True, array_like=True):
     """Counters of the host's side of the bus since the start; `load` is a share [0, 1]."""
 
@@ -246,7 +277,7 @@ class BusStatus(msgspec.Struct, frozen=True, array_like=True):
 class Feedback(msgspec.Struct, frozen=True, array_like=True):
     """Feedback since the last tick; None and () where nothing valid came.
 
-    `nodes` and `bus` are the present state, not events.
+    `nodes`, `bus` and `strangers` are the present state, not events.
     """
 
     wheels: WheelFeedback | None = None
@@ -260,6 +291,7 @@ class Feedback(msgspec.Struct, frozen=True, array_like=True):
     bus: BusStatus = BusStatus()
     gyro: GyroFeedback | None = None
     accelerometer: AccelerometerFeedback | None = None
+    strangers: tuple[Stranger, ...] = ()
 
 
 class WheelCommand(msgspec.Struct, frozen=True, gc=False, array_like=True):
@@ -442,7 +474,8 @@ class ControlState(msgspec.Struct, frozen=True, tag=True):
     `fault` is the kind of what `reason` says, NONE if that is no fault; `fault_part` names the
     node, wheel or sonar it is about. `against_arming` are all reasons for which a request to arm
     would be refused now, empty while the robot is powered. `tuning` is the number of the `Tuning`
-    in force. `procedure` is the last that was asked for.
+    in force. `procedure` is the last that was asked for. `stopped_ns` is when a fault or an
+    emergency stop last stopped the robot, 0: none did since the start of the process.
     """
 
     stamp_ns: int
@@ -481,6 +514,7 @@ class ControlState(msgspec.Struct, frozen=True, tag=True):
     against_arming: tuple[Fault, ...] = ()
     tuning: int = 0
     procedure: Procedure = Procedure()
+    stopped_ns: int = 0
 
     @property
     def T_odom_base(self) -> SE2:

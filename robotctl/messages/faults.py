@@ -22,6 +22,10 @@ class FaultCode(enum.IntEnum):
     BUS_DOWN = 11
     BUS_PASSIVE = 12  # keeps from arming
     BUS_FULL = 13  # keeps from arming
+    BUS_STRANGER = 14
+    BUS_ERRORS = 15
+    BUS_BLOCKED = 16
+    BUS_SILENT = 17
 
     # Inputs that are missing or too old.
     WHEELS_STALE = 20
@@ -75,6 +79,8 @@ class FaultCode(enum.IntEnum):
 
     # Nodes on the bus, continued.
     NODE_OTHER_VALUE = 90
+    NODE_DOUBLED = 91
+    NODE_MISREPORTED = 92
 
     # Inputs that contradict each other.
     ENCODER_STUCK = 100

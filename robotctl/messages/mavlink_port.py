@@ -136,7 +136,11 @@ class Peer(NamedTuple):
     number: int
 
 
-def source(message: Message) -> tuple[int, int]:
+Address: TypeAlias = tuple[int, int]
+"""A system and a component of it."""
+
+
+def source(message: Message) -> Address:
     """Return the system and component that sent `message`."""
     return message.get_srcSystem(), message.get_srcComponent()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple, TypeAlias
 
 Point: TypeAlias = tuple[float, float]
@@ -15,6 +16,16 @@ class FencePolygon(NamedTuple):
     keeps_in: bool
     """Whether the robot stays within it, or else keeps out."""
 
+    def surrounds(self, x_m: float, y_m: float) -> bool:
+        """Return whether a point is inside."""
+        inside = False
+        (x1, y1) = self.corners[-1]
+        for x2, y2 in self.corners:
+            if (y1 > y_m) != (y2 > y_m):
+                inside ^= x_m < x1 + (y_m - y1) / (y2 - y1) * (x2 - x1)
+            x1, y1 = x2, y2
+        return inside
+
 
 class FenceCircle(NamedTuple):
     """A circle."""
@@ -25,6 +36,10 @@ class FenceCircle(NamedTuple):
     """> 0 [m]."""
     keeps_in: bool
     """Whether the robot stays within it, or else keeps out."""
+
+    def surrounds(self, x_m: float, y_m: float) -> bool:
+        """Return whether a point is inside."""
+        return math.hypot(x_m - self.x_m, y_m - self.y_m) < self.radius_m
 
 
 class Fence(NamedTuple):
@@ -37,3 +52,8 @@ class Fence(NamedTuple):
     def is_empty(self) -> bool:
         """Whether there is nothing to keep to."""
         return not self.polygons and not self.circles
+
+    def allows(self, x_m: float, y_m: float) -> bool:
+        """Return whether a point of `world` is where the robot may be [m]."""
+        shapes: list[FencePolygon | FenceCircle] = [*self.polygons, *self.circles]
+        return all(each.surrounds(x_m, y_m) == each.keeps_in for each in shapes)

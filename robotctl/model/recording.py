@@ -118,3 +118,7 @@ class Recording:
     sonar_mounts: tuple[SonarMount, ...] = ()
     views: tuple[RecordedScan, ...] = ()
     notes: tuple[str, ...] = ()
+
+    def why(self) -> str:
+        """Return the notes as lines that follow a message on what the recording lacks."""
+        return "".join(f"\nnote: {note}" for note in self.notes)

@@ -9,6 +9,7 @@ from robotctl.errors import InvalidValue
 from robotctl.planning.behaviours.follow_wall import WallConfig
 from robotctl.planning.costmap.zone import Zone
 from robotctl.planning.guard.obstacle_guard import GuardConfig
+from robotctl.planning.journey.recovery import RecoveryConfig
 from robotctl.planning.local.pursuit import PursuitConfig
 
 
@@ -63,8 +64,9 @@ class NavigationConfig:
         Maximum speed of RTL [m/s], > 0.
     look_around_speed_m_s
         Largest speed of a robot that does not know where it is [m/s], > 0.
-    pursuit, guard, wall, pilot
-        Following paths, minding obstacles, following walls, driving by plan.
+    pursuit, guard, wall, pilot, recovery
+        Following paths, minding obstacles, following walls, driving by plan, and what to do where
+        that does not get on.
 
     Raises
     ------
@@ -80,6 +82,7 @@ class NavigationConfig:
     guard: GuardConfig = field(default_factory=GuardConfig)
     wall: WallConfig = field(default_factory=WallConfig)
     pilot: PilotConfig = field(default_factory=PilotConfig)
+    recovery: RecoveryConfig = field(default_factory=RecoveryConfig)
 
     def __post_init__(self) -> None:
         if not 5.0 <= self.rate_hz <= 100.0:

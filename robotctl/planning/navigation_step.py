@@ -47,6 +47,10 @@ class NavigationInputs(NamedTuple):
     """A ground station that was there is lost since the last step."""
     heard: bool = True
     """The control core has published recently; otherwise it is not `enabled` either."""
+    late_ns: int = 0
+    """How long the process was kept from this step, by its own measure [ns]."""
+    blind: str = ""
+    """Why the floor ahead is not seen; empty: it is, or the robot has no camera for it."""
     floor_base: Sequence[Point] = ()
     """Points on the floor not to be driven over."""
     epoch: tuple[int, int] = (0, 0)

@@ -27,13 +27,14 @@ from robotctl.messages.requests import (
 )
 from robotctl.model.drives.drives import Drive
 from robotctl.model.fence import Fence, Point
+from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.behaviours.breadcrumbs import Breadcrumbs
 from robotctl.planning.behaviours.goto import NO_PILOT
 from robotctl.planning.behaviours.goto_place import place_problems
-from robotctl.planning.behaviours.kind import NavigatedRobot, Paths, Pilot
+from robotctl.planning.behaviours.kind import Goal, NavigatedRobot, Paths, Pilot
 from robotctl.planning.behaviours.mission import Mission
 from robotctl.planning.behaviours.registry import behaviour_for
 from robotctl.planning.behaviours.rejoin import Rejoining
@@ -49,13 +50,16 @@ from robotctl.planning.navigation_step import (
     on_earth,
 )
 from robotctl.planning.remote_velocity import guided_velocity, stick_velocity
+from robotctl.planning.stalls import SILENT, Stall, StallWatch
 from robotctl.planning.surroundings import Surroundings
 
 if TYPE_CHECKING:
     from robotctl.planning.behaviours.outlook import Outlook  # which loads numpy
 
-_LONGEST_STEP_NS = 500_000_000
-"""Gap between steps after which a user may think the mission has ended [ns]."""
+_SAME_M, _SAME_RAD = 1e-3, 1e-3
+"""Positions and headings of GUIDED that differ by less are one [m, rad]."""
+_STREAM_NS = 1_500_000_000
+"""Longest gap between two messages of a stream of positions [ns]."""
 
 _STOPPED = "the robot was stopped"
 
@@ -86,11 +90,13 @@ class Navigator:
     While `localised` is false, AUTO, RTL and positions of GUIDED look around, see `LookAround`: a
     way through the world needs a place in it. A velocity along a direction of the world is void.
 
-    While `enabled` is false the output is zero. A robot that was enabled and is not any more, or
-    whose navigator was held up for longer than half a second, goes to HOLD: it shall not drive
-    on by itself when it is armed again or when the computer has time again. AUTO, asked for
-    again, goes on where it was left. MANUAL stays: there the operator's hand is on the stick. So it
-    is where a ground station is lost, and while `attended` is false: no other mode can be had then.
+    While `enabled` is false the output is zero. A robot that was enabled and is not any more goes
+    to HOLD: it shall not drive on by itself when it is armed again. AUTO, asked for again, goes on
+    where it was left. MANUAL stays: there the operator's hand is on the stick. So it is where a
+    ground station is lost, and while `attended` is false: no other mode can be had then.
+
+    While its navigator is held up, the robot stands; what follows, `StallWatch` says. One that
+    counts on a camera stands while that shows nothing of the floor ahead, but by hand.
 
     Parameters
     ----------
@@ -154,6 +160,12 @@ class Navigator:
         self._refused = ""
         self._goal: Point | None = None
         """Of the last position of GUIDED."""
+        self._guided: PositionRequest | ExploreRequest | PlaceRequest | None = None
+        """What GUIDED drives to, or drove to last."""
+        self._guided_ns = 0
+        """When a position was last asked for [ns]."""
+        self._guided_m_s = 0.0
+        """Largest speed there [m/s]."""
         self._goals = 0
         self._commands = 0
         self._home: SE2 | None = None
@@ -163,8 +175,9 @@ class Navigator:
         """As of the last step with a control state."""
         self._stopped_ns = -1
         """When a stop of the robot was last received [ns]."""
-        self._last_ns: int | None = None
-        """Time of the last step, None if that did not drive."""
+        self._stalls = StallWatch()
+        self._notices: list[str] = []
+        self._waits_to_see = False
 
     @property
     def mode(self) -> Mode:
@@ -214,6 +227,7 @@ class Navigator:
         pilot.use_fence(self._fence)
         if self._auto.mission is not None:
             pilot.use_zones(self._auto.mission.zone)
+            pilot.use_recovery(self._auto.mission.recovery)
 
     def use_fence(self, fence: Fence) -> None:
         """Plan within a fence."""
@@ -258,7 +272,8 @@ class Navigator:
             self._enabled = inputs.enabled
         if stopped:
             self._stopped_ns = now_ns
-        self._fall_back(inputs, now_ns, stopped=stopped)
+        stall = self._held_up(inputs, now_ns)
+        self._fall_back(inputs, stall, stopped=stopped)
         known = inputs.are_finite
         if known and inputs.localised:
             self._note_way(inputs.pose)
@@ -270,14 +285,46 @@ class Navigator:
             self._pause()
             return self._outputs(BehaviourOutput(0.0, 0.0, text="no valid pose or velocity"))
         situation = self._surroundings.observe(inputs, now_ns)
-        if not inputs.enabled:
+        self._note_blindness(inputs.blind)
+        if (why := self._stands_for(inputs, stall)) is not None:
             self._pause()
-            text = "not armed" if inputs.heard else "no messages from control"
-            return self._outputs(BehaviourOutput(0.0, 0.0, text=text))
-        self._last_ns = now_ns
+            return self._outputs(BehaviourOutput(0.0, 0.0, text=why))
         if self._searches(inputs.localised):
             return self._outputs(self._look_around.step(situation))
         return self._outputs(self._decide(situation, now_ns))
+
+    def _held_up(self, inputs: NavigationInputs, now_ns: int) -> Stall | None:
+        """Return the stall of an enabled robot's navigator; tell people of one that is over."""
+        stall = self._stalls.step(now_ns, inputs.late_ns, heard=inputs.heard)
+        if not self._enabled:
+            return None
+        if self._stalls.over and self._mode not in _BY_HAND:
+            self._notices.append(self._stalls.over)
+        return stall
+
+    def _stands_for(self, inputs: NavigationInputs, stall: Stall | None) -> str | None:
+        """Return why the robot must not move in this step, None if it may."""
+        if stall is not None and self._mode not in _BY_HAND:
+            return f"waits: {stall.words}"
+        if inputs.enabled and inputs.blind and self._mode not in _BY_HAND:
+            return f"waits: {inputs.blind}"
+        if inputs.enabled:
+            return None
+        return "not armed" if inputs.heard else SILENT
+
+    def _note_blindness(self, blind: str) -> None:
+        """Tell people when a robot that drives by itself stands because it sees no floor."""
+        waits = bool(blind) and self._enabled and self._mode not in _BY_HAND
+        if waits and not self._waits_to_see:
+            self._notices.append(f"{blind}: the robot waits")
+        elif self._waits_to_see and not blind:
+            self._notices.append("the camera gives pictures again")
+        self._waits_to_see = waits
+
+    def take_notices(self) -> list[str]:
+        """Return sentences for people since the last call."""
+        notices, self._notices = self._notices, []
+        return notices
 
     def _searches(self, localised: bool) -> bool:
         """Return whether the present behaviour needs a place in the world that is unknown."""
@@ -309,7 +356,7 @@ class Navigator:
             self._change_mode(Mode.HOLD)
             self._ended, self._held = f"hold: {reason}", True
 
-    def _fall_back(self, inputs: NavigationInputs, now_ns: int, *, stopped: bool) -> None:
+    def _fall_back(self, inputs: NavigationInputs, stall: Stall | None, *, stopped: bool) -> None:
         """Go to HOLD where a robot must not drive, or drive on, by itself, and say why."""
         if self._mode in _BY_HAND:
             return
@@ -320,8 +367,9 @@ class Navigator:
             reason = "the ground station is lost"
         elif stopped:
             reason = _STOPPED
-        elif self._last_ns is not None:
-            reason = _interruption(inputs, now_ns - self._last_ns)
+        elif stall is not None and stall.ends_mode and self._enabled:
+            reason = stall.words
+            self._stalls.forget()
         if reason:
             self._change_mode(Mode.HOLD)
             self._ended, self._held = f"hold: {reason}", True
@@ -338,10 +386,10 @@ class Navigator:
             case VelocityRequest():
                 self._velocity = request
                 if self._mode is Mode.GUIDED:
-                    self._behaviour = None
+                    self._behaviour = self._guided = None
             case PositionRequest() | ExploreRequest() | PlaceRequest():
                 if enabled and self._mode is Mode.GUIDED:
-                    self._guide(request)
+                    self._guide(request, now_ns)
             case StickRequest():
                 self._sticks = request
             case _:
@@ -381,18 +429,45 @@ class Navigator:
         if self._robot.pilot is not None:
             self._robot.pilot.use_reverse(reverse=reverse)
 
-    def _guide(self, request: PositionRequest | ExploreRequest | PlaceRequest) -> None:
-        """Drive to a goal in GUIDED."""
+    def _guide(self, request: PositionRequest | ExploreRequest | PlaceRequest, now_ns: int) -> None:
+        """Drive to a goal in GUIDED.
+
+        Off-board programs send the same goal many times a second, or one that moves: the robot is
+        on its way then and stays so. What it has given up it tries again once the stream has ended.
+        """
         if isinstance(request, PlaceRequest):
             self._refused = "; ".join(place_problems(request, self._robot.places))
             if self._refused:
                 return
-        if isinstance(request, PositionRequest) and not on_earth(request.x_m, request.y_m):
-            return
-        self._velocity, self._ended = None, ""
-        self._goals, self._goal_reached = self._goals + 1, None
+        self._goals += 1
+        self._velocity = None
+        if isinstance(request, PositionRequest):
+            if not on_earth(request.x_m, request.y_m):
+                return
+            repeats = self._repeats(request, now_ns)
+            self._guided_ns = now_ns
+            if repeats:
+                return
+        self._goal_reached, self._ended = None, ""
         self._goal = (request.x_m, request.y_m) if isinstance(request, PositionRequest) else None
-        self._behaviour = behaviour_for(request, self._robot)
+        self._guided_m_s = self._robot.config.guided_speed_m_s
+        before, self._guided = self._guided, request
+        if (
+            self._behaviour is not None
+            and isinstance(request, PositionRequest)
+            and isinstance(before, PositionRequest)
+        ):
+            self._behaviour.redirect(Goal(*request), self._guided_m_s)
+        else:
+            self._behaviour = behaviour_for(request, self._robot)
+
+    def _repeats(self, request: PositionRequest, now_ns: int) -> bool:
+        """Return whether a position only says again where the robot drives, or cannot get to."""
+        if not isinstance(self._guided, PositionRequest) or not _are_same(request, self._guided):
+            return False
+        if self._behaviour is not None:
+            return self._guided_m_s == self._robot.config.guided_speed_m_s
+        return self._goal_reached is False and now_ns - self._guided_ns <= _STREAM_NS
 
     def _command(self, request: _Commanded) -> None:
         """Do what is asked of the mission; `MissionError`, `ValueError`: it cannot be done."""
@@ -423,6 +498,7 @@ class Navigator:
         self._pause()
         self._mode = mode
         self._behaviour, self._velocity, self._sticks, self._ended = None, None, None, ""
+        self._guided = None
         self._held = False
         self._use_reverse(reverse=False)
         if mode is Mode.AUTO:
@@ -432,7 +508,6 @@ class Navigator:
 
     def _pause(self) -> None:
         """Stop the present behaviour, and its time."""
-        self._last_ns = None
         self._look_around.pause()
         self._pause_mode()
 
@@ -501,8 +576,10 @@ class Navigator:
         )
 
 
-def _interruption(inputs: NavigationInputs, gap_ns: int) -> str:
-    """Return what came between this step and the one `gap_ns` ago [ns], empty if nothing did."""
-    if gap_ns > _LONGEST_STEP_NS:
-        return f"navigation was held up for {gap_ns / 1e9:.1f} s"
-    return "" if inputs.heard else "no messages from control"
+def _are_same(one: PositionRequest, other: PositionRequest) -> bool:
+    """Return whether two positions differ only by rounding."""
+    if math.dist(one[:2], other[:2]) > _SAME_M:
+        return False
+    if one.heading_rad is None or other.heading_rad is None:
+        return one.heading_rad is other.heading_rad
+    return abs(wrap_angle(one.heading_rad - other.heading_rad)) <= _SAME_RAD

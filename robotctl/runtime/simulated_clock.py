@@ -6,6 +6,7 @@ and when time waits.
 
 from __future__ import annotations
 
+import enum
 import mmap
 import os
 import time
@@ -15,10 +16,17 @@ from typing import Final
 from robotctl.errors import LinkError
 from robotctl.runtime.clock import RealClock
 
-_OFFSET, _LIMIT, _WRITTEN, _PID, _DEADLINE, _HELD, _LONGEST = range(7)
-_SIZE: Final = 64
+_OFFSET, _LIMIT, _WRITTEN, _HELD, _LONGEST = range(5)
+_SIZE: Final = 128
 _GONE_NS: Final = 500_000_000
 _POLL_NS: Final = 500_000
+
+
+class Pacer(enum.IntEnum):
+    """A process that simulated time waits for; the value is the place of its pid in the file."""
+
+    CONTROL = 6
+    NAVIGATION = 8
 
 
 class SimulatedClock:
@@ -28,8 +36,10 @@ class SimulatedClock:
     ----------
     path
         The simulator's file.
-    paces
-        Whether simulated time waits for this process: for its control loop.
+    pacer
+        Which process this is, if simulated time waits for it.
+    slack_ns
+        How late it may return from a sleep before time pauses [ns].
 
     Raises
     ------
@@ -37,7 +47,7 @@ class SimulatedClock:
         If there is no such file.
     """
 
-    def __init__(self, path: Path, *, paces: bool = False) -> None:
+    def __init__(self, path: Path, pacer: Pacer | None = None, slack_ns: int = 0) -> None:
         try:
             with path.open("r+b") as file:
                 self._map = mmap.mmap(file.fileno(), _SIZE)
@@ -45,7 +55,8 @@ class SimulatedClock:
             raise LinkError(f"{path}: no clock of a simulator: {error}") from error
         self._words = memoryview(self._map).cast("q")
         self._real = RealClock()
-        self._paces = paces
+        self._pacer = pacer
+        self._slack_ns = slack_ns
         self._last_ns = 0
 
     def now_ns(self) -> int:
@@ -54,8 +65,8 @@ class SimulatedClock:
         limit_ns = words[_LIMIT]
         monotonic_ns = time.monotonic_ns()
         now_ns = monotonic_ns - words[_OFFSET]
-        if now_ns > limit_ns and monotonic_ns - words[_WRITTEN] < _GONE_NS:
-            now_ns = limit_ns
+        if now_ns > limit_ns:
+            now_ns = limit_ns + max(0, monotonic_ns - words[_WRITTEN] - _GONE_NS)
         if now_ns < self._last_ns:
             return self._last_ns
         self._last_ns = now_ns
@@ -64,9 +75,9 @@ class SimulatedClock:
     def sleep_until(self, deadline_ns: int) -> None:
         """Block until `deadline_ns` of simulated time; return at once if it has passed."""
         words = self._words
-        if self._paces:
-            words[_DEADLINE] = deadline_ns
-            words[_PID] = os.getpid()
+        if self._pacer is not None:
+            words[self._pacer + 1] = deadline_ns + self._slack_ns
+            words[self._pacer] = os.getpid()
         while self.now_ns() < deadline_ns:
             wake_ns, monotonic_ns = deadline_ns + words[_OFFSET], self._real.now_ns()
             self._real.sleep_until(wake_ns if wake_ns > monotonic_ns else monotonic_ns + _POLL_NS)

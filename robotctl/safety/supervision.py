@@ -7,6 +7,7 @@ from typing import Final
 
 from robotctl.messages.control import DriveState, Feedback, ImuFeedback, WheelCommand
 from robotctl.messages.faults import Fault, FaultCode
+from robotctl.safety.causes import AFTER_NS, STRANGER_RANK, Causes, because
 from robotctl.safety.health import AgeLimit, Health
 from robotctl.safety.monitor import Monitor, Monitored, MonitorInputs, Motion
 from robotctl.safety.plausibility import Plausibility
@@ -14,6 +15,7 @@ from robotctl.safety.plausibility_imu import ImuMonitor
 from robotctl.safety.plausibility_sonar import SonarMonitor
 from robotctl.safety.plausibility_values import SensorValues
 from robotctl.safety.state_machine import SafetyConfig
+from robotctl.safety.strangers import Strangers
 
 _UNASKED_NS: Final = 50_000_000
 """Grace period for the drive to report power off after a stop of the host [ns]."""
@@ -57,6 +59,12 @@ class Supervision:
     def __init__(self, safety: SafetyConfig, ages: tuple[AgeLimit, ...], robot: Monitored) -> None:
         names = tuple(mount.name for mount in robot.sonars)
         self.health = Health(ages, safety.heartbeat_timeout_ms * 1_000_000, names)
+        self.strangers = Strangers()
+        self._causes = Causes()
+        self._symptom: Fault | None = None
+        """What the robot has stopped for, as long as a cause may yet show up."""
+        self._stopped_ns = self._rank = 0
+        """When it has, and how near to the root its reason is (`Explained`)."""
         self._monitors = tuple(make(robot) for make in MONITORS)
         self._watching = self._monitors
         self._values = SensorValues(
@@ -69,6 +77,12 @@ class Supervision:
         self._unasked_limit_ns = safety.command_timeout_ms * 1_000_000 + _UNASKED_NS
         self._powered_ns = 0
         """Time of the last command that allows power [ns]."""
+
+    def take(self, feedback: Feedback, now_ns: int) -> None:
+        """Take the inputs of one tick."""
+        self.health.update(feedback)
+        self.strangers.take(feedback.strangers, now_ns)
+        self._causes.take(feedback, now_ns)
 
     def compare(self, feedback: Feedback, command: WheelCommand, motion: Motion) -> None:
         """Pass the inputs to the monitors while the robot is powered."""
@@ -83,9 +97,37 @@ class Supervision:
     def fault(self, now_ns: int) -> Fault | None:
         """Return why a powered robot must stop now, or None."""
         fault = self.health.fault(now_ns)
+        stranger = self.strangers.fault(now_ns)
+        # Where a stranger's NMT frame put a node out of service, that says more.
+        if stranger is not None and not (fault and fault.code is FaultCode.NODE_PUT_OUT):
+            fault = stranger
+            self.strangers.told()
         if fault is None and self._contradiction:
             # Wheels that did not get the command do otherwise.
-            return self.health.command_loss(now_ns) or self._contradiction
+            fault = self.health.command_loss(now_ns) or self._contradiction
+        return None if fault is None else self.explained(fault, now_ns)
+
+    def explained(self, symptom: Fault, now_ns: int) -> Fault:
+        """Return a fault that stops the robot now, with its cause as far as that is known."""
+        self._symptom, self._stopped_ns = symptom, now_ns
+        self._rank, fault = self._causes.explain(symptom, now_ns, now_ns)
+        return fault
+
+    def later_cause(self, now_ns: int) -> Fault | None:
+        """Return a cause of the last stop that is nearer to the root than what is known so far."""
+        if self._symptom is None:
+            return None
+        if now_ns - self._stopped_ns > AFTER_NS:
+            self._symptom = None
+            return None
+        rank, fault = self._causes.explain(self._symptom, self._stopped_ns, now_ns)
+        stranger = self.strangers.fault(now_ns)
+        if stranger is not None and self._causes.is_symptom(self._symptom):
+            rank, fault = STRANGER_RANK, because(stranger, self._symptom)
+            self.strangers.told()
+        if rank >= self._rank:
+            return None
+        self._rank = rank
         return fault
 
     def unasked(self) -> Fault | None:
@@ -128,6 +170,8 @@ class Supervision:
         health = self.health
         motor, drive, battery = health.motor, health.drive, health.battery
         refusals = health.refusals(now_ns)
+        if (stranger := self.strangers.fault(now_ns)) is not None:
+            refusals = (stranger, *refusals)
         if imu is not None and (found := self._inertial.judge(imu)) is not None:
             refusals = (*refusals, found)
         if motor is None or drive is None or battery is None:

@@ -101,3 +101,73 @@ def test_the_film_begins_at_the_start_and_has_a_picture_for_each_iteration(squar
         run(square, "--solver", "isam", "--animate", film)
     with pytest.raises(RobotctlError, match=r"suffix must be one of \.gif"):
         run(square, "--animate", tmp_path / "film.mp4")
+
+
+FIXED = """VERTEX_SE2 0 0 0 0
+VERTEX_SE2 1 1 0.05 1.5707963267948966
+VERTEX_SE2 2 1.02 1.0 3.141592653589793
+VERTEX_SE2 3 0.02 1.03 -1.5707963267948966
+EDGE_SE2 0 1 1 0 1.5707963267948966 100 0 0 100 0 100
+EDGE_SE2 1 2 1 0 1.5707963267948966 100 0 0 100 0 100
+EDGE_SE2 2 3 1 0 1.5707963267948966 100 0 0 100 0 100
+EDGE_SE2 3 0 1 0 1.5707963267948966 100 0 0 100 0 100
+"""
+
+
+def figures_of(path, text, *words, status=0):
+    """Return the report on a file, and what was printed."""
+    path.write_text(text)
+    report = path.with_suffix(".json")
+    result = run(path, "--report", report, *words)
+    assert result.exit_code == status, result.output
+    return json.loads(report.read_text()), result.output
+
+
+def test_it_says_what_is_fixed_and_what_it_holds_itself(tmp_path):
+    path = tmp_path / "a.g2o"
+    figures, output = figures_of(path, FIXED + "FIX 0 2\n", "--out", tmp_path / "a.graph")
+    assert figures["chi2_final"] == pytest.approx(0.032, abs=1e-6)
+    assert (figures["fixed"], figures["held"]) == (["pose 0", "pose 2"], [])
+    assert "kept in place: pose 0, pose 2" in output
+    assert "a.graph: TORO has no word for fixed variables; g2o has" in output
+    figures, output = figures_of(path, FIXED + "EDGE_PRIOR_SE2_XY 0 5 6 1 0 1\n")
+    assert (figures["fixed"], figures["held"]) == ([], ["pose 0: rotation"])
+    assert "kept in place: pose 0: rotation" in output
+    figures, output = figures_of(path, FIXED + "EDGE_PRIOR_SE2 3 5 6 1 1 0 0 1 0 1\n")
+    assert (figures["fixed"], figures["held"]) == ([], [])
+    assert "kept in place: nothing, priors do that" in output
+    figures, output = figures_of(path, FIXED + "FIX 0 1 2 3\n", "--marginals", "1")
+    assert (figures["chi2_initial"], figures["iterations"]) == (figures["chi2_final"], 0)
+    assert figures["chi2_final"] == pytest.approx(0.76)
+    assert "all variables are fixed: there is nothing to find" in output
+
+
+def test_information_with_negative_eigenvalues_is_clipped_if_that_is_wanted(tmp_path):
+    path, text = tmp_path / "a.g2o", FIXED + "EDGE_SE2 0 2 1 1 3 1 2 0 1 0 1\n"
+    with pytest.raises(RobotctlError, match=r":9: the information matrix .*--clip-indefinite"):
+        figures_of(path, text)
+    figures, output = figures_of(path, text, "--clip-indefinite")
+    (note,) = figures["notes"]
+    assert "information with negative eigenvalues" in note
+    assert f"note: {note}" in output
+
+
+def test_it_says_what_to_try_where_the_result_is_doubtful(tmp_path):
+    path = tmp_path / "a.g2o"
+    figures, output = figures_of(path, FIXED)
+    assert (figures["degrees_of_freedom"], figures["advice"]) == (3, "")
+    contradiction = "EDGE_SE2 0 2 3 3 0 100 0 0 100 0 100\n"
+    figures, output = figures_of(path, FIXED + contradiction)
+    assert figures["converged"]
+    assert "times the degrees of freedom (6)" in figures["advice"]
+    assert "try --solver isam" in figures["advice"]
+    assert figures["advice"] in output
+    figures, output = figures_of(path, FIXED + contradiction, "--solver", "ekf", status=1)
+    assert not figures["converged"]
+    assert "not converged: a filter does not go back" in output
+    assert "try --solver isam or lm" in output
+
+
+def test_an_id_beyond_64_bits_is_none(square):
+    with pytest.raises(RobotctlError, match="there is no such variable; ids go from 0 to 9"):
+        run(square, "--marginals", "99999999999999999999")

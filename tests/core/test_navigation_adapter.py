@@ -61,6 +61,7 @@ class Armed:
         *requests: NavigationRequest,
         pause_ns: int = 0,
         age_ns: int = 0,
+        late_ns: int = 0,
         localisation: LocalisationState | None = None,
     ) -> tuple[VelocityCommand, NavigationState]:
         """Step once, `pause_ns` later than is due, by a state of control of this age."""
@@ -76,7 +77,7 @@ class Armed:
             sonar_stamp_ns=(self.stamp_ns or self.now_ns,) * len(CONFIG.sonar),
             theta_rad=self.theta_rad,
         )
-        return self.adapter.step(control, localisation, requests, self.now_ns)
+        return self.adapter.step(control, localisation, requests, self.now_ns, late_ns=late_ns)
 
     def next_ns(self) -> int:
         """Return the time of the next step that is in time."""
@@ -126,22 +127,35 @@ def test_what_was_asked_for_while_navigation_hung_does_not_move_the_robot(armed:
 
 
 @pytest.mark.parametrize(
-    ("pause_ns", "reason"),
-    [(0, "no messages from control"), (HANG_NS, "navigation was held up for 4.5 s")],
+    ("pause_ns", "late_ns", "cause"),
+    [
+        (0, 0, "no messages from control for 0.2 s"),
+        (0, 80_000_000, "navigation was kept from the processor (80 ms late) for 0.2 s"),
+        (
+            2_000_000_000,
+            2_000_000_000,
+            "navigation was held up (kept from the processor, or stopped) for 6.2 s",
+        ),
+    ],
 )
-def test_where_nothing_is_heard_of_control_the_robot_holds_and_says_so(
-    armed: Armed, pause_ns: int, reason: str
+def test_while_nothing_is_heard_of_control_the_robot_stands_and_says_why(
+    armed: Armed, pause_ns: int, late_ns: int, cause: str
 ) -> None:
     command, state = armed.step(SetMode(armed.next_ns(), Mode.AUTO), age_ns=STATE_MAX_AGE_NS)
     assert command.v_m_s > 0.0
-    for _ in range(2):
-        command, state = armed.step(pause_ns=pause_ns, age_ns=STATE_MAX_AGE_NS + 1)
-        assert (command.v_m_s, command.omega_rad_s, state.mode) == (0.0, 0.0, Mode.HOLD)
-        assert state.message == "no messages from control"
+    for _ in range(3):
+        command, state = armed.step(pause_ns=pause_ns, age_ns=STATE_MAX_AGE_NS + 1, late_ns=late_ns)
+        assert (command.v_m_s, command.omega_rad_s) == (0.0, 0.0)
+    for _ in range(20):
+        command, state = armed.step()
+        assert (command.v_m_s, command.omega_rad_s) == (0.0, 0.0)
+    goes_on = not pause_ns
+    assert state.message == f"{'waits' if goes_on else 'hold'}: {cause}"
     command, state = armed.step()
-    assert (command.v_m_s, command.omega_rad_s, state.mode) == (0.0, 0.0, Mode.HOLD)
-    assert state.message == f"hold: {reason}"
-    assert f"hold: {reason}" in armed.adapter.take_notices()
+    assert state.mode is (Mode.AUTO if goes_on else Mode.HOLD)
+    assert (command.v_m_s > 0.0) == goes_on
+    told = f"{cause}; the robot goes on" if goes_on else f"hold: {cause}"
+    assert told in armed.adapter.take_notices()
 
 
 @pytest.mark.parametrize("mode", [Mode.AUTO, Mode.RTL, Mode.GUIDED])

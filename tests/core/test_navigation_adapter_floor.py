@@ -14,6 +14,7 @@ from robotctl.config.robot_file import find_file, load_robot
 from robotctl.messages.control import (
     ControlState,
     LoopStatistics,
+    ManualControl,
     Mode,
     NavigationState,
     SafetyState,
@@ -52,13 +53,16 @@ class Looking:
         self.odom_epoch_ns = 1
         self.x_m = 0.0
         self.plank = True
+        self.late_ns: int | None = 0
+        """Age of the pictures [ns]; None: there are none."""
         self.step()
 
     def step(self, mode: Mode | None = None) -> tuple[VelocityCommand, NavigationState]:
         """Step once, with a picture of where the robot stands now."""
         self.now_ns += self.adapter.period_ns
         requests = () if mode is None else (SetMode(self.now_ns, mode),)
-        return self.adapter.step(self.control(), None, requests, self.now_ns, [self.view()])
+        views = [] if self.late_ns is None else [self.view()]
+        return self.adapter.step(self.control(), None, requests, self.now_ns, views)
 
     def drive_to(self, x_m: float) -> None:
         """Move along x in steps of a centimetre or less; the operator steers."""
@@ -104,7 +108,7 @@ class Looking:
             ranges = np.where(plank >= NEAREST_M, plank, ranges)
         count = len(ranges)
         return CameraView(
-            self.now_ns,
+            self.now_ns - (self.late_ns or 0),
             CAMERA_X_M,
             0.0,
             4.0,
@@ -202,3 +206,58 @@ def test_a_robot_that_was_never_armed_begins_with_a_free_floor(tmp_path: Path) -
     robot.arm()
     assert not waits(robot.auto())
     assert robot.adapter.take_notices() == []
+
+
+def unseeing(folder: Path) -> Looking:
+    """Return an armed robot on a free floor whose camera has given nothing yet."""
+    robot = Looking(folder)
+    robot.adapter = make_navigation(CONFIG, robot.options)
+    robot.plank, robot.late_ns = False, None
+    robot.step()
+    robot.arm()
+    return robot
+
+
+def test_a_robot_that_counts_on_its_camera_waits_for_the_first_picture(tmp_path: Path) -> None:
+    robot = unseeing(tmp_path)
+    command, state = robot.auto()
+    for _ in range(20 * 30):  # longer than a blocked robot tries
+        assert (command.v_m_s, command.omega_rad_s, state.mode) == (0.0, 0.0, Mode.AUTO)
+        assert state.message == "waits: the camera has given no picture yet"
+        command, state = robot.step()
+    robot.late_ns = 0
+    command, state = robot.step()
+    assert command.v_m_s > 0.0
+    assert not state.mission_failed
+    assert robot.adapter.take_notices() == [
+        "the camera has given no picture yet: the robot waits",
+        "the camera gives pictures again",
+    ]
+
+
+def test_it_stops_half_a_second_behind_the_last_picture_and_goes_on_with_the_next(
+    tmp_path: Path,
+) -> None:
+    robot = unseeing(tmp_path)
+    robot.late_ns = 0
+    assert robot.auto()[0].v_m_s > 0.0
+    robot.late_ns = None
+    moves = [robot.step()[0].v_m_s > 0.0 for _ in range(20)]
+    assert moves == [True] * 10 + [False] * 10
+    robot.late_ns = 0
+    assert robot.step()[0].v_m_s > 0.0
+
+
+def test_pictures_of_long_ago_are_none(tmp_path: Path) -> None:
+    robot = unseeing(tmp_path)
+    robot.late_ns = 1_500_000_000
+    assert robot.auto()[0].v_m_s == 0.0
+
+
+def test_an_operator_drives_without_pictures(tmp_path: Path) -> None:
+    robot = unseeing(tmp_path)
+    robot.step(Mode.MANUAL)
+    robot.now_ns += robot.adapter.period_ns
+    sticks = ManualControl(robot.now_ns, robot.now_ns + 10**9, 0.5, 0.0)
+    command, _ = robot.adapter.step(robot.control(), None, [sticks], robot.now_ns, [])
+    assert command.v_m_s > 0.0

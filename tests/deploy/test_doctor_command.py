@@ -13,7 +13,8 @@ import pytest
 
 from robotctl.config.robot_file import config_directory, find_file
 from robotctl.deploy.check_result import Finding, Verdict
-from robotctl.deploy.doctor import check_mavlink, examine
+from robotctl.deploy.doctor import check_key, check_mavlink, examine
+from robotctl.mavlink.config import MavlinkConfig
 from robotctl.messages.mavlink_port import LinkConfig
 from robotctl.runtime.ipc.process_lock import claim_bus
 
@@ -134,6 +135,21 @@ def test_where_a_controller_has_the_bus_and_waits_for_its_restart_doctor_only_li
         found = by_check(doctor(*on(channel), "--logs", str(tmp_path))[1])
     assert "a controller is running" in found["CAN nodes"]["found"]
     assert " 0 sent" in found["CAN traffic"]["found"]
+
+
+def test_a_signing_key_is_read_as_telemetry_will(tmp_path: Path) -> None:
+    path = tmp_path / "mavlink.key"
+    config = MavlinkConfig(signing_key=str(path))
+    assert "keygen" in check_key(config).found
+    coming = LinkConfig("serial:/dev/ttyS0:57600", safe=True)
+    assert "is to come" in check_key(MavlinkConfig(link=(coming,), signing_key=str(path))).found
+    path.write_text("short\n")
+    path.chmod(0o600)
+    short = check_key(config)
+    assert short.verdict is Verdict.FAIL
+    assert "5 characters" in short.found
+    path.write_text("long enough\n")
+    assert check_key(config) == Finding("MAVLink signing", Verdict.OK, str(path), "")
 
 
 def test_mavlink_addresses_are_resolved_and_tried() -> None:

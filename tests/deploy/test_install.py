@@ -83,7 +83,7 @@ def test_every_file_is_filled_and_the_unit_starts_exactly_what_is_installed(
     assert not [file.path for file in files if "@" in file.text]
     service = sections(text_of(files, "robotctl.service"))["Service"]
     words = service["ExecStart"].split()
-    assert words[:2] == [str(program), "run"]
+    assert words[:4] == ["/usr/bin/env", "--block-signal=USR1", str(program), "run"]
     assert words[words.index("--robot") + 1] == f"/{ROBOT}"
     assert ("--mission" in words) == bool(mission) == (MISSION in [f.path for f in files])
     assert text_of(files, ROBOT.name) == find_file(robot).read_text()

@@ -13,6 +13,7 @@ from write_dialect import BUNDLED, SOURCE, TARGET, written
 
 PUBLISHED = {
     "COMMAND_CANCEL": (80, 14, 4),
+    "EKF_STATUS_REPORT": (193, 71, 26),
     "ESC_INFO": (290, 251, 46),
     "ESC_STATUS": (291, 10, 57),
     "PROTOCOL_VERSION": (300, 217, 22),
@@ -27,7 +28,8 @@ PUBLISHED = {
     "AVAILABLE_MODES_MONITOR": (437, 30, 1),
 }
 """Number, CRC_EXTRA and length [B]: MAVLINK_MESSAGE_CRCS of common.h, and the `_CRC` and `_LEN` of
-mavlink_msg_*.h, in MAVLink's C library (https://github.com/mavlink/c_library_v2)."""
+mavlink_msg_*.h, and of ardupilotmega for EKF_STATUS_REPORT, in MAVLink's C library
+(https://github.com/mavlink/c_library_v2)."""
 
 
 def test_the_messages_have_the_published_numbers_checksums_and_lengths():

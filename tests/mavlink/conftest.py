@@ -25,6 +25,7 @@ from robotctl.messages.control import (
     LoopStatistics,
     Mode,
     NavigationState,
+    Notice,
     SafetyState,
 )
 from robotctl.messages.mavlink_port import Peer, Received
@@ -141,9 +142,10 @@ class Bench:
         self.telemetry = Telemetry(self.config, self.robot, self.links)
         self.now_ns = 1_000_000_000_000
 
-    def receive(self, message, system=255, component=190, peer=FIRST_PEER):
-        """Let `message` arrive from a ground station, over the wire."""
+    def receive(self, message, system=255, component=190, peer=FIRST_PEER, sequence=0):
+        """Let `message` arrive from a ground station, over the wire, by the number of its frame."""
         codec = common.MAVLink(None, system, component)
+        codec.seq = sequence
         decoded = codec.decode(bytearray(message.pack(codec)))
         self.links.incoming.append(Received(decoded, peer))
 
@@ -155,9 +157,15 @@ class Bench:
         )
 
     def step(self, *states, advance_s=0.02):
-        """Advance the clock and step; return the requests."""
+        """Advance the clock and step; return the requests. Notices of time 0 are of now."""
         self.now_ns += round(advance_s * 1e9)
-        return self.telemetry.step(self.now_ns, states)
+        received = [
+            msgspec.structs.replace(each, stamp_ns=self.now_ns)
+            if isinstance(each, Notice) and not each.stamp_ns
+            else each
+            for each in states
+        ]
+        return self.telemetry.step(self.now_ns, received)
 
     def run(self, seconds, rate_hz=50, **control):
         """Step for a while with a living control process; return the requests."""

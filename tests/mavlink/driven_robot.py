@@ -1,5 +1,7 @@
 """A simulated robot in lockstep whose only operator is a MAVLink ground station."""
 
+from dataclasses import replace
+
 from pymavlink.dialects.v20 import common
 
 from robotctl.app.processes.navigator import make_navigation
@@ -9,7 +11,7 @@ from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file
 from robotctl.core.navigation_tick import NavigationTick
 from robotctl.core.operator import Operator
-from robotctl.mavlink.config import MavlinkConfig, StreamRates
+from robotctl.mavlink.config import StreamRates
 from robotctl.mavlink.telemetry import Telemetry
 from robotctl.messages.control import ControlRequest, NavigationRequest, SafetyState
 from robotctl.messages.mavlink_port import Peer, Received
@@ -25,8 +27,9 @@ class DrivenRobot:
     """Firmware, control, navigation and telemetry tick by tick; `start` is (x, y, heading)."""
 
     def __init__(
-        self, links, robot="diff_drive", start=(6.0, 5.0, 0.0), mission="", overrides=(), **rates
-    ):
+        self, links, robot="diff_drive", start=(6.0, 5.0, 0.0), mission="", overrides=(),
+        world="hall", **rates,
+    ):  # fmt: skip
         path = find_file(robot)
         options = StackOptions(
             "lockstep",
@@ -39,13 +42,11 @@ class DrivenRobot:
             epoch_ns=0,
         )
         self.config = options.load()
-        world = find_file("hall", "worlds")
-        self.stack = LockstepStack(
-            self.config, options, make_simulation(path, world, 1, start, overrides), lambda _: None
-        )
+        simulation = make_simulation(path, find_file(world, "worlds"), 1, start, overrides)
+        self.stack = LockstepStack(self.config, options, simulation, lambda _: None)
         self.navigation = make_navigation(self.config, options)
         self.links = links
-        mavlink = MavlinkConfig(rates=StreamRates(**{**SILENT, **rates}))
+        mavlink = replace(self.config.mavlink, rates=StreamRates(**{**SILENT, **rates}))
         self._tick = NavigationTick(
             self.navigation, None, Operator(lambda: self._asked, lambda _: None)
         )
@@ -60,6 +61,7 @@ class DrivenRobot:
         self._to_control: list[ControlRequest] = []
         self._to_navigation = []
         self._states = []
+        self._codecs = {}
         self.state = None
 
     @property
@@ -70,10 +72,13 @@ class DrivenRobot:
         """Return where the robot truly is: x, y [m], heading [rad]."""
         return self.stack.simulation.pose()
 
-    def send(self, message, system=255):
+    def send(self, message, system=255, component=190):
         """Let a message of the ground station arrive."""
-        codec = common.MAVLink(None, system, 190)
+        codec = self._codecs.setdefault(
+            (system, component), common.MAVLink(None, system, component)
+        )
         decoded = codec.decode(bytearray(message.pack(codec)))
+        codec.seq = (codec.seq + 1) % 256
         self.links.incoming.append(Received(decoded, Peer(0, 0)))
 
     def tick(self):

@@ -16,6 +16,8 @@ from robotctl.messages.mavlink_port import Peer, Received
 from tests.mavlink.conftest import Bench
 
 CORPUS = Path(__file__).parent / "corpus"
+LONGEST = 1024
+"""Bytes of an input."""
 PEER = Peer(0, 0)
 REQUEST = common.MAV_CMD_REQUEST_MESSAGE
 HANDLED = sorted(frozenset().union(*(service.handles for service in SERVICES)))

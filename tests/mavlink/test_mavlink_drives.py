@@ -88,28 +88,29 @@ def test_a_velocity_north_leads_north_and_a_positive_yaw_rate_to_the_right():
 
 
 @pytest.mark.parametrize(
-    ("mode", "message"),
+    ("mode", "message", "every_s", "most_s"),
     [
-        (GUIDED, setpoint(common.MAV_FRAME_BODY_NED, VELOCITY, vx=0.3)),
-        (MANUAL, sticks(z=375)),
+        (GUIDED, setpoint(common.MAV_FRAME_BODY_NED, VELOCITY, vx=0.3), 0.1, 0.3),
+        (GUIDED, setpoint(common.MAV_FRAME_BODY_NED, VELOCITY, vx=0.3), 0.4, 0.5),
+        (MANUAL, sticks(z=375), 0.1, 0.5),
     ],
 )
-def test_a_robot_that_is_told_nothing_more_brakes_within_half_a_second(mode, message):
+def test_a_robot_that_is_told_nothing_more_brakes_in_time(mode, message, every_s, most_s):
     """Braking takes as long as the limits say, and no longer."""
     robot = DrivenRobot(FakeLinks())
     robot.arm(mode)
-    robot.run(2.0, message)
+    robot.run(2.0, message, every_s)
     robot.send(message)
     silent_ns = robot.now_ns
     while robot.tick().v_ref_m_s >= 0.299:
         pass
-    assert 0.45e9 < robot.now_ns - silent_ns <= 0.5e9
+    assert most_s - 0.05 < (robot.now_ns - silent_ns) / 1e9 <= most_s
     while robot.tick().v_ref_m_s > 0.0:
         pass
     limits = robot.config.limits
     ramp_s = 0.3 / limits.a_max_m_s2 + limits.a_max_m_s2 / limits.jerk_max_m_s3
     periods_ns = 2 * robot.stack.period_ns
-    assert robot.now_ns - silent_ns <= 0.5e9 + ramp_s * 1e9 + periods_ns
+    assert robot.now_ns - silent_ns <= (most_s + ramp_s) * 1e9 + periods_ns
 
 
 def test_a_position_is_given_up_when_the_ground_station_is_lost():

@@ -6,11 +6,22 @@ import msgspec
 import pytest
 
 from robotctl.drivers.can.nodes.registry import age_limits
-from robotctl.messages.control import DriveState, Feedback, ImuFeedback, WheelCommand
+from robotctl.messages.control import (
+    BusState,
+    BusStatus,
+    DriveState,
+    EmergencyMessage,
+    Feedback,
+    ImuFeedback,
+    Stranger,
+    StrangerKind,
+    WheelCommand,
+)
 from robotctl.messages.faults import Fault, FaultCode
 from robotctl.model.sensors.imu import ImuConfig
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.safety import supervision
+from robotctl.safety.causes import AFTER_NS
 from robotctl.safety.monitor import Monitored, MonitorInputs
 from robotctl.safety.plausibility_config import PlausibilityConfig
 from robotctl.safety.supervision import Supervision
@@ -148,3 +159,107 @@ def test_a_tilted_robot_is_not_armed(
     imu = ImuFeedback(NOW, NOW, (0.0, 0.0, 0.0), (0.0, 0.0, 9.81), up)
     found = alone.refusals(NOW, (0.0, 0.0), imu, enabled=False)
     assert [fault.code for fault in found] == codes
+
+
+SENDER = Stranger(StrangerKind.HOST_FRAME, "Sync", 0x80, "", 1, NOW, NOW)
+SECOND = Stranger(StrangerKind.SECOND_SENDER, "WheelFeedback", 0x181, "drive", 9, NOW, NOW)
+LATE_NS = 20 * MS
+"""Then wheel feedback is too old."""
+
+
+def heard(alone: Supervision, now_ns: int = NOW, age_ns: int = 0, **changes: object) -> Supervision:
+    """Let supervision take good feedback of some age, with changes."""
+    fresh = replace(GOOD, wheels=replace(GOOD.wheels, stamp_ns=now_ns - age_ns), **changes)
+    alone.take(fresh, now_ns)
+    return alone
+
+
+def test_another_sender_stops_a_robot_of_which_all_else_is_well(alone: Supervision) -> None:
+    assert heard(alone).fault(NOW) is None
+    heard(alone, strangers=(SENDER,))
+    fault = alone.fault(NOW)
+    assert fault is not None
+    assert fault.code is FaultCode.BUS_STRANGER
+    first, *_ = alone.refusals(NOW, (0.0, 0.0), None, enabled=False)
+    assert first == fault
+
+
+def test_a_node_that_a_stranger_put_out_of_service_says_more_than_the_frame(
+    alone: Supervision,
+) -> None:
+    out = replace(GOOD.nodes[0], problem="drive: stopped (NMT)", fault=FaultCode.NODE_PUT_OUT)
+    heard(alone, strangers=(SENDER,), nodes=(out, *GOOD.nodes[1:]))
+    fault = alone.fault(NOW)
+    assert fault is not None
+    assert fault.code is FaultCode.NODE_PUT_OUT
+
+
+def test_what_people_were_told_by_the_stop_is_no_notice(alone: Supervision) -> None:
+    heard(alone, strangers=(SENDER,))
+    alone.fault(NOW)
+    assert alone.strangers.take_notices(NOW + 10_000 * MS) == []
+
+
+def silenced(alone: Supervision) -> Fault:
+    """Stop for wheel feedback that is too old."""
+    heard(alone, age_ns=LATE_NS)
+    fault = alone.fault(NOW)
+    assert fault is not None
+    assert fault.code is FaultCode.WHEELS_STALE
+    return fault
+
+
+def test_a_cause_that_shows_up_behind_a_stop_is_returned_once(alone: Supervision) -> None:
+    symptom = silenced(alone)
+    later_ns = NOW + 100 * MS
+    assert alone.later_cause(NOW + MS) is None
+    passive = BusStatus(state=BusState.ERROR_PASSIVE, error_frames=20)
+    heard(alone, later_ns, LATE_NS, bus=passive)
+    cause = alone.later_cause(later_ns)
+    assert cause is not None
+    assert cause.code is FaultCode.BUS_PASSIVE
+    assert cause.text.endswith(f": {symptom}")
+    assert alone.later_cause(later_ns + MS) is None
+    emergency = EmergencyMessage(later_ns + 2 * MS, 1, 0x3220, 0)
+    heard(alone, later_ns + 2 * MS, LATE_NS, bus=passive, emergencies=(emergency,))
+    nearer = alone.later_cause(later_ns + 2 * MS)
+    assert nearer is not None
+    assert nearer.code is FaultCode.DRIVE_UNDER_VOLTAGE
+
+
+@pytest.mark.parametrize(("after_ns", "counts"), [(AFTER_NS, True), (AFTER_NS + 1, False)])
+def test_what_shows_up_later_is_another_matter(
+    alone: Supervision, after_ns: int, counts: bool
+) -> None:
+    silenced(alone)
+    later_ns = NOW + after_ns
+    heard(alone, later_ns, LATE_NS, bus=BusStatus(state=BusState.BUS_OFF))
+    cause = alone.later_cause(later_ns)
+    assert (cause is not None) == counts
+    assert alone.later_cause(NOW + MS) is None, "the stop is not judged again"
+
+
+def test_a_second_sender_that_is_told_behind_the_silence_it_made_is_its_cause(
+    alone: Supervision,
+) -> None:
+    symptom = silenced(alone)
+    bus = BusStatus(state=BusState.BUS_OFF)
+    heard(alone, NOW + 10 * MS, LATE_NS, strangers=(SECOND,), bus=bus)
+    cause = alone.later_cause(NOW + 10 * MS)
+    assert cause is not None
+    assert (cause.code, cause.part) == (FaultCode.NODE_DOUBLED, "drive")
+    assert cause.text.endswith(f": {symptom}")
+    assert alone.later_cause(NOW + 11 * MS) is None
+    assert alone.strangers.take_notices(NOW + 10_000 * MS) == []
+
+
+def test_a_fault_that_is_no_silence_has_no_other_cause(alone: Supervision) -> None:
+    heard(alone)
+    assert alone.explained(FIRST, NOW) == FIRST
+    heard(alone, NOW + MS, strangers=(SECOND,), bus=BusStatus(state=BusState.BUS_OFF))
+    assert alone.later_cause(NOW + MS) is None
+
+
+def test_before_any_stop_there_is_no_cause(alone: Supervision) -> None:
+    heard(alone, strangers=(SECOND,), bus=BusStatus(state=BusState.BUS_OFF))
+    assert alone.later_cause(NOW) is None

@@ -78,7 +78,7 @@ def test_a_users_script_runs(site: Path, tmp_path: Path) -> None:
         [site / "bin" / "python", "script.py"], cwd=tmp_path, env=copied_code(tmp_path / "code"),
         capture_output=True, text=True, check=True,
     )  # fmt: skip
-    assert done.stdout.splitlines()[-1].startswith("2.0 1.08")
+    assert done.stdout.splitlines()[-1].startswith("2.55 1.08")
 
 
 @pytest.mark.parametrize("command", ["version", "config check tricycle", "can budget"])

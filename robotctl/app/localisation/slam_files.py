@@ -24,6 +24,7 @@ from robotctl.runtime.storage.record_log import (
     read_records,
     set_aside,
 )
+from robotctl.words import counted
 
 if TYPE_CHECKING:
     from robotctl.app.localisation.slam_localiser import SlamLocaliser
@@ -126,7 +127,7 @@ class KeyframeFile:
             aside = set_aside(path, f"by-{saved.sensor}")
             self._notices.append(f"{said}; set aside as {aside}, the map begins anew")
             return None
-        said = f"{path}: goes on with its map of {len(saved.keyframes)} scans"
+        said = f"{path}: goes on with its map of {counted(len(saved.keyframes), 'scan')}"
         if saved.sensor != LIDAR:
             said += "; the robot is taken to be where it was last"
         self._notices.append(said)

@@ -21,6 +21,7 @@ from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.estimation.sensors.lidar import REHEARSED
 from robotctl.estimation.sensors.registry import SONAR
 from robotctl.estimation.sensors.sensor import SensedRobot
+from robotctl.estimation.slam.incremental.smoother import IncrementalSmoother
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.heard_places import HeardPlaces
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe
@@ -396,3 +397,4 @@ def _rehearse(localiser: SlamLocaliser) -> None:
     search = MapSearch(mapper.config, mapper.keyframes, mapper.back_end, mapper.keyframes[0])
     while not search.step():
         pass
+    IncrementalSmoother().compact()  # a real one does so after many minutes

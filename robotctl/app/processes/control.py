@@ -7,7 +7,6 @@ import math
 import os
 import sys
 from collections.abc import Sequence
-from typing import Final
 
 import msgspec
 import zmq
@@ -16,6 +15,7 @@ from robotctl.app.processes.entry import enter
 from robotctl.app.processes.progress import last_pose, load_progress
 from robotctl.app.processes.robot import make_core, make_robot, record_header
 from robotctl.app.supervision.signals import EmergencySignal, StopFlag
+from robotctl.app.supervision.silence import STATE_PERIOD_NS
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig
 from robotctl.core.checkpoint import checkpoint
@@ -44,8 +44,7 @@ from robotctl.runtime.ipc.topics import (
 )
 from robotctl.runtime.loop import Loop
 from robotctl.runtime.realtime import acquire_realtime
-
-PUBLISH_HZ: Final = 50
+from robotctl.runtime.simulated_clock import Pacer
 
 
 class ControlTicker:
@@ -81,7 +80,6 @@ class ControlTicker:
         self._loop = loop
         self._ring = ring
         self._heartbeat = heartbeat
-        self._publish_period_ns = 1_000_000_000 // PUBLISH_HZ
         self._published_ns = 0
 
     def publish(self, now_ns: int) -> None:
@@ -91,7 +89,7 @@ class ControlTicker:
         if self._ring is not None:
             self._ring.record(now_ns, tick.inputs, tick.outputs, loop.lag_ns, loop.step_ns)
         tick.publish()
-        if now_ns - self._published_ns >= self._publish_period_ns:
+        if now_ns - self._published_ns >= STATE_PERIOD_NS:
             self._published_ns = now_ns
             loop.refresh()
             figures = loop.statistics()
@@ -145,7 +143,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     stopped = StopFlag()
     emergency = EmergencySignal()
     options, odometer_m, notes = continued(options)
-    clock = options.open_clock(paces=True)
+    clock = options.open_clock(Pacer.CONTROL)
     folder = endpoint_directory(options.instance)
     claims = [claim_bus(bus.interface, bus.channel) for bus in config.buses]
     claims += [claim(each) for each in sorted({str(folder), options.state} - {""})]

@@ -5,9 +5,11 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 
+from robotctl.app.supervision.signals import name_process
 from robotctl.config.options import StackOptions, options_of_command_line
 from robotctl.config.robot_file import RobotConfig
 from robotctl.errors import ConfigError, RobotctlError
+from robotctl.runtime.ipc.run_folder import hold_folder
 
 _AGAIN = 1
 _BAD_INPUT = 2
@@ -28,8 +30,10 @@ def enter(
     device_may_come
         Whether an error that is none of the configuration passes when a device is plugged in.
     """
+    name_process(name)
     options = options_of_command_line(sys.argv)
     try:
+        hold_folder(options.instance)
         run(options.load(), options)
     except RobotctlError as error:
         print(f"robotctl {name}: {error}", file=sys.stderr)  # noqa: T201

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import os
 import sys
+import time
 from pathlib import Path
 from typing import Final, TypeAlias
 
@@ -34,6 +35,7 @@ from robotctl.runtime.ipc.topics import (
     Subscriber,
     endpoint_directory,
 )
+from robotctl.runtime.simulated_clock import Pacer
 
 _PLAN_S: Final = 0.15
 """Planning in a step; a command lives for 0.2 s [s]."""
@@ -82,7 +84,7 @@ def take_bounds(adapter: NavigationAdapter, options: StackOptions) -> tuple[str,
 def run(config: RobotConfig, options: StackOptions) -> None:
     """Navigate until SIGTERM or SIGINT; then the commands expire and the robot comes to rest."""
     stopped = StopFlag()
-    clock = options.open_clock()
+    clock = options.open_clock(Pacer.NAVIGATION, round(1e9 / config.navigation.rate_hz))
     endpoints = Endpoints(endpoint_directory(options.instance))
     context = zmq.Context()
     states = Subscriber[ControlState | Notice](
@@ -113,14 +115,19 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     gc.collect()
     gc.freeze()
     deadline_ns = clock.now_ns()
+    lost_ns = 0
     try:
         while not stopped():
             deadline_ns = max(deadline_ns + tick.period_ns, clock.now_ns())
             clock.sleep_until(deadline_ns)
+            # What it was kept from the processor: it woke late, or a step took longer than it
+            # computed.
+            woken_ns, computed_ns = clock.now_ns(), time.process_time_ns()
+            late_ns = lost_ns + woken_ns - deadline_ns
             for message in states.receive():
                 control = message if isinstance(message, ControlState) else control
             seen = [each for each in sensors.receive() if not isinstance(each, Notice)]
-            tick.receive(control, seen)
+            tick.receive(control, seen, late_ns)
             begin_ns = clock.now_ns()
             tick.localise(begin_ns)
             localised_ns = clock.now_ns()
@@ -129,6 +136,8 @@ def run(config: RobotConfig, options: StackOptions) -> None:
             done_ns = clock.now_ns()
             tick.publish(begin_ns, (localised_ns - begin_ns) / 1000, (done_ns - begin_ns) / 1000)
             heartbeat.beat()
+            computed_ns = time.process_time_ns() - computed_ns
+            lost_ns = max(0, clock.now_ns() - woken_ns - computed_ns)
     finally:
         context.destroy(linger=0)
         if estimators is not None:

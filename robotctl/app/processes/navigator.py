@@ -94,10 +94,15 @@ def make_navigation(config: RobotConfig, options: StackOptions) -> NavigationAda
             steered=config.drive.steered,
         ),
         has_localiser=config.localisation.method != "none",
-        looks=config.has_camera,
+        camera_rate_hz=_camera_rate_hz(config),
         needs_station=mavlink.hold_without_gcs,
         station_timeout_s=mavlink.gcs_timeout_s if holds_on_loss else math.inf,
     )
+
+
+def _camera_rate_hz(config: RobotConfig) -> float:
+    """Return the pictures a second of the camera that the guard counts on; 0: there is none."""
+    return config.camera.rate_hz if config.camera is not None and config.has_camera else 0.0
 
 
 def equip(

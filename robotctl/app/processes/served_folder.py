@@ -106,11 +106,7 @@ class ServedFolder:
         if not path and not self._root.exists():
             return ()
         with _answered(), os.scandir(self._at(path)) as found:
-            return sorted(
-                Entry(each.name, None if each.is_dir(follow_symlinks=False) else _size(each))
-                for each in found
-                if not each.is_symlink()
-            )
+            return sorted(_entry(each) for each in found if not each.is_symlink())
 
     def open(self, path: str) -> _DiskFile:
         """Open a file for reading."""
@@ -182,5 +178,8 @@ class ServedFolder:
             return found
 
 
-def _size(entry: os.DirEntry[str]) -> int:
-    return entry.stat(follow_symlinks=False).st_size
+def _entry(found: os.DirEntry[str]) -> Entry:
+    if found.is_dir(follow_symlinks=False):
+        return Entry(found.name, None)
+    status = found.stat(follow_symlinks=False)
+    return Entry(found.name, status.st_size, round(status.st_mtime))

@@ -12,7 +12,7 @@ from typing import Final
 import msgspec
 
 from robotctl.config.options import StackOptions
-from robotctl.drivers.mavlink.signing import KEY_SIZE, MINUTE, Signing
+from robotctl.drivers.mavlink.signing import KEY_SIZE, MINUTE, Memory, Signing
 from robotctl.errors import ConfigError
 from robotctl.mavlink.config import MavlinkConfig
 from robotctl.runtime.storage.atomic_file import part_file
@@ -26,9 +26,17 @@ _FEWEST_CHARACTERS: Final = 8
 
 
 class SigningState(msgspec.Struct, frozen=True):
-    """The newest time stamp that was used [10 us since 2015]."""
+    """Time stamps of a key [10 us since 2015].
+
+    `stamp` is the newest that was used, `last` the newest of each system, component and link, and
+    `floor` that of those forgotten. They count for the key of which `key` names the first half of
+    the hash.
+    """
 
     stamp: int
+    key: str = ""
+    floor: int = 0
+    last: tuple[tuple[tuple[int, int, int], int], ...] = ()
 
 
 def read_key(path: Path) -> bytes:
@@ -58,6 +66,22 @@ def read_key(path: Path) -> bytes:
             f"or a pass phrase of {_FEWEST_CHARACTERS} characters or more"
         )
     return hashlib.sha256(text.encode()).digest()
+
+
+def configured_key(config: MavlinkConfig) -> bytes | None:
+    """Return the key that a robot's file names, if there is one already.
+
+    None where its file names none, or one that is still to come over a safe link.
+
+    Raises
+    ------
+    ConfigError
+        If the key cannot be read.
+    """
+    path = Path(config.signing_key) if config.signing_key else None
+    if path is None or (any(link.safe for link in config.link) and not path.exists()):
+        return None
+    return read_key(path)
 
 
 def write_new_key(path: Path) -> str:
@@ -107,13 +131,17 @@ class SigningFiles:
         self.signing = Signing()
         if self._path is None:
             return
-        may_come = any(link.safe for link in config.link) and not self._path.exists()
-        key = secrets.token_bytes(KEY_SIZE) if may_come else read_key(self._path)
+        key = configured_key(config) or secrets.token_bytes(KEY_SIZE)
         saved = None
         if options.state:
             self._state = StateFile(Path(options.state) / NAME, SigningState)
             saved, _ = self._state.load()
-        self.signing = Signing(key, 0 if saved is None else saved.stamp + MINUTE)
+        stamp, memory = 0, Memory()
+        if saved is not None:
+            stamp = saved.stamp + MINUTE
+            if saved.key == _name(key):
+                memory = Memory(saved.floor, saved.last)
+        self.signing = Signing(key, stamp, memory=memory)
 
     def take_key(self, key: bytes, stamp: int) -> str:
         """Use and keep a key that came over a safe link; return why not, empty: it is used."""
@@ -131,15 +159,20 @@ class SigningFiles:
         return ""
 
     def save(self, now_ns: int) -> None:
-        """Save the time stamp if it is time."""
+        """Save the time stamps if it is time."""
         if now_ns - self._saved_ns >= SAVE_NS:
             self._saved_ns = now_ns
             self.close()
 
     def close(self) -> None:
-        """Save the time stamp."""
-        if self._state is not None:
+        """Save the time stamps."""
+        if self._state is not None and self.signing.key is not None:
+            state = SigningState(self.signing.stamp, _name(self.signing.key), *self.signing.memory)
             try:
-                self._state.save(SigningState(self.signing.stamp))
+                self._state.save(state)
             except StateError:
                 return  # the recorder says that the disk takes nothing
+
+
+def _name(key: bytes) -> str:
+    return hashlib.sha256(key).hexdigest()[:32]

@@ -21,6 +21,7 @@ from robotctl.config.changes import ParameterFile, kept_values
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig, contradictions
 from robotctl.drivers.mavlink.link import MavlinkLinks
+from robotctl.drivers.mavlink.signing import MINUTE
 from robotctl.drivers.mavlink.tlog import TlogRecorder
 from robotctl.mavlink.context import State, TelemetryRobot
 from robotctl.mavlink.parameters.parameter_set import Configurations, ParameterSet
@@ -70,6 +71,13 @@ def _keep(telemetry: Telemetry, keys: SigningFiles, tlog: TlogRecorder, now_ns: 
     tlog.flush(now_ns)
     if trouble := tlog.take_trouble():
         telemetry.say(now_ns, trouble)
+    for (system, component, _), ahead in keys.signing.take_ahead().items():
+        days = ahead / (1440 * MINUTE)
+        telemetry.say(
+            now_ns,
+            f"Signing: the clock of {system}/{component} is {days:.2f} days ahead of the robot's, "
+            "set one of them",
+        )
 
 
 def run(config: RobotConfig, options: StackOptions) -> None:

@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from firmware_sim.world.world import World
 from robotctl.config.robot_file import RobotConfig
 from robotctl.model.geometry.se2 import SE2
+from robotctl.model.grid_map import FREE, OCCUPIED, GridMap
 from robotctl.model.wall_map import WallMap
 from robotctl.planning.behaviours.goto import GotoItem
 from robotctl.planning.behaviours.mission import Mission
@@ -35,7 +38,6 @@ def best_path(robot: RobotConfig, room: World, start: SE2, mission: Mission) -> 
     if not goals or len(goals) + len(waits) < len(mission.item):
         return None
     # numba and scipy take a while to load.
-    from robotctl.estimation.grid.wall_raster import grid_of_walls  # noqa: PLC0415
     from robotctl.planning.costmap.planning_map import PlanningMap  # noqa: PLC0415
     from robotctl.planning.global_planning.plan import (  # noqa: PLC0415
         Plan,
@@ -45,7 +47,7 @@ def best_path(robot: RobotConfig, room: World, start: SE2, mission: Mission) -> 
     from robotctl.planning.global_planning.planners import PLANNERS  # noqa: PLC0415
 
     outline = body_outline(robot.navigation.guard, robot.sonar)
-    space = PlanningMap(grid_of_walls(WallMap(room.touchable)), outline)
+    space = PlanningMap(_floor(room), outline)
     planner = PLANNERS["hybrid" if robot.drive.steered else "astar"](
         PlannerConfig(
             margin_m=robot.navigation.pilot.margin_m,
@@ -66,3 +68,26 @@ def best_path(robot: RobotConfig, room: World, start: SE2, mission: Mission) -> 
         time_s += plan.length_m / min(speed_m_s, robot.limits.v_max_m_s)
         here = there
     return Best(length_m, time_s)
+
+
+def _floor(room: World) -> GridMap:
+    """Return what stands in a world as a grid of all of it, whether walls enclose it or not."""
+    from robotctl.estimation.grid.wall_raster import grid_of_walls  # noqa: PLC0415
+
+    walls = grid_of_walls(WallMap(room.touchable))
+    side_m, origin, (rows, columns) = walls.resolution_m, walls.origin, walls.shape
+    low_x, low_y, high_x, high_y = room.bounds
+    below = _cells(origin.y_m - low_y, side_m), _cells(origin.x_m - low_x, side_m)
+    above = (
+        _cells(high_y - origin.y_m - rows * side_m, side_m),
+        _cells(high_x - origin.x_m - columns * side_m, side_m),
+    )
+    occupied = np.pad(walls.occupied(), list(zip(below, above, strict=True)))
+    cells = np.where(occupied, OCCUPIED, FREE).astype(np.int8)
+    corner = SE2(origin.x_m - below[1] * side_m, origin.y_m - below[0] * side_m, 0.0)
+    return GridMap(cells, side_m, corner)
+
+
+def _cells(length_m: float, side_m: float) -> int:
+    """Return how many cells a length takes; none if it is negative."""
+    return max(math.ceil(length_m / side_m), 0)

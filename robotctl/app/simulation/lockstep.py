@@ -36,6 +36,7 @@ from robotctl.app.simulation.score import (
     run_message,
 )
 from robotctl.app.simulation.sim_options import SimOptions, load_faults
+from robotctl.app.simulation.time_limit import TimeLimit
 from robotctl.app.supervision.compile_progress import compile_progress
 from robotctl.config.options import StackOptions
 from robotctl.core.navigation_tick import NavigationTick
@@ -113,6 +114,8 @@ class LockstepRun:
         self._scanned_ns = 0
         self._localise_us = 0.0
         self._log_trouble = ""
+        self._ended = ""
+        """Why the run ended."""
         simulation = make_simulation(
             options.robot,
             room,
@@ -136,10 +139,10 @@ class LockstepRun:
         """Drive as `run` does; yield the states after each step of the navigator."""
         stack, record = self.stack, self._options.record
         every = max(1, round(self._tick.period_ns / stack.period_ns))
-        end_ns = round(self._options.max_seconds * 1e9)
+        limit = TimeLimit(self._options.max_seconds)
         with nullcontext() if record is None else self._open_logs(record) as logs:
             requests: tuple[ControlRequest, ...] = ()
-            while stack.clock.now_ns() < end_ns:
+            while not self._ended:
                 outputs = stack.tick(requests)
                 requests = ()
                 if logs is not None:
@@ -149,8 +152,7 @@ class LockstepRun:
                     navigation, requests = self._navigate(control)
                     self._log(logs)
                     yield control, navigation
-                    if is_over(control, navigation):
-                        break
+                    self._ended = self._end(control, navigation, limit)
                 self._log(logs)
             self._faults += not_begun(self._scenario, self._faults)
             stack.control.robot.close()
@@ -160,6 +162,12 @@ class LockstepRun:
                 self._save_score(logs)
         if logs is not None:
             self._log_trouble = logs.trouble or self._log_trouble
+
+    def _end(self, control: ControlState, navigation: NavigationState, limit: TimeLimit) -> str:
+        """Return why the run ends now; empty if it goes on."""
+        if is_over(control, navigation):
+            return run_message(control, navigation) or "the mission is over"
+        return limit.step(control, self.stack.clock.now_ns(), is_ready=True)
 
     def _log(self, logs: LockstepLogs | None) -> None:
         """Log the messages published since the last call, and the newest picture."""
@@ -260,6 +268,7 @@ class LockstepRun:
             bus_kind="lockstep",
             mission_completed=navigation is not None and navigation.mission_completed,
             message=run_message(control, navigation),
+            ended=self._ended,
             items_done=navigation.item if navigation else 0,
             items=navigation.items if navigation else 0,
             duration_s=round(duration_s, 3),

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from firmware_sim.errors import SimulationError
 from firmware_sim.world.clutter import cluttered
+from firmware_sim.world.free_space import CELL_M, FreeSpace
 from firmware_sim.world.world import World, load_world
 from robotctl.app.simulation.sim_options import SimOptions
 from robotctl.errors import ConfigError
@@ -124,16 +125,15 @@ def load_furnished(world: Path, options: SimOptions, mission: Mission) -> World:
 
 
 def straight_mission(world: Path) -> str:
-    """Return a mission in a map, as TOML: from the place with the most room straight ahead.
+    """Return a mission in a world, as TOML: from the place with the most room straight ahead.
 
     Raises
     ------
     ConfigError
-        If the map is wrong, or has no straight line of half a metre from there.
+        If the world is wrong, or has no straight line of half a metre from there.
     """
-    cells = load_room(world).cells
-    if cells is None:
-        raise ValueError(f"{world} is not a map")
+    room = load_room(world)
+    cells = room.cells or FreeSpace(room, CELL_M / 2, room.start[:2]).cells()
     x_m, y_m, heading_rad, length_m = cells.clear_way()
     if length_m < _SHORTEST_M:
         raise ConfigError(

@@ -14,6 +14,7 @@ from robotctl.messages.control import BusStatus, ControlState, LoopStatistics, N
 from robotctl.model.drives.motion import between
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
+from robotctl.safety.causes import AFTER_NS
 from robotctl.safety.state_machine import LATCHED, POWERED
 
 T = TypeVar("T")
@@ -149,9 +150,13 @@ class CameraReport(msgspec.Struct, frozen=True):
 class Report(msgspec.Struct, frozen=True):
     """The result of one simulated run, written as JSON.
 
+    `message` is what the robot said last, `ended` why the run ended: with the robot's last word, by
+    `--max-seconds` or by the user; empty while it goes on.
     `unsafe_motions` counts what the simulator's monitor holds against the robot: power at the
     wheels that nothing on the bus allowed, or too much speed; `unsafe_reason` is that of the last.
-    `held_up_ms` is how long this computer was held up at most, by an estimate of its own. `faults`
+    `held_up_ms` is how long this computer was held up at most, by an estimate of its own. `silent`
+    names the processes that had said nothing for a while at the end: what is reported of them is of
+    before. `faults`
     are those of the scenario whose time has come, each with the simulator's time, and why where it
     could not begin; then those that never began, since the run was over before their time.
     `collisions` are those that the robot causes; `ran_into` counts people who ran into it.
@@ -172,6 +177,7 @@ class Report(msgspec.Struct, frozen=True):
     bus_kind: str
     mission_completed: bool
     message: str
+    ended: str
     items_done: int
     items: int
     duration_s: float
@@ -184,6 +190,7 @@ class Report(msgspec.Struct, frozen=True):
     bus: dict[str, Any]
     real_time_factor: float
     held_up_ms: float = 0.0
+    silent: tuple[str, ...] = ()
     faults: tuple[str, ...] = ()
     log_trouble: str = ""
     localisation: LocalisationReport | None = None
@@ -219,11 +226,14 @@ AT_REST_M_S = 0.01
 
 
 def is_over(control: ControlState | None, navigation: NavigationState | None) -> bool:
-    """Return whether a run has ended: stopped for good, or mission over and the robot at rest."""
+    """Return whether a run has ended: stopped for good, or mission over and the robot at rest.
+
+    A stop is for good once its cause is known, as far as it will be.
+    """
     if control is None:
         return False
     if control.state in LATCHED:
-        return True
+        return control.stamp_ns - control.stopped_ns > AFTER_NS
     return (
         navigation is not None
         and (navigation.mission_completed or navigation.mission_failed)

@@ -39,9 +39,12 @@ from robotctl.app.simulation.sim_options import (
     load_faults,
     simulation_overrides,
 )
+from robotctl.app.simulation.time_limit import TimeLimit
 from robotctl.app.supervision.child_process import lines_of, start_child
 from robotctl.app.supervision.exit_log import ExitLog
+from robotctl.app.supervision.pause import state_of
 from robotctl.app.supervision.stack import CONTROL, Stack
+from robotctl.app.supervision.supervised import ProcessPhase
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig, load_robot
 from robotctl.errors import DiskError
@@ -66,6 +69,7 @@ from robotctl.model.sensors.camera import SIMULATED
 from robotctl.model.sensors.lidar import SOCKET
 from robotctl.model.wall_map import WallMap
 from robotctl.runtime.clock import RealClock
+from robotctl.runtime.ipc.run_folder import hold_folder, remove_dead_runs, simulated_instance
 from robotctl.runtime.ipc.topics import (
     Endpoints,
     RequestSender,
@@ -79,6 +83,10 @@ _READY_S = 180.0
 _BELOW_CONTROL = 10
 _POLL_S = 0.05
 _SAY_S = 5.0
+_SILENT_S, _HELD_S = 0.3, 1.0
+"""Silence of firmware_sim after which it is asked why, and said in any case [s]."""
+_LATE_NS = 1_000_000_000
+"""A notice that was said longer ago is shown with its age [ns]."""
 _READY, _FAULT = "ready", "fault at "
 """Prefix of firmware_sim's lines."""
 
@@ -127,7 +135,9 @@ class SimRun:
         unfit = misfit(self.config, robot, self.world, self.walls)
         self._scenario = load_faults(options)
         start = options.start_of(self.mission)
-        instance = f"sim-{os.getpid()}"
+        remove_dead_runs()
+        instance = simulated_instance()
+        self._held = hold_folder(instance)
         record = str(options.record.resolve()) if options.record else ""
         self._folder = endpoint_directory(instance)
         self._clock_file = ring_path(instance).with_suffix(".clock")
@@ -162,8 +172,13 @@ class SimRun:
         self._exit_log: ExitLog | None = None
         self._operator = MissionOperator()
         self._said_waiting = False
+        self._ended = ""
+        """Why the run ended."""
         self._was_ready = False
         """Whether there has been a run that could be scored."""
+        self._firmware_silent = False
+        self._truth_s = 0.0
+        """When the truth was last heard, monotonic [s]."""
         self._attended = False
         """Whether the robot was stopped from the keyboard, which may arm it again."""
         self._score = RunScore(
@@ -173,7 +188,11 @@ class SimRun:
             has_localiser=self.config.localisation.method != "none",
             is_recorded=options.record is not None,
         )
-        self.progress = RunStatus()
+        camera = self.config.camera
+        self.progress = RunStatus(
+            navigation_period_ns=round(1e9 / self.config.navigation.rate_hz),
+            camera_period_ns=round(2e9 / camera.rate_hz) if camera is not None else 0,
+        )
         if unfit:
             self.progress.lines.append(unfit)
 
@@ -213,6 +232,7 @@ class SimRun:
         self._context.destroy(linger=0)
         shutil.rmtree(self._folder, ignore_errors=True)
         self._clock_file.unlink(missing_ok=True)
+        os.close(self._held)
 
     def _start_firmware(self) -> None:
         """Start firmware_sim and wait for its nodes."""
@@ -277,7 +297,7 @@ class SimRun:
     def connections(self) -> tuple[str, ...]:
         """Where ground stations and CAN tools can connect."""
         links = tuple(f"MAVLink {link.url}" for link in self.config.mavlink.link)
-        buses = tuple(f"CAN {bus.interface} {bus.channel}" for bus in self.config.buses)
+        buses = tuple(f"CAN -i {bus.interface} -c {bus.channel}" for bus in self.config.buses)
         return (*links, *buses)
 
     def steps(self, *, until_done: bool = True) -> Iterator[RunStatus]:
@@ -286,22 +306,22 @@ class SimRun:
         Without `until_done` the robot stays in service after its mission, for ground stations.
         Anyone who disarms, holds or takes over the robot meanwhile keeps it.
         """
-        clock = self._clock
+        clock, limit = self._clock, TimeLimit(self._options.max_seconds)
         begin_ns, real_begin_ns = clock.now_ns(), time.monotonic_ns()
         while True:
             self._listen()
             progress = self.progress
-            progress.elapsed_s = now_s = (clock.now_ns() - begin_ns) / 1e9
+            self._note_silence(progress)
+            progress.elapsed_s = now_s = (progress.now_ns - begin_ns) / 1e9
             real_ns = time.monotonic_ns() - real_begin_ns
             progress.real_time_factor = 1e9 * now_s / real_ns if real_ns else 1.0
             late_ns = 0 if progress.truth is None else progress.truth.late_max_ns
             progress.lines += self._held_up.step(progress.control, late_ns)
-            stopped = self._stopped() or (self._stack is not None and self._stack.shut_down)
-            if stopped:
-                progress.lines.append("stopped by the user")
+            self._ended = self._end(limit, until_done=until_done)
+            if self._ended:
+                progress.lines.append(self._ended)
             yield progress
-            over = self._is_over or self._control_began_anew
-            if stopped or progress.elapsed_s > self._options.max_seconds or (until_done and over):
+            if self._ended:
                 self._faults += not_begun(self._scenario, self._faults)
                 return
             if not self._control_began_anew:
@@ -318,6 +338,40 @@ class SimRun:
                     self._stack.tell(ended, Severity.CRITICAL)
                 raise SimulatorError(ended)
             time.sleep(_POLL_S)
+
+    def _note_silence(self, progress: RunStatus) -> None:
+        """Note what is silent, and say so where nobody else does."""
+        progress.now_ns = self._clock.now_ns()
+        phase = ProcessPhase.IDLE if self._stack is None else self._stack.phase(CONTROL)
+        progress.control_phase = "" if phase is ProcessPhase.READY else phase.value
+        if progress.truth is None or self._firmware is None:
+            return
+        # Simulated time stands still with the simulator at first.
+        silent_s = time.monotonic() - self._truth_s
+        if silent_s > _SILENT_S and not self._firmware_silent:
+            why = state_of(self._firmware.pid)
+            if why.startswith("stopped") or silent_s > _HELD_S:
+                self._firmware_silent = True
+                progress.lines.append(
+                    f"firmware_sim is held up: silent for {silent_s:.1f} s ({why})"
+                )
+        elif silent_s <= _SILENT_S and self._firmware_silent:
+            self._firmware_silent = False
+            progress.lines.append("firmware_sim goes on")
+
+    def _end(self, limit: TimeLimit, *, until_done: bool) -> str:
+        """Return why the run ends now; empty if it goes on."""
+        control, navigation, stack = self.progress.control, self.progress.navigation, self._stack
+        if self._stopped():
+            return "stopped by the user"
+        if stack is not None and stack.shut_down:
+            return "a ground station shut the robot down"
+        if until_done and self._control_began_anew:
+            return "the control process was restarted, so the robot may stand elsewhere"
+        if until_done and control is not None and self._is_over:
+            return run_message(control, navigation) or "the mission is over"
+        is_ready = stack is not None and stack.ready
+        return limit.step(control, self._clock.now_ns(), is_ready=is_ready)
 
     @property
     def _is_over(self) -> bool:
@@ -367,6 +421,7 @@ class SimRun:
         self._listen_to_firmware()
         for truth in self._truths.receive():
             progress.truth = truth
+            self._truth_s = time.monotonic()
             pose = StampedPose(truth.stamp_ns, truth.x_m, truth.y_m, truth.theta_rad)
             self._score.truth(pose, truth.people)
         for message in self._states.receive():
@@ -391,7 +446,9 @@ class SimRun:
                     progress.navigation = message
                     self._operator.hear(message)
                 case Notice():
-                    progress.lines.append(message.text)
+                    late_ns = self._clock.now_ns() - message.stamp_ns
+                    late = f" ({late_ns / 1e9:.1f} s ago)" if late_ns > _LATE_NS else ""
+                    progress.lines.append(message.text + late)
 
     def _listen_to_firmware(self) -> None:
         """Take readiness and begun faults."""
@@ -442,6 +499,7 @@ class SimRun:
             bus_kind=self._options.bus,
             mission_completed=navigation.mission_completed,
             message=run_message(control, navigation),
+            ended=self._ended,
             items_done=navigation.item,
             items=navigation.items,
             duration_s=round(progress.elapsed_s, 3),
@@ -459,6 +517,7 @@ class SimRun:
             bus=bus_report(control.bus),
             real_time_factor=round(progress.real_time_factor, 4),
             held_up_ms=round(self._held_up.longest_ms, 1),
+            silent=progress.silences,
             faults=tuple(self._faults),
             log_trouble=log_trouble,
             localisation=self._score.localisation_report,

@@ -99,6 +99,10 @@ class SimOptions:
         """
         if self.world:
             return find_world(self.world)
+        if not mission.world:
+            raise ConfigError(
+                f'{self.mission}: names no world; add world = "NAME" to it, or give --world'
+            )
         return find_world(mission.world, self.mission.parent)
 
     def start_of(self, mission: Mission) -> StartPose:

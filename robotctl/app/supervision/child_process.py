@@ -18,8 +18,9 @@ def start_child(command: list[str], **options: Any) -> subprocess.Popen[Any]:
     """Start a process in a session of its own, so that Ctrl-C reaches only its parent.
 
     When the parent ends, however it ends, the kernel sends the child SIGTERM: a robot must not
-    drive on because a terminal was closed. SIGUSR1, the emergency stop, is held back until the
-    child is ready to take it, so that it neither kills a process at its start nor is lost.
+    drive on because a terminal was closed. SIGUSR1, the emergency stop, which may be sent to all
+    processes at once, is held back from the first instruction on. It kills none of them, and waits
+    in the control process until that can take it (`EmergencySignal`).
 
     Parameters
     ----------
@@ -31,20 +32,23 @@ def start_child(command: list[str], **options: Any) -> subprocess.Popen[Any]:
     parent = os.getpid()
 
     def prepare() -> None:
-        # An emergency stop during the start must be neither fatal nor lost: it waits.
-        signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGUSR1,))
         _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
         # The parent may have ended before prctl: then no signal will come.
         if os.getppid() != parent:
             os.kill(os.getpid(), signal.SIGTERM)
 
-    return subprocess.Popen(  # noqa: S603 - our own modules
-        command,
-        stdin=subprocess.DEVNULL,
-        start_new_session=True,
-        preexec_fn=prepare,  # noqa: PLW1509 - nothing but a few system calls
-        **options,
-    )
+    # A child takes after the thread that forks it: blocked later, a signal could come before.
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGUSR1,))
+    try:
+        return subprocess.Popen(  # noqa: S603 - our own modules
+            command,
+            stdin=subprocess.DEVNULL,
+            start_new_session=True,
+            preexec_fn=prepare,  # noqa: PLW1509 - nothing but a few system calls
+            **options,
+        )
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
 
 
 def lines_of(process: subprocess.Popen[str]) -> queue.Queue[str | None]:

@@ -8,6 +8,7 @@ from typing import Final, TypeAlias
 import zmq
 
 from robotctl.app.supervision.running_robot import running
+from robotctl.app.supervision.silence import STATE_PERIOD_NS, silence
 from robotctl.errors import RobotctlError
 from robotctl.messages.control import (
     ControlState,
@@ -35,6 +36,10 @@ _Heard: TypeAlias = ControlState | NavigationState | Notice
 
 _ANSWER_NS: Final = 3_000_000_000
 _POLL_NS: Final = 50_000_000
+_STEP_NS: Final = 50_000_000
+"""Between two steps of navigation, as robots have it [ns]."""
+_GONE_NS: Final = 10_000_000_000
+"""Silence after which a robot is given up [ns]: it had time to start its process again."""
 
 
 class RefusedError(RobotctlError):
@@ -78,7 +83,7 @@ class RemoteRobot:
         try:
             self._await(
                 lambda: self.control is not None and self.navigation is not None,
-                lambda: "the robot's control and navigation are not heard",
+                self._unheard,
             )
         except BaseException:
             self.__exit__()
@@ -142,6 +147,7 @@ class RemoteRobot:
                     "`robotctl mission resume` goes on"
                 )
             self._listen()
+            self._require_heard()
 
     def pause(self) -> None:
         """Let a robot that drives a mission stand; it keeps its place in that.
@@ -216,6 +222,31 @@ class RemoteRobot:
             if state.mode is not Mode.GUIDED or state.goals != before + 1:
                 raise RefusedError(f"given up for something else: {self._why()}")
             self._listen()
+            self._require_heard()
+
+    def _unheard(self) -> str:
+        """Return which of the robot's processes are not heard."""
+        parts = {"control": self.control, "navigation": self.navigation}
+        missing = [name for name, state in parts.items() if state is None]
+        are = "are" if len(missing) > 1 else "is"
+        names = " and ".join(missing)
+        return f"the robot's {names} {are} not heard: stopped, hung or just starting"
+
+    @property
+    def silence(self) -> str:
+        """Which of the robot's processes has been silent for a while, and how long; or empty."""
+        control, navigation = self._seen()
+        now_ns = self._clock.now_ns()
+        return silence("control", control.stamp_ns, now_ns, STATE_PERIOD_NS) or silence(
+            "navigation", navigation.stamp_ns, now_ns, _STEP_NS
+        )
+
+    def _require_heard(self) -> None:
+        """Raise `RefusedError` if a process that must answer has been silent for long."""
+        control, navigation = self._seen()
+        oldest_ns = min(control.stamp_ns, navigation.stamp_ns)
+        if self._clock.now_ns() - oldest_ns > _GONE_NS:
+            raise RefusedError(f"{self.silence}; the robot stops by itself")
 
     def _drive_mission(self) -> None:
         """Let it drive its mission, which it does from where that stands."""

@@ -2,8 +2,34 @@
 
 from __future__ import annotations
 
+import ctypes
 import signal
+from collections.abc import Callable
 from types import FrameType
+from typing import Final
+
+_PR_SET_NAME: Final = 15
+"""Of prctl(2)."""
+
+
+def name_process(part: str = "") -> None:
+    """Call this process robotctl or robotctl-PART, so that `pkill robotctl` finds it.
+
+    The kernel keeps 15 characters.
+    """
+    name = f"robotctl-{part}" if part else "robotctl"
+    ctypes.CDLL(None).prctl(_PR_SET_NAME, name.encode(), 0, 0, 0)
+
+
+def hold_emergency_signal() -> None:
+    """Hold SIGUSR1 back, so that it ends no process, until `on_emergency_signal`."""
+    signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGUSR1,))
+
+
+def on_emergency_signal(act: Callable[[], None]) -> None:
+    """Call `act` for each SIGUSR1, first for one that was held back."""
+    signal.signal(signal.SIGUSR1, lambda _number, _frame: act())
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, (signal.SIGUSR1,))
 
 
 class StopFlag:
@@ -31,10 +57,9 @@ class EmergencySignal:
 
     def __init__(self) -> None:
         self._asked = False
-        signal.signal(signal.SIGUSR1, self._on_signal)
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, (signal.SIGUSR1,))
+        on_emergency_signal(self._remember)
 
-    def _on_signal(self, _number: int, _frame: FrameType | None) -> None:
+    def _remember(self) -> None:
         """Only remember; the next tick stops."""
         self._asked = True
 

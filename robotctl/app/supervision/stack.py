@@ -10,20 +10,23 @@ Asked to restart, all processes start again in that order, with the parameters a
 
 from __future__ import annotations
 
+import os
 import signal
 import time
 from typing import Final, NoReturn
 
+from robotctl.app.processes.signing_files import configured_key
 from robotctl.app.supervision.announcer import Announcer
 from robotctl.app.supervision.pause import Pause
 from robotctl.app.supervision.restart import RestartPolicy
 from robotctl.app.supervision.supervised import Exit, ProcessPhase, Role, Supervised, status_words
 from robotctl.config.changes import with_changes
 from robotctl.config.options import StackOptions
-from robotctl.errors import RobotctlError
+from robotctl.errors import ConfigError, RobotctlError
 from robotctl.messages.control import Severity
 from robotctl.messages.supervision import LIFE_NS, Restart
 from robotctl.model.sensors.lidar import SOCKET
+from robotctl.words import counted
 
 CONTROL = "robotctl.app.processes.control"
 NAVIGATION = "robotctl.app.processes.navigation"
@@ -49,6 +52,8 @@ LIDAR_ROLE: Final = Role(LIDAR, RestartPolicy(crashes=5), stall_s=5.0, held_s=1.
 
 _BAD_INPUT = 2
 _END_S = 3.0
+HELD_S: Final = 1.0
+"""A longer pause of the supervisor itself is reported [s]."""
 _TICKS_TO_STOP = 2
 """A signal received in a tick is answered in the next one."""
 
@@ -68,13 +73,14 @@ class Stack:
     Raises
     ------
     ConfigError
-        If the robot's configuration is wrong.
+        If the robot's configuration is wrong, or the signing key it names cannot be read.
     """
 
     def __init__(self, options: StackOptions) -> None:
         self._options = options.validated()
         options, notes = with_changes(self._options)
         config = options.load()
+        configured_key(config.mavlink)  # telemetry needs it, which starts when control runs
         roles: tuple[Role, ...] = ROLES
         if config.has_camera:
             roles += (CAMERA_ROLE,)
@@ -90,12 +96,13 @@ class Stack:
         self._stop_beats: int | None = None
         """Heartbeats of the control process when it last received an emergency stop."""
         self.exits: list[Exit | Pause] = []
-        """Ends and pauses seen by the last `watch`."""
+        """Ends and pauses seen by the last `watch`, its own included."""
         self._announcer = Announcer(options.instance)
         self._clock = options.open_clock()
+        self._watched_s: float | None = None
         for note in notes:
             self.tell(note, Severity.WARNING)
-        self._control.start(time.monotonic())
+        self._control.start(self._now_s())
 
     @property
     def modules(self) -> tuple[str, ...]:
@@ -146,8 +153,10 @@ class Stack:
         StackError
             If the control process ended too often, or a process does not start at all.
         """
-        self.exits = []
-        now_s = time.monotonic()
+        now_s = self._now_s()
+        self.exits = self._own_pause(now_s)
+        for pause in self.exits:
+            self.tell(pause.words(), _severity(pause, vital=False))
         if self._control.phase is ProcessPhase.READY:
             self._announcer.open()
         self._announcer.step(self._clock.now_ns())
@@ -166,6 +175,17 @@ class Stack:
                 self._repeat_emergency_stop(new_life=process.starts > starts)
         return [each.words() for each in self.exits]
 
+    def _now_s(self) -> float:
+        """Return the time of the robot [s]: no process makes progress while that is paused."""
+        return self._clock.now_ns() / 1e9
+
+    def _own_pause(self, now_s: float) -> list[Exit | Pause]:
+        """Return the pause of this process, which nobody else reports, if there was one."""
+        before_s, self._watched_s = self._watched_s, now_s
+        if before_s is None or now_s - before_s < HELD_S:
+            return []
+        return [Pause("the supervisor", os.getpid(), now_s - before_s, "", over=True)]
+
     def tell(self, line: str, severity: Severity = Severity.INFORMATION) -> None:
         """Publish the supervisor's notices to ground stations and logs."""
         self._announcer.say(line, severity, self._clock.now_ns())
@@ -180,7 +200,8 @@ class Stack:
             return
         if process.phase is ProcessPhase.GIVEN_UP:
             self._fail(
-                f"the {name} process ended {process.role.restart.crashes + 1} times within "
+                f"the {name} process ended "
+                f"{counted(process.role.restart.crashes + 1, 'time')} within "
                 f"{process.role.restart.window_s:g} s ({status_words(ended.status)})"
             )
         if self._restarts:
@@ -204,6 +225,11 @@ class Stack:
     def restart(self) -> None:
         """Start all processes again, control first, with the parameters as they are kept."""
         options, notes = with_changes(self._options)
+        try:
+            configured_key(options.load().mavlink)
+        except ConfigError as error:
+            self.tell(f"no restart, for telemetry would not come back: {error}", Severity.WARNING)
+            return
         self.tell("restarting, as a ground station asked")
         for note in notes:
             self.tell(note, Severity.WARNING)
@@ -219,7 +245,7 @@ class Stack:
         """Restart all processes but control."""
         for process in self._processes.values():
             if process is not self._control:
-                process.revive(time.monotonic())
+                process.revive(self._now_s())
 
     def _fail(self, problem: str) -> NoReturn:
         """Give up; tell the remaining processes why."""

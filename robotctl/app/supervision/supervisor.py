@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from typing import Final, TypeAlias
 
 from robotctl.app.supervision.exit_log import ExitLog
-from robotctl.app.supervision.pause import Pause
 from robotctl.app.supervision.service import ServiceNotifier
+from robotctl.app.supervision.silence import silence
 from robotctl.app.supervision.stack import CONTROL, Stack
 from robotctl.app.supervision.supervised import ProcessPhase
 from robotctl.messages.control import ControlState, NavigationState, Notice
@@ -18,8 +17,8 @@ Message: TypeAlias = ControlState | NavigationState | Notice
 POLL_S: Final = 0.1
 """Between two steps of the supervisor [s]."""
 
-HELD_S: Final = 1.0
-"""A longer pause of the supervisor is reported [s]."""
+_POLL_NS: Final = round(POLL_S * 1e9)
+"""States are read as often as this [ns], more seldom than they are published."""
 
 
 class Supervisor:
@@ -43,7 +42,6 @@ class Supervisor:
         self._notifier = notifier
         self._log = log
         self._ready = False
-        self._stepped_s: float | None = None
         self._state: ControlState | None = None
         self._fed_s = 0.0
         self._fed_ticks = (0, 0)
@@ -75,7 +73,8 @@ class Supervisor:
         StackError
             As of `Stack.watch`; what it ends with is logged first.
         """
-        lines, own = [], self._own_pause(now_s)
+        lines: list[str] = []
+        own: list[str] = []
         for message in messages:
             if isinstance(message, Notice):
                 lines.append(message.text)
@@ -92,16 +91,8 @@ class Supervisor:
             self._stack.tell(line)
         lines += own
         self._feed(now_s)
-        self._notifier.status(self._status())
+        self._notifier.status(self._status(now_s))
         return lines
-
-    def _own_pause(self, now_s: float) -> list[str]:
-        """Return a line where this process itself was held up."""
-        before_s, self._stepped_s = self._stepped_s, now_s
-        if before_s is None or now_s - before_s < HELD_S:
-            return []
-        pause = Pause("the supervisor", os.getpid(), now_s - before_s, "", over=True)
-        return [pause.words(), *([] if self._log is None else self._log.note([pause]))]
 
     def _log_exits(self) -> list[str]:
         """Log the ends and pauses of this step; return the errors of doing so."""
@@ -117,13 +108,16 @@ class Supervisor:
         self._fed_s, self._fed_ticks = now_s, ticks
         self._notifier.feed_watchdog()
 
-    def _status(self) -> str:
-        """Return the robot's state and that of its processes in one line."""
+    def _status(self, now_s: float) -> str:
+        """Return the robot's state at a time [s] and that of its processes in one line."""
         state = self._state
         if state is None or self._stack.phase(CONTROL) is not ProcessPhase.READY:
             return self._processes()
         words = state.state.name.lower().replace("_", " ")
         reason = f" ({state.reason})" if state.reason else ""
+        silent = silence("control", state.stamp_ns, round(now_s * 1e9), _POLL_NS)
+        if silent:
+            return f"{silent} (before: {words}{reason}); {self._processes()}"
         return f"{words}{reason}; {self._processes()}"
 
     def _processes(self) -> str:

@@ -7,6 +7,7 @@ import math
 import numpy as np
 from rich.table import Table
 
+from robotctl.words import counted
 from robotctl.workbench.odometry.calibrate_odometry import OdometryCalibrateResult
 from robotctl.workbench.odometry.calibrate_patch import patch_values
 
@@ -17,8 +18,8 @@ def drive_table(result: OdometryCalibrateResult) -> Table:
     """Return the drive before and after, with the intervals."""
     found = result.found
     table = Table(
-        title=f"{result.config.robot.name}: {len(result.runs)} "
-        f"{'drive' if len(result.runs) == 1 else 'drives'}, {found.references} references",
+        title=f"{result.config.robot.name}: {counted(len(result.runs), 'drive')}, "
+        f"{counted(found.references, 'reference')}",
         title_justify="left",
     )
     table.add_column("", no_wrap=True)
@@ -84,7 +85,7 @@ def reference_lines(result: OdometryCalibrateResult) -> list[str]:
         f"{(bent[1] - straight[1]) / 0.2:.4f}, and {math.degrees(straight[1]):+.3f}° a metre"
     )
     if found.outliers:
-        lines.append(f"{found.outliers} components of the references are outliers")
+        lines.append(f"outliers: {counted(found.outliers, 'component')} of the references")
     return lines
 
 

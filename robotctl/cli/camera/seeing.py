@@ -17,6 +17,7 @@ from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
 from robotctl.config.robot_file import find_file
 from robotctl.errors import ConfigError
+from robotctl.words import counted
 
 if TYPE_CHECKING:
     import numpy as np
@@ -213,7 +214,7 @@ def _cell(values: list[object]) -> str:
 def _summary(kind: _Kind, rows: list[dict[str, Any]]) -> str:
     """Return one line about a picture."""
     if kind is _OBSTACLES:
-        return f"{len(rows)} obstacles"
+        return counted(len(rows), "obstacle")
     hits = [row["range_m"] for row in rows if row["range_m"] is not None]
     nearest = f", nearest {min(hits):.2f} m" if hits else ""
     return f"{len(hits)} of {len(rows)} beams end at a boundary{nearest}"

@@ -6,6 +6,7 @@ from rich.table import Table
 
 from robotctl.estimation.ranging.fit.range_fit import Fitted
 from robotctl.estimation.sensors.registry import SONAR
+from robotctl.words import counted
 from robotctl.workbench.sensors.characterise import Characterisation
 from robotctl.workbench.sensors.patch import patch_values
 
@@ -28,7 +29,8 @@ def fit_table(result: Characterisation) -> Table:
     """Return what was measured, with the intervals."""
     fit = result.fit
     table = Table(
-        title=f"{result.config.robot.name}, {result.source.sensor}: {len(fit.fitted)} readings, "
+        title=f"{result.config.robot.name}, {result.source.sensor}: "
+        f"{counted(len(fit.fitted), 'reading')}, "
         f"{int(fit.fitted.sum())} of them away from edges and limits",
         title_justify="left",
     )
@@ -76,7 +78,7 @@ def words(result: Characterisation) -> list[str]:
     source, fit = result.source, result.fit
     origin = (
         f"poses by {source.poses_by}; room: {source.map_by}; intervals by "
-        f"{fit.ranges.stretches} stretches of the readings"
+        f"{counted(fit.ranges.stretches, 'stretch', 'stretches')} of the readings"
     )
     within = (
         f"{100 * result.within:.1f} % of the ranges away from edges lie within three of the "

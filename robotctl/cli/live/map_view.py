@@ -15,11 +15,14 @@ from robotctl.cli.live.canvas import Canvas
 from robotctl.messages.estimation import PlanView
 from robotctl.messages.map_message import grid_of
 from robotctl.model.wall_map import WallMap
+from robotctl.words import counted
 
 _ARROWS: Final = "→↗↑↖←↙↓↘"
 _PATH, _ARC, _SEEN, _PERSON = "green", "bold yellow", "red", "bold magenta"
 _BLOCKED, _DEAR = "on grey30", "on grey15"
 """Grounds of places that the middle of the robot cannot take, and of those that it avoids."""
+_OLD: Final = "dim"
+"""Of what a silent process said last."""
 _TOUCHES: Final = 100
 """Cost of the first [%]."""
 
@@ -50,13 +53,14 @@ class RunMap:
             for x_m, y_m, _ in np.frombuffer(progress.cloud.poses, "<f4").reshape(-1, 3):
                 canvas.point(x_m, y_m)
         if progress.plan is not None:
-            _draw_plan(canvas, progress.plan)
+            _draw_plan(canvas, progress.plan, _OLD if progress.navigation_silence else "")
         _mark_moving(canvas, progress)
         if here is not None:
             for thing in progress.view.obstacles if progress.view is not None else ():
-                canvas.mark(*here.apply(thing.x_m, thing.y_m), "x", _SEEN)
+                seen = _OLD if progress.camera_silence else _SEEN
+                canvas.mark(*here.apply(thing.x_m, thing.y_m), "x", seen)
             arrow = _ARROWS[round(here.theta_rad / (math.pi / 4)) % 8]
-            canvas.mark(here.x_m, here.y_m, arrow, "bold")
+            canvas.mark(here.x_m, here.y_m, arrow, _OLD if progress.control_silence else "bold")
         return canvas
 
     def _ground(self, progress: RunStatus, empty: Canvas) -> Canvas:
@@ -84,8 +88,9 @@ def title(progress: RunStatus) -> str:
     if state is None:
         return "map" if progress.map is None else "map as it grows"
     sigma_m = math.sqrt(max(0.0, state.covariance[0] + state.covariance[3]))
-    particles = f", {state.particles} particles" if state.particles else ""
-    return f"{state.method}: {state.status.name.lower()}, ±{sigma_m:.2f} m{particles}"
+    particles = f", {counted(state.particles, 'particle')}" if state.particles else ""
+    silent = f" ({progress.navigation_silence})" if progress.navigation_silence else ""
+    return f"{state.method}: {state.status.name.lower()}, ±{sigma_m:.2f} m{particles}{silent}"
 
 
 def legend(progress: RunStatus) -> Text:
@@ -104,21 +109,22 @@ def _mark_moving(canvas: Canvas, progress: RunStatus) -> None:
     if progress.truth is not None:
         for x_m, y_m in progress.truth.people:
             canvas.mark(x_m, y_m, "p", "dim")
-        canvas.mark(progress.truth.x_m, progress.truth.y_m, "o")
+        old = _OLD if progress.truth_silence else ""
+        canvas.mark(progress.truth.x_m, progress.truth.y_m, "o", old)
     if progress.plan is not None:
         for x_m, y_m, *_ in progress.plan.moving:
-            canvas.mark(x_m, y_m, "P", _PERSON)
+            canvas.mark(x_m, y_m, "P", _OLD if progress.navigation_silence else _PERSON)
 
 
-def _draw_plan(canvas: Canvas, plan: PlanView) -> None:
-    """Draw costs, obstacles that are on no map, path and arc."""
+def _draw_plan(canvas: Canvas, plan: PlanView, old: str) -> None:
+    """Draw costs, obstacles that are on no map, path and arc; `old`: how one of before looks."""
     costs = grid_of(plan.costs)
     for style, wanted in ((_DEAR, costs.cells > 0), (_BLOCKED, costs.cells == _TOUCHES)):
         for x_m, y_m in costs.centre_of(np.argwhere(wanted)).tolist():
             canvas.shade(x_m, y_m, style)
     for x_m, y_m in np.frombuffer(plan.obstacles, "<f4").reshape(-1, 2).tolist():
-        canvas.point(x_m, y_m, _SEEN)
+        canvas.point(x_m, y_m, old or _SEEN)
     for packed, style in ((plan.path, _PATH), (plan.arc, _ARC)):
         poses = np.frombuffer(packed, "<f4").reshape(-1, 3).tolist()
         for (x1_m, y1_m, _), (x2_m, y2_m, _) in itertools.pairwise(poses):
-            canvas.line(x1_m, y1_m, x2_m, y2_m, style)
+            canvas.line(x1_m, y1_m, x2_m, y2_m, old or style)

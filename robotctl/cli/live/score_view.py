@@ -9,6 +9,7 @@ from rich.table import Table
 
 from robotctl.app.simulation.held_up import SAY_MS
 from robotctl.app.simulation.score import CameraReport, Report, SlamReport
+from robotctl.words import counted
 
 _FAULTS_SHOWN = 8
 
@@ -23,16 +24,20 @@ def score_table(report: Report) -> Table:
     )
     pose, loop, bus = report.pose_error, report.loop, report.bus
     lag, step = loop["lag_us"], loop["step_us"]
-    done = f"{verdict}, {report.items_done} of {report.items} items"
+    done = f"{verdict}, {report.items_done} of {counted(report.items, 'item')}"
+    why = [each for each in (report.ended, report.message) if each]
     unsafe = report.unsafe_motions
-    people = f", people ran into it {report.ran_into} times" if report.ran_into else ""
+    people = f", people ran into it {counted(report.ran_into, 'time')}" if report.ran_into else ""
     rows: tuple[tuple[str, str], ...] = (
-        ("mission", f"{done}{f' ({report.message})' if report.message else ''}"),
+        ("mission", ": ".join((done, "; ".join(dict.fromkeys(why)))) if why else done),
         ("duration", f"{report.duration_s:.1f} s, {report.real_time_factor:.2f} × real time"),
-        ("distance", f"{report.distance_m:.2f} m, {report.collisions} collisions{people}"),
+        (
+            "distance",
+            f"{report.distance_m:.2f} m, {counted(report.collisions, 'collision')}{people}",
+        ),
         (
             "safety",
-            f"{unsafe} unsafe motions, the last: {report.unsafe_reason}"
+            f"{counted(unsafe, 'unsafe motion')}, the last: {report.unsafe_reason}"
             if unsafe
             else "no unsafe motion",
         ),
@@ -45,7 +50,10 @@ def score_table(report: Report) -> Table:
         ),
         (
             "loop",
-            f"{loop['rate_hz']:.0f} Hz, {loop['ticks']} ticks, {loop['overruns']} overruns",
+            (
+                f"{loop['rate_hz']:.0f} Hz, {counted(loop['ticks'], 'tick')}, "
+                f"{counted(loop['overruns'], 'overrun')}"
+            ),
         ),
         (
             "lag",
@@ -57,7 +65,10 @@ def score_table(report: Report) -> Table:
         ("step", f"p50 {step['p50']:.0f} µs, p99 {step['p99']:.0f} µs"),
         (
             f"bus {report.bus_kind}",
-            f"{bus['frames']} frames, load {100 * bus['load']:.1f} %, {bus['errors']} errors",
+            (
+                f"{counted(bus['frames'], 'frame')}, load {100 * bus['load']:.1f} %, "
+                f"{counted(bus['errors'], 'error')}"
+            ),
         ),
     )
     if report.log_trouble:
@@ -76,17 +87,22 @@ def _journey_rows(report: Report) -> list[tuple[str, str]]:
     if report.time_s is not None and report.best_s and report.mission_completed:
         ratio = report.time_s / report.best_s
         best = f"{ratio:.2f} × the best time of {report.best_s:.1f} s; "
-    text = f"{best}{report.plans} plans, {report.recoveries} recoveries"
+    text = f"{best}{counted(report.plans, 'plan')}, " + counted(
+        report.recoveries, "recovery", "recoveries"
+    )
     if report.min_clearance_m is not None:
-        text += f"; {report.min_clearance_m:.3f} m clear, {report.near_misses} near misses"
+        text += f"; {report.min_clearance_m:.3f} m clear, "
+        text += counted(report.near_misses, "near miss", "near misses")
     return [("journey", text)]
 
 
 def _computer_rows(report: Report) -> list[tuple[str, str]]:
-    """Return how long this computer was held up, where that counts."""
-    if report.held_up_ms < SAY_MS:
-        return []
-    return [("computer", f"held up for {report.held_up_ms:.0f} ms at most; not so in lockstep")]
+    """Return what was silent at the end, and how long this computer was held up."""
+    rows = [("silent", "; ".join(report.silent))] if report.silent else []
+    if report.held_up_ms >= SAY_MS:
+        text = f"held up for {report.held_up_ms:.0f} ms at most; not so in lockstep"
+        rows.append(("computer", text))
+    return rows
 
 
 def _place_rows(report: Report) -> list[tuple[str, str]]:
@@ -138,7 +154,7 @@ def _slam_rows(slam: SlamReport) -> list[tuple[str, str]]:
     false = f"{slam.false_loops} of them false" if slam.false_loops else "none false"
     return [
         ("trajectory", f"ape {slam.ape_m:.3f} m, rpe {by_metre}"),
-        ("loops", f"{slam.loops} links to places seen before, {false}"),
+        ("loops", f"{counted(slam.loops, 'link')} to places seen before, {false}"),
     ]
 
 
@@ -152,7 +168,9 @@ def _camera_rows(camera: CameraReport | None) -> list[tuple[str, str]]:
     if camera is None:
         return []
     blind = f", {camera.untrusted} of them not judged" if camera.untrusted else ""
-    rows = [("camera", f"{camera.pictures} pictures{blind}, {camera.step_ms:.1f} ms each")]
+    rows = [
+        ("camera", f"{counted(camera.pictures, 'picture')}{blind}, {camera.step_ms:.1f} ms each")
+    ]
     if camera.range_error is not None and camera.within_3_sigma is not None:
         ranges = f"median error {100 * camera.range_error:.2f} %"
         rows.append(("ranges", f"{ranges}, {100 * camera.within_3_sigma:.1f} % within 3 σ"))

@@ -24,6 +24,7 @@ from robotctl.messages.control import ControlState, SafetyState
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.wall_map import WallMap
 from robotctl.safety.state_machine import LATCHED
+from robotctl.words import counted
 
 _LINE_S = 5.0
 _LIVE_S = 0.2
@@ -37,6 +38,8 @@ _FEWEST_COLUMNS = 30
 _NOTICES, _NOTICES_LOW = 5, 3
 _LOW = 30
 """A terminal of fewer lines is low."""
+_OLD, _SILENT = "dim", "bold white on red"
+"""Of what a silent process said last, and of the fact that it is silent."""
 _SLOW = 0.99
 """Below this real-time factor it is shown."""
 _STATE_STYLE = {
@@ -103,6 +106,7 @@ class LineView:
         self._keys = keys
         self._printed_s = -math.inf
         self._what_now = ""
+        self._is_silent = False
 
     def __enter__(self) -> LineView:
         """Begin to show."""
@@ -128,6 +132,10 @@ class LineView:
         control, navigation = progress.control, progress.navigation
         if control is None:
             return
+        silent = "; ".join(progress.silences)
+        if progress.is_silent_for_long != self._is_silent:
+            self._is_silent = not self._is_silent
+            self._print(progress.elapsed_s, silent if self._is_silent else "all are heard again")
         now = what_now(control, keys=True) if self._keys and control.state in LATCHED else ""
         if now and now != self._what_now:
             self._print(progress.elapsed_s, now)
@@ -145,7 +153,7 @@ class LineView:
             f"{control.state.name} {item} {_place(progress.pose, ' ')} "
             f"v {_measured(control.v_m_s)} m/s "
             f"lag p99 {control.loop.lag_us_p99:.0f} µs bus {100 * control.bus.load:.0f} %"
-            f"{_factor(progress)}",
+            f"{_factor(progress)}{f' [{silent}]' if silent else ''}",
         )
 
     def _print(self, elapsed_s: float, line: str) -> None:
@@ -188,6 +196,7 @@ class LiveView:
         self._notices: deque[str] = deque(maxlen=_NOTICES)
         self._shown_s = -math.inf
         self._live = Live(console=console, auto_refresh=False, screen=False)
+        self._size = console.size
 
     def __enter__(self) -> LiveView:
         """Take the terminal."""
@@ -208,9 +217,20 @@ class LiveView:
         for line in progress.lines:
             self._notices += [f"{progress.elapsed_s:6.1f} s  {each}" for each in line.splitlines()]
         progress.lines.clear()
+        if self._console.size != self._size:
+            self._begin_anew()
         if progress.elapsed_s - self._shown_s >= _LIVE_S:
             self._shown_s = progress.elapsed_s
             self._live.update(self.screen(progress), refresh=True)
+
+    def _begin_anew(self) -> None:
+        """Clear a terminal of another size, which has broken the lines that stood there."""
+        self._size = self._console.size
+        self._live.stop()
+        self._console.clear()
+        self._live = Live(console=self._console, auto_refresh=False, screen=False)
+        self._live.start()
+        self._shown_s = -math.inf
 
     def screen(self, progress: RunStatus) -> Group:
         """Lay out the whole screen, one line less than the terminal has."""
@@ -218,9 +238,9 @@ class LiveView:
         control = progress.control
         top = [*self._head(progress)]
         most = _NOTICES if height >= _LOW else _NOTICES_LOW
-        bottom = [_line("connect: " + "  ".join(self._connections), "dim")]
-        bottom += [_line(each) for each in [*self._notices][-most:]]
-        rows = height - 1 - len(top) - 1 - most
+        connect = [_line(each, "dim") for each in _packed("connect:", self._connections, width)]
+        bottom = [*connect, *(_line(each) for each in [*self._notices][-most:])]
+        rows = height - 1 - len(top) - len(connect) - most
         parts: list[object] = [*top]
         if self._helps:
             parts += [_line(each) for each in HELP]
@@ -232,19 +252,30 @@ class LiveView:
         """Yield state, mode and mission item; why it stands and what to do; pose; keys."""
         control, navigation = progress.control, progress.navigation
         first = _line(f"{self._config.robot.name}  {progress.elapsed_s:6.1f} s  ")
+        silent, old = progress.control_silence, _OLD if progress.control_silence else ""
         if control is None:
             first.append("waiting for the control process")
         else:
-            first.append(f" {control.state.name} ", style=_STATE_STYLE[control.state])
+            if silent:
+                first.append(f" {silent} ", style=_SILENT)
+            style = old or _STATE_STYLE[control.state]
+            first.append(f" {control.state.name} ", style=style)
         if navigation is not None:
+            nav_silent = progress.navigation_silence
             first.append(
                 f"  {navigation.mode.name}  {navigation.mission} "
-                f"{navigation.item}/{navigation.items} {navigation.item_name}"
+                f"{navigation.item}/{navigation.items} {navigation.item_name}",
+                style=_OLD if nav_silent else "",
             )
+            if nav_silent:
+                first.append(f" {nav_silent} ", style=_SILENT)
         yield first
         if control is not None:
-            yield _line(run_message(control, navigation))
-            if now := what_now(control, keys=self._keys):
+            message_old = old or (_OLD if progress.navigation_silence else "")
+            yield _line(run_message(control, navigation), message_old)
+            if navigation is None:
+                yield _line("navigation starts; then the robot is armed and drives its mission")
+            elif (now := what_now(control, keys=self._keys)) and not silent:
                 yield _line(now, "bold")
             battery = control.battery
             charge = (
@@ -254,7 +285,8 @@ class LiveView:
             )
             yield _line(
                 f"{_place(progress.pose, '  ')}  {_measured(control.v_m_s)} m/s   "
-                f"{charge}  {_factor(progress)}"
+                f"{charge}  {_factor(progress)}",
+                old,
             )
         if self._keys:
             yield _line(BRIEF, "bold")
@@ -280,7 +312,9 @@ class LiveView:
             return both
         figures = [*self._motion(control), *self._sonars(control), *_health(control)][:rows]
         longest = max(len(name) for name, _ in figures)
-        both.add_row(panel, Group(*(_line(f"{name:{longest}}  {text}") for name, text in figures)))
+        old = _OLD if progress.control_silence else ""
+        lines = (_line(f"{name:{longest}}  {text}", old) for name, text in figures)
+        both.add_row(panel, Group(*lines))
         return both
 
     def _motion(self, control: ControlState) -> Iterator[tuple[str, str]]:
@@ -326,17 +360,28 @@ def _health(control: ControlState) -> Sequence[tuple[str, str]]:
             "loop",
             (
                 f"{loop.rate_hz:.0f} Hz, lag p50 {loop.lag_us_p50:.0f} p99 {loop.lag_us_p99:.0f} "
-                f"max {loop.lag_us_max:.0f} µs, {loop.overruns} overruns"
+                f"max {loop.lag_us_max:.0f} µs, {counted(loop.overruns, 'overrun')}"
             ),
         ),
         (
             "bus",
             (
                 f"{bus.state.name.lower()}, load {100 * bus.load:.0f} %, "
-                f"{bus.received + bus.sent} frames, {bus.error_frames} error frames"
+                f"{counted(bus.received + bus.sent, 'frame')}, "
+                f"{counted(bus.error_frames, 'error frame')}"
             ),
         ),
     )
+
+
+def _packed(first: str, parts: Sequence[str], width: int) -> list[str]:
+    """Return a word and parts in as few lines as they fit in, no part broken."""
+    lines, indent = [first], " " * len(first)
+    for each in parts:
+        if lines[-1] not in (first, indent) and len(lines[-1]) + 2 + len(each) > width:
+            lines.append(indent)
+        lines[-1] += f"  {each}"
+    return lines
 
 
 def _line(text: str, style: str = "") -> Text:

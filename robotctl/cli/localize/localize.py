@@ -16,6 +16,7 @@ from robotctl.cli.progress import progress_bar
 from robotctl.config.robot_file import RobotConfig, find_file, load_robot
 from robotctl.errors import ConfigError
 from robotctl.model.geometry.se2 import SE2
+from robotctl.words import counted
 from robotctl.workbench.localize.options import LocalizeOptions
 
 
@@ -186,7 +187,7 @@ def _sigmas(text: str) -> tuple[float, float]:
 def _sentence(report: dict[str, Any]) -> str:
     """Return the outcome for people."""
     ape, heading, shares = report["ape"], report["heading_rmse_rad"], report["shares"]
-    parts = [f"{report['updates']} updates"]
+    parts = [counted(report["updates"], "update")]
     if ape["rmse_m"] is not None:
         parts.append(f"position error {ape['rmse_m']:.3f} m rms, at most {ape['max_m']:.3f} m")
     else:

@@ -8,11 +8,13 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
+from robotctl.words import counted
+
 
 def seeds_table(reports: Sequence[dict[str, Any]]) -> Table:
     """Return a table with a line for each run, and the median of all; `-`: unknown."""
     table = Table(
-        title=f"{len(reports)} runs: place known at the end of "
+        title=f"{counted(len(reports), 'run')}: place known at the end of "
         f"{sum(not each['lost'] for each in reports)}",
         title_justify="left",
         caption="m, rad and s; shares in % of the estimates",

@@ -15,6 +15,7 @@ from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
 from robotctl.cli.progress import progress_bar
 from robotctl.errors import ConfigError
+from robotctl.words import counted
 
 if TYPE_CHECKING:
     from robotctl.workbench.logs.series import Selection, Series
@@ -96,10 +97,11 @@ def _figures(series: Series) -> str:
     infinite = int(np.isinf(series.values).sum())
     missing = series.messages - len(finite) - infinite
     unit = f" {series.unit}" if series.unit else ""
-    parts = [f"{len(finite)} values"]
+    values = counted(len(finite), "value")
+    parts = [values]
     if len(finite):
         parts = [
-            f"{len(finite)} values from {series.time_s[0]:.2f} to {series.time_s[-1]:.2f} s",
+            f"{values} from {series.time_s[0]:.2f} to {series.time_s[-1]:.2f} s",
             f"{finite.min():.6g} to {finite.max():.6g}{unit}, mean {finite.mean():.6g}{unit}",
         ]
     parts += [f"{infinite} infinite"] if infinite else []

@@ -19,6 +19,7 @@ from robotctl.runtime.flight.recorder import RecordError, read_record
 from robotctl.runtime.flight.ring import dump as dump_ring
 from robotctl.runtime.ipc.topics import ring_folder, ring_name
 from robotctl.runtime.storage.ring_file import is_written
+from robotctl.words import counted
 
 app = typer.Typer(help="The flight recorder and the logs.", no_args_is_help=True)
 
@@ -56,23 +57,25 @@ def dump(
 
 @app.command()
 def recover(
-    file: Annotated[Path, typer.Argument(help="robot-*.mcap that was cut short.")],
+    file: Annotated[
+        Path, typer.Argument(help="robot-*.mcap, or another MCAP file, that was cut short.")
+    ],
 ) -> None:
     """Complete an MCAP log that was not closed, in place; the recorder does so when it starts.
 
-    A whole log stays as it is. Damaged places are left out; the log as it was is kept then, as
+    A whole log stays as it is. If anything is left out, the log as it was is kept, as
     FILE.damaged-1 and so on.
     """
-    from robotctl.logs.mcap.log import recover as recover_log  # noqa: PLC0415 - loads zstd
+    from robotctl.logs.mcap.recovery import recover as recover_log  # noqa: PLC0415 - loads zstd
 
     try:
         recovered = recover_log(file)
     except OSError as error:
         raise RecordError(f"{file}: cannot be recovered: {error.strerror}") from error
     if recovered.was_intact:
-        print(f"{file}: is complete, {recovered.messages} messages; left as it is")
+        print(f"{file}: is complete, {counted(recovered.messages, 'message')}; left as it is")
     else:
-        print(f"{file}: complete, {recovered.messages} messages{recovered.loss()}")
+        print(f"{file}: complete, {counted(recovered.messages, 'message')}{recovered.loss()}")
 
 
 @app.command()
@@ -83,7 +86,7 @@ def export(
             help="Folder of --record, a robot-*.mcap of it, or a record: fault-*.rec, a dump."
         ),
     ],
-    csv: Annotated[Path, typer.Option(help="Output folder, one file per topic.")],
+    csv: Annotated[Path, typer.Option(metavar="FOLDER", help="Output folder, one file per topic.")],
 ) -> None:
     """Write a recording as tables: CSV for spreadsheets and pandas, the units in the headings."""
     if csv.exists() and not csv.is_dir():
@@ -96,7 +99,7 @@ def export(
     for note in exported.notes:
         console.print(f"note: {note}", soft_wrap=True)
     for each in exported.files:
-        print(f"{each.path}: {each.rows} rows, {each.columns} columns")
+        print(f"{each.path}: {counted(each.rows, 'row')}, {counted(each.columns, 'column')}")
 
 
 def _check_target(file: Path) -> None:

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 import robotctl
+from robotctl.words import counted
 
 DIFFERENT = 1
 
@@ -25,14 +26,14 @@ def replay(
     result = replayed.result
     if replayed.version != robotctl.__version__:
         print(f"made by robotctl {replayed.version}, replayed by {robotctl.__version__}")
-    gaps = f", {result.gaps} gaps in the record" if result.gaps else ""
+    gaps = f", {counted(result.gaps, 'gap')} in the record" if result.gaps else ""
     if replayed.is_cut:
         gaps += ", up to where the record was cut"
     if result.difference is None:
-        print(f"{file}: {result.agreed} ticks, all outputs the same bit for bit{gaps}")
+        print(f"{file}: {counted(result.agreed, 'tick')}, all outputs the same bit for bit{gaps}")
         return
     tick = result.difference.tick
-    print(f"{file}: {result.agreed} ticks agree{gaps}")
+    print(f"{file}: {result.agreed} of the ticks agree{gaps}")
     print(f"tick {result.difference.number} of the run, at {tick.now_ns} ns, differs:")
     for name, recorded, computed in differences(result.difference):
         print(f"  {name}: recorded {recorded}, computed {computed}")

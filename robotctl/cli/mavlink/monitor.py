@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from robotctl.workbench.mavlink.monitor import LinkMonitor
 
 
+_OLD = "dim"
+"""Of what has not come for three of its periods."""
+
+
 def monitor(
     link: Link = DEFAULT,
     key: Key = None,
@@ -48,13 +52,14 @@ def tables(seen: LinkMonitor, now_s: float) -> Group:
     from rich.console import Group  # noqa: PLC0415
     from rich.table import Table  # noqa: PLC0415
 
-    senders = Table("system", "component", "received", "lost", "late", "quality")
+    senders = Table("system", "component", "received", "lost", "late", "quality", "age s")
     for sender in seen.senders(now_s):
-        *numbers, quality = sender
-        senders.add_row(*map(str, numbers), f"{100.0 * quality:.1f} %")
-    messages = Table("system", "component", "message", "Hz", "B/s", "count")
+        *numbers, quality, age_s, old = sender
+        words = (*map(str, numbers), f"{100.0 * quality:.1f} %", f"{age_s:.1f}")
+        senders.add_row(*words, style=_OLD if old else "")
+    messages = Table("system", "component", "message", "Hz", "B/s", "count", "age s")
     for row in seen.rows(now_s):
         address = str(row.system), str(row.component)
-        figures = f"{row.rate_hz:.1f}", f"{row.bytes_s:.0f}", str(row.total)
-        messages.add_row(*address, row.name, *figures)
+        figures = f"{row.rate_hz:.1f}", f"{row.bytes_s:.0f}", str(row.total), f"{row.age_s:.1f}"
+        messages.add_row(*address, row.name, *figures, style=_OLD if row.old else "")
     return Group(senders, messages)

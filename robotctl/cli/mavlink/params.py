@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from robotctl.cli.mavlink.link import DEFAULT, Key, Link, companion
+from robotctl.words import counted
 
 if TYPE_CHECKING:
     from robotctl.workbench.mavlink.parameters import ParameterClient
@@ -74,7 +75,7 @@ def save(file: ParameterFile, link: Link = DEFAULT, key: Key = None) -> None:
     with _client(link, key) as client:
         readings = client.read_all()
     parameters.save(file, readings)
-    print(f"{file}: {len(readings)} parameters")
+    print(f"{file}: {counted(len(readings), 'parameter')}")
 
 
 @app.command()
@@ -83,15 +84,20 @@ def load(file: ParameterFile, link: Link = DEFAULT, key: Key = None) -> None:
     from robotctl.workbench.mavlink import parameters  # noqa: PLC0415
 
     wanted = parameters.read(file)
-    refused = 0
     with _client(link, key) as client:
-        for each in parameters.differences(client.read_all(), wanted):
-            try:
-                reading, said = client.set(each.name, wanted[each.name])
-                print(said or f"{each.name}: {reading.text}")
-            except parameters.ParameterRefusedError as error:
-                refused += 1
-                print(f"refused: {error}")
+        waiting = [each.name for each in parameters.differences(client.read_all(), wanted)]
+        refused: dict[str, str] = {}
+        while waiting:  # some values are allowed only after others
+            refused = {}
+            for name in waiting:
+                try:
+                    reading, said = client.set(name, wanted[name])
+                    print(said or f"{name}: {reading.text}")
+                except parameters.ParameterRefusedError as error:
+                    refused[name] = str(error)
+            waiting = [*refused] if len(refused) < len(waiting) else []
+    for why in refused.values():
+        print(f"refused: {why}")
     if refused:
         raise typer.Exit(REFUSED)
 

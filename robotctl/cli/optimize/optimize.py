@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
+from robotctl.words import counted
 
 if TYPE_CHECKING:
     from robotctl.workbench.graphs.optimize import OptimizeResult
+
+_SHOWN: Final = 3
 
 
 def optimize(
@@ -32,6 +35,13 @@ def optimize(
     animate: Annotated[
         Path | None, typer.Option(help="Draw the graph after each iteration here: .gif.")
     ] = None,
+    clip_indefinite: Annotated[
+        bool,
+        typer.Option(
+            "--clip-indefinite",
+            help="Put 0 in place of negative eigenvalues of information matrices.",
+        ),
+    ] = False,
     marginals: Annotated[
         str, typer.Option(metavar="ID,...", help="Covariances of these variables; l5 is a point.")
     ] = "",
@@ -55,8 +65,7 @@ def optimize(
     )
     from robotctl.workbench.graphs.optimize import optimize as work  # noqa: PLC0415
 
-    if out is not None:
-        format_of(out)
+    written = None if out is None else format_of(out)
     console = plain_console(stderr=True)
     if cache_is_cold():
         console.print(COMPILING, soft_wrap=True)
@@ -67,6 +76,7 @@ def optimize(
         init or ("odometry" if robust or solver in IN_ORDER else "chordal"),
         tuple(filter(None, marginals.replace(" ", "").split(","))),
         keeps_course=animate is not None,
+        clip_indefinite=clip_indefinite,
     )
     with progress_bar(console, graph.name, "optimising") as tell:
         result = work(options, lambda _, done, total: tell(done, total))
@@ -84,8 +94,20 @@ def optimize(
         with progress_bar(console, graph.name, "drawing") as tell:
             write_file(animate, lambda file: save_animation(result, file, tell))
     print(summary(result))
+    if written is not None and len(result.file.fixed) and not written.has_fixed:
+        print(f"note: {out}: {written.name} has no word for fixed variables; g2o has")
     if not result.solution.is_converged:
         raise typer.Exit(1)
+
+
+def _kept_in_place(result: OptimizeResult) -> str:
+    """Return what keeps its place, and what is held since nothing determines it."""
+    graph = result.graph
+    if len(result.fixed) == graph.size:
+        return "all variables are fixed: there is nothing to find"
+    parts = [graph.names(result.fixed.tolist())] if len(result.fixed) else []
+    parts += [each.name(graph) for each in result.held()[:_SHOWN]]
+    return f"kept in place: {'; '.join(parts) or 'nothing, priors do that'}"
 
 
 def summary(result: OptimizeResult) -> str:
@@ -95,22 +117,28 @@ def summary(result: OptimizeResult) -> str:
     count = figures["connected_components"]
     parts = "all connected" if count == 1 else f"in {count} separate parts"
     lines = [
-        "{vertices} variables, {edges} factors, ".format(**figures) + parts,
-        "chi2 {chi2_initial:.6g} -> {chi2_final:.8g} in {iterations} iterations".format(**figures)
-        + f", {time_ms:.1f} ms",
+        ", ".join(
+            (counted(figures["vertices"], "variable"), counted(figures["edges"], "factor"), parts)
+        ),
+        "chi2 {chi2_initial:.6g} -> {chi2_final:.8g} in ".format(**figures)
+        + f"{counted(figures['iterations'], 'iteration')}, {time_ms:.1f} ms",
     ]
     if "rounds" in figures:
         lines.append(
-            "{rounds} rounds of messages; the last means are within {left_sigma:.2g} standard "
-            "deviations of the solution".format(**figures)
+            f"{counted(figures['rounds'], 'round')} of messages; the last means are within "
+            f"{figures['left_sigma']:.2g} standard deviations of the solution"
         )
     if figures["switched_off"]:
         lines.append(
-            f"{figures['switched_off']} factors switched off; chi2 of the rest "
+            f"{counted(figures['switched_off'], 'factor')} switched off; chi2 of the rest "
             f"{figures['chi2_kept']:.8g}"
         )
+    lines += [f"note: {each}" for each in figures["notes"]]
+    lines.append(_kept_in_place(result))
     if not figures["converged"]:
-        lines.append("not converged: try another --init, or --robust")
+        lines.append(f"not converged: {figures['advice']}")
+    elif figures["advice"]:
+        lines.append(figures["advice"])
     for name, covariance in result.covariances.items():
         sigma = ", ".join(f"{each:.3g}" for each in covariance.diagonal() ** 0.5)
         lines.append(f"{name}: standard deviations {sigma} in its own frame, m and rad")

@@ -12,6 +12,7 @@ import typer
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
 from robotctl.cli.progress import progress_bar
+from robotctl.words import counted
 
 if TYPE_CHECKING:
     from robotctl.workbench.places.images import MatchedImages
@@ -33,20 +34,23 @@ def train_vocabulary(
     files = work.find_images(images)
     console = plain_console(stderr=True)
     with (
-        progress_bar(console, f"{len(files)} images", "finding features") as reading,
+        progress_bar(console, counted(len(files), "image"), "finding features") as reading,
         progress_bar(console, "descriptors", "dividing features") as training,
     ):
         vocabulary = work.train_vocabulary(files, seed, reading, training)
     write_file(out, lambda file: save_vocabulary(vocabulary, file))
     size_mb = out.stat().st_size / 1e6
-    print(f"{out}: {vocabulary.words} words from {len(files)} images, {size_mb:.1f} MB")
+    print(f"{out}: {vocabulary.words} words from {counted(len(files), 'image')}, {size_mb:.1f} MB")
 
 
 def match(
     images: Images,
     against: Annotated[
         list[Path] | None,
-        typer.Option(help="Images or a folder to recognise them among; else those before each."),
+        typer.Option(
+            metavar="IMAGES",
+            help="Images or a folder to recognise them among; else those before each.",
+        ),
     ] = None,
     vocabulary: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Of train-vocabulary; else the shipped one.")
@@ -78,7 +82,7 @@ def match(
     right = None if truth is None else work.read_truth(truth, len(files), len(known or files))
     words = vocabulary_file.load_vocabulary(vocabulary or vocabulary_file.shipped_vocabulary())
     console = plain_console(stderr=True)
-    with progress_bar(console, f"{len(files)} images", "recognising") as tell:
+    with progress_bar(console, counted(len(files), "image"), "recognising") as tell:
         matched = work.match_images(words, files, known, gap, seed, tell)
     print("\n".join(_lines(matched)))
     if right is not None:

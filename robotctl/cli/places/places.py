@@ -16,6 +16,7 @@ from robotctl.cli.arguments import Overrides, RobotName, refuse_unused
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
 from robotctl.cli.places.images import match, train_vocabulary
+from robotctl.words import counted
 
 if TYPE_CHECKING:
     from robotctl.estimation.places.database import PlaceBook
@@ -75,7 +76,7 @@ def learn(
         refuse_unused(ctx, "without --world", "seed")
     source = _source(log, world, live, at, robot, seed, overrides)
     with _turning(source) as progress:
-        learned = places.learn(name, book, source, progress)
+        learned = places.learn(name, book, source, progress, _tell)
     known = learned.book
     place = next(each for each in known.places if each.name == name)
     pose, heard = place.visits[-1].pose, place.visits[-1].signature
@@ -84,7 +85,8 @@ def learn(
     for other in learned.alike:
         print(f"{name} is hardly told from {other}: they may be taken for each other")
     print(
-        f"{book}: {len(known.places)} places, accepted up to a difference of {known.threshold:.3f}"
+        f"{book}: {counted(len(known.places), 'place')}, accepted up to a difference of "
+        f"{known.threshold:.3f}"
     )
 
 
@@ -112,7 +114,7 @@ def recognise(
         refuse_unused(ctx, "without --world", "seed")
     source = _source(log, world, live, at, robot, seed, overrides)
     with _turning(source) as progress:
-        found = places.recognise(book, source, progress)
+        found = places.recognise(book, source, progress, _tell)
     for each in found:
         print("\n".join(_lines(each)))
     if plot is not None:
@@ -165,6 +167,10 @@ def _turning(source: PlaceSource) -> Iterator[Progress]:
         console.print(f"turn {source.live} on the spot by 360°; Ctrl-C ends")
     with console.status("reading" if source.log else "waiting") as status:
         yield lambda turned_rad: status.update(f"turned {math.degrees(turned_rad):.0f}°")
+
+
+def _tell(note: str) -> None:
+    plain_console(stderr=True).print(f"note: {note}", soft_wrap=True)
 
 
 def _lines(found: Recognised) -> Iterator[str]:

@@ -12,6 +12,7 @@ from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
 from robotctl.cli.topology.topology import way_lines
 from robotctl.errors import ConfigError
+from robotctl.words import counted
 
 if TYPE_CHECKING:
     from robotctl.workbench.planning.plan import PlanResult
@@ -21,7 +22,7 @@ def plan(
     ctx: typer.Context,
     places: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[PLACE PLACE]", help="With --topological: from where to where."),
+        typer.Argument(metavar="FROM TO", help="With --topological: from where to where."),
     ] = None,
     topological: Annotated[
         Path | None,
@@ -147,5 +148,6 @@ def summary(result: PlanResult) -> str:
     return (
         f"{result.options.planner}: {figures['length_m']:.3f} {unit}, "
         f"cost {figures['cost']:.3f} {unit}, smallest clearance "
-        f"{figures['min_clearance_m']:.2f} {unit}, {len(result.path)} poses, {effort}"
+        f"{figures['min_clearance_m']:.2f} {unit}, "
+        f"{counted(len(result.path), 'pose')}, {effort}"
     )

@@ -9,6 +9,7 @@ from rich.console import Console
 
 from robotctl.cli.progress import progress_bar
 from robotctl.cli.slam.output import error_words, write_slam
+from robotctl.words import counted
 
 if TYPE_CHECKING:
     from robotctl.workbench.slam.scans import ScanResult
@@ -48,18 +49,18 @@ def _sentence(report: dict[str, Any]) -> str:
     loops, compared = report["loops"], report["trajectory"]
     refused = sum(loops["refused"].values())
     parts = [
-        f"{report['scans']} scans" + ("" if report["odometry"] else " without odometry"),
-        f"{report['keyframes']} keyframes",
-        f"{loops['closed']} loops closed, {refused} refused",
-        f"{report['links_of_loops']} links of loops",
+        counted(report["scans"], "scan") + ("" if report["odometry"] else " without odometry"),
+        counted(report["keyframes"], "keyframe"),
+        f"{counted(loops['closed'], 'loop')} closed, {refused} refused",
+        f"{counted(report['links_of_loops'], 'link')} of loops",
     ]
     if "images" in report:
         pictures = report["images"]
         parts.append(f"{pictures['recognised']} of {pictures['looked_at']} images recognised")
     if report["unmatched"]:
-        parts.append(f"{report['unmatched']} scans fit nowhere")
+        parts.append(f"matched nowhere: {counted(report['unmatched'], 'scan')}")
     if report["slips"]:
-        parts.append(f"the wheels slipped {report['slips']} times")
+        parts.append(f"the wheels slipped {counted(report['slips'], 'time')}")
     parts.append(error_words(compared))
     times = report["time_ms"]
     parts.append(f"{times['mean']:.1f} ms a scan, {1e-3 * (times['scans'] + times['grid']):.1f} s")

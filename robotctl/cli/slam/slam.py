@@ -13,6 +13,7 @@ from robotctl.cli.progress import progress_bar
 from robotctl.cli.slam.output import error_words, write_slam
 from robotctl.errors import ConfigError
 from robotctl.estimation.slam.local_scans.registry import SCAN_SOURCES
+from robotctl.words import counted
 
 
 def slam(
@@ -20,7 +21,9 @@ def slam(
         Path,
         typer.Option(help="MRCLAM folder, another log with sightings or scans, or a graph."),
     ],
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Write the results into this folder.")],
+    out: Annotated[
+        Path, typer.Option(metavar="FOLDER", help="Write the results into this folder.")
+    ],
     features: Annotated[str, typer.Option(help="What the map is made of: landmarks.")] = (
         "landmarks"
     ),
@@ -59,7 +62,7 @@ def slam(
     images: Annotated[
         Path | None,
         typer.Option(
-            metavar="DIR",
+            metavar="FOLDER",
             help="With --sensor: the drive's pictures, named by time or listed, to know places by.",
         ),
     ] = None,
@@ -125,7 +128,7 @@ def slam(
 def _sentence(report: dict[str, Any]) -> str:
     """Return the outcome for people."""
     seen, compared = report["sightings"], report["trajectory"]
-    parts = [f"{report['landmarks']} landmarks", f"{seen['used']} sightings"]
+    parts = [counted(report["landmarks"], "landmark"), counted(seen["used"], "sighting")]
     if seen["unused"]:
         parts.append(f"{seen['unused']} unused")
     parts.append(error_words(compared))

@@ -10,6 +10,7 @@ import typer
 
 from robotctl.cli.arguments import Overrides, RobotName
 from robotctl.cli.files import check_files, write_file
+from robotctl.words import counted
 
 if TYPE_CHECKING:
     from robotctl.planning.topological.graph import Step
@@ -24,9 +25,12 @@ def build_command(
     world_map: Annotated[str, typer.Argument(metavar="MAP", help="ROS map (.yaml) or world.")],
     out: Annotated[Path, typer.Option(metavar="FILE", help="Write places and passages here.")],
     marks: Annotated[
-        Path | None,
-        typer.Option(help="File of [[mark]]s (name, x_m, y_m): a place with one gets its name."),
-    ] = None,
+        str,
+        typer.Option(
+            metavar="FILE",
+            help="File of [[mark]]s (name, x_m, y_m): a place with one gets its name.",
+        ),
+    ] = "",
     robot: RobotName = "diff_drive",
     plot: Annotated[
         Path | None, typer.Option(help="Draw places over the map: .png, .svg or .pdf.")
@@ -43,13 +47,13 @@ def build_command(
     for place in found.places:
         print(
             f"{place.name}: {place.area_m2:.1f} m2, {place.width_m:.1f} m wide, "
-            f"{_counted(len(place.passages), 'passage')}"
+            f"{counted(len(place.passages), 'passage')}"
         )
     for passage in found.passages:
         print(f"{passage.name}: {' - '.join(passage.between)}, {passage.width_m:.2f} m wide")
     write_file(out, lambda file: save_topology(found, file))
     places, passages = len(found.places), len(found.passages)
-    print(f"{out}: {_counted(places, 'place')}, {_counted(passages, 'passage')}")
+    print(f"{out}: {counted(places, 'place')}, {counted(passages, 'passage')}")
     if plot is not None:
         from robotctl.cli.topology.plot import save_plot  # noqa: PLC0415 - an extra
 
@@ -80,14 +84,10 @@ def way_lines(start: str, way: Sequence[Step]) -> list[str]:
             f"{step.place.name}"
         )
     length_m = sum(step.passage.length_m for step in way)
-    return [*lines, f"{_counted(len(way), 'passage')}, about {length_m:.1f} m"]
-
-
-def _counted(number: int, thing: str) -> str:
-    return f"{number} {thing}" if number == 1 else f"{number} {thing}s"
+    return [*lines, f"{counted(len(way), 'passage')}, about {length_m:.1f} m"]
 
 
 def _turn(left: int, of: int) -> str:
     """Say which passage it is, counted from the one through which the robot came."""
     number, side = (left, "left") if 2 * left <= of else (of - left, "right")
-    return f"number {number} to the {side}, of {of} passages"
+    return f"number {number} to the {side}, of {counted(of, 'passage')}"

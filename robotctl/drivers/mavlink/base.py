@@ -14,6 +14,7 @@ from pymavlink.dialects.v20 import common
 
 from robotctl.drivers.mavlink.admission import Standing
 from robotctl.drivers.mavlink.frames import FrameReader
+from robotctl.drivers.mavlink.listening import in_use
 from robotctl.drivers.mavlink.signing import Signing
 from robotctl.drivers.mavlink.tlog import TlogRecorder
 from robotctl.messages.mavlink_port import LinkConfig, LinkStatus, Message, Peer, Received
@@ -81,7 +82,9 @@ class Channel:
         if self._signing.key is not None:
             codec.signing.secret_key = self._signing.key
             codec.signing.sign_outgoing = True
-            codec.signing.timestamp = self._signing.next_stamp()
+            # pymavlink has raised its own behind the last frame.
+            newest = max(self.reader.newest + 1, codec.signing.timestamp)
+            codec.signing.timestamp = max(self._signing.next_stamp(), newest)
         codec.seq = self._seq
         frame: bytes = message.pack(codec)
         self._seq = (self._seq + 1) & 0xFF
@@ -181,9 +184,8 @@ class Link(ABC):
     def _words(self, error: Exception | str) -> str:
         """Return the problem, and the remedy if known."""
         if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
-            port = self.address.port
-            return f"port {port} is in use by another program, see sudo ss -lnp | grep :{port}"
-        return str(error)
+            return in_use(self.address.port)
+        return getattr(error, "strerror", None) or str(error)
 
     def opened(self) -> None:
         """Count a successful opening."""

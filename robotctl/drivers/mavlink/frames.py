@@ -72,6 +72,10 @@ class FrameReader:
         self.unknown = 0
         self.is_v1 = False
         """Whether the sender has used only MAVLink 1."""
+        self.newest = 0
+        """Time stamp that signed frames for the sender have to exceed."""
+        self.late = 0
+        """Frames of who has the key that were too late."""
 
     def feed(self, data: bytes, now_ns: int) -> list[Message]:
         """Take bytes of a stream; return the messages they complete."""
@@ -171,7 +175,10 @@ class FrameReader:
         """Say whether who has sent a frame may talk to the robot."""
         if message.get_msgId() in self._free:
             return True
-        return self._signing.accepts(frame, source(message))
+        verdict = self._signing.judge(frame, source(message))
+        self.newest = max(self.newest, verdict.stamp)
+        self.late += verdict.stamp > 0 and not verdict.taken
+        return verdict.taken
 
 
 def _find_marker(buffer: bytearray, position: int) -> int:

@@ -6,7 +6,9 @@ import errno
 import selectors
 import socket
 from collections.abc import Collection
-from typing import Any, TypeAlias
+from typing import Any, Final, TypeAlias
+
+from pymavlink.dialects.v20 import common
 
 from robotctl.drivers.mavlink.admission import MAX_PEERS, SILENT_NS, displaced
 from robotctl.drivers.mavlink.base import READ_SIZE, Channel, Link, LinkContext
@@ -14,8 +16,15 @@ from robotctl.drivers.mavlink.lookup import HostLookup
 from robotctl.messages.mavlink_port import LinkConfig, Message, Peer
 
 MAX_DATAGRAM = 2048
+MOST_DATAGRAMS: Final = 1000
+"""Datagrams read in one poll: 3 ms of work, where they are of one sender."""
+BUFFER_SIZE: Final = 1 << 20
+"""Wanted size of the kernel's buffer [B], of which a small datagram takes 0.8 kB."""
 MAX_FORMER = 64
 """Number of forgotten peers that a server recognises again."""
+TELL_NS: Final = 100_000_000
+"""Least time between two answers to those who are not served [ns]: recorded frames of others might
+ask for them, too."""
 
 _NOBODY = (errno.ECONNREFUSED, errno.EHOSTDOWN)
 
@@ -40,6 +49,8 @@ class UdpLink(Link):
         self._former: dict[_Sender, Peer] = {}
         """The forgotten, in that order."""
         self._broken = False
+        self._told_ns = -TELL_NS
+        """When a newcomer was told the time last [ns]."""
 
     def is_open(self) -> bool:
         """Return whether there is a socket."""
@@ -54,6 +65,7 @@ class UdpLink(Link):
         self._lookup = None
         opened = socket.socket(target.family, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
         try:
+            opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_SIZE)
             if self._server:
                 opened.bind(target.sockaddr)
             else:
@@ -89,8 +101,15 @@ class UdpLink(Link):
         return self.new_channel() if former is None else self.channel(former)
 
     def _readable(self, _mask: int, now_ns: int) -> None:
-        taken = 0
-        while taken < READ_SIZE and self._socket is not None:
+        """Read all that waits; of each sender, and of all who are not served, only so much counts.
+
+        So a flood of one neither takes the time of the others nor leaves their datagrams no room in
+        the socket.
+        """
+        taken: dict[_Sender, int] = {}
+        for _ in range(MOST_DATAGRAMS):
+            if self._socket is None:
+                return
             try:
                 data, sender = self._socket.recvfrom(MAX_DATAGRAM)
             except BlockingIOError:
@@ -99,10 +118,14 @@ class UdpLink(Link):
                 if error.errno not in _NOBODY:
                     self.fail(error, now_ns)
                 else:
-                    self._nobody()
+                    self._nobody(error)
                 return
-            taken += len(data) + 1
-            self._receive(data, sender, now_ns)
+            key = sender if sender in self._peers else None
+            taken[key] = taken.get(key, 0) + len(data) + 1
+            if taken[key] - len(data) <= READ_SIZE:
+                self._receive(data, sender, now_ns)
+            else:
+                self.counters.bad_bytes += len(data)
 
     def _receive(self, data: bytes, sender: _Sender, now_ns: int) -> None:
         channel = self._peers.get(sender) or self._channel(sender)
@@ -111,10 +134,19 @@ class UdpLink(Link):
             channel.standing.hear(messages, now_ns)
             if not messages or not self._has_room(channel, now_ns):
                 self.counters.bad_bytes += len(data)
+                self._tell_time(channel, sender, now_ns)
                 return
             self._peers[sender] = channel
             self._former.pop(sender, None)
         self.deliver(messages, channel, now_ns)
+
+    def _tell_time(self, newcomer: Channel, sender: _Sender, now_ns: int) -> None:
+        """Let a newcomer who has the key, but is late, learn the time by a signed message."""
+        if self._server and newcomer.reader.late and now_ns - self._told_ns >= TELL_NS:
+            self._told_ns = now_ns
+            boot_ms = now_ns // 1_000_000 & 0xFFFF_FFFF
+            time = common.MAVLink_system_time_message(self.hub.signing.wall_us, boot_ms)
+            self._send(newcomer.encode(time), sender)
 
     def _has_room(self, newcomer: Channel, now_ns: int) -> bool:
         """Say whether a peer can be served, after making room for it where it has precedence."""
@@ -126,8 +158,10 @@ class UdpLink(Link):
             self._forget(loser)
         return loser is not None
 
-    def _nobody(self) -> None:
-        """Take down that the peer that was heard has closed its port."""
+    def _nobody(self, error: OSError) -> None:
+        """Note that a peer's port is closed, which is no fault of the link."""
+        if not self._server:
+            self.counters.last_error = self._words(error)
         for sender, channel in self._peers.items():
             if not self._server and channel.standing.heard_ns is not None:
                 self._peers[sender] = self.new_channel()
@@ -163,7 +197,7 @@ class UdpLink(Link):
         except OSError as error:
             self.counters.dropped += 1
             if error.errno in _NOBODY:
-                self._nobody()
+                self._nobody(error)
             else:
                 self.count_error(error)
                 self._broken = not self._server

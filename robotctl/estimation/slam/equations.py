@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.errors import RobotctlError
+from robotctl.estimation.slam.graph.checks import check_values
 from robotctl.estimation.slam.graph.factor import FactorBlock, Ints, Linearised
 from robotctl.estimation.slam.graph.factor_graph import FactorGraph, Values, values_of
 from robotctl.estimation.slam.graph.variables import Floats
@@ -94,7 +95,14 @@ class Equations(Protocol):
 def linearise(
     graph: FactorGraph, values: Values, into: Linearisation | None = None
 ) -> Linearisation:
-    """Return all factors about `values`, in the space of an earlier linearisation if given."""
+    """Return all factors about `values`, in the space of an earlier linearisation if given.
+
+    Raises
+    ------
+    ValueError
+        If values have other shapes than the variables of the graph.
+    """
+    check_values(graph.counts, values, numbers=False)
     blocks = into.blocks if into else [Linearised.empty(block) for block in graph.blocks]
     squares = []
     for block, linearised in zip(graph.blocks, blocks, strict=True):
@@ -171,6 +179,9 @@ class NormalEquations:
 
     def _map(self, block: FactorBlock) -> tuple[Ints, Ints]:
         """Return places in the matrix, (n, 2) or (n, 7), and columns, (n, variables)."""
+        if not len(self.variables):
+            shape = len(block), 2 if len(block.variables) == 1 else 7
+            return np.full(shape, -1, np.int64), np.full((len(block), len(block.variables)), -1)
         numbers = self.graph.numbers(block)
         positions = [self.position[each] for each in numbers]
         columns = np.column_stack([self.columns[each] for each in numbers])

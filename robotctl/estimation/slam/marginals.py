@@ -10,6 +10,7 @@ from robotctl.estimation.slam.equations import NormalEquations
 from robotctl.estimation.slam.graph.factor import Ints
 from robotctl.estimation.slam.graph.factor_graph import FactorGraph, Values
 from robotctl.estimation.slam.graph.variables import Floats
+from robotctl.estimation.slam.solvers.anchors import anchored, anchors
 from robotctl.estimation.slam.solvers.problem import singular
 
 
@@ -18,12 +19,17 @@ def factored(
 ) -> NormalEquations:
     """Return the equations at values, with their Cholesky factor.
 
+    Directions that nothing determines are held, as by the solvers: next to no variance.
+
     Raises
     ------
     GraphError
         If the factors do not determine all variables; it names one.
     """
-    equations = NormalEquations(graph, fixed)
+    held = anchors(graph, values, fixed)
+    equations = NormalEquations(anchored(graph, values, held), fixed)
+    if held:
+        weights = [*weights, np.ones(len(held))]
     equations.assemble(equations.linearise(values), weights)
     failed = equations.factorise()
     if failed is not None:

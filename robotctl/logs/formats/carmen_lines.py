@@ -148,7 +148,8 @@ def _take(lines: CarmenLines, number: int, words: list[str]) -> None:
         lines.odometry.append(_odometry(lines.text, number, words))
     else:
         read = _flaser if words[0] in {"FLASER", "RLASER"} else _robot_laser
-        lines.lasers.setdefault(words[0], []).append(read(lines.text, number, words))
+        scan = read(lines.text, number, words)
+        lines.lasers.setdefault(words[0], []).append(scan)
 
 
 def _odometry(text: LogText, number: int, words: list[str]) -> OdometryLine:

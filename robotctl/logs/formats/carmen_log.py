@@ -27,7 +27,7 @@ readings are trusted more than the header. The fallback is 81.83 m.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -46,7 +46,9 @@ from robotctl.logs.formats.carmen_lines import (
 from robotctl.logs.formats.log_format import LogFormat, ReadOptions
 from robotctl.logs.formats.log_text import LogFormatError, first_word, read_text
 from robotctl.logs.formats.no_echo import reaches, valid_ranges
-from robotctl.logs.formats.times import note_pairs, ordered_stamps
+from robotctl.logs.formats.placing import Odometry, trajectory
+from robotctl.logs.formats.timeline import Series, Timeline
+from robotctl.logs.formats.times import checked_stamps, note_pairs
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.recording import RecordedScan, Recording
@@ -58,12 +60,16 @@ _ELSEWHERE_M: Final = 0.2
 _AGREEMENT: Final = 0.4
 _STEADY_M, _STEADY_RAD = 0.005, 0.005
 _MAX_MOUNT_M: Final = 1.5
+_SCANS, _ODOMETRY = "scans", "ODOM lines"
+_BURST_NS: Final = 1_000_000_000
+"""Lines of two programs come in bursts, by clocks of their own; in the Intel log up to 0.8 s late
+[ns]."""
 
 
 def read_carmen(path: Path, unit: str = "s", max_range_m: float | None = None) -> Recording:
     """Read a log.
 
-    Times are those of the messages; a clock that goes back is held, see `log_times`.
+    Times are those of the messages, in the order of `Timeline`.
 
     Parameters
     ----------
@@ -87,7 +93,7 @@ def read_carmen(path: Path, unit: str = "s", max_range_m: float | None = None) -
             f"{path}: no scan and no odometry in it; needed are lines with FLASER, RLASER, "
             "ROBOTLASER1 or ODOM"
         )
-    scans = _all_scans(lines, unit, max_range_m)
+    scans, odometry = _drive(lines, unit, max_range_m)
     known = [(scan.scan.stamp_ns, scan.reference) for scan in scans if scan.reference]
     reference = None
     if known:
@@ -96,27 +102,67 @@ def read_carmen(path: Path, unit: str = "s", max_range_m: float | None = None) -
     return Recording(
         name=path.name,
         scans=tuple(scans),
-        odometry=_odometry(lines, scans, unit),
+        odometry=odometry,
         reference=reference,
         notes=tuple(lines.notes),
     )
 
 
-def _all_scans(lines: CarmenLines, unit: str, max_range_m: float | None) -> list[RecordedScan]:
-    """Return the scans of all lasers in the order of the log."""
-    found = [
-        (line, *poses)
+def _drive(
+    lines: CarmenLines, unit: str, max_range_m: float | None
+) -> tuple[list[RecordedScan], Trajectory]:
+    """Return the scans of all lasers in the order of the log, and the odometry.
+
+    That is of the ODOM lines, or of the scans if there are none. Programs that correct logs put in
+    poses at the time 0; those are left out.
+    """
+    entries: list[tuple[LaserLine | OdometryLine, str, object]] = [
+        (line, _SCANS, placed)
         for word, laser_lines in lines.lasers.items()
-        for line, poses in zip(
+        for line, placed in zip(
             laser_lines, _placed(lines, word, laser_lines, max_range_m), strict=True
         )
     ]
-    found.sort(key=lambda entry: entry[0].number)
-    stamps_ns = _stamps(lines, [entry[0] for entry in found], unit, "scans")
-    return [
-        RecordedScan(replace(scan, stamp_ns=stamp_ns), odometry, reference)
-        for stamp_ns, (_, scan, odometry, reference) in zip(stamps_ns.tolist(), found, strict=True)
-    ]
+    timed = [line for line in lines.odometry if line.time != 0.0] or lines.odometry
+    if len(timed) != len(lines.odometry):
+        lines.notes.append(f"{len(lines.odometry) - len(timed)} ODOM lines without a time left out")
+    entries += [(line, _ODOMETRY, line.pose) for line in timed]
+    entries.sort(key=lambda entry: entry[0].number)
+    stamps_ns = checked_stamps(
+        np.array([line.time for line, *_ in entries]),
+        unit,
+        lambda at, problem: lines.text.error(entries[at][0].number, problem),
+    )
+    timeline: Timeline[str] = Timeline(lines.notes, _BURST_NS)
+    for stamp_ns, (line, source, value) in zip(stamps_ns.tolist(), entries, strict=True):
+        timeline.add(source, stamp_ns, value, lines.text.lines[line.number - 1])
+    return _in_time(lines, timeline.settled())
+
+
+def _in_time(
+    lines: CarmenLines, found: Mapping[str, Series]
+) -> tuple[list[RecordedScan], Trajectory]:
+    """Return scans and odometry of entries in the order of their times.
+
+    Scans have poses of their own. Those by odometry alone have to be without a jump.
+    """
+    path, notes = lines.text.path, lines.notes
+    scans, series = [], found.get(_ODOMETRY)
+    if _SCANS in found:
+        scans = [
+            RecordedScan(replace(scan, stamp_ns=stamp_ns), odometry, reference)
+            for stamp_ns, (scan, odometry, reference) in found[_SCANS].with_times()
+        ]
+        poses = [each.odometry for each in scans]
+        rows = [(pose.x_m, pose.y_m, pose.theta_rad) for pose in poses]
+        of_scans = replace(found[_SCANS], what="poses of the scans", values=rows)
+        if not any(each.reference for each in scans):
+            scans = [scans[row] for row in Odometry(path, of_scans, notes).rows.tolist()]
+        series = series or of_scans
+    known = None if series is None else trajectory(series, notes)
+    if known is None:
+        raise LogFormatError("; ".join([f"{path}: no pose of use in it", *notes]))
+    return scans, known[0]
 
 
 _Placed = tuple[RangeScan, SE2, SE2 | None]
@@ -235,36 +281,6 @@ def _fan(lines: CarmenLines, rear: bool, count: int) -> tuple[float, float, floa
         if count in {beams, beams + 1}:
             return math.radians(-0.5 * view_deg), math.radians(view_deg / beams), reach_m
     return -0.5 * math.pi, math.pi / max(count - 1, 1), reach_m
-
-
-def _stamps(
-    lines: CarmenLines, timed: Sequence[LaserLine | OdometryLine], unit: str, what: str
-) -> NDArray[np.int64]:
-    """Return the times of lines [ns], which do not go back."""
-    times = np.array([line.time for line in timed])
-    return ordered_stamps(
-        times,
-        unit,
-        what,
-        lines.notes,
-        lambda at, problem: lines.text.error(timed[at].number, problem),
-    )
-
-
-def _odometry(lines: CarmenLines, scans: Sequence[RecordedScan], unit: str) -> Trajectory:
-    """Return the odometry of the ODOM lines, or of the scans if there are none.
-
-    Programs that correct logs put in poses at the time 0; those are left out.
-    """
-    timed = [line for line in lines.odometry if line.time != 0.0] or lines.odometry
-    if len(timed) != len(lines.odometry):
-        lines.notes.append(f"{len(lines.odometry) - len(timed)} ODOM lines without a time left out")
-    if not timed:
-        return Trajectory.of(
-            (scan.scan.stamp_ns for scan in scans), (scan.odometry for scan in scans)
-        )
-    stamps_ns = _stamps(lines, timed, unit, "ODOM lines")
-    return Trajectory(stamps_ns, np.array([line.pose for line in timed]))
 
 
 def _matches(path: Path) -> bool:

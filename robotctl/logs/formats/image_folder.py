@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal, DecimalException
 from pathlib import Path
 from typing import Final
 
@@ -121,9 +121,9 @@ def _listed(path: Path, folder: Path, images: list[Path]) -> Iterator[TimedImage
     """Yield the images of a list."""
     text = read_text(path)
     lines = [
-        (number, line.replace(",", " ").split(maxsplit=1))
+        (number, words)
         for number, line in enumerate(text.lines, 1)
-        if line.strip() and not line.lstrip().startswith("#")
+        if (words := line.replace(",", " ").split(maxsplit=1)) and not words[0].startswith("#")
     ]
     if not lines:
         raise LogFormatError(f"{path}: no times in it; a line is `stamp path`, or a time")
@@ -157,7 +157,7 @@ def _stamp_of_line(text: LogText, number: int, word: str) -> int:
     """Return the time [ns] in a line of a list."""
     try:
         time_s = Decimal(word) * _DIGITS.get(len(word) if word.isdigit() else 0, 1)
-    except InvalidOperation:
+    except DecimalException:  # no number, or one beyond all bounds
         raise text.error(number, f"found {word!r}, a time is needed: {_ALLOWED}") from None
     if not (time_s.is_finite() and FIRST_S <= time_s <= LAST_S):
         raise text.error(number, f"time {word}: allowed are {FIRST_S:g} to {LAST_S:g} s")

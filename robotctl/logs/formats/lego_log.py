@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Final, NamedTuple, TypeAlias
 
@@ -32,7 +33,9 @@ from robotctl.logs.formats.log_text import (
     numbers,
     read_text,
 )
-from robotctl.logs.formats.times import note_pairs, ordered_stamps
+from robotctl.logs.formats.placing import Odometry, trajectory
+from robotctl.logs.formats.timeline import Series, Timeline
+from robotctl.logs.formats.times import going_on, note_pairs
 from robotctl.model.drives.motion import arc
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.recording import RecordedScan, Recording
@@ -102,7 +105,7 @@ def _part(path: Path) -> str:
 def read_lego(path: Path, unit: str = "ms") -> Recording:
     """Read the recording in a folder, or that to which one of its files belongs.
 
-    Its times have a unit of `log_times`.
+    Its times are in one of `times.TIME_UNITS`.
 
     Raises
     ------
@@ -119,14 +122,19 @@ def read_lego(path: Path, unit: str = "ms") -> Recording:
         _take_in(text, lines, notes)
     if not lines["M"]:
         raise LogFormatError(f"{path}: no wheel ticks in it; needed are lines M t l . . . r")
-    ticks = np.array([[0, row.values[1], row.values[5]] for row in lines["M"]], dtype=np.int64)
-    ticks[:, 0] = _stamps(lines["M"], unit, "lines M", notes)
-    odometry = wheel_odometry(ticks)
+    note_pairs(np.array([line.values[0] for line in lines["S"]]), "scans", notes)
+    found = _in_order(
+        {"lines M": lines["M"], "scans": lines["S"], "lines P": lines["P"]}, unit, notes
+    )
+    motors = found["lines M"]
+    ticks = np.array([(at, row[1], row[5]) for at, row in motors.with_times()], dtype=np.int64)
+    rows = wheel_odometry(ticks).poses.tolist()
+    odometry = Odometry(path, replace(motors, what="wheel odometry", values=rows), notes)
     return Recording(
         name=path.name,
-        scans=tuple(_scans(lines["S"], odometry, unit, notes)),
-        odometry=odometry,
-        reference=_reference(lines["P"], unit, notes),
+        scans=tuple(_scans(found["scans"], odometry)),
+        odometry=odometry.trajectory,
+        reference=_reference(found["lines P"], notes),
         reference_has_heading=False,
         landmarks={
             i: (1e-3 * x, 1e-3 * y) for i, (x, y) in enumerate(line.values for line in lines["L"])
@@ -194,42 +202,38 @@ def _finite(text: LogText, number: int, kind: str, word: str) -> float:
     return value
 
 
-def _stamps(lines: list[_Line], unit: str, what: str, notes: list[str]) -> NDArray[np.int64]:
-    """Return the times of lines [ns], which do not go back."""
-    return ordered_stamps(
-        np.array([line.values[0] for line in lines]),
-        unit,
-        what,
-        notes,
-        lambda at, problem: lines[at].text.error(lines[at].number, problem),
-    )
+def _in_order(kinds: dict[str, list[_Line]], unit: str, notes: list[str]) -> dict[str, Series]:
+    """Return the values of lines of each kind, which may have files of their own."""
+    timeline: Timeline[str] = Timeline(notes)
+    for kind, lines in kinds.items():
+        stamps_ns = going_on(
+            np.array([line.values[0] for line in lines]),
+            unit,
+            kind,
+            notes,
+            lambda at, problem, lines=lines: lines[at].text.error(lines[at].number, problem),  # type: ignore[misc]
+        )
+        timeline.add_file(kind, stamps_ns.tolist(), [line.values for line in lines])
+    return timeline.settled()
 
 
-def _reference(lines: list[_Line], unit: str, notes: list[str]) -> Trajectory | None:
+def _reference(positions: Series, notes: list[str]) -> Trajectory | None:
     """Return the positions that the camera saw, heading 0."""
-    if not lines:
-        return None
-    poses = np.zeros((len(lines), 3))
-    poses[:, :2] = 1e-3 * np.array([line.values[1:3] for line in lines])
-    return Trajectory(_stamps(lines, unit, "lines P", notes), poses)
+    rows = [(1e-3 * x, 1e-3 * y, 0.0) for _, x, y, *_ in positions.values]
+    known = trajectory(replace(positions, values=rows), notes) if rows else None
+    return None if known is None else known[0]
 
 
-def _scans(
-    lines: list[_Line], odometry: Trajectory, unit: str, notes: list[str]
-) -> list[RecordedScan]:
-    """Return the scans with the odometry at their times; outside of it, its end."""
-    begin_ns, end_ns = int(odometry.stamps_ns[0]), int(odometry.stamps_ns[-1])
-    note_pairs(np.array([line.values[0] for line in lines]), "scans", notes)
-    stamps_ns = _stamps(lines, unit, "scans", notes)
-    scans = []
-    for stamp_ns, line in zip(stamps_ns.tolist(), lines, strict=True):
-        ranges = np.array(line.values[2:])
+def _scans(scans: Series, odometry: Odometry) -> list[RecordedScan]:
+    """Return the scans with the odometry at their times."""
+    found = []
+    for stamp_ns, values, pose in odometry.place(scans):
+        ranges = np.array(values[2:])
         ranges = np.where(ranges > _ERROR_MM, 1e-3 * ranges, math.nan)
         angles = BEAM_STEP_RAD * (np.arange(len(ranges), dtype=np.float64) - FORWARD_BEAM)
         scan = RangeScan(stamp_ns, SCANNER_TURN_RAD + angles, ranges, REACH_M, SCANNER_X_M)
-        pose = odometry.at(min(max(stamp_ns, begin_ns), end_ns))
-        scans.append(RecordedScan(scan, pose or SE2()))
-    return scans
+        found.append(RecordedScan(scan, pose))
+    return found
 
 
 def _matches(path: Path) -> bool:

@@ -43,7 +43,8 @@ class LogFormat:
         Whether a file or folder, which exists, has this format. It reads the beginning of a file or
         the names in a folder, no more.
     read
-        Reads what `matches`; raises `LogFormatError` with file and line, or `OSError`.
+        Reads what `matches`, through `Timeline` and `Odometry`, which leave out and note what does
+        not fit; raises `LogFormatError` with file and line, or `OSError`.
     has_time_unit
         Whether times are numbers whose unit the user can give; False if the format fixes it.
     in_folder

@@ -24,6 +24,7 @@ _GZIP: Final = b"\x1f\x8b"
 _HEAD_BYTES: Final = 1 << 16
 _CHUNK_BYTES: Final = 1 << 16
 _SHOWN: Final = 24
+_LARGEST: Final = 2**63 - 1
 _SOUND: Final = 20
 _DECIMAL_COMMA: Final = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 
@@ -213,12 +214,15 @@ def integer(text: LogText, line: int, name: str, word: str) -> int:
     Raises
     ------
     LogFormatError
-        If it is none.
+        If it is none, or beyond 64 bits.
     """
     try:
-        return int(word)
+        number = int(word)
     except ValueError:
         raise text.error(line, f"{name}: found {_shown(word)}, a whole number is needed") from None
+    if abs(number) > _LARGEST:
+        raise text.error(line, f"{name}: found {_shown(word)}, allowed are 64 bits")
+    return number
 
 
 def numbers(text: LogText, line: int, words: Sequence[str]) -> NDArray[np.float64]:

@@ -19,7 +19,9 @@ from numpy.typing import NDArray
 
 from robotctl.logs.formats.log_format import LogFormat, ReadOptions
 from robotctl.logs.formats.log_text import LogFormatError, LogText, read_text, row_number, table
-from robotctl.logs.formats.times import ordered_stamps
+from robotctl.logs.formats.placing import trajectory, within
+from robotctl.logs.formats.timeline import Series, Timeline
+from robotctl.logs.formats.times import going_on
 from robotctl.model.recording import Recording, Sighting
 from robotctl.model.trajectory import Trajectory
 
@@ -44,10 +46,10 @@ def robot_of(file: Path) -> int | None:
 
 
 def read_mrclam(folder: Path, robot: int, unit: str = "s") -> Recording:
-    """Read one robot's records, with times in a unit (`log_times`).
+    """Read one robot's records, with times in one of `times.TIME_UNITS`.
 
-    Sightings of other robots are left out and counted in the notes, so are those of bar codes that
-    belong to none. Without a ground truth of the robot there is no reference.
+    Sightings of other robots, of bar codes that belong to none, and at times without odometry are
+    left out and counted in the notes. Without a ground truth of the robot there is no reference.
 
     Raises
     ------
@@ -62,15 +64,15 @@ def read_mrclam(folder: Path, robot: int, unit: str = "s") -> Recording:
         int(subject): (x, y)
         for subject, x, y, *_ in _rows(folder, "Landmark_Groundtruth", _LANDMARK, notes).tolist()
     }
-    codes = _rows(folder, "Barcodes", _BARCODE, notes).astype(np.int64)
-    subject_of = {code: subject for subject, code in codes.tolist()}
-    stamps_ns, odometry = _timed(folder, f"Robot{robot}_Odometry", _ODOMETRY, unit, notes)
+    barcodes = _rows(folder, "Barcodes", _BARCODE, notes).tolist()
+    subject_of = {int(code): int(subject) for subject, code in barcodes}
+    odometry = _timed(folder, f"Robot{robot}_Odometry", _ODOMETRY, unit, notes)
     return Recording(
         name=f"{folder.name}, robot {robot}",
-        twist_stamps_ns=stamps_ns,
-        twists=odometry[:, 1:],
+        twist_stamps_ns=odometry.stamps_ns,
+        twists=np.array(odometry.values).reshape(-1, 2),
         reference=_reference(folder, robot, unit, notes),
-        sightings=_sightings(folder, robot, unit, subject_of, landmarks, notes),
+        sightings=_sightings(folder, robot, unit, odometry.stamps_ns, subject_of, landmarks, notes),
         landmarks=landmarks,
         notes=tuple(notes),
     )
@@ -109,18 +111,21 @@ def _text(folder: Path, name: str, notes: list[str]) -> LogText:
 
 def _timed(
     folder: Path, name: str, columns: tuple[str, ...], unit: str, notes: list[str]
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return times [ns] that do not go back, and the rows whose first column they are."""
+) -> Series:
+    """Return the rows of a file whose first column is the time, without that."""
     text = _text(folder, name, notes)
     rows = table(text, columns)
-    stamps_ns = ordered_stamps(
+    what = f"rows of {name}"
+    stamps_ns = going_on(
         rows[:, 0],
         unit,
-        f"rows of {name}",
+        what,
         notes,
         lambda at, problem: text.error(row_number(text, at), problem),
     )
-    return stamps_ns, rows
+    timeline: Timeline[str] = Timeline(notes)
+    timeline.add_file(what, stamps_ns.tolist(), rows[:, 1:].tolist())
+    return timeline.settled()[what]
 
 
 def _reference(folder: Path, robot: int, unit: str, notes: list[str]) -> Trajectory | None:
@@ -128,25 +133,29 @@ def _reference(folder: Path, robot: int, unit: str, notes: list[str]) -> Traject
     name = f"Robot{robot}_Groundtruth"
     if not any((folder / f"{name}.dat{packed}").exists() for packed in ("", ".gz")):
         return None
-    stamps_ns, rows = _timed(folder, name, _GROUNDTRUTH, unit, notes)
-    return Trajectory(stamps_ns, rows[:, 1:]) if len(rows) else None
+    known = trajectory(_timed(folder, name, _GROUNDTRUTH, unit, notes), notes)
+    return None if known is None else known[0]
 
 
 def _sightings(
     folder: Path,
     robot: int,
     unit: str,
+    known_ns: NDArray[np.int64],
     subject_of: dict[int, int],
     landmarks: dict[int, tuple[float, float]],
     notes: list[str],
 ) -> tuple[Sighting, ...]:
-    """Return the robot's sightings of landmarks."""
+    """Return the robot's sightings of landmarks while there is odometry."""
     name = f"Robot{robot}_Measurement"
-    stamps_ns, rows = _timed(folder, name, _MEASUREMENT, unit, notes)
+    rows = _timed(folder, name, _MEASUREMENT, unit, notes)
     found, robots, strangers, empty = [], 0, 0, 0
-    for stamp_ns, (_, code, range_m, bearing_rad) in zip(
-        stamps_ns.tolist(), rows.tolist(), strict=True
+    is_inside = within(rows, known_ns, notes) if len(known_ns) else np.ones(len(rows), bool)
+    for is_known, (stamp_ns, (code, range_m, bearing_rad)) in zip(
+        is_inside.tolist(), rows.with_times(), strict=True
     ):
+        if not is_known:
+            continue
         subject = subject_of.get(int(code))
         if range_m <= 0.0:
             empty += 1

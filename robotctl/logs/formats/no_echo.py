@@ -24,6 +24,7 @@ KNOWN_CODES_M: Final = ((81.83, 81.91), (51.05, 51.16), (32.759, 32.767), (8.183
 log is one, a single reading is enough."""
 
 _UNKNOWN_REACH_M: Final = 81.83
+_FARTHEST_M: Final = 1e6
 _DENIED, _FEW = 0.01, 5
 """A stated maximum range is wrong if more than this share of the echoes are beyond it."""
 _TOLERANCE_M: Final = 1e-6
@@ -169,9 +170,9 @@ def no_echo_codes(
 
 
 def _lengths(scans: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """Return all readings that are lengths."""
+    """Return all readings that are lengths; the greatest number of a type is none."""
     readings = np.concatenate([np.empty(0), *scans])
-    return np.asarray(readings[np.isfinite(readings) & (readings > 0.0)])
+    return np.asarray(readings[(readings > 0.0) & (readings < _FARTHEST_M)])
 
 
 def _of_places(

@@ -20,7 +20,7 @@ from robotctl.logs.formats.log_text import LogFormatError, first_word, hint
 from robotctl.logs.formats.mrclam_log import MRCLAM
 from robotctl.logs.formats.robotctl_log import ROBOTCTL
 from robotctl.logs.formats.ros_bag import ROS_BAG
-from robotctl.logs.formats.times import check_pace, check_unit
+from robotctl.logs.formats.times import check_pace, check_span, check_unit
 from robotctl.logs.formats.tum import TUM
 from robotctl.model.recording import Recording
 from robotctl.model.trajectory import Trajectory
@@ -88,6 +88,7 @@ def read_recording(
         raise ConfigError(f"--time-unit {time_unit}: the times of {path} are nanoseconds")
     if time_unit is None:
         check_pace(recording, kind.has_time_unit)
+    check_span(recording)
     return recording if max_range_m is None else _limited(recording, max_range_m)
 
 

@@ -14,11 +14,10 @@ See docs/logs.md.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
-from operator import itemgetter
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import msgspec
 import numpy as np
@@ -29,8 +28,8 @@ from numpy.typing import NDArray
 
 from robotctl.logs.formats.log_format import LogFormat, ReadOptions
 from robotctl.logs.formats.log_text import LogFormatError
+from robotctl.logs.formats.placing import Odometry
 from robotctl.logs.formats.robotctl_messages import (
-    LoggedBelief,
     LoggedScan,
     LoggedState,
     LoggedView,
@@ -40,13 +39,12 @@ from robotctl.logs.formats.robotctl_messages import (
     logged_view,
 )
 from robotctl.logs.formats.robotctl_sonars import OwnSonars, own_sonars
-from robotctl.logs.formats.ros_bag import is_ros_bag
-from robotctl.logs.formats.times import in_order
+from robotctl.logs.formats.ros_messages import is_ros_bag
+from robotctl.logs.formats.timeline import Series, Timeline
 from robotctl.logs.formats.tum import read_tum
-from robotctl.logs.mcap.log import log_records
 from robotctl.logs.mcap.records import Gap
+from robotctl.logs.mcap.recovery import log_records
 from robotctl.model.geometry.localisation import LocalisationStatus
-from robotctl.model.geometry.se2 import SE2
 from robotctl.model.recording import RecordedScan, RecordedSonar, Recording
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.model.sensors.sonar import SonarReading
@@ -56,18 +54,23 @@ TRUTH: Final = "truth.tum"
 """The truth in a folder of an older version, which kept that of its last run."""
 
 _NUMBER: Final = re.compile(r"(?:robot|truth)-(\d+)\.(?:mcap|tum)")
-_LATE_NS: Final = 500_000_000
+_STATES, _BELIEFS = "control states", "states of the localiser"
+_LIDAR, _CAMERA = "scans of the lidar", "views of the camera"
+_SOURCES: Final[dict[str, tuple[str, Callable[[bytes, int], object]]]] = {
+    "control": (_STATES, lambda data, _: logged_state(data)),
+    "localisation": (_BELIEFS, lambda data, _: logged_belief(data)),
+    "lidar": (_LIDAR, lambda data, stamp_ns: _scan(stamp_ns, logged_scan(data))),
+    "camera": (_CAMERA, lambda data, stamp_ns: _view(stamp_ns, logged_view(data))),
+}
+"""What the messages of a topic are, and how they are read."""
 
 
-@dataclass(slots=True)
-class _Content:
-    """Content of the files' messages, with the times of the log [ns]."""
+class _State(NamedTuple):
+    """A control state with its time in the log [ns] and the file it stands in."""
 
-    control: list[tuple[int, LoggedState]] = field(default_factory=list)
-    believed: list[tuple[int, LoggedBelief]] = field(default_factory=list)
-    lidar: list[tuple[int, LoggedScan]] = field(default_factory=list)
-    views: list[tuple[int, LoggedView]] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
+    log_ns: int
+    state: LoggedState
+    file: Path
 
 
 def is_mcap(path: Path) -> bool:
@@ -118,64 +121,74 @@ def read_own(path: Path, *, with_sonars: bool = True) -> Recording:
     Raises
     ------
     LogFormatError
-        If a file is no MCAP file, a message is not as ours are, no control state is in them, or
-        they are of robots with different sonars.
+        If a file is no MCAP file, no control state is in them, or they are of robots with different
+        sonars.
     OSError
         If a file cannot be read.
     """
-    content = _Content()
+    notes: list[str] = []
+    timeline: Timeline[str] = Timeline(notes)
     for file in mcap_files(path) if path.is_dir() else [path]:
-        _take_in(file, content)
-    if not content.control:
-        raise LogFormatError(f"{path}: no message of the topic `control` in it")
-    odometry, in_time = _odometry(content)
+        _take_in(file, timeline, notes)
+    found = timeline.settled()
+    states: list[_State] = found[_STATES].values if _STATES in found else []
+    if not states:
+        raise LogFormatError(
+            "; ".join([f"{path}: no message of the topic `control` in it", *notes])
+        )
+    odometry = _odometry(path, found[_STATES], notes)
+    known = odometry.trajectory
+    in_time = [
+        (each.log_ns, each.state) for at, each in found[_STATES].with_times() if at == each.log_ns
+    ]
     sonars = own_sonars(_of_one_robot(in_time, path), _folder(path)) if with_sonars else OwnSonars()
-    reference = _reference(path, odometry)
+    reference = _reference(known, {each.file for each in states})
     return Recording(
         name=path.name,
-        scans=tuple(_scan(*each, odometry, reference, path) for each in content.lidar),
-        odometry=odometry,
-        gyro_turns_rad=_gyro_turns_rad(content),
+        scans=_placed(found.get(_LIDAR), odometry, reference),
+        odometry=known,
+        gyro_turns_rad=_gyro_turns_rad([states[row] for row in odometry.rows.tolist()]),
         reference=reference,
-        believed=_believed(content.believed, odometry),
-        sonars=tuple(_while_logged(sonars.readings, odometry)),
+        believed=_believed(found.get(_BELIEFS), known),
+        sonars=_heard(sonars.readings, odometry),
         sonar_mounts=sonars.mounts,
-        views=tuple(_view(*each, odometry, reference, path) for each in content.views),
-        notes=(*content.notes, *sonars.notes),
+        views=_placed(found.get(_CAMERA), odometry, reference),
+        notes=(*notes, *sonars.notes),
     )
 
 
-def _reference(path: Path, odometry: Trajectory) -> Trajectory | None:
-    """Return the truth of the time of the log; None if there is none."""
-    truths = [read_tum(each) for each in truth_files(path)]
+def _reference(odometry: Trajectory, files: Collection[Path]) -> Trajectory | None:
+    """Return the truth of the runs of some logs, of the time of the odometry; None without one."""
+    there = sorted({truth for each in files for truth in truth_files(each)[-1:]}, key=_number)
+    begin_ns, end_ns = odometry.stamps_ns[[0, -1]].tolist()
     truths = [
         each
-        for each in truths
-        if each.stamps_ns[0] <= odometry.stamps_ns[-1]
-        and odometry.stamps_ns[0] <= each.stamps_ns[-1]
+        for each in map(read_tum, there)
+        if each.stamps_ns[0] <= end_ns and begin_ns <= each.stamps_ns[-1]
     ]
     if not truths:
         return None
-    stamps_ns, _ = in_order(np.concatenate([each.stamps_ns for each in truths]))
-    return Trajectory(stamps_ns, np.concatenate([each.poses for each in truths]))
+    stamps_ns = np.concatenate([each.stamps_ns for each in truths])
+    return Trajectory(
+        np.maximum.accumulate(stamps_ns), np.concatenate([each.poses for each in truths])
+    )
 
 
-def _take_in(file: Path, content: _Content) -> None:
+def _take_in(file: Path, timeline: Timeline[str], notes: list[str]) -> None:
     """Take in the messages of one file."""
-    for topic, message in json_messages(file, content.notes):
+    for topic, message in json_messages(file, notes):
+        if topic not in _SOURCES:
+            continue
+        source, read = _SOURCES[topic]
         try:
-            if topic == "control":
-                content.control.append((message.log_time, logged_state(message.data)))
-            elif topic == "localisation":
-                content.believed.append((message.log_time, logged_belief(message.data)))
-            elif topic == "lidar":
-                content.lidar.append((message.log_time, logged_scan(message.data)))
-            elif topic == "camera" and (view := logged_view(message.data)) is not None:
-                content.views.append((message.log_time, view))
-        except msgspec.DecodeError as error:
-            raise LogFormatError(
-                f"{file}: topic {topic}, message at {message.log_time} ns: {error}"
-            ) from error
+            value = read(message.data, message.log_time)
+        except (msgspec.DecodeError, ValueError) as error:
+            timeline.leave_out(source, message.log_time, str(error))
+            continue
+        if isinstance(value, LoggedState):
+            value = _State(message.log_time, value, file)
+        if value is not None:
+            timeline.add(source, message.log_time, value, message.data)
 
 
 def json_messages(file: Path, notes: list[str]) -> Iterator[tuple[str, Message]]:
@@ -205,26 +218,18 @@ def json_messages(file: Path, notes: list[str]) -> Iterator[tuple[str, Message]]
                 yield topics[record.channel_id], record
 
 
-def _odometry(content: _Content) -> tuple[Trajectory, list[tuple[int, LoggedState]]]:
-    """Return where the odometry was, and the states whose times do not go back."""
-    stamps_ns, moved = in_order(np.array([log_ns for log_ns, _ in content.control]))
-    if moved:
-        content.notes.append(
-            f"the times of {moved} of {len(stamps_ns)} control states go back, held: a clock was "
-            "set, or the folder has several runs; what their sonars heard is left out"
-        )
-    poses = [state.T_odom_base for _, state in content.control]
-    in_time = [
-        each for each, stamp_ns in zip(content.control, stamps_ns, strict=True)
-        if each[0] == stamp_ns
-    ]  # fmt: skip
-    rows = np.array([(pose.x_m, pose.y_m, pose.theta_rad) for pose in poses])
-    return Trajectory(stamps_ns, rows), in_time
+def _odometry(path: Path, states: Series, notes: list[str]) -> Odometry:
+    """Return where the odometry was."""
+    poses = [each.state.T_odom_base for each in states.values]
+    rows = [(pose.x_m, pose.y_m, pose.theta_rad) for pose in poses]
+    epochs_ns = np.array([each.state.odom_epoch_ns for each in states.values])
+    begins = np.append(False, np.diff(epochs_ns) != 0)
+    return Odometry(path, replace(states, what="poses of the odometry", values=rows), notes, begins)
 
 
-def _gyro_turns_rad(content: _Content) -> NDArray[np.float64]:
+def _gyro_turns_rad(states: Sequence[_State]) -> NDArray[np.float64]:
     """Return by how much the gyro has turned the odometry, (n,) [rad]; (0,) without an IMU."""
-    found = [state.corrected_rad for _, state in content.control]
+    found = [each.state.corrected_rad for each in states]
     if not any(found):
         return np.empty(0)
     last_rad, turns_rad = 0.0, []
@@ -247,65 +252,58 @@ def _of_one_robot(
     return states
 
 
-def _believed(
-    states: Sequence[tuple[int, LoggedBelief]], odometry: Trajectory
-) -> Trajectory | None:
+def _believed(states: Series | None, odometry: Trajectory) -> Trajectory | None:
     """Return where the robot believed to be while it was localised; None if it never was."""
     poses = {
         stamp_ns: state.T_world_odom @ at
-        for stamp_ns, state in sorted(states, key=itemgetter(0))
+        for stamp_ns, state in ([] if states is None else states.with_times())
         if state.status == LocalisationStatus.LOCALISED
         and (at := odometry.at(stamp_ns)) is not None
     }
     return Trajectory.of(poses, poses.values()) if poses else None
 
 
-def _while_logged(
-    readings: Iterable[SonarReading], odometry: Trajectory
-) -> Iterator[RecordedSonar]:
-    """Yield the readings within the log's time, with the odometry of their time."""
-    begin_ns, end_ns = int(odometry.stamps_ns[0]), int(odometry.stamps_ns[-1])
-    for sent_ns, heard in readings:
-        if begin_ns - _LATE_NS <= sent_ns <= end_ns + _LATE_NS:
-            stamp_ns = min(max(sent_ns, begin_ns), end_ns)
-            yield RecordedSonar(SonarReading(stamp_ns, heard), odometry.at(stamp_ns) or SE2())
+def _heard(readings: Sequence[SonarReading], odometry: Odometry) -> tuple[RecordedSonar, ...]:
+    """Return the readings within the log's time; the records beside it know of others."""
+    begin_ns, end_ns = odometry.trajectory.stamps_ns[[0, -1]].tolist()
+    inside = [each for each in readings if begin_ns <= each.stamp_ns <= end_ns]
+    stamps_ns = np.array([each.stamp_ns for each in inside], np.int64)
+    series = Series(
+        "sonar readings", stamps_ns, np.empty(0, np.int64), inside, np.zeros(len(inside), bool)
+    )
+    return tuple(RecordedSonar(reading, pose) for _, reading, pose in odometry.place(series))
 
 
-def _scan(
-    stamp_ns: int, lidar: LoggedScan, odometry: Trajectory, reference: Trajectory | None, path: Path
-) -> RecordedScan:
-    """Return a scan of the lidar with the poses at its time."""
-    try:
-        scan = RangeScan(
-            stamp_ns,
-            np.linspace(lidar.first_rad, lidar.last_rad, len(lidar.ranges_m)),
-            np.array(lidar.ranges_m, dtype=np.float64),
-            lidar.max_range_m,
-            lidar.x_m,
-            lidar.y_m,
-        )
-    except ValueError as error:
-        raise LogFormatError(f"{path}: topic lidar, scan at {stamp_ns} ns: {error}") from error
-    return _placed(scan, odometry, reference)
+def _scan(stamp_ns: int, lidar: LoggedScan) -> RangeScan:
+    """Return a scan of the lidar; raises `ValueError` if it is none."""
+    return RangeScan(
+        stamp_ns,
+        np.linspace(lidar.first_rad, lidar.last_rad, len(lidar.ranges_m)),
+        np.array(lidar.ranges_m, dtype=np.float64),
+        lidar.max_range_m,
+        lidar.x_m,
+        lidar.y_m,
+    )
 
 
-def _view(
-    stamp_ns: int, view: LoggedView, odometry: Trajectory, reference: Trajectory | None, path: Path
-) -> RecordedScan:
-    """Return a view of the camera with the poses at its time."""
+def _view(stamp_ns: int, view: LoggedView | None) -> RangeScan | None:
+    """Return a view of the camera, None in trouble; raises `ValueError` if it is none."""
+    if view is None:
+        return None
     angles, ranges, sigmas = np.array(view.beams, dtype=np.float64).reshape(-1, 3).T
-    try:
-        scan = RangeScan(stamp_ns, angles, ranges, view.max_range_m, view.x_m, view.y_m, sigmas)
-    except ValueError as error:
-        raise LogFormatError(f"{path}: topic camera, view at {stamp_ns} ns: {error}") from error
-    return _placed(scan, odometry, reference)
+    return RangeScan(stamp_ns, angles, ranges, view.max_range_m, view.x_m, view.y_m, sigmas)
 
 
-def _placed(scan: RangeScan, odometry: Trajectory, reference: Trajectory | None) -> RecordedScan:
-    """Return a scan with the poses at its time; before and after the odometry, its ends."""
-    inside_ns = min(max(scan.stamp_ns, int(odometry.stamps_ns[0])), int(odometry.stamps_ns[-1]))
-    return RecordedScan(
-        scan, odometry.at(inside_ns) or SE2(), reference.at(scan.stamp_ns) if reference else None
+def _placed(
+    scans: Series | None, odometry: Odometry, reference: Trajectory | None
+) -> tuple[RecordedScan, ...]:
+    """Return scans with the poses at their times."""
+    placed = [] if scans is None else odometry.place(scans)
+    return tuple(
+        RecordedScan(
+            replace(scan, stamp_ns=stamp_ns), pose, reference.at(stamp_ns) if reference else None
+        )
+        for stamp_ns, scan, pose in placed
     )
 
 

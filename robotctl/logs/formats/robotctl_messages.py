@@ -1,7 +1,7 @@
 """Messages read back from our own logs, in the present and the former format.
 
 In logs of older versions poses are `x_m`, `y_m`, `theta_rad` of the message itself, ranges are
-lists, and null stands for infinity and nan alike: it is taken for infinity, see `own_log`.
+lists, and null stands for infinity and nan alike: it is taken for infinity, see `robotctl_log`.
 """
 
 from __future__ import annotations
@@ -32,6 +32,8 @@ class LoggedState:
         When each came [ns].
     corrected_rad
         By how much its gyro has turned the odometry so far [rad]; None while it tells nothing.
+    odom_epoch_ns
+        When the frame of the odometry began [ns]; 0 in logs of older versions.
     """
 
     stamp_ns: int
@@ -39,6 +41,7 @@ class LoggedState:
     sonar_m: tuple[float, ...] = ()
     sonar_stamp_ns: tuple[int, ...] = ()
     corrected_rad: float | None = None
+    odom_epoch_ns: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +103,7 @@ class _State(msgspec.Struct):
     T_odom_base: _Pose
     sonars: list[_Sonar] = []
     imu: _Imu | None = None
+    odom_epoch_ns: int = 0
 
 
 class _OldState(_Pose):
@@ -170,6 +174,7 @@ def logged_state(data: bytes) -> LoggedState:
         tuple(each.heard_m() for each in state.sonars),
         tuple(each.stamp_ns for each in state.sonars),
         None if state.imu is None else state.imu.corrected_rad,
+        state.odom_epoch_ns,
     )
 
 

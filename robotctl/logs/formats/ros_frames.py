@@ -3,35 +3,87 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
 
+import numpy as np
+
+from robotctl.logs.formats.timeline import Series
 from robotctl.model.geometry.se3 import SE3
 
+_GAP_NS, _PERIODS = 1_000_000_000, 10
+"""A frame that moves is unknown while nothing tells of it for so long, and for so many periods."""
+_STOOD_M: Final = 0.1
+"""A frame that moved no farther meanwhile is known all the same."""
+_TRAVELS_M: Final = 1.0
+"""Parts of one robot move no farther against each other."""
 
-@dataclass(slots=True)
-class _Edge:
-    """Where a frame is in its parent: for ever, or over time."""
+
+class Edge(NamedTuple):
+    """A frame in its parent, as tf tells it; a source of a log."""
+
+    child: str
+    parent: str
+    is_static: bool
+
+    def __str__(self) -> str:
+        return f"tf of {self.child} in {self.parent}"
+
+
+@dataclass(frozen=True, slots=True)
+class _Motion:
+    """Where a frame is in its parent over time."""
 
     parent: str
-    fixed: SE3 | None = None
-    moving: list[tuple[int, SE3]] = field(default_factory=list)
-    in_order: bool = True
+    series: Series
+    stamps_ns: list[int]
+    poses: list[SE3]
+    moves: bool
+    reach_m: float
+    """How far its places are apart, along the axis where that is most [m]."""
+    gap_ns: float
 
-    def at(self, stamp_ns: int) -> SE3:
-        """Return it at a time, interpolated; before the first and after the last, these."""
-        if not self.in_order:
-            self.moving.sort(key=lambda entry: entry[0])
-            self.in_order = True
-        if self.fixed is not None or not self.moving:
-            return self.fixed or SE3()
-        after = bisect_left(self.moving, stamp_ns, key=lambda entry: entry[0])
+    def at(self, stamp_ns: int) -> SE3 | None:
+        """Return it at a time, interpolated; None outside of what is known."""
+        if not self.moves:
+            return self.poses[0]
+        after = bisect_left(self.stamps_ns, stamp_ns)
+        if after == len(self.poses):
+            return None
+        end_ns, end = self.stamps_ns[after], self.poses[after]
+        if end_ns == stamp_ns:
+            return end
         if after == 0:
-            return self.moving[0][1]
-        if after == len(self.moving):
-            return self.moving[-1][1]
-        (begin_ns, begin), (end_ns, end) = self.moving[after - 1], self.moving[after]
+            return None
+        begin_ns, begin = self.stamps_ns[after - 1], self.poses[after - 1]
+        if end_ns - begin_ns > self.gap_ns and _distance_m(begin, end) > _STOOD_M:
+            return None
         return _between(begin, end, (stamp_ns - begin_ns) / (end_ns - begin_ns))
+
+
+def _motion(edge: Edge, series: Series) -> _Motion:
+    """Return the motion that an edge tells."""
+    poses: list[SE3] = series.values
+    moves = not edge.is_static and len(set(poses)) > 1
+    places = np.array([pose.translation_m for pose in poses])
+    gap_ns = float(_GAP_NS)
+    if moves:
+        gap_ns = max(gap_ns, _PERIODS * float(np.median(np.diff(series.stamps_ns))))
+    return _Motion(
+        edge.parent,
+        series,
+        series.stamps_ns.tolist(),
+        poses[-1:] if edge.is_static else poses,
+        moves,
+        float(np.max(np.ptp(places, axis=0))) if moves else 0.0,
+        gap_ns,
+    )
+
+
+def _distance_m(one: SE3, other: SE3) -> float:
+    return float(np.linalg.norm(np.subtract(one.translation_m, other.translation_m)))
 
 
 def _between(begin: SE3, end: SE3, share: float) -> SE3:
@@ -47,51 +99,89 @@ def _between(begin: SE3, end: SE3, share: float) -> SE3:
 
 
 class Frames:
-    """A tree of frames, each known in its parent."""
+    """A tree of frames, each known in its parent.
 
-    def __init__(self) -> None:
-        self._edges: dict[str, _Edge] = {}
+    Parameters
+    ----------
+    edges
+        What tf tells. Of a frame with several parents the one that is told most often counts.
+    notes
+        Sentences for people, to be added to.
+    """
 
-    def add(self, parent: str, child: str, stamp_ns: int, pose: SE3, *, is_static: bool) -> None:
-        """Add a message; a child with a new parent moves there."""
-        edge = self._edges.get(child)
-        if edge is None or edge.parent != parent:
-            edge = self._edges[child] = _Edge(parent)
-        if is_static:
-            edge.fixed = pose
-        else:
-            edge.in_order = edge.in_order and not (edge.moving and edge.moving[-1][0] > stamp_ns)
-            edge.moving.append((stamp_ns, pose))
+    def __init__(self, edges: Mapping[Edge, Series], notes: list[str]) -> None:
+        by_child: dict[str, list[Edge]] = defaultdict(list)
+        for edge, series in edges.items():
+            if len(series):
+                by_child[edge.child].append(edge)
+        self._motions: dict[str, _Motion] = {}
+        for child, found in by_child.items():
+            best = max(found, key=lambda edge: (len(edges[edge]), edge.is_static))
+            self._motions[child] = _motion(best, edges[best])
+            others = sorted({edge.parent for edge in found} - {best.parent})
+            if others:
+                notes.append(
+                    f"tf has {child} in {best.parent} and in {', '.join(others)}: {best.parent} is "
+                    "taken, which it tells most often"
+                )
+
+    def names(self) -> set[str]:
+        """Return the names of all frames."""
+        return {*self._motions, *(motion.parent for motion in self._motions.values())}
 
     def chain(self, frame: str) -> list[str]:
         """Return a frame, its parent, the parent of that and so on, to the root."""
         frames = [frame]
-        while (edge := self._edges.get(frames[-1])) and edge.parent not in frames:
-            frames.append(edge.parent)
+        while (motion := self._motions.get(frames[-1])) and motion.parent not in frames:
+            frames.append(motion.parent)
         return frames
 
     def moves(self, frame: str) -> bool:
         """Return whether a frame was ever elsewhere in its parent."""
-        edge = self._edges.get(frame)
-        return edge is not None and edge.fixed is None and len({p for _, p in edge.moving}) > 1
+        motion = self._motions.get(frame)
+        return motion is not None and motion.moves
 
-    def stamps_ns(self, frame: str) -> list[int]:
-        """Return the times at which a moving frame is known in its parent."""
-        edge = self._edges.get(frame)
-        return [] if edge is None else sorted(stamp_ns for stamp_ns, _ in edge.moving)
+    def travels(self, frame: str) -> bool:
+        """Return whether a frame moves farther in its parent than a part of a robot does."""
+        motion = self._motions.get(frame)
+        return motion is not None and motion.reach_m > _TRAVELS_M
+
+    def series(self, frame: str) -> Series:
+        """Return what tf tells of a frame that has a parent."""
+        return self._motions[frame].series
+
+    def common(self, frame: str, other: str) -> str | None:
+        """Return the lowest frame above both, or one of them; None if they hang apart."""
+        to = self.chain(other)
+        return next((each for each in self.chain(frame) if each in to), None)
+
+    def are_one(self, frame: str, other: str) -> bool:
+        """Return whether two frames hang together, and on no frame that travels."""
+        common = self.common(frame, other)
+        if common is None:
+            return False
+        chains = self.chain(frame), self.chain(other)
+        between = (each for chain in chains for each in chain[: chain.index(common)])
+        return not any(map(self.travels, between))
 
     def lookup(self, target: str, source: str, stamp_ns: int) -> SE3 | None:
-        """Return `T_target_source` at a time; None if the two do not hang together."""
-        to_root, from_source = self.chain(target), self.chain(source)
-        common = next((frame for frame in from_source if frame in to_root), None)
+        """Return `T_target_source` at a time.
+
+        None if the two do not hang together, or the time is outside of what tf tells.
+        """
+        common = self.common(target, source)
         if common is None:
             return None
-        up = self._in_ancestor(from_source, common, stamp_ns)
-        return self._in_ancestor(to_root, common, stamp_ns).inverse() @ up
+        up = self._in_ancestor(self.chain(source), common, stamp_ns)
+        down = self._in_ancestor(self.chain(target), common, stamp_ns)
+        return None if up is None or down is None else down.inverse() @ up
 
-    def _in_ancestor(self, chain: Sequence[str], ancestor: str, stamp_ns: int) -> SE3:
+    def _in_ancestor(self, chain: Sequence[str], ancestor: str, stamp_ns: int) -> SE3 | None:
         """Return the first frame of a chain in one of its ancestors."""
         pose = SE3()
         for frame in chain[: chain.index(ancestor)]:
-            pose = self._edges[frame].at(stamp_ns) @ pose
+            step = self._motions[frame].at(stamp_ns)
+            if step is None:
+                return None
+            pose = step @ pose
         return pose

@@ -36,6 +36,8 @@ _STEP_M: Final = 0.1
 _STEPS: Final = 10
 _CREEP_M_S, _FLY_M_S = 0.005, 50.0
 """No robot's usual speed is outside of these [m/s]."""
+_LONGEST_S: Final = 1e6
+"""No drive lasts longer [s]."""
 
 
 ErrorAt: TypeAlias = Callable[[int, str], LogFormatError]
@@ -62,16 +64,6 @@ def stamps(seconds: NDArray[np.float64]) -> NDArray[np.int64]:
     fine = np.abs(seconds) < _FINE_BELOW_S
     nanoseconds = np.rint(np.where(fine, seconds, 0.0) * 1e9).astype(np.int64)
     return np.where(fine, nanoseconds, np.rint(seconds * 1e6).astype(np.int64) * 1000)
-
-
-def in_order(stamps_ns: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
-    """Return times that never go back, in the order of the log, and how many had to be moved on.
-
-    The order of the log is that in which things happened; a clock that is set, or messages of two
-    sources, put single times wrong.
-    """
-    ordered = np.maximum.accumulate(stamps_ns)
-    return ordered, int(np.count_nonzero(ordered != stamps_ns))
 
 
 def checked_stamps(
@@ -123,32 +115,24 @@ def unwrapped(times: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(times + _WRAP * (added - min(added.min(), 0.0)))
 
 
-def ordered_stamps(
+def going_on(
     times: NDArray[np.float64], unit: str, what: str, notes: list[str], error_at: ErrorAt
 ) -> NDArray[np.int64]:
-    """Return `checked_stamps` that never decrease, with a wrapping clock unwrapped.
+    """Return `checked_stamps` of a clock that may wrap after 2^32, unwrapped.
 
     Parameters
     ----------
     times, unit, error_at
         See there.
     what
-        Name of the entries: `scans`.
+        Name of the entries, for the note that the clock wraps: `scans`.
     notes
-        Sentences for people; what had to be done, and is strange, is added.
+        Sentences for people, to be added to.
     """
-    going_on = unwrapped(times)
-    if np.any(going_on != times):
+    unwound = unwrapped(times)
+    if np.any(unwound != times):
         notes.append(wraps(what, unit))
-    stamps_ns, held = in_order(checked_stamps(going_on, unit, error_at))
-    if held:
-        notes.append(f"{held} of {len(times)} {what}: their clock goes back, time held")
-    if is_timeless(stamps_ns):
-        at_s = 1e-9 * int(stamps_ns[0])
-        notes.append(
-            f"all {len(times)} {what} have one time, {at_s:.15g} s: only their order is known"
-        )
-    return stamps_ns
+    return checked_stamps(unwound, unit, error_at)
 
 
 def wraps(what: str, unit: str) -> str:
@@ -180,14 +164,38 @@ def check_pace(recording: Recording, can_tell: bool) -> None:
     """
     trajectory = recording.odometry or recording.reference
     pace_m_s = None if trajectory is None else usual_pace(trajectory)
-    if trajectory is None or pace_m_s is None or _CREEP_M_S <= pace_m_s <= _FLY_M_S:
+    if pace_m_s is None or _CREEP_M_S <= pace_m_s <= _FLY_M_S:
         return
-    spans_s = 1e-9 * float(trajectory.stamps_ns[-1] - trajectory.stamps_ns[0])
     raise LogFormatError(
-        f"{recording.name}: by its times the log lasts {spans_s:.4g} s and the robot drives "
-        f"{pace_m_s:.2g} m/s; allowed are {_CREEP_M_S:g} to {_FLY_M_S:g} m/s"
+        f"{recording.name}: by its times the log lasts {_span_s(recording):.4g} s and the robot "
+        f"drives {pace_m_s:.2g} m/s; allowed are {_CREEP_M_S:g} to {_FLY_M_S:g} m/s"
         + ("; tell the unit of its times by --time-unit, s where this is right" if can_tell else "")
     )
+
+
+def check_span(recording: Recording) -> None:
+    """Refuse a recording that lasts longer than any drive.
+
+    Raises
+    ------
+    LogFormatError
+        If it does.
+    """
+    span_s = _span_s(recording)
+    if span_s > _LONGEST_S:
+        raise LogFormatError(
+            f"{recording.name}: by its times the log lasts {span_s:.4g} s; allowed are up to "
+            f"{_LONGEST_S:g} s, which is eleven days"
+        )
+
+
+def _span_s(recording: Recording) -> float:
+    """Return how long the motion of a recording lasts [s]."""
+    known = (recording.odometry, recording.reference)
+    times = [each.stamps_ns for each in known if each is not None]
+    if len(recording.twists):
+        times.append(recording.twist_stamps_ns)
+    return max((1e-9 * float(each[-1] - each[0]) for each in times), default=0.0)
 
 
 def usual_pace(trajectory: Trajectory) -> float | None:
@@ -197,7 +205,7 @@ def usual_pace(trajectory: Trajectory) -> float | None:
     way_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     lengths_m = []
     while True:
-        end = int(np.searchsorted(way_m, way_m[begin] + _STEP_M))
+        end = max(int(np.searchsorted(way_m, way_m[begin] + _STEP_M)), begin + 1)
         if end >= len(way_m):
             break
         spans_s.append(1e-9 * float(stamps_ns[end] - stamps_ns[begin]))

@@ -69,7 +69,7 @@ def read_tum(path: Path) -> Trajectory:
     if len(rows) == 0:
         raise LogFormatError(f"{path}: no pose in it; a line is {' '.join(_COLUMNS)}")
     qx, qy, qz, qw = rows[:, 4:].T
-    norm = np.sqrt(qx**2 + qy**2 + qz**2 + qw**2)
+    norm = np.hypot(np.hypot(qx, qy), np.hypot(qz, qw))
     wrong = np.flatnonzero(np.abs(norm - 1.0) > _NORM_TOLERANCE)
     if len(wrong):
         raise LogFormatError(

@@ -6,6 +6,7 @@ residuals of the factors are g2o's, so chi2 is what g2o reports.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -33,44 +34,44 @@ from robotctl.logs.graphs.graph_format import (
 from robotctl.logs.graphs.tagged_text import (
     Rows,
     Tag,
-    checked,
-    factors,
+    factor_tag,
     lines_of,
     read_tagged,
     symmetric,
     tags_of,
     triangle,
     upper,
-    variables,
+    variable_tag,
 )
 
+_ZERO: Final = 1e-6
+"""Length below which a quaternion is none."""
+_EXACT: Final = 1e-15
 _SE2: Final = ("x", "y", "theta")
 _SE3: Final = ("x", "y", "z", "qx", "qy", "qz", "qw")
 
 
-def _normalised(numbers: Floats) -> Floats:
-    poses = numbers.copy()
-    poses[:, 3:] /= np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
+def _normalised(rows: Rows) -> Floats:
+    """Return poses (n, 7) whose quaternions have length 1."""
+    length = np.linalg.norm(rows.numbers[:, 3:7], axis=1)
+    rows.check(length > _ZERO, "the quaternion is 0; needed is one of length 1, as 0 0 0 1")
+    poses = rows.numbers[:, :7].copy()
+    # What is of length 1 to the last digit stays as it is written.
+    off = np.abs(length - 1.0) > _EXACT
+    poses[off, 3:] /= length[off, None]
     return poses
 
 
 def _split(rows: Rows, size: int) -> tuple[Floats, Floats]:
     """Return measurements in the first numbers, information of `size` in the last."""
     behind = size * (size + 1) // 2
-    numbers = rows.numbers[:, :-behind]
-    if size == SE3.dof:
-        rows.check(np.linalg.norm(numbers[:, 3:], axis=1) > 0.0, "the quaternion is 0")
-        numbers = _normalised(numbers)
-    return numbers, checked(rows, symmetric(rows.numbers[:, -behind:], size))
+    numbers = _normalised(rows) if size == SE3.dof else rows.numbers[:, :-behind]
+    return numbers, symmetric(rows.numbers[:, -behind:], size)
 
 
 def _factor(kind: FactorKind, columns: tuple[str, ...]) -> Tag:
     size = kind.size
-    return Tag(
-        len(kind.variables),
-        (*columns, *triangle(size)),
-        factors(kind, lambda rows: _split(rows, size)),
-    )
+    return factor_tag((*columns, *triangle(size)), kind, lambda rows: _split(rows, size))
 
 
 def _without_offset(kind: FactorKind, columns: tuple[str, ...]) -> Tag:
@@ -78,11 +79,9 @@ def _without_offset(kind: FactorKind, columns: tuple[str, ...]) -> Tag:
     size = kind.size
 
     def split(rows: Rows) -> tuple[Floats, Floats]:
-        return _split(Rows(rows.ids, rows.numbers[:, 1:], rows.lines, rows.path), size)
+        return _split(replace(rows, numbers=rows.numbers[:, 1:]), size)
 
-    return Tag(
-        len(kind.variables), ("parameter id", *columns, *triangle(size)), factors(kind, split)
-    )
+    return factor_tag(("parameter id", *columns, *triangle(size)), kind, split)
 
 
 def _offset(_: GraphBuilder, rows: Rows) -> None:
@@ -93,10 +92,10 @@ def _offset(_: GraphBuilder, rows: Rows) -> None:
 
 
 TAGS: Final[dict[str, Tag]] = {
-    "VERTEX_SE2": Tag(1, _SE2, variables(SE2, lambda numbers: numbers)),
-    "VERTEX_XY": Tag(1, _SE2[:2], variables(POINT2, lambda numbers: numbers)),
-    "VERTEX_SE3:QUAT": Tag(1, _SE3, variables(SE3, _normalised)),
-    "VERTEX_TRACKXYZ": Tag(1, _SE3[:3], variables(POINT3, lambda numbers: numbers)),
+    "VERTEX_SE2": variable_tag(_SE2, SE2, lambda rows: rows.numbers),
+    "VERTEX_XY": variable_tag(_SE2[:2], POINT2, lambda rows: rows.numbers),
+    "VERTEX_SE3:QUAT": variable_tag(_SE3, SE3, _normalised),
+    "VERTEX_TRACKXYZ": variable_tag(_SE3[:3], POINT3, lambda rows: rows.numbers),
     "EDGE_SE2": _factor(BETWEEN_2D, _SE2),
     "EDGE_SE3:QUAT": _factor(BETWEEN_3D, _SE3),
     "EDGE_SE2_XY": _factor(SEEN_2D, _SE2[:2]),
@@ -125,22 +124,18 @@ _FACTORS: Final = {
 _WITH_OFFSET: Final = (PRIOR_3D, SEEN_3D)
 
 
-def _read(path: Path) -> GraphFile:
-    file = read_tagged(path, TAGS, "FIX")
-    ids = list(file.graph.ids.values())
-    twice = np.intersect1d(ids[0], ids[-1]) if len(ids) > 1 else ids[0][:0]
-    if len(twice):
-        raise GraphFormatError(f"{path}: {twice[0]} is both a pose and a point")
-    return file
-
-
 def _write(path: Path, file: GraphFile) -> None:
     text = []
     if any(block.kind in _WITH_OFFSET for block in file.graph.blocks):
         text.append("PARAMS_SE3OFFSET 0 0 0 0 0 0 0 1")
     for kind, ids in file.graph.ids.items():
         text += lines_of(_VARIABLES[kind], ids[:, None], file.values[kind])
-    text += [f"FIX {file.graph.name(int(each)).split()[-1]}" for each in file.fixed]
+    for each in file.fixed:
+        kind, row = file.graph.place(int(each))
+        own = int(file.graph.ids[kind][row])
+        if sum(own in ids for ids in file.graph.ids.values()) > 1:
+            raise GraphFormatError(f"{path}: FIX {own}: a pose and a point have this id")
+        text.append(f"FIX {own}")
 
     def lines(block: FactorBlock) -> list[str] | None:
         if block.kind not in _FACTORS:
@@ -156,5 +151,10 @@ def _write(path: Path, file: GraphFile) -> None:
 
 
 G2O: Final = GraphFormat(
-    "g2o", ".g2o", lambda path: bool(tags_of(path) & TAGS.keys()), _read, _write
+    "g2o",
+    ".g2o",
+    lambda path: bool(tags_of(path) & TAGS.keys()),
+    lambda path: read_tagged(path, TAGS, "FIX"),
+    _write,
+    has_fixed=True,
 )

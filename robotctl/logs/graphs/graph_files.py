@@ -10,6 +10,7 @@ from robotctl.logs.formats.log_text import LogFormatError
 from robotctl.logs.graphs.g2o import G2O
 from robotctl.logs.graphs.graph_format import GraphFile, GraphFormat
 from robotctl.logs.graphs.gtsam_text import GTSAM
+from robotctl.logs.graphs.information import judged
 from robotctl.logs.graphs.toro import TORO
 from robotctl.toml_source import nearest
 
@@ -21,8 +22,15 @@ GRAPH_FORMATS: Final[tuple[GraphFormat, ...]] = (
 """All that is read; the first that matches reads. A new format is a file and a line here."""
 
 
-def read_graph(path: Path) -> GraphFile:
+def read_graph(path: Path, *, clip_indefinite: bool = False) -> GraphFile:
     """Read a graph.
+
+    Parameters
+    ----------
+    path
+        The file.
+    clip_indefinite
+        Whether negative eigenvalues of information matrices become 0; else they are refused.
 
     Raises
     ------
@@ -37,7 +45,7 @@ def read_graph(path: Path) -> GraphFile:
     try:
         for each in GRAPH_FORMATS:
             if each.matches(path):
-                return each.read(path)
+                return judged(path, each.read(path), clip=clip_indefinite)
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror or error}") from error
     except LogFormatError as error:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -31,12 +31,22 @@ class GraphFile:
         Of each kind, which values the file gives, (n,); others are placeholders.
     fixed
         Numbers of the variables that the file says are fixed.
+    merged
+        Ids of poses that the file says are another pose, and of that one, (m, 2); only the second
+        is in the graph.
+    lines
+        Of each block, the line that each factor stands in, (n,); empty if the format has none.
+    notes
+        What its user should know of the file, sentences.
     """
 
     graph: FactorGraph
     values: Values
     known: dict[VariableKind, NDArray[np.bool_]]
     fixed: Ints
+    merged: Ints = field(default_factory=lambda: np.empty((0, 2), np.int64))
+    lines: tuple[Ints, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +66,8 @@ class GraphFormat:
     write
         Writes a graph; raises `GraphFormatError` if the format has no word for a factor, or
         `OSError`.
+    has_fixed
+        Whether it has a word for fixed variables.
     """
 
     name: str
@@ -63,6 +75,7 @@ class GraphFormat:
     matches: Callable[[Path], bool]
     read: Callable[[Path], GraphFile]
     write: Callable[[Path, GraphFile], None]
+    has_fixed: bool = False
 
 
 def ids_of(file: GraphFile, block: FactorBlock) -> np.ndarray:

@@ -16,8 +16,8 @@ import numpy as np
 
 from robotctl.estimation.slam.factors.between import BETWEEN_2D
 from robotctl.estimation.slam.factors.landmarks import RANGE_BEARING, SEEN_2D
-from robotctl.estimation.slam.graph.factor import FactorBlock, inverses
-from robotctl.estimation.slam.graph.variables import SE2, Floats
+from robotctl.estimation.slam.graph.factor import FactorBlock, inverses, is_definite
+from robotctl.estimation.slam.graph.variables import LARGEST, SE2, Floats
 from robotctl.logs.graphs.graph_format import (
     GraphFile,
     GraphFormat,
@@ -28,8 +28,7 @@ from robotctl.logs.graphs.graph_format import (
 from robotctl.logs.graphs.tagged_text import (
     Rows,
     Tag,
-    checked,
-    factors,
+    factor_tag,
     lines_of,
     read_tagged,
     symmetric,
@@ -42,44 +41,65 @@ from robotctl.logs.graphs.toro import EDGE2, VERTEX2
 _OWN: Final = frozenset({"ODOMETRY", "LANDMARK", "BR"})
 
 
+def _informed(rows: Rows, triangles: Floats, size: int) -> Floats:
+    """Return the information (n, size, size) of covariances, (n, ...) upper triangles by rows."""
+    covariance = symmetric(triangles, size)
+    rows.check(is_definite(covariance), "the covariance matrix is not positive definite")
+    return _inverse(covariance)
+
+
+def _inverse(matrices: Floats) -> Floats:
+    """Return the inverses of symmetric matrices, symmetric to the last digit."""
+    result = inverses(matrices)
+    return 0.5 * (result + result.transpose(0, 2, 1))
+
+
 def _odometry(rows: Rows) -> tuple[Floats, Floats]:
-    covariance = checked(rows, symmetric(rows.numbers[:, 3:], 3), "covariance")
-    return rows.numbers[:, :3], inverses(covariance)
+    return rows.numbers[:, :3], _informed(rows, rows.numbers[:, 3:], 3)
 
 
 def _landmark(rows: Rows) -> tuple[Floats, Floats]:
-    covariance = checked(rows, symmetric(rows.numbers[:, 2:], 2), "covariance")
-    return rows.numbers[:, :2], inverses(covariance)
+    return rows.numbers[:, :2], _informed(rows, rows.numbers[:, 2:], 2)
 
 
 def _bearing_range(rows: Rows) -> tuple[Floats, Floats]:
     sigma = rows.numbers[:, [3, 2]]
-    rows.check(np.all(sigma > 0.0, axis=1), "standard deviations above 0 are needed")
+    rows.check(
+        np.all(sigma >= 1.0 / np.sqrt(LARGEST), axis=1), "standard deviations above 0 are needed"
+    )
     return rows.numbers[:, [1, 0]], np.eye(2) / sigma[:, None, :] ** 2
 
 
 TAGS: Final[dict[str, Tag]] = {
     "VERTEX2": VERTEX2,
     "EDGE2": EDGE2,
-    "ODOMETRY": Tag(2, ("x", "y", "theta", *triangle(3, "C")), factors(BETWEEN_2D, _odometry)),
-    "LANDMARK": Tag(2, ("x", "y", *triangle(2, "C")), factors(SEEN_2D, _landmark)),
-    "BR": Tag(
-        2,
+    "ODOMETRY": factor_tag(("x", "y", "theta", *triangle(3, "C")), BETWEEN_2D, _odometry),
+    "LANDMARK": factor_tag(("x", "y", *triangle(2, "C")), SEEN_2D, _landmark),
+    "BR": factor_tag(
         ("bearing", "range", "sigma of the bearing", "sigma of the range"),
-        factors(RANGE_BEARING, _bearing_range),
+        RANGE_BEARING,
+        _bearing_range,
     ),
 }
 
 
-def _lines(file: GraphFile, block: FactorBlock) -> list[str] | None:
-    ids, z = ids_of(file, block), block.measurements
-    if block.kind in (BETWEEN_2D, SEEN_2D):
-        tag = "ODOMETRY" if block.kind is BETWEEN_2D else "LANDMARK"
-        return lines_of(tag, ids, np.hstack([z, upper(inverses(block.information))]))
-    if block.kind is RANGE_BEARING and not np.any(block.information[:, 0, 1]):
-        sigma = 1.0 / np.sqrt(np.diagonal(block.information, axis1=1, axis2=2))
+def _lines(path: Path, file: GraphFile, block: FactorBlock) -> list[str] | None:
+    ids, z, information = ids_of(file, block), block.measurements, block.information
+    if block.kind not in (BETWEEN_2D, SEEN_2D, RANGE_BEARING):
+        return None
+    covariance = _inverse(information) if np.all(is_definite(information)) else -information
+    if not np.all(is_definite(covariance)):
+        raise GraphFormatError(
+            f"{path}: GTSAM's text has covariances, and none for {block.kind.name!r} whose "
+            "information is singular; g2o has information"
+        )
+    if block.kind is RANGE_BEARING:
+        if np.any(information[:, 0, 1]):
+            return None
+        sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
         return lines_of("BR", ids, np.hstack([z[:, ::-1], sigma[:, ::-1]]))
-    return None
+    tag = "ODOMETRY" if block.kind is BETWEEN_2D else "LANDMARK"
+    return lines_of(tag, ids, np.hstack([z, upper(covariance)]))
 
 
 def _write(path: Path, file: GraphFile) -> None:
@@ -89,7 +109,7 @@ def _write(path: Path, file: GraphFile) -> None:
             text += lines_of("VERTEX2", ids[:, None], file.values[kind])
         elif kind.is_pose:
             raise GraphFormatError(f"{path}: GTSAM's text has no poses in space")
-    text += factor_lines(path, file, "GTSAM's text", lambda block: _lines(file, block))
+    text += factor_lines(path, file, "GTSAM's text", lambda block: _lines(path, file, block))
     path.write_text("\n".join(text) + "\n", encoding="ascii")
 
 

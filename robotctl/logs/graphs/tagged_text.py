@@ -1,26 +1,29 @@
-"""Graphs as lines of a tag, numbers of variables, and further numbers: read and written."""
+"""Graphs as lines of a tag, ids of variables, and further numbers: read and written."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
-from typing import TypeAlias
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.estimation.slam.graph.builder import GraphBuilder
+from robotctl.estimation.slam.graph.checks import is_sound, sound_rows
 from robotctl.estimation.slam.graph.factor import FactorKind, Ints
 from robotctl.estimation.slam.graph.factor_graph import FactorGraph
-from robotctl.estimation.slam.graph.variables import Floats, VariableKind
-from robotctl.logs.formats.log_text import first_words, is_number, read_text
+from robotctl.estimation.slam.graph.variables import LARGEST, SE2, SE3, Floats, VariableKind
+from robotctl.logs.formats.log_text import LogText, first_words, is_number, read_text
 from robotctl.logs.graphs.graph_format import GraphFile, GraphFormatError
+from robotctl.logs.graphs.merging import Merging
 from robotctl.toml_source import nearest
 
-LineError: TypeAlias = Callable[[int, str], GraphFormatError]
-"""Makes the error of the line with an index, from what is wrong."""
+_WHOLE: Final = re.compile(r"[+-]?[0-9]{1,40}")
+_LARGEST_ID: Final = 2**63 - 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,13 +39,16 @@ class Rows:
     lines
         Number of each line in the file, from 1, (n,).
     path
-        Of the file.
+        Path of the file.
+    notes
+        What its user should know, to be added to.
     """
 
     ids: Ints
     numbers: Floats
     lines: Ints
     path: Path
+    notes: list[str] = field(default_factory=list)
 
     def check(self, is_good: NDArray[np.bool_], problem: str) -> None:
         """Refuse the first line that is not good, (n,).
@@ -68,24 +74,26 @@ class Tag:
     columns
         Names of its numbers.
     add
-        Puts rows into a graph; None: they are passed over.
-    optional
-        How many of the last columns may be missing; they are 0 then.
+        Puts rows into a graph.
+    kind
+        Kind of the factors or variables that it adds; None: it adds none.
+    defaults
+        What the last columns are where they are missing.
     """
 
     ids: int
     columns: tuple[str, ...]
-    add: Callable[[GraphBuilder, Rows], None] | None
-    optional: int = 0
+    add: Callable[[GraphBuilder, Rows], None]
+    kind: FactorKind | VariableKind | None = None
+    defaults: tuple[str, ...] = ()
 
 
 def tags_of(path: Path) -> set[str]:
     """Return the tags at the beginning of a text file."""
-    lines = first_words(path).splitlines()
-    return {words[0] for line in lines[:-1] or lines if (words := line.split())}
+    return {words[0] for line in first_words(path).splitlines() if (words := line.split())}
 
 
-def read_tagged(path: Path, tags: Mapping[str, Tag], fix: str = "") -> GraphFile:
+def read_tagged(path: Path, tags: Mapping[str, Tag], fix: str = "", merge: str = "") -> GraphFile:
     """Read a graph.
 
     Parameters
@@ -96,77 +104,190 @@ def read_tagged(path: Path, tags: Mapping[str, Tag], fix: str = "") -> GraphFile
         What may stand in it.
     fix
         The tag of lines that name fixed variables; "" if there is none.
+    merge
+        The tag of lines that name two poses that are one; "" if there is none.
 
     Raises
     ------
     GraphFormatError
-        If a line is wrong.
+        If a line is wrong, or the file is cut.
     OSError
         If the file cannot be read.
     """
+    text = read_text(path)
+    if text.is_cut:
+        raise GraphFormatError(
+            f"{path}: the compressed file is cut short after line {len(text.lines)}; a part of a "
+            "graph is another graph: copy the whole file again"
+        )
+    lines, fixed, merging = _sorted_lines(text, tags, fix, merge)
+    builder, notes = GraphBuilder(), list[str]()
+    lines_of_kind: dict[FactorKind, list[Ints]] = {}
+    ids = [np.empty(0, np.int64)]
+    for name, own in lines.items():
+        tag = tags[name]
+        rows = _rows(path, tag, own, notes)
+        ids.append(rows.ids.ravel())
+        rows = _merged(rows, tag, merging)
+        if not len(rows.lines):
+            continue
+        tag.add(builder, rows)
+        if isinstance(tag.kind, FactorKind):
+            lines_of_kind.setdefault(tag.kind, []).append(rows.lines)
+    graph, values, known = builder.build()
+    if graph.size == 0:
+        raise GraphFormatError(f"{path}: no variables and no factors in it")
+    if SE2 in graph.ids and SE3 in graph.ids:
+        raise GraphFormatError(f"{path}: poses in the plane and in space; one file has one of them")
+    if merging:
+        merging.check(path, np.unique(np.concatenate(ids)))
+    held = sorted({_number(path, graph, known, *each) for each in fixed})
+    return GraphFile(
+        graph,
+        values,
+        known,
+        np.array(held, np.int64),
+        merging.pairs(),
+        tuple(np.concatenate(lines_of_kind[block.kind]) for block in graph.blocks),
+        (*notes, *merging.notes()),
+    )
+
+
+def _sorted_lines(
+    text: LogText, tags: Mapping[str, Tag], fix: str, merge: str
+) -> tuple[dict[str, list[tuple[int, list[str]]]], list[tuple[int, int]], Merging]:
+    """Return the words of the lines of each tag, ids that are fixed with their lines, and merged.
+
+    Raises
+    ------
+    GraphFormatError
+        If a tag is unknown, or an id is none.
+    """
+    path = text.path
     lines: dict[str, list[tuple[int, list[str]]]] = {}
-    fixed: list[tuple[int, str]] = []
-    for number, line in enumerate(read_text(path).lines, 1):
+    fixed: list[tuple[int, int]] = []
+    merging = Merging()
+    for number, line in enumerate(text.lines, 1):
         words = line.split()
         if not words or words[0].startswith("#"):
             continue
-        if words[0] == fix:
-            fixed += [(number, word) for word in words[1:]]
-        elif words[0] in tags:
+        if words[0] in tags:
             lines.setdefault(words[0], []).append((number, words))
+        elif words[0] not in (fix, merge):
+            known = [*tags, *filter(None, (fix, merge))]
+            raise GraphFormatError(
+                f"{path}:{number}: {words[0]!r}: unknown{nearest(words[0], known)}"
+            )
         else:
-            hint = nearest(words[0], list(tags))
-            raise GraphFormatError(f"{path}:{number}: {words[0]!r}: unknown{hint}")
-    builder = GraphBuilder()
-    for name, own in lines.items():
-        tag = tags[name]
-        if tag.add is not None:
-            tag.add(builder, _rows(path, tag, own))
-    graph, values, known = builder.build()
-    held = [_number(path, graph, each) for each in fixed]
-    if graph.size == 0:
-        raise GraphFormatError(f"{path}: no variables and no factors in it")
-    return GraphFile(graph, values, known, np.array(sorted(held), np.int64))
+            ids = [_id(path, number, words[0], word) for word in words[1:]]
+            wanted = 2 if words[0] == merge else max(len(ids), 1)
+            if len(ids) != wanted:
+                raise GraphFormatError(
+                    f"{path}:{number}: {words[0]}: found {len(ids)} ids, needed are {wanted}"
+                )
+            if words[0] == fix:
+                fixed += [(number, each) for each in ids]
+            else:
+                merging.add(number, *ids)
+    return lines, fixed, merging
 
 
-def _number(path: Path, graph: FactorGraph, fixed: tuple[int, str]) -> int:
+def _id(path: Path, line: int, tag: str, word: str) -> int:
+    """Return the id that a word is.
+
+    Raises
+    ------
+    GraphFormatError
+        If it is none.
+    """
+    number = id_of(word)
+    if number is None:
+        raise GraphFormatError(f"{path}:{line}: {tag}: id {word!r}: {_ID_NEEDED}")
+    return number
+
+
+_ID_NEEDED: Final = f"a whole number is needed, from {-_LARGEST_ID - 1} to {_LARGEST_ID}"
+
+
+def id_of(word: str) -> int | None:
+    """Return the id that a word is; None if it is no whole number of 64 bits."""
+    if not _WHOLE.fullmatch(word):
+        return None
+    number = int(word)
+    return number if -_LARGEST_ID - 1 <= number <= _LARGEST_ID else None
+
+
+def _number(
+    path: Path,
+    graph: FactorGraph,
+    known: dict[VariableKind, NDArray[np.bool_]],
+    line: int,
+    fixed: int,
+) -> int:
     """Return the number of a variable that a line says is fixed."""
-    line, word = fixed
+    where = f"{path}:{line}: {fixed} is to be fixed"
+    found = []
     for kind, ids in graph.ids.items():
-        if word.isdigit() and int(word) in ids:
-            return graph.first(kind) + int(np.searchsorted(ids, int(word)))
-    raise GraphFormatError(f"{path}:{line}: {word} is to be fixed: there is no such variable")
+        row = int(np.searchsorted(ids, fixed))
+        if row < len(ids) and ids[row] == fixed:
+            found.append((kind, row))
+    if not found:
+        raise GraphFormatError(f"{where}: there is no such variable")
+    if len(found) > 1:
+        raise GraphFormatError(
+            f"{where}: a pose and a point have this id; give one of them an id of its own"
+        )
+    kind, row = found[0]
+    if not known[kind][row]:
+        raise GraphFormatError(f"{where}: no line says where it is; it needs a vertex of its own")
+    return graph.first(kind) + row
 
 
-def _rows(path: Path, tag: Tag, lines: Sequence[tuple[int, list[str]]]) -> Rows:
+def _merged(rows: Rows, tag: Tag, merging: Merging) -> Rows:
+    """Return rows with the ids of merged poses replaced, without factors between what is one."""
+    if not merging:
+        return rows
+    if isinstance(tag.kind, FactorKind):
+        ids = merging.renamed(rows.ids)
+        keep = ids[:, 0] != ids[:, -1] if tag.ids > 1 else np.ones(len(ids), np.bool_)
+        # Between one and the same from the beginning is an error of its own.
+        keep |= rows.ids[:, 0] == rows.ids[:, -1]
+        merging.left_out += int((~keep).sum())
+    else:
+        ids = rows.ids
+        keep = merging.renamed(ids)[:, 0] == ids[:, 0]
+    return Rows(ids[keep], rows.numbers[keep], rows.lines[keep], rows.path, rows.notes)
+
+
+def _rows(path: Path, tag: Tag, lines: Sequence[tuple[int, list[str]]], notes: list[str]) -> Rows:
     """Return the lines of a tag as numbers."""
     begin, width = 1 + tag.ids, len(tag.columns)
     try:
         if any(len(words) != begin + width for _, words in lines):
-            if not tag.optional:
-                raise ValueError
-            lines = [(n, _padded(words, begin + width, tag.optional)) for n, words in lines]
+            lines = [(n, _completed(words, begin + width, tag.defaults)) for n, words in lines]
         ids = np.array(
             list(map(int, chain.from_iterable(words[1:begin] for _, words in lines))), np.int64
         )
         numbers = np.array(
-            list(map(float, chain.from_iterable(words[begin:] for _, words in lines)))
+            list(map(float, chain.from_iterable(words[begin:] for _, words in lines))), np.float64
         )
-        if not np.all(np.isfinite(numbers)):
+        if not is_sound(numbers):
             raise ValueError
-    except ValueError:
+    except (ValueError, OverflowError):
         raise _first_error(path, tag, lines) from None
     return Rows(
         ids.reshape(len(lines), tag.ids),
         numbers.reshape(len(lines), width),
         np.array([number for number, _ in lines], np.int64),
         path,
+        notes,
     )
 
 
-def _padded(words: list[str], length: int, optional: int) -> list[str]:
-    if len(words) == length - optional:
-        return [*words, *["0"] * optional]
+def _completed(words: list[str], length: int, defaults: tuple[str, ...]) -> list[str]:
+    """Return the words of a line, with the defaults where these are missing."""
+    if defaults and len(words) == length - len(defaults):
+        return [*words, *defaults]
     if len(words) != length:
         raise ValueError
     return words
@@ -177,21 +298,20 @@ def _first_error(path: Path, tag: Tag, lines: Iterable[tuple[int, list[str]]]) -
     begin = 1 + tag.ids
     for number, words in lines:
         wanted = begin + len(tag.columns)
-        if len(words) not in (wanted, wanted - tag.optional):
+        if len(words) not in (wanted, wanted - len(tag.defaults)):
             names = [f"id {i + 1}" for i in range(tag.ids)] if tag.ids > 1 else ["id"]
             return GraphFormatError(
                 f"{path}:{number}: {words[0]}: found {len(words) - 1} words, needed are "
                 f"{wanted - 1}: {', '.join([*names, *tag.columns])}"
             )
         for word in words[1:begin]:
-            if not word.removeprefix("-").isdigit():
-                return GraphFormatError(
-                    f"{path}:{number}: {words[0]}: id {word!r}: a whole number is needed"
-                )
+            if id_of(word) is None:
+                return GraphFormatError(f"{path}:{number}: {words[0]}: id {word!r}: {_ID_NEEDED}")
         for name, word in zip(tag.columns, words[begin:], strict=False):
-            if not is_number(word) or not np.isfinite(float(word)):
+            if not is_number(word) or not abs(float(word)) <= LARGEST:
                 return GraphFormatError(
-                    f"{path}:{number}: {words[0]}: {name} {word!r}: a finite number is needed"
+                    f"{path}:{number}: {words[0]}: {name} {word!r}: a finite number is needed, of "
+                    f"at most {LARGEST:g} in size"
                 )
     raise AssertionError("no line is wrong")
 
@@ -217,45 +337,39 @@ def triangle(size: int, letter: str = "I") -> tuple[str, ...]:
     return tuple(f"{letter}{i + 1}{j + 1}" for i in range(size) for j in range(i, size))
 
 
-def checked(rows: Rows, matrices: Floats, what: str = "information") -> Floats:
-    """Return matrices (n, size, size) that are positive definite.
-
-    Raises
-    ------
-    GraphFormatError
-        If one is not.
-    """
-    rows.check(
-        np.linalg.eigvalsh(matrices)[:, 0] > 0.0, f"the {what} matrix is not positive definite"
-    )
-    return matrices
-
-
-def variables(kind: VariableKind, convert: Callable[[Floats], Floats]) -> Callable[..., None]:
-    """Return what adds variables, of which `convert` makes values of numbers."""
+def variable_tag(
+    columns: tuple[str, ...], kind: VariableKind, convert: Callable[[Rows], Floats]
+) -> Tag:
+    """Return the tag of variables, of which `convert` makes values."""
 
     def add(builder: GraphBuilder, rows: Rows) -> None:
         ids, counts = np.unique(rows.ids[:, 0], return_counts=True)
         for twice in ids[counts > 1][:1]:
             last = np.flatnonzero(rows.ids[:, 0] == twice)[1]
             rows.check(np.arange(len(rows.ids)) != last, f"{kind.name} {twice} is there already")
-        builder.variables(kind, rows.ids[:, 0], convert(rows.numbers))
+        builder.variables(kind, rows.ids[:, 0], convert(rows))
 
-    return add
+    return Tag(1, columns, add, kind)
 
 
-def factors(
-    kind: FactorKind, split: Callable[[Rows], tuple[Floats, Floats]]
-) -> Callable[[GraphBuilder, Rows], None]:
-    """Return what adds factors, of which `split` makes measurements and information."""
+def factor_tag(
+    columns: tuple[str, ...],
+    kind: FactorKind,
+    split: Callable[[Rows], tuple[Floats, Floats]],
+    defaults: tuple[str, ...] = (),
+) -> Tag:
+    """Return the tag of factors, of which `split` makes measurements and information."""
 
     def add(builder: GraphBuilder, rows: Rows) -> None:
         if len(kind.variables) == 2 and kind.variables[0] is kind.variables[1]:
             rows.check(rows.ids[:, 0] != rows.ids[:, 1], "links a variable with itself")
         measurements, information = split(rows)
+        rows.check(
+            sound_rows(information), f"information above {LARGEST:g} follows from so small numbers"
+        )
         builder.factors(kind, rows.ids, measurements, information)
 
-    return add
+    return Tag(len(kind.variables), columns, add, kind, defaults)
 
 
 def lines_of(tag: str, ids: NDArray[np.int64], numbers: Floats) -> list[str]:

@@ -1,7 +1,9 @@
 """TORO's files: poses in the plane and in space, as `.graph`.
 
 VERTEX2 id x y theta; EDGE2 a b x y theta I11 I12 I22 I33 I13 I23; VERTEX3 and EDGE3 with roll,
-pitch, yaw (R = Rz Ry Rx) and the upper triangle of the information.
+pitch, yaw (R = Rz Ry Rx) and the upper triangle of the information; EQUIV a b: two poses are one.
+Some files have EDGE2 with the upper triangle by rows, as GTSAM's w20000.txt: they are told by that
+only one of the two orders gives matrices without negative eigenvalues.
 Grisetti, Stachniss and Burgard, https://openslam-org.github.io/toro.html
 """
 
@@ -13,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from robotctl.estimation.slam.factors.between import BETWEEN_2D, BETWEEN_3D
-from robotctl.estimation.slam.graph.factor import FactorBlock
+from robotctl.estimation.slam.graph.factor import FactorBlock, is_semidefinite
 from robotctl.estimation.slam.graph.variables import SE2, SE3, Floats
 from robotctl.logs.graphs.graph_format import (
     GraphFile,
@@ -25,15 +27,14 @@ from robotctl.logs.graphs.graph_format import (
 from robotctl.logs.graphs.tagged_text import (
     Rows,
     Tag,
-    checked,
-    factors,
+    factor_tag,
     lines_of,
     read_tagged,
     symmetric,
     tags_of,
     triangle,
     upper,
-    variables,
+    variable_tag,
 )
 
 _SE2: Final = ("x", "y", "theta")
@@ -67,27 +68,37 @@ def euler_poses(poses: Floats) -> Floats:
 
 
 def _split_2d(rows: Rows) -> tuple[Floats, Floats]:
-    return rows.numbers[:, :3], checked(rows, symmetric(rows.numbers[:, 3:][:, _BACK], 3))
+    information = symmetric(rows.numbers[:, 3:][:, _BACK], 3)
+    if not np.all(is_semidefinite(information)):
+        by_rows = symmetric(rows.numbers[:, 3:], 3)
+        if np.all(is_semidefinite(by_rows)):
+            rows.notes.append(
+                "EDGE2: information taken in the order I11 I12 I13 I22 I23 I33; in TORO's it would "
+                "have negative eigenvalues"
+            )
+            return rows.numbers[:, :3], by_rows
+    return rows.numbers[:, :3], information
 
 
 def _split_3d(rows: Rows) -> tuple[Floats, Floats]:
-    numbers = rows.numbers[:, 6:].copy()
-    numbers[~np.any(numbers, axis=1)] = upper(np.eye(6)[None])  # without information: 1
     # Roll, pitch and yaw are twice the vector part of the quaternion, to first order.
     double = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
-    information = symmetric(numbers, 6) * np.outer(double, double)
-    return quaternion_poses(rows.numbers[:, :6]), checked(rows, information)
+    information = symmetric(rows.numbers[:, 6:], 6) * np.outer(double, double)
+    return quaternion_poses(rows.numbers[:, :6]), information
 
 
-VERTEX2: Final = Tag(1, _SE2, variables(SE2, lambda numbers: numbers))
-EDGE2: Final = Tag(
-    2, (*_SE2, "I11", "I12", "I22", "I33", "I13", "I23"), factors(BETWEEN_2D, _split_2d)
-)
+VERTEX2: Final = variable_tag(_SE2, SE2, lambda rows: rows.numbers)
+EDGE2: Final = factor_tag((*_SE2, "I11", "I12", "I22", "I33", "I13", "I23"), BETWEEN_2D, _split_2d)
 TAGS: Final[dict[str, Tag]] = {
     "VERTEX2": VERTEX2,
     "EDGE2": EDGE2,
-    "VERTEX3": Tag(1, _SE3, variables(SE3, quaternion_poses)),
-    "EDGE3": Tag(2, (*_SE3, *triangle(6)), factors(BETWEEN_3D, _split_3d), optional=21),
+    "VERTEX3": variable_tag(_SE3, SE3, lambda rows: quaternion_poses(rows.numbers)),
+    "EDGE3": factor_tag(
+        (*_SE3, *triangle(6)),
+        BETWEEN_3D,
+        _split_3d,
+        tuple(map(repr, upper(np.eye(6)[None])[0].tolist())),
+    ),
 }
 
 
@@ -111,14 +122,17 @@ def _lines(file: GraphFile, block: FactorBlock) -> list[str] | None:
 
 def _write(path: Path, file: GraphFile) -> None:
     text = []
+    gone, kept = file.merged.T
     for kind, ids in file.graph.ids.items():
-        if kind is SE2:
-            text += lines_of("VERTEX2", ids[:, None], file.values[kind])
-        elif kind is SE3:
-            text += lines_of("VERTEX3", ids[:, None], euler_poses(file.values[kind]))
-        else:
+        if not kind.is_pose:
             raise GraphFormatError(f"{path}: TORO has no points")
+        names = np.concatenate([ids, gone])
+        rows = np.concatenate([np.arange(len(ids)), np.searchsorted(ids, kept)])
+        poses = file.values[kind][rows]
+        tag, numbers = ("VERTEX2", poses) if kind is SE2 else ("VERTEX3", euler_poses(poses))
+        text += lines_of(tag, names[:, None], numbers)
     text += factor_lines(path, file, "TORO", lambda block: _lines(file, block))
+    text += [f"EQUIV {a} {b}" for a, b in file.merged[:, ::-1].tolist()]
     path.write_text("\n".join(text) + "\n", encoding="ascii")
 
 
@@ -126,6 +140,6 @@ TORO: Final = GraphFormat(
     "TORO",
     ".graph",
     lambda path: bool(tags_of(path) & TAGS.keys()),
-    lambda path: read_tagged(path, TAGS),
+    lambda path: read_tagged(path, TAGS, merge="EQUIV"),
     _write,
 )

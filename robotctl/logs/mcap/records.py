@@ -5,16 +5,21 @@ decompresses, and its CRC-32 is right. Records between chunks carry no checksum;
 damaged where their kind is unknown, or not one that stands there, or their length does not fit
 their content. Any content is that of a message: where there are chunks, one outside of them is
 taken for another record, damaged.
+
+A chunk in which the file ends gives the messages that stand whole in it, as far as its compression
+lets them be read: no checksum covers a part of a chunk, so these count as they stand.
 """
 
 from __future__ import annotations
 
 import io
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
-from typing import BinaryIO, Final
+from typing import Any, BinaryIO, Final
 
+import lz4.frame
 import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
@@ -40,6 +45,8 @@ _DAMAGE: Final = (
     KeyError,
     EOFError,
     MemoryError,
+    OverflowError,  # of lengths beyond 63 bits
+    RuntimeError,  # of lz4
 )
 _RECORD_LIMIT: Final = 1 << 28
 _HEAD: Final = struct.Struct("<BQ")
@@ -62,6 +69,20 @@ _KINDS: Final[dict[int, type[Header | Schema | Channel | Attachment | Metadata]]
 }
 
 
+_OF_CHUNKS: Final[dict[int, Any]] = {
+    Opcode.SCHEMA: Schema,
+    Opcode.CHANNEL: Channel,
+    Opcode.MESSAGE: Message,
+}
+
+_SECTOR: Final = 4096
+_DECOMPRESSORS: Final[dict[str, Callable[[], Callable[[bytes], bytes]]]] = {
+    "zstd": lambda: zstandard.ZstdDecompressor().decompressobj().decompress,
+    "lz4": lambda: lz4.frame.LZ4FrameDecompressor().decompress,
+}
+"""Decompressors that take a frame piece by piece."""
+
+
 @dataclass(frozen=True, slots=True)
 class Gap:
     """A place of a log that cannot be read.
@@ -73,12 +94,16 @@ class Gap:
     length
         How many bytes; 0 if a log was cut between two records.
     is_cut
-        Whether it is the end of a log that was cut short: nothing is lost.
+        Whether it is the end of a log that was cut short.
+    lost
+        Bytes of content that are lost, as they were before compression; 0 if the gap never held
+        any: it lies between records, in an index, or in zeros that a power cut left.
     """
 
     begin: int
     length: int
     is_cut: bool
+    lost: int
 
 
 def whole_records(source: BinaryIO) -> Iterator[McapRecord | Gap]:
@@ -101,8 +126,10 @@ def whole_records(source: BinaryIO) -> Iterator[McapRecord | Gap]:
             records = _records(source, opcode, place, end)
         except _DAMAGE as error:
             end = _next_chunk(source, place + 1, size)
-            is_cut = end == size and _is_cut(source, place, size, error)
-            yield Gap(place, end - place, is_cut)
+            if end == size and _is_cut(source, place, size, error):
+                yield from _cut_end(source, place, size)
+                return
+            yield Gap(place, end - place, is_cut=False, lost=end - place)
             if end == size:
                 return
         else:
@@ -219,7 +246,79 @@ def _is_cut(source: BinaryIO, place: int, size: int, error: BaseException) -> bo
         source.seek(closing)
         if source.read() == MCAP0_MAGIC:
             return False
-    if isinstance(error, EOFError):
-        return True
+    return isinstance(error, EOFError) or _is_blank(source, place)
+
+
+def _is_blank(source: BinaryIO, place: int) -> bool:
+    """Return whether a file has nothing but zeros from a place on."""
     source.seek(place)
     return all(not any(block) for block in iter(lambda: source.read(_BLOCK), b""))
+
+
+def _cut_end(source: BinaryIO, place: int, size: int) -> Iterator[McapRecord | Gap]:
+    """Yield what stands whole in the record in which a log ends, and the gap behind it."""
+    source.seek(place)
+    opcode = next(iter(source.read(1)), None)
+    rest = size - place
+    if rest <= _HEAD.size or opcode == Opcode.MESSAGE_INDEX or _is_blank(source, place):
+        yield Gap(place, rest, is_cut=True, lost=0)
+        return
+    records: list[McapRecord] = []
+    lost = rest
+    if opcode == Opcode.CHUNK:
+        with suppress(*_DAMAGE):
+            records, lost = _of_cut_chunk(source, place)
+    yield from records
+    yield Gap(place, rest, is_cut=True, lost=lost)
+
+
+def _of_cut_chunk(source: BinaryIO, place: int) -> tuple[list[McapRecord], int]:
+    """Return the whole records of a chunk in which the file ends, and how many bytes are lost.
+
+    Raises one of `_DAMAGE`.
+    """
+    source.seek(place + _HEAD.size)
+    _, _, uncompressed, _, length = _CHUNK.unpack(source.read(_CHUNK.size))
+    if uncompressed > _RECORD_LIMIT:
+        raise ValueError("too long")
+    compression = source.read(length).decode()
+    source.seek(8, io.SEEK_CUR)  # the length of the data, which the file does not have
+    records, used = _whole_in(_beginning(compression, source.read()))
+    return records, max(uncompressed - used, 1)
+
+
+def _beginning(compression: str, data: bytes) -> bytes:
+    """Return what can be read of the beginning of a chunk's compressed content."""
+    if not compression:
+        kept = data.rstrip(b"\0")
+        # Messages may end with a few zeros; more of them had not come to the disk.
+        return data if len(data) - len(kept) < _SECTOR else kept
+    content = b""
+    with suppress(*_DAMAGE):
+        decompress = _DECOMPRESSORS[compression]()
+        for at in range(0, len(data), _SECTOR):
+            content += decompress(data[at : at + _SECTOR])
+            if len(content) > _RECORD_LIMIT:
+                break
+    return content
+
+
+def _whole_in(content: bytes) -> tuple[list[McapRecord], int]:
+    """Return the whole records at the beginning of a chunk's content, and how long they are."""
+    records: list[McapRecord] = []
+    at = 0
+    while at + _HEAD.size <= len(content):
+        opcode, length = _HEAD.unpack_from(content, at)
+        end = at + _HEAD.size + length
+        if opcode not in _OF_CHUNKS or end > len(content):
+            break
+        stream = ReadDataStream(io.BytesIO(content[at + _HEAD.size : end]))
+        try:
+            if opcode == Opcode.MESSAGE:
+                records.append(Message.read(stream, length))
+            else:
+                records.append(_OF_CHUNKS[opcode].read(stream))
+        except _DAMAGE:
+            break
+        at = end
+    return records, at

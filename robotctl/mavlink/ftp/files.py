@@ -14,6 +14,8 @@ class Entry(NamedTuple):
     name: str
     size: int | None
     """None: it is a folder itself."""
+    modified_s: int = 0
+    """When a file of the disk was changed last [s since 1970]; 0: it is none."""
 
 
 class OpenFile(Protocol):

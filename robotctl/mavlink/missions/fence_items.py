@@ -13,7 +13,12 @@ from pymavlink.dialects.v20 import common
 
 from robotctl.mavlink.globe import Origin
 from robotctl.mavlink.missions.item import MissionItem
-from robotctl.mavlink.missions.translate import BadItem, bounded_place
+from robotctl.mavlink.missions.translate import (
+    BadItem,
+    bounded_place,
+    check_altitude,
+    check_params,
+)
 from robotctl.messages.fence import FenceFile
 from robotctl.messages.requests import FARTHEST_M
 from robotctl.model.fence import Fence, FenceCircle, FencePolygon, Point
@@ -75,9 +80,9 @@ def check_fence_item(item: MissionItem, seq: int, origin: Origin | None) -> None
     BadItem
         If it is none of a fence, or its place means nothing.
     """
-    if any(math.isinf(each) for each in item.params):
-        raise BadItem(seq, _INVALID, "an infinite parameter")
+    check_params(item, seq)
     if item.command == _RETURN:
+        check_altitude(item, seq)
         return
     if item.command not in _POLYGONS and item.command not in _CIRCLES:
         why = f"command {item.command} is none of a fence"

@@ -35,6 +35,12 @@ _FASTEST_M_S: Final = 100.0
 _MOST_TIMES: Final = 32_767
 _UNSUPPORTED: Final[int] = common.MAV_MISSION_UNSUPPORTED
 _FRAME: Final[int] = common.MAV_MISSION_UNSUPPORTED_FRAME
+_PARAMS: Final = (
+    common.MAV_MISSION_INVALID_PARAM1,
+    common.MAV_MISSION_INVALID_PARAM2,
+    common.MAV_MISSION_INVALID_PARAM3,
+    common.MAV_MISSION_INVALID_PARAM4,
+)
 _AXES: Final = (common.MAV_MISSION_INVALID_PARAM5_X, common.MAV_MISSION_INVALID_PARAM6_Y)
 
 
@@ -86,14 +92,44 @@ def first_from(sources: Sequence[int], seq: int) -> int | None:
 
 
 def check_item(item: MissionItem, seq: int, around: Surroundings) -> None:
-    """Check one item by itself.
+    """Check one item by itself. Home is not driven: only its numbers count.
 
     Raises
     ------
     BadItem
         If the robot cannot drive it.
     """
-    _Translator(around).add(item, seq)
+    if seq < HOME:
+        check_params(item, seq)
+        check_altitude(item, seq)
+    else:
+        _Translator(around).add(item, seq)
+
+
+def check_params(item: MissionItem, seq: int) -> None:
+    """Check that no parameter is infinite; no number (nan) is the default of most.
+
+    Raises
+    ------
+    BadItem
+        If one is.
+    """
+    for number, (value, result) in enumerate(zip(item.params, _PARAMS, strict=True), 1):
+        if math.isinf(value):
+            raise BadItem(seq, result, f"{value:g} found in param{number}, a number allowed")
+
+
+def check_altitude(item: MissionItem, seq: int) -> None:
+    """Check that the altitude of a place, which the robot ignores, is a number.
+
+    Raises
+    ------
+    BadItem
+        If it is none.
+    """
+    if not math.isfinite(item.z):
+        why = f"{item.z:g} found in z, a number allowed"
+        raise BadItem(seq, common.MAV_MISSION_INVALID_PARAM7, why)
 
 
 def translate(items: Sequence[MissionItem], around: Surroundings) -> Translation:
@@ -136,8 +172,7 @@ class _Translator:
 
     def add(self, item: MissionItem, seq: int) -> None:
         """Translate one item."""
-        if not all(math.isfinite(each) or math.isnan(each) for each in item.params):
-            raise BadItem(seq, common.MAV_MISSION_INVALID, "an infinite parameter")
+        check_params(item, seq)
         command = item.command
         if command in PLACES:
             self._drive_to(
@@ -224,7 +259,7 @@ def bounded_place(item: MissionItem, seq: int, origin: Origin | None) -> tuple[f
     Raises
     ------
     BadItem
-        If its frame means nothing here, or the place is too far away.
+        If its frame means nothing here, or the place is too far away or no number.
     """
     place = place_of(item, origin)
     if place is None:
@@ -233,4 +268,5 @@ def bounded_place(item: MissionItem, seq: int, origin: Origin | None) -> tuple[f
     for value, result in zip(place, _AXES, strict=True):
         if not abs(value) < FARTHEST_M:
             raise BadItem(seq, result, f"{value:.0f} m away, less than {FARTHEST_M:g} allowed")
+    check_altitude(item, seq)
     return place

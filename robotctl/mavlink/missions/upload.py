@@ -1,4 +1,4 @@
-"""The upload of a mission: asks for one item after the other until it has all."""
+"""The upload of a plan: asks for one item after the other until it has all."""
 
 from __future__ import annotations
 
@@ -6,12 +6,16 @@ from collections.abc import Sequence
 from typing import Final
 
 from robotctl.mavlink.missions.item import MissionItem
-from robotctl.messages.mavlink_port import Peer
+from robotctl.messages.mavlink_port import Address, Peer
 
 AGAIN_NS: Final = 1_000_000_000
-"""An item that does not come is asked for again after this [ns]."""
-MOST_TRIES: Final = 8
-"""So often; then the upload is given up, and the robot keeps the mission that it has."""
+"""Time after which a missing item is requested again [ns]."""
+SOON_NS: Final = 100_000_000
+"""Least time between two requests for one item [ns]: on links that double every frame, a request
+for each copy would double the traffic with every item."""
+LONGEST_NS: Final = 8_000_000_000
+"""Wait for one item after which an upload is given up, and the robot keeps the plan that it has
+[ns]."""
 
 
 class Upload:
@@ -22,16 +26,16 @@ class Upload:
     partner, peer
         Address of the sender, and its connection.
     count
-        Of the last item that is wanted, and those before it: at least 1.
+        Number of the last item that is wanted, plus one: at least 1.
     now_ns
-        Time of the first request [ns].
+        When the first item may be requested [ns].
     before, behind
         Items that stay as they are: the first ones, and those after `count`.
     """
 
     def __init__(
         self,
-        partner: tuple[int, int],
+        partner: Address,
         peer: Peer,
         count: int,
         now_ns: int,
@@ -43,8 +47,10 @@ class Upload:
         self.count = count
         self.items = list(before)
         self._behind = tuple(behind)
-        self._asked_ns = now_ns
-        self._tries = 1
+        self._due_ns = now_ns
+        self._requested_ns = self._began_ns = now_ns
+        """When the wanted item was requested last, and first [ns]."""
+        self._tries = 0
         self._is_old: bool | None = None
         """Whether the sender answers the older MISSION_REQUEST; None: it has answered nothing."""
 
@@ -54,8 +60,18 @@ class Upload:
         return len(self.items)
 
     @property
+    def last(self) -> int:
+        """Number of the last item that has come or is wanted."""
+        return min(len(self.items), self.count - 1)
+
+    @property
+    def has_requested(self) -> bool:
+        """Whether the wanted item was requested: one that comes unasked is of an earlier upload."""
+        return self._tries > 0
+
+    @property
     def is_complete(self) -> bool:
-        """Whether all have come."""
+        """Whether all items have come."""
         return len(self.items) == self.count
 
     @property
@@ -64,8 +80,8 @@ class Upload:
         return [*self.items, *self._behind]
 
     @property
-    def asks_old(self) -> bool:
-        """Whether to ask by the older MISSION_REQUEST.
+    def uses_old_request(self) -> bool:
+        """Whether the last request was the older MISSION_REQUEST.
 
         A sender that knows nothing else, as dronekit, is silent at first: one that is silent is
         asked in turns, and from then on as it has answered.
@@ -73,20 +89,26 @@ class Upload:
         return self._tries % 2 == 0 if self._is_old is None else self._is_old
 
     def take(self, item: MissionItem, now_ns: int) -> None:
-        """Take the next item."""
-        self._is_old = self.asks_old
+        """Take the wanted item, which was requested; the one after it is due at once."""
+        self._is_old = self.uses_old_request
         self.items.append(item)
-        self._asked_ns, self._tries = now_ns, 1
+        self._due_ns, self._tries = now_ns, 0
 
-    def asks_again(self, now_ns: int) -> bool:
-        """Return whether the wanted item is to be asked for again; note that it is."""
-        if now_ns - self._asked_ns < AGAIN_NS:
-            return False
-        self._asked_ns = now_ns
+    def hurry(self) -> None:
+        """Request the wanted item soon: the sender seems not to have heard the last request."""
+        self._due_ns = min(self._due_ns, self._requested_ns + SOON_NS)
+
+    def is_due(self, now_ns: int) -> bool:
+        """Return whether the wanted item is to be requested."""
+        return now_ns >= self._due_ns
+
+    def note_request(self, now_ns: int) -> None:
+        """Note that the wanted item is requested now."""
+        if not self._tries:
+            self._began_ns = now_ns
+        self._requested_ns, self._due_ns = now_ns, now_ns + AGAIN_NS
         self._tries += 1
-        return True
 
-    @property
-    def is_given_up(self) -> bool:
-        """Whether the sender has been silent for too long."""
-        return self._tries > MOST_TRIES
+    def is_given_up(self, now_ns: int) -> bool:
+        """Return whether the sender has left all requests for an item unanswered."""
+        return self._tries > 0 and now_ns - self._began_ns >= LONGEST_NS

@@ -229,6 +229,8 @@ def _checked(parameter: Parameter, raw: float, kind: int, old: Value, default: V
         raise ParameterRefused(
             Problem.TYPE_MISMATCH, f"{name}: {raw:g} found, a whole number allowed"
         )
+    if isinstance(old, bool) and raw not in {0.0, 1.0}:
+        raise ParameterRefused(Problem.VALUE_OUT_OF_RANGE, f"{name}: {raw:g} found, 0 or 1 allowed")
     value = shortest(raw) if isinstance(old, float) else type(old)(raw)
     if single(default) == single(value):
         return default

@@ -87,6 +87,13 @@ class Piloted(Behaviour):
         if self._behaviour is not None:
             self._behaviour.pause()
 
+    def redirect(self, goal: Goal, speed_m_s: float) -> None:
+        """Drive to another place from now on."""
+        if self._behaviour is None:
+            self._make = lambda pilot: pilot.journey(goal, speed_m_s)
+        else:
+            self._behaviour.redirect(goal, speed_m_s)
+
     def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
         """Return the next velocity."""
         if self._robot.pilot is None:
@@ -111,11 +118,10 @@ def _time_out_s(item: GotoItem) -> float | None:
 
 
 def _make_guided(wanted: PositionRequest, robot: NavigatedRobot) -> Behaviour:
-    config = robot.config
+    speed_m_s = robot.config.guided_speed_m_s
     if robot.pilot is None:
-        return straight_to(wanted.x_m, wanted.y_m, config.guided_speed_m_s, robot)
-    goal = Goal(wanted.x_m, wanted.y_m, wanted.heading_rad)
-    return _drive(goal, config.guided_speed_m_s, robot)
+        return straight_to(wanted.x_m, wanted.y_m, speed_m_s, robot)
+    return _drive(Goal(*wanted), speed_m_s, robot)
 
 
 GOTO = Kind(_make, _time_out_s, piloted=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.guard.behaviour import (
     Anchor,
@@ -13,6 +15,9 @@ from robotctl.planning.guard.behaviour import (
     failed,
 )
 from robotctl.planning.guard.obstacle_guard import GuardConfig, GuardStep, ObstacleGuard
+
+if TYPE_CHECKING:
+    from robotctl.planning.behaviours.kind import Goal
 
 _STANDSTILL_M_S = 0.03
 """Below this allowed speed the robot stands still."""
@@ -96,6 +101,10 @@ class Guarded(Behaviour):
         """Continue after a failure from the robot's present place, with the full time again."""
         self.pause()
         self._watch = Stopwatch()
+
+    def redirect(self, goal: Goal, speed_m_s: float) -> None:
+        """Drive to another place from now on."""
+        self._behaviour.redirect(goal, speed_m_s)
 
     def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
         """Return the behaviour's output, as far as obstacles and time allow."""

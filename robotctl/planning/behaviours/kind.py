@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from robotctl.planning.behaviours.outlook import Outlook  # which loads numpy
     from robotctl.planning.config import NavigationConfig  # which has settings of behaviours
     from robotctl.planning.costmap.zone import Zone
+    from robotctl.planning.journey.recovery import RecoveryConfig
 
 
 class Paths(Protocol):
@@ -76,6 +77,9 @@ class Pilot(Protocol):
 
     def use_zones(self, zones: Sequence[Zone]) -> None:
         """Take the zones of another mission, which count beside those of the robot's file."""
+
+    def use_recovery(self, recovery: RecoveryConfig | None) -> None:
+        """Be as patient as a mission says; None: as the robot's file does."""
 
     def use_fence(self, fence: Fence) -> None:
         """Plan within another fence."""

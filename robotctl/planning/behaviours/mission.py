@@ -15,6 +15,7 @@ from robotctl.planning.behaviours.flow import FlowItem
 from robotctl.planning.behaviours.item import require_bounded
 from robotctl.planning.behaviours.registry import BEHAVIOURS
 from robotctl.planning.costmap.zone import Zone
+from robotctl.planning.journey.recovery import RecoveryConfig
 from robotctl.planning.mission.flow import flow_problems
 from robotctl.planning.mission.zones import zone_problems
 
@@ -51,7 +52,7 @@ class Mission:
     name
         Name shown to people.
     world
-        Name of the world's file in `configs/worlds` that it is made for.
+        Name of the world's file that `robotctl sim` drives it in; empty: the user says which.
     start
         Pose at the start.
     item
@@ -59,13 +60,16 @@ class Mission:
     zone
         What is to be kept out of or passed slowly by all that drives by plan, beside the zones of
         the robot's file, written as `[[zone]]`.
+    recovery
+        How patient all that drives by plan is; None: as the robot's file says.
     """
 
     name: str
-    world: str
+    world: Annotated[str, Field(default="")]
     start: StartPose
     item: tuple[Annotated[Item, Field(discriminator="kind")], ...]
     zone: tuple[Zone, ...] = ()
+    recovery: RecoveryConfig | None = None
 
     def __post_init__(self) -> None:
         if not self.item:

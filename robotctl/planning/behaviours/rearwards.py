@@ -7,7 +7,7 @@ from typing import Final
 
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
-from robotctl.planning.behaviours.kind import NavigatedRobot
+from robotctl.planning.behaviours.kind import Goal, NavigatedRobot
 from robotctl.planning.guard.behaviour import Anchor, Behaviour, BehaviourInput, BehaviourOutput
 
 _TURNED: Final = SE2(0.0, 0.0, math.pi)
@@ -55,6 +55,10 @@ class Rearwards(Behaviour):
     def pause(self) -> None:
         """Another mode steers for a while."""
         self._behaviour.pause()
+
+    def redirect(self, goal: Goal, speed_m_s: float) -> None:
+        """Drive to another place from now on."""
+        self._behaviour.redirect(goal, speed_m_s)
 
     def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
         """Return the behaviour's output, its speed backwards while that is asked for."""

@@ -9,7 +9,7 @@ from typing import Final
 
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behaviours.guarded import Guarded
-from robotctl.planning.behaviours.kind import NavigatedRobot
+from robotctl.planning.behaviours.kind import Goal, NavigatedRobot
 from robotctl.planning.behaviours.straight_to import StraightTo
 from robotctl.planning.behaviours.turn_to import TurnTo
 from robotctl.planning.guard.behaviour import (
@@ -132,6 +132,12 @@ class Rejoining(Behaviour):
     def retry(self) -> None:
         """Continue after a failure from the robot's present place, with the full time again."""
         self._behaviour.retry()
+
+    def redirect(self, goal: Goal, speed_m_s: float) -> None:
+        """Drive to another place from now on; the way back there is another one, too."""
+        self._behaviour.redirect(goal, speed_m_s)
+        if self._rejoin is not None:
+            self._rejoin, self._relocated = None, True
 
     def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
         """Return the next velocity: on the path back, if any, otherwise of the behaviour."""

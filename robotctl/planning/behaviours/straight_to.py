@@ -9,7 +9,7 @@ from typing import Literal
 from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behaviours.item import NO_LENGTH_S, require_bounded, require_positive
-from robotctl.planning.behaviours.kind import Kind, NavigatedRobot
+from robotctl.planning.behaviours.kind import Goal, Kind, NavigatedRobot
 from robotctl.planning.behaviours.rearwards import Rearwards
 from robotctl.planning.guard.behaviour import (
     Anchor,
@@ -112,6 +112,10 @@ class StraightTo(Behaviour):
         """Replan from the robot's present place."""
         self.reset()
 
+    def redirect(self, goal: Goal, speed_m_s: float) -> None:
+        """Drive to another point from now on; its heading does not matter."""
+        self._goal, self._speed = (goal.x_m, goal.y_m), speed_m_s
+
     def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:  # noqa: ARG002 - as all behaviours
         """Return the next velocity; done within the goal tolerance of the point."""
         config, pose = self._config, situation.pose
@@ -129,7 +133,7 @@ class StraightTo(Behaviour):
         if not self._steered and self._must_turn(bearing):
             return BehaviourOutput(0.0, turn_rate(bearing, config), text=f"{text}, turning")
         curvature = reachable_curvature(*in_base(pose, x, y), self._curvature_max)
-        v = max(min(v, bend_speed(abs(curvature), config)), config.creep_m_s)
+        v = max(min(v, bend_speed(abs(curvature), config)), min(config.creep_m_s, self._speed))
         return BehaviourOutput(v, curvature * v, text=text)
 
     def _must_back(self, pose: SE2) -> bool:

@@ -2,68 +2,54 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.model.fence import Fence, Point
-from robotctl.model.grid_map import OCCUPIED, GridMap
+from robotctl.model.fence import Fence, FenceCircle, Point
+from robotctl.model.grid_map import GridMap
+from robotctl.planning.costmap.polygon_cells import in_cells, polygon_cells
 
 MARGIN_M: Final = 0.1
 """Planning keeps so far from the fence [m]: nearer, a robot that is a little off its path would be
 held back again and again."""
 
 
-def close_fence(cells: NDArray[np.int8], grid: GridMap, fence: Fence) -> None:
-    """Mark the cells of a map, (rows, columns), that are beyond the fence or near it."""
-    for polygon in fence.polygons:
-        inside = cells_inside(polygon.corners, grid)
-        cells[inside != polygon.keeps_in] = OCCUPIED
-        _close_sides(cells, grid, polygon.corners)
-    if not fence.circles:
-        return
-    every = np.indices(grid.shape).reshape(2, -1).T
-    x_m, y_m = grid.centre_of(every).T
-    for circle in fence.circles:
-        away_m = np.hypot(x_m - circle.x_m, y_m - circle.y_m).reshape(grid.shape)
-        if circle.keeps_in:
-            cells[away_m > circle.radius_m - MARGIN_M] = OCCUPIED
-        else:
-            cells[away_m < circle.radius_m + MARGIN_M] = OCCUPIED
+def beyond_fence(fence: Fence, grid: GridMap) -> NDArray[np.bool_]:
+    """Return which cells of a map are not wholly within the fence, or near it, (rows, columns).
 
-
-def cells_inside(polygon: Sequence[Point], grid: GridMap) -> NDArray[np.bool_]:
-    """Return which cells of a map have their centre in a polygon, (rows, columns).
-
-    A point is inside if a line from it crosses the sides an odd number of times.
+    Near is a centre less than `MARGIN_M` away.
     """
-    inside = np.zeros(grid.shape, np.bool_)
-    corners = _in_cells(polygon, grid)
-    for (ax, ay), (bx, by) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        rows = np.arange(
-            max(math.ceil(min(ay, by) - 0.5), 0),
-            min(math.ceil(max(ay, by) - 0.5), grid.shape[0]),
-        )
-        if len(rows):
-            crossing = ax + (rows + 0.5 - ay) / (by - ay) * (bx - ax)
-            inside[rows] ^= np.arange(grid.shape[1]) + 0.5 > crossing[:, np.newaxis]
-    return inside
+    beyond = np.zeros(grid.shape, np.bool_)
+    for polygon in fence.polygons:
+        cells = polygon_cells(polygon.corners, grid)
+        beyond |= (cells.inside != polygon.keeps_in) | cells.on_sides
+        _add_margin(beyond, grid, polygon.corners)
+    for circle in fence.circles:
+        beyond |= _beyond_circle(circle, grid)
+    return beyond
 
 
-def _in_cells(points: Sequence[Point], grid: GridMap) -> NDArray[np.float64]:
-    """Return points of `world` in cells of the map, (n, 2): x along the columns."""
-    c, s = math.cos(grid.origin.theta_rad), math.sin(grid.origin.theta_rad)
-    away = (np.array(points) - (grid.origin.x_m, grid.origin.y_m)) / grid.resolution_m
-    return np.stack([c * away[:, 0] + s * away[:, 1], c * away[:, 1] - s * away[:, 0]], axis=1)
+def _beyond_circle(circle: FenceCircle, grid: GridMap) -> NDArray[np.bool_]:
+    """Return the same of a circle."""
+    x, y = in_cells([(circle.x_m, circle.y_m)], grid)[0].tolist()
+    radius, margin = circle.radius_m / grid.resolution_m, MARGIN_M / grid.resolution_m
+    along = np.abs(np.arange(grid.shape[1]) + 0.5 - x)
+    up = np.abs(np.arange(grid.shape[0]) + 0.5 - y)[:, np.newaxis]
+    away: NDArray[np.float64] = np.hypot(along, up)
+    if circle.keeps_in:
+        farthest: NDArray[np.float64] = np.hypot(along + 0.5, up + 0.5)
+        return np.maximum(away + margin, farthest) > radius
+    nearest: NDArray[np.float64] = np.hypot(np.maximum(along - 0.5, 0.0), np.maximum(up - 0.5, 0.0))
+    return np.minimum(away - margin, nearest) <= radius
 
 
-def _close_sides(cells: NDArray[np.int8], grid: GridMap, corners: Sequence[Point]) -> None:
+def _add_margin(beyond: NDArray[np.bool_], grid: GridMap, corners: Sequence[Point]) -> None:
     """Mark the cells whose centre is near a side of a polygon."""
     margin = MARGIN_M / grid.resolution_m
-    points = _in_cells(corners, grid)
+    points = in_cells(corners, grid)
     rows, columns = grid.shape
     for a, b in zip(points, np.roll(points, -1, axis=0), strict=True):
         low, high = (
@@ -75,4 +61,4 @@ def _close_sides(cells: NDArray[np.int8], grid: GridMap, corners: Sequence[Point
         along = (x - a[0]) * way[0] + (y - a[1]) * way[1]
         along = np.clip(along / max(float(way @ way), 1e-12), 0.0, 1.0)
         away = np.hypot(x - a[0] - along * way[0], y - a[1] - along * way[1])
-        cells[low[1] : high[1], low[0] : high[0]][away < margin] = OCCUPIED
+        beyond[low[1] : high[1], low[0] : high[0]] |= away < margin

@@ -21,7 +21,7 @@ from scipy import ndimage  # type: ignore[import-untyped]
 from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.points import moved
 from robotctl.model.geometry.se2 import SE2
-from robotctl.model.grid_map import UNKNOWN, GridMap
+from robotctl.model.grid_map import OCCUPIED, UNKNOWN, GridMap
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.costmap import marks
@@ -29,7 +29,7 @@ from robotctl.planning.costmap.body_cells import cells_at, shrunk
 from robotctl.planning.costmap.clearance import Clearance
 from robotctl.planning.costmap.layers_config import LayersConfig
 from robotctl.planning.costmap.planning_map import PlanningMap
-from robotctl.planning.costmap.take_over import take_over, take_values
+from robotctl.planning.costmap.take_over import settle, take_over, take_values
 from robotctl.planning.costmap.zones import Closed, slowness, speed_limits
 
 _OCCUPIED_PERCENT: Final = 50
@@ -88,7 +88,11 @@ class LayeredMap:
         self._closed, self._full_speed_m_s = closed, full_speed_m_s
         self._given = grid.cells.copy()
         static = grid.occupied(_OCCUPIED_PERCENT)
-        closed.close(self._given, grid)
+        self._shut = closed.cells(grid)
+        self._behind = grid.cells[self._shut]
+        """What the map itself says of the cells that are shut."""
+        self._given[self._shut] = OCCUPIED
+        self._is_open = False
         live = GridMap(self._given.copy(), grid.resolution_m, grid.origin)
         self._space = space = PlanningMap(
             live,
@@ -96,6 +100,7 @@ class LayeredMap:
             through_unknown=self.config.through_unknown,
             occupied_percent=_OCCUPIED_PERCENT,
         )
+        space.closed = closed
         self._inner = shrunk(space.samples)
         self._limits_m_s = speed_limits(grid, closed.zones)
         if self._limits_m_s is not None:
@@ -195,6 +200,7 @@ class LayeredMap:
             layer.evidence[:] = 0
             layer.in_list[0] = 0
         cells.marks[:] = 0
+        self._is_open = False
         cells.base[:] = cells.live[:] = self._given
         cells.obstacle[:] = cells.base >= _OCCUPIED_PERCENT
         if not self.config.through_unknown:
@@ -359,6 +365,45 @@ class LayeredMap:
             self._clearance.refresh((first[0], first[1]), (last[0], last[1]))
         return self._space.collides(poses)
 
+    def closed_at(self, pose: SE2) -> str:
+        """Return the name of what the body at a pose of `world` should keep out of; else ""."""
+        rows, columns = self._body_at(pose)
+        shut = np.flatnonzero(self._shut[rows, columns])
+        if not len(shut):
+            return ""
+        cell = int(rows[shut[0]]), int(columns[shut[0]])
+        return self._closed.what_closes(self._space.grid, cell)
+
+    def open_around(self, pose: SE2) -> None:
+        """Let a robot that stands where it should keep out of drive out of there.
+
+        What is shut without a gap around the pose of `world` is open until `close_behind`.
+        """
+        areas, _ = ndimage.label(self._shut, np.ones((3, 3)))
+        around = np.unique(areas[self._body_at(pose)])
+        opened = np.isin(areas, around[around > 0])
+        self._cells.base[opened] = self._behind[opened[self._shut]]
+        settle(self._cells)
+        self._is_open = True
+
+    def close_behind(self, pose: SE2) -> None:
+        """Shut again what was opened, once the body is out of it."""
+        if self._is_open and not self._shut[self._body_at(pose)].any():
+            self._cells.base[self._shut] = OCCUPIED
+            settle(self._cells)
+            self._is_open = False
+
+    def room_outside(self) -> NDArray[np.bool_]:
+        """Return where the robot can turn, and is out of all that is shut, (rows, columns)."""
+        space = self.space()
+        away: NDArray[np.float64] = ndimage.distance_transform_edt(~self._shut)
+        roomy: NDArray[np.bool_] = np.minimum(space.clearance, away) > space.circumscribed + 0.5
+        return roomy
+
+    def _body_at(self, pose: SE2) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return the cells of the map under the body at a pose of `world`."""
+        return cells_at(moved(self._space.to_cells(pose), self._space.samples), self._space.shape)
+
     def stand_at(self, T_world_base: SE2) -> None:
         """Note that the floor under the robot is free, whatever echoes from its own edge say."""
         here = self._space.to_cells(T_world_base)
@@ -384,6 +429,10 @@ class LayeredMap:
         if self._limits_m_s is None or not self._space.contains(here.x_m, here.y_m):
             return math.inf
         return float(self._limits_m_s[math.floor(here.y_m), math.floor(here.x_m)])
+
+    def marked(self) -> NDArray[np.bool_]:
+        """Return which cells sensors have marked, (rows, columns)."""
+        return self._cells.marks > 0
 
     def marked_world(self) -> NDArray[np.float64]:
         """Return the centres of the cells that sensors have marked, (n, 2) [m]."""

@@ -17,6 +17,7 @@ from robotctl.compiled import compiled
 from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
+from robotctl.planning.costmap.zones import Closed
 
 _EDGE: float = 0.5
 """From a cell's centre to its edge [cells]: what a wall beside it is nearer than its centre."""
@@ -61,6 +62,8 @@ class PlanningMap:
         metre beyond the robot's circle: there it says that much."""
         self.slowness: NDArray[np.float32] | None = None
         """How many times longer than elsewhere the robot takes, (rows, columns); None: nowhere."""
+        self.closed = Closed()
+        """Zones and fence among the obstacles of `grid`; reasons name them."""
         self.samples = footprint.samples(0.5 * grid.resolution_m) / grid.resolution_m
         self.discs = footprint.discs() / grid.resolution_m
         self.inscribed = footprint.inscribed_m / grid.resolution_m

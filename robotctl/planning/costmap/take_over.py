@@ -35,7 +35,7 @@ def take_over(
         layer.stamp_ns[part] = seen.stamp_ns
         layer.since_ns[part] = seen.since_ns
         _list(layer)
-    _settle(cells)
+    settle(cells)
 
 
 def take_values(cells: Cells, layer: Layer, values: NDArray[np.int8], now_ns: int) -> None:
@@ -46,7 +46,7 @@ def take_values(cells: Cells, layer: Layer, values: NDArray[np.int8], now_ns: in
     layer.stamp_ns[seen] = layer.since_ns[seen] = now_ns
     cells.marks[seen] |= layer.bit
     _list(layer)
-    _settle(cells)
+    settle(cells)
 
 
 def _list(layer: Layer) -> None:
@@ -56,7 +56,7 @@ def _list(layer: Layer) -> None:
     layer.in_list[0] = len(listed)
 
 
-def _settle(cells: Cells) -> None:
+def settle(cells: Cells) -> None:
     """Work out what the base and the marks say together."""
     cells.live[:] = np.where(cells.marks > 0, OCCUPIED, cells.base)
     cells.obstacle[:] = cells.live >= cells.occupied

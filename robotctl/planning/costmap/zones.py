@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.model.fence import Fence
-from robotctl.model.grid_map import OCCUPIED, GridMap
-from robotctl.planning.costmap.fence import cells_inside, close_fence
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.grid_map import FREE, GridMap
+from robotctl.planning.costmap.fence import beyond_fence
+from robotctl.planning.costmap.polygon_cells import polygon_cells
 from robotctl.planning.costmap.zone import Zone
 
 _SLOWEST: Final = 10.0
@@ -23,22 +25,28 @@ class Closed(NamedTuple):
     zones: tuple[Zone, ...] = ()
     fence: Fence = Fence()
 
-    def close(self, cells: NDArray[np.int8], grid: GridMap) -> None:
-        """Mark the cells of a map, (rows, columns), in which it may not be as occupied."""
-        close_zones(cells, grid, self.zones)
-        close_fence(cells, grid, self.fence)
+    def cells(self, grid: GridMap) -> NDArray[np.bool_]:
+        """Return which cells of a map the robot has to keep out of, (rows, columns)."""
+        closed = beyond_fence(self.fence, grid)
+        for zone in self.zones:
+            if zone.speed_m_s == 0.0:
+                closed |= cells_of(zone, grid)
+        return closed
+
+    def what_closes(self, grid: GridMap, cell: tuple[int, int]) -> str:
+        """Return the name of what closes a cell, a row and a column; empty: nothing does."""
+        side_m = grid.resolution_m
+        corner = grid.origin @ SE2(cell[1] * side_m, cell[0] * side_m, 0.0)
+        alone = GridMap(np.full((1, 1), FREE, np.int8), side_m, corner)
+        for zone in self.zones:
+            if zone.speed_m_s == 0.0 and cells_of(zone, alone)[0, 0]:
+                return f"the keep-out zone {zone.name}"
+        return "the fence" if beyond_fence(self.fence, alone)[0, 0] else ""
 
 
 def cells_of(zone: Zone, grid: GridMap) -> NDArray[np.bool_]:
-    """Return which cells of a map have their centre in a zone, (rows, columns)."""
-    return cells_inside(zone.corners, grid)
-
-
-def close_zones(cells: NDArray[np.int8], grid: GridMap, zones: Sequence[Zone]) -> None:
-    """Mark the cells of a map, (rows, columns), that lie in keep-out zones as occupied."""
-    for zone in zones:
-        if zone.speed_m_s == 0.0:
-            cells[cells_of(zone, grid)] = OCCUPIED
+    """Return which cells of a map a zone touches, (rows, columns)."""
+    return polygon_cells(zone.corners, grid).touched
 
 
 def slowness(limits_m_s: NDArray[np.float32], full_speed_m_s: float) -> NDArray[np.float32]:

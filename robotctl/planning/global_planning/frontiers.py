@@ -44,7 +44,7 @@ def frontiers(space: PlanningMap, here: Point, margin_m: float) -> list[Frontier
     clearance = space.clearance[first[0] : last[0], first[1] : last[1]]
     free, unknown = cells == 0, cells < 0
     wide = free & (clearance >= space.inscribed)
-    floor = _connected(space, wide, here, first)
+    floor = connected(space, wide, here, first)
     edge = floor & ndimage.binary_dilation(unknown)
     labels, count = ndimage.label(edge, _EIGHT)
     side_m = space.grid.resolution_m
@@ -64,12 +64,18 @@ def frontiers(space: PlanningMap, here: Point, margin_m: float) -> list[Frontier
     return found
 
 
-def _connected(
-    space: PlanningMap, wide: NDArray[np.bool_], here: Point, first: NDArray[np.int64]
+def connected(
+    space: PlanningMap,
+    wide: NDArray[np.bool_],
+    here: Point,
+    first: NDArray[np.int64] | tuple[int, int] = (0, 0),
 ) -> NDArray[np.bool_]:
-    """Return the cells with room for the robot that it can reach from its surroundings."""
+    """Return the cells with room for the robot that it can reach from around a place in `world`.
+
+    `wide` are those with room, from the row and column `first` of the map on.
+    """
     areas, _ = ndimage.label(wide, _EIGHT)
-    row, column = space.grid.cell_of(np.array([here]))[0] - first
+    row, column = (space.grid.cell_of(np.array([here]))[0] - first).tolist()
     around = math.ceil(space.circumscribed) + 1
     low_row, low_column = max(row - around, 0), max(column - around, 0)
     near = areas[low_row : row + around + 1, low_column : column + around + 1]

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage  # type: ignore[import-untyped]
 
+from robotctl.model.geometry.points import moved
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.costmap.planning_map import PlanningMap
 from robotctl.planning.global_planning.plan import PlanFailure, Point, Reason
@@ -17,6 +18,11 @@ from robotctl.planning.global_planning.widest_way import widest_way
 def blocked_ends(space: PlanningMap, start: SE2, goal: SE2) -> PlanFailure | None:
     """Return why a robot cannot stand at one of two poses of `world`; None if it can."""
     return _blocked_end(space, "start", start) or _blocked_end(space, "goal", goal)
+
+
+def blocked_goal(space: PlanningMap, goal: SE2) -> PlanFailure | None:
+    """Return why a robot cannot stand at a goal in `world`; None if it can."""
+    return _blocked_end(space, "goal", goal)
 
 
 def _blocked_end(space: PlanningMap, name: str, pose: SE2) -> PlanFailure | None:
@@ -33,20 +39,46 @@ def _blocked_end(space: PlanningMap, name: str, pose: SE2) -> PlanFailure | None
     if space.has_room_at(pose):
         return None
     reason = Reason.START_BLOCKED if name == "start" else Reason.GOAL_BLOCKED
-    row, column = math.floor(here.y_m), math.floor(here.x_m)
-    if space.obstacle[row, column]:
-        what = "lies in an obstacle"
-    elif space.blocked[row, column]:
-        what = "lies where the map knows nothing"
+    cell = math.floor(here.y_m), math.floor(here.x_m)
+    if space.blocked[cell]:
+        what = f"lies in {_kind(space, cell)}"
+        if not space.obstacle[cell]:
+            what = "lies where the map knows nothing"
     else:
-        x_m, y_m = nearest(space, space.blocked, here)
-        kind = "an obstacle" if space.obstacle[_cell(space, (x_m, y_m))] else "unknown space"
-        away_m = _gap(space, here, (x_m, y_m)) * space.grid.resolution_m
-        what = (
-            f"is {away_m:.2f} m from {kind} at x {x_m:.2f} m, y {y_m:.2f} m, and the robot's body "
-            f"reaches {space.footprint.circumscribed_m:.2f} m"
-        )
+        what = _contact(space, here)
     return PlanFailure(reason, f"{said} {what}{_free_beside(space, here)}", place)
+
+
+def _contact(space: PlanningMap, here: SE2) -> str:
+    """Say what a body touches, the nearest of it to `base`: a blocked cell, or the map's edge."""
+    rows, columns = space.shape
+    points = moved(here, space.samples)
+    on_map = np.clip(points, 0.0, (columns, rows))
+    cells = np.floor(points).astype(np.int64)[:, ::-1]
+    is_off = np.any((cells < 0) | (cells >= space.shape), axis=1)
+    cells = np.clip(cells, 0, np.array(space.shape) - 1)
+    hits: NDArray[np.bool_] = is_off | space.blocked[tuple(cells.T)]
+    # From `base` to the nearest point of each cell, or to where the body leaves the map.
+    nearest_in = np.clip((here.x_m, here.y_m), cells[:, ::-1], cells[:, ::-1] + 1.0)
+    away = np.hypot(*(np.where(is_off[:, None], on_map, nearest_in) - (here.x_m, here.y_m)).T)
+    hit = int(np.argmin(np.where(hits, away, math.inf)))
+    cell = int(cells[hit, 0]), int(cells[hit, 1])
+    x_m, y_m = _centre(space, cells[hit])
+    kind = _kind(space, cell)
+    if is_off[hit]:
+        kind = "the edge of the map"
+        ((x_m, y_m, _),) = space.to_world(np.array([[*on_map[hit], 0.0]])).tolist()
+    return (
+        f"is {away[hit] * space.grid.resolution_m:.2f} m from {kind} at x {x_m:.2f} m, "
+        f"y {y_m:.2f} m, and the robot's body reaches {space.footprint.circumscribed_m:.2f} m"
+    )
+
+
+def _kind(space: PlanningMap, cell: tuple[int, int]) -> str:
+    """Say what blocks a cell."""
+    if not space.obstacle[cell]:
+        return "unknown space"
+    return space.closed.what_closes(space.grid, cell) or "an obstacle"
 
 
 def no_path(space: PlanningMap, start: SE2, goal: SE2, expanded: int) -> PlanFailure:
@@ -93,8 +125,20 @@ def _enclosed(space: PlanningMap, ends: dict[str, tuple[int, int]], expanded: in
     name = min(ends, key=lambda each: int(sizes[labels[ends[each]]]))
     area_m2 = float(sizes[labels[ends[name]]]) * space.grid.resolution_m**2
     text = f"the {name} lies in an area of {area_m2:.1f} m2 that is closed all around"
+    text += _closed_by(space, labels == labels[ends[name]])
     place = _centre(space, np.array(ends[name]))
     return PlanFailure(Reason.NO_PASSAGE, text, place, expanded)
+
+
+def _closed_by(space: PlanningMap, area: NDArray[np.bool_]) -> str:
+    """Say which zone, or the fence, closes an area, and where; empty: none does."""
+    closed = space.closed.cells(space.grid) & ndimage.binary_dilation(area)
+    if not closed.any():
+        return ""
+    row, column = np.argwhere(closed)[np.count_nonzero(closed) // 2].tolist()
+    x_m, y_m = _centre(space, np.array([row, column]))
+    what = space.closed.what_closes(space.grid, (row, column))
+    return f", at x {x_m:.2f} m, y {y_m:.2f} m by {what}" if what else ""
 
 
 def nearest(space: PlanningMap, wanted: NDArray[np.bool_], here: SE2) -> Point:
@@ -102,13 +146,6 @@ def nearest(space: PlanningMap, wanted: NDArray[np.bool_], here: SE2) -> Point:
     cells = np.argwhere(wanted)
     away = (cells[:, 1] + 0.5 - here.x_m) ** 2 + (cells[:, 0] + 0.5 - here.y_m) ** 2
     return _centre(space, cells[int(np.argmin(away))])
-
-
-def _gap(space: PlanningMap, here: SE2, cell_world: Point) -> float:
-    """Return how far a point is from the edge of the cell with a centre in `world` [cells]."""
-    cell = space.to_cells(SE2(*cell_world, 0.0))
-    across, along = abs(cell.x_m - here.x_m) - 0.5, abs(cell.y_m - here.y_m) - 0.5
-    return math.hypot(max(across, 0.0), max(along, 0.0))
 
 
 def _half_width(space: PlanningMap, place: NDArray[np.int64], width: float) -> float:

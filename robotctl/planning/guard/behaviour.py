@@ -6,10 +6,13 @@ import enum
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
+
+if TYPE_CHECKING:
+    from robotctl.planning.behaviours.kind import Goal
 
 
 class BehaviourInput(NamedTuple):
@@ -99,6 +102,10 @@ class Behaviour(ABC):
     def resume(self, s_m: float) -> None:  # noqa: ARG002 - for who overrides it
         """Continue at distance `s_m` along a path or wall [m], as an earlier run left it."""
         self.reset()
+
+    def redirect(self, goal: Goal, speed_m_s: float) -> None:
+        """Drive to another place from now on, at most at a speed [m/s]: that is no new start."""
+        raise TypeError(f"{type(self).__name__} drives to no single place: {goal}, {speed_m_s}")
 
 
 class Stopwatch:

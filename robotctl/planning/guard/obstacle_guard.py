@@ -23,8 +23,16 @@ MOST_BLOCKED_S: Final = 1e6
 
 _ECHO_MARGIN_M: Final = 0.03
 """Way that the body keeps to an echo that it has passed."""
-_LEAST_CLOSING: Final = 1e-9
-"""A corner that approaches a wall by less than this, per distance of `base`, moves along it."""
+LEAST_CLOSING: Final = 0.02
+"""A corner that approaches a wall by less than this, per distance of `base`, moves along it; else a
+robot close beside one could hardly turn away."""
+_SIDEWAYS: Final = 0.1
+"""A sonar looks to the side if its axis has less than this ahead, or behind."""
+_HALF_CONE_RAD: Final = math.radians(12.5)
+"""Half the opening of a sonar's cone."""
+_SAME_M: Final = 0.04
+"""Error by which an echo may still come from the wall beside [m]; a sonar that is nearer to that
+than it can measure tells 3 cm."""
 _PASSING: Final = 0.2
 """One that approaches what comes nearer by less than this passes it, if it does so slowly: standing
 would not keep the two apart."""
@@ -100,6 +108,8 @@ class _View(NamedTuple):
 
     slot: int
     name: str
+    place: Point
+    """In `base` [m]."""
     normal: Point
     """Where it looks, a unit vector of `base`."""
     reaches_m: tuple[float, ...]
@@ -262,7 +272,7 @@ class ObstacleGuard:
                     return 0.0, f"sonar {view.name} gives no reading"
                 continue
             free = self._free_distance(view, reading, moves)
-            if free < distance_m:
+            if free < distance_m and not (free <= 0.0 and self._is_wall_beside(view, reading)):
                 distance_m, obstacle = free, f"{view.name} measures {reading:.2f} m"
         on_floor = self._free_floor(direction)
         if on_floor - self._config.margin_m < distance_m:
@@ -292,7 +302,7 @@ class ObstacleGuard:
             range_m, w = self._approaches[view.slot] if self._approaches else STANDS
             for reach_m, (x, y) in zip(view.reaches_m, moves, strict=True):
                 c = view.normal[0] * x + view.normal[1] * y
-                if w <= 0.0 or c <= _LEAST_CLOSING:
+                if w <= 0.0 or c <= LEAST_CLOSING:
                     continue
                 gap_m = max(range_m - reach_m - self._config.margin_m - w * t, 0.0)
                 b = t + w / (a * c)
@@ -349,11 +359,32 @@ class ObstacleGuard:
         distance_m = math.inf
         for reach_m, (x, y) in zip(view.reaches_m, moves, strict=True):
             closing = view.normal[0] * x + view.normal[1] * y
-            if closing > _LEAST_CLOSING:
+            if closing > LEAST_CLOSING:
                 # The margin is kept by the corner, which moves hypot(x, y) times as far as `base`.
                 margin = self._config.margin_m / math.hypot(x, y)
                 distance_m = min(distance_m, (reading - reach_m) / closing - margin)
         return distance_m
+
+    def _is_wall_beside(self, view: _View, reading: float) -> bool:
+        """Say whether an echo is that of a wall close beside, measured by the sonar that faces it.
+
+        A sonar at an angle hears that wall at the edge of its cone, and would take it to be ahead.
+        """
+        x, y = view.normal
+        for side in self._views:
+            if abs(side.normal[0]) > _SIDEWAYS or side.normal[1] * y <= _SIDEWAYS:
+                continue
+            beside_m = _median(self._history[side.slot])
+            if not beside_m - max(side.reaches_m) < self._config.margin_m:
+                continue
+            towards = side.normal[0] * x + side.normal[1] * y
+            off_m = beside_m + sum(
+                n * (a - b) for n, a, b in zip(side.normal, side.place, view.place, strict=True)
+            )
+            edge_rad = math.acos(min(towards, 1.0)) - _HALF_CONE_RAD
+            if edge_rad > 0.0 and reading >= off_m / math.cos(edge_rad) - _SAME_M:
+                return True
+        return False
 
     def _free_floor(self, sign: float) -> float:
         """Return the distance from the robot's nose to the nearest point on the floor [m]."""
@@ -391,7 +422,7 @@ def _view(index: int, mount: SonarMount, corners: Sequence[Point]) -> _View:
     """Return what counts of a sonar."""
     cos, sin = math.cos(mount.heading_rad), math.sin(mount.heading_rad)
     reaches_m = tuple(cos * (x_m - mount.x_m) + sin * (y_m - mount.y_m) for x_m, y_m in corners)
-    return _View(index, mount.name, (cos, sin), reaches_m)
+    return _View(index, mount.name, (mount.x_m, mount.y_m), (cos, sin), reaches_m)
 
 
 def _median(readings: list[float]) -> float:

@@ -9,13 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.model.rectangle import Rectangle
-from robotctl.planning.guard.obstacle_guard import Point
+from robotctl.planning.guard.obstacle_guard import LEAST_CLOSING, Point
 
 _STRAIGHT: Final = 1e-4
 """An arc of a smaller curvature is a straight line [1/m]: half a millimetre in three metres."""
-_ALONG: Final = 0.02
-"""A point within the body that gets deeper by less than this per way of `base` stays as it is, or
-the robot could hardly leave a passage that is as narrow as its body."""
+_WALL: Final = 3
+"""Points that make a wall."""
+_RAGGED_M: Final = 0.02
+"""Points of a wall are so far aside of it [m]."""
+_ROUNDING_M: Final = 1e-6
+"""A point this near to a side lies on it [m]: it may leave there."""
 _STANDS: Final = 1e-9
 """Where the body moves by less than this per way of `base`, it stands."""
 
@@ -32,6 +35,7 @@ def free_way(
     The margin is a way of the part of the body that would touch the point. The parameters and the
     unit are those of `ways_to_contact`; inf and None if there is no such point.
     """
+    points = _without_walls_beside(body, points)
     ways = ways_to_contact(body, points, direction, turn)
     speeds = np.hypot(direction - turn * points[:, 1], turn * points[:, 0])
     free = ways - margin_m / np.maximum(speeds, _STANDS)
@@ -40,6 +44,24 @@ def free_way(
     nearest = int(np.argmin(free))
     x_m, y_m = points[nearest].tolist()
     return float(free[nearest]), (x_m, y_m)
+
+
+def _without_walls_beside(body: Rectangle, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return points without those ahead and behind of a wall that reaches in at a side.
+
+    The body is drawn with a little room, and a robot that stands so close beside a wall could not
+    drive along it: what is as far aside as the wall beside the robot is passed as that is.
+    """
+    x, y = points.T
+    from_ends = np.minimum(body.front_m - x, x - body.rear_m)
+    kept = np.ones(len(points), np.bool_)
+    for side in (1.0, -1.0):
+        depths = body.half_width_m - side * y
+        beside = (depths >= 0.0) & (depths <= from_ends) & (side * y > 0.0)
+        if np.count_nonzero(beside) >= _WALL:
+            wall_m = float(np.median(depths[beside])) + _RAGGED_M
+            kept &= beside | (depths > wall_m)
+    return points[kept]
 
 
 def ways_to_contact(
@@ -67,11 +89,11 @@ def ways_to_contact(
     depths = np.stack(
         [body.front_m - x, x - body.rear_m, body.half_width_m - y, body.half_width_m + y]
     )
-    inside = depths.min(axis=0) >= 0.0
+    inside = depths.min(axis=0) >= -_ROUNDING_M
     # Motion of the point in the body, towards each of the sides.
     ahead, left = turn * y - direction, -turn * x
     outwards = np.choose(depths.argmin(axis=0), [ahead, -ahead, left, -left])
-    return np.where(inside, np.where(outwards < -_ALONG, 0.0, math.inf), ways)
+    return np.where(inside, np.where(outwards < -LEAST_CLOSING, 0.0, math.inf), ways)
 
 
 def _straight(

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behaviours.kind import Goal
-from robotctl.planning.global_planning.plan import Plan, PlanFailure
+from robotctl.planning.global_planning.plan import Plan, PlanFailure, Reason
 from robotctl.planning.guard.behaviour import (
     Anchor,
     Behaviour,
@@ -20,15 +19,22 @@ from robotctl.planning.guard.behaviour import (
     done,
     failed,
 )
+from robotctl.planning.journey.attempt import BEHIND_M, TURN_RAD_S, TURNS_RAD, Attempt, poses_after
+from robotctl.planning.journey.closed_way import ClosedWay
 from robotctl.planning.journey.recovery import Ladder, Rung
 from robotctl.planning.journey.route import Route
 from robotctl.planning.local.controller import LocalMotion, LocalSituation
+from robotctl.words import counted
 
 if TYPE_CHECKING:
     from robotctl.planning.journey.pilot import MapPilot
 
 _REPLAN_NS: Final = 1_000_000_000
 """Between two looks for a better path [ns]."""
+_REDIRECTED_NS: Final = 500_000_000
+"""The same while the goal moves [ns]."""
+_ELSEWHERE_M: Final = 0.5
+"""A goal that has moved this far is another one for the ladder [m]."""
 _BETTER: Final = 0.9
 """A path that costs less than this share of the present one replaces it."""
 _OFF_PATH_M: Final = 0.6
@@ -46,32 +52,46 @@ _LEFT_RAD: Final = 0.05
 """A robot that only sways where it came to stand, since the guard holds it, still stands."""
 _PROGRESS_M: Final = 0.5
 """Of way driven in which a robot counts as having got on [m]."""
-_WAIT_NS: Final = 2_500_000_000
-"""At most, for what is in the way to move [ns]."""
-_PAUSE_NS: Final = 1_000_000_000
-"""Before it plans again on a higher rung: who is in the way gets time to go [ns]."""
 _BLIND_NS: Final = 10_000_000_000
 """A robot that sees nothing for this long gives up [ns]."""
-_BEHIND_M: Final = (0.05, 0.1, 0.2)
-"""How far behind the robot the floor has to be known for it to drive backwards [m]."""
 _CHORD_M: Final = 0.25
 """Of a path, by which its direction is told [m]."""
-_AWAY_RAD: Final = 1.2
-_TURNED_RAD: Final = 0.15
-"""A robot that looks farther away than the first turns round until it looks to the second."""
-_BACK_M: Final = 0.3
-_BACK_M_S: Final = 0.15
-_TURN_RAD_S: Final = 0.7
-_TRY_NS: Final = 15_000_000_000
-"""Backing off or looking around takes no longer [ns]."""
+_SOON_S: Final = 1.0
+"""Where the robot is later does not matter yet [s]; what turns on the spot creeps back, too."""
+_TURNS_RAD_S: Final = 0.3
+"""Faster, a robot turns to a side already [rad/s]."""
+_PERMANENT: Final = frozenset(
+    {
+        Reason.GOAL_OFF_MAP,
+        Reason.GOAL_BLOCKED,
+        Reason.NO_PASSAGE,
+        Reason.ONLY_THROUGH_UNKNOWN,
+    }
+)
+"""Reasons that stay as long as the map is right; others may be those of the robot's own place."""
+
+
+class _TurnRound(NamedTuple):
+    """When a robot turns round on the spot before it drives along its path."""
+
+    begin_rad: float
+    """It looks farther away from the path than this [rad]."""
+    end_rad: float
+    """It looks so near to the path [rad]."""
+    rate_rad_s: float
+
+
+_BACKWARDS: Final = _TurnRound(1.2, 0.15, TURN_RAD_S)
+_AHEAD: Final = _TurnRound(2.85, 1.2, 1.2)
 
 
 class Journey(Behaviour):
     """Drives to a goal.
 
     It plans, lets the local controller follow the path round what stands in the way, looks once a
-    second for a better one, and plans at once where the path is blocked. In trouble it climbs the
-    ladder of `recovery`, and fails with the last reason where that ends.
+    second for a better one, and plans at once where the path is blocked. Where something that no
+    map shows closes every way, it drives up to there and waits. In trouble it climbs the ladder of
+    `recovery`, and fails with the last reason where that ends.
 
     Parameters
     ----------
@@ -91,6 +111,7 @@ class Journey(Behaviour):
         self._goal = goal
         self._speed_m_s = speed_m_s
         self.plans = 0
+        self._closed: _Closed | None = None
         self.reset()
 
     def anchor(self, pose: SE2) -> Anchor:
@@ -99,16 +120,37 @@ class Journey(Behaviour):
 
     def reset(self) -> None:
         """Start over."""
-        self._ladder = Ladder(can_turn=not self._pilot.steered)
+        self._ladder = Ladder(self._pilot.recovery, can_turn=not self._pilot.steered)
+        self._ladder_goal = self._goal
+        """Where the ladder's tries count for."""
+        self._aim = self._goal
+        """Where the path was planned to."""
         self.pause()
+
+    def redirect(self, goal: Goal, speed_m_s: float) -> None:
+        """Drive to another place from now on, along the present path until the next is planned."""
+        self._goal, self._speed_m_s = goal, speed_m_s
+        self._is_redirected = not self._is_near(self._aim, 0.5)
+        self._chases = self._is_redirected
+        if math.dist(goal[:2], self._ladder_goal[:2]) > _ELSEWHERE_M:
+            self._ladder_goal = goal
+            self._closed = None
+            self._ladder.restart()
 
     def pause(self) -> None:
         """Plan anew after the pause."""
         self._route: Route | None = None
+        self._is_redirected = False
+        """Whether the goal has moved away from the end of the path."""
+        self._chases = False
+        """Whether it has moved since the last look for a path."""
+        self._closed = None
+        self._failure: PlanFailure | None = None
+        """Why there is no path, found in a step that had no time to look farther."""
         self._planned_ns = 0
         self._planned_reverse = self._pilot.reverse
         self._turns_round = False
-        self._attempt: _Attempt | None = None
+        self._attempt: Attempt | None = None
         self._stuck_ns: int | None = None
         self._stuck_at = SE2()
         self._blind_ns = 0
@@ -130,11 +172,10 @@ class Journey(Behaviour):
         """Return the next velocity; done at the goal."""
         pose = situation.pose
         if blindness := self._pilot.blindness:
-            self._blind_ns = self._blind_ns or now_ns
-            if now_ns - self._blind_ns > _BLIND_NS:
-                return failed(f"{blindness} for {_BLIND_NS / 1e9:g} s")
-            return BehaviourOutput(0.0, 0.0, text=f"waiting: {blindness}")
+            return self._wait_for_sight(blindness, now_ns)
         self._blind_ns = 0
+        if self._route is None and self._is_near(_goal_of(pose), 1.0):
+            return done()
         self._note_progress(pose)
         if self._attempt is not None:
             output = self._recover(self._attempt, situation, now_ns)
@@ -147,16 +188,26 @@ class Journey(Behaviour):
             if isinstance(found, BehaviourOutput):
                 return found
             route = found
-        if turn_rad_s := self._turning_round(pose, route):
-            return BehaviourOutput(0.0, turn_rad_s, text="turning round to drive in reverse")
+        if turn_rad_s := self._turning_round(situation, route):
+            return BehaviourOutput(0.0, turn_rad_s, text="turning round")
         motion = self._looked_at(pose, self._follow(situation, route.plan))
         self._pilot.show(route.rest, motion.ahead)
-        if (motion.arrived and route.leads_there) or self._is_there(pose):
+        is_at_end = motion.arrived and not self._is_redirected
+        if (is_at_end and route.leads_there) or self._is_there(pose):
             return done()
+        if is_at_end and route.until:
+            self._route = None
         if self._is_stuck(situation, motion, now_ns):
             return self._in_trouble(motion.text or "the way is blocked", pose, now_ns)
-        text = motion.text or f"{route.left_m:.1f} m to go"
+        text = motion.text or f"{route.left_m:.1f} m to go{route.until}"
         return BehaviourOutput(motion.v_m_s, motion.omega_rad_s, text=text)
+
+    def _wait_for_sight(self, blindness: str, now_ns: int) -> BehaviourOutput:
+        """Stand while nothing is seen; give up after a while."""
+        self._blind_ns = self._blind_ns or now_ns
+        if now_ns - self._blind_ns > _BLIND_NS:
+            return failed(f"{blindness} for {_BLIND_NS / 1e9:g} s")
+        return BehaviourOutput(0.0, 0.0, text=f"waiting: {blindness}")
 
     def _note_progress(self, pose: SE2) -> None:
         """Count the way driven; enough of it, and the next trouble is a new one."""
@@ -165,6 +216,8 @@ class Journey(Behaviour):
             if self._driven_m > _PROGRESS_M:
                 self._ladder.progress()
         self._last = pose
+        if self._closed is not None and _away_m(self._closed.pose, pose) > _PROGRESS_M:
+            self._closed = None
 
     def _looks_again(self, pose: SE2, now_ns: int) -> bool:
         """Return whether it is time to plan: there is no path, it is far away, or a while ago."""
@@ -173,27 +226,60 @@ class Journey(Behaviour):
         if route is None or turned_round or route.advance(pose) > _OFF_PATH_M:
             self._route = None
             return True
-        return now_ns - self._planned_ns >= _REPLAN_NS
+        every_ns = _REDIRECTED_NS if self._is_redirected else _REPLAN_NS
+        return now_ns - self._planned_ns >= every_ns
 
     def _plan(self, pose: SE2, now_ns: int) -> Route | PlanFailure:
         """Plan from here; keep the present path where it is free and hardly worse."""
         self._planned_ns, self._planned_reverse = now_ns, self._pilot.reverse
+        chases, self._chases = self._chases, False
+        if chases and (route := self._chase(pose)):
+            return route
         leads_there = not self._pilot.is_far(pose, self._goal)
         old, answer = self._route, self._pilot.plan(pose, self._goal)
-        is_free = old is not None and not self._pilot.touches(old.rest)
+        if self._is_redirected or (old is not None and self._pilot.touches(old.rest)):
+            old = None
         if isinstance(answer, PlanFailure):
-            return old if old is not None and is_free else answer
-        may_stay = old is not None and is_free and old.leads_there
-        if old is not None and may_stay and answer.length_m > _BETTER * old.left_m:
-            return old
+            return old or answer
+        if old is not None and old.leads_there:
+            is_better = answer.length_m <= _BETTER * old.left_m
+            if not is_better or self._pilot.is_doubtful(answer, pose):
+                return old
         self.plans += 1
-        return Route(answer, leads_there=leads_there)
+        self._aim, self._is_redirected = self._goal, False
+        leaves = self._pilot.closed_at(pose)
+        until = f" out of {leaves}" if leaves else ""
+        return Route(answer, leads_there=leads_there and not leaves, until=until)
+
+    def _chase(self, pose: SE2) -> Route | None:
+        """Return the arc of a robot that steers to a goal that moves; None: it is to plan.
+
+        Where the goal is too near beside it, it stays on its path: the goal will move on.
+        """
+        arc = self._pilot.arc_to(pose, self._goal)
+        if arc is not None:
+            self.plans += 1
+            self._aim, self._is_redirected = self._goal, False
+            return Route(arc)
+        is_near = math.dist((pose.x_m, pose.y_m), self._goal[:2]) < self._pilot.turning_radius_m
+        old = self._route
+        if old is None or not is_near or self._pilot.touches(old.rest):
+            return None
+        return old
 
     def _is_there(self, pose: SE2) -> bool:
         """Return whether the robot is at a goal where any heading will do."""
-        off_m = math.dist((pose.x_m, pose.y_m), (self._goal.x_m, self._goal.y_m))
-        any_heading = self._goal.heading_rad is None
-        return any_heading and off_m <= self._pilot.config.position_tolerance_m
+        return self._goal.heading_rad is None and self._is_near(_goal_of(pose), 1.0)
+
+    def _is_near(self, place: Goal, share: float) -> bool:
+        """Return whether a place is within a share of the tolerances of the goal."""
+        config, wanted_rad = self._pilot.config, self._goal.heading_rad
+        if math.dist(place[:2], self._goal[:2]) > share * config.position_tolerance_m:
+            return False
+        if wanted_rad is None or place.heading_rad is None:
+            return wanted_rad is None
+        off_rad = wrap_angle(place.heading_rad - wanted_rad)
+        return abs(off_rad) <= share * config.heading_tolerance_rad
 
     def _follow(self, situation: BehaviourInput, plan: Plan) -> LocalMotion:
         """Return the local controller's motion along the path."""
@@ -210,34 +296,41 @@ class Journey(Behaviour):
             )
         )
 
-    def _turning_round(self, pose: SE2, route: Route) -> float:
-        """Return the turn of a robot that looks the wrong way to drive in reverse [rad/s].
+    def _turning_round(self, situation: BehaviourInput, route: Route) -> float:
+        """Return the turn of a robot that looks the wrong way [rad/s].
 
         Controllers look for better velocities near the present one, and straight away from the path
         neither turn is better. 0 where it need not turn, or has no room to.
         """
+        pose, omega_rad_s = situation.pose, situation.twist.omega_rad_s
         back = route.rest[0, :2] - route.rest[:, :2]
         away = np.flatnonzero(np.hypot(*back.T) > _CHORD_M)
-        if not self._pilot.reverse or not len(away):
+        if self._pilot.steered or not len(away):
             self._turns_round = False
             return 0.0
-        behind_rad = math.atan2(back[away[0], 1], back[away[0], 0])
-        off_rad = wrap_angle(behind_rad - pose.theta_rad)
-        self._turns_round = abs(off_rad) > (_TURNED_RAD if self._turns_round else _AWAY_RAD)
+        law, wanted_rad = _AHEAD, float(route.rest[away[0], 2])
+        if self._pilot.reverse:
+            law, wanted_rad = _BACKWARDS, math.atan2(back[away[0], 1], back[away[0], 0])
+        off_rad = wrap_angle(wanted_rad - pose.theta_rad)
+        self._turns_round = abs(off_rad) > (law.end_rad if self._turns_round else law.begin_rad)
         if not self._turns_round:
             return 0.0
         side = math.copysign(1.0, off_rad)
-        swept = _poses(pose, [SE2(0.0, 0.0, side * turn_rad) for turn_rad in (0.1, 0.2, 0.4)])
+        if abs(omega_rad_s) > _TURNS_RAD_S and not self._pilot.reverse:
+            side = math.copysign(1.0, omega_rad_s)  # as the controller has begun
+        swept = poses_after(pose, [SE2(0.0, 0.0, side * turn_rad) for turn_rad in TURNS_RAD])
         if self._pilot.touches(swept):
             return 0.0
-        return side * min(_TURN_RAD_S, 2.0 * abs(off_rad))
+        return side * min(law.rate_rad_s, 2.0 * abs(off_rad))
 
     def _looked_at(self, pose: SE2, motion: LocalMotion) -> LocalMotion:
         """Return a motion; none backwards where nothing has seen yet what is there."""
         if motion.v_m_s >= 0.0:
             return motion
-        turn = motion.omega_rad_s / motion.v_m_s
-        behind = _poses(pose, [SE2.exp(-x_m, 0.0, -x_m * turn) for x_m in _BEHIND_M])
+        times_s = [min(-x_m / motion.v_m_s, _SOON_S) for x_m in BEHIND_M]
+        behind = poses_after(
+            pose, [SE2.exp(motion.v_m_s * t, 0.0, motion.omega_rad_s * t) for t in times_s]
+        )
         if self._pilot.is_known(behind):
             return motion
         text = "no sensor has seen what is behind"
@@ -259,19 +352,52 @@ class Journey(Behaviour):
 
     def _find_route(self, pose: SE2, now_ns: int) -> Route | BehaviourOutput:
         """Return the path to follow from here on, or what to do where there is none."""
-        if self._is_patient(pose, now_ns) and now_ns - self._planned_ns < _AGAIN_NS:
-            return BehaviourOutput(0.0, 0.0, text="waiting for somebody to pass")
-        answer = self._plan(pose, now_ns)
-        if isinstance(answer, Route):
-            self._route = answer
-            return answer
-        if why := self._pilot.hopeless(pose, self._goal):
-            return failed(why)
+        if now_ns - self._planned_ns < _AGAIN_NS:
+            if self._is_patient(pose, now_ns):
+                return BehaviourOutput(0.0, 0.0, text="waiting for somebody to pass")
+            if self._closed is not None and self._waits(self._closed, now_ns):
+                return BehaviourOutput(0.0, 0.0, text=self._closed.text)
+        answer = self._failure or self._plan(pose, now_ns)
+        if isinstance(answer, PlanFailure):
+            found = self._without_path(answer, pose, now_ns)
+            if isinstance(found, BehaviourOutput):
+                return found
+            answer = found
+        if self._closed is not None:
+            self._stuck_ns = None
+        self._route = answer
+        return answer
+
+    def _without_path(
+        self, failure: PlanFailure, pose: SE2, now_ns: int
+    ) -> Route | BehaviourOutput:
+        """Return the path to where the way is closed, or what to do where there is none."""
+        if self._failure is None and not self._pilot.has_time:
+            self._failure = failure
+            return BehaviourOutput(0.0, 0.0, text=f"planning: {failure.text}")
+        self._failure = None
+        way = self._pilot.closed_way(pose, self._goal)
+        if isinstance(way, PlanFailure) and way.reason in _PERMANENT:
+            return failed(way.text)
+        reason = way.text if isinstance(way, ClosedWay) else failure.text
+        if isinstance(way, ClosedWay) and way.plan is not None:
+            return Route(way.plan, leads_there=False, until=f" to where {reason}")
         if self._stuck_ns is None:
             self._stuck_ns, self._stuck_at = now_ns, pose
         if self._is_patient(pose, now_ns):
-            return BehaviourOutput(0.0, 0.0, text=f"waiting for somebody: {answer.text}")
-        return self._in_trouble(answer.text, pose, now_ns)
+            return BehaviourOutput(0.0, 0.0, text=f"waiting for somebody: {reason}")
+        if isinstance(way, ClosedWay):
+            if self._closed is None:
+                self._closed = _Closed(reason, now_ns, pose)
+                self._ladder.tries += 1
+            self._closed = self._closed._replace(text=f"{Rung.WAIT.value}: {reason}")
+            if self._waits(self._closed, now_ns):
+                return BehaviourOutput(0.0, 0.0, text=self._closed.text)
+        return self._in_trouble(reason, pose, now_ns)
+
+    def _waits(self, closed: _Closed, now_ns: int) -> bool:
+        """Return whether it still waits for the way to open."""
+        return now_ns - closed.since_ns < round(1e9 * self._pilot.recovery.wait_s)
 
     def _is_patient(self, pose: SE2, now_ns: int) -> bool:
         """Return whether it waits for somebody who is near and whom it has waited for a while."""
@@ -284,37 +410,20 @@ class Journey(Behaviour):
         rung = self._ladder.climb()
         self._route, self._stuck_ns, self._driven_m = None, None, 0.0
         if rung is None:
-            return failed(f"gave up after {self._ladder.tries} tries: {reason}")
+            return failed(f"gave up after {counted(self._ladder.tries, 'try', 'tries')}: {reason}")
         if rung is Rung.CLEAR:
             self._pilot.forget_unseen()
-        self._attempt = _Attempt(rung, f"{rung.value}: {reason}", now_ns, pose)
+        self._attempt = Attempt(rung, reason, now_ns, pose)
         return BehaviourOutput(0.0, 0.0, text=self._attempt.text)
 
     def _recover(
-        self, attempt: _Attempt, situation: BehaviourInput, now_ns: int
+        self, attempt: Attempt, situation: BehaviourInput, now_ns: int
     ) -> BehaviourOutput | None:
         """Return the motion of an attempt; None once it has ended."""
-        pose, pilot = situation.pose, self._pilot
-        spent_ns = now_ns - attempt.begin_ns
-        v, omega = 0.0, 0.0
-        if attempt.rung is Rung.WAIT:
-            goes_on = spent_ns < _WAIT_NS and not self._may_go_on(situation, now_ns)
-        elif attempt.rung is Rung.BACK_OFF:
-            v = -_BACK_M_S
-            behind = _poses(pose, [SE2(-x_m, 0.0, 0.0) for x_m in _BEHIND_M])
-            goes_on = math.dist((pose.x_m, pose.y_m), attempt.begin) < _BACK_M
-            goes_on &= pilot.is_known(behind) and not pilot.touches(behind)
-        elif attempt.rung is Rung.LOOK_AROUND:
-            omega = _TURN_RAD_S
-            attempt.turned_rad += abs(wrap_angle(pose.theta_rad - attempt.last_rad))
-            attempt.last_rad = pose.theta_rad
-            turned = _poses(pose, [SE2(0.0, 0.0, turn_rad) for turn_rad in (0.1, 0.2, 0.4)])
-            goes_on = attempt.turned_rad < math.tau and not pilot.touches(turned)
-        else:
-            goes_on = spent_ns < _PAUSE_NS
-        if not goes_on or spent_ns > _TRY_NS:
+        output = attempt.step(self._pilot, situation.pose, now_ns)
+        if attempt.rung is Rung.WAIT and output is not None and self._may_go_on(situation, now_ns):
             return None
-        return BehaviourOutput(v, omega, text=attempt.text)
+        return output
 
     def _may_go_on(self, situation: BehaviourInput, now_ns: int) -> bool:
         """Return whether there is a path again, and the first step on it is free."""
@@ -329,25 +438,28 @@ class Journey(Behaviour):
         return not motion.blocked
 
 
-class _Attempt:
-    """One rung of the ladder under way."""
+class _Closed(NamedTuple):
+    """A way that is closed, before which the robot waits."""
 
-    def __init__(self, rung: Rung, text: str, now_ns: int, pose: SE2) -> None:
-        self.rung = rung
-        self.text = text
-        self.begin_ns = now_ns
-        self.begin = pose.x_m, pose.y_m
-        self.last_rad = pose.theta_rad
-        self.turned_rad = 0.0
+    text: str
+    since_ns: int
+    pose: SE2
+    """Where it waits."""
 
 
-def _poses(pose: SE2, motions: list[SE2]) -> NDArray[np.float64]:
-    """Return where each motion leads to, (n, 3)."""
-    ends = [pose @ motion for motion in motions]
-    return np.array([(end.x_m, end.y_m, end.theta_rad) for end in ends])
+def _goal_of(pose: SE2) -> Goal:
+    """Return a pose as a goal."""
+    return Goal(pose.x_m, pose.y_m, pose.theta_rad)
+
+
+def _away_m(place: SE2, pose: SE2) -> float:
+    """Return how far two poses are apart [m]."""
+    return math.dist((place.x_m, place.y_m), (pose.x_m, pose.y_m))
 
 
 def _has_left(place: SE2, pose: SE2) -> bool:
     """Return whether a robot is elsewhere, or has turned."""
-    away_m = math.dist((place.x_m, place.y_m), (pose.x_m, pose.y_m))
-    return away_m > _LEFT_M or abs(wrap_angle(pose.theta_rad - place.theta_rad)) > _LEFT_RAD
+    return (
+        _away_m(place, pose) > _LEFT_M
+        or abs(wrap_angle(pose.theta_rad - place.theta_rad)) > _LEFT_RAD
+    )

@@ -25,25 +25,29 @@ from robotctl.planning.config import NavigationConfig
 from robotctl.planning.costmap.costs import costs_of
 from robotctl.planning.costmap.layered_map import FARTHEST_M, NOTHING_MOVES, LayeredMap
 from robotctl.planning.costmap.layers_config import LayersConfig
-from robotctl.planning.costmap.planning_map import PlanningMap
+from robotctl.planning.costmap.planning_map import PlanningMap, clearance_of
 from robotctl.planning.costmap.tracks import MovingObstacles
 from robotctl.planning.costmap.zone import Zone
 from robotctl.planning.costmap.zones import Closed
-from robotctl.planning.global_planning.obstructions import nearest
+from robotctl.planning.global_planning.frontiers import connected
+from robotctl.planning.global_planning.obstructions import blocked_goal, nearest
 from robotctl.planning.global_planning.plan import (
     GoesOn,
     Plan,
     PlanFailure,
     PlannerConfig,
-    Reason,
+    dense,
     facing,
 )
 from robotctl.planning.global_planning.planners import PLANNERS
+from robotctl.planning.journey.arc import arc_to
+from robotctl.planning.journey.closed_way import ClosedWay, dear, until_closed
 from robotctl.planning.journey.exploration import Exploration
 from robotctl.planning.journey.journey import Journey
+from robotctl.planning.journey.recovery import RecoveryConfig
 from robotctl.planning.journey.rehearsal import rehearse
 from robotctl.planning.journey.travel import KnownPlaces, Travel
-from robotctl.planning.journey.way_out import find_way
+from robotctl.planning.journey.way_out import find_way, lead_out
 from robotctl.planning.local.controller import ControllerConfig
 from robotctl.planning.local.controllers import CONTROLLERS
 from robotctl.planning.topological.graph import TopologicalMap
@@ -57,18 +61,11 @@ _LATELY_NS: Final = 1_000_000_000
 _LOOK_M: Final = 4.0
 """Half of the side of the map that the controller gets [m]."""
 _WIDER: Final = 1.3
-"""Than its smallest circle a path of a robot that steers is bent, so that it can be corrected."""
-_FOR_EVER: Final = frozenset(
-    {
-        Reason.GOAL_OFF_MAP,
-        Reason.GOAL_BLOCKED,
-        Reason.NO_PASSAGE,
-        Reason.ONLY_THROUGH_UNKNOWN,
-    }
-)
-"""Reasons that stay as long as the map is right; others may be those of the robot's own place."""
+"""Planned over minimum turning radius: leaves room for corrections."""
 _STAGE_M: Final = 25.0
 """So far a robot without a map plans towards a goal that lies beyond what it has seen [m]."""
+_LOOKS_M: Final = 5.0
+"""What stands within this of the robot it mostly sees [m]."""
 _CELL_M: Final = 0.05
 """Of a map that the robot makes itself."""
 _TURNED: Final = SE2(0.0, 0.0, math.pi)
@@ -101,6 +98,10 @@ class MapPilot:
     ----------
     config, controller
         The local controller, and its settings.
+    recovery
+        How patient journeys are.
+    steered, turning_radius_m
+        Whether the robot steers, and the radius that its paths are planned with [m]; else 0.
     reverse
         Whether journeys are driven in reverse; not where the robot steers.
     moving
@@ -138,7 +139,9 @@ class MapPilot:
                 allowed = ", ".join(names)
                 raise InvalidValue(key, f"{name} found; allowed are {allowed}", name)
         self.steered = drive.steered
+        self.turning_radius_m = _WIDER * drive.min_turning_radius_m
         self.reverse = False
+        self._own_recovery = self.recovery = config.recovery
         self._own_zones = wanted.zone
         self._closed = Closed(wanted.zone)
         self._footprint = footprint
@@ -150,7 +153,7 @@ class MapPilot:
         self._full_speed_m_s = limits.v_max_m_s
         paths = PlannerConfig(
             margin_m=wanted.margin_m,
-            turning_radius_m=_WIDER * drive.min_turning_radius_m or 2.0 * footprint.inscribed_m,
+            turning_radius_m=self.turning_radius_m or 2.0 * footprint.inscribed_m,
             steering="reeds-shepp" if drive.steered else "straight",
         )
         self._planner = PLANNERS[planner](paths)
@@ -174,6 +177,8 @@ class MapPilot:
         self._shown = NOWHERE, NOWHERE
         self._shown_ns = -1
         self._done = (0, 0)
+        self._once_marked = self._map.marked()
+        """Where something was marked on this journey, (rows, columns); with a map."""
         self._journey: Journey | None = None
 
     def warm_up(self) -> None:
@@ -218,6 +223,7 @@ class MapPilot:
         self._here, self._now_ns, self._goes_on = pose, now_ns, self._budget()
         if self._grid is None and self._map.room_m(pose) < FARTHEST_M:
             self._map = self._map.grown(_beside(pose))
+        self._map.close_behind(pose)
         self._map.stand_at(pose)
         for T_odom_base, scan in seen.scans:
             if scan.stamp_ns > self._scan_ns:
@@ -275,6 +281,10 @@ class MapPilot:
         """Take the zones of another mission; what was seen is forgotten where they differ."""
         self._close(Closed((*self._own_zones, *zones), self._closed.fence))
 
+    def use_recovery(self, recovery: RecoveryConfig | None) -> None:
+        """Be as patient as a mission says; None: as the robot's file does."""
+        self.recovery = recovery or self._own_recovery
+
     def use_fence(self, fence: Fence) -> None:
         """Plan within another fence; what was seen is forgotten where it differs."""
         self._close(Closed(self._closed.zones, fence))
@@ -292,6 +302,7 @@ class MapPilot:
     def forget(self) -> None:
         """Forget what was seen: the robot's pose in `world` has jumped."""
         self._map.forget()
+        self._once_marked[:] = False
         self._tracks.reset()
         self.last_scan = None
         self.moving = NOTHING_MOVES
@@ -312,6 +323,7 @@ class MapPilot:
     def journey(self, goal: Goal, speed_m_s: float) -> Journey:
         """Return the behaviour that drives to a goal."""
         self._done = self.plans, self.recoveries
+        self._once_marked[:] = False
         self._journey = Journey(self, goal, speed_m_s)
         return self._journey
 
@@ -353,11 +365,12 @@ class MapPilot:
 
     def plan(self, pose: SE2, goal: Goal) -> Plan | PlanFailure:
         """Return the path from a pose to a goal through what is known now."""
+        if self._grid is not None:
+            self._once_marked |= self._map.marked()
         if not self.reverse:
             return self._plan_ahead(pose, goal)
         # A robot that turns on the spot drives any path in reverse, once it is turned round.
-        heading_rad = None if goal.heading_rad is None else goal.heading_rad + math.pi
-        plan = self._plan_ahead(pose @ _TURNED, Goal(goal.x_m, goal.y_m, heading_rad))
+        plan = self._plan_ahead(pose @ _TURNED, _opposite(goal))
         return plan if isinstance(plan, PlanFailure) else _turned_round(plan)
 
     def _plan_ahead(self, pose: SE2, goal: Goal) -> Plan | PlanFailure:
@@ -367,7 +380,30 @@ class MapPilot:
         there = _as_pose(pose, goal)
         if not self._holds(goal):
             self._map = self._map.grown(_beside(there))
+        if self._map.closed_at(pose):
+            return self._lead_out(pose, there)
         return self._way(self._map.space(), pose, there)
+
+    def _lead_out(self, pose: SE2, goal: SE2) -> Plan | PlanFailure:
+        """Return the shortest path out of what the robot should keep out of."""
+        if failure := blocked_goal(self._given, goal):
+            return failure
+        outside = self._map.room_outside()
+        wide = self._given.clearance >= self._given.inscribed
+        beyond = outside & connected(self._given, wide, (goal.x_m, goal.y_m))
+        self._map.open_around(pose)
+        space = self._map.space()
+        exits = beyond if beyond.any() else outside
+        return lead_out(space, exits, pose, lambda exit_: self._way(space, pose, exit_))
+
+    def closed_at(self, pose: SE2) -> str:
+        """Return the name of the zone or fence that a robot stands in or beyond; else ""."""
+        return self._map.closed_at(pose)
+
+    def arc_to(self, pose: SE2, goal: Goal) -> Plan | None:
+        """Return the free arc of a robot that steers to a goal ahead of it; None: there is none."""
+        arc = arc_to(pose, goal, self.turning_radius_m) if self.steered else None
+        return None if arc is None or self.touches(arc.poses) else arc
 
     def is_far(self, pose: SE2, goal: Goal) -> bool:
         """Whether a goal is so far beyond what is known that paths lead only towards it."""
@@ -393,14 +429,41 @@ class MapPilot:
         """Return a path that the robot can take from where it is."""
         return find_way(self._planner, space, start, goal, self._goes_on, steered=self.steered)
 
-    def hopeless(self, pose: SE2, goal: Goal) -> str:
-        """Return why the goal could not be reached if nothing but the map were there; else ""."""
+    def is_doubtful(self, plan: Plan, pose: SE2) -> bool:
+        """Return whether a path leads far away through what was forgotten on this journey.
+
+        Where the robot does not look now, what it has seen there may stand there still. Without
+        that it would turn back on a long way round, again and again.
+        """
         if self._grid is None:
-            return ""
-        answer = self._way(self._given, pose, _as_pose(pose, goal))
-        if isinstance(answer, PlanFailure) and answer.reason in _FOR_EVER:
-            return answer.text
-        return ""
+            return False
+        live = self._map.space()
+        forgotten = self._once_marked & ~live.blocked
+        if not forgotten.any():
+            return False
+        places = dense(plan.poses, live.grid.resolution_m)
+        far = np.hypot(*(places[:, :2] - (pose.x_m, pose.y_m)).T) > _LOOKS_M
+        live.blocked, live.clearance = forgotten, clearance_of(forgotten)
+        return bool(live.collides(live.poses_to_cells(places[far])).any())
+
+    def closed_way(self, pose: SE2, goal: Goal) -> ClosedWay | PlanFailure | None:
+        """Return how far the way is free that leads there if nothing but the map were there.
+
+        None: nothing closes it, or the robot has no map.
+        """
+        if self._grid is None:
+            return None
+        begin, there = (pose @ _TURNED, _opposite(goal)) if self.reverse else (pose, goal)
+        live = self._map.space()
+        aim = _as_pose(begin, there)
+        if failure := blocked_goal(self._given, aim):
+            return failure
+        answer = self._way(dear(self._given, live), begin, aim)
+        if isinstance(answer, PlanFailure):
+            return answer
+        if self.reverse:
+            answer = _turned_round(answer)
+        return until_closed(answer, self._given, live, self.moving)
 
     def space(self) -> PlanningMap:
         """Return all that is known now."""
@@ -426,6 +489,13 @@ class MapPilot:
 def _beside(pose: SE2) -> NDArray[np.float64]:
     """Return the corners of a square around a pose, (2, 2) [m]."""
     return np.array([(pose.x_m + away_m, pose.y_m + away_m) for away_m in (-_AROUND_M, _AROUND_M)])
+
+
+def _opposite(goal: Goal) -> Goal:
+    """Return a goal with the heading of a robot that is turned round."""
+    if goal.heading_rad is None:
+        return goal
+    return goal._replace(heading_rad=goal.heading_rad + math.pi)
 
 
 def _turned_round(plan: Plan) -> Plan:

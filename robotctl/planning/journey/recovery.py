@@ -3,7 +3,49 @@
 from __future__ import annotations
 
 import enum
+from dataclasses import dataclass
 from typing import Final
+
+from robotctl.errors import InvalidValue
+
+LONGEST_WAIT_S: Final = 86400.0
+MOST_RETRIES: Final = 1000
+FARTHEST_BACK_M: Final = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class RecoveryConfig:
+    """How patient journeys are.
+
+    Parameters
+    ----------
+    wait_s
+        Longest wait before a place where something that is on no map closes the way [s], 0 to
+        86400; then it begins to recover.
+    retries
+        Times in one journey that it begins to recover, 0 to 1000; 0: it gives up at once.
+    back_off_m
+        Distance that it backs off [m], 0 to 5; 0: it does not.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range.
+    """
+
+    wait_s: float = 30.0
+    retries: int = 4
+    back_off_m: float = 0.3
+
+    def __post_init__(self) -> None:
+        for key, most in (
+            ("wait_s", LONGEST_WAIT_S),
+            ("retries", MOST_RETRIES),
+            ("back_off_m", FARTHEST_BACK_M),
+        ):
+            value = getattr(self, key)
+            if not 0 <= value <= most:
+                raise InvalidValue(key, f"{value} found, 0 to {most:g} allowed", value)
 
 
 class Rung(enum.Enum):
@@ -19,9 +61,6 @@ class Rung(enum.Enum):
 LADDER: Final = tuple(Rung)
 """All rungs, from the gentlest on."""
 
-_MOST: Final = 4
-"""Times that one journey may climb from the ground."""
-
 
 class Ladder:
     """Counts the tries of one journey, which all together are bounded.
@@ -31,17 +70,22 @@ class Ladder:
 
     Parameters
     ----------
+    config
+        How often it may climb from the ground, and whether it backs off.
     can_turn
         Whether the robot turns on the spot; otherwise it cannot look around.
 
     Attributes
     ----------
     tries
-        Rungs taken so far.
+        Rungs taken so far, and waits where the way was closed.
     """
 
-    def __init__(self, *, can_turn: bool) -> None:
-        self._rungs = [rung for rung in LADDER if can_turn or rung is not Rung.LOOK_AROUND]
+    def __init__(self, config: RecoveryConfig | None = None, *, can_turn: bool) -> None:
+        config = config or RecoveryConfig()
+        left_out = {Rung.BACK_OFF: config.back_off_m == 0.0, Rung.LOOK_AROUND: not can_turn}
+        self._rungs = [rung for rung in LADDER if not left_out.get(rung)]
+        self._retries = config.retries
         self._at = 0
         self._climbs = 0
         self.tries = 0
@@ -50,11 +94,15 @@ class Ladder:
         """Take note that the robot has got on: the next trouble begins with the first rung."""
         self._at = 0
 
+    def restart(self) -> None:
+        """Count climbs from the ground anew: the robot drives elsewhere."""
+        self._at = self._climbs = 0
+
     def climb(self) -> Rung | None:
         """Return what to try next; None: nothing is left."""
         if self._at == 0:
             self._climbs += 1
-        if self._climbs > _MOST or self._at == len(self._rungs):
+        if self._climbs > self._retries or self._at == len(self._rungs):
             return None
         rung = self._rungs[self._at]
         self._at += 1

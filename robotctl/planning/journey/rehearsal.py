@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
 from robotctl.model.footprint import Footprint
@@ -13,6 +15,9 @@ from robotctl.planning.global_planning.plan import Plan, Planner
 from robotctl.planning.journey.route import Route
 from robotctl.planning.local.controller import Controller, LocalSituation
 
+_ROUNDS: Final = 20
+"""Rounds of planning: enough to call everything, while a planner that improves its path goes on."""
+
 
 def rehearse(planner: Planner, controller: Controller, footprint: Footprint) -> None:
     """Plan and drive a step."""
@@ -21,7 +26,8 @@ def rehearse(planner: Planner, controller: Controller, footprint: Footprint) -> 
     cells[:9, 6] = OCCUPIED
     live = LayeredMap(GridMap(cells, side_m), footprint)
     start, goal = (SE2(x * side_m, 2.5 * side_m, 0.0) for x in (2.5, 10.5))
-    plan = planner.plan(live.space(), start, goal)
+    rounds = iter(range(_ROUNDS))
+    plan = planner.plan(live.space(), start, goal, lambda: next(rounds, None) is not None)
     if isinstance(plan, Plan):
         route = Route(plan)
         controller.step(

@@ -25,11 +25,14 @@ class Route:
         The path.
     leads_there
         Whether it ends at the goal; else on the way there.
+    until
+        Where it leads if there is something else to do at its end, for people: "" or " to ...".
     """
 
-    def __init__(self, plan: Plan, *, leads_there: bool = True) -> None:
+    def __init__(self, plan: Plan, *, leads_there: bool = True, until: str = "") -> None:
         self.plan = plan
         self.leads_there = leads_there
+        self.until = until
         self._places = dense(plan.poses, _STEP_M)
         steps = np.hypot(*np.diff(self._places[:, :2], axis=0).T)
         self._along_m = np.concatenate([[0.0], np.cumsum(steps)])

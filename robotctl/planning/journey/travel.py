@@ -33,6 +33,7 @@ from robotctl.planning.topological.recognition import (
     appearances,
     look_of,
 )
+from robotctl.words import counted
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -267,7 +268,9 @@ class Travel(Behaviour):
         self._blind_ns = 0
         if stands:
             if self._looks >= _LOOKS:
-                return failed(f"gave up after {self._looks} looks around: {self._reason}")
+                return failed(
+                    f"gave up after {counted(self._looks, 'look')} around: {self._reason}"
+                )
             self._looks += 1
             names = [self._hint] if self._hint else list(self._looks_of)
             places = [self._looks_of[name] for name in names]

@@ -2,21 +2,35 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.costmap.planning_map import PlanningMap
-from robotctl.planning.global_planning.plan import GoesOn, Plan, PlanFailure, Planner, Reason
+from robotctl.planning.global_planning.plan import (
+    GoesOn,
+    Plan,
+    PlanFailure,
+    Planner,
+    Reason,
+    facing,
+)
 
 _NO_ROOM: Final = frozenset({Reason.START_BLOCKED, Reason.NOT_FOUND})
 _WAYS_OUT_M: Final = (
     *((-0.1, 0.0), (0.1, 0.0), (0.0, 0.05), (0.0, -0.05), (-0.2, 0.0), (0.2, 0.0)),
     *((0.0, 0.1), (0.0, -0.1), (-0.4, 0.0), (0.4, 0.0)),
+    *((0.3, 0.2), (0.3, -0.2), (-0.3, 0.2), (-0.3, -0.2)),
+    *((0.3, 0.4), (0.3, -0.4), (-0.3, 0.4), (-0.3, -0.4)),
 )
 """From a place without room to one with: on and to the left [m]."""
+_SECTORS: Final = 16
+"""Directions in each of which the nearest exit is looked for."""
 
 
 def find_way(
@@ -48,3 +62,46 @@ def _led_by(start: SE2, plan: Plan, *, reverse: bool) -> Plan:
     first = [start.x_m, start.y_m, start.theta_rad]
     poses = np.vstack([first, plan.poses])
     return replace(plan, poses=poses, reverse=np.concatenate([[reverse], plan.reverse]))
+
+
+def lead_out(
+    space: PlanningMap,
+    outside: NDArray[np.bool_],
+    start: SE2,
+    plan_to: Callable[[SE2], Plan | PlanFailure],
+) -> Plan | PlanFailure:
+    """Return the shortest path to a place outside of where the robot should not be.
+
+    Parameters
+    ----------
+    space
+        The map, in which the robot may pass there.
+    outside
+        (rows, columns): the places that will do.
+    start
+        Where it is, in `world`.
+    plan_to
+        Returns a path to a place.
+    """
+    cells = np.argwhere(outside)
+    if not len(cells):
+        text = "the robot stands where it should keep out, and the map has no other place for it"
+        return PlanFailure(Reason.START_BLOCKED, text, (start.x_m, start.y_m))
+    here = space.to_cells(start)
+    ways = cells[:, ::-1] + 0.5 - (here.x_m, here.y_m)
+    away = np.hypot(*ways.T)
+    sectors = np.floor((np.arctan2(ways[:, 1], ways[:, 0]) / math.tau + 0.5) * _SECTORS)
+    order = np.lexsort((away, sectors))
+    firsts = order[np.flatnonzero(np.diff(sectors[order], prepend=-1.0))]
+    exits = space.grid.centre_of(cells[firsts[np.argsort(away[firsts])]])
+    best = plan_to(facing(start, *exits[0].tolist()))
+    for x_m, y_m in exits[1:].tolist():
+        if isinstance(best, Plan):
+            if best.length_m <= math.dist((start.x_m, start.y_m), (x_m, y_m)):
+                break
+            found = plan_to(facing(start, x_m, y_m))
+            if isinstance(found, Plan) and found.length_m < best.length_m:
+                best = found
+        else:
+            best = plan_to(facing(start, x_m, y_m))
+    return best

@@ -6,6 +6,7 @@ All lengths are in cells of the map, times in seconds.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -48,13 +49,21 @@ class Surroundings(NamedTuple):
     """(k, 5) x, y, vx, vy, radius."""
 
 
-def make_body(footprint: Footprint, margin_m: float, resolution_m: float) -> Body:
-    """Return a footprint grown by a margin; its corners stay sharp."""
+def make_body(footprint: Footprint, margin_m: float | Sequence[float], resolution_m: float) -> Body:
+    """Return a footprint grown by a margin, or one for each side; its corners stay sharp.
+
+    Raises
+    ------
+    ValueError
+        If margins below 0 leave no body around `base`.
+    """
+    count = len(footprint.corners)
+    margins_m = [margin_m] * count if isinstance(margin_m, float) else margin_m
     sides = []
-    for (ax, ay), (bx, by) in footprint.sides():
+    for ((ax, ay), (bx, by)), each_m in zip(footprint.sides(), margins_m, strict=True):
         length = math.dist((ax, ay), (bx, by))
         nx, ny = (by - ay) / length, (ax - bx) / length
-        sides.append((nx, ny, nx * ax + ny * ay + margin_m))
+        sides.append((nx, ny, nx * ax + ny * ay + each_m))
     corners = []
     for (ax, ay, a), (bx, by, b) in zip(sides[-1:] + sides[:-1], sides, strict=True):
         determinant = ax * by - ay * bx

@@ -1,8 +1,10 @@
 """The way out for a robot that stands nearer to something than it would ever have driven.
 
-A map that changes, a pose that was corrected or a person may bring something so near that every
-motion begins within the margin, or in contact by the map. Then the exact distance counts: the robot
-creeps where it never comes nearer than it is, and gets away farthest.
+A start beside a wall, a map that changes, a pose that was corrected or a person may bring something
+so near that every motion begins within the margin, or in contact by the map. Nothing touches the
+robot, or it would not have got there: the outline is drawn in on the sides where something reaches
+into it, and by a little more, so that the tail may swing out as the robot turns away. What keeps
+the rest free is driven at a creep: away from what is too near, or else along it.
 """
 
 from __future__ import annotations
@@ -16,14 +18,23 @@ from robotctl.compiled import compiled
 from robotctl.planning.local.body import SPACING, TOUCH, Body, Surroundings, gap
 from robotctl.planning.local.rollout import Problem
 
-_TURNS: Final = np.array([0.0, 0.5, -0.5, 1.0, -1.0])
+_TURNS: Final = np.array([0.0, 0.04, -0.04, 0.1, -0.1, 0.25, -0.25, 0.5, -0.5, 1.0, -1.0])
 """Shares of a slow turn."""
 _SLOW_TURN: Final = 0.6
 """[rad/s]."""
-_AWAY_S: Final = 0.8
-"""Looked at."""
-_POSES: Final = 24
-_NEARER: Final = 1e-6
+_AWAY_S: Final = 2.4
+"""Looked at: a tail that swings out is back after twice the overhang."""
+_POSES: Final = 48
+_FREE: Final = 8
+"""Of these, so many must be free: enough to stop in."""
+_SWING: Final = 0.018
+"""The tail may come nearer to what touches the robot by this per way of `base`, and by more per
+gap: what the obstacle guard takes for driving along something."""
+_GAP_M: Final = 0.2
+_GAIN: Final = 0.05
+"""Less more room than this leads nowhere [cells]."""
+_ALONG: Final = 0.03
+"""Way towards the path counts as so much room."""
 
 
 @compiled
@@ -35,28 +46,71 @@ def separation(
     Below 0 by how much they overlap; at most 2 cells. The axes are those of the separating axis
     theorem: the normals of the body's sides and of the cell's.
     """
-    rows, columns = blocked.shape
     least = 2.0
+    box = _box(body, c, s)
+    for row in range(int(np.floor(y + box[1])) - 2, int(np.floor(y + box[3])) + 3):
+        for column in range(int(np.floor(x + box[0])) - 2, int(np.floor(x + box[2])) + 3):
+            if _is_free(blocked, row, column):
+                continue
+            dx, dy = column - x, row - y
+            apart = max(dx - box[2], box[0] - dx - 1.0, dy - box[3], box[1] - dy - 1.0)
+            for k in range(len(body.sides)):
+                apart = max(apart, _beyond(body, k, dx, dy, c, s))
+            least = min(least, apart)
+    return least
+
+
+@compiled
+def intrusions(
+    blocked: NDArray[np.bool_], body: Body, pose: tuple[float, float, float], reach: float
+) -> NDArray[np.float64]:
+    """Return how deep cells reach in below each side of a body, (m,) [cells].
+
+    A cell counts for the side that it is least deep below. Negative: the nearest cell is so far
+    off; `-reach` where none is nearer.
+    """
+    x, y = pose[0], pose[1]
+    c, s = float(np.cos(pose[2])), float(np.sin(pose[2]))
+    deepest = np.full(len(body.sides), -reach)
+    box = _box(body, c, s)
+    for row in range(int(np.floor(y + box[1])) - 2, int(np.floor(y + box[3])) + 3):
+        for column in range(int(np.floor(x + box[0])) - 2, int(np.floor(x + box[2])) + 3):
+            if _is_free(blocked, row, column):
+                continue
+            side, apart = 0, -np.inf
+            for k in range(len(body.sides)):
+                beyond = _beyond(body, k, column - x, row - y, c, s)
+                if beyond > apart:
+                    side, apart = k, beyond
+            deepest[side] = max(deepest[side], -apart)
+    return deepest
+
+
+@compiled
+def _box(body: Body, c: float, s: float) -> tuple[float, float, float, float]:
+    """Return the box around a body that is turned: least x and y, most x and y."""
     high_x = high_y = -np.inf
     low_x = low_y = np.inf
     for k in range(len(body.outline)):
         px, py = body.outline[k, 0], body.outline[k, 1]
         low_x, high_x = min(low_x, c * px - s * py), max(high_x, c * px - s * py)
         low_y, high_y = min(low_y, s * px + c * py), max(high_y, s * px + c * py)
-    for row in range(int(np.floor(y + low_y)) - 2, int(np.floor(y + high_y)) + 3):
-        for column in range(int(np.floor(x + low_x)) - 2, int(np.floor(x + high_x)) + 3):
-            inside = 0 <= row < rows and 0 <= column < columns
-            if inside and not blocked[row, column]:
-                continue
-            dx, dy = column - x, row - y
-            apart = max(dx - high_x, low_x - dx - 1.0, dy - high_y, low_y - dy - 1.0)
-            for k in range(len(body.sides)):
-                nx = c * body.sides[k, 0] - s * body.sides[k, 1]
-                ny = s * body.sides[k, 0] + c * body.sides[k, 1]
-                nearest = nx * dx + ny * dy + min(nx, 0.0) + min(ny, 0.0)
-                apart = max(apart, nearest - body.sides[k, 2])
-            least = min(least, apart)
-    return least
+    return low_x, low_y, high_x, high_y
+
+
+@compiled
+def _is_free(blocked: NDArray[np.bool_], row: int, column: int) -> bool:
+    """Return whether a cell is on the map and not blocked."""
+    rows, columns = blocked.shape
+    return bool(0 <= row < rows and 0 <= column < columns and not blocked[row, column])
+
+
+@compiled
+def _beyond(body: Body, k: int, dx: float, dy: float, c: float, s: float) -> float:
+    """Return how far a cell, with its lower corner at dx, dy of the body, is beyond a side."""
+    nx = c * body.sides[k, 0] - s * body.sides[k, 1]
+    ny = s * body.sides[k, 0] + c * body.sides[k, 1]
+    return float(nx * dx + ny * dy + min(nx, 0.0) + min(ny, 0.0) - body.sides[k, 2])
 
 
 @compiled
@@ -72,30 +126,57 @@ def is_too_near(space: Surroundings, body: Body, pose: tuple[float, float, float
 
 
 @compiled
-def way_out(problem: Problem, body: Body) -> tuple[float, float]:
-    """Return the slow velocity that leads away, 0 if each leads nearer to something.
+def way_out(
+    problem: Problem, bare: Body, drawn_in: Body, target: tuple[float, float], side_m: float
+) -> tuple[float, float]:
+    """Return the slow velocity that leads away or along, 0 if none keeps free what is free.
 
-    `body` is the one without margin.
+    Parameters
+    ----------
+    bare
+        The body without margin, which is to get away.
+    drawn_in
+        What of it must stay free.
+    target
+        A place on the path to go to where there is a choice.
+    side_m
+        Of a cell [m].
     """
-    motion, blocked = problem.motion, problem.space.blocked
+    motion, space = problem.motion, problem.space
     x, y, angle = problem.pose
-    here = separation(blocked, body, x, y, float(np.cos(angle)), float(np.sin(angle)))
-    best, chosen = here + 0.05, (0.0, 0.0)
+    here = separation(space.blocked, bare, x, y, float(np.cos(angle)), float(np.sin(angle)))
+    swing = _SWING + max(here, 0.0) * side_m / _GAP_M
+    ahead, behind = bare.outline[:, 0].max(), -bare.outline[:, 0].min()
+    way = np.hypot(target[0] - x, target[1] - y)
+    best, chosen = 0.0, (0.0, 0.0)
     for i in range(3):
         for k in range(len(_TURNS)):
             v = (i - 1) * motion.creep
             omega = _TURNS[k] * _SLOW_TURN
             if motion.curvature_max != np.inf:
                 omega = _TURNS[k] * min(motion.curvature_max * abs(v), _SLOW_TURN)
-            least, last = np.inf, here
-            for m in range(1, _POSES + 1):
-                time = m * _AWAY_S / _POSES
+            if v == 0.0 and omega == 0.0:
+                continue
+            tail = behind if v > 0.0 else ahead
+            if v != 0.0 and abs(omega / v) * tail > swing:
+                continue
+            free, end_x, end_y, end = 0, x, y, angle
+            while free < _POSES:
+                time = (free + 1) * _AWAY_S / _POSES
                 half = 0.5 * omega * time
-                there_x = x + v * time * np.cos(angle + half)
-                there_y = y + v * time * np.sin(angle + half)
-                c, s = float(np.cos(angle + 2.0 * half)), float(np.sin(angle + 2.0 * half))
-                last = separation(blocked, body, there_x, there_y, c, s)
-                least = min(least, last)
-            if least >= here - _NEARER and last > best:
-                best, chosen = last, (v, omega)
+                to_x = x + v * time * np.cos(angle + half)
+                to_y = y + v * time * np.sin(angle + half)
+                if is_too_near(space, drawn_in, (to_x, to_y, angle + 2.0 * half)):
+                    break
+                free, end_x, end_y, end = free + 1, to_x, to_y, angle + 2.0 * half
+            if free < _FREE:
+                continue
+            c, s = float(np.cos(end)), float(np.sin(end))
+            gain = separation(space.blocked, bare, end_x, end_y, c, s) - here
+            nearer = way - np.hypot(target[0] - end_x, target[1] - end_y)
+            if gain < _GAIN and (gain < -_GAIN or nearer < 1.0):
+                continue
+            score = gain + _ALONG * nearer
+            if score > best:
+                best, chosen = score, (v, omega)
     return chosen

@@ -18,7 +18,7 @@ from robotctl.planning.costmap.planning_map import PlanningMap
 from robotctl.planning.local.arrival import Arrival
 from robotctl.planning.local.body import Body, Surroundings, make_body
 from robotctl.planning.local.controller import ControllerConfig, LocalMotion, LocalSituation
-from robotctl.planning.local.escape import is_too_near, way_out
+from robotctl.planning.local.escape import intrusions, is_too_near, way_out
 from robotctl.planning.local.rollout import (
     Motion,
     Problem,
@@ -36,8 +36,13 @@ _BESIDE_M: Final = 0.15
 _LATERAL_M: Final = 0.5
 _LOOK_M: Final = 0.5
 _PEOPLE_M: Final = 0.5
+_TARGET: Final = 20
+"""Point of the path that a robot makes for that gets away from something: about a metre on."""
+_SWING_M: Final = 0.0025
+"""The tail of a robot that turns away from something may swing towards it so far [m]."""
 _STILL: Final = 1e-3
 """Below this the robot stands [m/s, rad/s]."""
+_TOUCHED: Final = "something touches the robot"
 _PATIENCE: Final = 10
 """Steps for which nothing leads on before the robot backs off, or counts as blocked."""
 _BACK_M: Final = 0.3
@@ -107,7 +112,8 @@ class Follower:
         """Forget the last step: the path is another one, or the robot was moved."""
         self._track: Track | None = None
         self._last: Twist | None = None
-        self._escaping = False
+        self._drawn_in: Body | None = None
+        """What of the body must stay free while it gets away from what is too near."""
         self._search.reset()
 
     def step(self, situation: LocalSituation) -> LocalMotion:
@@ -133,7 +139,10 @@ class Follower:
         self._is_cold = False
         self._only(problem, 0.0, 0.0)
         is_too_near(problem.space, problem.tight, problem.pose)
-        way_out(problem, self._bare[situation.space.grid.resolution_m])
+        side_m = situation.space.grid.resolution_m
+        bare = self._bare[side_m]
+        self._drawn(problem, side_m)
+        way_out(problem, bare, bare, (0.0, 0.0), side_m)
         self._search.choose(problem)
         self._search.reset()
 
@@ -307,14 +316,13 @@ class Follower:
         still = abs(motion.v_m_s) < _STILL and abs(motion.omega_rad_s) < _STILL
         self._waited = self._waited + 1 if still else 0
         people = self._waits_for_people(problem, side_m)
-        if (still or self._escaping) and is_too_near(problem.space, problem.tight, problem.pose):
-            self._escaping = True
-            v, omega = way_out(problem, self._bare[side_m])
-            if v != 0.0 or omega != 0.0:
-                motion = _motion(situation, Choice(v, omega, choice.ahead))
-                return motion._replace(text="creeps away from what is too near")
-            return motion._replace(blocked=True, text="something touches the robot")
-        self._escaping = False
+        patient = people or self._waited < _PATIENCE
+        touches = still and is_too_near(problem.space, problem.tight, problem.pose)
+        if touches or (still and not patient) or self._drawn_in is not None:
+            away = self._escape(situation, problem, choice)
+            if away is not None:
+                return away
+        self._drawn_in = None
         if not still:
             slow = abs(motion.v_m_s) < 0.5 * situation.speed_m_s
             return motion._replace(text="lets somebody pass" if people and slow else "")
@@ -324,6 +332,39 @@ class Follower:
             self._waited, self._backing_m, self._backs = 0, _BACK_M, self._backs + 1
         text = "waits for somebody to pass" if people else "no way on along the path"
         return motion._replace(blocked=True, text=text)
+
+    def _escape(
+        self, situation: LocalSituation, problem: Problem, choice: Choice
+    ) -> LocalMotion | None:
+        """Creep away from what is within the margin, or along it; None: no need to."""
+        if not is_too_near(problem.space, problem.body, problem.pose):
+            return None
+        side_m = situation.space.grid.resolution_m
+        drawn_in = self._drawn_in
+        if drawn_in is None or is_too_near(problem.space, drawn_in, problem.pose):
+            drawn_in = self._drawn_in = self._drawn(problem, side_m)
+        v = omega = 0.0
+        if drawn_in is not None:
+            path = problem.path
+            at = min(_TARGET, len(path) - 1)
+            target = float(path[at, 0]), float(path[at, 1])
+            v, omega = way_out(problem, self._bare[side_m], drawn_in, target, side_m)
+        motion = _motion(situation, choice)
+        if v == 0.0 and omega == 0.0:
+            touches = is_too_near(problem.space, problem.tight, problem.pose)
+            return motion._replace(blocked=True, text=_TOUCHED) if touches else None
+        motion = _motion(situation, Choice(v, omega, choice.ahead))
+        return motion._replace(text="creeps away from what is too near")
+
+    def _drawn(self, problem: Problem, side_m: float) -> Body | None:
+        """Return the body without what things reach into it; None: they leave nothing."""
+        depths = intrusions(problem.space.blocked, self._bare[side_m], problem.pose, _TIGHT)
+        swing = _SWING_M / side_m
+        margins = np.where(depths > 0.0, -depths - swing, -0.5 * depths)
+        try:
+            return make_body(self._footprint, (margins * side_m).tolist(), side_m)
+        except ValueError:
+            return None
 
     def _waits_for_people(self, problem: Problem, side_m: float) -> bool:
         """Return whether something that moves is near."""

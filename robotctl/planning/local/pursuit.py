@@ -40,7 +40,7 @@ class PursuitConfig:
     alpha_rad_s2
         Angular deceleration planned for the end of a turn on the spot [rad/s^2], > 0.
     creep_m_s
-        Slowest speed while the goal is not reached [m/s], > 0.
+        Slowest speed while the goal is not reached [m/s], > 0; a slower wanted speed holds.
     goal_tolerance_m
         The end is reached this far before it, along the path [m], > 0.
     off_path_max_m
@@ -154,7 +154,7 @@ class Pursuit:
         curvature = reachable_curvature(self._gear * x, y, self._curvature_max)
         v = min(self._speed_here(), bend_speed(abs(curvature), config))
         # Without a minimum speed it would approach the goal ever more slowly.
-        v = self._gear * max(v, config.creep_m_s)
+        v = self._gear * max(v, min(config.creep_m_s, self._speed))
         return PursuitStep(v, curvature * v, remaining, off_path, False)
 
     def _must_turn(self, bearing_rad: float) -> bool:

@@ -115,6 +115,7 @@ class Auto:
         self._runner = None if mission is None else MissionRunner(mission, self._robot)
         if self._robot.pilot is not None:
             self._robot.pilot.use_zones(() if mission is None else mission.zone)
+            self._robot.pilot.use_recovery(None if mission is None else mission.recovery)
         self.runs += 1
 
     def command(self, request: GoAheadRequest | JumpRequest | AbortRequest) -> None:

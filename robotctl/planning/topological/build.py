@@ -4,6 +4,8 @@ Free floor is divided where it gets narrow (watershed of the distance from the w
 between wide regions: Thrun, Artificial Intelligence 99(1), 1998). From the widest spots on, cells
 join the region beside them; where two regions meet, they become one unless the neck is no wider
 than a door and clearly narrower than both. Regions are divided further where corridors meet.
+Halls are divided by what stands in them: at necks of any width, so that the gaps between shelves
+and the bays along the walls become places.
 """
 
 from __future__ import annotations
@@ -35,6 +37,8 @@ LEAST_AREA_M2: Final = 1.0
 """Of a place; what is smaller joins the place beside it, or is left out."""
 FURNITURE_M: Final = 3.5
 """Things that stand free and are no longer than this do not divide a room."""
+HALL_M: Final = 8.0
+"""Width from which on a room is a hall, which they do divide [m]."""
 _HOLE_M: Final = 0.1
 """Between parts of one thing: a wall that was seen from far away has holes."""
 _POST_M, _WALL_M = 0.5, 0.4
@@ -80,14 +84,20 @@ def build(grid: GridMap, radius_m: float) -> Topology:
     """
     side_m = grid.resolution_m
     floor = _floor(grid)
+    room_m = _depth_m(floor, side_m)
     depth_m = _depth_m(_without_furniture(floor, side_m), side_m)
     labels = _regions(depth_m, radius_m)
     if not (labels >= 0).any():
         return Topology(TopologicalMap((), ()), labels)
-    labels = _with_corridors(labels, depth_m, side_m)
+    halls = _halls(labels, depth_m)
+    depth_m = np.where(halls, room_m, depth_m)
+    labels = _with_corridors(np.where(halls, -1, labels), depth_m, side_m)
     labels, kinds = with_junctions(labels, depth_m, side_m)
+    parts = _regions(np.where(halls, room_m, 0.0), radius_m, widest_m=math.inf)
+    parts = _with_corridors(parts, depth_m, side_m)
+    labels = np.where(parts >= 0, parts + (int(labels.max()) + 1), labels)
     labels = _without_small(labels, depth_m, side_m)
-    return _topology(grid, labels, kinds, depth_m, _depth_m(floor, side_m), radius_m)
+    return _topology(grid, labels, kinds, depth_m, room_m, radius_m)
 
 
 def _depth_m(free: NDArray[np.bool_], side_m: float) -> NDArray[np.float64]:
@@ -126,8 +136,21 @@ def _without_furniture(floor: NDArray[np.bool_], side_m: float) -> NDArray[np.bo
     return free
 
 
-def _regions(depth_m: NDArray[np.float64], radius_m: float) -> NDArray[np.int64]:
-    """Return the region of each cell that the robot fits on, -1 elsewhere."""
+def _halls(labels: NDArray[np.int64], depth_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which cells are in regions as wide as a hall."""
+    count = int(labels.max()) + 1
+    widths_m = 2.0 * ndimage.maximum(depth_m, labels, np.arange(count))
+    inside: NDArray[np.bool_] = np.isin(labels, np.flatnonzero(widths_m >= HALL_M))
+    return inside
+
+
+def _regions(
+    depth_m: NDArray[np.float64], radius_m: float, widest_m: float = DOOR_M
+) -> NDArray[np.int64]:
+    """Return the region of each cell that the robot fits on, -1 elsewhere.
+
+    `widest_m` is the width of the widest passage that divides.
+    """
     depths = np.pad(depth_m, 1)
     columns = depths.shape[1]
     flat = depths.ravel().tolist()
@@ -157,7 +180,7 @@ def _regions(depth_m: NDArray[np.float64], radius_m: float) -> NDArray[np.int64]
             for other in regions[i + 1 :]:
                 a, b = root(region), root(other)
                 lesser = min(widest[a], widest[b])
-                if a != b and (flat[cell] > DOOR_M / 2 or flat[cell] > NECK * lesser):
+                if a != b and (flat[cell] > widest_m / 2 or flat[cell] > NECK * lesser):
                     wide, narrow = (a, b) if widest[a] >= widest[b] else (b, a)
                     parent[narrow] = wide
     roots = np.array([root(each) if each >= 0 else -1 for each in label], np.int64)

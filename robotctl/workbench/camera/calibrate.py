@@ -257,6 +257,11 @@ def _about(
 ) -> list[str]:
     """Return remarks on a fit."""
     notes = []
+    if abs(fit.mount.roll_deg) > 90.0:
+        notes.append(
+            f"by this the camera is upside down (roll {fit.mount.roll_deg:.0f} degrees): if it is "
+            "not, the picture was turned; give it as the camera saved it"
+        )
     if options.markers is not None:
         unseen = markers_unseen(options.markers, points)
         if unseen:

@@ -10,7 +10,11 @@ from typing import TypeAlias
 import numpy as np
 
 from robotctl.errors import CalibrationError, ConfigError
-from robotctl.estimation.camera.calibration.intrinsics import LensFit, calibrate_lens
+from robotctl.estimation.camera.calibration.intrinsics import (
+    LensFit,
+    TurnedPicturesError,
+    calibrate_lens,
+)
 from robotctl.estimation.camera.calibration.pattern import Board, find_corners
 from robotctl.model.sensors.camera import CameraIntrinsics
 from robotctl.model.sensors.camera_lens import straightened
@@ -64,6 +68,12 @@ def lens_of_pictures(
     ((height, width),) = sizes
     try:
         lens = calibrate_lens(found, board, width, height)
+    except TurnedPicturesError as error:
+        names = ", ".join(seen[number].name for number in error.numbers)
+        raise CalibrationError(
+            f"{names}: turned by half a turn against the other pictures; give all of them as the "
+            "camera saved them"
+        ) from error
     except ValueError as error:
         raise CalibrationError("; ".join([str(error), *notes])) from error
     if not _invertible(lens.intrinsics):

@@ -11,21 +11,32 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import chdtri  # type: ignore[import-untyped]
 
 from robotctl.errors import ConfigError
 from robotctl.estimation.slam.graph.factor_graph import FactorGraph, Values, chi2_of, chosen
 from robotctl.estimation.slam.marginals import factored, marginals
 from robotctl.estimation.slam.robust.kernels import KERNELS
 from robotctl.estimation.slam.robust.robust_cost import OFF
+from robotctl.estimation.slam.solvers.anchors import Anchor, anchors
 from robotctl.estimation.slam.solvers.incremental import incremental
 from robotctl.estimation.slam.solvers.problem import Problem, Solution, gauge
 from robotctl.estimation.slam.solvers.registry import CONSISTENT, IN_ORDER, SOLVERS
 from robotctl.estimation.slam.start.registry import STARTS, start_values
 from robotctl.logs.graphs.graph_files import format_of, read_graph
 from robotctl.logs.graphs.graph_format import GraphFile
+from robotctl.logs.graphs.tagged_text import id_of
 from robotctl.toml_source import nearest
 
 GRADUATED: Final = "gnc"
+_SUSPICIOUS: Final = 4.0
+"""Share of chi2 to degrees of freedom from which on the noise is twice as large as stated."""
+_BY_CHANCE: Final = 1e-6
+_NOT_CONVERGED: Final = {
+    "ekf": "a filter does not go back to what has left its state; try --solver isam or lm",
+    "isam": "a further step would lower chi2; try --solver lm",
+}
+"""What to say of solvers that go pose by pose."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +53,8 @@ class OptimizeOptions:
         Ids of variables whose covariance is wanted; a point may have an l before its id.
     keeps_course
         Whether the values after each iteration are wanted.
+    clip_indefinite
+        Whether negative eigenvalues of information matrices become 0; else they are refused.
     """
 
     graph: Path
@@ -50,6 +63,7 @@ class OptimizeOptions:
     init: str = "chordal"
     marginals: tuple[str, ...] = ()
     keeps_course: bool = False
+    clip_indefinite: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,11 +109,26 @@ class OptimizeResult:
         """Return of each block which factors the robust kernel left next to nothing of, (n,)."""
         return [weights < OFF for weights in self.solution.weights]
 
+    def held(self) -> list[Anchor]:
+        """Return the directions that nothing determines, as the solver held them."""
+        return anchors(self.graph, self.solution.values, self.fixed)
+
+    def surplus(self, kept: FactorGraph) -> int:
+        """Return by how much the measured numbers of a graph outnumber the unknown ones."""
+        told = sum(
+            int(np.count_nonzero(np.diagonal(block.information, axis1=1, axis2=2)))
+            for block in kept.blocks
+        )
+        held = sum(len(anchor.coordinates) for anchor in self.held())
+        dof = self.graph.dof()
+        return told - int(dof.sum() - dof[self.fixed].sum()) + held
+
     def report(self) -> dict[str, Any]:
         """Return the figures; chi2 as g2o reports it."""
         off = self.switched_off()
         graph = self.graph
-        kept = chi2_of(chosen(graph, [~mask for mask in off]), self.solution.values)
+        rest = chosen(graph, [~mask for mask in off])
+        kept = chi2_of(rest, self.solution.values)
         names = [
             " - ".join(graph.name(int(each)) for each in ends)
             for block, mask in zip(graph.blocks, off, strict=True)
@@ -109,6 +138,7 @@ class OptimizeResult:
             "chi2_initial": chi2_of(graph, self.start),
             "chi2_final": chi2_of(graph, self.solution.values),
             "chi2_kept": kept,
+            "degrees_of_freedom": self.surplus(rest),
             "iterations": len(self.solution.chi2) - 1,
             "converged": self.solution.is_converged,
             "time_ms": {name: round(each, 3) for name, each in self.time_ms.items()},
@@ -116,6 +146,8 @@ class OptimizeResult:
             "edges": graph.factors,
             "connected_components": int(graph.components().max(initial=-1)) + 1,
             "fixed": [graph.name(int(each)) for each in self.fixed],
+            "held": [each.name(graph) for each in self.held()],
+            "notes": list(self.file.notes),
             "switched_off": len(names),
             "switched_off_factors": names,
         }
@@ -130,6 +162,7 @@ class OptimizeResult:
             }
         if self.covariances:
             report["marginals"] = {name: P.tolist() for name, P in self.covariances.items()}
+        report["advice"] = advice(self.options, report)
         return report
 
 
@@ -190,7 +223,7 @@ def optimize(
         raise ConfigError(f"--animate works with {whole}; {options.solver} adds pose after pose")
     clock = _Clock(tell)
     begin_s = clock.now_s
-    file = read_graph(options.graph)
+    file = read_graph(options.graph, clip_indefinite=options.clip_indefinite)
     clock.lap("parse")
     wanted = {name: variable(file.graph, name) for name in options.marginals}
     fixed = gauge(file.graph, file.fixed)
@@ -235,10 +268,11 @@ def variable(graph: FactorGraph, name: str) -> int:
         If there is none.
     """
     word = name.removeprefix("l")
-    if word.lstrip("-").isdigit():
+    number = id_of(word)
+    if number is not None:
         for kind, ids in graph.ids.items():
-            row = int(np.searchsorted(ids, int(word)))
-            if (word == name or not kind.is_pose) and row < len(ids) and ids[row] == int(word):
+            row = int(np.searchsorted(ids, number))
+            if (word == name or not kind.is_pose) and row < len(ids) and ids[row] == number:
                 return graph.first(kind) + row
     ids = np.concatenate(list(graph.ids.values()))
     raise ConfigError(
@@ -246,10 +280,34 @@ def variable(graph: FactorGraph, name: str) -> int:
     )
 
 
+def advice(options: OptimizeOptions, figures: dict[str, Any]) -> str:
+    """Return what to try where a result is doubtful; empty where it is not.
+
+    Parameters
+    ----------
+    options
+        What was asked for.
+    figures
+        The report.
+    """
+    if not figures["converged"]:
+        return _NOT_CONVERGED.get(options.solver, "try another --init, or --robust")
+    count, chi2 = figures["degrees_of_freedom"], figures["chi2_kept"]
+    if count < 1 or chi2 < max(_SUSPICIOUS * count, float(chdtri(count, _BY_CHANCE))):
+        return ""
+    others = [] if options.solver == "isam" else ["--solver isam (it follows the drive)"]
+    others += [] if options.robust else ["--robust consistent (loops may be false)"]
+    return (
+        f"chi2 is {chi2 / count:.3g} times the degrees of freedom ({count}), with the noise that "
+        "the file states it would be about once: a local minimum, wrong measurements, or too large "
+        f"information; try {' or '.join(others) or 'another --init'}"
+    )
+
+
 def write_graph(result: OptimizeResult, file: Path) -> None:
     """Write the graph with the values found, in the format that the suffix says."""
     found = {kind: np.ones(len(ids), np.bool_) for kind, ids in result.graph.ids.items()}
-    optimum = GraphFile(result.graph, result.solution.values, found, result.file.fixed)
+    optimum = replace(result.file, values=result.solution.values, known=found)
     format_of(file).write(file, optimum)
 
 

@@ -48,7 +48,7 @@ def run_ekf(
     if not recording.sightings:
         raise LocalizeError(
             f"{options.log}: no sightings of landmarks in it, and no sonars with a map of walls, "
-            "which --method ekf needs; for a log with scans use --method mcl"
+            f"which --method ekf needs; for a log with scans use --method mcl{recording.why()}"
         )
     start_rng, odometry_rng = rng.spawn(2)
     recording = with_noisy_motion(recording, options.odometry_noise, odometry_rng)

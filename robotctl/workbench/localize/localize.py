@@ -111,7 +111,7 @@ def _run(
         recording,
         world_map.grid if world_map else None,
         run,
-        report(run, with_nees=options.method == "ekf"),
+        report(run, with_nees=options.method == "ekf") | {"notes": [*recording.notes, *run.notes]},
     )
 
 

@@ -103,7 +103,7 @@ def choose_scans(recording: Recording, which: str) -> Sequence[RecordedScan]:
     if not scans:
         raise ConfigError(
             f"{recording.name}: {len(recording.scans)} lidar scans in it, none of them in --scans "
-            f"{which}"
+            f"{which}{recording.why()}"
         )
     return scans
 
@@ -162,10 +162,18 @@ def _fill(
         time_unit=options.time_unit,
         max_range_m=options.max_range_m,
     )
-    scans = choose_scans(recording, options.scans)
-    references = [scan.reference for scan in scans if scan.reference is not None]
-    from_reference = len(references) == len(scans)
-    taken = references if from_reference else [scan.odometry for scan in scans]
+    scans, notes = choose_scans(recording, options.scans), list(recording.notes)
+    known = [scan for scan in scans if scan.reference is not None]
+    from_reference = 2 * len(known) >= len(scans)
+    if from_reference and len(known) < len(scans):
+        notes.append(
+            f"{len(scans) - len(known)} of {len(scans)} scans left out: the reference says nothing "
+            "at their times"
+        )
+        scans = known
+    taken = [
+        scan.reference if from_reference and scan.reference else scan.odometry for scan in scans
+    ]
     poses = np.array([(pose.x_m, pose.y_m, pose.theta_rad) for pose in taken])
     for begin in range(0, len(scans), _AT_ONCE):
         end = min(begin + _AT_ONCE, len(scans))
@@ -175,7 +183,7 @@ def _fill(
             raise ConfigError(f"{options.log}: scans {begin} to {end - 1}: {error}") from error
         if progress is not None:
             progress(end, len(scans))
-    return len(scans), len(recording.scans), from_reference, recording.notes
+    return len(scans), len(recording.scans), from_reference, tuple(notes)
 
 
 def _bare(prefix: Path) -> Path:

@@ -123,8 +123,8 @@ def _moments(recording: Recording, options: LocalizeOptions) -> list[_Moment]:
         moments.append(_Moment(stamp_ns, source, heard.odometry, reference, sonar))
     if not moments:
         raise LocalizeError(
-            f"{options.log}: no scans in it, which --method mcl needs; for a log with sightings of "
-            "landmarks use --method ekf"
+            f"{options.log}: no scans of use in it, which --method mcl needs; for a log with "
+            f"sightings of landmarks use --method ekf{recording.why()}"
         )
     return sorted(moments, key=attrgetter("stamp_ns"))
 

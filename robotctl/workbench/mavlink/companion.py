@@ -17,7 +17,9 @@ SYSTEM, COMPONENT = 254, 190
 BEAT_S: Final = 1.0
 POLL_S: Final = 0.05
 FIND_S: Final = 10.0
-"""A robot has this long to be heard [s]."""
+"""A robot has this long to be heard [s], where nothing says that it is not there."""
+REFUSED_S: Final = 0.8
+"""Attempts to reach it fail for this long before that is believed [s]."""
 
 
 class Companion:
@@ -72,19 +74,27 @@ class Companion:
         Raises
         ------
         LinkError
-            If none is heard.
+            If none is heard, or its port cannot be reached.
         """
-        end_s = self._clock_s() + FIND_S
-        while self._clock_s() < end_s:
+        start_s = self._clock_s()
+        while self._clock_s() < start_s + FIND_S:
+            (status,) = self._links.status()
+            is_refused = status.last_error and not status.received
+            if is_refused and self._clock_s() >= start_s + REFUSED_S:
+                raise self._not_found(f"no robot is there, {status.last_error}")
             for message, peer in self.poll():
                 is_beat = message.get_msgId() == common.MAVLINK_MSG_ID_HEARTBEAT
                 if is_beat and message.autopilot != common.MAV_AUTOPILOT_INVALID:
                     self._robot, self._peer = source(message), peer
                     self.is_ardupilot = message.autopilot == common.MAV_AUTOPILOT_ARDUPILOTMEGA
                     return
-        raise LinkError(
-            f"{self._url}: no robot is heard; --link URL says where it is, as a [[mavlink.link]] "
-            "of its file does: a tcpin there is a tcpout here"
+        raise self._not_found(f"no robot is heard within {FIND_S:g} s")
+
+    def _not_found(self, found: str) -> LinkError:
+        """Return the error of a link without a robot."""
+        return LinkError(
+            f"{self._url}: {found}; --link URL says where a robot is that runs, as a "
+            "[[mavlink.link]] of its file does: a tcpin there is a tcpout here"
         )
 
     def hear(self, seconds: float) -> Iterator[Message]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
@@ -10,6 +11,8 @@ from robotctl.messages.mavlink_port import Message, source
 
 WINDOW_S: Final = 5.0
 """Rates and quality are those of this time [s]."""
+PERIODS: Final = 3
+"""Periods after which a message is overdue."""
 _MOST_KINDS: Final = 1000
 """Invented senders must not fill the memory."""
 _HALF: Final = 128
@@ -17,7 +20,7 @@ _HALF: Final = 128
 
 
 class Row(NamedTuple):
-    """One kind of message of one sender."""
+    """One kind of message of one sender; `age_s` is since the last, `old` that it is overdue."""
 
     system: int
     component: int
@@ -25,10 +28,15 @@ class Row(NamedTuple):
     rate_hz: float
     bytes_s: float
     total: int
+    age_s: float
+    old: bool
 
 
 class SenderRow(NamedTuple):
-    """One sender. `quality` is the share of its messages that came, nan before there are any."""
+    """One sender. `quality` is the share of its messages that came, nan before there are any.
+
+    `age_s` is since its last message, `old` that all it sends regularly is overdue.
+    """
 
     system: int
     component: int
@@ -36,6 +44,8 @@ class SenderRow(NamedTuple):
     lost: int
     late: int
     quality: float
+    age_s: float
+    old: bool
 
 
 @dataclass(slots=True)
@@ -44,6 +54,13 @@ class _Kind:
 
     count: int = 0
     recent: deque[tuple[float, int]] = field(default_factory=deque)
+    last_s: float = 0.0
+    period_s: float = WINDOW_S
+    """Between two of them, as far as that is known."""
+
+    def is_old(self, now_s: float) -> bool:
+        """Return whether the next one is overdue."""
+        return now_s - self.last_s > PERIODS * self.period_s
 
 
 @dataclass(slots=True)
@@ -77,6 +94,9 @@ class LinkMonitor:
         kind.count += 1
         _forget(kind.recent, now_s)
         kind.recent.append((now_s, len(message.get_msgbuf())))
+        kind.last_s = now_s
+        if len(kind.recent) > 1:
+            kind.period_s = (now_s - kind.recent[0][0]) / (len(kind.recent) - 1)
         self._number(self._senders.setdefault(address, _Sender()), message.get_seq(), now_s)
 
     def _number(self, sender: _Sender, seq: int, now_s: float) -> None:
@@ -99,7 +119,9 @@ class LinkMonitor:
             _forget(kind.recent, now_s)
             size = sum(each[1] for each in kind.recent)
             rate = len(kind.recent) / span_s
-            rows.append(Row(system, component, name, rate, size / span_s, kind.count))
+            age_s, old = now_s - kind.last_s, kind.is_old(now_s)
+            bytes_s = size / span_s
+            rows.append(Row(system, component, name, rate, bytes_s, kind.count, age_s, old))
         return rows
 
     def senders(self, now_s: float) -> list[SenderRow]:
@@ -111,7 +133,10 @@ class LinkMonitor:
             sent = came + sum(each[2] for each in sender.recent)
             quality = came / sent if sent else float("nan")
             numbers = sender.received, sender.lost, sender.late
-            rows.append(SenderRow(system, component, *numbers, quality))
+            kinds = [kind for key, kind in self._kinds.items() if key[:2] == (system, component)]
+            age_s = min((now_s - kind.last_s for kind in kinds), default=math.inf)
+            old = all(kind.is_old(now_s) for kind in kinds)
+            rows.append(SenderRow(system, component, *numbers, quality, age_s, old))
         return rows
 
     def _span_s(self, now_s: float) -> float:

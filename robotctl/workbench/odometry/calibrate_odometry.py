@@ -20,6 +20,7 @@ from robotctl.estimation.odometry.fit import Reference
 from robotctl.estimation.odometry.model import OdometryModel
 from robotctl.estimation.odometry.runs import OdometryRun
 from robotctl.logs.formats.recorded_log import read_recording
+from robotctl.words import counted
 from robotctl.workbench.odometry.calibrate_checks import (
     Check,
     check_way,
@@ -180,9 +181,9 @@ def _from_tape(
     options: OdometryCalibrateOptions, config: RobotConfig, file: Path, progress: Progress
 ) -> OdometryCalibrateResult:
     """Fit runs that a user measured."""
-    _, runs = runs_of_file(file, OdometryModel(config.drive))
+    _, runs, read = runs_of_file(file, OdometryModel(config.drive))
     found = _fit(config, runs, _tape(runs), progress)
-    notes = ("Before and after are computed on the same runs; drive again to prove it.",)
+    notes = (*read, "Before and after are computed on the same runs; drive again to prove it.")
     return OdometryCalibrateResult(
         options, config, runs, found, (), (tape_check(found, runs),), notes
     )
@@ -225,7 +226,7 @@ def _fit(
     config: RobotConfig, runs: Sequence[OdometryRun], reference: Reference, progress: Progress
 ) -> Calibration:
     """Fit, or raise an error in the user's terms."""
-    progress(f"fitting {sum(len(run.reference_s) for run in runs)} references")
+    progress(f"fitting {counted(sum(len(run.reference_s) for run in runs), 'reference')}")
     try:
         return calibrate(config.drive, runs, reference, config.odometry)
     except ValueError as error:

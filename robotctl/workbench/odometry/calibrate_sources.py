@@ -88,8 +88,10 @@ class MeasuredRuns:
         return self.tape_sigma_m, self.tape_sigma_m, math.radians(self.heading_sigma_deg)
 
 
-def runs_of_file(path: Path, model: OdometryModel) -> tuple[MeasuredRuns, tuple[OdometryRun, ...]]:
-    """Read a file of measured runs and the logs that it names.
+def runs_of_file(
+    path: Path, model: OdometryModel
+) -> tuple[MeasuredRuns, tuple[OdometryRun, ...], tuple[str, ...]]:
+    """Read a file of measured runs and the logs that it names; return also the readers' notes.
 
     Raises
     ------
@@ -100,13 +102,16 @@ def runs_of_file(path: Path, model: OdometryModel) -> tuple[MeasuredRuns, tuple[
     """
     measured = toml_source.load(path, MeasuredRuns)
     runs = []
+    notes: list[str] = []
     for each in measured.run:
         log = path.parent / each.log
         if not log.exists():
             raise ConfigError(f"{path}: run.log: {log}: no such file or folder")
-        stamps_ns, wheels = wheels_of(read_recording(log, with_sonars=False), model)
+        recording = read_recording(log, with_sonars=False)
+        notes += [f"{each.log}: {note}" for note in recording.notes]
+        stamps_ns, wheels = wheels_of(recording, model)
         runs.append(measured_run(each.name or each.log, stamps_ns, wheels, each, measured))
-    return measured, tuple(runs)
+    return measured, tuple(runs), tuple(notes)
 
 
 def measured_run(

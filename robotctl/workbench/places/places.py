@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -107,8 +107,14 @@ class Learned:
     alike: tuple[str, ...]
 
 
-def learn(name: str, book: Path, source: PlaceSource, progress: Progress) -> Learned:
-    """Add a place, or another visit to one, to a file.
+def learn(
+    name: str,
+    book: Path,
+    source: PlaceSource,
+    progress: Progress,
+    tell: Callable[[str], None] = lambda _: None,
+) -> Learned:
+    """Add a place, or another visit to one, to a file; `tell` is called with notes on a log.
 
     Raises
     ------
@@ -128,7 +134,7 @@ def learn(name: str, book: Path, source: PlaceSource, progress: Progress) -> Lea
         reach_m = robot.localisation.sonar.max_range_m
         known = PlaceBook(signatures=SignatureConfig(max_range_m=reach_m))
     alike: set[str] = set()
-    for visited in _at_one_place(_turns(source, robot, known.signatures, name, progress)):
+    for visited in _at_one_place(_turns(source, robot, known.signatures, name, progress, tell)):
         candidates = known.recognise(visited.turn.signature).candidates
         alike |= {each.place for each in candidates} - {name}
         try:
@@ -139,8 +145,13 @@ def learn(name: str, book: Path, source: PlaceSource, progress: Progress) -> Lea
     return Learned(known, tuple(sorted(alike)))
 
 
-def recognise(book: Path, source: PlaceSource, progress: Progress) -> list[Recognised]:
-    """Return the recognised place of each turn on the spot.
+def recognise(
+    book: Path,
+    source: PlaceSource,
+    progress: Progress,
+    tell: Callable[[str], None] = lambda _: None,
+) -> list[Recognised]:
+    """Return the recognised place of each turn on the spot; `tell` as in `learn`.
 
     Raises
     ------
@@ -151,7 +162,7 @@ def recognise(book: Path, source: PlaceSource, progress: Progress) -> list[Recog
     known = load_book(book)
     return [
         Recognised(visited, known.recognise(visited.turn.signature))
-        for visited in _turns(source, robot, known.signatures, "", progress)
+        for visited in _turns(source, robot, known.signatures, "", progress, tell)
     ]
 
 
@@ -161,12 +172,13 @@ def _turns(
     signatures: SignatureConfig,
     name: str,
     progress: Progress,
+    tell: Callable[[str], None],
 ) -> list[Visited]:
     """Return the turns of a source; `name` is the mark of a world where none is given."""
     if not source.world:
         began = _pose(source.at) if source.at else None
         if source.log is not None:
-            return recorded_turns(source.log, robot.sonar, signatures, began)
+            return recorded_turns(source.log, robot.sonar, signatures, began, tell)
         return [live_turn(source.live, robot, signatures, began, progress, RealClock())]
     world = find_world(source.world)
     at = source.at or name

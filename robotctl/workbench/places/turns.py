@@ -67,7 +67,11 @@ class StateTurns:
 
 
 def recorded_turns(
-    log: Path, mounts: Sequence[SonarMount], signatures: SignatureConfig, began: SE2 | None
+    log: Path,
+    mounts: Sequence[SonarMount],
+    signatures: SignatureConfig,
+    began: SE2 | None,
+    tell: Callable[[str], None],
 ) -> list[Visited]:
     """Return all turns on the spot of a recording.
 
@@ -83,6 +87,8 @@ def recorded_turns(
         How signatures are made.
     began
         `base` in `world` as the first turn began; None: unknown.
+    tell
+        Called with each note of the log's reader.
 
     Raises
     ------
@@ -93,7 +99,9 @@ def recorded_turns(
     """
     recording = read_recording(log)
     if not recording.sonars:
-        raise PlaceError(f"{log}: no sonar ranges in it")
+        raise PlaceError(f"{log}: no sonar ranges of use in it{recording.why()}")
+    for note in recording.notes:
+        tell(note)
     mounts = recording.sonar_mounts or mounts
     count = len(recording.sonars[0].reading.ranges_m)
     if len(mounts) != count:

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from robotctl.config.robot_file import RobotConfig, find_file, load_robot
 from robotctl.errors import ConfigError
-from robotctl.maps.localisation_map import load_localisation_map
+from robotctl.maps.localisation_map import load_any_map
 from robotctl.maps.moving_ai import is_moving_ai, load_moving_ai
 from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
-from robotctl.model.grid_map import GridMap
+from robotctl.model.grid_map import OCCUPIED, GridMap
 from robotctl.planning.costmap.planning_map import PlanningMap
-from robotctl.planning.costmap.zones import close_zones, slowness, speed_limits
+from robotctl.planning.costmap.zones import Closed, slowness, speed_limits
 from robotctl.planning.global_planning.plan import (
     Plan,
     PlanFailure,
@@ -166,7 +166,7 @@ def make_plan(options: PlanOptions) -> PlanResult:
         config = PlannerConfig(margin_m=0.0, comfort_m=0.0, any_angle=False, seed=options.seed)
     else:
         robot = load_robot(find_file(options.robot or DEFAULT_ROBOT), options.overrides)
-        grid = load_localisation_map(options.map, Path()).grid
+        grid = load_any_map(options.map, Path()).grid
         space = _space(grid, robot)
         start, goal = (_pose(name, getattr(options, name)) for name in ("start", "goal"))
         goal = goal if len(options.goal) == 3 else facing(start, goal.x_m, goal.y_m)
@@ -188,11 +188,12 @@ def make_plan(options: PlanOptions) -> PlanResult:
 
 def _space(grid: GridMap, robot: RobotConfig) -> PlanningMap:
     """Return a map for a robot, with the zones of its file."""
-    zones, cells = robot.navigation.pilot.zone, grid.cells.copy()
-    close_zones(cells, grid, zones)
+    closed, cells = Closed(robot.navigation.pilot.zone), grid.cells.copy()
+    cells[closed.cells(grid)] = OCCUPIED
     known = GridMap(cells, grid.resolution_m, grid.origin)
     space = PlanningMap(known, body_outline(robot.navigation.guard, robot.sonar))
-    if (limits_m_s := speed_limits(grid, zones)) is not None:
+    space.closed = closed
+    if (limits_m_s := speed_limits(grid, closed.zones)) is not None:
         space.slowness = slowness(limits_m_s, robot.limits.v_max_m_s)
     return space
 

@@ -25,6 +25,7 @@ from robotctl.estimation.sensors.registry import LIDAR, SONAR
 from robotctl.estimation.sensors.sensor import SensedRobot
 from robotctl.model.drives.odometry_noise import MotionNoise
 from robotctl.toml_source import nearest
+from robotctl.words import counted
 from robotctl.workbench.sensors.sources import (
     CALIBRATIONS,
     Progress,
@@ -146,7 +147,7 @@ def characterise(
     source = _source(options, config, progress)
     have = taken(source, config)
     room = source.world_map.walls or source.world_map.grid
-    progress(f"fitting {len(have.readings.ranges_m)} readings")
+    progress(f"fitting {counted(len(have.readings.ranges_m), 'reading')}")
     try:
         expectations = EchoExpectations(room, have.mounts, have.beam_rad, reach_m(have.readings))
         fit = fit_sensor(expectations, have.readings)

@@ -125,9 +125,13 @@ def source_of_log(
         raise CalibrationError(f"{log}: all scans in it have one time, so their poses are unknown")
     sensor = sensor or (SONAR if recording.sonars else LIDAR)
     if sensor == SONAR and not recording.sonars:
-        raise CalibrationError(f"{log}: no sonar readings in it{_has(recording)}")
+        raise CalibrationError(
+            f"{log}: no sonar readings of use in it{_has(recording)}{recording.why()}"
+        )
     if sensor == LIDAR and not recording.scans:
-        raise CalibrationError(f"{log}: no lidar scans in it{_has(recording)}")
+        raise CalibrationError(
+            f"{log}: no lidar scans of use in it{_has(recording)}{recording.why()}"
+        )
     found = best_poses(log, recording)
     if found is None:
         raise CalibrationError(

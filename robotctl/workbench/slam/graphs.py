@@ -35,14 +35,19 @@ def slam_of_graph(
 ) -> SlamResult:
     """Filter along a graph of poses in a row and landmarks; its poses get their row as time [s].
 
-    With `most_features` in local maps, that are joined.
+    The drive begins at the first pose if that is fixed, else at the origin. With `most_features` in
+    local maps, that are joined.
 
     Raises
     ------
     ValueError
-        If the graph is none.
+        If the graph is none, or another variable than the first pose is fixed.
     """
-    drive = GraphDrive(file.graph, PAST_POSES, most_features)
+    others = file.fixed[file.fixed != 0].tolist()
+    if others:
+        raise ValueError(f"{file.graph.names(others)} fixed: for the filter only the first pose is")
+    start = file.values[SE2][0] if len(file.fixed) and SE2 in file.values else np.zeros(3)
+    drive = GraphDrive(file.graph, start, PAST_POSES, most_features)
     count = len(drive.deltas)
     began_ns = time.process_time_ns()
     for done in drive.steps():

@@ -11,6 +11,7 @@ from robotctl.estimation.slam.keyframes.seen_places import IMAGE_NS, SeenPlaces
 from robotctl.logs.formats.image_folder import TimedImage, timed_images
 from robotctl.maps.vocabulary_file import load_vocabulary, shipped_vocabulary
 from robotctl.model.recording import RecordedScan
+from robotctl.words import counted
 from robotctl.workbench.places.images import MatchedImages, features_in
 
 
@@ -76,7 +77,7 @@ class ShownPictures:
         if not self._unreadable:
             return ()
         count, first = len(self._unreadable), self._unreadable[0]
-        return (f"{count} pictures left out, the first: {first}",)
+        return (f"{counted(count, 'picture')} left out, the first: {first}",)
 
     @property
     def matched(self) -> MatchedImages:

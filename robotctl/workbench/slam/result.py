@@ -132,6 +132,7 @@ class SlamResult:
         """Return the figures; the keys stand in docs/slam.md."""
         return {
             "log": self.name,
+            "notes": list(self.notes),
             "landmarks": len(self.landmarks.names),
             **self.figures,
             "trajectory": self.estimate.compared(self.reference),

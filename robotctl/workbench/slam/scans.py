@@ -32,6 +32,7 @@ from robotctl.logs.formats.robotctl_log import ROBOTCTL
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.recording import RecordedScan, Recording
 from robotctl.model.trajectory import Trajectory
+from robotctl.words import counted
 from robotctl.workbench.places.images import MatchedImages
 from robotctl.workbench.slam.pictures import ShownPictures, pictures_of
 from robotctl.workbench.slam.result import Estimated
@@ -107,6 +108,7 @@ class ScanResult:
             }
         return {
             "log": self.recording.name,
+            "notes": list(self.recording.notes),
             "scans": len(self.recording.scans),
             "odometry": self.has_odometry,
             "slips": self.mapper.slips,
@@ -173,10 +175,10 @@ def scan_slam(
     if first is None:
         raise ScanSlamError(
             f"{log}: {len(recording.scans)} {sensor} scans in it, none with {LEAST_ECHOES} echoes, "
-            f"which --sensor {sensor} needs"
+            f"which --sensor {sensor} needs{recording.why()}"
         )
     if first:
-        note = f"{first} scans left out, before the first with {LEAST_ECHOES} echoes"
+        note = f"{counted(first, 'scan')} left out, before the first with {LEAST_ECHOES} echoes"
         recording = replace(
             recording, scans=recording.scans[first:], notes=(*recording.notes, note)
         )

@@ -125,7 +125,7 @@ def slam_of_recording(recording: Recording, options: SlamOptions, progress: Prog
     if not recording.sightings:
         raise SlamError(
             f"{options.log}: no sightings of landmarks in it, which --features landmarks needs; "
-            "a MRCLAM folder has them"
+            f"a MRCLAM folder has them{recording.why()}"
         )
     if options.association == "names" and any(
         each.landmark == UNKNOWN_LANDMARK for each in recording.sightings

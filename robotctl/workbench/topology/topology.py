@@ -8,7 +8,7 @@ from pathlib import Path
 from robotctl import toml_source
 from robotctl.config.robot_file import find_file, load_robot
 from robotctl.errors import ConfigError, InvalidValue
-from robotctl.maps.localisation_map import load_localisation_map
+from robotctl.maps.localisation_map import load_any_map
 from robotctl.maps.topology_file import load_topology, save_topology
 from robotctl.model.grid_map import GridMap
 from robotctl.planning.guard.body import body_outline
@@ -26,10 +26,17 @@ class BuiltTopology:
     topology: Topology
 
 
-def build_topology(
-    name: str, robot: str, overrides: tuple[str, ...], marks: Path | None
-) -> BuiltTopology:
+def build_topology(name: str, robot: str, overrides: tuple[str, ...], marks: str) -> BuiltTopology:
     """Divide a map into places; a place with a mark gets its name.
+
+    Parameters
+    ----------
+    name
+        Of the map, or its file.
+    robot, overrides
+        Name or file of the robot, and `key=value` settings on top of it.
+    marks
+        Name or file of the marks; empty: none.
 
     Raises
     ------
@@ -37,29 +44,28 @@ def build_topology(
         If a file is wrong, the robot fits nowhere, two marks are at one place, or a mark has the
         name that another place keeps.
     """
+    file = find_file(marks, "places") if marks else None
+    wanted = toml_source.load(file, Marks).mark if file else ()
     robot_config = load_robot(find_file(robot), overrides)
     outline = body_outline(robot_config.navigation.guard, robot_config.sonar)
-    grid = load_localisation_map(name, Path()).grid
+    grid = load_any_map(name, Path()).grid
     built = build(grid, outline.inscribed_m)
     topology = built.map
     if not topology.places:
         raise ConfigError(f"{name}: no place for {robot} in it")
-    if marks is not None:
-        named: dict[int, str] = {}
-        for mark in toml_source.load(marks, Marks).mark:
-            number = built.place_at(grid, mark.x_m, mark.y_m)
-            if number is None:
-                raise ConfigError(f"{marks}: {mark.name} is at no place of {name}")
-            if number in named:
-                raise ConfigError(
-                    f"{marks}: {named[number]} and {mark.name} are at one place of {name}"
-                )
-            named[number] = mark.name
-        try:
-            for number, new in named.items():
-                topology = topology.renamed(topology.places[number].name, new)
-        except InvalidValue as error:
-            raise ConfigError(f"{marks}: {error}") from error
+    named: dict[int, str] = {}
+    for mark in wanted:
+        number = built.place_at(grid, mark.x_m, mark.y_m)
+        if number is None:
+            raise ConfigError(f"{file}: {mark.name} is at no place of {name}")
+        if number in named:
+            raise ConfigError(f"{file}: {named[number]} and {mark.name} are at one place of {name}")
+        named[number] = mark.name
+    try:
+        for number, new in named.items():
+            topology = topology.renamed(topology.places[number].name, new)
+    except InvalidValue as error:
+        raise ConfigError(f"{file}: {error}") from error
     return BuiltTopology(grid, Topology(topology, built.labels))
 
 

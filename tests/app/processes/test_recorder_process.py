@@ -26,7 +26,7 @@ from robotctl.app.processes.progress import StoredProgress, progress_file
 from robotctl.app.supervision.stack import CONTROL, RECORDER, Stack, StackError
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file
-from robotctl.logs.mcap.log import is_complete
+from robotctl.logs.mcap.recovery import is_complete
 from robotctl.messages.control import Notice
 from robotctl.runtime.ipc.topics import Endpoints, Subscriber, endpoint_directory, ring_path
 from robotctl.workbench.replay.replay import replay_file

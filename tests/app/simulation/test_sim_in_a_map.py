@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -77,15 +78,30 @@ def test_a_mission_is_driven_in_the_map_beside_its_file(mission: Path, tmp_path:
     assert of_walls > 0.5
 
 
-def test_without_a_mission_the_robot_drives_the_clear_way_of_the_map(
-    room: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("name", ["", "empty_room"])
+def test_without_a_mission_the_robot_drives_the_clear_way_of_the_world(
+    room: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
 ) -> None:
     report = tmp_path / "report.json"
-    status = status_of("sim", "--world", room, "--lockstep", "--report", report)
+    status = status_of("sim", "--world", name or room, "--lockstep", "--report", report)
     assert status == 0, capsys.readouterr()
     found = json.loads(report.read_text())
-    assert (found["mission"], found["world"], found["collisions"]) == ("straight", "room", 0)
+    assert (found["mission"], found["collisions"]) == ("straight", 0)
+    assert found["world"] == (name or "room")
     assert found["distance_m"] > 0.5
+
+
+@pytest.mark.parametrize("name", ["empty_room", "hall", "corridor_loop", "office", "clutter"])
+def test_the_clear_way_of_a_world_keeps_clear_of_all_that_stands_there(name: str) -> None:
+    world = find_file(name, "worlds")
+    ((begin, end),) = (item["waypoints"] for item in tomllib.loads(straight_mission(world))["item"])
+    begin, end = np.array(begin), np.array(end)
+    assert np.hypot(*(end - begin)) > 2.5
+    for point in begin + np.linspace(0.0, 1.0, 50)[:, None] * (end - begin):
+        ax, ay, bx, by = load_room(world).touchable.T
+        d, to = np.array([bx - ax, by - ay]), np.array([point[0] - ax, point[1] - ay])
+        foot = np.clip((d * to).sum(axis=0) / (d * d).sum(axis=0), 0.0, 1.0)
+        assert np.hypot(*(to - foot * d)).min() > 0.3
 
 
 def test_the_same_seed_gives_the_same_run_in_a_map(mission: Path) -> None:

@@ -40,3 +40,42 @@ def test_a_child_ends_with_its_parent_however_that_ends(number: int) -> None:
     while alive(child):
         assert time.monotonic() < deadline_s
         time.sleep(0.01)
+
+
+FORK = """
+import os, signal, sys
+from robotctl.app.supervision.child_process import start_child
+signal.pthread_sigmask(signal.SIG_UNBLOCK, (signal.SIGUSR1,))
+def note():
+    held = signal.SIGUSR1 in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+    os.write(1, b"held back\\n" if held else b"fatal\\n")
+os.register_at_fork(after_in_child=note)
+start_child(["/bin/true"]).wait()
+free = signal.SIGUSR1 not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+print("the parent takes it" if free else "the parent lost it", flush=True)
+"""
+
+
+def test_an_emergency_stop_ends_no_child_from_its_first_instruction_on() -> None:
+    said = subprocess.run([sys.executable, "-c", FORK], stdout=subprocess.PIPE, check=True).stdout
+    assert said.splitlines() == [b"held back", b"the parent takes it"]
+
+
+def test_a_command_is_found_by_its_name_and_survives_an_emergency_stop() -> None:
+    command = [
+        sys.executable,
+        "-m",
+        "robotctl",
+        "mavlink",
+        "monitor",
+        "--link",
+        "udpin:127.0.0.1:0",
+    ]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        name = Path(f"/proc/{process.pid}/comm")
+        deadline_s = time.monotonic() + 10
+        while name.read_text() != "robotctl\n":
+            assert time.monotonic() < deadline_s
+        process.send_signal(signal.SIGUSR1)
+        process.send_signal(signal.SIGTERM)  # handled after it: the lower number comes first
+        assert process.wait(10) == -signal.SIGTERM

@@ -23,7 +23,7 @@ from robotctl.core.checkpoint import checkpoint
 from robotctl.core.control_core import Inputs
 from robotctl.logs.flight import MOST_DUMPS, RETRY_NS, FlightDumps
 from robotctl.logs.logs import BusLog, StateLog, recover_all
-from robotctl.logs.mcap.log import is_complete
+from robotctl.logs.mcap.recovery import is_complete
 from robotctl.messages.control import ControlState, Feedback, LoopStatistics, SafetyState
 from robotctl.runtime.clock import RealClock
 from robotctl.runtime.flight.ring import FlightRing, dump, dump_size

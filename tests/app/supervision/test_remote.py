@@ -56,6 +56,8 @@ class Robot:
         self.obeys, self.began_mission = True, False
         self.after_goal = []
         """States that follow once there is a goal or a mission under way, as changes."""
+        self.mute = set()
+        """Names of the processes that have stopped."""
         self.listener = None
         """Who must have heard a state before the next one follows, and before time passes."""
 
@@ -64,11 +66,16 @@ class Robot:
 
     def sleep_until(self, _deadline_ns):
         time.sleep(0.001)  # sockets connect and carry in real time
+        if self.mute:
+            self.time_ns += 100_000_000
         if self.listener.control is not None and self.listener.navigation == self.state:
             self.time_ns += 2_000_000
             self._answer()
-        for publisher, message in zip(self.publishers, (self.control, self.state), strict=True):
-            publisher.send(message)
+        names, messages = ("control", "navigation"), (self.control, self.state)
+        for name, publisher, message in zip(names, self.publishers, messages, strict=True):
+            if name not in self.mute:
+                stamped = {} if not self.mute else {"stamp_ns": self.time_ns}
+                publisher.send(msgspec.structs.replace(message, **stamped))
 
     def _answer(self):
         for request in self.requests.receive():
@@ -285,3 +292,33 @@ def test_the_status_of_a_mission_is_told_in_lines():
     held = msgspec.structs.replace(state, mode=Mode.HOLD, waits=False)
     assert "state: not under way: mode HOLD" in status_lines(held)
     assert status_lines(msgspec.structs.replace(state, items=0)) == ["no mission is loaded"]
+
+
+@pytest.mark.parametrize("mute", ["control", "navigation"])
+def test_who_is_silent_is_named_with_its_age_and_given_up_in_the_end(make_robot, mute):
+    robot = make_robot()
+    with Beside(robot) as remote:
+        driving = remote.goto(1.0, 2.0)
+        next(driving)
+        assert remote.silence == ""
+        robot.mute = {mute}
+        silences = []
+        with pytest.raises(RefusedError, match=rf"{mute} silent for 10\.\d s; the robot stops"):
+            silences.extend(remote.silence for _ in driving)
+    assert silences[-1].startswith(f"{mute} silent for ")
+    assert sum(each == "" for each in silences) <= 3
+
+
+@pytest.mark.parametrize(
+    ("mute", "words"),
+    [
+        ({"control"}, "the robot's control is not heard"),
+        ({"navigation"}, "the robot's navigation is not heard"),
+        ({"control", "navigation"}, "the robot's control and navigation are not heard"),
+    ],
+)
+def test_who_is_not_heard_at_all_is_named(make_robot, mute, words):
+    robot = make_robot()
+    robot.mute = mute
+    with pytest.raises(RefusedError, match=words), Beside(robot):
+        pass

@@ -21,6 +21,7 @@ import zmq
 from mcap.reader import make_reader
 from pymavlink.dialects.v20 import common
 
+from robotctl.app.processes.signing_files import write_new_key
 from robotctl.app.supervision.child_process import start_child
 from robotctl.app.supervision.restart import RestartPolicy
 from robotctl.app.supervision.stack import (
@@ -39,6 +40,7 @@ from robotctl.app.supervision.supervised import ProcessPhase
 from robotctl.config.changes import ParameterFile
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file
+from robotctl.errors import ConfigError
 from robotctl.messages.control import ControlState, NavigationState, Notice, SafetyState
 from robotctl.messages.supervision import LIFE_NS, Restart, ShutDown
 from robotctl.runtime.ipc.topics import (
@@ -184,14 +186,19 @@ def ask(stack: Stack, request: Restart | ShutDown) -> None:
 def test_a_restart_that_is_asked_for_renews_all_processes_with_the_parameters_kept_now(
     channel: str, ear: Ear, tmp_path: Path
 ) -> None:
-    robot = str(find_file("diff_drive").resolve())
-    options = StackOptions("robot", robot, overrides(channel), state=str(tmp_path))
+    robot, key = str(find_file("diff_drive").resolve()), tmp_path / "mavlink.key"
+    write_new_key(key)
+    settings = (*overrides(channel), f'mavlink.signing_key="{key}"')
+    options = StackOptions("robot", robot, settings, state=str(tmp_path))
     with contextlib.closing(Stack(options)) as stack:
         watch_until(stack, lambda: stack.ready, "ready")
         ask(stack, Restart(time.monotonic_ns() - 2 * LIFE_NS))
+        key.chmod(0o644)
+        stack.restart()
         ticks = stack.ticks[1]
         watch_until(stack, lambda: stack.ticks[1] > ticks + 50, "control ticks on")
-        assert stack.ticks[0] == 1, "the request is too old"
+        assert stack.ticks[0] == 1, "the request is too old, and telemetry would find no key"
+        key.chmod(0o600)
         before = {each: stack.pid(each) for each in stack.modules}
         assert ParameterFile(str(tmp_path)).save({"limits.v_max_m_s": 0.25})
         ask(stack, Restart(time.monotonic_ns()))
@@ -366,6 +373,15 @@ def test_a_bad_configuration_ends_the_start_at_once(ear: Ear) -> None:
         stack.close()
 
 
+def test_a_signing_key_that_cannot_be_read_is_refused_before_anything_starts(
+    ear: Ear, channel: str, tmp_path: Path
+) -> None:
+    robot = str(find_file("diff_drive").resolve())
+    key = f'mavlink.signing_key="{tmp_path / "mavlink.key"}"'
+    with pytest.raises(ConfigError, match="keygen"):
+        Stack(StackOptions("robot", robot, (*overrides(channel), key)))
+
+
 @pytest.mark.parametrize(("instance", "own_bus"), [("other", False), ("robot", True)])
 def test_a_second_robot_on_the_same_bus_or_of_the_same_name_is_refused_and_disturbs_nothing(
     stack: Stack, ear: Ear, channel: str, capfd: pytest.CaptureFixture[str], instance: str,
@@ -375,17 +391,18 @@ def test_a_second_robot_on_the_same_bus_or_of_the_same_name_is_refused_and_distu
     robot = str(find_file("diff_drive").resolve())
     bus = f"{channel}-of-its-own" if own_bus else channel
     second = Stack(StackOptions(instance, robot, overrides(bus)))
+    lines: list[str] = []
     try:
         with pytest.raises(StackError, match="control process did not start"):
-            wait(lambda: second.watch() and False, "never")
+            wait(lambda: lines.extend(stack.watch()) or (second.watch() and False), "never")
     finally:
         second.close()
     told = capfd.readouterr().err
     assert (str(endpoint_directory("robot")) if own_bus else f"simcan {channel}") in told
     assert "another robotctl of this computer has it" in told
     for _ in range(5):
-        wait(ear.newest, "the first one goes on")
-    assert stack.watch() == []
+        lines += watch_until(stack, ear.newest, "the first one goes on")
+    assert lines == []
     assert stack.ready
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import math
+import re
 
 import msgspec
 import numpy as np
@@ -142,6 +144,7 @@ NAVIGATION = NavigationState(
 CHARGED = msgspec.structs.replace(
     MOVING, battery=BatteryFeedback(0, 24.5, 0.0, 0.87, 25.0, low=False, critical=False)
 )
+CLEAR = "\x1b[2J"
 NOTICES = [
     f"notice {number} of a robot that has a lot to tell, more than a line" for number in range(9)
 ]
@@ -216,3 +219,130 @@ def test_a_robot_that_stands_says_why_and_what_to_do(state: SafetyState, what: s
 def test_the_factor_is_shown_where_the_computer_does_not_keep_up() -> None:
     assert "0.83 × real time" in shown(CHARGED, 80, 24, real_time_factor=0.831)[2]
     assert "real time" not in shown(CHARGED, 80, 24, real_time_factor=0.999)[2]
+
+
+MS = 1_000_000
+ANSI = re.compile(r"\x1b\[[0-9;]*m")
+NAVIGATING = NavigationState(0, Mode.AUTO, "patrol", 1, 4, "square", False, False, "3.1 m to go")
+NOW_NS = 10_000 * MS
+
+
+def run_status(control_ms: float = 0.0, navigation_ms: float = 0.0, **more: object) -> RunStatus:
+    """Return the status of a run whose states have such ages."""
+    control = msgspec.structs.replace(MOVING, stamp_ns=NOW_NS - round(control_ms * MS))
+    navigation = msgspec.structs.replace(NAVIGATING, stamp_ns=NOW_NS - round(navigation_ms * MS))
+    status = RunStatus(6.0, control, navigation, pose=pose_of(control), now_ns=NOW_NS)
+    return dataclasses.replace(status, **more)  # type: ignore[arg-type]
+
+
+def coloured(status: RunStatus) -> list[str]:
+    console = Console(file=io.StringIO(), width=140, height=50, force_terminal=True)
+    view = LiveView(console, CONFIG, WallMap(ROOM), (), keys=True)
+    console.print(view.screen(status))
+    return console.file.getvalue().splitlines()  # type: ignore[attr-defined, no-any-return]
+
+
+def is_grey(line: str, words: str) -> bool:
+    """Return whether some words of a line are dim."""
+    assert words in ANSI.sub("", line), line
+    return re.search(rf"\x1b\[2m[^\x1b]*{re.escape(words)}", line) is not None
+
+
+def test_what_is_fresh_is_not_grey() -> None:
+    first, message, *_ = coloured(run_status(59.0, 149.0))
+    assert not is_grey(first, "DRIVING")
+    assert not is_grey(first, "AUTO")
+    assert not is_grey(message, "3.1 m to go")
+    assert "silent" not in first
+
+
+def test_what_control_said_three_periods_ago_is_grey_with_its_age() -> None:
+    lines = coloured(run_status(1234.0))
+    assert "control silent for 1.2 s" in lines[0]
+    assert is_grey(lines[0], "DRIVING")
+    assert not is_grey(lines[0], "AUTO")
+    for words in ("0.40 m/s   battery", "7.50 rad/s", "no echo"):
+        assert is_grey(next(line for line in lines if words in ANSI.sub("", line)), words)
+    assert any("\x1b[2m↑" in line for line in lines)
+
+
+def test_dead_control_is_shown_as_such_at_once() -> None:
+    first, *_ = coloured(run_status(10.0, control_phase="waiting to be restarted"))
+    assert "control waiting to be restarted" in first
+    assert is_grey(first, "DRIVING")
+
+
+def test_silent_navigation_is_grey_and_control_is_not() -> None:
+    first, message, *_ = coloured(run_status(0.0, 800.0))
+    assert "navigation silent for 0.8 s" in first
+    assert is_grey(first, "AUTO")
+    assert not is_grey(first, "DRIVING")
+    assert is_grey(message, "3.1 m to go")
+
+
+def test_nothing_is_proposed_to_an_operator_that_silent_control_could_not_do() -> None:
+    latched = msgspec.structs.replace(MOVING, state=SafetyState.FAULT, stamp_ns=NOW_NS)
+    assert any("arms it again" in line for line in coloured(run_status(0.0, control=latched)))
+    old = msgspec.structs.replace(latched, stamp_ns=NOW_NS - 1000 * MS)
+    assert not any("arms it again" in line for line in coloured(run_status(0.0, control=old)))
+
+
+def test_lines_say_who_falls_silent_and_when_all_are_heard_again() -> None:
+    console = Console(file=io.StringIO(), width=120)
+    with LineView(console, CONFIG, ()) as view:
+        for age_ms in (0.0, 100.0, 510.0, 560.0, 10.0):
+            view.update(run_status(age_ms))
+        view.update(run_status(control_phase="waiting to be restarted"))
+    lines = [line.partition(" s  ")[2] for line in console.file.getvalue().splitlines()]  # type: ignore[attr-defined]
+    assert lines[1:] == [
+        "control silent for 0.5 s",
+        "all are heard again",
+        "control waiting to be restarted",
+    ]
+
+
+CONNECTIONS = (
+    "MAVLink udpout:127.0.0.1:14550",
+    "MAVLink tcpin:127.0.0.1:5760",
+    "CAN -i simcan -c simcan0",
+)
+
+
+@pytest.mark.parametrize(("width", "height"), [(80, 24), (60, 20), (200, 50)])
+def test_what_others_have_to_type_to_connect_is_whole(width: int, height: int) -> None:
+    console = Console(file=io.StringIO(), width=width, height=height)
+    view = LiveView(console, CONFIG, WallMap(ROOM), CONNECTIONS)
+    console.print(view.screen(RunStatus(6.0, CHARGED, NAVIGATION, pose=CHARGED.T_odom_base)))
+    lines = console.file.getvalue().splitlines()  # type: ignore[attr-defined]
+    assert len(lines) <= height - 1
+    for each in CONNECTIONS:
+        assert any(each in line for line in lines)
+
+
+def test_a_terminal_of_another_size_is_cleared_first() -> None:
+    file = io.StringIO()
+    console = Console(file=file, width=120, height=40, force_terminal=True)
+    progress = RunStatus(6.0, CHARGED, NAVIGATION, pose=CHARGED.T_odom_base)
+    with LiveView(console, CONFIG, WallMap(ROOM), CONNECTIONS) as view:
+        view.update(progress)
+        assert CLEAR not in file.getvalue()
+        console.width = 70
+        file.truncate(0)
+        view.update(progress)
+        _, _, after = file.getvalue().partition(CLEAR)
+        assert "DRIVING" in after
+        assert "\x1b[1A" not in after  # nothing of the old screen is gone back over
+        progress.elapsed_s = 7.0
+        file.truncate(0)
+        view.update(progress)
+        assert CLEAR not in file.getvalue()
+
+
+def test_before_navigation_is_there_nobody_is_told_to_arm() -> None:
+    standing = msgspec.structs.replace(CHARGED, state=SafetyState.STANDBY)
+    console = Console(file=io.StringIO(), width=80, height=24)
+    view = LiveView(console, CONFIG, WallMap(ROOM), CONNECTIONS, keys=True)
+    console.print(view.screen(RunStatus(6.0, standing, None)))
+    text = console.file.getvalue()  # type: ignore[attr-defined]
+    assert "a arms it" not in text
+    assert "navigation starts; then the robot is armed" in text

@@ -51,13 +51,26 @@ def test_the_report_has_these_keys_and_the_trajectory_a_line_for_each_scan(room)
     assert result.exit_code == 0, result.output
     assert set(report) == {
         "ape", "heading_rmse_rad", "lost", "updates", "update_ms", "particles",
-        "localised_after_s", "shares", "echoes_on_map",
+        "localised_after_s", "shares", "echoes_on_map", "notes",
     }  # fmt: skip
+    assert report["notes"] == []
     assert set(report["ape"]) == {"rmse_m", "mean_m", "max_m"}
     assert set(report["update_ms"]) == {"p50", "p99"}
     assert report["updates"] == len(rows) == len(truth)
     assert report["lost"] is False
     assert "place known at the end" in result.output
+
+
+def test_what_the_reader_left_out_is_told_and_stands_in_the_report(room):
+    folder, _ = room
+    lines = (folder / "room.log").read_text().splitlines()
+    (folder / "twice.log").write_text("\n".join([*lines, *lines[-2:], "SONAR 1 2 3"]) + "\n")
+    result, report, rows = run(folder, *on_map(folder), log="twice.log", name="twice")
+    assert len(rows) == len(lines)
+    assert f"2 of {len(lines) + 2} scans repeat an earlier one, left out" in report["notes"]
+    assert any("1 lines of unknown kind SONAR skipped" in note for note in report["notes"])
+    for note in report["notes"]:
+        assert f"note: {note}" in result.output
 
 
 def test_the_errors_are_those_of_the_trajectory_to_the_logs_reference(room):
@@ -304,7 +317,7 @@ def test_without_a_reference_only_a_global_start_is_possible(tmp_path):
 def test_a_log_without_scans_is_none_for_particles(tmp_path):
     (tmp_path / "a.log").write_text("ODOM 1 2 3 0 0 0 1.5 host 1.5\n")
     result, _, _ = run(tmp_path, "--map", str(write_map(tmp_path)), log="a.log")
-    assert "no scans in it, which --method mcl needs" in str(result.exception)
+    assert "no scans of use in it, which --method mcl needs" in str(result.exception)
 
 
 def test_bad_input_ends_with_status_2_and_one_line(tmp_path, capsys):

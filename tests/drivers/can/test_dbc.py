@@ -56,8 +56,8 @@ def test_the_host_listens_to_what_is_sent_to_it(dbc, oracle):
     assert 0x201 not in expected
 
 
-def test_the_codec_also_lets_nmt_sdo_and_emergency_stops_of_others_in(codec, dbc):
-    foreign = {0x000, 0x001, 0x601, 0x602, 0x603, 0x604}
+def test_the_codec_also_lets_in_what_others_send_in_the_place_of_the_host(codec, dbc):
+    foreign = {0x000, 0x001, 0x080, 0x201, 0x601, 0x602, 0x603, 0x604}
     assert set(codec.arbitration_ids) == {*foreign, *dbc.received_by("HOST")}
 
 

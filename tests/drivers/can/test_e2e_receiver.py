@@ -7,18 +7,29 @@ from hypothesis import strategies as st
 
 from robotctl.drivers.can.codec import compile_encoder
 from robotctl.drivers.can.dbc import load_dbc
-from robotctl.drivers.can.e2e import AliveCounter, E2eCounters, E2eReceiver, E2eStatus
+from robotctl.drivers.can.e2e import (
+    COUNTER_MODULUS,
+    SILENCE_PERIODS,
+    AliveCounter,
+    E2eCounters,
+    E2eReceiver,
+    E2eStatus,
+)
 
 MESSAGE = load_dbc(Path(__file__).parents[3] / "configs" / "robot.dbc").message("WheelFeedback")
 ENCODE = compile_encoder(MESSAGE, ("Counter", "Count1"))
-TIMEOUT_NS = 50_000_000
+PERIOD_NS = 5_000_000
+TIMEOUT_NS = SILENCE_PERIODS * PERIOD_NS
 STEP_NS = 5_000_000
 
 
 class Link:
     def __init__(self):
         self.counters = E2eCounters()
-        self.receiver = E2eReceiver(MESSAGE, TIMEOUT_NS, self.counters)
+        self.surplus_ns = []
+        self.receiver = E2eReceiver(
+            MESSAGE, PERIOD_NS, self.counters, on_surplus=self.surplus_ns.append
+        )
         self.now_ns = 0
 
     def take(self, counter, wait_ns=STEP_NS, data=None):
@@ -54,7 +65,7 @@ def test_a_message_without_protection_is_refused():
 
 
 def test_before_the_first_frame_the_status_is_initial():
-    assert E2eReceiver(MESSAGE, TIMEOUT_NS, E2eCounters()).status is E2eStatus.INITIAL
+    assert E2eReceiver(MESSAGE, PERIOD_NS, E2eCounters()).status is E2eStatus.INITIAL
 
 
 def test_every_reject_and_every_loss_is_counted_for_ever(link):
@@ -163,3 +174,68 @@ def test_no_frame_is_used_twice_and_none_that_was_corrupted(events):
             assert event != "corrupt"
             used.append(frame[1])
     assert used == sorted(set(used))
+
+
+def frames_of(sender, first, count, period_ns, offset_ns=0):
+    """Return times [ns] and frames of a sender whose counter begins at `first`."""
+    return [
+        (offset_ns + n * period_ns, ENCODE((first + n) % COUNTER_MODULUS, sender))
+        for n in range(count)
+    ]
+
+
+def heard(*streams):
+    """Return when surplus frames are counted [ns] of some streams on one bus."""
+    link = Link()
+    for time_ns, data in sorted(frame for stream in streams for frame in stream):
+        link.receiver.accept(data, time_ns)
+    return link.surplus_ns
+
+
+counters, offsets_ns = st.integers(0, 14), st.integers(1, PERIOD_NS - 1)
+
+
+@given(counters, counters, offsets_ns)
+def test_a_second_sender_is_told_within_six_periods_whatever_its_counter(first, other, offset_ns):
+    true = frames_of(1, first, 100, PERIOD_NS)
+    begin_ns = 50 * PERIOD_NS + offset_ns
+    surplus_ns = heard(true, frames_of(2, other, 50, PERIOD_NS, begin_ns))
+    assert surplus_ns[0] - begin_ns < 6 * PERIOD_NS
+    assert len(surplus_ns) > 30
+
+
+@given(counters, st.lists(st.sampled_from(["sent", "lost", "twice", "late"]), max_size=200))
+def test_frames_lost_repeated_or_out_of_order_are_of_one_sender(first, fates):
+    """Late: behind the next one, as a device with several transmit buffers sends them."""
+    stream = []
+    late = None
+    for (time_ns, data), fate in zip(
+        frames_of(1, first, len(fates), PERIOD_NS), fates, strict=True
+    ):
+        stream += [] if fate in {"lost", "late"} else [(time_ns, data)]
+        stream += [(time_ns + 1, data)] if fate == "twice" else []
+        stream += [(time_ns + 2, late)] if late is not None else []
+        late = data if fate == "late" else None
+    assert heard(stream) == []
+
+
+@given(counters, st.integers(1, 30), st.integers(1, 10))
+def test_frames_that_waited_for_the_bus_are_of_one_sender(first, waited, gap):
+    """A sender whose transmit buffers kept the last ones sends them at once, behind lost ones."""
+    stream = frames_of(1, first, 100, PERIOD_NS)
+    free_ns = stream[40 + gap][0]
+    held = stream[40 : 40 + gap][-min(waited, 3) :]
+    stream[40 : 40 + gap] = [(free_ns - 10 + n, data) for n, (_, data) in enumerate(held)]
+    assert heard(stream) == []
+
+
+@given(counters, st.lists(st.integers(0, 9 * PERIOD_NS // 5), min_size=100, max_size=100))
+def test_a_host_whose_sync_is_late_makes_no_second_sender_of_frames_out_of_order(first, late_ns):
+    true = [
+        (time_ns + late, data)
+        for (time_ns, data), late in zip(frames_of(1, first, 100, PERIOD_NS), late_ns, strict=True)
+    ]
+    swapped = []
+    for (_, early), (time_ns, next_one) in zip(true[::2], true[1::2], strict=True):
+        swapped += [(time_ns, next_one), (time_ns + 1, early)]
+    assert heard(swapped) == []

@@ -16,6 +16,7 @@ from robotctl.drivers.mavlink import udp as mavlink_link_udp
 from robotctl.drivers.mavlink.admission import MAX_PEERS
 from robotctl.drivers.mavlink.link import MavlinkLinks
 from robotctl.drivers.mavlink.lookup import HostLookup
+from robotctl.drivers.mavlink.signing import MINUTE, Memory, Signing
 
 HEARTBEAT = common.MAVLink_heartbeat_message(10, 3, 1, 4, 3, 3)
 
@@ -36,8 +37,8 @@ def decode(data):
 class Party:
     """Links and a record of what they received; `step` polls them."""
 
-    def __init__(self, *configs):
-        self.links = MavlinkLinks(configs)
+    def __init__(self, *configs, signing=None):
+        self.links = MavlinkLinks(configs, signing=signing)
         self.received = []
         self.offset_ns = 0
 
@@ -60,8 +61,8 @@ def party(link_config):
     """Return a function that opens links, closed after the test."""
     with contextlib.ExitStack() as stack:
 
-        def start(*urls):
-            started = Party(*link_config(*urls))
+        def start(*urls, signing=None):
+            started = Party(*link_config(*urls), signing=signing)
             stack.enter_context(started.links)
             return started
 
@@ -408,7 +409,7 @@ def test_a_client_that_reads_nothing_loses_old_telemetry_and_blocks_nobody(party
     taken = bytearray()
 
     def flood():
-        for _ in range(200):
+        for _ in range(600):
             robot.links.broadcast(message)
         robot.links.flush()
         robot.step()
@@ -632,3 +633,63 @@ def test_closed_links_leave_nothing_open(link_config, tcp):
     robot.step()
     robot.links.close()
     assert len(set(Path("/proc/self/fd").iterdir()) - before) == 1  # the client of this test
+
+
+def signing_station(stamp, key):
+    """Return pymavlink as a ground station that signs."""
+    codec = common.MAVLink(None, 255, 190)
+    codec.robust_parsing = True
+    codec.signing.secret_key, codec.signing.sign_outgoing = key, True
+    codec.signing.timestamp = stamp
+    return codec
+
+
+@pytest.mark.parametrize("key", [bytes(range(32)), bytes(32)], ids=["right", "wrong"])
+def test_a_newcomer_who_has_the_key_but_is_late_learns_the_time_and_is_served(
+    party, udp, eventually, key
+):
+    """Its number is that of a station whose clock is ten years ahead."""
+    now = (time.time_ns() - 1_420_070_400 * 10**9) // 10_000
+    ahead = now + 10 * 365 * 1440 * MINUTE
+    signing = Signing(bytes(range(32)), memory=Memory(0, (((255, 190, 0), ahead),)))
+    robot = party("udpin:127.0.0.1:0", signing=signing)
+    robot.step()
+    codec, station = signing_station(now, key), udp()
+    address = "127.0.0.1", robot.status().port
+    heartbeat = common.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
+    station.sendto(heartbeat.pack(codec), address)
+    eventually(lambda: robot.status().bad_bytes, robot.step)
+    if key != signing.key:
+        assert not readable(station)
+        return
+    eventually(lambda: readable(station), robot.step)
+    (told,) = codec.parse_buffer(bytearray(station.recv(2048)))
+    assert told.get_type() == "SYSTEM_TIME"
+    assert codec.signing.timestamp > ahead
+    station.sendto(heartbeat.pack(codec), address)
+    eventually(lambda: robot.received, robot.step)
+    robot.send()
+    eventually(lambda: readable(station), robot.step)
+    answers = codec.parse_buffer(bytearray(station.recv(2048)))
+    assert [each.get_type() for each in answers] == ["HEARTBEAT"]
+
+
+def test_a_flood_of_one_sender_costs_no_other_a_message(party, udp, eventually):
+    robot = party("udpin:127.0.0.1:0")
+    robot.step()
+    flooder, station = udp(), udp()
+    address = "127.0.0.1", robot.status().port
+    for each in (flooder, station):
+        each.sendto(frame(), address)
+    eventually(lambda: robot.status().peers == 2, robot.step)
+    robot.received.clear()
+    sent = 40
+    for number in range(sent):
+        for _ in range(600):
+            flooder.sendto(frame(common.MAVLink_param_set_message(1, 1, b"NO", 1.0, 9)), address)
+        station.sendto(frame(seq=number), address)
+        begin_s = time.perf_counter()
+        robot.step()
+        assert time.perf_counter() - begin_s < 1.0
+    eventually(lambda: robot.names().count("HEARTBEAT") == sent, robot.step)
+    assert robot.names().count("PARAM_SET") < 600 * sent

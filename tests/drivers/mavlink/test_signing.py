@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import common as m
 
 from robotctl.drivers.mavlink.base import Channel, LinkContext
 from robotctl.drivers.mavlink.frames import FrameReader
-from robotctl.drivers.mavlink.signing import MINUTE, MOST_STREAMS, Signing
+from robotctl.drivers.mavlink.signing import LATEST, MINUTE, MOST_STREAMS, Signing
 from robotctl.messages.mavlink_port import Peer
 
 KEY, OTHER = bytes(range(32)), bytes(32)
@@ -127,6 +127,87 @@ def test_many_senders_take_no_memory_and_none_of_them_comes_twice(signing):
     assert taken(signing, *frames) == []
     assert taken(signing, *(beat(station(bytes([k] * 32), NOW + 10**6)) for k in range(99))) == []
     assert len(signing._last) == MOST_STREAMS
+
+
+YEAR = 365 * 1440 * MINUTE
+
+
+def restarted(signing, wall):
+    """Return the signing of the next process."""
+    return Signing(KEY, signing.stamp + MINUTE, wall, signing.memory)
+
+
+@pytest.mark.parametrize("ahead", [2 * MINUTE, 30 * 1440 * MINUTE, 20 * YEAR])
+def test_a_station_whose_clock_is_ahead_keeps_no_other_out_before_or_after_a_restart(ahead):
+    wall = Wall()
+    signing = Signing(KEY, wall_ns=wall)
+    fast = station(stamp=NOW + ahead)
+    recorded = beat(fast)
+    assert taken(signing, recorded) == ["HEARTBEAT"]
+    assert taken(signing, beat(station(system=254))) == ["HEARTBEAT"]
+    wall.stamp += 10 * MINUTE
+    again = restarted(signing, wall)
+    assert taken(again, beat(station(stamp=wall.stamp, system=253))) == ["HEARTBEAT"]
+    for each in (signing, again):
+        assert taken(each, recorded) == []
+    fast.signing.timestamp += 10 * MINUTE
+    assert taken(again, beat(fast)) == ["HEARTBEAT"]
+    assert again.next_stamp() < NOW + 12 * MINUTE
+    assert signing.take_ahead() == {(255, 190, 0): ahead}
+    assert signing.take_ahead() == {}
+
+
+def test_what_was_recorded_before_a_restart_is_not_taken_after_it():
+    """Also not of who was taken after the last save."""
+    wall = Wall()
+    signing = Signing(KEY, wall_ns=wall)
+    known = station()
+    first = beat(known)
+    assert taken(signing, first) == ["HEARTBEAT"]
+    saved = Signing(KEY, signing.stamp + MINUTE, wall, signing.memory)
+    known.signing.timestamp += 1000
+    later = beat(known)
+    assert taken(signing, later) == ["HEARTBEAT"]
+    assert taken(saved, first) == []
+    wall.stamp += MINUTE + 2000
+    assert taken(saved, later) == []
+    known.signing.timestamp = wall.stamp
+    assert taken(saved, beat(known)) == ["HEARTBEAT"]
+
+
+def test_a_time_stamp_behind_which_none_is_newer_is_refused(signing):
+    assert taken(signing, beat(station(stamp=2**48 - 2)), beat(station(stamp=LATEST))) == []
+    assert taken(signing, beat(station())) == ["HEARTBEAT"]
+
+
+def test_a_robot_without_a_clock_follows_the_stations_and_tells_late_ones_the_time():
+    signing = Signing(KEY, wall_ns=Wall(stamp=0))
+    assert taken(signing, beat(station())) == ["HEARTBEAT"]
+    assert NOW <= signing.next_stamp() < NOW + 10
+    late = station(stamp=NOW - 2 * MINUTE, system=254)
+    channel = Channel(Peer(0, 1), LinkContext(None, [], 1, 1, signing))
+    assert channel.reader.feed(beat(late), 1) == []
+    assert channel.reader.late == 1
+    late.decode(bytearray(channel.encode(m.MAVLink_system_time_message(0, 0))))
+    assert len(channel.reader.feed(beat(late), 2)) == 1
+
+
+@given(st.lists(st.integers(-2 * MINUTE, 2 * MINUTE), min_size=1, max_size=20))
+def test_what_is_sent_to_a_station_is_new_to_it_whatever_its_clock_does(steps):
+    """Stamps rise on each channel, and behind those of the station at its other end."""
+    signing = Signing(KEY, wall_ns=Wall())
+    channel = Channel(Peer(0, 0), LinkContext(None, [], 1, 1, signing))
+    codec, before = station(), 0
+    for step in steps:
+        codec.signing.timestamp = max(codec.signing.timestamp + step, 0)
+        frame = beat(codec)
+        channel.reader.feed(frame, 1)
+        answer = channel.encode(m.MAVLink_heartbeat_message(10, 3, 0, 0, 4, 3))
+        stamp = int.from_bytes(answer[-12:-6], "little")
+        assert stamp > before
+        assert stamp > channel.reader.newest
+        assert codec.decode(bytearray(answer)).get_type() == "HEARTBEAT"
+        before = stamp
 
 
 @settings(max_examples=150)

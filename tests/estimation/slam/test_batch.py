@@ -9,6 +9,7 @@ from robotctl.estimation.slam.graph.builder import GraphBuilder
 from robotctl.estimation.slam.graph.factor_graph import chi2_of
 from robotctl.estimation.slam.graph.variables import POINT2, SE2
 from robotctl.estimation.slam.robust.kernels import KERNELS
+from robotctl.estimation.slam.solvers.anchors import anchors
 from robotctl.estimation.slam.solvers.problem import Problem, gauge, nobody
 from robotctl.estimation.slam.solvers.registry import SOLVERS
 from robotctl.estimation.slam.start.registry import start_values
@@ -89,10 +90,17 @@ def test_positions_or_a_prior_take_the_place_of_a_fixed_pose():
     builder = GraphBuilder()
     square(builder)
     add(builder, "position_2d", (0,), (5.0, 5.0))
-    assert len(gauge(Built(builder).graph)) == 1  # one leaves the heading open
+    file = Built(builder)
+    assert len(gauge(file.graph)) == 0
+    (held,) = anchors(file.graph, file.values, gauge(file.graph))  # one leaves the heading open
+    assert held.name(file.graph) == "pose 0: rotation"
+    for solver in BATCH:
+        pose = solve(file, solver, "odometry").values[SE2][0]
+        np.testing.assert_allclose(pose, (5.0, 5.0, 0.0), atol=1e-6)
     add(builder, "position_2d", (1,), (5.0, 6.0))
     file = Built(builder)
     assert len(gauge(file.graph)) == 0
+    assert not anchors(file.graph, solve(file, "lm", "odometry").values, gauge(file.graph))
     for solver in BATCH:
         solution = solve(file, solver, "odometry")
         assert solution.chi2[-1] < 1e-6

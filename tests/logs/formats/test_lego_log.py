@@ -67,7 +67,7 @@ def test_error_codes_of_the_scanner_are_no_readings(folder):
 
 def test_all_kinds_may_stand_in_one_file(tmp_path):
     path = tmp_path / "all.txt"
-    path.write_text("P 0 1 2\n" + motors(0, 0, 0) + SCAN + "L C 1 2 3\n")
+    path.write_text("P 0 1 2\n" + motors(0, 0, 0) + SCAN + motors(200, 9, 9) + "L C 1 2 3\n")
     recording = read_recording(path)
     assert (len(recording.scans), len(recording.landmarks)) == (1, 1)
 

@@ -66,6 +66,7 @@ def test_one_log_is_read_alone(folder):
 def test_sonars_are_read_once_at_their_time_with_the_odometry_of_then(tmp_path):
     write(
         tmp_path / "robot-0001.mcap",
+        state(0, -1.0, (math.nan,) * 3, (0.0, 0.0, 0.0)),
         state(1, 0.0, (1.0, 2.0, math.nan), (0.9, 0.9, 0.0)),
         state(2, 1.0, (1.5, 2.0, math.inf), (1.75, 0.9, 1.6)),
     )
@@ -210,9 +211,13 @@ def write_old(path, **topics):
 def test_a_log_of_an_older_version_is_read_as_before(tmp_path):
     path = tmp_path / "robot-0001.mcap"
     heard = {"sonar_m": [1.5, None, None], "sonar_stamp_ns": [1_900_000_000, 1_800_000_000, 0]}
+    deaf = {"sonar_m": [None] * 3, "sonar_stamp_ns": [0, 0, 0]}
     write_old(
         path,
-        control=[(2, {"stamp_ns": 2 * 10**9, "x_m": 1.0, "y_m": 0.0, "theta_rad": 0.0} | heard)],
+        control=[
+            (1, {"stamp_ns": 10**9, "x_m": 0.0, "y_m": 0.0, "theta_rad": 0.0} | deaf),
+            (2, {"stamp_ns": 2 * 10**9, "x_m": 1.0, "y_m": 0.0, "theta_rad": 0.0} | heard),
+        ],
         localisation=[(2, {"status": 1, "x_m": 10.0, "y_m": 20.0, "theta_rad": 0.0, "nis": None})],
         lidar=[
             (
@@ -228,7 +233,7 @@ def test_a_log_of_an_older_version_is_read_as_before(tmp_path):
         ],
     )
     recording = read_recording(path)
-    assert recording.odometry.poses.tolist() == [[1.0, 0.0, 0.0]]
+    assert recording.odometry.poses.tolist() == [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
     assert recording.believed.poses.tolist() == [[11.0, 20.0, 0.0]]
     np.testing.assert_array_equal(recording.scans[0].scan.ranges_m, [1.0, math.inf, 2.5])
     assert (recording.scans[0].scan.x_m, recording.scans[0].scan.max_range_m) == (0.1, 12.0)
@@ -241,6 +246,7 @@ def test_a_log_of_an_older_version_is_read_as_before(tmp_path):
 def test_a_sonar_that_fails_is_not_taken_for_one_that_hears_nothing(tmp_path):
     write(
         tmp_path / "robot-0001.mcap",
+        state(0, -1.0, (math.nan, math.nan), (0.0, 0.0)),
         state(1, 0.0, (1.0, 1.0), (0.9, 0.9)),
         state(2, 1.0, (math.nan, math.inf), (1.8, 1.8)),
     )

@@ -40,6 +40,41 @@ def test_a_late_copy_of_a_mode_does_not_drive_off_after_hold(bench, mode):
     assert texts == [f"Mode {mode.name}: asked for a moment ago, ask again"]
 
 
+@pytest.mark.parametrize("mode", [mode for mode in Mode if mode is not Mode.HOLD])
+def test_a_mode_hold_and_the_mode_again_are_three_wishes_by_their_numbers(bench, mode):
+    take_mode(bench, mode.value, mode, sequence=7)
+    take_mode(bench, 4, Mode.HOLD, sequence=8)
+    take_mode(bench, mode.value, mode, sequence=9)
+    take_mode(bench, 4, Mode.HOLD, sequence=10)
+    for sequence in (7, 9):  # frames that the network brings again
+        bench.command(SET_MODE, 1, mode.value, sequence=sequence)
+        assert bench.step(bench.navigation(mode=Mode.HOLD)) == []
+        assert results(bench) == [BUSY]
+
+
+def test_what_a_station_repeats_by_itself_is_no_wish_against_another_ones_hold(bench):
+    """MAVSDK sends what was not answered again after 0.5 s, by a new frame."""
+    take_mode(bench, 10, Mode.AUTO, sequence=7)
+    take_mode(bench, 4, Mode.HOLD, system=254, sequence=3)
+    bench.command(SET_MODE, 1, 10, sequence=8)
+    assert bench.step(bench.navigation(mode=Mode.HOLD)) == []
+    assert results(bench) == [BUSY]
+
+
+@pytest.mark.parametrize("confirmation", [0, 1], ids=["", "as mavros does"])
+def test_arming_disarming_and_arming_again_are_three_wishes_by_their_numbers(bench, confirmation):
+    """arming_cb in mavros/src/plugins/command.cpp has confirmation 1 in each request."""
+    for sequence, wanted in enumerate((1, 0, 1, 0)):
+        bench.command(ARM, wanted, sequence=sequence, confirmation=confirmation)
+        (request,) = bench.step(bench.control())
+        assert (type(request), request.arm) == (Arm, bool(wanted))
+        bench.step(bench.control(acks=(Ack(request.request_id, accepted=True),)))
+        assert results(bench) == [ACCEPTED]
+    bench.command(ARM, 1, sequence=2)
+    assert bench.step(bench.control()) == []
+    assert results(bench) == [BUSY]
+
+
 @pytest.mark.parametrize("end", [{"mission_completed": True}, {"mission_failed": True}])
 def test_a_late_copy_of_auto_does_not_start_an_ended_mission_anew(bench, end):
     take_mode(bench, 10, Mode.AUTO)

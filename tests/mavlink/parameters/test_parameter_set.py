@@ -9,6 +9,9 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from robotctl.app.processes.navigator import make_navigation
+from robotctl.app.processes.robot import make_core
+from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import contradictions, find_file, load_robot
 from robotctl.config_values import replaced, value_at, with_values
 from robotctl.mavlink.parameters.parameter import INT32, REAL32, Change, shortest, single
@@ -136,6 +139,78 @@ def test_what_is_wrong_is_refused_and_said():
     assert problem is Problem.VALUE_OUT_OF_RANGE
     assert "limits.a_max_m_s2" in text
     assert put("SAF_ARM_MS", 2000.0, REAL32)  # many send nothing else
+
+
+def wrong_values(parameter, value):
+    """Return values that a parameter, which has a value of its type now, may not take."""
+    yield from (math.nan, math.inf, -math.inf, 3e38, -3e38)
+    if isinstance(value, bool):
+        yield from (-1.0, 2.0, 0.5, 255.0)
+    elif isinstance(value, int):
+        yield from (parameter.low - 1, parameter.high + 1, parameter.low + 0.5)
+    else:
+        for bound, away in ((parameter.low, -1.0), (parameter.high, 1.0)):
+            yield single(bound) + away * max(1e-3 * abs(bound), 1e-6)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_each_parameter_refuses_what_is_out_of_its_range(name):
+    config = ROBOTS[name]
+    found = ParameterSet(Configurations(config, config, contradictions), {})
+    for parameter in found.parameters:
+        if parameter.change is Change.NEVER:
+            continue
+        value = found.value(parameter)
+        for wrong in wrong_values(parameter, value):
+            for kind in {REAL32, REAL32 if isinstance(value, float) else INT32}:
+                with pytest.raises(ParameterRefused) as refused:
+                    found.set(parameter, wrong, kind)
+                assert refused.value.problem in {Problem.VALUE_OUT_OF_RANGE, Problem.TYPE_MISMATCH}
+                assert str(refused.value).startswith(parameter.name)
+    assert found.changes() == {}
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "says"),
+    [
+        ("PUR_LOOK_MIN", 0.7, "0.7 found, at most lookahead_max_m (0.6) allowed"),
+        ("PUR_LOOK_MAX", 0.2, "0.25 found, at most lookahead_max_m (0.2) allowed"),
+        ("PUR_TURN_TO", 61.0, "61 found, at most turn_on_spot_deg (60) allowed"),
+        ("PUR_TURN_FROM", 7.0, "8 found, at most turn_on_spot_deg (7) allowed"),
+        ("SYSID_THISMAV", 255, "255 found, which is the robot's own system_id"),
+        ("SYSID_MYGCS", 1, "1 found, which is the robot's own system_id"),
+        ("FS_GCS_HOLD", 2, "2 found, 0 or 1 allowed"),
+        ("SAF_SETPOINT_MS", 99, "99 is under two steps of navigation (100 ms at 20 Hz)"),
+        ("GRD_DECEL", 2.6, "2.6 found, at most limits.a_max_m_s2 (2.5) allowed"),
+    ],
+)
+def test_what_contradicts_another_value_is_refused(name, value, says):
+    found, put = parameters()
+    problem, text = refusal(put, name, value)
+    assert problem is Problem.VALUE_OUT_OF_RANGE
+    assert says in text
+    assert found.changes() == {}
+
+
+@pytest.mark.parametrize("name", ["diff_drive", "ackermann"])
+def test_a_robot_can_be_made_with_each_bound_that_is_taken(name):
+    options = StackOptions("bounds", str(find_file(name)), ())
+    config, taken = ROBOTS[name], 0
+    for parameter in PARAMETERS:
+        for bound in (parameter.low, parameter.high):
+            found = ParameterSet(Configurations(config, config, contradictions), {})
+            if (index := found.index_of(parameter.name)) is None:
+                continue
+            try:
+                found.set(found.parameters[index], single(bound), REAL32)
+            except ParameterRefused:
+                continue
+            changed, refused = with_values(config, found.changes(), contradictions)
+            assert not refused
+            make_core(changed, options)
+            make_navigation(changed, options).navigator.retune(found.live())
+            taken += 1
+    assert taken > 100
 
 
 @given(st.lists(st.tuples(st.sampled_from(PARAMETERS), st.floats(width=32)), max_size=12))

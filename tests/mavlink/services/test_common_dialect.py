@@ -34,6 +34,9 @@ def test_modes_are_listed_all_or_one_and_told_when_they_change(bench):
         sent = [each for each, _ in bench.take()]
         assert [each.mode_name for each in sent if each.get_type() == "AVAILABLE_MODES"] == names
         assert [each.result for each in sent if each.get_type() == "COMMAND_ACK"] == [result]
+    bench.command(m.MAV_CMD_SET_MESSAGE_INTERVAL, d.MAVLINK_MSG_ID_CURRENT_MODE, 1e9)
+    bench.step(bench.navigation(mode=Mode.HOLD))
+    bench.take()
     bench.step(bench.navigation(mode=Mode.RTL))
     (now,) = bench.messages("CURRENT_MODE")
     assert (now.custom_mode, now.standard_mode) == (11, m.MAV_STANDARD_MODE_SAFE_RECOVERY)

@@ -28,6 +28,8 @@ def words(event):
 
 def happen(bench):
     """Let three things happen; return their events."""
+    current = d.MAVLINK_MSG_ID_CURRENT_EVENT_SEQUENCE
+    bench.command(m.MAV_CMD_SET_MESSAGE_INTERVAL, current, 1e6)
     bench.step(bench.control(), bench.navigation(mode=Mode.HOLD))
     bench.take()
     bench.step(bench.control(state=SafetyState.ARMED))

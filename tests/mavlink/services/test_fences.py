@@ -19,6 +19,7 @@ from robotctl.mavlink.globe import Origin
 from robotctl.mavlink.missions.fence_items import BadItem, check_fence_item, fence_of, read_fence
 from robotctl.mavlink.missions.item import MissionItem
 from robotctl.mavlink.telemetry import Telemetry
+from robotctl.messages.control import Mode, PositionTarget, SafetyState
 from robotctl.messages.fence import EnableFence, FenceState, SetFence
 from robotctl.model.fence import Fence, FenceCircle, FencePolygon
 from robotctl.model.fence_clearance import body_clearance
@@ -128,6 +129,60 @@ def navigation(bench):
     found.step()
     bench.take()
     return found
+
+
+@given(
+    st.floats(-1.0, 11.0), st.floats(-1.0, 9.0),
+    st.sampled_from([SHAPES, Fence(SHAPES.polygons[:1]), Fence((), SHAPES.circles)]),
+)  # fmt: skip
+def test_a_point_is_allowed_where_a_body_without_size_is_clear_of_the_fence(x, y, fence):
+    point = Rectangle(0.0, 0.0, 0.0)
+    (clear_m,) = body_clearance(fence, point, np.array([[x, y, 0.0]]))
+    if abs(clear_m) > 1e-6:
+        assert fence.allows(x, y) == (clear_m > 0.0)
+
+
+PLACES_BEYOND = [(9.5, 3.0), (1.9, 1.5), (3.1, 5.1)]
+
+
+@pytest.mark.parametrize(("x", "y"), [*PLACES_BEYOND, (5.0, 5.0), (1.2, 1.8)])
+@pytest.mark.parametrize("enabled", [True, False])
+def test_places_beyond_the_fence_are_refused_in_guided_with_words(navigation, x, y, enabled):
+    assert navigation.upload(PLAN) == ACCEPTED
+    bench = navigation.bench
+    fence = msgspec.structs.replace(navigation.fence, enabled=enabled)
+    guided = {"mode": Mode.GUIDED, "fence": fence}
+    armed, north_east = {"state": SafetyState.ARMED}, (y, x)
+    wanted = not enabled or (x, y) not in PLACES_BEYOND
+
+    def sent(request):
+        bench.step(bench.navigation(**guided), bench.control(**armed))
+        bench.take()
+        bench.receive(request)
+        requests = bench.step(bench.navigation(**guided), bench.control(**armed))
+        found = [(e.x_m, e.y_m) for e in requests if isinstance(e, PositionTarget)]
+        assert found == ([pytest.approx((x, y))] if wanted else [])
+        bench.step(bench.navigation(**guided), bench.control(**armed))
+        answers = [each for each, _ in bench.take()]
+        words = "".join(each.text for each in answers if each.get_type() == "STATUSTEXT")
+        assert ("beyond the fence" in words) == (not wanted)
+        return [each for each in answers if each.get_type().endswith("_ACK")]
+
+    place = [round(1e4 * each) for each in north_east]
+    go = m.MAVLink_command_int_message(
+        1, 1, NED, m.MAV_CMD_DO_REPOSITION, 0, 0, -1, 1, 0, math.nan, *place, 0
+    )
+    (ack,) = sent(go)
+    assert ack.result == (m.MAV_RESULT_ACCEPTED if wanted else m.MAV_RESULT_DENIED)
+    setpoint = m.MAVLink_set_position_target_local_ned_message(
+        0, 1, 1, NED, 0xFF8, *north_east, *[0.0] * 9
+    )
+    assert sent(setpoint) == []
+    single = m.MAVLink_mission_item_int_message(
+        1, 1, 0, NED, m.MAV_CMD_NAV_WAYPOINT, 2, 1, 0, 0, 0, 0, *place, 0.0
+    )
+    (ack,) = sent(single)
+    assert ack.type == (ACCEPTED if wanted else m.MAV_MISSION_DENIED)
 
 
 def test_a_fence_is_taken_means_what_it_says_and_comes_back_as_it_was(navigation):

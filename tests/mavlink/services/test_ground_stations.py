@@ -4,7 +4,7 @@ import itertools
 
 from pymavlink.dialects.v20 import common
 
-from robotctl.messages.control import GroundStationPresence, Notice
+from robotctl.messages.control import GroundStationPresence, Notice, SafetyState
 from robotctl.messages.mavlink_port import LinkConfig, Peer
 
 
@@ -67,8 +67,8 @@ def test_what_was_said_while_nobody_was_there_is_said_again_once_with_its_age(be
     again = [(text.severity, text.text) for text, _ in bench.take("STATUSTEXT")]
     assert again == [
         (2, "stopped: no feedback (10 s ago)"),
-        (4, "one line (0 s ago)"),
-        (4, "and another (0 s ago)"),
+        (4, "one line (0.0 s ago)"),
+        (4, "and another (0.0 s ago)"),
         (6, "Ground station 255 connected"),
     ]
 
@@ -86,8 +86,8 @@ def test_a_ground_station_that_was_lost_hears_why_the_robot_stands(bench):
     bench.receive(heartbeat())
     bench.run(1.0)
     lost, stopped, here = bench.texts()
-    assert (lost[:30], here) == ("Ground station 255 is lost (1 ", "Ground station 255 connected")
-    assert stopped == "stopped: no commands (0 s ago)"
+    assert (lost[:30], here) == ("Ground station 255 is lost (1.", "Ground station 255 connected")
+    assert stopped == "stopped: no commands (0.0 s ago)"
 
 
 def test_a_ground_station_that_vanishes_while_it_is_told_hears_the_rest_with_one_age(bench):
@@ -127,8 +127,8 @@ def test_what_is_said_again_and_again_does_not_hide_why_the_robot_stands(bench):
     bench.receive(heartbeat())
     bench.step()
     assert bench.texts() == [
-        "stopped: no feedback (3 s ago)",
-        "logging stopped: disk full (2 s ago)",
+        "stopped: no feedback (2.8 s ago)",
+        "logging stopped: disk full (2.0 s ago)",
         "Ground station 255 connected",
     ]
 
@@ -177,3 +177,74 @@ def test_the_station_whose_loss_counts_is_the_operators_once_it_was_heard(make_b
     assert watched(bench, 3, 42) > 1.9  # after the loss the other one's
     assert watched(bench, 5) < 0.0
     assert watched(bench, 1) is None
+
+
+REASON = "no feedback"
+
+
+def stopped(bench, since_ns):
+    """Return the state of a robot that has been stopped since a time."""
+    return bench.control(state=SafetyState.FAULT, reason=REASON, stopped_ns=since_ns)
+
+
+def test_a_stop_while_telemetry_was_away_is_explained_with_its_age(bench):
+    """A process that has just started, and the ground station that it meets."""
+    since_ns = bench.now_ns - 3_880_000_000
+    bench.receive(heartbeat())
+    for _ in range(100):
+        bench.step(stopped(bench, since_ns))
+    assert bench.texts() == ["Ground station 255 connected", f"stopped: {REASON} (3.9 s ago)"]
+
+
+def test_a_notice_that_waited_for_this_process_has_its_age(bench):
+    bench.receive(heartbeat())
+    bench.step(bench.control())
+    bench.texts()
+    bench.step(Notice(bench.now_ns - 3_880_000_000, 2, f"stopped: {REASON}"))
+    assert bench.texts() == [f"stopped: {REASON} (3.9 s ago)"]
+    bench.step(Notice(bench.now_ns - 980_000_000, 2, f"stopped: {REASON}"))
+    assert bench.texts() == [f"stopped: {REASON}"]
+
+
+def test_each_ground_station_that_comes_hears_why_the_robot_stands(bench):
+    bench.receive(heartbeat())
+    bench.step(bench.control())
+    since_ns = bench.now_ns
+    bench.step(Notice(0, 2, f"stopped: {REASON}"), stopped(bench, since_ns))
+    bench.texts()
+    for station in (255, 254):  # the first one knows it
+        bench.receive(heartbeat(), system=station)
+    bench.step(stopped(bench, since_ns), advance_s=1.98)
+    bench.step(stopped(bench, since_ns))
+    assert bench.texts() == ["Ground station 254 connected", f"stopped: {REASON} (2.0 s ago)"]
+
+
+def test_a_station_that_was_lost_hears_of_a_stop_of_before_its_loss_was_noticed(bench):
+    """What is sent between the last frame that arrives and the loss, nobody hears."""
+    bench.receive(heartbeat())
+    bench.step(bench.control())
+    since_ns = bench.now_ns
+    bench.step(Notice(0, 2, f"stopped: {REASON}"), stopped(bench, since_ns))
+    bench.run(7.0, state=SafetyState.FAULT, reason=REASON, stopped_ns=since_ns)
+    bench.texts()
+    bench.receive(heartbeat())
+    bench.run(1.0, state=SafetyState.FAULT, reason=REASON, stopped_ns=since_ns)
+    told = [each for each in bench.texts() if each.startswith("stopped")]
+    assert told == [f"stopped: {REASON} (7.0 s ago)"]
+
+
+def test_why_navigation_holds_is_said_to_a_station_that_comes(bench):
+    held = {"held": True, "message": "hold: the ground station is lost"}
+    bench.step(bench.control(), bench.navigation(**held))
+    bench.texts()
+    bench.receive(heartbeat())
+    bench.step(bench.control(), bench.navigation(**held))
+    bench.step(bench.control(), bench.navigation(**held))
+    assert "hold: the ground station is lost" in [each.partition(" (")[0] for each in bench.texts()]
+
+
+def test_a_robot_that_may_drive_has_nothing_to_explain(bench):
+    bench.step(bench.control(state=SafetyState.STANDBY, reason="", stopped_ns=bench.now_ns))
+    bench.receive(heartbeat())
+    bench.step(bench.control(state=SafetyState.STANDBY, reason=""))
+    assert bench.texts() == ["Ground station 255 connected"]

@@ -318,6 +318,66 @@ def test_channels_that_are_not_given_say_nothing(bench, message):
     assert bench.texts() == []
 
 
+@pytest.mark.parametrize(
+    ("then", "forward", "turn"),
+    [
+        (channels(0, 0), 0.0, 0.0),
+        (channels(0, 65535), 1.0, 0.0),
+        (channels(65535, 0), 0.0, -1.0),
+        (channels(1500, 65535), 1.0, 0.0),
+        (channels(65535, 1300), pytest.approx(-0.46, abs=0.01), -1.0),
+    ],
+    ids=["both released", "steering", "throttle", "steering at rest", "throttle changed"],
+)
+def test_a_released_channel_is_at_rest_at_once_and_an_ignored_one_as_it_was(
+    bench, then, forward, turn
+):
+    bench.receive(channels(1900, 1900))
+    bench.step()
+    bench.receive(then)
+    (request,) = bench.step()
+    assert (request.forward, request.turn) == (forward, turn)
+
+
+def test_ignored_channels_say_nothing_and_do_not_last_longer_for_it(bench):
+    bench.receive(channels(1900, 1900))
+    (first,) = bench.step()
+    for _ in range(20):
+        bench.receive(channels(65535, 65535))
+        assert bench.step() == []
+    assert first.expires_ns > bench.now_ns
+    for _ in range(20):
+        bench.receive(channels(65535, 1900))
+        requests = bench.step()
+    assert [(each.forward, each.turn) for each in requests] == [(1.0, 0.0)]
+
+
+def test_a_channel_that_is_void_leaves_the_other_to_drive_on(bench):
+    bench.receive(channels(1900, 1500))
+    bench.step()
+    for _ in range(20):
+        bench.step()
+    bench.receive(channels(65535, 1900))
+    (both,) = bench.step()
+    assert (both.forward, both.turn) == (1.0, -1.0)
+    assert both.expires_ns - bench.now_ns < 0.1e9
+    (alone,) = [request for _ in range(5) for request in bench.step()]
+    assert (alone.forward, alone.turn) == (1.0, 0.0)
+    assert alone.stamp_ns - both.expires_ns < 0.03e9
+
+
+def test_releasing_the_channels_ends_the_sticks_of_manual_control_too(bench):
+    bench.receive(sticks(z=500))
+    bench.step()
+    bench.receive(channels(0, 0))
+    (request,) = bench.step()
+    assert (request.forward, request.turn) == (0.0, 0.0)
+    state = {"state": SafetyState.DRIVING}
+    for _ in range(50):
+        bench.step(bench.control(**state), bench.navigation(mode=Mode.MANUAL))
+    assert bench.texts() == []
+
+
 def test_channels_out_of_range_are_refused(bench):
     bench.receive(channels(1500, 2201))
     bench.receive(channels(1, 1900))

@@ -177,7 +177,7 @@ def test_what_went_wrong_leaves_the_old_mission_and_is_said(navigation):
         (item(2, m.MAV_CMD_DO_CHANGE_SPEED, (1, 0)), m.MAV_MISSION_INVALID_PARAM2, "0 m/s"),
         (item(2, JUMP, (9, 1)), m.MAV_MISSION_INVALID_PARAM1, "jumps to 9"),
         (item(2, JUMP, (1, -2)), m.MAV_MISSION_INVALID_PARAM2, "-2 times"),
-        (item(2, params=(math.inf,)), m.MAV_MISSION_INVALID, "infinite"),
+        (item(2, params=(math.inf,)), m.MAV_MISSION_INVALID_PARAM1, "inf found in param1"),
     ):
         navigation.bench.run(2.0)
         navigation.bench.take()

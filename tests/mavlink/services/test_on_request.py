@@ -1,17 +1,20 @@
 """What few clients ask for: estimator, obstacles, time, wheels, and refusals with reasons."""
 
 import math
+import random
 import struct
 
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
 from pymavlink.dialects.v20 import common as m
 
 from robotctl.dialect import additions
 from robotctl.mavlink.context import TelemetryRobot
 from robotctl.mavlink.globe import Origin
 from robotctl.mavlink.telemetry import Telemetry
-from robotctl.messages.control import Mode, SafetyState, VelocityTarget
+from robotctl.messages.control import ImuFeedback, Mode, SafetyState, VelocityTarget
 from robotctl.messages.estimation import LidarScan, LocalisationState
+from robotctl.messages.mavlink_port import Peer
 from robotctl.model.geometry.localisation import LocalisationStatus
 from tests.mavlink.conftest import SONAR, SONARS, Bench
 
@@ -64,6 +67,113 @@ def test_the_estimator_says_how_well_the_place_is_known(bench):
     assert known.pos_horiz_accuracy == pytest.approx(0.5)
 
 
+def test_ekf_and_gps_say_that_the_robot_is_armable_where_it_knows_its_place():
+    """`is_armable` of dronekit: a fix of 2 or more, and EKF_PRED_POS_HORIZ_ABS."""
+
+    def is_armable(bench, *states):
+        (ekf,) = ask(bench, "EKF_STATUS_REPORT", *states)
+        gps = ask(bench, "GPS_RAW_INT", *states)[-1]
+        assert ekf.velocity_variance == ekf.pos_horiz_variance == 0.0
+        assert (gps.fix_type > 1) == (gps.lat != 0)
+        return gps.fix_type > 1 and bool(ekf.flags & dialect.EKF_PRED_POS_HORIZ_ABS)
+
+    bench = Bench(origin=Origin(48.0, 11.0, 500.0))
+    assert is_armable(bench, bench.control())
+    bench.robot = described(has_localiser=True)
+    bench.telemetry = Telemetry(bench.config, bench.robot, bench.links)
+    assert not is_armable(bench, bench.control())
+    fix = LocalisationState(
+        bench.now_ns + 10**8, "mcl", LocalisationStatus.LOCALISED, 0.0, 0.0, 0.0,
+        (0.09, 0.0, 0.0, 0.16, 0.0, 0.01),
+    )  # fmt: skip
+    assert is_armable(bench, bench.control(), fix)
+    gps = ask(bench, "GPS_RAW_INT", bench.control(), fix)[-1]
+    assert gps.h_acc == 500  # mm
+    nothing = Bench()
+    nothing.run(2.0)
+    assert nothing.messages("GPS_RAW_INT") == []
+
+
+def test_shaking_is_the_force_about_its_mean(bench):
+    assert ask(bench, "VIBRATION") == []
+    rng = random.Random(1)
+    for _ in range(400):
+        force = (rng.gauss(0.2, 0.5), rng.gauss(0.0, 0.1), 9.81)
+        bench.step(bench.control(imu=imu(bench.now_ns, force)))
+    (shaking,) = ask(bench, "VIBRATION", bench.control(imu=imu(bench.now_ns, (0.2, 0.0, 9.81))))
+    assert shaking.vibration_x == pytest.approx(0.5, rel=0.25)
+    assert shaking.vibration_y == pytest.approx(0.1, rel=0.25)
+    assert shaking.vibration_z == pytest.approx(0.0, abs=1e-3)
+    for _ in range(400):
+        bench.step(bench.control(imu=imu(bench.now_ns, (3.0, 0.0, 9.81))))
+    (still,) = ask(bench, "VIBRATION", bench.control(imu=imu(bench.now_ns, (3.0, 0.0, 9.81))))
+    assert still.vibration_x == pytest.approx(0.0, abs=1e-2)
+
+
+def imu(now_ns, force):
+    return ImuFeedback(now_ns, now_ns, (0.0, 0.0, 0.0), force, (0.0, 0.0, 1.0))
+
+
+def test_outputs_are_the_duties_as_pulses(bench):
+    (outputs,) = ask(bench, "SERVO_OUTPUT_RAW", bench.control(duty=(0.5, -1.0)))
+    assert (outputs.servo1_raw, outputs.servo2_raw, outputs.servo3_raw) == (1750, 1000, 0)
+
+
+def test_channels_are_those_that_steer_now(bench):
+    (nothing,) = ask(bench, "RC_CHANNELS")
+    assert (nothing.chancount, nothing.chan1_raw, nothing.chan3_raw) == (0, 65535, 65535)
+    for steering, throttle in ((1500, 1900), (1100, 1600), (1700, 1500)):
+        given = m.MAVLink_rc_channels_override_message(
+            1, 1, steering, 65535, throttle, 65535, 65535, 65535, 65535, 65535
+        )
+        bench.receive(given)
+        (told,) = ask(bench, "RC_CHANNELS")
+        assert (told.chan1_raw, told.chan3_raw) == (steering, throttle)
+        assert told.chancount == 3
+    bench.run(1.0)
+    (gone,) = ask(bench, "RC_CHANNELS")
+    assert (gone.chancount, gone.chan1_raw) == (0, 65535)
+
+
+def test_the_banner_is_told_to_who_asks_for_it(make_bench):
+    bench = make_bench(links=2)
+    bench.step(bench.control())
+    bench.take()
+    bench.command(dialect.MAV_CMD_DO_SEND_BANNER, peer=Peer(1, 0))
+    bench.step(bench.control())
+    sent = bench.take()
+    told = {(each.text, to) for each, to in sent if each.get_type() == "STATUSTEXT"}
+    assert told == {("robotctl V1.2.3", Peer(1, 0)), ("Robot tester", Peer(1, 0))}
+    assert [e.result for e, _ in sent if e.get_type() == "COMMAND_ACK"] == [ACCEPTED]
+    assert bench.telemetry.take_notices() == []
+
+
+def test_what_ardupilots_dialect_does_not_know_comes_only_to_who_asks_for_it(make_bench):
+    """Stations of that dialect, as MAVProxy and Mission Planner, count it as lost."""
+
+    def live(bench, *peers):
+        for mode in (Mode.HOLD, Mode.AUTO, Mode.HOLD):
+            for state in (SafetyState.ARMED, SafetyState.FAULT):
+                for _ in range(60):
+                    bench.step(bench.control(state=state), bench.navigation(mode=mode))
+        sent = bench.take()
+        return [{each.get_msgId() for each, to in sent if to == peer} for peer in peers]
+
+    bench, asking, other = make_bench(links=2), Peer(1, 0), Peer(0, 0)
+    (seen,) = live(bench, other)
+    assert len(seen) > 10
+    assert not seen - dialect.mavlink_map.keys()
+    for number in (410, 411, 435, 436):
+        bench.command(m.MAV_CMD_REQUEST_MESSAGE, number, peer=asking)
+    for number in (411, 436):
+        bench.command(m.MAV_CMD_SET_MESSAGE_INTERVAL, number, 1e6, peer=asking)
+    here, there = live(bench, asking, other)
+    assert {410, 411, 435, 436} <= here
+    assert not there - dialect.mavlink_map.keys()
+    (px4,) = live(make_bench(personality="px4"), other)
+    assert {410, 411, 436} <= px4
+
+
 def described(**changes):
     return TelemetryRobot("tester", "1.2.3", SONARS, SONAR, **changes)
 
@@ -100,7 +210,7 @@ def test_time_wheels_and_the_globe_are_told():
     assert (first.index, second.index) == (0, 1)
     assert (first.frequency, second.frequency) == pytest.approx((30.0, -60.0))
     (gps,) = ask(bench, "GPS_RAW_INT")
-    assert (gps.fix_type, gps.satellites_visible) == (m.GPS_FIX_TYPE_NO_GPS, 0)
+    assert (gps.fix_type, gps.satellites_visible) == (m.GPS_FIX_TYPE_3D_FIX, 255)
     assert gps.lat == pytest.approx(480_000_180, abs=20)
     bench.take()
     bench.command(m.MAV_CMD_GET_HOME_POSITION)

@@ -2,6 +2,8 @@
 
 import math
 import random
+import time
+from collections import Counter
 
 import pytest
 from hypothesis import given, settings
@@ -161,6 +163,53 @@ def test_a_set_value_is_kept_then_told_to_everybody_and_logged(bench, store):
     assert (again.param_value, to) == (pytest.approx(0.7), FIRST)
     assert store.values is None
     assert bench.telemetry.take_notices() == []
+
+
+def test_a_value_that_is_set_again_later_is_told_to_everybody(bench, store):
+    found = answers(bench, put("CTL_L_KP", CONFIG.control.left.kp), SECOND)
+    assert {to for _, to in found} == {FIRST, SECOND}
+    bench.run(0.5)
+    for _ in range(20):  # but not again and again
+        ((_, to),) = answers(bench, put("CTL_L_KP", CONFIG.control.left.kp), SECOND)
+        assert to == SECOND
+    bench.run(1.5)
+    assert len(answers(bench, put("CTL_L_KP", CONFIG.control.left.kp), FIRST)) == 2
+    assert store.values is None
+
+
+@pytest.mark.parametrize("flood", [put("CTL_L_KPP", 1.0), put("CTL_L_KP", -1.0)])
+def test_a_flood_of_what_is_refused_says_nothing_to_others_and_little_to_its_sender(bench, flood):
+    begin_s, errors, texts = time.process_time(), 0, Counter()
+    for _ in range(100):
+        for _ in range(10):
+            bench.receive(flood, peer=SECOND)
+        bench.step(bench.control(), advance_s=0.01)
+        for message, to in bench.take():
+            errors += message.get_type() == "PARAM_ERROR" and to == SECOND
+            texts[to] += message.get_type() == "STATUSTEXT"
+    assert errors == 1000
+    assert texts[FIRST] == 0
+    assert 1 <= texts[SECOND] <= 50  # in chunks
+    assert len(bench.telemetry.take_notices()) <= 25
+    assert time.process_time() - begin_s < 3.0  # 0.5 s; difflib alone takes 3 ms each
+    bench.run(20.0, rate_hz=5)
+    bench.take()
+    bench.receive(flood, peer=SECOND)
+    bench.run(0.1)
+    assert bench.take("STATUSTEXT")
+
+
+def test_a_flood_of_values_is_saved_now_and_then_and_leaves_others_their_turn(bench, store):
+    saves = []
+    store.save = lambda values: saves.append(dict(values)) or True
+    for number in range(100):
+        for each in range(50):
+            bench.receive(put("CTL_L_KP", 1.0 + (number + each) % 7), peer=SECOND)
+        if number == 50:
+            bench.receive(put("CTL_R_KP", 2.0), peer=FIRST)
+        bench.step(bench.control(), advance_s=0.01)
+    assert len(saves) <= 21
+    assert saves[-1]["control.right.kp"] == 2.0
 
 
 def test_values_set_together_are_saved_once(bench, store):

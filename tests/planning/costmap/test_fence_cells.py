@@ -10,9 +10,9 @@ from robotctl.model.fence import Fence, FenceCircle, FencePolygon
 from robotctl.model.fence_clearance import body_clearance
 from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
-from robotctl.model.grid_map import OCCUPIED, GridMap
+from robotctl.model.grid_map import GridMap
 from robotctl.model.rectangle import Rectangle
-from robotctl.planning.costmap.fence import MARGIN_M, close_fence
+from robotctl.planning.costmap.fence import MARGIN_M, beyond_fence
 from robotctl.planning.costmap.layered_map import LayeredMap
 from robotctl.planning.costmap.zones import Closed
 from robotctl.planning.global_planning.plan import Plan, PlannerConfig
@@ -30,14 +30,13 @@ POINT = Rectangle(-1e-9, 1e-9, 1e-9)
 def test_free_cells_are_those_whose_centre_keeps_the_margin(points, keeps_in, x, y, r, within):
     fence = Fence((FencePolygon(points, keeps_in),), (FenceCircle(x, y, r, within),))
     grid = GridMap(np.zeros((20, 24), np.int8), SIDE_M, SE2(-1.2, -1.0, 0.3))
-    close_fence(grid.cells, grid, fence)
     rows, columns = np.indices(grid.shape)
     local = SIDE_M * np.stack([columns + 0.5, rows + 0.5], -1).reshape(-1, 2)
     c, s = math.cos(0.3), math.sin(0.3)
     world = np.stack([c * local[:, 0] - s * local[:, 1], s * local[:, 0] + c * local[:, 1]], 1)
     poses = np.column_stack([world[:, 0] - 1.2, world[:, 1] - 1.0, np.zeros(len(world))])[::7]
     away_m = np.array([body_clearance(fence, POINT, pose[np.newaxis])[0] for pose in poses])
-    free = grid.cells.ravel()[::7] != OCCUPIED
+    free = ~beyond_fence(fence, grid).ravel()[::7]
     assert (away_m[free] > MARGIN_M - 1e-6).all()
     assert (away_m[~free] < MARGIN_M + 1e-6).all()
 

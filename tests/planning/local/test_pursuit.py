@@ -106,6 +106,11 @@ def test_the_speed_on_the_way_never_asks_for_more_than_the_planned_braking(robot
         assert step.v_m_s <= max(limit, CONFIG.creep_m_s) + 1e-9
 
 
+def test_a_wanted_speed_below_creeping_is_kept(robot):
+    _, steps = follow(robot.drive, Path([(0, 0), (0.3, 0)]), SE2(), speed=0.02)
+    assert max(step.v_m_s for step in steps) == pytest.approx(0.02)
+
+
 @given(st.floats(-math.pi, math.pi))
 def test_a_turn_on_the_spot_closes_the_error_without_overshoot(error):
     start = error

@@ -11,7 +11,7 @@ from firmware_sim.bus.core import Bus
 from firmware_sim.bus.log import LogWriter
 from robotctl.config.robot_file import find_file, load_robot
 from robotctl.logs.logs import BusLog, StateLog, recover_all
-from robotctl.logs.mcap.log import is_complete
+from robotctl.logs.mcap.recovery import is_complete
 from robotctl.messages.control import Notice
 from robotctl.runtime.storage.log_folder import LogConfig, LogFolder, refusal
 from robotctl.runtime.storage.ring_file import is_written

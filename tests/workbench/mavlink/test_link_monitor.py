@@ -1,9 +1,11 @@
 """Rates, loss and quality of what comes over a link."""
 
+import io
 import math
 
 import pytest
 from pymavlink.dialects.v20 import common as m
+from rich.console import Console
 
 from robotctl.cli.mavlink.monitor import tables
 from robotctl.workbench.mavlink.monitor import WINDOW_S, LinkMonitor
@@ -29,7 +31,7 @@ def fed(numbers, rate_hz=10.0):
 
 def test_rates_are_those_of_the_last_seconds():
     monitor, now_s = fed(range(200))
-    ((system, component, name, rate_hz, bytes_s, total),) = monitor.rows(now_s)
+    ((system, component, name, rate_hz, bytes_s, total, *_),) = monitor.rows(now_s)
     assert (system, component, name, total) == (1, 1, "ATTITUDE", 200)
     assert rate_hz == pytest.approx(10.0, abs=0.3)
     assert bytes_s == pytest.approx(10.0 * SIZE, abs=0.3 * SIZE)
@@ -59,3 +61,28 @@ def test_senders_are_told_apart_and_shown():
     first, second = monitor.senders(1.0)
     assert (first.lost, second.lost) == (0, 18)
     assert len(tables(monitor, 1.0).renderables) == 2
+
+
+def test_what_has_not_come_for_three_of_its_periods_is_old_and_has_its_age():
+    monitor = LinkMonitor()
+    for number in range(21):
+        monitor.take(message(number, system=1), number / 10)
+        if number <= 10:
+            monitor.take(message(number, system=2), number / 10)
+    fresh, silent = monitor.rows(2.0)
+    assert (fresh.age_s, fresh.old) == (0.0, False)
+    assert (silent.age_s, silent.old) == (pytest.approx(1.0), True)
+    assert [each.old for each in monitor.senders(2.0)] == [False, True]
+    assert not monitor.rows(2.29)[0].old
+    assert monitor.rows(2.31)[0].old
+
+
+def test_an_old_row_is_grey_and_tells_its_age():
+    monitor = LinkMonitor()
+    for number in range(11):
+        monitor.take(message(number), number / 10)
+    console = Console(file=io.StringIO(), force_terminal=True, width=100)
+    console.print(tables(monitor, 8.0))
+    grey = [line for line in console.file.getvalue().splitlines() if "\x1b[2m" in line]
+    assert len(grey) == 2
+    assert all("7.0" in line for line in grey)

@@ -1,15 +1,18 @@
 """Parameters from a robot's other side, over a clean link and one that loses messages."""
 
 import random
+import socket
+import time
 
 import pytest
 
 from robotctl.config.robot_file import contradictions, find_file, load_robot
+from robotctl.drivers.mavlink.link import MavlinkLinks
 from robotctl.errors import ConfigError, LinkError
 from robotctl.mavlink.parameters.parameter_set import Configurations, ParameterSet
 from robotctl.mavlink.telemetry import Telemetry
-from robotctl.messages.mavlink_port import Peer, Received
-from robotctl.workbench.mavlink.companion import COMPONENT, SYSTEM, Companion
+from robotctl.messages.mavlink_port import LinkConfig, LinkStatus, Peer, Received
+from robotctl.workbench.mavlink.companion import COMPONENT, FIND_S, SYSTEM, Companion
 from robotctl.workbench.mavlink.parameters import (
     Difference,
     ParameterClient,
@@ -50,6 +53,9 @@ class LinkToRobot:
     def flush(self):
         pass
 
+    def status(self):
+        return (LinkStatus("", True, 0, 0, 0, 0, 0, 0, 0, 1, ""),)
+
     def poll(self, now_ns, timeout_s=0.0):
         for _ in range(5):
             self.bench.step(self.bench.control(), advance_s=0.01)
@@ -61,6 +67,30 @@ def client_of(link):
     robot = Companion(link, "tcpout:robot:5760", lambda: link.now_s)
     robot.find()
     return ParameterClient(robot)
+
+
+@pytest.mark.parametrize("kind", ["tcp", "udp"])
+def test_a_port_that_nobody_has_is_told_at_once_and_a_silent_one_in_time(kind):
+    begin_s = time.monotonic()
+    clock_s = lambda: 10.0 * (time.monotonic() - begin_s)  # noqa: E731 - so it takes less
+    of_kind = {"tcp": socket.SOCK_STREAM, "udp": socket.SOCK_DGRAM}[kind]
+    with socket.socket(type=of_kind) as silent:
+        silent.bind(("127.0.0.1", 0))
+        url = f"{kind}out:127.0.0.1:{silent.getsockname()[1]}"
+        if kind == "tcp":
+            silent.listen()
+        with (
+            MavlinkLinks((LinkConfig(url),), SYSTEM, COMPONENT) as links,
+            pytest.raises(LinkError, match="no robot is heard within 10 s"),
+        ):
+            Companion(links, url, clock_s).find()
+    before_s = clock_s()
+    with (
+        MavlinkLinks((LinkConfig(url),), SYSTEM, COMPONENT) as links,
+        pytest.raises(LinkError, match=f"{url}: no robot is there, Connection refused; --link"),
+    ):
+        Companion(links, url, clock_s).find()
+    assert clock_s() - before_s < FIND_S / 2
 
 
 @pytest.mark.parametrize("loss", [0.0, 0.2])

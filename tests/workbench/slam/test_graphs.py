@@ -1,6 +1,7 @@
 """SLAM of graph files: the filter beside the optimum of all, and what is refused."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from robotctl.errors import ConfigError, RobotctlError
 from robotctl.estimation.slam.ekf_slam.way import way_of
 from robotctl.estimation.slam.graph.variables import POINT2
 from robotctl.estimation.slam.graph.variables import SE2 as POSES
+from robotctl.logs.graphs.g2o import G2O
 from robotctl.logs.graphs.graph_files import read_graph
 from robotctl.model.geometry.se2 import SE2
 from robotctl.workbench.slam.slam import SlamOptions, slam, write_results
@@ -104,3 +106,36 @@ def test_victoria_park_is_driven_through_as_the_smoother_has_it(recordings):
     off = ekf.estimate.trajectory.poses[:, :2] - graph.estimate.trajectory.poses[:, :2]
     assert np.sqrt(np.mean(np.sum(off**2, axis=1))) < 2.0
     assert graph.figures["chi2"] == pytest.approx(6184.1, abs=0.1)
+
+
+def test_a_first_pose_that_is_fixed_is_where_the_drive_begins(tmp_path):
+    path, points = written(tmp_path)
+    graph = tmp_path / "square.g2o"
+    file = read_graph(path)
+    file.values[POSES][0] = turned = np.array([3.0, -2.0, 0.7])
+    G2O.write(graph, replace(file, fixed=np.array([0])))
+    c, s = np.cos(turned[2]), np.sin(turned[2])
+    expected = points @ np.array([[c, s], [-s, c]]) + turned[:2]
+    for solver in ("ekf", "graph", "submaps"):
+        found = slam(SlamOptions(log=graph, solver=solver), silent)
+        assert found.estimate.trajectory.poses[0] == pytest.approx(turned, abs=1e-6)
+        assert found.landmarks.positions == pytest.approx(expected, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("line", "problem"),
+    [
+        ("FIX 3 101", "pose 3, point 101 fixed: for the filter only the first pose is"),
+        ("EDGE_SE2_XY 0 101 1 1 0 0 4", "information between pose 0, point 101 is singular"),
+    ],
+)
+def test_what_the_filter_cannot_hold_is_named(tmp_path, line, problem):
+    path, _ = written(tmp_path)
+    graph = tmp_path / "square.g2o"
+    file = read_graph(path)
+    known = {kind: np.ones(len(ids), bool) for kind, ids in file.graph.ids.items()}
+    G2O.write(graph, replace(file, known=known))
+    with graph.open("a") as text:
+        text.write(f"{line}\n")
+    with pytest.raises(RobotctlError, match=problem):
+        slam(SlamOptions(log=graph, solver="graph"), silent)

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Callable
-from typing import Final
+from typing import Final, NamedTuple
 
+from robotctl.drivers.can.e2e import E2eReceiver
 from robotctl.drivers.can.nodes.commissioning import Script, Setting, Start, no_answer
 from robotctl.drivers.can.nodes.sdo import REQUEST_BASE, Request, SdoClient, SdoResponse
-from robotctl.messages.control import NodeStatus
+from robotctl.drivers.can.nodes.stranger_book import StrangerBook
+from robotctl.messages.control import NodeStatus, StrangerKind
 from robotctl.messages.faults import Fault, FaultCode
 
 NMT_ID: Final = 0x000
+HEARTBEAT_BASE: Final = 0x700
 NMT_BOOT_UP, NMT_STOPPED, NMT_OPERATIONAL, NMT_PRE_OPERATIONAL = 0, 4, 5, 127
 NMT_START, NMT_STOP, NMT_ENTER_PRE_OPERATIONAL = 1, 2, 128
 NMT_RESET_NODE, NMT_RESET_COMMUNICATION = 129, 130
@@ -23,6 +26,11 @@ _PUT_OUT: Final = {
     NMT_RESET_COMMUNICATION: (NMT_BOOT_UP, "was reset"),
 }
 """NMT commands that take a node out of service: the state it is in then, and words."""
+
+_SDO_COMMAND: Final = 0xE0
+_SDO_DOWNLOAD: Final = 0x20
+_SDO_ABORT: Final = b"\x80"
+"""Command specifiers of CiA 301, 7.2.4.3."""
 
 START_TIMEOUT_NS: Final = 250_000_000
 """Time for a heartbeat with the new NMT state [ns]: two heartbeats and a half."""
@@ -39,6 +47,13 @@ QUIET_NS: Final = 500_000_000
 
 QUIET_MAX_NS: Final = 1_000_000_000
 """Maximum time that a tool's continuous requests keep the robot from reading [ns]."""
+
+
+class Claim(NamedTuple):
+    """NMT state to which a node in service is said to have come, and when that was said [ns]."""
+
+    state: int
+    stamp_ns: int
 
 
 class NodePhase(enum.Enum):
@@ -66,16 +81,24 @@ class Node:
         Makes a new run of its commissioning script.
     heartbeat_timeout_ns
         A node silent for longer is lost [ns].
+    strangers
+        Where it is noted what others do in its name, or to it.
     """
 
     def __init__(
-        self, node_id: int, name: str, script: Callable[[], Script], heartbeat_timeout_ns: int
+        self,
+        node_id: int,
+        name: str,
+        script: Callable[[], Script],
+        heartbeat_timeout_ns: int,
+        strangers: StrangerBook,
     ) -> None:
         self.node_id = node_id
         self.phase = NodePhase.SILENT
         self._name = name
         self._make_script = script
         self._timeout_ns = heartbeat_timeout_ns
+        self._strangers = strangers
         self._sdo = SdoClient()
         self._script: Script | None = None
         self._extra: Request | None = None
@@ -90,6 +113,14 @@ class Node:
         self._nmt_state = NMT_BOOT_UP
         self._heartbeat_ns = 0
         self._boots = 0
+        self._receivers: list[E2eReceiver] = []
+        """Of its process data."""
+        self._data_late_ns = 0
+        """Time within which some of that comes [ns]."""
+        self._claim: Claim | None = None
+        """A change of state that process data may yet prove false."""
+        self._foreign_write = False
+        """Whether the answer to such a write is awaited."""
         self._attempts = 0
         self._wait_until_ns = 0
         self._fault: Fault | None = Fault(FaultCode.NODE_NOT_HEARD, "not heard on the bus")
@@ -98,15 +129,35 @@ class Node:
         self.status: NodeStatus
         self._refresh()
 
+    def watch(self, receiver: E2eReceiver, late_ns: int) -> None:
+        """Know process data of the node, which comes at least once in `late_ns` [ns]."""
+        self._receivers.append(receiver)
+        self._data_late_ns = min(late_ns, self._data_late_ns or late_ns)
+
     def on_heartbeat(self, data: bytes, stamp_ns: int) -> None:
-        """Take a heartbeat or boot-up message received at `stamp_ns` [ns]."""
+        """Take a heartbeat or boot-up message received at `stamp_ns` [ns].
+
+        One that says that a node in service booted, or left operational, anybody may have sent. A
+        node that did sends no process data any more (CiA 301), so its next frames decide.
+        """
         if len(data) != 1:
             return
         state = data[0] & 0x7F
+        in_service = self.phase in (NodePhase.VERIFYING, NodePhase.READY)
+        if in_service and state != NMT_OPERATIONAL and self._receivers:
+            if self._claim is None:
+                self._claim = Claim(state, stamp_ns)
+            return
+        self._enter(state, stamp_ns)
+
+    def _enter(self, state: int, stamp_ns: int) -> None:
+        """Follow a node that is in an NMT state."""
         self._nmt_state = state
         self._heartbeat_ns = stamp_ns
         # CANopen: a node that has sent its boot-up message is in pre-operational (CiA 301).
         if state == NMT_BOOT_UP:
+            for receiver in self._receivers:
+                receiver.reset()  # its counters begin anew, which is no sign of lost frames
             self._boots += 1
             self._nmt_state = NMT_PRE_OPERATIONAL
             self._begin()
@@ -135,9 +186,37 @@ class Node:
         response = self._sdo.receive(data)
         if response is not None:
             self._advance(response)
+        elif self._foreign_write:
+            self._foreign_write = False
+            if data[:1] == _SDO_ABORT:
+                self._strangers.note_refused(StrangerKind.SDO_WRITE, "SDO", self._name)
+
+    def _weigh(self, claim: Claim, now_ns: int) -> bool:
+        """Judge a claim by the process data since; return whether it was found to be true."""
+        if any(receiver.continued_since(claim.stamp_ns) for receiver in self._receivers):
+            self._claim = None
+            name = "boot-up message" if claim.state == NMT_BOOT_UP else "heartbeat"
+            self._strangers.note(
+                StrangerKind.FALSE_STATE,
+                name,
+                HEARTBEAT_BASE + self.node_id,
+                self._name,
+                claim.stamp_ns,
+            )
+            return False
+        if now_ns - claim.stamp_ns < self._data_late_ns:
+            return False
+        self._claim = None
+        self._enter(*claim)
+        return True
 
     def check(self, now_ns: int) -> bool:
-        """Return whether the node is lost since the last call: its heartbeat is too old."""
+        """Return whether the node is out of service since the last call.
+
+        It is where it has booted, or its heartbeat is too old.
+        """
+        if self._claim is not None and self._weigh(self._claim, now_ns):
+            return True
         if now_ns - self._heartbeat_ns <= self._timeout_ns or self.phase is NodePhase.SILENT:
             return False
         self._stop_script()
@@ -156,9 +235,13 @@ class Node:
         self.busy = True
         return True
 
-    def on_foreign_sdo(self, stamp_ns: int) -> None:
+    def on_foreign_sdo(self, data: bytes, stamp_ns: int) -> None:
         """Leave the node's single SDO channel to another tool's request for a while [ns]."""
         self._quiet_ns = stamp_ns + QUIET_NS
+        self._foreign_write = len(data) > 0 and data[0] & _SDO_COMMAND == _SDO_DOWNLOAD
+        if self._foreign_write:
+            request_id = REQUEST_BASE + self.node_id
+            self._strangers.note(StrangerKind.SDO_WRITE, "SDO", request_id, self._name, stamp_ns)
 
     def read_back(self, now_ns: int) -> None:
         """Start reading the next setting of a node in service, if no transfer is in progress."""
@@ -211,6 +294,7 @@ class Node:
     def _begin(self, *, again: bool = False) -> None:
         """Start commissioning; a repeated attempt leaves the sentence of the last failure."""
         self._stop_script()
+        self._claim = None
         self._attempts = 0
         self._wait_until_ns = 0
         self.busy = True

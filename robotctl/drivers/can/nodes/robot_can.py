@@ -12,25 +12,33 @@ from typing import Any, Final
 
 from robotctl.drivers.can.bus_load import transmission_type
 from robotctl.drivers.can.config import NodeParameters
-from robotctl.drivers.can.e2e import AliveCounter, E2eCounters, E2eReceiver
+from robotctl.drivers.can.dbc import Message
+from robotctl.drivers.can.e2e import (
+    SURPLUS_ON_SYNC,
+    SURPLUS_TIMED,
+    AliveCounter,
+    E2eCounters,
+    E2eReceiver,
+)
 from robotctl.drivers.can.nodes.can_node import NodeFrame, Value
 from robotctl.drivers.can.nodes.drive import CLEAR_FAULTS, DRIVE
-from robotctl.drivers.can.nodes.node import Node
+from robotctl.drivers.can.nodes.node import HEARTBEAT_BASE, Node
 from robotctl.drivers.can.nodes.registry import wanted_nodes
 from robotctl.drivers.can.nodes.robot_codec import SYNC, RobotCodec
 from robotctl.drivers.can.nodes.sdo import REQUEST_BASE, RESPONSE_BASE
+from robotctl.drivers.can.nodes.stranger_book import StrangerBook
 from robotctl.messages.control import (
     BusStatus,
     EmergencyMessage,
     EmergencyStopSource,
     Feedback,
     NodeStatus,
+    StrangerKind,
     WheelCommand,
 )
 from robotctl.messages.ports import CanPort
 
 EMERGENCY_BASE: Final = 0x080
-HEARTBEAT_BASE: Final = 0x700
 
 READ_BACK_NS: Final = 100_000_000
 """Period of reading back one setting of each node [ns]: all seven of the drive take 0.7 s."""
@@ -38,14 +46,13 @@ READ_BACK_NS: Final = 100_000_000
 DISABLE_FRAMES: Final = 3
 """How often `close` sends "motors off"."""
 
-_SILENCE_PERIODS = 12
-"""Periods of silence after which a protected message restarts: before its counter of 15 values can
-wrap, and later than the maximum age of feedback (ten periods in a simulator)."""
+_LATE: Final = 1.2
+"""Share of its period that a message with a timer of its own may take to come."""
 
 _FIELDS: Final = Feedback.__struct_fields__
 _NOTHING: Final[list[Any]] = [getattr(Feedback(), name) for name in _FIELDS]
-_DRIVE_STATUS, _EMERGENCIES, _EMERGENCY_STOP, _NODES, _BUS = map(
-    _FIELDS.index, ("drive", "emergencies", "emergency_stop", "nodes", "bus")
+_DRIVE_STATUS, _EMERGENCIES, _EMERGENCY_STOP, _NODES, _BUS, _STRANGERS = map(
+    _FIELDS.index, ("drive", "emergencies", "emergency_stop", "nodes", "bus", "strangers")
 )
 
 _SOURCES = {source.value: source for source in EmergencyStopSource}
@@ -71,7 +78,7 @@ class CanRobot:
         self._codec = codec
         self._alive = AliveCounter()
         self._counters = E2eCounters()
-        self._receivers: dict[int, list[E2eReceiver]] = {}
+        self._strangers = StrangerBook()
         self._values = list(_NOTHING)
         """Feedback of the present tick, in the order of the fields of `Feedback`."""
         self._refused_commands = 0
@@ -84,7 +91,13 @@ class CanRobot:
         timeout_ns = parameters.heartbeat_timeout_ms * 1_000_000
         wanted = wanted_nodes(parameters)
         self._nodes = [
-            Node(each.node_id, each.name, each.script(codec.dbc, parameters), timeout_ns)
+            Node(
+                each.node_id,
+                each.name,
+                each.script(codec.dbc, parameters),
+                timeout_ns,
+                self._strangers,
+            )
             for each in wanted
         ]
         self._drive = next(node for node in self._nodes if node.node_id == DRIVE.node_id)
@@ -93,13 +106,13 @@ class CanRobot:
         self._node_status = tuple(node.status for node in self._nodes)
         self._handlers: dict[int, Handler] = {
             codec.emergency_stop_id: self._on_emergency_stop,
-            codec.nmt_id: self._on_foreign_nmt,
+            **{number: self._on_host_frame(number) for number in codec.host_only},
         }
         for node in self._nodes:
             self._handle_services(node)
-        for each in wanted:
+        for node, each in zip(self._nodes, wanted, strict=True):
             for frame in each.frames:
-                self._handle_process_data(each.node_id, frame, parameters)
+                self._handle_process_data(node, frame, parameters)
 
     # Receiving ----------------------------------------------------------------------------------
 
@@ -115,12 +128,14 @@ class CanRobot:
         for node in self._nodes:
             if node.check(now_ns):
                 self._note_nodes()
+        self._strangers.refresh()
         drive = values[_DRIVE_STATUS]
         if drive is not None:
             low_rad, high_rad = self._codec.steering_range_rad
             self._steering_rad = min(max(drive.steering_rad, low_rad), high_rad)
         values[_NODES] = self._node_status
         values[_BUS] = self._bus_status()
+        values[_STRANGERS] = self._strangers.seen
         return Feedback(*values)
 
     def _bus_status(self) -> BusStatus:
@@ -151,10 +166,6 @@ class CanRobot:
         node_id = node.node_id
 
         def on_heartbeat(data: bytes, stamp_ns: int) -> None:
-            if data == b"\0":
-                # A restarted node begins its counters at the start; that is no sign of lost frames.
-                for receiver in self._receivers.get(node_id, ()):
-                    receiver.reset()
             node.on_heartbeat(data, stamp_ns)
             self._note_nodes()
 
@@ -167,43 +178,61 @@ class CanRobot:
                 code = int.from_bytes(data[:2], "little")
                 self._values[_EMERGENCIES] += (EmergencyMessage(stamp_ns, node_id, code, data[2]),)
 
-        def on_foreign_sdo(_: bytes, stamp_ns: int) -> None:
-            node.on_foreign_sdo(stamp_ns)
-
         self._handlers[HEARTBEAT_BASE + node_id] = on_heartbeat
-        self._handlers[REQUEST_BASE + node_id] = on_foreign_sdo
+        self._handlers[REQUEST_BASE + node_id] = node.on_foreign_sdo
         self._handlers[RESPONSE_BASE + node_id] = on_sdo
         self._handlers[EMERGENCY_BASE + node_id] = on_emergency
 
     def _handle_process_data(
-        self, node_id: int, frame: NodeFrame, parameters: NodeParameters
+        self, node: Node, frame: NodeFrame, parameters: NodeParameters
     ) -> None:
         """Wire a protected message to its receiver and decoder."""
-        receiver = self._make_receiver(frame.message, parameters)
-        self._receivers.setdefault(node_id, []).append(receiver)
+        message = self._codec.dbc.message(frame.message)
+        arbitration_id = message.arbitration_id
+        note, name = self._strangers.note, node.status.name
+        period_ns, on_sync = self._period_ns(message, parameters)
+        receiver = E2eReceiver(
+            message,
+            period_ns,
+            self._counters,
+            SURPLUS_ON_SYNC if on_sync else SURPLUS_TIMED,
+            lambda stamp_ns: note(
+                StrangerKind.SECOND_SENDER, message.name, arbitration_id, name, stamp_ns
+            ),
+        )
+        node.watch(receiver, period_ns if on_sync else round(_LATE * period_ns))
         index = _FIELDS.index(frame.field)
         guarded = _guarded_all if isinstance(_NOTHING[index], tuple) else _guarded
-        arbitration_id = self._codec.dbc.message(frame.message).arbitration_id
         read = self._codec.readers[frame.message]
         self._handlers[arbitration_id] = guarded(receiver, read, self._values, index)
 
-    def _make_receiver(self, name: str, parameters: NodeParameters) -> E2eReceiver:
-        """Return the receiver of a message, with a time-out that suits its period."""
-        message = self._codec.dbc.message(name)
-        period_ns = message.cycle_ms * 1_000_000
-        if message.send_type == "OnSync":
-            sync, rate_hz = self._codec.dbc.message(SYNC), parameters.rate_hz
-            every = transmission_type(message, sync, rate_hz, steered=parameters.steered)
-            period_ns = every * 1_000_000_000 // parameters.rate_hz
-        return E2eReceiver(message, _SILENCE_PERIODS * period_ns, self._counters)
+    def _period_ns(self, message: Message, parameters: NodeParameters) -> tuple[int, bool]:
+        """Return how often a message is sent [ns], and whether by SYNC."""
+        if message.send_type != "OnSync":
+            return message.cycle_ms * 1_000_000, False
+        sync, rate_hz = self._codec.dbc.message(SYNC), parameters.rate_hz
+        every = transmission_type(message, sync, rate_hz, steered=parameters.steered)
+        return every * 1_000_000_000 // rate_hz, True
 
     def _on_emergency_stop(self, data: bytes, _: int) -> None:
         self._leave_latches()
         source = _SOURCES.get(data[0]) if data else None
         self._values[_EMERGENCY_STOP] = EmergencyStopSource.UNKNOWN if source is None else source
 
-    def _on_foreign_nmt(self, data: bytes, _: int) -> None:
-        """Handle another device's NMT command: the bus does not return our own."""
+    def _on_host_frame(self, arbitration_id: int) -> Handler:
+        """Return the handler of a frame that only the host sends: the bus returns none of ours."""
+        name, is_nmt = self._codec.host_only[arbitration_id], arbitration_id == self._codec.nmt_id
+        note = self._strangers.note
+
+        def handle(data: bytes, stamp_ns: int) -> None:
+            note(StrangerKind.HOST_FRAME, name, arbitration_id, "", stamp_ns)
+            if is_nmt:
+                self._on_foreign_nmt(data)
+
+        return handle
+
+    def _on_foreign_nmt(self, data: bytes) -> None:
+        """Handle another device's NMT command."""
         if len(data) == 2:
             for node in self._nodes:
                 if data[1] in (0, node.node_id):

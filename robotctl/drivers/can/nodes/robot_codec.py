@@ -50,10 +50,12 @@ class RobotCodec:
         self.sync_id = dbc.message(SYNC).arbitration_id
         self.nmt_id = dbc.message(NMT).arbitration_id
         self.emergency_stop_id = dbc.message(EMERGENCY_STOP).arbitration_id
-        foreign = {self.emergency_stop_id, self.nmt_id, *_sdo_requests(dbc)}
+        self.host_only = {dbc.message(name).arbitration_id: name for name in (COMMAND, SYNC, NMT)}
+        """Names of the frames that nobody but the host may send, by identifier."""
+        foreign = {self.emergency_stop_id, *self.host_only, *_sdo_requests(dbc)}
         self.arbitration_ids = tuple(sorted({*foreign, *dbc.received_by(HOST)}))
-        """What the host listens to: what is meant for it; emergency stops, NMT and SDO requests by
-        others."""
+        """What the host listens to: what is meant for it; what others send in its place; emergency
+        stops and SDO requests by others."""
         frames = [frame for node in CAN_NODES for frame in node.frames]
         for name in (COMMAND, *(frame.message for frame in frames)):
             dbc.protection(name)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import cv2
 import numpy as np
@@ -24,6 +25,24 @@ LEAST_PICTURES = 4
 _FIELDS = 4
 _OUTLYING = 3.0
 _FOCAL_SIGMA = 0.05
+_FIRST = 4
+"""Pictures of which all combinations of turns are tried; each further one is added to the best."""
+_TURNED = 0.5
+"""Share of its squared residuals by which a picture has to fit better turned to be called so."""
+
+
+class TurnedPicturesError(ValueError):
+    """Some pictures are turned by half a turn against the others, so no lens took all of them.
+
+    Parameters
+    ----------
+    numbers
+        Of the pictures, counted from 0: the fewer of the two kinds.
+    """
+
+    def __init__(self, numbers: Sequence[int]) -> None:
+        super().__init__(f"pictures {', '.join(map(str, numbers))} are turned by half a turn")
+        self.numbers = tuple(numbers)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,6 +91,8 @@ def calibrate_lens(
 
     Raises
     ------
+    TurnedPicturesError
+        If some pictures are turned by half a turn against the others, as files that were turned.
     ValueError
         With fewer than four pictures, also of those that fit, if no lens fits them, or if they do
         not tell the focal length, as those of a board that is never tilted.
@@ -82,6 +103,8 @@ def calibrate_lens(
     kept = np.flatnonzero(rms_px <= _OUTLYING * np.median(rms_px)).tolist()
     _check_count(len(kept), f"of {len(corners)} with the board fit each other")
     chosen = [corners[i] for i in kept]
+    if turned := _turned(chosen, board, size):
+        raise TurnedPicturesError([kept[i] for i in turned])
     values, of_each = _calibrated(chosen, board, size)
     all_px = np.full(len(corners), np.nan)
     all_px[kept] = of_each
@@ -100,6 +123,35 @@ def calibrate_lens(
     lens = CameraIntrinsics(width_px, height_px, fx, fy, cx, cy, tuple(distortion))
     half_width = sigma * float(student.ppf(0.975, n - 1))
     return LensFit(lens, half_width, all_px, _covered(chosen, size))
+
+
+def _turned(
+    corners: Sequence[NDArray[np.float64]], board: Board, size: tuple[int, int]
+) -> list[int]:
+    """Return which pictures are turned by half a turn against most of the others.
+
+    A lens whose axis is off the middle of the picture fits only one kind. Turns of the first few
+    pictures are tried in all combinations, those of the others one by one, as they come.
+    """
+    far = np.array(size) - 1.0
+
+    def misfit(turns: Sequence[bool]) -> float:
+        seen = [far - each if turn else each for each, turn in zip(corners, turns, strict=False)]
+        return float(np.sum(np.square(_calibrated(seen, board, size)[1])))
+
+    first = product([False], *[(False, True)] * (min(_FIRST, len(corners)) - 1))
+    best = min(first, key=misfit)
+    while len(best) < len(corners):
+        best = min(((*best, turn) for turn in (False, True)), key=misfit)
+    least = misfit(best)
+    fewer = 2 * sum(best) <= len(best)
+    return [
+        number
+        for number, turn in enumerate(best)
+        if turn is fewer
+        and misfit([turned != (k == number) for k, turned in enumerate(best)]) - least
+        > _TURNED * least / len(best)
+    ]
 
 
 def _check_count(found: int, which: str) -> None:

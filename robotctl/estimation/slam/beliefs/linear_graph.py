@@ -130,7 +130,7 @@ class LinearGraph:
                 knows[each[links < 0]] = True
         first, second = (np.ascontiguousarray(each) for each in self.ends.T)
         roots = np.argsort(~(knows & self._is_free), kind="stable")
-        taken, backward = walk(*incidence(first, second, n), first, second, roots)
+        taken, backward = walk(*incidence(first, second, n), first, second, roots, 0)
         self._tree_links = 2 * taken + 1 - backward
         self._children = self.ends[taken, 1 - backward]
         self._parents = self.ends[taken, backward]

@@ -15,7 +15,7 @@ from robotctl.estimation.slam.ekf_slam.joined_maps import JoinedMaps
 from robotctl.estimation.slam.ekf_slam.way import way_of
 from robotctl.estimation.slam.factors.between import BETWEEN_2D
 from robotctl.estimation.slam.factors.landmarks import RANGE_BEARING, SEEN_2D
-from robotctl.estimation.slam.graph.factor import FactorBlock, FactorKind
+from robotctl.estimation.slam.graph.factor import FactorBlock, FactorKind, is_definite
 from robotctl.estimation.slam.graph.factor_graph import FactorGraph, blocks_of
 from robotctl.estimation.slam.graph.variables import SE2 as POSES
 from robotctl.model.geometry.se2 import SE2
@@ -29,12 +29,12 @@ MEASURED: Final[dict[FactorKind, FeatureKind]] = {SEEN_2D: SEEN_POINT, RANGE_BEA
 class GraphDrive:
     """SLAM along the poses of a graph, in the order of their ids, with known association.
 
-    The world is where the first pose is.
-
     Parameters
     ----------
     graph
         Poses in the plane, each linked with the next one, and points.
+    start
+        First pose: x [m], y [m], theta [rad] in the world, (3,).
     past_poses
         About how many poses are kept, evenly along the way.
     most_features
@@ -43,15 +43,20 @@ class GraphDrive:
     Raises
     ------
     ValueError
-        If poses are not linked in a row, or there are factors of other kinds.
+        If poses are not linked in a row, there are factors of other kinds, or information is
+        singular.
     """
 
     def __init__(
-        self, graph: FactorGraph, past_poses: int, most_features: int | None = None
+        self, graph: FactorGraph, start: Array, past_poses: int, most_features: int | None = None
     ) -> None:
         for block in graph.blocks:
             if block.kind is not BETWEEN_2D and block.kind not in MEASURED:
                 raise ValueError(f"factors {block.kind.name!r} are not for the filter")
+            good = is_definite(block.information)
+            if not np.all(good):
+                ends = [int(each[np.argmin(good)]) for each in graph.numbers(block)]
+                raise ValueError(f"information between {graph.names(ends)} is singular")
         count = len(graph.ids.get(POSES, ()))
         self.deltas = np.full((count, 3), math.nan)
         """Of each pose in the frame of the one before, (n, 3); the first is nan."""
@@ -77,8 +82,10 @@ class GraphDrive:
         marks = np.floor(np.cumsum(steps_m) / max(steps_m.sum(), 1e-9) * past_poses)
         kept = np.flatnonzero(np.diff(marks) > 0) + 1
         self._kept = [0, *kept[kept < count - 1].tolist(), count - 1]
-        self._slam = EkfSlam(np.zeros(3), 1e-12 * np.eye(3))
         self._maps = None if most_features is None else JoinedMaps(most_features)
+        if self._maps is not None:  # a local map begins at its own origin
+            self._maps.x[:], start = start, np.zeros(3)
+        self._slam = EkfSlam(start.copy(), 1e-12 * np.eye(3))
         self.online = np.zeros((count, 3))
         """Poses as they were estimated at their time, (n, 3)."""
 

@@ -121,4 +121,6 @@ def residual_3d(a: Floats, b: Floats, z: Floats) -> Floats:
 
 
 BETWEEN_2D: Final = FactorKind("between poses", (SE2, SE2), 3, 3, residual_2d, linearise_2d)
-BETWEEN_3D: Final = FactorKind("between poses in space", (SE3, SE3), 7, 6, residual_3d, linearise_3d)  # fmt: skip # noqa: E501
+BETWEEN_3D: Final = FactorKind(
+    "between poses in space", (SE3, SE3), 7, 6, residual_3d, linearise_3d, quaternion=3
+)

@@ -28,4 +28,6 @@ def _residual(a: Floats, b: Floats, z: Floats) -> Floats:
     return at_camera[:, :2] / np.maximum(at_camera[:, 2:], _NEAREST_M) - z[:, :2]
 
 
-GROUND_POINT: Final = FactorKind("point of the floor in a picture", (SE2, POINT2), 9, 2, _residual)
+GROUND_POINT: Final = FactorKind(
+    "point of the floor in a picture", (SE2, POINT2), 9, 2, _residual, quaternion=5
+)

@@ -60,7 +60,13 @@ PRIOR_2D: Final = FactorKind(
     "prior of a pose", (SE2,), 3, 3, lambda a, z: residual_2d(_origins(z), a, z), _pose_2d
 )
 PRIOR_3D: Final = FactorKind(
-    "prior of a pose in space", (SE3,), 7, 6, lambda a, z: residual_3d(_origins(z), a, z), _pose_3d
+    "prior of a pose in space",
+    (SE3,),
+    7,
+    6,
+    lambda a, z: residual_3d(_origins(z), a, z),
+    _pose_3d,
+    quaternion=3,
 )
 PRIOR_POINT_2D: Final = FactorKind("prior of a point", (POINT2,), 2, 2, _offset, _point)
 PRIOR_POINT_3D: Final = FactorKind("prior of a point in space", (POINT3,), 3, 3, _offset, _point)

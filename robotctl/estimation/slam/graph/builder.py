@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from robotctl.estimation.slam.graph.checks import check_numbers, check_values
 from robotctl.estimation.slam.graph.factor import FactorBlock, FactorKind, Ints
 from robotctl.estimation.slam.graph.factor_graph import FactorGraph, Values
 from robotctl.estimation.slam.graph.variables import KINDS, Floats, VariableKind
@@ -18,13 +19,31 @@ class GraphBuilder:
         self._factors: dict[FactorKind, list[tuple[Ints, Floats, Floats]]] = {}
 
     def variables(self, kind: VariableKind, ids: Ints, values: Floats) -> None:
-        """Add variables (n,) with their values (n, size); a later value replaces an earlier."""
+        """Add variables (n,) with their values (n, size); a later value replaces an earlier.
+
+        Raises
+        ------
+        ValueError
+            If the arrays have other shapes, or a number cannot be a value.
+        """
+        ids, values = _numbers_of(ids, (-1,)), np.asarray(values, np.float64)
+        check_values({kind: len(ids)}, {kind: values}, numbers=True)
         self._variables.setdefault(kind, []).append((ids, values))
 
     def factors(
         self, kind: FactorKind, ids: Ints, measurements: Floats, information: Floats
     ) -> None:
-        """Add factors on the variables `ids` (n, 1 or 2); arrays as in `FactorBlock`."""
+        """Add factors on the variables `ids` (n, 1 or 2); arrays as in `FactorBlock`.
+
+        Raises
+        ------
+        ValueError
+            If the arrays have other shapes, or a number cannot be a measurement or information.
+        """
+        ids = _numbers_of(ids, (len(measurements), len(kind.variables)))
+        measurements = np.asarray(measurements, np.float64)
+        information = np.asarray(information, np.float64)
+        check_numbers(kind, measurements, information)
         self._factors.setdefault(kind, []).append((ids, measurements, information))
 
     def build(self) -> tuple[FactorGraph, Values, dict[VariableKind, NDArray[np.bool_]]]:
@@ -62,3 +81,14 @@ class GraphBuilder:
                 )
             )
         return FactorGraph(ids, tuple(blocks)), values, known
+
+
+def _numbers_of(ids: Ints, shape: tuple[int, ...]) -> Ints:
+    """Return ids as int64, once they are whole numbers of a shape; -1 stands for any length."""
+    ids = np.asarray(ids)
+    fits = ids.ndim == len(shape) and all(
+        wanted in (-1, found) for wanted, found in zip(shape, ids.shape, strict=True)
+    )
+    if not fits or not (np.issubdtype(ids.dtype, np.integer) or ids.size == 0):
+        raise ValueError(f"ids {ids.dtype} {ids.shape} found, whole numbers {shape} needed")
+    return ids.astype(np.int64)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 from robotctl.estimation.slam.graph.variables import Floats, VariableKind
 
 Ints: TypeAlias = NDArray[np.int64]
-_STEP: float = 1e-6
+_STEP: Final = 1e-6
+ROUNDING: Final = 1e-9
+"""Eigenvalues below that are nothing but rounded digits, where the diagonal is 1."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,6 +42,8 @@ class FactorKind:
     linearise
         Takes the same, then arrays that it fills: residuals (n, size) and, for each variable, their
         derivatives by its increment (n, size, dof). None: differences of `residual`.
+    quaternion
+        Place in a measurement where a unit quaternion begins; None: it holds none.
     """
 
     name: str
@@ -48,6 +52,7 @@ class FactorKind:
     size: int
     residual: Callable[..., Floats]
     linearise: Callable[..., None] | None = None
+    quaternion: int | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,7 +68,8 @@ class FactorBlock:
     measurements
         (n, measurement).
     information
-        Inverse covariances of the residuals, (n, size, size), symmetric, positive definite.
+        Inverse covariances of the residuals, (n, size, size), symmetric, positive semidefinite: of
+        what a zero eigenvalue stands for, the factor says nothing.
     """
 
     kind: FactorKind
@@ -82,6 +88,11 @@ class FactorBlock:
             self.measurements[chosen],
             self.information[chosen],
         )
+
+    def informed(self) -> FactorBlock:
+        """Return the factors with any information."""
+        says_something = np.any(self.information, axis=(1, 2))
+        return self if np.all(says_something) else self.take(says_something)
 
 
 @dataclass(slots=True, eq=False)
@@ -142,6 +153,50 @@ def numerical_jacobians(
                 moved[slot] = variable.retract(values[slot], step)
                 ends.append(kind.residual(*moved, block.measurements))
             jacobian[:, :, column] = (ends[0] - ends[1]) / (2.0 * _STEP)
+
+
+def scaled(matrices: Floats) -> tuple[Floats, Floats]:
+    """Return matrices (n, size, size) with a diagonal of ones, and the roots of what it was.
+
+    Metres and radians are alike then. A zero on the diagonal stays one.
+    """
+    roots = np.sqrt(np.abs(np.diagonal(matrices, axis1=1, axis2=2)))
+    roots = np.where(roots > 0.0, roots, 1.0)
+    return matrices / (roots[:, :, None] * roots[:, None, :]), roots
+
+
+def is_definite(matrices: Floats) -> NDArray[np.bool_]:
+    """Return which symmetric matrices (n, size, size) are positive definite beyond rounding."""
+    try:
+        # One Cholesky factor each is a tenth of the work of eigenvalues.
+        factors = np.linalg.cholesky(matrices)
+    except np.linalg.LinAlgError:
+        good: NDArray[np.bool_] = np.linalg.eigvalsh(scaled(matrices)[0])[:, 0] > ROUNDING
+    else:
+        pivots = np.diagonal(factors, axis1=1, axis2=2) ** 2
+        good = np.all(pivots > ROUNDING * np.diagonal(matrices, axis1=1, axis2=2), axis=1)
+    return good
+
+
+def is_semidefinite(matrices: Floats) -> NDArray[np.bool_]:
+    """Return which symmetric matrices (n, size, size) are positive semidefinite up to rounding."""
+    good = is_definite(matrices)
+    if not np.all(good):
+        good[~good] = np.linalg.eigvalsh(scaled(matrices[~good])[0])[:, 0] >= -ROUNDING
+    return good
+
+
+def clipped(matrices: Floats) -> Floats:
+    """Return symmetric matrices (n, size, size) with 0 in place of negative eigenvalues.
+
+    Of the scaled matrices these are the nearest positive semidefinite ones (Higham 1988).
+    """
+    own, roots = scaled(matrices)
+    values, vectors = np.linalg.eigh(own)
+    nearest = (vectors * np.maximum(values, 0.0)[:, None, :]) @ vectors.transpose(0, 2, 1)
+    nearest = 0.5 * (nearest + nearest.transpose(0, 2, 1))
+    result: Floats = nearest * (roots[:, :, None] * roots[:, None, :])
+    return result
 
 
 def inverses(matrices: Floats) -> Floats:

@@ -9,6 +9,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from robotctl.estimation.slam.graph.checks import check_block, check_values
 from robotctl.estimation.slam.graph.factor import FactorBlock, FactorKind, Ints
 from robotctl.estimation.slam.graph.variables import SE2, SE3, Floats, VariableKind
 
@@ -26,10 +27,27 @@ class FactorGraph:
         Of each kind, the numbers that people know its variables by, (n,).
     blocks
         The factors.
+
+    Raises
+    ------
+    ValueError
+        If arrays have other shapes than their kinds say, name variables that are not there, or hold
+        numbers that cannot be (not finite, a quaternion that is not of length 1, information that
+        is not symmetric).
     """
 
     ids: dict[VariableKind, Ints]
     blocks: tuple[FactorBlock, ...]
+
+    def __post_init__(self) -> None:
+        counts = self.counts
+        for block in self.blocks:
+            check_block(block, counts)
+
+    @property
+    def counts(self) -> dict[VariableKind, int]:
+        """Number of variables of each kind."""
+        return {kind: len(ids) for kind, ids in self.ids.items()}
 
     @property
     def size(self) -> int:
@@ -67,23 +85,51 @@ class FactorGraph:
             for rows, kind in zip(block.variables, block.kind.variables, strict=True)
         )
 
+    def place(self, number: int) -> tuple[VariableKind, int]:
+        """Return the kind of a variable, and its row among those of that kind."""
+        row = number
+        for kind, ids in self.ids.items():
+            if row < len(ids):
+                return kind, row
+            row -= len(ids)
+        raise IndexError(number)
+
+    def rows(self, numbers: Ints) -> dict[VariableKind, Ints]:
+        """Return of each kind the rows of some variables, in ascending order."""
+        chosen = np.zeros(self.size, np.bool_)
+        chosen[numbers] = True
+        bounds = np.cumsum(list(self.counts.values()))[:-1]
+        return {
+            kind: np.flatnonzero(mask)
+            for kind, mask in zip(self.ids, np.split(chosen, bounds), strict=True)
+        }
+
     def name(self, number: int) -> str:
         """Return what a message calls a variable."""
-        for kind, ids in self.ids.items():
-            if number < len(ids):
-                return f"{kind.name} {ids[number]}"
-            number -= len(ids)
-        raise IndexError(number)
+        kind, row = self.place(number)
+        return f"{kind.name} {self.ids[kind][row]}"
 
     def names(self, numbers: Sequence[int], most: int = 5) -> str:
         """Return what a message calls variables, of many only the first."""
         text = ", ".join(self.name(int(each)) for each in numbers[:most])
         return text if len(numbers) <= most else f"{text} and {len(numbers) - most} more"
 
-    def components(self) -> Ints:
-        """Return for each variable the number of its connected component, (n,), from 0."""
+    def components(self, apart: Ints | Sequence[int] = ()) -> Ints:
+        """Return for each variable the number of its connected component, (n,), from 0.
+
+        Factors without information connect nothing.
+
+        Parameters
+        ----------
+        apart
+            Numbers of variables that do not connect others: each is a component of its own.
+        """
         parent = np.arange(self.size)
-        for first, second in self.pairs():
+        connects = np.ones(self.size, np.bool_)
+        connects[np.asarray(apart, np.int64)] = False
+        for a, b in self.pairs(informed=True):
+            both = connects[a] & connects[b]
+            first, second = a[both], b[both]
             # Each root takes the smallest root that it meets, until none changes any more.
             while True:
                 low = np.minimum(parent[first], parent[second])
@@ -97,15 +143,26 @@ class FactorGraph:
             parent = parent[parent]
         return np.unique(parent, return_inverse=True)[1]
 
-    def pairs(self) -> Iterator[tuple[Ints, Ints]]:
-        """Yield all pairs of variables with a common factor, (m,) and (m,), at once."""
-        pairs = [numbers for each in self.blocks if len(numbers := self.numbers(each)) == 2]
+    def pairs(self, *, informed: bool = False) -> Iterator[tuple[Ints, Ints]]:
+        """Yield all pairs of variables with a common factor, (m,) and (m,), at once.
+
+        With `informed` only those whose factor has information.
+        """
+        blocks = [each for each in self.blocks if len(each.kind.variables) == 2]
+        pairs = [self.numbers(each.informed() if informed else each) for each in blocks]
         if pairs:
             yield np.concatenate([p[0] for p in pairs]), np.concatenate([p[1] for p in pairs])
 
 
 def chi2_of(graph: FactorGraph, values: Values) -> float:
-    """Return the sum of r^T Omega r over all factors: chi2 as g2o reports it."""
+    """Return the sum of r^T Omega r over all factors: chi2 as g2o reports it.
+
+    Raises
+    ------
+    ValueError
+        If values have other shapes than the variables of the graph.
+    """
+    check_values(graph.counts, values, numbers=False)
     total = 0.0
     for block in graph.blocks:
         r = block.kind.residual(*values_of(block, values), block.measurements)

@@ -17,6 +17,9 @@ from robotctl.compiled import compiled
 
 Floats: TypeAlias = NDArray[np.float64]
 
+LARGEST: Final = 1e30
+"""Largest size of a number in a graph: products of a few of them stay finite."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VariableKind:
@@ -44,6 +47,10 @@ class VariableKind:
     positions: int
     identity: tuple[float, ...]
     retract: Callable[[Floats, Floats], Floats]
+
+    def __repr__(self) -> str:
+        """Return a name that tells kinds apart."""
+        return f"{self.name} of {self.size} numbers"
 
     @property
     def is_pose(self) -> bool:

@@ -22,6 +22,7 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
+from robotctl.estimation.slam.graph.checks import check_numbers
 from robotctl.estimation.slam.graph.factor import FactorKind
 from robotctl.estimation.slam.graph.variables import Floats
 from robotctl.estimation.slam.incremental.closures import Closures
@@ -61,7 +62,12 @@ class ConsistentClosures:
     def add(
         self, kind: FactorKind, variables: tuple[int, ...], measurement: Floats, information: Floats
     ) -> Closure:
-        """Add a factor that may be wrong, as to `IncrementalSmoother.factor`; it is off."""
+        """Add a factor that may be wrong, as to `IncrementalSmoother.factor`; it is off.
+
+        Its information must not be singular.
+        """
+        self._smoother.check_ends(kind, variables)
+        check_numbers(kind, measurement[None], information[None])
         table = self._tables.setdefault(kind, Closures(self._smoother, kind))
         closure = table, table.add(variables, measurement, information)
         self._fresh.append(closure)

@@ -19,6 +19,9 @@ from robotctl.estimation.slam.linear.symbolic import Symbolic, analyse
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+_MOST_DAMPING = 1e9
+"""Of what the diagonal holds; whatever is singular is not then."""
+
 
 @compiled
 def _affected(cliques: Cliques, clique_of: Ints, touched: Ints, owner: Ints) -> tuple[Ints, Ints]:  # noqa: C901 - one compiled loop
@@ -287,7 +290,8 @@ def renew(  # noqa: C901 - one compiled loop
     cliques : Cliques
         The tree; its arrays may be other ones.
     first : int
-        From this clique on all are new.
+        From this clique on all are new; -1 where no damping makes the matrix positive definite, as
+        with numbers that are not finite. Then the tree is of no use any more.
     """
     variables, orphans = _affected(cliques, clique_of, touched, links.owner)
     n = len(variables)
@@ -344,6 +348,8 @@ def renew(  # noqa: C901 - one compiled loop
         ):
             break
         damping = max(1e-9, 100.0 * damping)
+        if damping > _MOST_DAMPING:
+            return cliques, -1
     used = cliques.used
     base, row_at, at = used[0], used[1], used[2]
     need = len(panels) + len(updates)

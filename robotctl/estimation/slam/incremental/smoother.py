@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from robotctl.compiled import compiled
 from robotctl.estimation.grown import Grown
+from robotctl.estimation.slam.equations import GraphError
+from robotctl.estimation.slam.graph.checks import check_numbers, check_values
 from robotctl.estimation.slam.graph.factor import FactorBlock, FactorKind, Ints, Linearised
 from robotctl.estimation.slam.graph.variables import Floats, VariableKind
 from robotctl.estimation.slam.incremental.bayes_tree import (
@@ -135,7 +137,14 @@ class IncrementalSmoother:
         self._fresh: list[int] = []
 
     def variable(self, kind: VariableKind, value: Floats, *, fixed: bool = False) -> int:
-        """Add a variable at a value (size,), perhaps one that keeps it; return its number."""
+        """Add a variable at a value (size,), perhaps one that keeps it; return its number.
+
+        Raises
+        ------
+        ValueError
+            If the value has another shape, or is none.
+        """
+        check_values({kind: 1}, {kind: value[None]}, numbers=True)
         number = len(self._kinds)
         self._kinds.append(kind)
         values = self._values.setdefault(kind, Grown((kind.size,), float))
@@ -159,7 +168,16 @@ class IncrementalSmoother:
     def factor(
         self, kind: FactorKind, variables: Sequence[int], measurement: Floats, information: Floats
     ) -> int:
-        """Add a factor on variables; return its number. Arrays of one row of a `FactorBlock`."""
+        """Add a factor on variables; return its number. Arrays of one row of a `FactorBlock`.
+
+        Raises
+        ------
+        ValueError
+            If there are no such variables of the factor's kinds, or an array has another shape or
+            a number that cannot be.
+        """
+        self.check_ends(kind, variables)
+        check_numbers(kind, measurement[None], information[None])
         number = self._first.size
         own = self._blocks.setdefault(kind, _Kind(kind))
         rows = [self._rows[each] for each in variables]
@@ -180,6 +198,22 @@ class IncrementalSmoother:
         self._touched += free
         self._fresh.append(number)
         return number
+
+    def check_ends(self, kind: FactorKind, variables: Sequence[int]) -> None:
+        """Refuse variables that are not there, or not of the kinds that a factor links.
+
+        Raises
+        ------
+        ValueError
+            With what was found, and what is needed.
+        """
+        found = [self._kinds[each] for each in variables if 0 <= each < len(self._kinds)]
+        if tuple(found) != kind.variables or len(set(variables)) != len(variables):
+            raise ValueError(
+                f"factor {kind.name!r} of variables {tuple(variables)}: "
+                f"{', '.join(repr(each) for each in found)} found, "
+                f"{', '.join(repr(each) for each in kind.variables)} needed"
+            )
 
     def weigh(self, factor: int, weight: float) -> None:
         """Change the weight of a factor from the next update on; 0 removes it."""
@@ -214,7 +248,13 @@ class IncrementalSmoother:
         return at.residuals[0], covariance
 
     def update(self) -> bool:
-        """Take in what was added; return whether anything changed."""
+        """Take in what was added; return whether anything changed.
+
+        Raises
+        ------
+        GraphError
+            If the values have left all bounds; the smoother is of no use then.
+        """
         self._relinearise()
         if not self._touched:
             return False
@@ -228,11 +268,20 @@ class IncrementalSmoother:
         is_new[self._new] = True
         touched = np.array(self._touched, np.int64)
         self._cliques, first = renew(self._cliques, links, self._clique_of.view, touched, is_new)
+        if first < 0:
+            raise GraphError(
+                "the smoother's equations have no solution: values have left all bounds; begin "
+                "nearer, or use lm"
+            )
         solve_down(self._cliques, first, self.config.wildfire, self._increments.view)
         self._touched, self._new, self._fresh = [], [], []
         if self._cliques.used[2] > _WASTE and len(self._cliques.pool) > 4 * self._live():
-            self._cliques = compact(self._cliques, self._clique_of.view)
+            self.compact()
         return True
+
+    def compact(self) -> None:
+        """Give back the memory of cliques that are gone."""
+        self._cliques = compact(self._cliques, self._clique_of.view)
 
     def refine(self, most: int = 10) -> None:
         """Linearise anew until nothing changes that matters, in so many updates at most."""

@@ -123,7 +123,7 @@ def single_assembler(size: int, dof: int) -> Callable[..., None]:  # noqa: C901 
 
 @compiled
 def quadratic_forms(residuals: Floats, information: Floats) -> Floats:
-    """Return r^T Omega r of each residual, (n,)."""
+    """Return r^T Omega r of each residual, (n,); at least 0, whatever is rounded."""
     n, size = residuals.shape
     result = np.zeros(n)
     for k in range(n):
@@ -132,4 +132,5 @@ def quadratic_forms(residuals: Floats, information: Floats) -> Floats:
             for j in range(size):
                 row += information[k, i, j] * residuals[k, j]
             result[k] += residuals[k, i] * row
+        result[k] = max(result[k], 0.0)
     return result

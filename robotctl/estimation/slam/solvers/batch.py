@@ -12,7 +12,7 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from robotctl.estimation.slam.equations import Equations, Linearisation, NormalEquations
+from robotctl.estimation.slam.equations import Equations, GraphError, Linearisation, NormalEquations
 from robotctl.estimation.slam.graph.variables import Floats
 from robotctl.estimation.slam.robust.graduated import Graduation
 from robotctl.estimation.slam.robust.robust_cost import RobustCost
@@ -20,9 +20,9 @@ from robotctl.estimation.slam.solvers.problem import (
     Problem,
     Solution,
     Tell,
-    check_determined,
     doubtful,
     singular,
+    solver,
 )
 
 SETTLED: Final = 1e-7
@@ -215,14 +215,19 @@ def solve(problem: Problem, tell: Tell, make_rule: Callable[[], Rule]) -> Soluti
     GraphError
         If the factors do not determine all variables; it names them.
     """
-    check_determined(problem.graph, problem.fixed)
     return descend(problem, tell, NormalEquations(problem.graph, problem.fixed), make_rule)
 
 
 def descend(
     problem: Problem, tell: Tell, equations: Equations, make_rule: Callable[[], Rule]
 ) -> Solution:
-    """Return where the steps of a rule end, with any equations of the problem."""
+    """Return where the steps of a rule end, with any equations of the problem.
+
+    Raises
+    ------
+    GraphError
+        If there is no step, or the steps leave all bounds.
+    """
     tell("order", 1, 1)
     suspects = doubtful(problem.graph)
     descent = Descent(problem, equations, RobustCost(problem.graph, problem.kernel, suspects))
@@ -236,6 +241,8 @@ def descend(
     while goes_on and iterations < problem.most_iterations:
         goes_on = rule.step(descent)
         iterations += 1
+        if not np.isfinite(descent.total):
+            raise GraphError("the steps have left all bounds; lm, which damps them, does not")
         history.append(descent.at.chi2)
         problem.watch(descent.at.values)
         tell("iteration", iterations, problem.most_iterations)
@@ -268,16 +275,19 @@ def _graduate(
         graduation.advance()
 
 
+@solver
 def gauss_newton(problem: Problem, tell: Tell) -> Solution:
     """Solve by Gauss-Newton."""
     return solve(problem, tell, GaussNewton)
 
 
+@solver
 def levenberg_marquardt(problem: Problem, tell: Tell) -> Solution:
     """Solve by Levenberg-Marquardt."""
     return solve(problem, tell, LevenbergMarquardt)
 
 
+@solver
 def dog_leg(problem: Problem, tell: Tell) -> Solution:
     """Solve by Powell's dog-leg."""
     return solve(problem, tell, DogLeg)

@@ -7,7 +7,7 @@ from typing import Final
 from robotctl.estimation.slam.beliefs.linear_graph import LinearGraph, Schedule
 from robotctl.estimation.slam.beliefs.schedules import EmbeddedTree
 from robotctl.estimation.slam.solvers.batch import Descent, LevenbergMarquardt, descend
-from robotctl.estimation.slam.solvers.problem import Problem, Solution, Tell, check_determined
+from robotctl.estimation.slam.solvers.problem import Problem, Solution, Tell, solver
 
 SHARE: Final = 0.1
 """Of the whole increment by which means may be off, about each linearisation."""
@@ -25,6 +25,7 @@ class _Settling(LevenbergMarquardt):
         return super().step(descent) and self._graph.is_settled
 
 
+@solver
 def belief_propagation(problem: Problem, tell: Tell, schedule: Schedule | None = None) -> Solution:
     """Solve by belief propagation about one linearisation after the other.
 
@@ -43,7 +44,6 @@ def belief_propagation(problem: Problem, tell: Tell, schedule: Schedule | None =
     GraphError
         If the factors do not determine all variables; it names them.
     """
-    check_determined(problem.graph, problem.fixed)
     graph = LinearGraph(problem.graph, problem.fixed, schedule or EmbeddedTree(), SHARE)
     solution = descend(problem, tell, graph, lambda: _Settling(graph))
     solution.is_converged &= graph.is_settled

@@ -13,13 +13,22 @@ import numpy as np
 
 from robotctl.compiled import compiled
 from robotctl.estimation.slam.equations import GraphError
-from robotctl.estimation.slam.graph.factor import Ints, Linearised, inverses
+from robotctl.estimation.slam.graph.factor import (
+    ROUNDING,
+    Ints,
+    Linearised,
+    inverses,
+    is_definite,
+    scaled,
+)
 from robotctl.estimation.slam.graph.factor_graph import FactorGraph, chi2_of, values_of
 from robotctl.estimation.slam.graph.variables import SE3, Floats, VariableKind
 from robotctl.estimation.slam.incremental.placing import carried
 from robotctl.estimation.slam.solvers.incremental import arrivals
-from robotctl.estimation.slam.solvers.problem import Problem, Solution, Tell, check_determined
+from robotctl.estimation.slam.solvers.optimum import is_optimum
+from robotctl.estimation.slam.solvers.problem import Problem, Solution, Tell, solver
 from robotctl.estimation.slam.start.chordal import matrices
+from robotctl.estimation.slam.start.twists import twist_increments
 
 MOST_NUMBERS: Final = 6000
 """In the state; its covariance then takes 288 MB."""
@@ -51,11 +60,8 @@ def _in_space(kind: VariableKind, values: Floats) -> tuple[Floats, Floats]:
 
 def _local(kind: VariableKind, value: Floats) -> Floats:
     """Return the increment of a pose by its error, (dof, dof): the adjoint of its inverse."""
-    t, R = (each[0] for each in _in_space(kind, value[None]))
-    result = np.zeros((6, 6))
-    result[:3, :3] = result[3:, 3:] = R.T
-    result[:3, 3:] = np.cross(t, R.T)
-    return result if kind is SE3 else result[np.ix_([0, 1, 5], [0, 1, 5])]
+    result: Floats = twist_increments(kind, value[None], np.zeros(kind.positions))[0]
+    return result
 
 
 def moved(kind: VariableKind, values: Floats, errors: Floats) -> Floats:
@@ -108,6 +114,7 @@ class GraphFilter:
         self._P = np.zeros((capacity * self._D, capacity * self._D))
         self._is_known = np.zeros(self.graph.size, np.bool_)
         self._is_known[problem.fixed] = True
+        self._is_definite = [is_definite(block.information) for block in self.graph.blocks]
         self._kinds = {kind: self.graph.first(kind) for kind in self.graph.ids}
         self._of = np.repeat(np.arange(len(self._kinds)), [len(x) for x in self.graph.ids.values()])
 
@@ -143,7 +150,10 @@ class GraphFilter:
             self._update(index, row)
 
     def _linearised(self, index: int, row: int) -> tuple[Floats, list[Floats], Floats]:
-        """Return residual (size,), Jacobians (size, D) by errors, and covariance of a factor."""
+        """Return residual (m,), Jacobians (m, D) by errors, and covariance of a factor.
+
+        Of a factor with singular information these are the m directions of which it says anything.
+        """
         block = self.graph.blocks[index].take(np.array([row]))
         at = Linearised.empty(block)
         values = values_of(block, self.values)
@@ -153,7 +163,14 @@ class GraphFilter:
             J = np.zeros((block.kind.size, self._D))
             J[:, : kind.dof] = own[0] @ _local(kind, value[0]) if kind.is_pose else own[0]
             jacobians.append(J)
-        return at.residuals[0], jacobians, inverses(block.information)[0]
+        if self._is_definite[index][row]:
+            return at.residuals[0], jacobians, inverses(block.information)[0]
+        (own,), (roots,) = scaled(block.information)
+        squares, directions = np.linalg.eigh(own)
+        told = squares > ROUNDING
+        rows = directions[:, told].T * roots
+        R = np.diag(1.0 / squares[told])
+        return rows @ at.residuals[0], [rows @ J for J in jacobians], R
 
     def _is_placed_by(self, index: int, row: int) -> bool:
         """Place the only unknown variable of a factor, if it says all of it; return whether."""
@@ -161,6 +178,8 @@ class GraphFilter:
         ends = [int(numbers[row]) for numbers in self.graph.numbers(block)]
         unknown = [slot for slot, number in enumerate(ends) if not self._is_known[number]]
         if len(unknown) != 1 or block.kind.size != self._dof[ends[unknown[0]]]:
+            return False
+        if not self._is_definite[index][row]:
             return False
         (new,) = unknown
         kind, at = self._place(ends[new])
@@ -215,10 +234,14 @@ class GraphFilter:
         """Correct the whole state by a factor of variables that are known."""
         n, D = len(self.members) * self._D, self._D
         r, jacobians, S = self._linearised(index, row)
+        if len(r) == 0:
+            return
         PJ = np.zeros((n, len(r)))
         ends = [int(numbers[row]) for numbers in self.graph.numbers(self.graph.blocks[index])]
         there = [(self._slot(e), J) for e, J in zip(ends, jacobians, strict=True)
                  if e in self.members]  # fmt: skip
+        if not there:  # between fixed variables
+            return
         for slot, J in there:
             PJ += self._P[:n, slot] @ J.T
         for slot, J in there:
@@ -233,7 +256,7 @@ class GraphFilter:
         W = np.ascontiguousarray(np.linalg.solve(L, PJ.T))
         error = (-np.linalg.solve(L, r) @ W).reshape(-1, D)
         _downdate(self._P, W, n)
-        members = np.array(self.members)
+        members = np.array(self.members, np.int64)
         for kind, first in self._kinds.items():
             chosen = (members >= first) & (members < first + len(self.graph.ids[kind]))
             self._move(kind, members[chosen] - first, error[chosen, : kind.dof])
@@ -270,6 +293,7 @@ def most_at_once(steps: list[list[tuple[int, int]]], last: Ints, graph: FactorGr
     return most
 
 
+@solver
 def extended_kalman(problem: Problem, tell: Tell) -> Solution:
     """Solve by an extended Kalman filter, in the order of the poses.
 
@@ -282,7 +306,6 @@ def extended_kalman(problem: Problem, tell: Tell) -> Solution:
         If too many variables would be in the state at once, or some have too few measurements.
     """
     graph = problem.graph
-    check_determined(graph, problem.fixed)
     steps = arrivals(graph)
     last = departures(graph, steps)
     most = most_at_once(steps, last, graph)
@@ -304,4 +327,4 @@ def extended_kalman(problem: Problem, tell: Tell) -> Solution:
         tell("step", step + 1, len(steps))
     history = [chi2_of(graph, each) for each in (problem.start, own.values)]
     weights = [np.ones(len(block)) for block in graph.blocks]
-    return Solution(own.values, history, weights, True)
+    return Solution(own.values, history, weights, is_optimum(problem, own.values, weights))

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
+from robotctl.estimation.slam.graph.factor import is_definite
 from robotctl.estimation.slam.graph.factor_graph import FactorGraph, Values, chi2_of
 from robotctl.estimation.slam.graph.variables import Floats, VariableKind
 from robotctl.estimation.slam.incremental.consistency import Closure, ConsistentClosures
 from robotctl.estimation.slam.incremental.placing import carried
 from robotctl.estimation.slam.incremental.smoother import IncrementalSmoother
+from robotctl.estimation.slam.solvers.optimum import is_optimum
 from robotctl.estimation.slam.solvers.problem import (
     Problem,
     Solution,
     Tell,
-    check_determined,
     doubtful,
+    solver,
 )
 
 
@@ -48,7 +50,11 @@ class _Replay:
         self._closures = ConsistentClosures(smoother)
         self._doubtful = [np.zeros(len(each), np.bool_) for each in graph.blocks]
         if problem.kernel is not None:
-            self._doubtful = doubtful(graph)
+            # What says nothing of some direction is no innovation with a covariance.
+            self._doubtful = [
+                mask & is_definite(block.information)
+                for mask, block in zip(doubtful(graph), graph.blocks, strict=True)
+            ]
         self._placed = {kind: np.zeros(len(ids), np.int64) for kind, ids in graph.ids.items()}
         self._of: dict[tuple[int, int], Closure] = {}
 
@@ -61,7 +67,7 @@ class _Replay:
         if self._numbers[kind][row] >= 0:
             return
         value = self._problem.start[kind][row]
-        if anchor is not None:
+        if anchor is not None and self._problem.graph.first(kind) + row not in self._fixed:
             own, at = anchor
             now = self._smoother.estimate(int(self._numbers[own][at]))
             value = carried(kind, value, own, self._problem.start[own][at], now)
@@ -103,6 +109,12 @@ class _Replay:
             for kind, at in ends
         )
 
+    def place_rest(self) -> None:
+        """Add the variables of which no factor speaks."""
+        for kind, numbers in self._numbers.items():
+            for row in np.flatnonzero(numbers < 0).tolist():
+                self.place(kind, row, None)
+
     def finish(self) -> None:
         """Make the estimate exact."""
         self._smoother.refine()
@@ -123,9 +135,9 @@ class _Replay:
         }
 
 
+@solver
 def incremental(problem: Problem, tell: Tell) -> Solution:
     """Solve by incremental smoothing, in the order of the poses."""
-    check_determined(problem.graph, problem.fixed)
     smoother = IncrementalSmoother()
     replay = _Replay(problem, smoother)
     steps = arrivals(problem.graph)
@@ -133,7 +145,9 @@ def incremental(problem: Problem, tell: Tell) -> Solution:
     for pose, factors in enumerate(steps):
         replay.step(pose, factors)
         tell("step", pose + 1, len(steps))
+    replay.place_rest()
     history = [chi2_of(problem.graph, each) for each in (problem.start, replay.values())]
     replay.finish()
-    history.append(chi2_of(problem.graph, replay.values()))
-    return Solution(replay.values(), history, replay.weights(), True)
+    values, weights = replay.values(), replay.weights()
+    history.append(chi2_of(problem.graph, values))
+    return Solution(values, history, weights, is_optimum(problem, values, weights))

@@ -19,7 +19,7 @@ from robotctl.estimation.slam.factors.rotations import matrix
 from robotctl.estimation.slam.graph.factor import FactorBlock, FactorKind, Ints
 from robotctl.estimation.slam.graph.factor_graph import FactorGraph, blocks_of
 from robotctl.estimation.slam.graph.variables import POINT2, POINT3, SE3, Floats, VariableKind
-from robotctl.estimation.slam.start.spanning import tree_poses
+from robotctl.estimation.slam.start.spanning import parts_of
 
 
 @compiled
@@ -79,30 +79,27 @@ def quaternions(rotations: Floats) -> Floats:
     return result
 
 
-def chordal_poses(graph: FactorGraph, poses: Floats, fixed: Ints) -> Floats:
+def chordal_poses(graph: FactorGraph, tree: Floats, fixed: Ints) -> Floats:
     """Return poses (n, size) by the chordal relaxation.
 
     Parameters
     ----------
     graph
-        With poses; those that no measured pose links to a fixed one come out as the odometry has
-        them.
-    poses
-        (n, size); the fixed ones keep theirs.
+        With poses; in a part that no measured pose links to a fixed one, the first pose keeps the
+        value it has.
+    tree
+        Poses along a tree, (n, size); the fixed ones keep theirs.
     fixed
         Rows of fixed poses.
     """
-    is_space = poses.shape[1] == SE3.size
+    is_space = tree.shape[1] == SE3.size
     blocks = blocks_of(graph, BETWEEN_3D if is_space else BETWEEN_2D)
-    known = np.zeros(len(poses), np.bool_)
-    known[fixed] = True
-    tree = tree_poses(graph, poses, known, by_odometry=True)
-    linked = FactorGraph({graph.poses or SE3: np.arange(len(poses))}, tuple(blocks))
-    # One pose of each part is held; the parts are those of measured poses alone.
-    component = linked.components()
-    is_held = np.isin(component, component[fixed], invert=True)
-    firsts = np.unique(component, return_index=True)[1]
+    part = parts_of(graph)
+    is_held = np.isin(part, part[fixed], invert=True)
+    firsts = np.unique(part, return_index=True)[1]
     held = np.unique(np.concatenate([fixed, firsts[is_held[firsts]]]))
+    if len(held) == len(tree):
+        return tree
     first = np.concatenate([block.variables[0] for block in blocks])
     second = np.concatenate([block.variables[1] for block in blocks])
     z = np.concatenate([block.measurements for block in blocks])

@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Final
+from collections.abc import Callable, Iterator
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.estimation.slam.factors.landmarks import BEARING, RANGE, RANGE_BEARING, SEEN_2D
 from robotctl.estimation.slam.factors.points_in_space import RANGE_3D, SEEN_3D
-from robotctl.estimation.slam.graph.factor import FactorKind
+from robotctl.estimation.slam.graph.factor import FactorKind, Ints
 from robotctl.estimation.slam.graph.factor_graph import FactorGraph, Values, blocks_of
-from robotctl.estimation.slam.graph.variables import POINT2, POINT3, SE2, SE3, Floats
+from robotctl.estimation.slam.graph.variables import (
+    POINT2,
+    POINT3,
+    SE2,
+    SE3,
+    Floats,
+    VariableKind,
+)
 from robotctl.estimation.slam.start.chordal import matrices
+
+Mask: TypeAlias = NDArray[np.bool_]
 
 _DIRECTIONS: Final = 32
 _STEPS: Final = 10
@@ -43,23 +52,49 @@ _SEEN: Final[dict[FactorKind, Callable[[Floats, Floats], Floats]]] = {
 """Where a pose sees a point, of the factors that say so."""
 
 
-def place_points(
-    graph: FactorGraph, values: Values, known: dict[object, NDArray[np.bool_]]
+def sightings(
+    graph: FactorGraph, values: Values, is_placed: Mask
+) -> Iterator[tuple[VariableKind, Ints, Ints, Floats]]:
+    """Yield where poses see points, for factors that alone tell it.
+
+    Parameters
+    ----------
+    graph, values
+        Of the poses the values are used.
+    is_placed
+        Whose sightings are wanted, of the rows of poses, (n,).
+
+    Yields
+    ------
+    kind, poses, points, places
+        Kind of the points, rows of both, (m,), and places in the world, (m, dof).
+    """
+    for block in blocks_of(graph, *_SEEN):
+        own = block.take(is_placed[block.variables[0]])
+        poses, kind = own.variables[0], own.kind.variables[1]
+        at = values[own.kind.variables[0]][poses]
+        yield kind, poses, own.variables[1], _SEEN[own.kind](at, own.measurements)
+
+
+def place_seen(
+    graph: FactorGraph, values: Values, known: dict[object, Mask], is_placed: Mask
 ) -> None:
+    """Set points that are not known yet to where a placed pose, (n,), first sees them."""
+    for kind, _, points, places in sightings(graph, values, is_placed):
+        rows, firsts = np.unique(points, return_index=True)
+        new = ~known[kind][rows]
+        values[kind][rows[new]] = places[firsts[new]]
+        known[kind][rows[new]] = True
+
+
+def place_points(graph: FactorGraph, values: Values, known: dict[object, Mask]) -> None:
     """Set the values of points that are not known, from the poses that saw them.
 
     A point that one factor alone can place stands where it was first seen; one with bearings or
     ranges only, where these fit best.
     """
-    for block in blocks_of(graph, *_SEEN):
-        kind = block.kind.variables[1]
-        poses, points = block.variables
-        rows, firsts = np.unique(points, return_index=True)
-        new = ~known[kind][rows]
-        rows, firsts = rows[new], firsts[new]
-        at = values[block.kind.variables[0]][poses[firsts]]
-        values[kind][rows] = _SEEN[block.kind](at, block.measurements[firsts])
-        known[kind][rows] = True
+    if graph.poses is not None:
+        place_seen(graph, values, known, np.ones(len(graph.ids[graph.poses]), np.bool_))
     _place_by_bearings(graph, values, known)
     for kind, poses_kind, factor in ((POINT2, SE2, RANGE), (POINT3, SE3, RANGE_3D)):
         for block in blocks_of(graph, factor):
@@ -72,9 +107,7 @@ def place_points(
                     known[kind][row] = True
 
 
-def _place_by_bearings(
-    graph: FactorGraph, values: Values, known: dict[object, NDArray[np.bool_]]
-) -> None:
+def _place_by_bearings(graph: FactorGraph, values: Values, known: dict[object, Mask]) -> None:
     """Set points that are seen by bearing to where the lines meet, by least squares."""
     for block in blocks_of(graph, BEARING):
         poses, points = block.variables

@@ -15,7 +15,9 @@ from robotctl.model.geometry import se2
 
 
 @compiled
-def walk(starts: Ints, edges: Ints, first: Ints, second: Ints, roots: Ints) -> tuple[Ints, Ints]:
+def walk(
+    starts: Ints, edges: Ints, first: Ints, second: Ints, roots: Ints, together: int
+) -> tuple[Ints, Ints]:
     """Return edges in the order in which a breadth-first walk takes them, and its direction.
 
     Parameters
@@ -26,6 +28,9 @@ def walk(starts: Ints, edges: Ints, first: Ints, second: Ints, roots: Ints) -> t
         Ends of each edge.
     roots
         Variables to begin at, one after the other; those reached already are passed over.
+    together
+        How many of the first roots begin at once, so that each variable is reached from the
+        nearest of them.
 
     Returns
     -------
@@ -36,11 +41,15 @@ def walk(starts: Ints, edges: Ints, first: Ints, second: Ints, roots: Ints) -> t
     is_reached = np.zeros(n, np.bool_)
     taken, backward, count = np.empty(n, np.int64), np.empty(n, np.int64), 0
     queue = np.empty(n, np.int64)
-    for root in roots:
-        if is_reached[root]:
-            continue
-        is_reached[root] = True
-        queue[0], head, tail = root, 0, 1
+    at_root = 0
+    while at_root < len(roots):
+        head, tail = 0, 0
+        for k in range(at_root, max(together, at_root + 1)):
+            if not is_reached[roots[k]]:
+                is_reached[roots[k]] = True
+                queue[tail] = roots[k]
+                tail += 1
+        at_root = max(together, at_root + 1)
         while head < tail:
             here = queue[head]
             head += 1
@@ -164,10 +173,17 @@ def relative_poses(graph: FactorGraph) -> tuple[Ints, Ints, Floats]:
     )
 
 
+def parts_of(graph: FactorGraph) -> Ints:
+    """Return for each pose the number of the part that measured poses link it to, (n,), from 0."""
+    kind = SE3 if graph.poses is SE3 else SE2
+    links = tuple(block for block in graph.blocks if block.kind.variables == (kind, kind))
+    return FactorGraph({kind: graph.ids[kind]}, links).components()
+
+
 def tree_poses(
-    graph: FactorGraph, poses: Floats, known: NDArray[np.bool_], *, by_odometry: bool
+    graph: FactorGraph, poses: Floats, fixed: Ints, known: NDArray[np.bool_], *, by_odometry: bool
 ) -> Floats:
-    """Return poses (n, size) along a spanning tree of each component.
+    """Return poses (n, size) along trees from the fixed ones, and a tree of each other component.
 
     Parameters
     ----------
@@ -175,8 +191,10 @@ def tree_poses(
         With poses.
     poses
         (n, size); those that a tree begins at are kept.
+    fixed
+        Rows of fixed poses: each is kept, and others are reached from the nearest.
     known
-        Which poses are good to begin at, (n,), where there is a choice; the first of them is.
+        Which poses are good to begin at, (n,), in a component without a fixed one; the first is.
     by_odometry
         Whether the tree is made of links between successive poses as far as they go; else it has
         the fewest steps.
@@ -188,8 +206,8 @@ def tree_poses(
         keep = np.flatnonzero(_join(first, second, order, n))
         first, second, z = first[keep], second[keep], z[keep]
     starts, edges = incidence(first, second, n)
-    roots = np.argsort(~known, kind="stable")
-    taken, backward = walk(starts, edges, first, second, roots)
+    roots = np.concatenate([fixed, np.argsort(~known, kind="stable")])
+    taken, backward = walk(starts, edges, first, second, roots, len(fixed))
     values = poses.copy()
     propagate = _propagate_3d if values.shape[1] == SE3.size else _propagate_2d
     propagate(values, first, second, np.ascontiguousarray(z), taken, backward)

@@ -1,18 +1,20 @@
 """Logs of `--record` over the older messages for them: list and read, as MAVLink FTP's `/@LOGS`.
 
-The messages number the files from 1, in the order of their paths; LOG_DATA carries 90 bytes, and
-fewer where the file ends. Source: the messages' descriptions in MAVLink's common dialect.
+The messages number the files from 1, the newest last, which is what stations take for the latest;
+so empty ones come first. LOG_DATA carries 90 bytes, and fewer where the file ends. Source: the
+messages' descriptions in MAVLink's common dialect.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 from pymavlink.dialects.v20 import common
 
 from robotctl.mavlink.context import Context
+from robotctl.mavlink.frames import UINT32_MAX
 from robotctl.mavlink.ftp.files import Files, NoFiles, OpenFile
 from robotctl.mavlink.ftp.payload import FtpRefused
 from robotctl.mavlink.service import Microservice
@@ -26,6 +28,15 @@ PER_STEP: Final = 8
 MOST_LOGS: Final = 1000
 DEEPEST: Final = 2
 """Folders of a run, and files in them."""
+
+
+class _Log(NamedTuple):
+    """One file; in the order of numbers."""
+
+    has_content: bool
+    modified_s: int
+    path: str
+    size: int
 
 
 @dataclass(slots=True)
@@ -54,8 +65,8 @@ class LogDownload(Microservice):
     def __init__(self, context: Context) -> None:
         super().__init__(context)
         self._files: Files = context.folders.get(LOGS, NoFiles())
-        self._logs: list[tuple[str, int]] = []
-        """Paths and sizes [B], as they were listed last: their numbers stay."""
+        self._logs: list[_Log] = []
+        """Logs of the last list, whose numbers stay."""
         self._entries: list[tuple[Message, Peer]] = []
         self._reading: _Reading | None = None
 
@@ -83,29 +94,34 @@ class LogDownload(Microservice):
 
     def _list(self, first: int, last: int, peer: Peer) -> None:
         """Queue LOG_ENTRY of the logs asked for; without logs one of number 0."""
-        self._logs = list(self._found())
+        self._logs = self._found()
         count = len(self._logs)
         numbers = range(max(first, 1), min(last, count) + 1) if count else range(1)
         self._entries = [each for each in self._entries if each[1] != peer]
         for number in numbers:
-            size = self._logs[number - 1][1] if count else 0
-            entry = common.MAVLink_log_entry_message(number, count, count, 0, size & 0xFFFF_FFFF)
+            log = self._logs[number - 1] if count else _Log(False, 0, "", 0)
+            time_s = log.modified_s if log.has_content else 0
+            entry = common.MAVLink_log_entry_message(
+                number, count, count, time_s & UINT32_MAX, log.size & UINT32_MAX
+            )
             self._entries.append((entry, peer))
 
-    def _found(self, folder: str = "", depth: int = 0) -> Iterator[tuple[str, int]]:
-        """Yield paths and sizes of the logs; those of the newest runs if there are too many."""
-        found: list[tuple[str, int]] = []
+    def _found(self) -> list[_Log]:
+        """Return the logs; the newest ones if there are too many."""
+        return sorted(self._within("", 0))[-MOST_LOGS:]
+
+    def _within(self, folder: str, depth: int) -> Iterator[_Log]:
+        """Yield the logs in a folder."""
         try:
             entries = self._files.list(folder)
         except FtpRefused:
             return
-        for name, size in entries:
+        for name, size, modified_s in entries:
             path = f"{folder}/{name}" if folder else name
             if size is not None:
-                found.append((path, size))
+                yield _Log(size > 0, modified_s, path, size)
             elif depth < DEEPEST:
-                found += self._found(path, depth + 1)
-        yield from sorted(found)[-MOST_LOGS:]
+                yield from self._within(path, depth + 1)
 
     def _open(self, message: Message, peer: Peer) -> None:
         """Begin to send a part of a log; who else reads one is left alone."""
@@ -114,13 +130,13 @@ class LogDownload(Microservice):
                 return
             self._end()
         if not self._logs:
-            self._logs = list(self._found())
+            self._logs = self._found()
         if not 1 <= message.id <= len(self._logs):
             return
         if self._reading is None or self._reading.number != message.id:
             self._end()
             try:
-                file = self._files.open(self._logs[message.id - 1][0])
+                file = self._files.open(self._logs[message.id - 1].path)
             except FtpRefused:
                 return
             self._reading = _Reading(peer, message.id, file, 0, 0)

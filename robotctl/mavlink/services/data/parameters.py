@@ -8,6 +8,7 @@ from __future__ import annotations
 import difflib
 import json
 import zlib
+from collections import Counter, deque
 from typing import Final
 
 from pymavlink.dialects.v20 import common
@@ -31,8 +32,13 @@ from robotctl.messages.tuning import Tuning
 
 PER_STEP: Final = 4
 """Parameters of a list sent in a step: 400 in a second, 15 kB/s."""
-MOST_SETS: Final = 64
-"""Waiting in a step; whoever sends more has to repeat them."""
+MOST_SETS: Final = 16
+"""PARAM_SET of one connection in a step; whoever sends more has to repeat them."""
+SAVES: Final = 10
+"""Most saves within `SAVES_NS`: telemetry waits for the disk, which may take milliseconds."""
+SAVES_NS: Final = 500_000_000
+FRESH_NS: Final = 1_000_000_000
+"""A value set again within this time after all were told it is told to its sender alone [ns]."""
 AGAIN_NS: Final = 500_000_000
 """What control or navigation has not taken is sent again after this [ns]."""
 LATE_NS: Final = 1_200_000_000
@@ -63,8 +69,15 @@ class Parameters(Microservice):
         self._set = context.parameters
         self._lists: dict[Peer, int] = {}
         """Who is sent the list, and the next index."""
-        self._asked: list[tuple[Message, Peer]] = []
-        """PARAM_SET of this step: one save for all."""
+        self._taken: list[Parameter] = []
+        self._said: list[str] = []
+        """Parameters that were set since the last save, and what is to be said of them."""
+        self._puts: Counter[Peer] = Counter()
+        """PARAM_SET of this step."""
+        self._saves_ns: deque[int] = deque([-SAVES_NS] * SAVES, SAVES)
+        """When the last saves were [ns]."""
+        self._told_ns: dict[str, int] = {}
+        """When all were told the value of each parameter [ns]."""
         self._live = Tuning(0, {}, 0)
         """What control and navigation shall have."""
         self._speed: dict[str, Value] = {}
@@ -73,15 +86,15 @@ class Parameters(Microservice):
         self._is_late = False
         self._bring_into_force(0)
 
-    def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:  # noqa: ARG002
+    def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:
         """Take a message of the protocol."""
         match message.get_msgId():
             case common.MAVLINK_MSG_ID_PARAM_REQUEST_LIST:
                 self._lists[peer] = 0
             case common.MAVLINK_MSG_ID_PARAM_REQUEST_READ:
                 self._read(message, peer)
-            case _ if len(self._asked) < MOST_SETS:
-                self._asked.append((message, peer))
+            case _:
+                self._put(message, peer, now_ns)
 
     def on_command(self, command: Command, now_ns: int) -> int:
         """Take PREFLIGHT_STORAGE: param1 1 keeps the parameters, 2 forgets what was set.
@@ -105,7 +118,9 @@ class Parameters(Microservice):
             return TEMPORARILY_REJECTED
         changed = self._set.reset()
         said = [f"Parameter {parameter.name}: {change}" for parameter, change in changed]
-        self._keep([parameter for parameter, _ in changed], said, now_ns)
+        self._taken += [parameter for parameter, _ in changed]
+        self._said += said
+        self._keep(now_ns)
         return ACCEPTED
 
     def _change_speed(self, speed_m_s: float, now_ns: int) -> int:
@@ -132,8 +147,9 @@ class Parameters(Microservice):
         """Send the next of each list; set what was asked for; see that it comes into force."""
         for peer in list(self._lists):
             self._send_next(peer)
-        if self._asked:
-            self._take_all(now_ns)
+        self._puts.clear()
+        if self._taken and now_ns - self._saves_ns[0] >= SAVES_NS:
+            self._keep(now_ns)
         if now_ns - self._sent_ns >= AGAIN_NS:
             self._follow(now_ns)
 
@@ -158,52 +174,62 @@ class Parameters(Microservice):
         else:
             self._refuse(Problem.DOES_NOT_EXIST, message, peer, message.param_index)
 
-    def _take_all(self, now_ns: int) -> None:
-        """Set what was asked for in this step, and answer once it is kept."""
-        taken: list[Parameter] = []
-        said: list[str] = []
-        for message, peer in self._asked:
-            index = self._set.index_of(message.param_id)
-            if index is None:
+    def _put(self, message: Message, peer: Peer, now_ns: int) -> None:
+        """Set a parameter; the answer follows once the new value is kept."""
+        index = self._set.index_of(message.param_id)
+        if index is None:
+            if self._context.may_speak(now_ns):  # the nearest of 100 names takes 2 ms
                 near = difflib.get_close_matches(message.param_id, self._names, n=1)
                 hint = f"; did you mean {near[0]}?" if near else ""
-                self._context.say(now_ns, f"Parameter {message.param_id}: unknown{hint}")
-                self._refuse(Problem.DOES_NOT_EXIST, message, peer, NO_INDEX)
-                continue
-            parameter = self._set.parameters[index]
-            try:
-                kind = message.param_type
-                raw = self._context.personality.value_of(message.param_value, kind)
-                change = self._set.set(parameter, raw, kind)
-            except ParameterRefused as refusal:
-                self._context.say(now_ns, f"Parameter {refusal}")
-                self._refuse(refusal.problem, message, peer, index)
-                change = ""
-            if change:
-                taken.append(parameter)
-                self._speed.pop(parameter.key, None)
-                said.append(f"Parameter {parameter.name}: {change}")
-            else:
+                self._context.tell_asker(now_ns, f"Parameter {message.param_id}: unknown{hint}")
+            self._refuse(Problem.DOES_NOT_EXIST, message, peer, NO_INDEX)
+            return
+        self._puts[peer] += 1
+        if self._puts[peer] > MOST_SETS:
+            return
+        parameter = self._set.parameters[index]
+        try:
+            kind = message.param_type
+            raw = self._context.personality.value_of(message.param_value, kind)
+            change = self._set.set(parameter, raw, kind)
+        except ParameterRefused as refusal:
+            self._context.tell_asker(now_ns, f"Parameter {refusal}")
+            self._refuse(refusal.problem, message, peer, index)
+            self._context.links.reply(self._message(parameter), peer)
+            return
+        if change:
+            self._taken.append(parameter)
+            self._speed.pop(parameter.key, None)
+            self._said.append(f"Parameter {parameter.name}: {change}")
+        elif parameter not in self._taken:
+            if now_ns - self._told_ns.get(parameter.name, 0) < FRESH_NS:
                 self._context.links.reply(self._message(parameter), peer)
-        self._asked.clear()
-        if taken:
-            self._keep(taken, said, now_ns)
+            else:
+                self._tell_all(parameter, now_ns)
 
     @property
     def _names(self) -> list[str]:
         return [each.name for each in self._set.parameters]
 
-    def _keep(self, taken: list[Parameter], said: list[str], now_ns: int) -> None:
+    def _keep(self, now_ns: int) -> None:
         """Save changes, bring them into force, and tell everybody."""
+        self._saves_ns.append(now_ns)
+        taken, said = self._taken, self._said
+        self._taken, self._said = [], []
         if not self._context.parameter_store.save(self._set.changes()):
             said.append("Parameters cannot be saved, a restart will lose them")
         for text in said:
             self._context.say(now_ns, text, Severity.NOTICE)
         self._bring_into_force(now_ns)
-        for parameter in taken:
-            message = self._message(parameter)
-            for peer in self._context.peers:
-                self._context.links.reply(message, peer)
+        for parameter in dict.fromkeys(taken):
+            self._tell_all(parameter, now_ns)
+
+    def _tell_all(self, parameter: Parameter, now_ns: int) -> None:
+        """Send PARAM_VALUE to everybody."""
+        self._told_ns[parameter.name] = now_ns
+        message = self._message(parameter)
+        for peer in self._context.peers:
+            self._context.links.reply(message, peer)
 
     def _bring_into_force(self, now_ns: int) -> None:
         """Take what concerns this process; have the rest sent to the others."""
@@ -247,8 +273,9 @@ class Parameters(Microservice):
             index,
         )
 
-    def _refuse(self, problem: Problem, message: Message, peer: Peer, index: int) -> None:
+    def _refuse(self, problem: Problem, message: Message, peer: Peer, index: int | None) -> None:
         """Send PARAM_ERROR."""
+        index = NO_INDEX if index is None else index
         name = message.param_id.encode("ascii", "replace")[:MOST_LETTERS]
         error = common.MAVLink_param_error_message(*source(message), name, index, problem)
         self._context.links.reply(error, peer)

@@ -47,7 +47,15 @@ class Commands(Microservice):
         else:
             last = (message.param5, message.param6, message.param7)
             confirmation, frame = message.confirmation, None
-        command = Command(message.command, first + last, source(message), peer, confirmation, frame)
+        command = Command(
+            message.command,
+            first + last,
+            source(message),
+            peer,
+            confirmation,
+            frame,
+            message.get_seq(),
+        )
         handler = self._context.catalogue.commands.get(command.number)
         result = UNSUPPORTED if handler is None else handler(command, now_ns)
         if result is not None:

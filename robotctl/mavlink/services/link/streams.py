@@ -100,6 +100,7 @@ class Streams(Microservice):
         self._plans: dict[Peer, _Plan] = {}
         self._known: Catalogue | None = None
         """With the configured rates."""
+        context.receivers = self.receivers
 
     def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:
         """Take REQUEST_DATA_STREAM, which has no answer."""
@@ -107,13 +108,15 @@ class Streams(Microservice):
         is_off = not message.start_stop or not rate_hz
         interval_ns = OFF if is_off else max(round(1e9 / rate_hz), SHORTEST_NS)
         plan, streams = self._plan(peer, now_ns), self._context.catalogue.streams
-        for place, (message_id, rate) in enumerate(list(plan.rates.items())):
+        first_ns = now_ns
+        for message_id, rate in list(plan.rates.items()):
             group = streams[message_id].group
             is_wanted = message.req_stream_id in (group, common.MAV_DATA_STREAM_ALL)
             # One that repeats its request, as many do, gets no more for it.
             if group is not None and is_wanted and rate.interval_ns != interval_ns:
-                plan.change(message_id, interval_ns, now_ns + place * PHASE_NS)
+                plan.change(message_id, interval_ns, first_ns)
                 plan.is_asked_for = True
+                first_ns += PHASE_NS
 
     def on_command(self, command: Command, now_ns: int) -> int:
         """Take SET_ and GET_MESSAGE_INTERVAL; DENIED where the message is not ours to send.
@@ -157,7 +160,7 @@ class Streams(Microservice):
         if interval_us < 0.0:
             interval_ns = OFF
         elif interval_us == 0.0:
-            interval_ns = _default_ns(self._context.catalogue.streams[message_id])
+            interval_ns = self._default_ns(self._context.catalogue.streams[message_id])
         plan.change(message_id, interval_ns, now_ns)
         plan.is_asked_for = True
         return ACCEPTED
@@ -199,7 +202,8 @@ class Streams(Microservice):
         for plan in self._plans.values():
             for key, rate in plan.rates.items():
                 old_ns, new_ns = (
-                    _default_ns(each.streams[key]) for each in (before, self._context.catalogue)
+                    self._default_ns(each.streams[key])
+                    for each in (before, self._context.catalogue)
                 )
                 if new_ns != old_ns == rate.interval_ns:
                     plan.change(key, new_ns, now_ns)
@@ -220,12 +224,24 @@ class Streams(Microservice):
             streams = self._context.catalogue.streams.values()
             periodic = [stream for stream in streams if stream.rate_hz is not None]
             plan = self._plans[peer] = _Plan()
-            for place, stream in enumerate(periodic):
-                first_ns = now_ns + place * PHASE_NS
-                plan.change(stream.message_id, _default_ns(stream), first_ns)
+            first_ns = now_ns
+            for stream in periodic:
+                interval_ns = self._default_ns(stream)
+                plan.change(stream.message_id, interval_ns, first_ns)
+                first_ns += 0 if interval_ns == OFF else PHASE_NS
         return plan
 
+    def _default_ns(self, stream: Stream) -> int:
+        """Return the interval of a periodic stream to who has not asked for another [ns]."""
+        is_unknown = stream.message_id in self._context.personality.unknown
+        return OFF if is_unknown or not stream.rate_hz else round(1e9 / stream.rate_hz)
 
-def _default_ns(stream: Stream) -> int:
-    """Return the configured interval of a periodic stream [ns]."""
-    return round(1e9 / stream.rate_hz) if stream.rate_hz else OFF
+    def receivers(self, message_id: int) -> list[Peer]:
+        """Return who gets a periodic message, at whatever rate."""
+        default_ns = self._default_ns(self._context.catalogue.streams[message_id])
+        plans = {peer: self._plans.get(peer) for peer in self._context.peers}
+        return [
+            peer
+            for peer, plan in plans.items()
+            if (default_ns if plan is None else plan.rates[message_id].interval_ns) != OFF
+        ]

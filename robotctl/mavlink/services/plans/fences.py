@@ -76,6 +76,11 @@ class Fences(Transfer[FencePlan]):
         """Return whether the robot keeps to it."""
         return navigation.fence.crc == plan.crc
 
+    def adopt(self, plan: FencePlan, navigation: NavigationState) -> None:
+        """Note that a fence is navigation's."""
+        super().adopt(plan, navigation)
+        self._context.fence, self._context.fence_crc = plan.fence, plan.crc
+
     def _status(self, now_ns: int) -> list[Message]:
         """Return FENCE_STATUS, of a robot that has a fence."""
         navigation = self._context.fresh_navigation(now_ns)

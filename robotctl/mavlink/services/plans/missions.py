@@ -153,6 +153,8 @@ class Missions(Transfer[MissionPlan]):
             place = bounded_place(item, 0, context.origin)
         except BadItem as error:
             return error.result, error.why, None
+        if why := context.fence_objection(*place, now_ns):
+            return denied, why, None
         return int(common.MAV_MISSION_ACCEPTED), "", place
 
     def hidden_items(self) -> list[MissionItem]:
@@ -200,7 +202,7 @@ class Missions(Transfer[MissionPlan]):
             result = common.MAV_MISSION_INVALID_SEQUENCE
         if why:
             self._say(now_ns, why)
-            self._acknowledge(result, source(message), peer)
+            self._acknowledge(source(message), peer, result)
 
     def _objection(self, peer: Peer, sender: tuple[int, int], now_ns: int) -> str:
         """Return why no item may be chosen now; empty: it may.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import zlib
 from dataclasses import dataclass
 from typing import ClassVar, Final
@@ -15,7 +14,7 @@ from robotctl.mavlink.globe import Origin
 from robotctl.mavlink.missions.fence_items import plain
 from robotctl.mavlink.missions.item import MissionItem
 from robotctl.mavlink.missions.transfer import Transfer
-from robotctl.mavlink.missions.translate import BadItem, bounded_place
+from robotctl.mavlink.missions.translate import BadItem, bounded_place, check_params
 from robotctl.messages.control import NavigationState
 from robotctl.messages.fence import RallyFile, SetRally
 
@@ -68,8 +67,7 @@ class RallyPoints(Transfer[RallyPlan]):
         if item.command != _POINT:
             why = f"command {item.command} is no rally point"
             raise BadItem(seq, common.MAV_MISSION_UNSUPPORTED, why)
-        if any(math.isinf(each) for each in item.params):
-            raise BadItem(seq, common.MAV_MISSION_INVALID, "an infinite parameter")
+        check_params(item, seq)
         bounded_place(item, seq, self._context.origin)
 
     def plan_of(self, items: list[MissionItem]) -> tuple[RallyPlan, list[str]]:

@@ -1,22 +1,28 @@
-"""AUTOPILOT_VERSION and PROTOCOL_VERSION: the robot's identity, software and capabilities."""
+"""AUTOPILOT_VERSION, PROTOCOL_VERSION and the banner: identity, software and capabilities."""
 
 from __future__ import annotations
 
 import hashlib
-from typing import ClassVar
+from typing import ClassVar, Final
 
 from pymavlink.dialects.v20 import common
 
 from robotctl.dialect import additions
 from robotctl.mavlink.catalogue import Stream
+from robotctl.mavlink.command import ACCEPTED, Command
 from robotctl.mavlink.context import TelemetryRobot
 from robotctl.mavlink.service import Microservice
+from robotctl.messages.control import Severity
 from robotctl.messages.mavlink_port import Message
+
+SEND_BANNER: Final = 42428
+"""MAV_CMD_DO_SEND_BANNER of ArduPilot's dialect, with which Mission Planner begins."""
 
 
 class AutopilotVersion(Microservice):
-    """Sends the capabilities of all services on request."""
+    """Sends the capabilities of all services, and the banner, on request."""
 
+    commands = frozenset({SEND_BANNER})
     capabilities: ClassVar[int] = common.MAV_PROTOCOL_CAPABILITY_MAVLINK2
 
     def streams(self) -> tuple[Stream, ...]:
@@ -25,6 +31,13 @@ class AutopilotVersion(Microservice):
             Stream(common.MAVLINK_MSG_ID_AUTOPILOT_VERSION, self._version, None),
             Stream(additions.MAVLINK_MSG_ID_PROTOCOL_VERSION, self._protocol, None),
         )
+
+    def on_command(self, command: Command, now_ns: int) -> int:  # noqa: ARG002
+        """Send the banner: lines of text that name software and robot, to who asks for it."""
+        robot = self._context.robot
+        for line in (f"robotctl V{robot.version}", f"Robot {robot.name}"):
+            self._context.tell_asker(now_ns, line, Severity.INFORMATION)
+        return ACCEPTED
 
     def _version(self, now_ns: int) -> list[Message]:  # noqa: ARG002
         context = self._context

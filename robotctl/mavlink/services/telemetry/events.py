@@ -1,7 +1,7 @@
 """EVENT: changes of state and mode, numbered, so that what a link lost can be asked for again.
 
 https://mavlink.io/en/services/events.html. People read the same as STATUSTEXT; events are for
-programs.
+programs, and go to those that get CURRENT_EVENT_SEQUENCE.
 """
 
 from __future__ import annotations
@@ -81,7 +81,8 @@ class Events(Microservice):
             list(arguments.ljust(_ARGUMENTS, b"\0")),
         )
         self._events.append(event)
-        self._context.links.broadcast(event)
+        receivers = self._context.receivers(additions.MAVLINK_MSG_ID_CURRENT_EVENT_SEQUENCE)
+        self._context.links.broadcast(event, receivers)
 
     def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:  # noqa: ARG002
         """Repeat the events of a range of numbers, or say that they are not kept."""

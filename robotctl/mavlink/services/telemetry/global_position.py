@@ -9,6 +9,7 @@ from pymavlink.dialects.v20 import common
 
 from robotctl.mavlink.catalogue import Stream
 from robotctl.mavlink.frames import (
+    UINT32_MAX,
     boot_ms,
     ned_from_enu,
     quaternion_from_yaw_ned,
@@ -25,6 +26,8 @@ from robotctl.safety.state_machine import POWERED
 RATE_HZ: Final = 2.0
 GPS_HZ: Final = 1.0
 _UNKNOWN: Final = 0xFFFF
+_SATELLITES: Final = 255
+"""Their number is unknown."""
 _FASTEST_M_S: Final = 300.0
 """Faster does not fit the message [m/s]."""
 _MILLI: Final = 1e3
@@ -51,8 +54,8 @@ class GlobalPosition(Microservice):
                 GPS_HZ,
                 common.MAV_DATA_STREAM_EXTENDED_STATUS,
             ),
-            Stream(common.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, self._origin, None),
-            Stream(common.MAVLINK_MSG_ID_HOME_POSITION, self._home, None),
+            Stream(common.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, self._origin, 0.0),
+            Stream(common.MAVLINK_MSG_ID_HOME_POSITION, self._home, 0.0),
         )
 
     def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:  # noqa: ARG002
@@ -111,14 +114,29 @@ class GlobalPosition(Microservice):
         ]
 
     def _gps(self, now_ns: int) -> list[Message]:
-        """Return GPS_RAW_INT: there is no GPS, and the place is the map's."""
+        """Return GPS_RAW_INT: the place by the map as a fix, since stations wait for one.
+
+        There is no GPS, and so no satellite. No fix while the place is not known.
+        """
+        if self._context.origin is None or self._context.fresh_control(now_ns) is None:
+            return []
+        fix, place, accuracy_mm = common.GPS_FIX_TYPE_NO_FIX, (0, 0, 0), 0
+        for position in self._position(now_ns):
+            fix, place = common.GPS_FIX_TYPE_3D_FIX, (position.lat, position.lon, position.alt)
+            accuracy_mm = self._accuracy_mm(now_ns)
         return [
             common.MAVLink_gps_raw_int_message(
-                now_ns // 1000, common.GPS_FIX_TYPE_NO_GPS, place.lat, place.lon, place.alt,
-                _UNKNOWN, _UNKNOWN, _UNKNOWN, _UNKNOWN, 0,
+                now_ns // 1000, fix, *place, *[_UNKNOWN] * 4, _SATELLITES, 0, accuracy_mm
             )
-            for place in self._position(now_ns)
-        ]  # fmt: skip
+        ]
+
+    def _accuracy_mm(self, now_ns: int) -> int:
+        """Return one standard deviation of the place [mm]; 0: it is not known."""
+        fix = self._context.fresh_fix(now_ns)
+        if fix is None:
+            return 0
+        xx, _, _, yy, *_ = fix.covariance
+        return min(round(math.sqrt(max(xx + yy, 0.0)) * _MILLI), UINT32_MAX)
 
     def _origin(self, now_ns: int) -> list[Message]:  # noqa: ARG002
         origin = self._context.origin

@@ -1,4 +1,4 @@
-"""ESC_INFO, ESC_STATUS and DEBUG_FLOAT_ARRAY: the motor controllers, and how they follow."""
+"""ESC_INFO, ESC_STATUS, DEBUG_FLOAT_ARRAY and SERVO_OUTPUT_RAW: the motor controllers."""
 
 from __future__ import annotations
 
@@ -22,6 +22,8 @@ A_MESSAGE: Final = 4
 """Controllers in one message."""
 MOST_VALUES: Final = 58
 """Of DEBUG_FLOAT_ARRAY."""
+OUTPUTS: Final = 8
+"""Outputs of SERVO_OUTPUT_RAW; those that drive nothing are 0."""
 _RPM: Final = 60.0 / math.tau
 
 
@@ -39,6 +41,12 @@ class MotorControllers(Microservice):
             Stream(info, self._info, 0.0),
             Stream(status, self._status, 0.0),
             Stream(common.MAVLINK_MSG_ID_DEBUG_FLOAT_ARRAY, self._loops, 0.0),
+            Stream(
+                common.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW,
+                self._pulses,
+                0.0,
+                common.MAV_DATA_STREAM_RC_CHANNELS,
+            ),
         )
 
     def _info(self, now_ns: int) -> list[Message]:
@@ -82,6 +90,21 @@ class MotorControllers(Microservice):
             for first, places in _fours(len(control.wheel_rad_s))
         ]
 
+    def _pulses(self, now_ns: int) -> list[Message]:
+        """Return SERVO_OUTPUT_RAW: the duty of each wheel as the pulse of DO_MOTOR_TEST [us]."""
+        control = self._context.fresh_control(now_ns)
+        if control is None:
+            return []
+        pulses = [_pulse_us(duty) for duty in control.duty[:OUTPUTS]]
+        return [
+            common.MAVLink_servo_output_raw_message(
+                frames.boot_us(control.stamp_ns) & frames.UINT32_MAX,
+                0,
+                *pulses,
+                *[0] * (OUTPUTS - len(pulses)),
+            )
+        ]
+
     def _loops(self, now_ns: int) -> list[Message]:
         """Return DEBUG_FLOAT_ARRAY: wanted and measured speed [rad/s] and duty of each wheel."""
         control = self._context.fresh_control(now_ns)
@@ -113,3 +136,7 @@ def _four(values: Sequence[T], unused: T) -> list[T]:
 def _rpm(rad_s: float) -> int:
     """Return a speed that fits; 0 where it is not known, which ESC_INFO says."""
     return round(rad_s * _RPM) if frames.fit(rad_s * _RPM) and abs(rad_s) < 1e8 else 0
+
+
+def _pulse_us(duty: float) -> int:
+    return round(1500.0 + 500.0 * max(-1.0, min(duty, 1.0))) if math.isfinite(duty) else 0

@@ -34,7 +34,7 @@ from robotctl.mavlink.context import LOCALISER_NOT_READY, Context
 from robotctl.mavlink.guards.command_dedup import LateCopies
 from robotctl.mavlink.service import Microservice
 from robotctl.messages.control import Ack, Arm, EmergencyStop, EmergencyStopSource
-from robotctl.messages.mavlink_port import Peer
+from robotctl.messages.mavlink_port import Address, Peer
 from robotctl.safety.state_machine import POWERED
 
 ARM_DISARM: int = common.MAV_CMD_COMPONENT_ARM_DISARM
@@ -50,10 +50,17 @@ ANSWER_NS = 1_000_000_000
 class _Pending:
     """A request of one sender; `commands` to answer, the last of each connection."""
 
-    sender: tuple[int, int]
+    sender: Address
     commands: dict[Peer, Command]
     arm: bool
     deadline_ns: int
+    sequences: set[int]
+    """Numbers of the frames that asked for it."""
+
+    def wait(self, command: Command) -> None:
+        """Answer a command, too."""
+        self.commands[command.peer] = command
+        self.sequences.add(command.sequence)
 
 
 class Arming(Microservice):
@@ -84,6 +91,7 @@ class Arming(Microservice):
 
     def _terminate(self, command: Command, now_ns: int) -> int:
         if command.params[0] == 1.0:
+            self._copies.ask(command.sender, FLIGHT_TERMINATION)
             return self._stop(now_ns)
         self._context.say(now_ns, "Emergency stop: only arming ends it")
         return DENIED
@@ -107,17 +115,11 @@ class Arming(Microservice):
             self._context.say(now_ns, f"Arm: {objection}")
             return TEMPORARILY_REJECTED
         if (repeated := self._find(command.sender, arm=True)) is not None:
-            self._pending[repeated].commands[command.peer] = command
+            self._pending[repeated].wait(command)
             return None
         control = self._context.fresh_control(now_ns)
         armed = control is not None and control.state in POWERED
-        copy = self._copies.answer(
-            command.sender,
-            _meaning(command),
-            now_ns,
-            confirmation=command.confirmation,
-            holds=armed,
-        )
+        copy = self._copies.answer(command.origin, _meaning(command), now_ns, holds=armed)
         if copy is not None:
             if copy == TEMPORARILY_REJECTED:
                 self._context.say(now_ns, "Arm: asked for a moment ago, ask again")
@@ -128,6 +130,7 @@ class Arming(Microservice):
         return self._ask(command, {}, now_ns, arm=True)
 
     def _disarm(self, command: Command, now_ns: int) -> int | None:
+        self._copies.ask(command.sender, _meaning(command))
         if command.params[1] == FORCE:
             return self._stop(now_ns)
         before: dict[Peer, Command] = {}
@@ -147,7 +150,7 @@ class Arming(Microservice):
         self._last_request = max(self._last_request + 1, now_ns)
         self._context.requests.append(Arm(now_ns, self._last_request, arm=False))
 
-    def _find(self, sender: tuple[int, int], *, arm: bool) -> int | None:
+    def _find(self, sender: Address, *, arm: bool) -> int | None:
         """Return the number of this sender's request that waits for its answer."""
         for request_id, pending in self._pending.items():
             if pending.arm == arm and pending.sender == sender:
@@ -166,9 +169,10 @@ class Arming(Microservice):
         self._context.requests.append(Arm(now_ns, self._last_request, arm))
         if is_full:
             return TEMPORARILY_REJECTED
-        commands = {**before, command.peer: command}
         deadline_ns = now_ns + self._timeout_ns
-        self._pending[self._last_request] = _Pending(command.sender, commands, arm, deadline_ns)
+        pending = _Pending(command.sender, before, arm, deadline_ns, set())
+        pending.wait(command)
+        self._pending[self._last_request] = pending
         return None
 
     def step(self, now_ns: int) -> None:
@@ -192,7 +196,9 @@ class Arming(Microservice):
         for command in pending.commands.values():
             self._context.acknowledge(command, result)
             if pending.arm:
-                self._copies.remember(command.sender, _meaning(command), result, now_ns)
+                self._copies.remember(
+                    pending.sender, _meaning(command), result, now_ns, pending.sequences
+                )
 
 
 def _meaning(command: Command) -> tuple[float, bool]:

@@ -6,20 +6,24 @@ ArduRover ignores them (`handle_manual_control_axes` in Rover/GCS_MAVLink_Rover.
 throttle of 500 is half ahead, as on ArduRover, whatever lever a ground station shows for it.
 
 Of RC_CHANNELS_OVERRIDE channel 1 turns and channel 3 drives, by ArduPilot's default calibration:
-1100 to 1900 us with rest within 30 us of 1500. A channel at 0 (released) or 65535 (ignored) is one
-at rest; where both are, the message says nothing about sticks.
+1100 to 1900 us with rest within 30 us of 1500. For both of them 0 releases the channel, which is at
+rest at once, and 65535 leaves it as it is, until it expires. (Channels 9 to 18, where 0 and 65535
+leave a channel and 65534 releases it, steer nothing.)
 
-In MANUAL it is said, once in a while, that the sticks have stopped coming and the robot brakes.
+RC_CHANNELS tells the sticks of both in these pulses. In MANUAL it is said, once in a while, that
+they have stopped coming and the robot brakes.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Final, NamedTuple
 
 from pymavlink.dialects.v20 import common
 
 from robotctl.mavlink import frames
-from robotctl.mavlink.context import Context
+from robotctl.mavlink.catalogue import Stream
+from robotctl.mavlink.context import UNKNOWN, Context
 from robotctl.mavlink.service import Microservice
 from robotctl.mavlink.services.vehicle.setpoints import SAY_AGAIN_NS
 from robotctl.messages.control import ManualControl, Mode
@@ -32,8 +36,19 @@ FULL = 1000
 PULSES_US = range(800, 2201)
 """Pulses that a receiver gives [us]; others are mistakes."""
 REST_US, DEAD_US, TRAVEL_US = 1500, 30, 400
-_NO_CHANNEL = (0, frames.UINT16_MAX)
+CHANNELS, THROTTLE_CHANNEL = 18, 3
+_RELEASED, _UNCHANGED = 0, frames.UINT16_MAX
 _OVERRIDE = common.MAVLINK_MSG_ID_RC_CHANNELS_OVERRIDE
+
+
+class _Stick(NamedTuple):
+    """An axis of MANUAL_CONTROL, and when it is void [ns]."""
+
+    axis: int
+    expires_ns: int
+
+
+_REST: Final = _Stick(0, 0)
 
 
 class ManualControls(Microservice):
@@ -43,11 +58,16 @@ class ManualControls(Microservice):
 
     def __init__(self, context: Context) -> None:
         super().__init__(context)
-        self._life_ns = context.setpoint_life_ns
         self.refused = 0
         self._say_ns = self._say_lost_ns = 0
+        self._throttle = self._steering = _REST
         self._expires_ns: int | None = None
-        """When the last sticks are void [ns]."""
+        """When the first of them is void that is not [ns]."""
+
+    def streams(self) -> tuple[Stream, ...]:
+        """Return RC_CHANNELS, which is off."""
+        group = common.MAV_DATA_STREAM_RC_CHANNELS
+        return (Stream(common.MAVLINK_MSG_ID_RC_CHANNELS, self._channels, 0.0, group),)
 
     def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:  # noqa: ARG002
         """Take one position of the sticks."""
@@ -62,16 +82,22 @@ class ManualControls(Microservice):
             found = f"z {message.z}, y {message.y}"
             self._refuse(f"{found}: allowed -{FULL} to {FULL}", now_ns)
             return
-        self._drive(throttle, steering, now_ns)
+        expires_ns = now_ns + self._context.setpoint_life_ns
+        self._throttle = _Stick(throttle, expires_ns)
+        self._steering = _Stick(steering, expires_ns)
+        self._drive(now_ns)
 
     def _take_channels(self, throttle_us: int, steering_us: int, now_ns: int) -> None:
         """Take the pulses of two channels [us]."""
-        given = [each for each in (throttle_us, steering_us) if each not in _NO_CHANNEL]
+        given = {throttle_us, steering_us} - {_RELEASED, _UNCHANGED}
         if any(each not in PULSES_US for each in given):
             found = f"channels 3 {throttle_us}, 1 {steering_us}"
             self._refuse(f"{found}: allowed {PULSES_US[0]} to {PULSES_US[-1]}", now_ns)
-        elif given:
-            self._drive(_axis(throttle_us), _axis(steering_us), now_ns)
+        elif given or (_RELEASED in {throttle_us, steering_us} and self._expires_ns is not None):
+            expires_ns = now_ns + self._context.setpoint_life_ns
+            self._throttle = _channel(throttle_us, self._throttle, expires_ns)
+            self._steering = _channel(steering_us, self._steering, expires_ns)
+            self._drive(now_ns)
 
     def _refuse(self, why: str, now_ns: int) -> None:
         """Count sticks that are no sticks, and say so once in a while."""
@@ -80,17 +106,35 @@ class ManualControls(Microservice):
             self._say_ns = now_ns + SAY_AGAIN_NS
             self._context.say(now_ns, f"Sticks: {why}")
 
-    def _drive(self, throttle: int, steering: int, now_ns: int) -> None:
-        """Ask for what both axes say, each -1000 to 1000: ahead, and to the right."""
-        expires_ns, turn = now_ns + self._life_ns, frames.stick_turn(steering)
+    def _drive(self, now_ns: int) -> None:
+        """Ask for what both sticks say; one that is void is at rest."""
+        sticks = (self._throttle, self._steering)
+        throttle, steering = (each.axis if each.expires_ns > now_ns else 0 for each in sticks)
+        expiries = [each.expires_ns for each in sticks if each.expires_ns > now_ns]
+        self._expires_ns = min(expiries, default=None)
+        expires_ns = self._expires_ns or now_ns + self._context.setpoint_life_ns
+        turn = frames.stick_turn(steering)
         self._context.requests.append(ManualControl(now_ns, expires_ns, throttle / FULL, turn))
-        self._expires_ns = expires_ns
+
+    def _channels(self, now_ns: int) -> list[Message]:
+        """Return RC_CHANNELS: the sticks as pulses of channels 1 and 3 [us], while they count."""
+        channels = [frames.UINT16_MAX] * CHANNELS
+        for place, stick in ((0, self._steering), (2, self._throttle)):
+            if stick.expires_ns > now_ns:
+                channels[place] = _pulse_us(stick.axis)
+        count = 0 if self._expires_ns is None else THROTTLE_CHANNEL
+        return [
+            common.MAVLink_rc_channels_message(frames.boot_ms(now_ns), count, *channels, UNKNOWN)
+        ]
 
     def step(self, now_ns: int) -> None:
-        """Say that no sticks come any more."""
+        """Let the stick that is not void go on alone; say that no sticks come any more."""
         if self._expires_ns is None or now_ns < self._expires_ns:
             return
         self._expires_ns = None
+        if max(self._throttle.expires_ns, self._steering.expires_ns) > now_ns:
+            self._drive(now_ns)
+            return
         control = self._context.fresh_control(now_ns)
         is_driven = control is not None and control.state in POWERED
         is_driven &= self._context.mode(now_ns) is Mode.MANUAL
@@ -99,11 +143,23 @@ class ManualControls(Microservice):
             self._context.say(now_ns, "Sticks: lost, the robot brakes")
 
 
+def _channel(pulse_us: int, before: _Stick, expires_ns: int) -> _Stick:
+    """Return a stick as a channel [us] sets, releases or leaves it."""
+    if pulse_us == _UNCHANGED:
+        return before
+    return _REST if pulse_us == _RELEASED else _Stick(_axis(pulse_us), expires_ns)
+
+
 def _axis(pulse_us: int) -> int:
     """Return a channel as an axis of MANUAL_CONTROL."""
-    if pulse_us in _NO_CHANNEL:
-        return 0
     off_us = pulse_us - REST_US
     beyond_us = min(max(abs(off_us) - DEAD_US, 0), TRAVEL_US - DEAD_US)
     share = beyond_us / (TRAVEL_US - DEAD_US)
     return round(math.copysign(share * FULL, off_us))
+
+
+def _pulse_us(axis: int) -> int:
+    """Return the pulse that means an axis of MANUAL_CONTROL."""
+    share = axis / FULL
+    off_us = math.copysign(DEAD_US, share) + share * (TRAVEL_US - DEAD_US) if axis else 0.0
+    return round(REST_US + off_us)

@@ -48,8 +48,9 @@ class ModeList(Microservice):
         navigation = self._context.fresh_navigation(now_ns)
         if navigation is not None and navigation.mode is not self._told:
             self._told = navigation.mode
+            receivers = self._context.receivers(additions.MAVLINK_MSG_ID_CURRENT_MODE)
             for message in self._mode(now_ns):
-                self._context.links.broadcast(message)
+                self._context.links.broadcast(message, receivers)
 
     def _modes(self, now_ns: int) -> list[Message]:  # noqa: ARG002
         """Return one AVAILABLE_MODES for each mode, numbered from 1."""

@@ -19,13 +19,14 @@ from robotctl.mavlink.command import (
     MAX_PENDING,
     TEMPORARILY_REJECTED,
     Command,
+    Frame,
 )
 from robotctl.mavlink.context import Context
 from robotctl.mavlink.guards.command_dedup import LateCopies
 from robotctl.mavlink.service import Microservice
 from robotctl.mavlink.services.vehicle.mode_list import STANDARD
 from robotctl.messages.control import Mode, SafetyState, SetMode
-from robotctl.messages.mavlink_port import Message, Peer, source
+from robotctl.messages.mavlink_port import Address, Message, Peer, source
 from robotctl.messages.requests import REQUEST_LIFE_NS
 from robotctl.safety.state_machine import POWERED
 
@@ -51,6 +52,13 @@ class _Pending:
     mode: Mode
     asked_ns: int
     commands: dict[Peer, Command] = field(default_factory=dict)
+    sequences: set[int] = field(default_factory=set)
+    """Numbers of the frames that asked for it."""
+
+    def wait(self, command: Command) -> None:
+        """Answer a command, too."""
+        self.commands[command.peer] = command
+        self.sequences.add(command.sequence)
 
 
 class Modes(Microservice):
@@ -61,7 +69,7 @@ class Modes(Microservice):
 
     def __init__(self, context: Context) -> None:
         super().__init__(context)
-        self._pending: dict[tuple[int, int], _Pending] = {}
+        self._pending: dict[Address, _Pending] = {}
         """By sender, all for the same mode: a request for another one ends them."""
         self._copies = LateCopies()
 
@@ -73,8 +81,9 @@ class Modes(Microservice):
             return
         if self._is_held_back(peer, sender, mode, now_ns):
             return
-        if self._of_copy(sender, mode, 0, now_ns) is None:
-            self._ask(sender, mode, now_ns)
+        frame = Frame(sender, message.get_seq())
+        if self._of_copy(frame, mode, now_ns) is None and self._ask(sender, mode, now_ns):
+            self._pending[sender].sequences.add(frame.sequence)
 
     def on_command(self, command: Command, now_ns: int) -> int | None:
         """Take DO_SET_MODE: param1 flags with CUSTOM_MODE_ENABLED, param2 the personality's number.
@@ -87,16 +96,16 @@ class Modes(Microservice):
         if mode is None:
             return DENIED
         if self._is_repeated(command.sender, mode, now_ns):
-            self._pending[command.sender].commands[command.peer] = command
+            self._pending[command.sender].wait(command)
             return None
         if self._is_held_back(command.peer, command.sender, mode, now_ns):
             return TEMPORARILY_REJECTED
-        copy = self._of_copy(command.sender, mode, command.confirmation, now_ns)
+        copy = self._of_copy(command.origin, mode, now_ns)
         if copy is not None:
             return copy
         if not self._ask(command.sender, mode, now_ns):
             return TEMPORARILY_REJECTED
-        self._pending[command.sender].commands[command.peer] = command
+        self._pending[command.sender].wait(command)
         return None
 
     def on_cancel(self, command: Command, now_ns: int) -> None:
@@ -107,7 +116,7 @@ class Modes(Microservice):
                 self._context.acknowledge(waiting, CANCELLED)
             self._context.requests.append(SetMode(now_ns, Mode.HOLD))
 
-    def _is_held_back(self, peer: Peer, sender: tuple[int, int], mode: Mode, now_ns: int) -> bool:
+    def _is_held_back(self, peer: Peer, sender: Address, mode: Mode, now_ns: int) -> bool:
         """Say whether a mode in which the robot may move may be a wish of long ago."""
         objection = self._context.held_back.objection(peer, sender, now_ns)
         if mode is Mode.HOLD or not objection:
@@ -115,13 +124,9 @@ class Modes(Microservice):
         self._context.say(now_ns, f"Mode {mode.name}: {objection}")
         return True
 
-    def _of_copy(
-        self, sender: tuple[int, int], mode: Mode, confirmation: int, now_ns: int
-    ) -> int | None:
+    def _of_copy(self, frame: Frame, mode: Mode, now_ns: int) -> int | None:
         """Return the answer to a late copy, None if the request is to be carried out."""
-        copy = self._copies.answer(
-            sender, mode, now_ns, confirmation=confirmation, holds=self._holds(mode, now_ns)
-        )
+        copy = self._copies.answer(frame, mode, now_ns, holds=self._holds(mode, now_ns))
         if copy == TEMPORARILY_REJECTED:
             text = f"Mode {mode.name}: asked for a moment ago, ask again"
             self._context.say(now_ns, text)
@@ -160,7 +165,7 @@ class Modes(Microservice):
         self._context.say(now_ns, f"Mode {custom_mode:g}: allowed {allowed}")
         return None
 
-    def _is_repeated(self, sender: tuple[int, int], mode: Mode, now_ns: int) -> bool:
+    def _is_repeated(self, sender: Address, mode: Mode, now_ns: int) -> bool:
         """Say whether a sender waits for that mode already; HOLD is carried out all the same."""
         pending = self._pending.get(sender)
         if pending is None or pending.mode is not mode:
@@ -169,7 +174,7 @@ class Modes(Microservice):
             self._context.requests.append(SetMode(now_ns, mode))
         return True
 
-    def _ask(self, sender: tuple[int, int], mode: Mode, now_ns: int) -> bool:
+    def _ask(self, sender: Address, mode: Mode, now_ns: int) -> bool:
         """Request a mode; return whether there is room to wait for the result.
 
         Where there is none, the mode has been asked for; HOLD is carried out all the same.
@@ -215,10 +220,10 @@ class Modes(Microservice):
         why = f": {control.reason}" if control.reason else ""
         return f"arm to drive, the state is {control.state.name}{why}"
 
-    def _answer(self, sender: tuple[int, int], result: int, now_ns: int) -> None:
+    def _answer(self, sender: Address, result: int, now_ns: int) -> None:
         pending = self._pending.pop(sender)
         if pending.mode is not Mode.HOLD:
-            self._copies.remember(sender, pending.mode, result, now_ns)
+            self._copies.remember(sender, pending.mode, result, now_ns, pending.sequences)
             if result == ACCEPTED and (missing := self._missing(now_ns)):
                 self._context.say(now_ns, f"Mode {pending.mode.name}: {missing}")
         for command in pending.commands.values():

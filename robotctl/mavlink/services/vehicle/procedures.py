@@ -102,6 +102,7 @@ class Procedures(Microservice):
         if asks_for_nothing(command, turn):
             if under_way is not None and under_way.command.number == command.number:
                 self._cancel(under_way, now_ns)
+            self._copies.ask(command.sender, None)
             return ACCEPTED
         return self._begin(command, turn, now_ns)
 
@@ -113,13 +114,7 @@ class Procedures(Microservice):
             why = "a calibration or a motor test is under way"
         elif turn is not None:
             why = context.held_back.objection(command.peer, command.sender, now_ns) or why
-            copy = self._copies.answer(
-                command.sender,
-                _meaning(command),
-                now_ns,
-                confirmation=command.confirmation,
-                holds=False,
-            )
+            copy = self._copies.answer(command.origin, _meaning(command), now_ns, holds=False)
             why = why if copy is None else "asked for a moment ago, ask again"
         if why:
             return self._refuse(command, TEMPORARILY_REJECTED, why, now_ns)
@@ -212,7 +207,9 @@ class Procedures(Microservice):
         if result != TEMPORARILY_REJECTED:
             self._tell_px4(command, _PX4_ENDS[result].format(text), now_ns)
         if command.number == MOTOR_TEST:
-            self._copies.remember(command.sender, _meaning(command), result, now_ns)
+            self._copies.remember(
+                command.sender, _meaning(command), result, now_ns, [command.sequence]
+            )
         self._context.acknowledge(command, result)
 
 

@@ -61,7 +61,7 @@ class Reboots(Microservice):
         request = Restart(now_ns) if action == _RESTART else ShutDown(now_ns)
         if not self._context.ask_supervisor(request):
             return FAILED, "there is no supervisor to do it"
-        self._copies.remember(command.sender, action, ACCEPTED, now_ns)
+        self._copies.remember(command.sender, action, ACCEPTED, now_ns, [command.sequence])
         return ACCEPTED, ""
 
     def _is_done(self, command: Command, action: int, now_ns: int) -> bool:
@@ -71,9 +71,7 @@ class Reboots(Microservice):
         """
         began_ns = now_ns if self._began_ns is None else self._began_ns
         is_of_before = command.confirmation > 0 and now_ns - began_ns < CONFIRMED_REPEAT_NS
-        copy = self._copies.answer(
-            command.sender, action, now_ns, confirmation=command.confirmation, holds=True
-        )
+        copy = self._copies.answer(command.origin, action, now_ns, holds=True)
         return is_of_before or copy is not None
 
     def step(self, now_ns: int) -> None:

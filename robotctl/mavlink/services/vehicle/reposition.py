@@ -46,7 +46,7 @@ class Repositions(Microservice):
         context = self._context
         drives = context.mode(now_ns) is Mode.GUIDED
         meaning = repr(command.params)  # nan is not equal to itself
-        copy = self._copies.answer(command.sender, meaning, now_ns, confirmation=0, holds=drives)
+        copy = self._copies.answer(command.origin, meaning, now_ns, holds=drives)
         if copy is not None:
             return copy
         place = asked_place(command, context.origin)
@@ -59,7 +59,7 @@ class Repositions(Microservice):
             yaw_rad = command.params[3]
             heading_rad = theta_from_yaw_ned(yaw_rad) if math.isfinite(yaw_rad) else None
             context.requests.append(PositionTarget(now_ns, *place, heading_rad))
-        self._copies.remember(command.sender, meaning, result, now_ns)
+        self._copies.remember(command.sender, meaning, result, now_ns, [command.sequence])
         return result
 
     def _objection(
@@ -72,6 +72,8 @@ class Repositions(Microservice):
             return UNSUPPORTED_FRAME, f"frame {command.frame} means nothing here"
         if not max(map(abs, place)) < FARTHEST_M:
             return DENIED, f"{FARTHEST_M / 1e3:g} km away or farther"
+        if why := context.fence_objection(*place, now_ns):
+            return DENIED, why
         if control is None or control.state not in POWERED:
             return TEMPORARILY_REJECTED, "arm first"
         if mode is not Mode.GUIDED and not (command.whole(1) or 0) & CHANGE_MODE:

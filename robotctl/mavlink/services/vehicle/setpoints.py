@@ -17,9 +17,10 @@ The frames are those of ArduRover's `handle_set_position_target_local_ned`. Velo
 count in GUIDED alone, and positions only while the robot is armed: one that was sent before has to
 be sent again. That such a one is not followed is said, with what is missing.
 
-A set-point counts from when it was sent, as far as `sender_clock` can tell from `time_boot_ms`;
+A set-point counts from when it was sent, as far as `transport_delay` can tell from `time_boot_ms`;
 where it cannot, from its arrival. One that is void by then, or a position older than requests live,
-is refused.
+is refused. A velocity is void after `setpoint_timeout_s`, and of a sender that sends at 5 Hz or
+more after `FAST_LIFE_NS`.
 
 z, vz and their bits do not matter to a rover, nor does FORCE_SET without accelerations, which many
 programs set by mistake (0x0FC7). All else (accelerations or forces, position together with
@@ -39,13 +40,14 @@ from typing import ClassVar, NamedTuple
 from pymavlink.dialects.v20 import common
 
 from robotctl.mavlink import frames
-from robotctl.mavlink.context import Context
+from robotctl.mavlink.context import TRANSPORT_NS, Context
 from robotctl.mavlink.globe import SCALE, Origin
+from robotctl.mavlink.guards.rhythm import Rhythm
 from robotctl.mavlink.guards.transport_delay import SenderClocks
 from robotctl.mavlink.missions.item import GLOBAL_FRAMES
 from robotctl.mavlink.service import Microservice
 from robotctl.messages.control import Mode, PositionTarget, VelocityTarget
-from robotctl.messages.mavlink_port import Message, Peer, source
+from robotctl.messages.mavlink_port import Address, Message, Peer, source
 from robotctl.messages.requests import FARTHEST_M, REQUEST_LIFE_NS
 from robotctl.model.geometry.se2 import SE2
 from robotctl.safety.state_machine import POWERED
@@ -63,6 +65,9 @@ LOCAL_FRAMES = frozenset({LOCAL_NED, OFFSET_NED})
 POSITION_FRAMES = frozenset(
     {LOCAL_NED, OFFSET_NED, common.MAV_FRAME_BODY_NED, common.MAV_FRAME_BODY_OFFSET_NED}
 )
+
+FAST_LIFE_NS = 300_000_000
+"""A velocity of who sends at 5 Hz or more is void after this [ns], if not before."""
 
 SAY_AGAIN_NS = 30_000_000_000
 
@@ -114,6 +119,7 @@ class Setpoints(Microservice):
     def __init__(self, context: Context) -> None:
         super().__init__(context)
         self._clocks = SenderClocks()
+        self._rhythm = Rhythm()
         self.refused: Counter[str] = Counter()
         self._said_ns: dict[str, int] = {}
         self._unheeded_ns: int | None = None
@@ -128,7 +134,7 @@ class Setpoints(Microservice):
             elif message.get_msgId() != FOLLOWED:
                 raise Refused(f"{message.get_type()}: only SET_POSITION_TARGET counts")
             late_ns = self._clocks.late_ns(stream, message.time_boot_ms, now_ns)
-            self._follow(message, late_ns, now_ns)
+            self._follow(message, stream, late_ns, now_ns)
             if self._unheeded_ns is None and self._missing(now_ns):
                 self._unheeded_ns = now_ns
         except Refused as refused:
@@ -161,20 +167,30 @@ class Setpoints(Microservice):
             self._said_ns[reason] = now_ns + SAY_AGAIN_NS
             self._context.say(now_ns, f"Setpoint: {reason}")
 
-    def _follow(self, message: Message, late_ns: int, now_ns: int) -> None:
+    def _follow(
+        self, message: Message, stream: tuple[Peer, Address], late_ns: int, now_ns: int
+    ) -> None:
         used = used_parts(message.type_mask)
-        context = self._context
-        life_ns = REQUEST_LIFE_NS if used.position else context.setpoint_life_ns
+        context, sent_ns = self._context, now_ns - late_ns
+        life_ns = REQUEST_LIFE_NS if used.position else self._velocity_life_ns(stream, sent_ns)
         if late_ns >= life_ns:
             raise Refused(f"came {life_ns / 1e9:g} s late or later")
-        sent_ns = now_ns - late_ns
         pose = context.known_pose(now_ns)
         if used.position:
-            context.requests.append(position_target(message, pose, sent_ns))
+            target = position_target(message, pose, sent_ns)
+            if context.fence_objection(target.x_m, target.y_m, now_ns):
+                raise Refused("a position beyond the fence")
+            context.requests.append(target)
             return
         wanted = wanted_velocity(message, used, None if pose is None else pose.theta_rad)
-        expires_ns = sent_ns + context.setpoint_life_ns
-        context.requests.append(VelocityTarget(sent_ns, expires_ns, *wanted))
+        context.requests.append(VelocityTarget(sent_ns, sent_ns + life_ns, *wanted))
+
+    def _velocity_life_ns(self, stream: tuple[Peer, Address], sent_ns: int) -> int:
+        """Return how long a velocity counts from when it was sent [ns]."""
+        life_ns = self._context.setpoint_life_ns
+        if self._rhythm.is_fast(stream, sent_ns):
+            return min(life_ns, FAST_LIFE_NS - TRANSPORT_NS)
+        return life_ns
 
 
 def _as_local(message: Message, origin: Origin | None) -> Message:

@@ -1,0 +1,1 @@
+"""Compilation ahead of time: every compiled function is called once, with whatever fits it."""

@@ -1,0 +1,44 @@
+"""Every global planner with every way to drive, and why there is no path."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from typing import Final, get_args
+
+import numpy as np
+
+from robotctl.model.footprint import Footprint
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.grid_map import OCCUPIED, GridMap
+from robotctl.planning.costmap.planning_map import PlanningMap
+from robotctl.planning.global_planning.plan import Plan, PlannerConfig, Steering
+from robotctl.planning.global_planning.planners import PLANNERS
+from robotctl.workbench.planning.plan import min_clearance_m
+
+_ROUNDS: Final = 50
+"""Rounds of planning: some planners would improve their path for long."""
+
+
+def warm_up() -> None:
+    """Plan around a wall, and once against one without a gap."""
+    cells = np.zeros((13, 13), np.int8)
+    cells[:9, 6] = OCCUPIED
+    space = PlanningMap(GridMap(cells, 1.0), Footprint())
+    start, goal = SE2(2.5, 2.5), SE2(10.5, 2.5)
+    for make in PLANNERS.values():
+        for steering in get_args(Steering):
+            config = PlannerConfig(steering=steering, turning_radius_m=1.0)
+            rounds = iter(range(_ROUNDS))
+            found = make(config).plan(space, start, goal, partial(_goes_on, rounds))
+            if isinstance(found, Plan):
+                min_clearance_m(space, found)
+    closed = cells.copy()
+    closed[:, 6] = OCCUPIED
+    PLANNERS["astar"](PlannerConfig()).plan(
+        PlanningMap(GridMap(closed, 1.0), Footprint()), start, goal
+    )
+
+
+def _goes_on(rounds: Iterator[int]) -> bool:
+    return next(rounds, None) is not None
