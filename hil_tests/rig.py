@@ -25,6 +25,7 @@ import zmq
 from firmware_sim.nodes import wire
 from firmware_sim.nodes.e2e import crc8, data_id_crc
 from hil_tests.firmware import Firmware
+from hil_tests.processes import children_of
 from robotctl.app.simulation.run_status import BEST_EFFORT, PATIENCE, Truth
 from robotctl.app.supervision.child_process import start_child
 from robotctl.app.supervision.stack import CONTROL, NAVIGATION, RECORDER, TELEMETRY
@@ -271,13 +272,12 @@ class Rig:
     def unit(self) -> dict[str, int]:
         """Return the pids of the supervisor and its processes, as `systemctl kill` finds them."""
         pid = self.pid(SUPERVISOR)
-        children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
-        lines = {int(each): Path(f"/proc/{each}/cmdline").read_bytes() for each in children}
+        lines = children_of(pid)
         found = {
             module: child
             for module in UNIT
             for child, line in lines.items()
-            if f"\0{module}\0".encode() in line
+            if module.encode() in line
         }
         return {SUPERVISOR: pid, **found}
 

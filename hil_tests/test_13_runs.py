@@ -15,6 +15,7 @@ from typing import Any, cast
 import pytest
 from pymavlink import mavutil
 
+from hil_tests.processes import children_of
 from robotctl.app.simulation.run_status import RunStatus
 from robotctl.app.simulation.sim import SimRun
 from robotctl.app.simulation.sim_options import SimOptions
@@ -142,12 +143,7 @@ def test_the_robot_stays_as_the_operator_left_it(operator: Operator) -> None:
 
 def pid_of(module: str) -> int:
     """Return the process id of a child of this process that runs a module."""
-    found = []
-    for entry in Path("/proc").glob("[0-9]*"):
-        with contextlib.suppress(FileNotFoundError, ProcessLookupError):  # others come and go
-            is_ours = f"PPid:\t{os.getpid()}\n" in (entry / "status").read_text()
-            if is_ours and module.encode() in (entry / "cmdline").read_bytes().split(b"\0"):
-                found.append(int(entry.name))
+    found = [pid for pid, line in children_of(os.getpid()).items() if module.encode() in line]
     (pid,) = found
     return pid
 

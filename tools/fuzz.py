@@ -30,6 +30,8 @@ FAMILIES = {
         "robotctl.logs",
         "robotctl.maps",
         "robotctl.toml_source",
+        "robotctl.config",
+        "robotctl.app.processes.navigator",
         "firmware_sim.world",
     ),
 }
@@ -62,6 +64,9 @@ def fuzz_forever(name: str, target: str) -> None:
     for each in [*sys.modules]:
         if each == name or any(f"{each}.".startswith(f"{led}.") for led in FAMILIES[name]):
             del sys.modules[each]
+            package, _, name_there = each.rpartition(".")
+            if package in sys.modules:  # or `from package import` would still find it
+                vars(sys.modules[package]).pop(name_there, None)
     with atheris.instrument_imports(include=["robotctl", "firmware_sim"]):
         module = importlib.import_module(name)
     warnings.simplefilter("error")  # as in the tests

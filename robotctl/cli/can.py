@@ -15,14 +15,14 @@ from robotctl.messages.ports import EXTENDED_FLAG
 if TYPE_CHECKING:
     from robotctl.drivers.can.bus_load import BusLoad
 
-app = typer.Typer(help="The CAN bus.", no_args_is_help=True)
+app = typer.Typer(no_args_is_help=True)
 
 OVER_BUDGET = 1
 
 
-@app.callback()
+@app.callback()  # without one, a single subcommand would be the command itself
 def can() -> None:
-    """Keep `budget` a subcommand while it is the only one."""
+    """Look into the load of the CAN bus."""
 
 
 @app.command("budget")

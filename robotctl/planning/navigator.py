@@ -164,6 +164,8 @@ class Navigator:
         """What GUIDED drives to, or drove to last."""
         self._guided_ns = 0
         """When a position was last asked for [ns]."""
+        self._arrived: Rejoining | None = None
+        """What has ended at the last position; a stream of positions goes on with it."""
         self._guided_m_s = 0.0
         """Largest speed there [m/s]."""
         self._goals = 0
@@ -386,7 +388,7 @@ class Navigator:
             case VelocityRequest():
                 self._velocity = request
                 if self._mode is Mode.GUIDED:
-                    self._behaviour = self._guided = None
+                    self._behaviour = self._guided = self._arrived = None
             case PositionRequest() | ExploreRequest() | PlaceRequest():
                 if enabled and self._mode is Mode.GUIDED:
                     self._guide(request, now_ns)
@@ -444,10 +446,12 @@ class Navigator:
         if isinstance(request, PositionRequest):
             if not on_earth(request.x_m, request.y_m):
                 return
-            repeats = self._repeats(request, now_ns)
+            streams = now_ns - self._guided_ns <= _STREAM_NS
             self._guided_ns = now_ns
-            if repeats:
+            if self._repeats(request, streams=streams):
                 return
+            if self._behaviour is None and streams:
+                self._behaviour = self._arrived
         self._goal_reached, self._ended = None, ""
         self._goal = (request.x_m, request.y_m) if isinstance(request, PositionRequest) else None
         self._guided_m_s = self._robot.config.guided_speed_m_s
@@ -461,13 +465,13 @@ class Navigator:
         else:
             self._behaviour = behaviour_for(request, self._robot)
 
-    def _repeats(self, request: PositionRequest, now_ns: int) -> bool:
+    def _repeats(self, request: PositionRequest, *, streams: bool) -> bool:
         """Return whether a position only says again where the robot drives, or cannot get to."""
         if not isinstance(self._guided, PositionRequest) or not _are_same(request, self._guided):
             return False
         if self._behaviour is not None:
             return self._guided_m_s == self._robot.config.guided_speed_m_s
-        return self._goal_reached is False and now_ns - self._guided_ns <= _STREAM_NS
+        return streams and self._goal_reached is False
 
     def _command(self, request: _Commanded) -> None:
         """Do what is asked of the mission; `MissionError`, `ValueError`: it cannot be done."""
@@ -498,7 +502,7 @@ class Navigator:
         self._pause()
         self._mode = mode
         self._behaviour, self._velocity, self._sticks, self._ended = None, None, None, ""
-        self._guided = None
+        self._guided = self._arrived = None
         self._held = False
         self._use_reverse(reverse=False)
         if mode is Mode.AUTO:
@@ -528,7 +532,7 @@ class Navigator:
             step = self._behaviour.step(situation, now_ns)
             if step.status is Status.RUNNING:
                 return step
-            self._behaviour = None
+            self._arrived, self._behaviour = self._behaviour, None
             self._ended = step.text or "arrived"
             if self._mode is Mode.GUIDED:
                 self._goal_reached = step.status is Status.DONE

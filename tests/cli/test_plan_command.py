@@ -58,7 +58,8 @@ def test_the_zones_of_the_robot_are_kept_out_of():
     zone = "navigation.pilot.zone=[{name = 'door', corners = [[4.5, 1.5], [5.5, 1.5], [5, 3.5]]}]"
     result = call(*FLAT, "--set", zone)
     assert result.exit_code == 1, result.output
-    assert "the goal lies in an area of 13.5 m2 that is closed all around" in result.output
+    assert "closed all around, at x 5" in result.output
+    assert "by the keep-out zone door" in result.output
 
 
 def test_a_goal_in_a_wall_is_told_and_the_status_is_1(tmp_path):
@@ -157,3 +158,53 @@ def test_the_warehouse_is_crossed_and_the_heading_at_the_goal_is_as_asked(record
     assert result.exit_code == 0, result.output
     rows = list(csv.DictReader(out.read_text().splitlines()))
     assert [float(each) for each in rows[-1].values()] == [10.0, 15.0, 45.0]
+
+
+@pytest.fixture
+def bare(tmp_path):
+    """A map of 5 m without an obstacle."""
+    (tmp_path / "bare.pgm").write_bytes(b"P5\n100 100\n255\n" + bytes([254]) * 10_000)
+    file = tmp_path / "bare.yaml"
+    file.write_text(
+        "image: bare.pgm\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\n"
+        "occupied_thresh: 0.65\nfree_thresh: 0.1\n"
+    )
+    return file
+
+
+def tape(speed_m_s):
+    corners = "[[2.0, -1], [2.02, -1], [2.02, 7], [2.0, 7]]"
+    return f"navigation.pilot.zone=[{{name='tape', corners={corners}, speed_m_s={speed_m_s}}}]"
+
+
+def test_a_map_without_an_obstacle_has_straight_paths(bare, tmp_path):
+    report = tmp_path / "r.json"
+    result = call("--map", bare, "--start", "1,1,0", "--goal", "4,4", "--report", report)
+    assert result.exit_code == 0, result.output
+    assert json.loads(report.read_text())["length_m"] == pytest.approx(math.hypot(3, 3), abs=1e-6)
+
+
+@pytest.mark.parametrize("planner", ["astar", "hybrid", "rrt"])
+def test_a_tape_thinner_than_a_cell_keeps_the_robot_out(bare, planner):
+    ends = ("--map", bare, "--start", "1,1,0", "--goal", "4,1,0")
+    result = call(*ends, "--planner", planner, "--set", tape(0), "--time-limit", 3)
+    assert result.exit_code == 1, result.output
+    assert "by the keep-out zone tape" in " ".join(result.output.split())
+
+
+def test_the_cost_tells_that_a_slow_tape_is_crossed(bare, tmp_path):
+    costs = []
+    for speed_m_s in (0.8, 0.1):
+        report = tmp_path / "r.json"
+        ends = ("--map", bare, "--start", "1,1,0", "--goal", "4,1,0")
+        result = call(*ends, "--report", report, "--set", tape(speed_m_s))
+        assert result.exit_code == 0, result.output
+        costs.append(json.loads(report.read_text())["cost"])
+    # The tape touches two columns of 5 cm, which take eight times as long.
+    assert costs[1] - costs[0] == pytest.approx(0.1 * 7, abs=0.06)
+
+
+def test_a_start_at_the_edge_of_the_map_is_told(bare):
+    result = call("--map", bare, "--start", "0,0,0", "--goal", "4,4")
+    assert result.exit_code == 1
+    assert "from the edge of the map at x 0.00 m, y 0.00 m" in " ".join(result.output.split())

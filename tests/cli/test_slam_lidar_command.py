@@ -71,7 +71,7 @@ def test_pictures_are_shown_beside_the_keyframes_of_their_time(log, tmp_path):
     result = run("--log", log, "--images", pictures, "--out", tmp_path / "out")
     assert result.exit_code == 0, result.output
     assert "0 of 11 images recognised" in result.output
-    assert "1 pictures left out, the first: " in result.output
+    assert "1 picture left out, the first: " in result.output
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert report["images"]["looked_at"] == 11
     assert sum(report["images"]["refused"].values()) == 11

@@ -8,6 +8,7 @@ from typer.testing import CliRunner
 from robotctl.cli.commands import app
 from robotctl.errors import ConfigError
 from robotctl.maps.topology_file import load_places, load_topology, save_topology
+from robotctl.workbench.topology.topology import build_topology
 
 
 def run(*words):
@@ -125,3 +126,19 @@ def test_bad_input_is_said(flat, tmp_path):
     flat.write_text(passages, encoding="utf-8")
     result = run("plan", "--topological", flat, "lounge", "kitchen")
     assert "disagree on passage 'passage 1'" in str(result.exception)
+
+
+def test_marks_that_are_missing_are_told_before_the_map_is_read(tmp_path):
+    with pytest.raises(ConfigError, match=r"MISSING.*allowed: .*office"):
+        build_topology("no such map", "diff_drive", (), "MISSING")
+    marks = tmp_path / "broken.toml"
+    marks.write_text("[[mark]]\nnam = 3\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"broken\.toml"):
+        build_topology("no such map", "diff_drive", (), str(marks))
+
+
+def test_marks_that_come_along_are_found_by_name(tmp_path):
+    result = run("topology", "build", "flat", "--marks", "office", "--out", tmp_path / "flat.toml")
+    assert isinstance(result.exception, ConfigError)
+    assert "places/office.toml: " in str(result.exception)
+    assert "is at no place of flat" in str(result.exception)

@@ -10,8 +10,8 @@ import cantools.database
 import pydantic
 import pytest
 
-from robotctl.app.processes.control import PUBLISH_HZ
 from robotctl.app.simulation.sim_options import SimOptions, SimulatorError, simulated_robot
+from robotctl.app.supervision.silence import STATE_PERIOD_NS
 from robotctl.config.robot_file import (
     MAX_SUPPLY_V,
     RING_S,
@@ -39,7 +39,7 @@ def test_the_guard_is_given_the_time_from_an_echo_to_the_brakes(path: Path) -> N
     ring_s = dbc.get_message_by_name("SonarRangesA").cycle_time / 1e3  # to the newer of the two
     listening_s = 2.0 * config.localisation.sonar.max_range_m / 343.0  # its neighbour hears nothing
     tick_s = 1.0 / config.runtime.rate_hz
-    heard_s = listening_s + tick_s + 1.0 / PUBLISH_HZ
+    heard_s = listening_s + tick_s + STATE_PERIOD_NS / 1e9
     decided_s = 1.0 / config.navigation.rate_hz + tick_s
     guard = config.navigation.guard
     ramp_s = 0.5 * guard.deceleration_m_s2 / config.limits.jerk_max_m_s3

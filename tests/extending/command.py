@@ -15,7 +15,8 @@ def robotctl(*arguments):
 def test_it_is_listed_runs_and_refuses(tmp_path):
     assert "distance" in robotctl("--help").stdout
     path = tmp_path / "drive.txt"
-    path.write_text("stamp_ns,x_m,y_m,theta_rad\n0,0,0,0\n1,3,4,0\n2,3,5,0\n")
+    rows = ("0,0,0,0", "10000000000,3,4,0", "20000000000,3,5,0")
+    path.write_text("\n".join(("stamp_ns,x_m,y_m,theta_rad", *rows, "")))
     done = robotctl("distance", str(path))
     assert (done.returncode, done.stdout, done.stderr) == (0, "6.000 m\n", "")
     bad = robotctl("distance", str(tmp_path / "drove.txt"))

@@ -33,7 +33,8 @@ def replay(
         print(f"{file}: {counted(result.agreed, 'tick')}, all outputs the same bit for bit{gaps}")
         return
     tick = result.difference.tick
-    print(f"{file}: {result.agreed} of the ticks agree{gaps}")
+    agree = "agrees" if result.agreed == 1 else "agree"
+    print(f"{file}: {counted(result.agreed, 'tick')} {agree}{gaps}")
     print(f"tick {result.difference.number} of the run, at {tick.now_ns} ns, differs:")
     for name, recorded, computed in differences(result.difference):
         print(f"  {name}: recorded {recorded}, computed {computed}")

@@ -120,5 +120,6 @@ class Guarded(Behaviour):
         elif self._blocked_ns is None:
             self._blocked_ns = now_ns
         elif now_ns - self._blocked_ns > self._blocked_max_ns:
+            self._blocked_ns = None
             return failed(f"blocked for {self._blocked_max_ns / 1e9:g} s: {allowed.obstacle}")
         return step

@@ -423,12 +423,14 @@ class LayeredMap:
                 return False
         return True
 
-    def speed_limit_at(self, x_m: float, y_m: float) -> float:
-        """Return the lowest limit of the slow zones at a point of `world` [m/s]; inf: none."""
-        here = self._space.to_cells(SE2(x_m, y_m, 0.0))
-        if self._limits_m_s is None or not self._space.contains(here.x_m, here.y_m):
-            return math.inf
-        return float(self._limits_m_s[math.floor(here.y_m), math.floor(here.x_m)])
+    def speed_limits_at(self, points_world: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the lowest limits of the slow zones at points (n, 2) [m/s]; inf: none."""
+        limits = np.full(len(points_world), math.inf)
+        if self._limits_m_s is not None:
+            cells = self._space.grid.cell_of(points_world)
+            on_map = np.all((cells >= 0) & (cells < self._space.shape), axis=1)
+            limits[on_map] = self._limits_m_s[tuple(cells[on_map].T)]
+        return limits
 
     def marked(self) -> NDArray[np.bool_]:
         """Return which cells sensors have marked, (rows, columns)."""

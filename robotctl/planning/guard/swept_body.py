@@ -17,6 +17,8 @@ _WALL: Final = 3
 """Points that make a wall."""
 _RAGGED_M: Final = 0.02
 """Points of a wall are so far aside of it [m]."""
+_DEEPEST_M: Final = 0.05
+"""Points deeper below a side of the body than it is drawn too wide make no wall beside it [m]."""
 _ROUNDING_M: Final = 1e-6
 """A point this near to a side lies on it [m]: it may leave there."""
 _STANDS: Final = 1e-9
@@ -57,7 +59,7 @@ def _without_walls_beside(body: Rectangle, points: NDArray[np.float64]) -> NDArr
     kept = np.ones(len(points), np.bool_)
     for side in (1.0, -1.0):
         depths = body.half_width_m - side * y
-        beside = (depths >= 0.0) & (depths <= from_ends) & (side * y > 0.0)
+        beside = (depths >= 0.0) & (depths <= np.minimum(from_ends, _DEEPEST_M))
         if np.count_nonzero(beside) >= _WALL:
             wall_m = float(np.median(depths[beside])) + _RAGGED_M
             kept &= beside | (depths > wall_m)

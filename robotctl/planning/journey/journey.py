@@ -10,7 +10,7 @@ import numpy as np
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behaviours.kind import Goal
-from robotctl.planning.global_planning.plan import Plan, PlanFailure, Reason
+from robotctl.planning.global_planning.plan import PlanFailure, Reason
 from robotctl.planning.guard.behaviour import (
     Anchor,
     Behaviour,
@@ -131,7 +131,7 @@ class Journey(Behaviour):
         """Drive to another place from now on, along the present path until the next is planned."""
         self._goal, self._speed_m_s = goal, speed_m_s
         self._is_redirected = not self._is_near(self._aim, 0.5)
-        self._chases = self._is_redirected
+        self._chases = self._is_redirected or self._route is None
         if math.dist(goal[:2], self._ladder_goal[:2]) > _ELSEWHERE_M:
             self._ladder_goal = goal
             self._closed = None
@@ -177,20 +177,19 @@ class Journey(Behaviour):
         if self._route is None and self._is_near(_goal_of(pose), 1.0):
             return done()
         self._note_progress(pose)
-        if self._attempt is not None:
-            output = self._recover(self._attempt, situation, now_ns)
-            if output is not None:
-                return output
-            self._attempt = None
-        route = self._route
-        if self._looks_again(pose, now_ns) or route is None:
-            found = self._find_route(pose, now_ns)
-            if isinstance(found, BehaviourOutput):
-                return found
-            route = found
+        if (output := self._recover(situation, now_ns)) is not None:
+            return output
+        route = self._route_from(pose, now_ns)
+        if isinstance(route, BehaviourOutput):
+            return route
         if turn_rad_s := self._turning_round(situation, route):
             return BehaviourOutput(0.0, turn_rad_s, text="turning round")
-        motion = self._looked_at(pose, self._follow(situation, route.plan))
+        return self._drive(situation, route, now_ns)
+
+    def _drive(self, situation: BehaviourInput, route: Route, now_ns: int) -> BehaviourOutput:
+        """Return the next velocity along the path; done where it ends at the goal."""
+        pose = situation.pose
+        motion = self._looked_at(pose, self._follow(situation, route))
         self._pilot.show(route.rest, motion.ahead)
         is_at_end = motion.arrived and not self._is_redirected
         if (is_at_end and route.leads_there) or self._is_there(pose):
@@ -218,6 +217,12 @@ class Journey(Behaviour):
         self._last = pose
         if self._closed is not None and _away_m(self._closed.pose, pose) > _PROGRESS_M:
             self._closed = None
+
+    def _route_from(self, pose: SE2, now_ns: int) -> Route | BehaviourOutput:
+        """Return the path to follow, or what to do where there is none."""
+        if not self._looks_again(pose, now_ns) and self._route is not None:
+            return self._route
+        return self._find_route(pose, now_ns)
 
     def _looks_again(self, pose: SE2, now_ns: int) -> bool:
         """Return whether it is time to plan: there is no path, it is far away, or a while ago."""
@@ -281,18 +286,18 @@ class Journey(Behaviour):
         off_rad = wrap_angle(place.heading_rad - wanted_rad)
         return abs(off_rad) <= share * config.heading_tolerance_rad
 
-    def _follow(self, situation: BehaviourInput, plan: Plan) -> LocalMotion:
+    def _follow(self, situation: BehaviourInput, route: Route) -> LocalMotion:
         """Return the local controller's motion along the path."""
         pilot, pose = self._pilot, situation.pose
         return pilot.controller.step(
             LocalSituation(
                 pose,
                 situation.twist,
-                plan.poses,
-                plan.reverse,
+                route.plan.poses,
+                route.plan.reverse,
                 pilot.space_around(pose),
                 pilot.moving,
-                min(self._speed_m_s, pilot.speed_limit(pose)),
+                min(self._speed_m_s, pilot.speed_limit(pose, route.rest)),
             )
         )
 
@@ -357,6 +362,8 @@ class Journey(Behaviour):
                 return BehaviourOutput(0.0, 0.0, text="waiting for somebody to pass")
             if self._closed is not None and self._waits(self._closed, now_ns):
                 return BehaviourOutput(0.0, 0.0, text=self._closed.text)
+            if self._chases:
+                return BehaviourOutput(0.0, 0.0, text="about to plan to where the goal is now")
         answer = self._failure or self._plan(pose, now_ns)
         if isinstance(answer, PlanFailure):
             found = self._without_path(answer, pose, now_ns)
@@ -416,13 +423,16 @@ class Journey(Behaviour):
         self._attempt = Attempt(rung, reason, now_ns, pose)
         return BehaviourOutput(0.0, 0.0, text=self._attempt.text)
 
-    def _recover(
-        self, attempt: Attempt, situation: BehaviourInput, now_ns: int
-    ) -> BehaviourOutput | None:
-        """Return the motion of an attempt; None once it has ended."""
+    def _recover(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput | None:
+        """Return the motion of the attempt under way; None: there is none, or it has ended."""
+        attempt = self._attempt
+        if attempt is None:
+            return None
         output = attempt.step(self._pilot, situation.pose, now_ns)
         if attempt.rung is Rung.WAIT and output is not None and self._may_go_on(situation, now_ns):
-            return None
+            output = None
+        if output is None:
+            self._attempt = None
         return output
 
     def _may_go_on(self, situation: BehaviourInput, now_ns: int) -> bool:
@@ -433,7 +443,7 @@ class Journey(Behaviour):
         if isinstance(answer, PlanFailure):
             return False
         self._route = answer
-        motion = self._follow(situation, answer.plan)
+        motion = self._follow(situation, answer)
         self._pilot.controller.reset()  # nothing has followed this step
         return not motion.blocked
 

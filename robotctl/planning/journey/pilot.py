@@ -151,6 +151,7 @@ class MapPilot:
         self._budget = budget
         self._goes_on = budget()
         self._full_speed_m_s = limits.v_max_m_s
+        self._braking_m_s2 = config.pursuit.acceleration_m_s2
         paths = PlannerConfig(
             margin_m=wanted.margin_m,
             turning_radius_m=self.turning_radius_m or 2.0 * footprint.inscribed_m,
@@ -481,9 +482,15 @@ class MapPilot:
         """Return what the local controller looks at."""
         return self._map.space_around(pose, _LOOK_M)
 
-    def speed_limit(self, pose: SE2) -> float:
-        """Return the limit of the slow zones [m/s]; inf: none."""
-        return self._map.speed_limit_at(pose.x_m, pose.y_m)
+    def speed_limit(self, pose: SE2, path: NDArray[np.float64]) -> float:
+        """Return the speed that keeps the limits of slow zones [m/s], here and as the robot brakes.
+
+        `path` is what lies ahead, places (n, 3) of `world`; inf: no zone limits it.
+        """
+        places = np.vstack([(pose.x_m, pose.y_m), path[:, :2]])
+        away_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(places, axis=0).T))])
+        limits_m_s = self._map.speed_limits_at(places)
+        return float(np.sqrt(limits_m_s**2 + 2.0 * self._braking_m_s2 * away_m).min())
 
 
 def _beside(pose: SE2) -> NDArray[np.float64]:

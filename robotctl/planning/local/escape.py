@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from robotctl.compiled import compiled
 from robotctl.planning.local.body import SPACING, TOUCH, Body, Surroundings, gap
-from robotctl.planning.local.rollout import Problem
+from robotctl.planning.local.rollout import Motion, Problem
 
 _TURNS: Final = np.array([0.0, 0.04, -0.04, 0.1, -0.1, 0.25, -0.25, 0.5, -0.5, 1.0, -1.0])
 """Shares of a slow turn."""
@@ -142,41 +142,67 @@ def way_out(
     side_m
         Of a cell [m].
     """
-    motion, space = problem.motion, problem.space
-    x, y, angle = problem.pose
-    here = separation(space.blocked, bare, x, y, float(np.cos(angle)), float(np.sin(angle)))
+    space, pose = problem.space, problem.pose
+    here = _separation_at(space, bare, pose)
     swing = _SWING + max(here, 0.0) * side_m / _GAP_M
-    ahead, behind = bare.outline[:, 0].max(), -bare.outline[:, 0].min()
-    way = np.hypot(target[0] - x, target[1] - y)
+    way = np.hypot(target[0] - pose[0], target[1] - pose[1])
     best, chosen = 0.0, (0.0, 0.0)
-    for i in range(3):
-        for k in range(len(_TURNS)):
-            v = (i - 1) * motion.creep
-            omega = _TURNS[k] * _SLOW_TURN
-            if motion.curvature_max != np.inf:
-                omega = _TURNS[k] * min(motion.curvature_max * abs(v), _SLOW_TURN)
-            if v == 0.0 and omega == 0.0:
-                continue
-            tail = behind if v > 0.0 else ahead
-            if v != 0.0 and abs(omega / v) * tail > swing:
-                continue
-            free, end_x, end_y, end = 0, x, y, angle
-            while free < _POSES:
-                time = (free + 1) * _AWAY_S / _POSES
-                half = 0.5 * omega * time
-                to_x = x + v * time * np.cos(angle + half)
-                to_y = y + v * time * np.sin(angle + half)
-                if is_too_near(space, drawn_in, (to_x, to_y, angle + 2.0 * half)):
-                    break
-                free, end_x, end_y, end = free + 1, to_x, to_y, angle + 2.0 * half
-            if free < _FREE:
-                continue
-            c, s = float(np.cos(end)), float(np.sin(end))
-            gain = separation(space.blocked, bare, end_x, end_y, c, s) - here
-            nearer = way - np.hypot(target[0] - end_x, target[1] - end_y)
-            if gain < _GAIN and (gain < -_GAIN or nearer < 1.0):
-                continue
-            score = gain + _ALONG * nearer
-            if score > best:
-                best, chosen = score, (v, omega)
+    for v, omega in _creeps(problem.motion, bare, swing):
+        if v < 0.0 and best > 0.0:
+            break
+        free, end = _driven(space, drawn_in, pose, v, omega)
+        if free < _FREE:
+            continue
+        gain = _separation_at(space, bare, end) - here
+        nearer = way - np.hypot(target[0] - end[0], target[1] - end[1])
+        if gain < _GAIN and (gain < -_GAIN or nearer < 1.0):
+            continue
+        score = gain + _ALONG * nearer
+        if score > best:
+            best, chosen = score, (v, omega)
     return chosen
+
+
+@compiled
+def _creeps(motion: Motion, bare: Body, swing: float) -> list[tuple[float, float]]:
+    """Return the slow velocities in which the tail swings out by no more than so much per way.
+
+    Those ahead come first, and those backwards last, where a robot sees least.
+    """
+    ahead, behind = bare.outline[:, 0].max(), -bare.outline[:, 0].min()
+    creeps = []
+    for v, tail in ((motion.creep, behind), (0.0, 1.0), (-motion.creep, ahead)):
+        most = min(motion.curvature_max, swing / tail) * abs(v)
+        if v == 0.0:
+            most = _SLOW_TURN if motion.curvature_max == np.inf else 0.0
+        for turn in _TURNS:
+            omega = max(min(turn * _SLOW_TURN, most), -most)
+            if v != 0.0 or omega != 0.0:
+                creeps.append((v, omega))
+    return creeps
+
+
+@compiled
+def _driven(
+    space: Surroundings, body: Body, pose: tuple[float, float, float], v: float, omega: float
+) -> tuple[int, tuple[float, float, float]]:
+    """Return the poses of an arc up to which a body is free, at most `_POSES`, and the last one."""
+    x, y, angle = pose
+    end = pose
+    for k in range(_POSES):
+        time = (k + 1) * _AWAY_S / _POSES
+        half = 0.5 * omega * time
+        to_x = x + v * time * np.cos(angle + half)
+        to_y = y + v * time * np.sin(angle + half)
+        to = (to_x, to_y, angle + 2.0 * half)
+        if is_too_near(space, body, to):
+            return k, end
+        end = to
+    return _POSES, end
+
+
+@compiled
+def _separation_at(space: Surroundings, body: Body, pose: tuple[float, float, float]) -> float:
+    """Return `separation` of a body at a pose."""
+    c, s = float(np.cos(pose[2])), float(np.sin(pose[2]))
+    return separation(space.blocked, body, pose[0], pose[1], c, s)

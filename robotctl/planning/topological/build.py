@@ -28,28 +28,22 @@ from robotctl.planning.topological.graph import (
     TopologicalPlace,
 )
 from robotctl.planning.topological.junctions import with_junctions
+from robotctl.planning.topological.regions import (
+    CORRIDOR,
+    floor_regions,
+    hall_cells,
+    hall_parts,
+    with_corridors,
+)
 
-DOOR_M: Final = 1.5
-"""Width of the widest passage that divides."""
-NECK: Final = 0.75
-"""Of the lesser width of two regions, a passage between them has less."""
 LEAST_AREA_M2: Final = 1.0
 """Of a place; what is smaller joins the place beside it, or is left out."""
 FURNITURE_M: Final = 3.5
 """Things that stand free and are no longer than this do not divide a room."""
-HALL_M: Final = 8.0
-"""Width from which on a room is a hall, which they do divide [m]."""
 _HOLE_M: Final = 0.1
 """Between parts of one thing: a wall that was seen from far away has holes."""
 _POST_M, _WALL_M = 0.5, 0.4
 """What is longer than the first and thinner than the second is a wall between two doors."""
-_CORRIDOR: Final = 3.0
-"""Length over width from which on a place is a corridor."""
-_NARROWER: Final = 0.5
-"""Of an open area's width, a corridor that leads off it without a door has less."""
-_CORRIDOR_WIDTH_M: Final = 1.0
-"""Of such a corridor, at least."""
-_BESIDE: Final = ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,15 +80,14 @@ def build(grid: GridMap, radius_m: float) -> Topology:
     floor = _floor(grid)
     room_m = _depth_m(floor, side_m)
     depth_m = _depth_m(_without_furniture(floor, side_m), side_m)
-    labels = _regions(depth_m, radius_m)
+    labels = floor_regions(depth_m, radius_m)
     if not (labels >= 0).any():
         return Topology(TopologicalMap((), ()), labels)
-    halls = _halls(labels, depth_m)
+    halls = hall_cells(labels, depth_m)
     depth_m = np.where(halls, room_m, depth_m)
-    labels = _with_corridors(np.where(halls, -1, labels), depth_m, side_m)
+    labels = with_corridors(np.where(halls, -1, labels), depth_m, side_m)
     labels, kinds = with_junctions(labels, depth_m, side_m)
-    parts = _regions(np.where(halls, room_m, 0.0), radius_m, widest_m=math.inf)
-    parts = _with_corridors(parts, depth_m, side_m)
+    parts = hall_parts(halls, room_m, radius_m, side_m)
     labels = np.where(parts >= 0, parts + (int(labels.max()) + 1), labels)
     labels = _without_small(labels, depth_m, side_m)
     return _topology(grid, labels, kinds, depth_m, room_m, radius_m)
@@ -134,80 +127,6 @@ def _without_furniture(floor: NDArray[np.bool_], side_m: float) -> NDArray[np.bo
         if number not in at_edge and longest <= most and not is_wall:
             free[rows, columns] |= thing
     return free
-
-
-def _halls(labels: NDArray[np.int64], depth_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return which cells are in regions as wide as a hall."""
-    count = int(labels.max()) + 1
-    widths_m = 2.0 * ndimage.maximum(depth_m, labels, np.arange(count))
-    inside: NDArray[np.bool_] = np.isin(labels, np.flatnonzero(widths_m >= HALL_M))
-    return inside
-
-
-def _regions(
-    depth_m: NDArray[np.float64], radius_m: float, widest_m: float = DOOR_M
-) -> NDArray[np.int64]:
-    """Return the region of each cell that the robot fits on, -1 elsewhere.
-
-    `widest_m` is the width of the widest passage that divides.
-    """
-    depths = np.pad(depth_m, 1)
-    columns = depths.shape[1]
-    flat = depths.ravel().tolist()
-    steps = [row * columns + column for row, column in _BESIDE]
-    order = np.argsort(-depths.ravel(), kind="stable")
-    label = [-1] * len(flat)
-    parent: list[int] = []
-    widest: list[float] = []
-
-    def root(region: int) -> int:
-        while parent[region] != region:
-            parent[region] = parent[parent[region]]
-            region = parent[region]
-        return region
-
-    for cell in order[: np.count_nonzero(depths >= radius_m)].tolist():
-        known = [cell + step for step in steps if label[cell + step] >= 0]
-        if not known:
-            label[cell] = len(parent)
-            parent.append(len(parent))
-            widest.append(flat[cell])
-            continue
-        # Uphill: regions do not creep along each other's walls.
-        label[cell] = label[max(known, key=flat.__getitem__)]
-        regions = sorted({root(label[each]) for each in known})
-        for i, region in enumerate(regions):
-            for other in regions[i + 1 :]:
-                a, b = root(region), root(other)
-                lesser = min(widest[a], widest[b])
-                if a != b and (flat[cell] > widest_m / 2 or flat[cell] > NECK * lesser):
-                    wide, narrow = (a, b) if widest[a] >= widest[b] else (b, a)
-                    parent[narrow] = wide
-    roots = np.array([root(each) if each >= 0 else -1 for each in label], np.int64)
-    return roots.reshape(depths.shape)[1:-1, 1:-1]
-
-
-def _with_corridors(
-    labels: NDArray[np.int64], depth_m: NDArray[np.float64], side_m: float
-) -> NDArray[np.int64]:
-    """Give corridors that lead off an open area without a door regions of their own."""
-    labels = labels.copy()
-    unused = int(labels.max()) + 1
-    for region in np.unique(labels[labels >= 0]).tolist():
-        inside = labels == region
-        half_m = _NARROWER * float(depth_m[inside].max())
-        core = inside & (depth_m >= half_m)
-        # What circles of that radius cover; a corridor is beyond.
-        beyond = inside & (ndimage.distance_transform_edt(~core) * side_m > half_m)
-        parts, count = ndimage.label(beyond, np.ones((3, 3)))
-        for part in range(1, count + 1):
-            cells = parts == part
-            width_m = 2.0 * float(depth_m[cells].max())
-            area_m2 = np.count_nonzero(cells) * side_m**2
-            if width_m >= _CORRIDOR_WIDTH_M and area_m2 >= _CORRIDOR * width_m**2:
-                labels[cells] = unused
-                unused += 1
-    return labels
 
 
 def _without_small(
@@ -270,7 +189,7 @@ def _place(
     spots = np.argwhere(free & (depth_m == depth_m[free].max()))
     middle = spots[np.argmin(np.sum((spots - spots.mean(axis=0)) ** 2, axis=1))]
     if kind is None:
-        kind = "corridor" if area_m2 >= _CORRIDOR * width_m**2 else "room"
+        kind = "corridor" if area_m2 >= CORRIDOR * width_m**2 else "room"
     x_m, y_m = grid.centre_of(middle[None])[0].tolist()
     name = f"{kind} {number + 1}"
     return TopologicalPlace(name, kind, (), area_m2, width_m, x_m=x_m, y_m=y_m)

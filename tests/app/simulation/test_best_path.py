@@ -53,3 +53,16 @@ def test_a_wait_takes_its_time():
     plain, waits = (best("diff_drive", goal + more) for more in ("", WAIT))
     assert waits.length_m == plain.length_m
     assert waits.time_s == pytest.approx(plain.time_s + 1.5)
+
+
+def test_a_world_that_no_wall_encloses_has_a_best_path_too():
+    """A warehouse's shelves stand free, and its goals lie beyond the outermost of them."""
+    goal = '[[item]]\nkind = "goto"\nx_m = 7.0\ny_m = 3.0\nspeed_m_s = 0.5\n'
+    mission = parse_mission(HEAD + goal, "m.toml")
+    walls = np.array(
+        [(3, 1.4, 4, 1.4), (4, 1.4, 4, 0.2), (-1, -1, -1, -0.8), (9, 5, 9, 5.2)], float
+    )
+    room = World.from_segments(walls)
+    found = best_path(load_robot(find_file("diff_drive")), room, SE2(1.0, 1.0, 0.0), mission)
+    assert math.hypot(6.0, 2.0) <= found.length_m < 7.0
+    assert found.time_s == pytest.approx(found.length_m / 0.5)

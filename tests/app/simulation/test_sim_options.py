@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from robotctl.app.processes.navigator import load_mission
 from robotctl.app.simulation.sim_options import SimOptions, bus_overrides
 from robotctl.config.robot_file import find_file, load_robot
 from robotctl.errors import ConfigError
@@ -97,3 +98,22 @@ def test_a_robot_is_put_on_the_bus_whatever_its_path(channel: str) -> None:
 def test_a_channel_in_a_robots_file_is_refused_with_its_place() -> None:
     with pytest.raises(ConfigError, match=r"can.channel: must be .* not 'can 0'"):
         load_robot(find_file("diff_drive"), ['can.channel="can 0"'])
+
+
+MISSION = """name = "m"
+start = { x_m = 1.0, y_m = 1.0 }
+
+[[item]]
+kind = "wait"
+duration_s = 1.0
+"""
+
+
+def test_a_mission_without_a_world_is_driven_in_the_one_that_is_asked_for(tmp_path: Path) -> None:
+    file = tmp_path / "m.toml"
+    file.write_text(MISSION)
+    mission = load_mission(file)
+    asked = SimOptions(Path("robot"), file, world="empty_room")
+    assert asked.find_world(mission) == find_file("empty_room", "worlds")
+    with pytest.raises(ConfigError, match='names no world; add world = "NAME" to it, or give'):
+        SimOptions(Path("robot"), file).find_world(mission)

@@ -194,3 +194,51 @@ def test_a_path_goes_round_a_slow_zone_where_that_is_quicker(planner, steering, 
 @pytest.mark.parametrize("steering", ["straight", "dubins"])
 def test_all_planners_keep_out_of_zones(planner, steering):
     assert not planned_by_zone(planner, steering, 0.0)[1]
+
+
+CARPET = Zone("carpet", ((2.0, 2.0), (3.0, 2.0), (3.0, 3.0), (2.0, 3.0)))
+"""A keep-out zone in a room of 5 m."""
+
+
+def with_zone(*zones):
+    """Return a map without an obstacle of its own, and the zones in it."""
+    closed = Closed(zones)
+    cells = np.zeros((100, 100), np.int8)
+    cells[closed.cells(GridMap(cells, 0.05))] = 100
+    space = PlanningMap(GridMap(cells, 0.05), SQUARE)
+    space.closed = closed
+    return space
+
+
+SQUARE = Footprint(((0.2, -0.2), (0.2, 0.2), (-0.2, 0.2), (-0.2, -0.2)))
+
+
+@pytest.mark.parametrize(
+    ("goal", "reason"),
+    [
+        ((2.5, 2.5), "lies in the keep-out zone carpet; the nearest place"),
+        ((1.9, 2.5), "is 0.05 m from the keep-out zone carpet at x 1.98 m"),
+        ((4.9, 2.5), "is 0.10 m from the edge of the map at x 5.00 m, y 2.50 m"),
+        ((0.0, 2.5), "is 0.00 m from the edge of the map at x 0.00 m, y 2.50 m"),
+        ((2.5, 4.85), "is 0.15 m from the edge of the map at x 2.50 m, y 5.00 m"),
+    ],
+)
+def test_a_blocked_end_names_the_zone_or_the_edge_of_the_map(goal, reason):
+    answer = plan_to(with_zone(CARPET), (1.0, 1.0), goal)
+    assert reason in answer.text
+    back = plan_to(with_zone(CARPET), goal, (1.0, 1.0))
+    assert back.reason is Reason.START_BLOCKED
+    assert reason in back.text
+
+
+def test_a_way_that_a_zone_closes_names_it():
+    tape = Zone("tape", ((3.0, -1.0), (3.01, -1.0), (3.01, 6.0), (3.0, 6.0)))
+    answer = plan_to(with_zone(tape), (1.0, 1.0), (4.5, 1.0))
+    assert answer.reason is Reason.NO_PASSAGE
+    assert "closed all around, at x 3.0" in answer.text
+    assert answer.text.endswith("by the keep-out zone tape")
+
+
+def plan_to(space, start, goal):
+    planner = PLANNERS["astar"](PlannerConfig())
+    return planner.plan(space, SE2(*start, 0.0), SE2(*goal, 0.0))

@@ -380,3 +380,14 @@ def test_the_body_reaches_from_the_nose_to_the_rearmost_sonar():
     assert body_rectangle(CONFIG, wide[:1]) == (-0.2, 0.3, 0.18)
     assert body_rectangle(CONFIG, MOUNTS) == (-0.15, 0.2, 0.18)
     assert body_rectangle(CONFIG, ()) == (-0.2, 0.2, 0.18)
+
+
+def test_the_edge_of_a_cone_that_hears_the_wall_beside_does_not_stop_the_robot():
+    """A wall along the left side: the slanting sonar hears it 12.5° nearer to it than its axis."""
+    gap_m, body_m = 0.02, 0.15
+    slant_m = (body_m + gap_m - 0.10) / math.cos(math.radians(45.0 - 12.5))
+    assert limit(front_left=slant_m).v_max_m_s == 0.0
+    assert limit(front_left=slant_m, left=gap_m).v_max_m_s == math.inf
+    assert limit(front_left=slant_m - 0.05, left=gap_m).v_max_m_s == 0.0, "nearer than the wall"
+    assert limit(front_left=slant_m, left=0.5).v_max_m_s == 0.0, "the wall is far off"
+    assert limit(front_left=slant_m, left=gap_m, front=0.05).v_max_m_s == 0.0

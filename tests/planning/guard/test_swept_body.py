@@ -94,3 +94,35 @@ def test_the_margin_is_a_way_of_the_part_that_would_touch():
     assert free_way(BODY, ahead, 0.1, 1.0, 0.0) == (pytest.approx(0.55), (0.9, 0.1))
     assert free_way(BODY, ahead[2:], 0.1, 1.0, 0.0) == (math.inf, None)
     assert free_way(BODY, np.empty((0, 2)), 0.1, 1.0, 0.5) == (math.inf, None)
+
+
+def wall(y, x0=-1.0, x1=1.0):
+    return np.column_stack([np.arange(x0, x1, 0.02), np.full(len(np.arange(x0, x1, 0.02)), y)])
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_wall_that_reaches_in_at_a_side_is_driven_along_up_to_what_sticks_out_of_it(side):
+    along = wall(side * 0.165)
+    for turn in (0.0, -side * 0.05):
+        assert free_way(BODY, along, 0.1, 1.0, turn) == (math.inf, None)
+        assert free_way(BODY, along, 0.1, -1.0, -turn) == (math.inf, None)
+    post = np.vstack([along, [[0.9, side * 0.1]]])
+    assert free_way(BODY, post, 0.1, 1.0, 0.0) == (pytest.approx(0.55), (0.9, side * 0.1))
+
+
+def test_turning_into_a_wall_beside_is_not_allowed():
+    free, point = free_way(BODY, wall(0.165), 0.1, 1.0, 1.0)
+    assert free <= 0.0
+    assert point is not None
+
+
+def test_only_what_is_beside_the_robot_makes_a_wall_of_what_is_ahead():
+    ahead = wall(0.165, 0.4, 1.0)
+    assert free_way(BODY, ahead, 0.1, 1.0, 0.0)[0] == pytest.approx(0.05, abs=0.01)
+    two = np.vstack([ahead, [[0.0, 0.165], [0.05, 0.165]]])
+    assert free_way(BODY, two, 0.1, 1.0, 0.0)[0] == pytest.approx(0.05, abs=0.01)
+
+
+def test_points_deep_in_the_body_hide_nothing_ahead():
+    deep = np.vstack([wall(0.11, -0.05, 0.1), [[0.6, 0.12]]])
+    assert free_way(BODY, deep, 0.1, 1.0, 0.0) == (pytest.approx(0.25), (0.6, 0.12))

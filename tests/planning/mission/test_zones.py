@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from robotctl.errors import ConfigError
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behaviours.mission import parse_mission
+from robotctl.planning.config import NavigationConfig
 from robotctl.planning.costmap.zone import Zone
 from robotctl.planning.guard.behaviour import Status
 from tests.planning.journey.bench import SIDE_M, Bench, room
@@ -126,9 +127,32 @@ def test_a_robot_keeps_out_of_a_zone_only_while_its_mission_is_loaded(grid):
     assert least[1] < 2 * SIDE_M
 
 
-def test_a_slow_zone_is_driven_at_its_speed():
+@pytest.mark.parametrize("width_m", [0.02, 1.0])
+def test_a_slow_zone_is_entered_and_driven_through_at_its_speed(width_m):
     bench = Bench(room(), room())
-    bench.pilot.use_zones([Zone("all", ((0, 0), (6, 0), (6, 4), (0, 4)), 0.2)])
-    assert bench.pilot.speed_limit(SE2(3.0, 2.0, 0.0)) == pytest.approx(0.2)
+    corners = ((3.01, 0.0), (3.01 + width_m, 0.0), (3.01 + width_m, 4.0), (3.01, 4.0))
+    bench.pilot.use_zones([Zone("slow", corners, 0.2)])
+    inside, elsewhere = [], []
+
+    def note(bench):
+        within = 3.0 <= bench.pose.x_m < 3.05 + width_m
+        (inside if within else elsewhere).append(bench.twist.v_m_s)
+
+    assert bench.drive(5.0, 2.0, each=note).status is Status.DONE
+    assert max(inside) < 0.22
+    assert max(elsewhere) > 0.7
     bench.pilot.use_zones([])
-    assert bench.pilot.speed_limit(SE2(3.0, 2.0, 0.0)) == math.inf
+    assert bench.pilot.speed_limit(SE2(3.02, 2.0, 0.0), np.zeros((1, 3))) == math.inf
+
+
+def test_the_speed_before_a_slow_zone_is_what_braking_takes_away_on_the_path():
+    bench = Bench(room(), room())
+    bench.pilot.use_zones([Zone("end", ((5, 0), (6, 0), (6, 4), (5, 4)), 0.2)])
+    path = np.column_stack([np.arange(1.0, 5.5, 0.01), np.full(450, 2.0), np.zeros(450)])
+    braking_m_s2 = NavigationConfig().pursuit.acceleration_m_s2
+    for away_m in (0.0, 0.5, 2.0):
+        here = SE2(5.0 - away_m, 2.0, 0.0)
+        rest = path[path[:, 0] >= here.x_m]
+        expected_m_s = math.sqrt(0.2**2 + 2.0 * braking_m_s2 * away_m)
+        # Cells that the zone touches begin up to one before it.
+        assert bench.pilot.speed_limit(here, rest) == pytest.approx(expected_m_s, abs=0.06)

@@ -176,3 +176,37 @@ def test_views_cover_a_place():
 
 def test_nothing_free_has_no_places():
     assert build(GridMap(np.full((30, 30), OCCUPIED, np.int8), 0.1), RADIUS_M).map.places == ()
+
+
+def hall(*, shelves):
+    """Return a hall of 24 m x 16 m, with two rows of shelves 7 m long and bays along a wall."""
+    cells = np.full((162, 242), FREE, np.int8)
+    cells[[0, -1]] = cells[:, [0, -1]] = OCCUPIED
+    if shelves:
+        for x_m in (2.0, 6.0, 10.0):
+            cells[10:80, round(10 * x_m) : round(10 * x_m) + 10] = OCCUPIED
+        for y_m in (5.0, 10.0):
+            cells[round(10 * y_m) : round(10 * y_m) + 3, 200:241] = OCCUPIED
+    return GridMap(cells, 0.1, SE2())
+
+
+def test_gaps_between_shelves_and_bays_of_a_hall_are_places_with_passages():
+    grid = hall(shelves=True)
+    found = build(grid, RADIUS_M)
+    spots = {
+        "hall": (8.0, 12.0),
+        "gap": (4.5, 5.0),
+        "other gap": (8.5, 5.0),
+        "bay": (22.5, 7.8),
+    }
+    places = {name: found.place_at(grid, *spot) for name, spot in spots.items()}
+    assert len(set(places.values())) == len(spots), places
+    assert None not in places.values()
+    ends = [set(passage.between) for passage in found.map.passages]
+    middle = found.map.places[places["hall"]].name
+    for name in ("gap", "other gap", "bay"):
+        assert {middle, found.map.places[places[name]].name} in ends, name
+
+
+def test_an_empty_hall_is_one_place():
+    assert len(build(hall(shelves=False), RADIUS_M).map.places) == 1
