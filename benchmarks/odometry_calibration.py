@@ -104,8 +104,8 @@ def calibrated_in_full(robot: str, seed: int) -> tuple[NDArray[np.float64], Cali
 def _disturbed(nominal: Drive, true: Drive) -> tuple[str, ...]:
     """Return the settings that make the simulated robot the true one."""
     pairs = zip(true.wheel_radii_m, nominal.wheel_radii_m, strict=True)
-    radii = [is_m / should_m - 1.0 for is_m, should_m in pairs]
-    errors = [f"wheel_radius=[{radii[0]}, {radii[-1]}]"]
+    radii = [float(is_m / should_m - 1.0) for is_m, should_m in pairs]
+    errors = [f"wheel_radius={radii}"]
     if isinstance(true, DifferentialDrive) and isinstance(nominal, DifferentialDrive):
         errors.append(f"track_width={true.track_width_m / nominal.track_width_m - 1.0}")
     elif not (isinstance(true, DifferentialDrive) or isinstance(nominal, DifferentialDrive)):

@@ -23,7 +23,6 @@ from firmware_sim.bus.frame import Frame
 from firmware_sim.bus.port import Port
 from firmware_sim.bus.state import FdSupport
 from firmware_sim.config.config import RobotConfig, load_robot
-from firmware_sim.config.parameters import DifferentialDrive
 from firmware_sim.errors import SimulationError
 from firmware_sim.faults.faults import Faults
 from firmware_sim.faults.faulty_imu import FaultyImu
@@ -34,7 +33,7 @@ from firmware_sim.faults.monitor import PERIOD_NS as MONITOR_PERIOD_NS
 from firmware_sim.nodes.drive import DriveNode
 from firmware_sim.nodes.drive_guards import MotorModel
 from firmware_sim.nodes.imu import ImuNode, ImuSample
-from firmware_sim.nodes.kinds import NODE_NAMES
+from firmware_sim.nodes.kinds import NODE_NAMES, has_own_controller
 from firmware_sim.nodes.node import Node
 from firmware_sim.nodes.parameter_store import (
     FileStore,
@@ -44,7 +43,8 @@ from firmware_sim.nodes.parameter_store import (
 )
 from firmware_sim.nodes.power import BatterySample, PowerNode
 from firmware_sim.nodes.sonar import Ranges, SonarNode
-from firmware_sim.plant.plant import STEP_NS, Bridge, Plant
+from firmware_sim.plant.axis import Mode
+from firmware_sim.plant.plant import STEP_NS, Plant
 from firmware_sim.sensors.imu import BodyMotion, Imu
 from firmware_sim.sensors.lidar import Lidar
 from firmware_sim.sensors.sonar import SonarRing
@@ -184,7 +184,7 @@ class Simulation:
             )
         )
         self.monitor = SafetyMonitor(self._motion, _allowed(config))
-        self.bus_of(self.drive.name).tap(self.monitor.on_bus, accept=FORBIDS)
+        self.bus_of("drive").tap(self.monitor.on_bus, accept=FORBIDS)
         self._ports: dict[str, Port] = {}
         self._supplied: set[str] = set()
         for node in self.nodes:
@@ -194,8 +194,8 @@ class Simulation:
     @property
     def nodes(self) -> tuple[Node, ...]:
         """Those that the robot has of `firmware_sim.nodes.kinds.NODES`, in that order."""
-        always = self.drive, self.sonar, self.power
-        return always if self.imu is None else (*always, self.imu)
+        nodes = self.drive, self.sonar, self.power, self.imu
+        return tuple(node for node in nodes if node is not None)
 
     @property
     def now_ns(self) -> int:
@@ -260,6 +260,8 @@ class Simulation:
     def supervise(self) -> None:
         """Hold the drive in reset, or let it boot, according to its supply."""
         drive = self.drive
+        if drive is None:
+            return
         held = self._stage.holds_in_reset()
         if held and self.runs(drive):
             self._shut_down(drive)
@@ -276,14 +278,15 @@ class Simulation:
             port.detach()
         if node is self.drive:
             self.run_to(self.bus.now_ns)
-            stage = self._stage
-            stage.command(0.0, 0.0, stage.steering_rad, Bridge.COAST)
+            for axis in self._stage.axes:
+                axis.command(Mode.COAST)
+            self._stage.steer(self._stage.steering_rad)
 
     def _boot(self, node: Node) -> None:
-        is_drive = node is self.drive
-        if is_drive:
+        receive = node.on_frame
+        if node is self.drive:
             self.monitor.on_power_up()
-        receive = self._deliver_to_drive if is_drive else node.on_frame
+            receive = partial(self._deliver_to_drive, receive)
         bus = self.bus_of(node.name)
         is_classic = node.name in self.config.simulation.classic_nodes
         fd = FdSupport.INTOLERANT if is_classic else FdSupport.ENABLED
@@ -325,6 +328,7 @@ class Simulation:
             y_m=plant.y_m,
             theta_rad=plant.theta_rad,
             v_m_s=plant.v_m_s,
+            vy_m_s=plant.vy_m_s,
             omega_rad_s=plant.omega_rad_s,
             distance_m=plant.distance_m,
             collisions=plant.collisions + (0 if people is None else people.hit),
@@ -406,7 +410,10 @@ class Simulation:
             self._plant_ns += steps * STEP_NS
         return self._plant_ns
 
-    def _make_drive(self, memory: Memory) -> DriveNode:
+    def _make_drive(self, memory: Memory) -> DriveNode | None:
+        """Return our own motor controller, if the robot has one."""
+        if not has_own_controller(self.config):
+            return None
         motor = self.config.simulation.motor
         model = MotorModel(
             resistance_ohm=motor.resistance_ohm,
@@ -416,16 +423,16 @@ class Simulation:
         )
         return DriveNode(
             self._stage,
+            self._stage.axes,
             self.run_to,
             model,
             self._store("drive", memory),
             current_limit_ma=_current_limit_ma(self.config),
-            channels=2 if isinstance(self.config.drive, DifferentialDrive) else 1,
         )
 
-    def _deliver_to_drive(self, frame: Frame) -> None:
+    def _deliver_to_drive(self, receive: Callable[[Frame], None], frame: Frame) -> None:
         self.monitor.on_delivery(frame)
-        self.drive.on_frame(frame)
+        receive(frame)
 
     def _store(self, name: str, memory: Memory) -> FragileStore:
         store = self.stores[name] = FragileStore(memory(name))
@@ -440,7 +447,9 @@ class Simulation:
 
     def _motion(self) -> Motion:
         plant = self.plant
-        return Motion(plant.powered, plant.v_m_s, plant.omega_rad_s, plant.steering_rad)
+        return Motion(
+            plant.powered, plant.v_m_s, plant.vy_m_s, plant.omega_rad_s, plant.steering_rad
+        )
 
     def _watch(self) -> None:
         """Let the monitor look at the robot, now and from now on."""
@@ -459,7 +468,7 @@ class Simulation:
         plant = self.plant
         motion = BodyMotion(
             plant.x_m, plant.y_m, plant.theta_rad,
-            plant.v_m_s, plant.lateral_m_s, plant.omega_rad_s,
+            plant.v_m_s, plant.vy_m_s, plant.omega_rad_s,
         )  # fmt: skip
         return self._imu.sample(stamp_ns, motion)
 

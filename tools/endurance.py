@@ -72,8 +72,8 @@ NEVER_S = 1e9
 
 HELD_UP, PRESSED = "host_held_up", "emergency_stop"
 HOST_FAULTS = (HELD_UP, PRESSED)
-NOT_UNDER_WAY = ("wheels_swapped", "carried")
-"""Nobody exchanges plugs then, and a robot that drives by odometry is lost once it is carried."""
+NOT_UNDER_WAY = ("wheels_swapped", "carried", "wheel_slipping")
+"""Nobody exchanges plugs then, and odometry is lost when the robot is carried or a wheel slips."""
 
 FAULTS = {name: kind for name, kind in CATALOGUE.items() if name not in NOT_UNDER_WAY}
 """All that may befall a robot under way."""
@@ -299,7 +299,9 @@ class Endurance:
         }
         drawn: dict[str, Value] = {}
         for name, parameter in kind.parameters.items():
-            if parameter.words:
+            if parameter.named:
+                drawn[name] = str(self._rng.choice(self.simulation.config.drive.wheel_names))
+            elif parameter.words:
                 drawn[name] = str(self._rng.choice(parameter.words))
             elif name == DURATION:
                 drawn[name] = lasts_ns / 1e9

@@ -9,7 +9,7 @@ import numpy as np
 from firmware_sim.camera.board import add_board
 from firmware_sim.camera.fan import cut
 from firmware_sim.camera.floor import LEVELS, PERIOD_M, PIECES, SIDE
-from firmware_sim.compiled import compiled
+from firmware_sim.compiled import compiled, compiled_with_arrays
 
 NO_SLOT = -1
 FLOOR, NOTHING = -1, -2
@@ -36,7 +36,7 @@ PIXEL = np.dtype(
 """Properties of a pixel, the same for all pictures."""
 
 
-@compiled
+@compiled_with_arrays
 def draw(
     pose: np.ndarray,
     camera_height: float,
@@ -309,7 +309,7 @@ def sample(
     return (both & 0xFFFF) / 256.0, g / 256.0, (both >> 16) / 256.0
 
 
-@compiled
+@compiled_with_arrays
 def blur_rows(
     above: np.ndarray, here: np.ndarray, below: np.ndarray, blur: float, row: np.ndarray
 ) -> None:

@@ -22,7 +22,8 @@ from typing import Annotated, Any, TypeVar
 from pydantic import Discriminator, Field, Tag, TypeAdapter, ValidationError
 
 from firmware_sim.config.camera_parameters import CameraSection
-from firmware_sim.config.parameters import Drive, ImuMount, SimulationParameters, SonarMount
+from firmware_sim.config.drives.kinds import KIND_NAMES, Drive
+from firmware_sim.config.parameters import ImuMount, SimulationParameters, SonarMount
 from firmware_sim.config.quantities import Positive
 from firmware_sim.config.toml_lines import Key, key_lines
 from firmware_sim.errors import SimulationError
@@ -160,6 +161,7 @@ class RobotConfig:
     imu: ImuMount = field(default_factory=ImuMount)
 
     def __post_init__(self) -> None:
+        self.drive.chassis(self.simulation)
         if self.camera is not None:
             self.simulation.camera.true_mount(self.camera.mount)
         names = [bus.name for bus in self.buses]
@@ -257,7 +259,7 @@ def validate(adapter: TypeAdapter[T], file: TomlFile) -> T:
 def _line(file: TomlFile, item: Any, known: list[str]) -> str:
     """One error of pydantic as `file:line: key: rule, found value`."""
     # The tag of a union appears in the location, but is not part of the key.
-    tags = {"differential", "tricycle", "ackermann", "box", "pillar", "table", "tables"}
+    tags = {*KIND_NAMES, "box", "pillar", "table", "tables"}
     head, *rest = item["loc"] or ("",)
     key: Key = (head, *(part for part in rest if part not in tags)) if item["loc"] else ()
     key, problem = _problem(file, key, item, known)

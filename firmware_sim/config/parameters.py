@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated
 
 from pydantic import Field
 
 from firmware_sim.config.camera_parameters import CameraParameters
 from firmware_sim.config.quantities import (
-    Counts,
     NotNegative,
     Point,
     Positive,
@@ -29,56 +28,6 @@ from firmware_sim.config.quantities import (
 FARTHEST_CORNER_M = 10.0
 SHORTEST_HEATING_S = 0.01
 """The winding's and the case's heat are integrated in steps of 1 ms."""
-
-
-@closed
-@dataclass(frozen=True, slots=True)
-class DifferentialDrive:
-    """Two driven wheels on one axle and a castor; base in the middle of the axle.
-
-    `wheel_radius_m` is the mean of both wheels, `wheel_radius_ratio` right over left.
-    """
-
-    kind: Literal["differential"]
-    track_width_m: Positive
-    wheel_radius_m: Positive
-    counts_per_revolution: Counts
-    wheel_radius_ratio: Annotated[float, Field(strict=True, ge=0.5, le=2.0)] = 1.0
-
-
-@closed
-@dataclass(frozen=True, slots=True)
-class TricycleDrive:
-    """One steered front wheel, two rear wheels; one motor, at the front wheel or the rear axle."""
-
-    kind: Literal["tricycle"]
-    driven: Literal["front", "rear"]
-    wheelbase_m: Positive
-    wheel_radius_m: Positive
-    steering_max_rad: Annotated[float, Field(strict=True, gt=0, lt=math.pi / 2)]
-    steering_rate_max_rad_s: Positive
-    counts_per_revolution: Counts
-    steering_offset_rad: Real = 0.0
-
-
-@closed
-@dataclass(frozen=True, slots=True)
-class AckermannDrive:
-    """A car: Ackermann steering at the front, one motor on a rear differential."""
-
-    kind: Literal["ackermann"]
-    wheelbase_m: Positive
-    track_width_m: Positive
-    wheel_radius_m: Positive
-    steering_max_rad: Annotated[float, Field(strict=True, gt=0, lt=math.pi / 2)]
-    steering_rate_max_rad_s: Positive
-    counts_per_revolution: Counts
-    steering_offset_rad: Real = 0.0
-
-
-Drive: TypeAlias = Annotated[
-    DifferentialDrive | TricycleDrive | AckermannDrive, Field(discriminator="kind")
-]
 
 
 @closed
@@ -115,13 +64,19 @@ class ImuMount:
 @closed
 @dataclass(frozen=True, slots=True)
 class MotorParameters:
-    """A brushed DC motor with gearbox. Friction and inertia are those of the motor shaft.
+    """A DC motor with gearbox. Friction and inertia are those of the motor shaft.
 
     `gear_efficiency` acts as friction in proportion to the motor's torque, so a gear never
     delivers energy: driving forwards the wheel gets that share of the torque.
     `inductance_h` = 0 selects the quasi-static limit. `stiction_ratio` is static over sliding
     Coulomb friction. The winding is heated by its copper loss and cools to the case, the case to
     the air; its resistance rises by 0.39 % per kelvin.
+
+    A brushless motor under field-oriented control behaves as the DC motor whose current is the
+    amplitude of its phase currents: `back_emf_v_s_rad` is its torque constant, 8.27 / KV with KV in
+    rpm per volt; `resistance_ohm` and `inductance_h` are 1.5 times those of one phase, or three
+    quarters of those between two leads; and `voltage_share` of the bridge is 0.866, half the root
+    of three. A hub motor has a `gear_ratio` and a `gear_efficiency` of 1.
     """
 
     resistance_ohm: Positive = 1.5
@@ -155,11 +110,15 @@ class MotorParameters:
 @closed
 @dataclass(frozen=True, slots=True)
 class BridgeParameters:
-    """The H-bridge: PWM bits, no output below the duty `deadband`, resistance of two switches."""
+    """The H-bridge: PWM bits, no output below the duty `deadband`, resistance of two switches.
+
+    `voltage_share` of the supply is its greatest output: 1 of an H-bridge, 0.866 of three phases.
+    """
 
     resistance_ohm: NotNegative = 0.02
     pwm_bits: Annotated[int, Field(strict=True, ge=4, le=16)] = 12
     deadband: Annotated[float, Field(strict=True, ge=0, lt=0.5)] = 0.02
+    voltage_share: Annotated[float, Field(strict=True, gt=0, le=1)] = 1.0
 
 
 @closed
@@ -168,7 +127,9 @@ class BatteryParameters:
     """Lithium-ion cells in series: open-circuit voltage over charge, resistance, one RC pair.
 
     `charge` is the state at power-on (1 full). `voltage_scale` multiplies the open-circuit voltage:
-    a simple test with 70 % of the voltage. `electronics_current_a` always flows.
+    a simple test with 70 % of the voltage. `electronics_current_a` always flows. More current than
+    `charge_current_max_a` does not flow back into it (0: a mains supply): what motors feed back
+    beyond that raises the voltage of the rail, on which stand capacitors of `rail_capacitance_f`.
     """
 
     cells: Annotated[int, Field(strict=True, gt=0, le=1000)] = 3
@@ -179,6 +140,8 @@ class BatteryParameters:
     charge: Share = 1.0
     voltage_scale: Positive = 1.0
     electronics_current_a: NotNegative = 0.5
+    charge_current_max_a: NotNegative = 1.0e6
+    rail_capacitance_f: Positive = 2.0e-3
 
 
 @closed
@@ -191,7 +154,7 @@ class WheelParameters:
     of the relative change of the rolling radius from bumps and dust, correlated over
     `floor_length_m`; on it dead reckoning drifts with a variance of
     2 · floor_noise² · floor_length_m per metre of each wheel. `inertia_kg_m2` is that of one
-    driven wheel.
+    driven wheel. The rollers of mecanum and omni wheels drag with `roller_drag` times the load.
     """
 
     inertia_kg_m2: NotNegative = 2.0e-4
@@ -201,6 +164,7 @@ class WheelParameters:
     rolling_resistance: NotNegative = 0.01
     floor_noise: NotNegative = 0.002
     floor_length_m: Positive = 0.05
+    roller_drag: NotNegative = 0.02
 
 
 @closed
@@ -223,11 +187,16 @@ class SteeringParameters:
 @closed
 @dataclass(frozen=True, slots=True)
 class GeometryErrors:
-    """How the true robot differs from its configuration: relative, 0 for a calibrated one."""
+    """How the true robot differs from its configuration: relative, 0 for a calibrated one.
 
-    wheel_radius: tuple[RelativeError, RelativeError] = (0.0, 0.0)
+    `wheel_radius` has one entry for each driven wheel, or none. `wheel_distance` is that of omni
+    wheels from base.
+    """
+
+    wheel_radius: tuple[RelativeError, ...] = ()
     track_width: RelativeError = 0.0
     wheelbase: RelativeError = 0.0
+    wheel_distance: RelativeError = 0.0
     steering_offset_rad: Annotated[float, Field(strict=True, gt=-0.5, lt=0.5)] = 0.0
 
 

@@ -14,32 +14,16 @@ from firmware_sim.bus.errors import PASSIVE_LIMIT, BusError
 from firmware_sim.bus.faults import AckLess, Babble, Delay, Destroy, Drop, FrameFault
 from firmware_sim.bus.faults import Fault as BusFault
 from firmware_sim.errors import SimulationError
-from firmware_sim.faults.faulty_parts import STUCK
+from firmware_sim.faults import fits
+from firmware_sim.faults.faulty_parts import STUCK, FaultyAxis
 from firmware_sim.faults.faulty_robot import MILLISECOND_NS, FaultyRobot
 from firmware_sim.faults.parameters import Arguments, Undo
 from firmware_sim.nodes import drive_objects, standard_objects, wire
-from firmware_sim.nodes.power import CRITICAL_LIMIT, LOW_LIMIT
-from firmware_sim.nodes.sonar import RING_PERIOD
 
 Begin: TypeAlias = Callable[[FaultyRobot, Arguments], Undo | None]
 
-WHEELS: Final = {"left": 0, "right": 1, "drive": 0}
 OVERLOAD_IDS: Final = {"low": 0x7FF, "high": 0x002}
 """Frames of the unknown node of `overload`: after all others, or before all but emergency stop."""
-
-PARAMETERS: Final = {
-    "command_timeout": ("drive", drive_objects.COMMAND_TIMEOUT, 0),
-    "current_limit": ("drive", drive_objects.CURRENT_LIMIT, 0),
-    "temperature_limit": ("drive", drive_objects.TEMPERATURE_LIMIT, 0),
-    "voltage_limit": ("drive", drive_objects.VOLTAGE_LIMIT, 0),
-    "motor_status_syncs": ("drive", drive_objects.MOTOR_STATUS_PDO, 2),
-    "drive_status_syncs": ("drive", drive_objects.DRIVE_STATUS_PDO, 2),
-    "drive_heartbeat": ("drive", standard_objects.HEARTBEAT_TIME, 0),
-    "ring_period": ("sonar", RING_PERIOD, 0),
-    "battery_low": ("power", LOW_LIMIT, 0),
-    "battery_critical": ("power", CRITICAL_LIMIT, 0),
-}
-"""Settings in the nodes' memory that the host relies on: node and object."""
 
 PLACES_TRIED: Final = 1000
 
@@ -55,8 +39,8 @@ def number(arguments: Arguments, key: str) -> float:
     return float(arguments[key])
 
 
-def _channel(arguments: Arguments) -> int:
-    return WHEELS[str(arguments["wheel"])]
+def _axis(robot: FaultyRobot, arguments: Arguments, key: str = "wheel") -> FaultyAxis:
+    return robot.stage.axes[fits.wheels(robot.config)[str(arguments[key])]]
 
 
 def _all(*ends: Undo) -> Undo:
@@ -72,14 +56,13 @@ def _all(*ends: Undo) -> Undo:
 
 def encoder(factor: int) -> Begin:
     """Return a fault that scales an encoder's counts."""
-    return lambda robot, arguments: robot.stage.break_encoder(_channel(arguments), factor).end
+    return lambda robot, arguments: _axis(robot, arguments).own_encoder.begin(factor).end
 
 
 def disconnect_encoder(robot: FaultyRobot, arguments: Arguments) -> Undo:
     """Let an encoder count what its open inputs pick up of the switching bridge: a random walk."""
-    channel, rate_hz = _channel(arguments), number(arguments, "edges")
-    stage = robot.stage
-    fault = stage.break_encoder(channel, STUCK)
+    encoder, rate_hz = _axis(robot, arguments).own_encoder, number(arguments, "edges")
+    fault = encoder.begin(STUCK)
     heard_ns = robot.bus.now_ns
 
     def pick_up() -> None:
@@ -87,34 +70,45 @@ def disconnect_encoder(robot: FaultyRobot, arguments: Arguments) -> Undo:
         elapsed_s, heard_ns = (robot.bus.now_ns - heard_ns) * 1e-9, robot.bus.now_ns
         if fault.counts and robot.plant.powered:
             count = int(robot.rng.poisson(rate_hz * elapsed_s))
-            stage.jump(channel, 2 * int(robot.rng.binomial(count, 0.5)) - count)
+            encoder.jump(2 * int(robot.rng.binomial(count, 0.5)) - count)
 
     return _all(robot.repeat(pick_up), fault.end)
 
 
 def glitch(robot: FaultyRobot, arguments: Arguments) -> None:
     """Let an encoder's count jump."""
-    robot.stage.jump(_channel(arguments), int(number(arguments, "counts")))
+    _axis(robot, arguments).own_encoder.jump(int(number(arguments, "counts")))
+
+
+def swap(robot: FaultyRobot, arguments: Arguments) -> Undo:
+    """Plug the encoders of two wheels into each other's sockets."""
+    one, other = (_axis(robot, arguments, key).own_encoder.wheel for key in ("wheel", "other"))
+    return robot.stage.swap(one, other)
 
 
 def freeze(robot: FaultyRobot, _: Arguments) -> Undo:
-    """Let both encoders stand still."""
-    return _all(*(robot.stage.break_encoder(channel, STUCK).end for channel in (0, 1)))
+    """Let all encoders seem to stand still."""
+    return _all(*(axis.own_encoder.freeze().end for axis in robot.stage.axes))
 
 
 def block(robot: FaultyRobot, arguments: Arguments) -> Undo:
     """Hold a wheel."""
-    return robot.stage.block(_channel(arguments))
+    return _axis(robot, arguments).block()
+
+
+def slip(robot: FaultyRobot, arguments: Arguments) -> Undo:
+    """Leave a tyre only a share of its grip."""
+    return _axis(robot, arguments).loosen(number(arguments, "grip"))
 
 
 def draw_current(robot: FaultyRobot, arguments: Arguments) -> Undo:
     """Let a motor draw more current."""
-    return robot.stage.add_current(_channel(arguments), number(arguments, "amperes"))
+    return _axis(robot, arguments).add_current(number(arguments, "amperes"))
 
 
 def heat(robot: FaultyRobot, arguments: Arguments) -> Undo:
     """Let a winding be hotter."""
-    return robot.stage.add_heat(_channel(arguments), number(arguments, "kelvin"))
+    return _axis(robot, arguments).add_heat(number(arguments, "kelvin"))
 
 
 def under_voltage(robot: FaultyRobot, arguments: Arguments) -> Undo:
@@ -202,7 +196,7 @@ def lose_parameters(robot: FaultyRobot, arguments: Arguments) -> None:
 
 def change_parameter(robot: FaultyRobot, arguments: Arguments) -> None:
     """Change what a node has in its memory, whatever its firmware refuses."""
-    name, index, sub_index = PARAMETERS[str(arguments["parameter"])]
+    name, index, sub_index = fits.PARAMETERS[str(arguments["parameter"])]
     node = robot.node(name)
     size = node.dictionary.variable(index, sub_index).size or 0
     value = int(number(arguments, "value")) % 256**size

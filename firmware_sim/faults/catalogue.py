@@ -79,7 +79,7 @@ DRIVE_FEEDBACK: Final = (wire.WHEEL_FEEDBACK, wire.MOTOR_STATUS, wire.DRIVE_STAT
 _LASTING: Final = {DURATION: Parameter(0.0, "s, 0: until `clear`", 0.0, 3600.0)}
 _FOR: Final = {DURATION: Parameter(0.5, "s", 0.001, 3600.0)}
 _NODE: Final = {"node": Parameter("drive", "which", words=NODE_NAMES)}
-_WHEEL: Final = {"wheel": Parameter("left", "whose", words=tuple(act.WHEELS))}
+_WHEEL: Final = {"wheel": Parameter("left", "a wheel of the robot", named=True)}
 _FRAMES: Final = {
     "id": Parameter(0.0, "identifier, 0x201 or 513, 0: any", 0.0, 0x7FF, whole=True),
     "probability": Parameter(1.0, "for each frame", 0.001, 1.0),
@@ -107,8 +107,9 @@ DRIVE: Final[dict[str, Kind]] = {
         fits.wheel,
     ),
     "wheels_swapped": Kind(
-        "the encoder plugs are swapped",
-        lambda robot, _: robot.stage.swap(), _LASTING, fits.exchange,
+        "the encoder plugs of two wheels are swapped", act.swap,
+        {**_WHEEL, "other": Parameter("right", "another wheel", named=True), **_LASTING},
+        fits.exchange,
     ),
     "feedback_frozen": Kind(
         "the drive's feedback continues with old counts", act.freeze, _LASTING
@@ -117,6 +118,11 @@ DRIVE: Final[dict[str, Kind]] = {
         "somebody carries the robot to a random place in the room", act.carry
     ),
     "wheel_blocked": Kind("a wheel cannot turn", act.block, {**_WHEEL, **_LASTING}, fits.wheel),
+    "wheel_slipping": Kind(
+        "a tyre has lost most of its grip: on oil, or nearly off the floor", act.slip,
+        {**_WHEEL, "grip": Parameter(0.05, "share that is left", 0.0, 1.0), **_LASTING},
+        fits.wheel,
+    ),
     "over_current": Kind(
         "a motor draws current that produces no torque", act.draw_current,
         {**_WHEEL, "amperes": Parameter(20.0, "A", 0.1, 100.0), **_LASTING},
@@ -195,7 +201,7 @@ NODES: Final[dict[str, Kind]] = {
     ),
     "feedback_lost": Kind(
         "the drive's feedback is missing, but its heartbeat continues",
-        act.lose(*DRIVE_FEEDBACK), _FOR,
+        act.lose(*DRIVE_FEEDBACK), _FOR, fits.controller,
     ),
     "parameter_lost": Kind(
         "a node's stored parameters are damaged: it boots with its defaults and reports it, at "
@@ -207,11 +213,12 @@ NODES: Final[dict[str, Kind]] = {
         "been refused",
         act.change_parameter,
         {
-            "parameter": Parameter("command_timeout", "which", words=tuple(act.PARAMETERS)),
+            "parameter": Parameter("command_timeout", "which", words=tuple(fits.PARAMETERS)),
             "value": Parameter(
                 2000.0, "in the unit of the object dictionary", 0.0, 65535.0, whole=True
             ),
         },
+        fits.parameter,
     ),
     "wrong_firmware": Kind(
         "a node boots with another major revision, the drive with another wire version; "
@@ -291,7 +298,8 @@ FRAMES: Final[dict[str, Kind]] = {
         {**_FRAMES, "delay": Parameter(0.02, "s", 0.0001, 10.0)}, fits.frames,
     ),
     "masquerade": Kind(
-        "the sonar node sends motor commands with a wrong CRC", act.masquerade, _FOR
+        "the sonar node sends motor commands with a wrong CRC", act.masquerade, _FOR,
+        fits.controller,
     ),
 }  # fmt: skip
 
@@ -324,5 +332,7 @@ def _table(group: dict[str, Kind]) -> str:
 def _parameter(key: str, parameter: Parameter) -> str:
     if parameter.words:
         return f"`{key}={parameter.default}` ({parameter.help}: {', '.join(parameter.words)})"
+    if parameter.named:
+        return f"`{key}={parameter.default}` ({parameter.help})"
     bounds = f"{parameter.low:g} to {parameter.high:g}"
     return f"`{key}={parameter.default:g}` ({parameter.help}; {bounds})"

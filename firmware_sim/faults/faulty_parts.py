@@ -17,7 +17,8 @@ from firmware_sim.faults.parameters import Undo
 from firmware_sim.nodes.sonar import GROUP_SIZE, Ranges
 
 if TYPE_CHECKING:
-    from firmware_sim.plant.plant import Bridge, Plant
+    from firmware_sim.plant.axis import Axis, BrakeResistor, Limits, Mode
+    from firmware_sim.plant.plant import Plant
     from firmware_sim.sensors.sonar import SonarRing
 
 SOUND: Final = 1
@@ -30,46 +31,14 @@ RELEASE_V: Final = 6.5
 """and above this one it starts again."""
 
 
-class _Encoder:
-    """Counts of a wheel's encoder: continuous across changes of its faults."""
-
-    def __init__(self, true: Callable[[], int]) -> None:
-        self._true_now = true
-        self._present: list[BrokenEncoder] = []
-        self._read = self._true = 0
-
-    @property
-    def count(self) -> int:
-        """Counts of the encoder."""
-        factor = self._present[-1].factor if self._present else SOUND
-        return self._read + factor * (self._true_now() - self._true)
-
-    def begin(self, factor: int) -> BrokenEncoder:
-        """From now on count by a factor."""
-        self._anchor()
-        fault = BrokenEncoder(self, factor)
-        self._present.append(fault)
-        return fault
-
-    def end(self, fault: BrokenEncoder) -> None:
-        """End one fault."""
-        self._anchor()
-        self._present.remove(fault)
-
-    def shows(self, fault: BrokenEncoder) -> bool:
-        """Whether a fault is the latest, which counts."""
-        return bool(self._present) and self._present[-1] is fault
-
-    def _anchor(self) -> None:
-        self._read, self._true = self.count, self._true_now()
-
-
 class BrokenEncoder:
     """One fault of an encoder: it counts by a factor while no later one is present."""
 
-    def __init__(self, encoder: _Encoder, factor: int) -> None:
+    def __init__(self, encoder: FaultyEncoder, factor: int, frozen_rad_s: float | None) -> None:
         self._encoder = encoder
         self.factor = factor
+        self.frozen_rad_s = frozen_rad_s
+        """Speed that is reported on and on [rad/s], where only the host is deceived."""
 
     @property
     def counts(self) -> bool:
@@ -81,68 +50,288 @@ class BrokenEncoder:
         self._encoder.end(self)
 
 
+class FaultyEncoder:
+    """Encoder of a wheel: its counts are continuous across changes of its faults.
+
+    Parameters
+    ----------
+    wheel
+        Number of the wheel.
+    axis
+        The true axis.
+    on_change
+        Called when a fault has begun or ended.
+    """
+
+    def __init__(self, wheel: int, axis: Axis, on_change: Callable[[], None]) -> None:
+        self.wheel = wheel
+        self._axis = axis
+        self._sound = axis.encoder(1)
+        self._on_change = on_change
+        self._present: list[BrokenEncoder] = []
+        self._read = self._true = 0
+
+    def resolve(self, counts_per_revolution: float) -> None:
+        """Count so much in each turn of the wheel, from now on."""
+        self._read = self.count
+        self._sound = self._axis.encoder(counts_per_revolution)
+        self._true = self._sound.count
+
+    @property
+    def count(self) -> int:
+        """Counts."""
+        factor = self._present[-1].factor if self._present else SOUND
+        return self._read + factor * (self._sound.count - self._true)
+
+    @property
+    def speed_rad_s(self) -> float:
+        """Speed by the counts [rad/s]."""
+        fault = self._present[-1] if self._present else None
+        if fault is not None and fault.frozen_rad_s is not None:
+            return fault.frozen_rad_s
+        return (SOUND if fault is None else fault.factor) * self._axis.speed_rad_s
+
+    @property
+    def told(self) -> int:
+        """Factor on the speed that a drive's own loop is told."""
+        factors = [each.factor for each in self._present if each.frozen_rad_s is None]
+        return factors[-1] if factors else SOUND
+
+    def begin(self, factor: int) -> BrokenEncoder:
+        """Count by a factor from now on."""
+        return self._begin(factor, None)
+
+    def freeze(self) -> BrokenEncoder:
+        """Report old counts and speed from now on; a loop in the drive is not deceived."""
+        return self._begin(STUCK, self.speed_rad_s)
+
+    def _begin(self, factor: int, frozen_rad_s: float | None) -> BrokenEncoder:
+        self._anchor()
+        fault = BrokenEncoder(self, factor, frozen_rad_s)
+        self._present.append(fault)
+        self._on_change()
+        return fault
+
+    def end(self, fault: BrokenEncoder) -> None:
+        """End one fault."""
+        self._anchor()
+        self._present.remove(fault)
+        self._on_change()
+
+    def shows(self, fault: BrokenEncoder) -> bool:
+        """Whether a fault is the latest, which counts."""
+        return bool(self._present) and self._present[-1] is fault
+
+    def jump(self, counts: int) -> None:
+        """Let the count jump once."""
+        self._read += counts
+
+    def _anchor(self) -> None:
+        self._read, self._true = self.count, self._sound.count
+
+
+class Socket:
+    """Counter of an axis, which goes on from where it is whatever encoder is plugged in."""
+
+    def __init__(self, encoder: FaultyEncoder) -> None:
+        self.encoder = encoder
+        self._offset = 0
+
+    @property
+    def count(self) -> int:
+        """Count of the drive."""
+        return self.encoder.count + self._offset
+
+    def plug(self, encoder: FaultyEncoder) -> None:
+        """Plug an encoder in."""
+        before = self.count
+        self.encoder = encoder
+        self._offset = before - encoder.count
+
+
+class FaultyAxis:
+    """One axis as the firmware of its drive sees it.
+
+    Parameters
+    ----------
+    axis
+        The true one.
+    stage
+        The stage that it belongs to.
+    encoder
+        That of its wheel.
+
+    Attributes
+    ----------
+    true
+        The true one.
+    own_encoder
+        That of its wheel, whatever it is plugged into.
+    socket
+        Counter of the axis, whatever is plugged in.
+    """
+
+    def __init__(self, axis: Axis, stage: FaultyStage, encoder: FaultyEncoder) -> None:
+        self.true = axis
+        self._stage = stage
+        self.own_encoder = encoder
+        self.socket = Socket(encoder)
+        self._blocks = 0
+        self._grips: list[float] = []
+        self._added_a = self._added_c = 0.0
+
+    # Faults -------------------------------------------------------------------------------------
+
+    def block(self) -> Undo:
+        """Hold the wheel, whose motor stalls."""
+        self._change_blocks(1)
+        return lambda: self._change_blocks(-1)
+
+    def _change_blocks(self, by: int) -> None:
+        self._blocks += by
+        self.true.block(self._blocks > 0)
+
+    def loosen(self, grip: float) -> Undo:
+        """Leave the wheel only a share of its grip on the floor; of several the least counts."""
+        self._grips.append(grip)
+        self._hold_floor()
+
+        def end() -> None:
+            self._grips.remove(grip)
+            self._hold_floor()
+
+        return end
+
+    def _hold_floor(self) -> None:
+        self._stage.plant.loosen(self.own_encoder.wheel, min(self._grips, default=1.0))
+
+    def add_current(self, current_a: float) -> Undo:
+        """Let the motor draw more current [A] in the direction of what it draws.
+
+        Where it draws none it is that of its duty, and forward where that is 0 too.
+        """
+        self._added_a += current_a
+
+        def end() -> None:
+            self._added_a -= current_a
+
+        return end
+
+    def add_heat(self, rise_k: float) -> Undo:
+        """Let the winding be hotter [K]."""
+        self._added_c += rise_k
+
+        def end() -> None:
+            self._added_c -= rise_k
+
+        return end
+
+    # What the firmware sees and does ------------------------------------------------------------
+
+    @property
+    def limits(self) -> Limits:
+        """Limits and gains of the drive's loops."""
+        return self.true.limits
+
+    @limits.setter
+    def limits(self, limits: Limits) -> None:
+        self.true.limits = limits
+
+    def command(self, mode: Mode, value: float = 0.0) -> None:
+        """Pass a command on; with less than the supply the bridge gives that much less."""
+        if self._stage.is_low:
+            self.true.supply = self._stage.share
+        self.true.command(mode, value)
+
+    def encoder(self, counts_per_revolution: float) -> Socket:
+        """Return the counter of the axis, for an encoder with so many counts."""
+        self.own_encoder.resolve(counts_per_revolution)
+        return self.socket
+
+    @property
+    def speed_rad_s(self) -> float:
+        """Speed by the encoder that is plugged in [rad/s]."""
+        return self.socket.encoder.speed_rad_s
+
+    @property
+    def current_a(self) -> float:
+        """Current of the motor [A]."""
+        current_a, added_a = self.true.current_a, self._added_a
+        if not added_a:
+            return current_a
+        return current_a + math.copysign(added_a, current_a or self.true.value or 1.0)
+
+    @property
+    def supply_current_a(self) -> float:
+        """Current out of the supply [A]; negative feeds back."""
+        return self.true.supply_current_a
+
+    @property
+    def voltage_v(self) -> float:
+        """Mean voltage at the motor [V]."""
+        return self.true.voltage_v
+
+    @property
+    def temperature_c(self) -> float:
+        """Winding temperature [degC]."""
+        return self.true.temperature_c + self._added_c
+
+
 class FaultyStage:
-    """The power stage as the drive's firmware sees it, between it and the plant.
+    """The power stage as the firmware of drives sees it, between it and the plant.
 
     Parameters
     ----------
     plant
         The true one.
+
+    Attributes
+    ----------
+    plant
+        The true one.
+    axes
+        Those of the plant, in their order.
     """
 
     def __init__(self, plant: Plant) -> None:
-        self._plant = plant
-        self._encoders = (_Encoder(lambda: plant.count1), _Encoder(lambda: plant.count2))
-        self._offsets = [0, 0]
-        """Of the counters of the channels to the encoders that they count."""
-        self._swaps = 0
-        self._blocks = [0, 0]
-        self._added_a = [0.0, 0.0]
-        self._added_c = [0.0, 0.0]
+        self.plant = plant
+        encoders = [FaultyEncoder(*each, self._connect) for each in enumerate(plant.axes)]
+        self.axes = tuple(
+            FaultyAxis(axis, self, encoder)
+            for axis, encoder in zip(plant.axes, encoders, strict=True)
+        )
+        self._swaps: list[tuple[int, int]] = []
         self._lost_v = 0.0
         self._ceilings_v: dict[object, float] = {}
         self._in_reset = False
-        self._commanded: tuple[float, float, float, Bridge] | None = None
 
     # Faults -------------------------------------------------------------------------------------
 
-    def break_encoder(self, wheel: int, factor: int) -> BrokenEncoder:
-        """Let the encoder of a wheel count by a factor: `STUCK` or `REVERSED`."""
-        return self._encoders[wheel].begin(factor)
+    def swap(self, one: int, other: int) -> Undo:
+        """Plug the cables of the encoders of two wheels into each other's sockets."""
+        pair = min(one, other), max(one, other)
+        self._swaps.append(pair)
+        self._plug()
 
-    def jump(self, wheel: int, counts: int) -> None:
-        """Let the count of a wheel's encoder jump once."""
-        self._offsets[self._other_if_swapped(wheel)] += counts
+        def end() -> None:
+            self._swaps.remove(pair)
+            self._plug()
 
-    def swap(self) -> Undo:
-        """Plug the cables of the encoders into each other's sockets."""
-        self._change_swaps(1)
-        return lambda: self._change_swaps(-1)
+        return end
 
-    def _change_swaps(self, by: int) -> None:
-        before = self.count1, self.count2
-        self._swaps += by
-        self._offsets = [before[channel] - self._plugged(channel).count for channel in (0, 1)]
+    def _plug(self) -> None:
+        order = list(range(len(self.axes)))
+        for one, other in dict.fromkeys(self._swaps):
+            order[one], order[other] = order[other], order[one]
+        for axis, wheel in zip(self.axes, order, strict=True):
+            axis.socket.plug(self.axes[wheel].own_encoder)
+        self._connect()
 
-    def block(self, channel: int) -> Undo:
-        """Hold a wheel, whose motor stalls."""
-        self._change_blocks(channel, 1)
-        return lambda: self._change_blocks(channel, -1)
-
-    def _change_blocks(self, channel: int, by: int) -> None:
-        self._blocks[channel] += by
-        self._plant.block(channel + 1, blocked=self._blocks[channel] > 0)
-
-    def add_current(self, channel: int, current_a: float) -> Undo:
-        """Let a motor draw more current [A] in the direction of what it draws.
-
-        Where it draws none it is that of its duty, and forward where that is 0 too.
-        """
-        return _add(self._added_a, channel, current_a)
-
-    def add_heat(self, channel: int, rise_k: float) -> Undo:
-        """Let a winding be hotter [K]."""
-        return _add(self._added_c, channel, rise_k)
+    def _connect(self) -> None:
+        """Tell the loops in the drives what the encoders say."""
+        for axis in self.axes:
+            encoder = axis.socket.encoder
+            axis.true.tell(encoder.wheel, encoder.told)
 
     def lose_voltage(self, lost_v: float) -> None:
         """Lower the supply at the bridges [V]; negative: restore it."""
@@ -157,90 +346,55 @@ class FaultyStage:
             self._ceilings_v[cause] = ceiling_v
         self._pass_on()
 
+    def _pass_on(self) -> None:
+        share = self.share
+        for axis in self.axes:
+            axis.true.supply = share
+
     def holds_in_reset(self) -> bool:
         """Return whether the drive's processor is held in reset, by its present supply.
 
         A supply without a fault holds it never, however low the battery of this robot is.
         """
         limit_v = RELEASE_V if self._in_reset else RESET_V
-        self._in_reset = self._is_low and self.bus_voltage_v < limit_v
+        self._in_reset = self.is_low and self.bus_voltage_v < limit_v
         return self._in_reset
 
     @property
-    def _is_low(self) -> bool:
+    def is_low(self) -> bool:
+        """Whether a fault takes from the supply."""
         return bool(self._lost_v or self._ceilings_v)
 
+    @property
+    def share(self) -> float:
+        """Supply at the bridges, as a share of what it is without a fault."""
+        return self.bus_voltage_v / self.plant.bus_voltage_v
+
     # What the firmware sees and does ------------------------------------------------------------
-
-    def _other_if_swapped(self, number: int) -> int:
-        """Return the channel of a wheel, or the wheel of a channel."""
-        return 1 - number if self._swaps else number
-
-    def _plugged(self, channel: int) -> _Encoder:
-        return self._encoders[self._other_if_swapped(channel)]
-
-    @property
-    def count1(self) -> int:
-        """Count of channel 1."""
-        return self._plugged(0).count + self._offsets[0]
-
-    @property
-    def count2(self) -> int:
-        """Count of channel 2."""
-        return self._plugged(1).count + self._offsets[1]
-
-    @property
-    def current1_a(self) -> float:
-        """Current of motor 1 [A]."""
-        return self._with_added(0, self._plant.current1_a)
-
-    @property
-    def current2_a(self) -> float:
-        """Current of motor 2 [A]."""
-        return self._with_added(1, self._plant.current2_a)
-
-    def _with_added(self, channel: int, current_a: float) -> float:
-        added_a = self._added_a[channel]
-        if not added_a:
-            return current_a
-        duty = 0.0 if self._commanded is None else self._commanded[channel]
-        return current_a + math.copysign(added_a, current_a or duty or 1.0)
-
-    @property
-    def temperature1_c(self) -> float:
-        """Winding temperature of motor 1 [degC]."""
-        return self._plant.temperature1_c + self._added_c[0]
-
-    @property
-    def temperature2_c(self) -> float:
-        """Winding temperature of motor 2 [degC]."""
-        return self._plant.temperature2_c + self._added_c[1]
 
     @property
     def bus_voltage_v(self) -> float:
         """Supply at the bridges [V]."""
-        left_v = self._plant.bus_voltage_v - self._lost_v
+        left_v = self.plant.bus_voltage_v - self._lost_v
         return max(min((left_v, *self._ceilings_v.values())), 0.0)
 
     @property
     def steering_rad(self) -> float:
         """Measured steering angle [rad]."""
-        return self._plant.steering_rad
+        return self.plant.steering_rad
 
-    def command(self, duty1: float, duty2: float, steering_rad: float, bridge: Bridge) -> None:
-        """Pass a command on; with less than the supply the bridges give that much less."""
-        self._commanded = duty1, duty2, steering_rad, bridge
-        if self._is_low:
-            self._pass_on()
-        else:
-            self._plant.command(duty1, duty2, steering_rad, bridge)
+    def steer(self, angle_rad: float) -> None:
+        """Demand an angle of the servo [rad]."""
+        self.plant.steer(angle_rad)
 
-    def _pass_on(self) -> None:
-        if self._commanded is None:
-            return
-        duty1, duty2, steering_rad, bridge = self._commanded
-        share = self.bus_voltage_v / self._plant.bus_voltage_v
-        self._plant.command(share * duty1, share * duty2, steering_rad, bridge)
+    def fit_brake_resistor(self, resistor: BrakeResistor | None) -> None:
+        """Put a brake resistor on the rail, or take it away."""
+        self.plant.fit_brake_resistor(resistor)
+
+    @property
+    def brake_resistor_a(self) -> float:
+        """Current through the brake resistor [A]."""
+        return self.plant.brake_resistor_a
 
 
 class FaultyRing:
@@ -325,12 +479,3 @@ class FaultyRing:
 def _without_dust(volts: float) -> float:
     """Return 0 if only rounding errors are left."""
     return 0.0 if abs(volts) < 1e-9 else volts
-
-
-def _add(amounts: list[float], channel: int, amount: float) -> Undo:
-    amounts[channel] += amount
-
-    def end() -> None:
-        amounts[channel] -= amount
-
-    return end

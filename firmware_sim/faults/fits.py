@@ -9,10 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Final, TypeAlias
 
-from firmware_sim.config.parameters import DifferentialDrive
-from firmware_sim.faults.parameters import Arguments
-from firmware_sim.nodes import sonar, wire
-from firmware_sim.nodes.kinds import NODES
+from firmware_sim.faults.parameters import Arguments, nearest, shown
+from firmware_sim.nodes import drive_objects, power, sonar, standard_objects, wire
+from firmware_sim.nodes.kinds import NODES, has_own_controller
 
 if TYPE_CHECKING:
     from firmware_sim.config.config import RobotConfig
@@ -23,6 +22,23 @@ Fits: TypeAlias = "Callable[[RobotConfig, Arguments], Misfits]"
 KIND: Final = "kind"
 """The key to blame where no argument would do."""
 
+PARAMETERS: Final = {
+    "command_timeout": ("drive", drive_objects.COMMAND_TIMEOUT, 0),
+    "current_limit": ("drive", drive_objects.CURRENT_LIMIT, 0),
+    "temperature_limit": ("drive", drive_objects.TEMPERATURE_LIMIT, 0),
+    "voltage_limit": ("drive", drive_objects.VOLTAGE_LIMIT, 0),
+    "motor_status_syncs": ("drive", drive_objects.MOTOR_STATUS_PDO, 2),
+    "drive_status_syncs": ("drive", drive_objects.DRIVE_STATUS_PDO, 2),
+    "drive_heartbeat": ("drive", standard_objects.HEARTBEAT_TIME, 0),
+    "ring_period": ("sonar", sonar.RING_PERIOD, 0),
+    "battery_low": ("power", power.LOW_LIMIT, 0),
+    "battery_critical": ("power", power.CRITICAL_LIMIT, 0),
+}
+"""Settings in the nodes' memory that the host relies on: node and object."""
+
+PLACES: Final = {"left": 0, "right": 1, "drive": 0}
+"""Wheels by place, on a robot that has none of that name."""
+
 FULL_CELL_V: Final = 4.2
 """Of `firmware_sim.plant.battery`, which loads numba."""
 
@@ -32,16 +48,36 @@ def anything(_robot: RobotConfig, _arguments: Arguments) -> Misfits:
     return iter(())
 
 
-def wheel(robot: RobotConfig, arguments: Arguments) -> Misfits:
-    """Yield where the robot has no such motor."""
-    if arguments["wheel"] == "right" and not isinstance(robot.drive, DifferentialDrive):
-        yield "wheel", f"'right', the {robot.drive.kind} drive has one motor, allowed: left, drive"
+def wheels(robot: RobotConfig) -> dict[str, int]:
+    """Return the numbers of a robot's wheels by all names that they have in faults.
+
+    `left`, `right` and `drive` are the first, the second and the first wheel where no wheel has
+    that name itself.
+    """
+    names = {name: number for number, name in enumerate(robot.drive.wheel_names)}
+    places = {name: number for name, number in PLACES.items() if number < len(names)}
+    return names | {name: number for name, number in places.items() if name not in names}
 
 
-def exchange(robot: RobotConfig, _arguments: Arguments) -> Misfits:
-    """Yield a misfit if the robot does not have two motors whose encoders could be swapped."""
-    if not isinstance(robot.drive, DifferentialDrive):
+def wheel(robot: RobotConfig, arguments: Arguments, key: str = "wheel") -> Misfits:
+    """Yield where the robot has no such wheel."""
+    there = wheels(robot)
+    if arguments[key] not in there:
+        rule = f"the {robot.drive.kind} drive has no such wheel"
+        hint = nearest(str(arguments[key]), there)
+        yield key, f"{shown(str(arguments[key]))!r}, {rule}, allowed: {', '.join(there)}{hint}"
+
+
+def exchange(robot: RobotConfig, arguments: Arguments) -> Misfits:
+    """Yield a misfit if the robot does not have two such wheels whose encoders could be swapped."""
+    if len(robot.drive.wheel_names) < 2:
         yield KIND, f"the {robot.drive.kind} drive has one motor, whose encoder has no other socket"
+        return
+    misfits = [each for key in ("wheel", "other") for each in wheel(robot, arguments, key)]
+    yield from misfits
+    one, other = (wheels(robot).get(str(arguments[key])) for key in ("wheel", "other"))
+    if not misfits and one == other:
+        yield "other", f"{arguments['other']!r}, must be another wheel"
 
 
 def sonars(robot: RobotConfig, _arguments: Arguments) -> Misfits:
@@ -117,3 +153,17 @@ def sag(robot: RobotConfig, arguments: Arguments) -> Misfits:
     volts = float(arguments["volts"])
     if volts >= full_v:
         yield "volts", f"{volts:g}, the battery has {full_v:g} V, allowed: less"
+
+
+def controller(robot: RobotConfig, _arguments: Arguments) -> Misfits:
+    """Yield where no motor controller of ours drives the robot."""
+    if not has_own_controller(robot):
+        yield KIND, "the robot has no motor controller of this kind"
+
+
+def parameter(robot: RobotConfig, arguments: Arguments) -> Misfits:
+    """Yield where the robot has no node with such a parameter."""
+    name = str(arguments["parameter"])
+    node_name, _, _ = PARAMETERS[name]
+    if misfits := list(node(robot, {"node": node_name})):
+        yield "parameter", f"{name!r}, of {misfits[0][1]}"

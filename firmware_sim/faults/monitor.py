@@ -11,7 +11,7 @@ motions:
   over the bus or by the loss of its supply, and a command has said "no"; after a "no" only once the
   robot was armed again, if armings are reported;
 - steering that moves while the wheels may have no power: it should stay;
-- more speed than the robot is allowed.
+- more speed than the robot is allowed, in whatever direction.
 
 Power is torque-making voltage: a bridge that drives with a duty that is not zero. The time-out is
 allowed after a "no" and an emergency stop as well, since the drive may have missed that frame.
@@ -20,6 +20,7 @@ allowed after a "no" and an emergency stop as well, since the drive may have mis
 from __future__ import annotations
 
 import enum
+import math
 from collections import deque
 from collections.abc import Callable
 from typing import Final, NamedTuple
@@ -40,6 +41,9 @@ GRACE_NS: Final = 6_000_000
 OVERSPEED: Final = 1.3
 """Share of the allowed speed that is held against the robot: room for overshoot and slip."""
 
+SIDEWAYS_M_S: Final = 0.05
+"""Lateral speed that is worth a word [m/s]; less is tyres that slip."""
+
 STEERED_RAD: Final = 0.05
 """Motion allowed to a held steering while its servo settles [rad]."""
 
@@ -59,6 +63,7 @@ class Motion(NamedTuple):
 
     powered: bool
     v_m_s: float
+    vy_m_s: float
     omega_rad_s: float
     steering_rad: float
 
@@ -215,7 +220,7 @@ class SafetyMonitor:
 
     def _objection(self, motion: Motion, now_ns: int) -> _Objection | None:
         """Return the present objections to the robot, the worst first."""
-        allowed, v_m_s, omega_rad_s = self._allowed, motion.v_m_s, motion.omega_rad_s
+        allowed, omega_rad_s = self._allowed, motion.omega_rad_s
         forbidden = self._objection_to_power(now_ns)
         if forbidden and motion.powered:
             return _Objection(Kind.POWER, forbidden)
@@ -225,8 +230,11 @@ class SafetyMonitor:
             self._held_rad = motion.steering_rad
         elif abs(moved_rad := motion.steering_rad - self._held_rad) > STEERED_RAD:
             return _Objection(Kind.STEERING, f"steering moved by {moved_rad:.2f} rad in a stop")
-        if abs(v_m_s) > OVERSPEED * allowed.v_max_m_s:
-            return _Objection(Kind.SPEED, f"speed {v_m_s:.2f} m/s, allowed {allowed.v_max_m_s:g}")
+        if math.hypot(motion.v_m_s, motion.vy_m_s) > OVERSPEED * allowed.v_max_m_s:
+            speed = f"speed {motion.v_m_s:.2f} m/s"
+            if abs(motion.vy_m_s) > SIDEWAYS_M_S:
+                speed += f" and {motion.vy_m_s:.2f} m/s to the left"
+            return _Objection(Kind.SPEED, f"{speed}, allowed {allowed.v_max_m_s:g}")
         if abs(omega_rad_s) > OVERSPEED * allowed.omega_max_rad_s:
             reason = f"turn rate {omega_rad_s:.2f} rad/s, allowed {allowed.omega_max_rad_s:g}"
             return _Objection(Kind.TURN_RATE, reason)

@@ -23,7 +23,7 @@ FAILED: Final = " failed: "
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """One parameter of a kind of fault: a number in its range, or one of some words.
+    """One parameter of a kind of fault: a number in its range, one of some words, or a name.
 
     Attributes
     ----------
@@ -37,6 +37,8 @@ class Parameter:
         Allowed words, if it is no number.
     whole
         Whether it must be a whole number.
+    named
+        Whether it is a name of which only the robot knows whether it is allowed.
     """
 
     default: Value
@@ -45,6 +47,7 @@ class Parameter:
     high: float = 0.0
     words: tuple[str, ...] = ()
     whole: bool = False
+    named: bool = False
 
     def value(self, given: object) -> Value:
         """Return a given value as it is used; a number may be text, hexadecimal with `0x`.
@@ -54,6 +57,8 @@ class Parameter:
         SimulationError
             With the allowed values.
         """
+        if self.named and isinstance(given, str):
+            return given
         if self.words:
             if not isinstance(given, str) or given not in self.words:
                 hint = nearest(str(given), self.words)

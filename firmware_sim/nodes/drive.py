@@ -11,7 +11,7 @@ motors are enabled nothing of the dictionary can be written.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final
 
 from firmware_sim.bus.frame import REMOTE_FLAG
@@ -39,9 +39,9 @@ from firmware_sim.nodes.node import (
 )
 from firmware_sim.nodes.object_dictionary import ObjectDictionary
 from firmware_sim.nodes.parameter_store import ParameterStore
-from firmware_sim.nodes.power_stage import PowerStage
+from firmware_sim.nodes.power_stage import MotorAxis, PowerStage, UnfittedAxis
 from firmware_sim.nodes.variables import AbortCode, SdoAbortError
-from firmware_sim.plant.plant import Bridge
+from firmware_sim.plant.axis import Mode
 
 GUARD_PERIOD_NS: Final = 20 * MILLISECOND_NS
 """The guards look at the power stage this often, at a frame that touches it,"""
@@ -61,7 +61,7 @@ _CURRENT, _VOLTAGE, _TEMPERATURE, _COMMUNICATION, _MANUFACTURER = 0x02, 0x04, 0x
 # An enum's member takes long to look up; these are used with each command.
 _OPERATIONAL: Final = NmtState.OPERATIONAL
 _READY, _ENABLED = DriveState.READY, DriveState.ENABLED
-_DRIVE: Final = Bridge.DRIVE
+_DRIVE: Final = Mode.DUTY
 _INITIAL: Final = CheckStatus.INITIAL
 _FITS_CRC: Final = frozenset(
     {CheckStatus.INITIAL, CheckStatus.REPEATED, CheckStatus.WRONG_SEQUENCE}
@@ -86,7 +86,9 @@ class DriveNode(Node):
     Parameters
     ----------
     stage
-        Bridges, sensors and servo.
+        Supply and servo.
+    axes
+        Motors of channel 1 and, unless it is not fitted, channel 2.
     run_to
         Brings the power stage to a time [ns] (the last whole millisecond up to it) and returns
         the time of its state.
@@ -96,27 +98,30 @@ class DriveNode(Node):
         Non-volatile memory.
     current_limit_ma
         Default of object 0x2003.
-    channels
-        Motors fitted: 2, or 1 where only channel 1 has one.
     """
 
     def __init__(
         self,
         stage: PowerStage,
+        axes: Sequence[MotorAxis],
         run_to: Callable[[int], int],
         model: MotorModel,
         store: ParameterStore | None = None,
         current_limit_ma: int = objects.DEFAULT_CURRENT_LIMIT_MA,
-        channels: int = 2,
     ) -> None:
         dictionary = ObjectDictionary(
             objects.drive_objects(model.counts_per_revolution, current_limit_ma)
         )
         super().__init__(objects.NODE_ID, "drive", dictionary, store)
         self._stage = stage
+        unfitted = UnfittedAxis(axes[0].temperature_c)
+        self._axis1, self._axis2 = axes if len(axes) == objects.CHANNELS else (axes[0], unfitted)
+        self._encoder1, self._encoder2 = (
+            axis.encoder(model.counts_per_revolution) for axis in (self._axis1, self._axis2)
+        )
         self._run_to = run_to
         self._machine = DriveStateMachine()
-        self._guards = tuple(ChannelGuard(model) for _ in range(channels))
+        self._guards = tuple(ChannelGuard(model) for _ in axes)
         self._supply_guard = SupplyGuard()
         self._checker = Checker(wire.data_id(wire.MOTOR_COMMAND), MAX_COUNTER_STEP)
         self._feedback = Protector(wire.data_id(wire.WHEEL_FEEDBACK))
@@ -144,15 +149,15 @@ class DriveNode(Node):
         self.faults = NO_FAULT
         self._forget(now_ns)
         super().power_cycle(now_ns)
-        self._apply(0.0, 0.0, self._steering_rad, Bridge.COAST)
+        self._apply(0.0, 0.0, self._steering_rad, Mode.COAST)
 
     def _forget(self, now_ns: int) -> None:
         stage = self._stage
-        self._origin1, self._origin2 = stage.count1, stage.count2
+        self._origin1, self._origin2 = self._encoder1.count, self._encoder2.count
         self._guarded_ns = now_ns
         self._duty1 = self._duty2 = 0.0
         self._steering_rad = stage.steering_rad
-        self._bridge: Bridge | None = None
+        self._bridge: Mode | None = None
         for guard in self._guards:
             guard.reset()
         self._supply_guard.reset()
@@ -232,7 +237,7 @@ class DriveNode(Node):
                 self._reschedule()
         elif machine.state is _READY:
             # Without enable the duty is ignored, but the host may choose how to roll out.
-            bridge = Bridge.BRAKE if command.brake else Bridge.COAST
+            bridge = Mode.SHORTED if command.brake else Mode.COAST
             if bridge is not self._bridge:
                 self._apply(0.0, 0.0, self._steering_rad, bridge)
 
@@ -247,16 +252,18 @@ class DriveNode(Node):
             self._machine.handle(DriveEvent.DISABLE)
             self._hold(now_ns)
 
-    def _apply(self, duty1: float, duty2: float, steering_rad: float, bridge: Bridge) -> None:
+    def _apply(self, duty1: float, duty2: float, steering_rad: float, bridge: Mode) -> None:
         self._duty1, self._duty2, self._steering_rad = duty1, duty2, steering_rad
         self._bridge = bridge
-        self._stage.command(duty1, duty2, steering_rad, bridge)
+        self._axis1.command(bridge, duty1)
+        self._axis2.command(bridge, duty2)
+        self._stage.steer(steering_rad)
 
     def _hold(self, now_ns: int) -> None:
         """Stop the motors: zero duty, shorted windings, the steering where it is."""
         self._run_to(now_ns)
         self._enables = 0
-        self._apply(0.0, 0.0, self._stage.steering_rad, Bridge.BRAKE)
+        self._apply(0.0, 0.0, self._stage.steering_rad, Mode.SHORTED)
 
     def _on_silence(self, now_ns: int) -> None:
         """No command came for the time-out: forget the reference, stop where enabled."""
@@ -293,10 +300,11 @@ class DriveNode(Node):
             self._latch(DriveFault(faults))
 
     def _samples(self) -> tuple[ChannelSample, ChannelSample]:
-        stage = self._stage
+        one, two = self._axis1, self._axis2
+        count1, count2 = self._encoder1.count, self._encoder2.count
         return (
-            ChannelSample(self._duty1, stage.current1_a, stage.temperature1_c, stage.count1),
-            ChannelSample(self._duty2, stage.current2_a, stage.temperature2_c, stage.count2),
+            ChannelSample(self._duty1, one.current_a, one.temperature_c, count1),
+            ChannelSample(self._duty2, two.current_a, two.temperature_c, count2),
         )
 
     def _latch(self, faults: DriveFault) -> None:
@@ -359,21 +367,20 @@ class DriveNode(Node):
             self.send(wire.DRIVE_STATUS, self._drive_status.protect(payload))
 
     def _feedback_payload(self, stage_ns: int) -> int:
-        stage = self._stage
         return wire.wheel_feedback(
             self.clock.read(stage_ns) // 1000,
-            stage.count1 - self._origin1,
-            stage.count2 - self._origin2,
+            self._encoder1.count - self._origin1,
+            self._encoder2.count - self._origin2,
         )
 
     def _motor_status_payload(self) -> int:
-        stage = self._stage
+        one, two = self._axis1, self._axis2
         return wire.motor_status(
             self._machine.state,
-            stage.current1_a,
-            stage.current2_a,
-            stage.temperature1_c,
-            stage.temperature2_c,
+            one.current_a,
+            two.current_a,
+            one.temperature_c,
+            two.temperature_c,
             faults=int(self.faults),
         )
 

@@ -20,11 +20,16 @@ class NodeKind(NamedTuple):
     frames: Callable[[RobotConfig], tuple[int, ...]]
 
 
+def has_own_controller(robot: RobotConfig) -> bool:
+    """Whether a motor controller of ours drives the robot: it has channels for all motors."""
+    return len(robot.drive.wheel_names) <= drive_objects.CHANNELS
+
+
 NODES: Final = (
     NodeKind(
         "drive",
         drive_objects.NODE_ID,
-        lambda _: True,
+        has_own_controller,
         lambda _: (wire.WHEEL_FEEDBACK, wire.MOTOR_STATUS, wire.DRIVE_STATUS),
     ),
     NodeKind(

@@ -1,42 +1,60 @@
-"""Hardware interface of the motor controller's firmware."""
+"""Hardware interface of motor drives: what their firmware can do to motors, and see of them."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol
 
-from firmware_sim.plant.plant import Bridge
+from firmware_sim.plant.axis import BrakeResistor, Limits, Mode
+
+
+class Encoder(Protocol):
+    """Incremental encoder of an axis."""
+
+    @property
+    def count(self) -> int:
+        """Quadrature counts, unbounded, positive forwards."""
+
+
+class MotorAxis(Protocol):
+    """One motor with its bridge and its sensors, of the plant or a fake, seen at the wheel."""
+
+    limits: Limits
+    """Limits and gains of the drive's loops; they hold at once."""
+
+    def command(self, mode: Mode, value: float = 0.0) -> None:
+        """Set what the bridge does from now on."""
+
+    def encoder(self, counts_per_revolution: float) -> Encoder:
+        """Return the encoder, with as many counts for each turn of the wheel as the drive has."""
+
+    @property
+    def speed_rad_s(self) -> float:
+        """Speed by the encoder [rad/s], positive forwards."""
+
+    @property
+    def current_a(self) -> float:
+        """Current of the motor [A], positive with forward torque."""
+
+    @property
+    def supply_current_a(self) -> float:
+        """Mean current out of the supply [A]; negative feeds back."""
+
+    @property
+    def voltage_v(self) -> float:
+        """Mean voltage at the motor [V]."""
+
+    @property
+    def temperature_c(self) -> float:
+        """Winding temperature [degC]."""
 
 
 class PowerStage(Protocol):
-    """The drive's actuators and sensors: the plant, or a fake.
-
-    Counts are unbounded and signed, currents positive with forward torque, the steering angle
-    positive to the left.
-    """
+    """All that a robot's drives share: the axes, the supply, the steering servo."""
 
     @property
-    def count1(self) -> int:
-        """Quadrature count of channel 1."""
-
-    @property
-    def count2(self) -> int:
-        """Quadrature count of channel 2."""
-
-    @property
-    def current1_a(self) -> float:
-        """Current of motor 1 [A]."""
-
-    @property
-    def current2_a(self) -> float:
-        """Current of motor 2 [A]."""
-
-    @property
-    def temperature1_c(self) -> float:
-        """Winding temperature of motor 1 [degC]."""
-
-    @property
-    def temperature2_c(self) -> float:
-        """Winding temperature of motor 2 [degC]."""
+    def axes(self) -> Sequence[MotorAxis]:
+        """Axes of the driven wheels, in the order of the drive's `wheel_names`."""
 
     @property
     def bus_voltage_v(self) -> float:
@@ -44,7 +62,41 @@ class PowerStage(Protocol):
 
     @property
     def steering_rad(self) -> float:
-        """Measured steering angle [rad]."""
+        """Measured steering angle [rad], positive left."""
 
-    def command(self, duty1: float, duty2: float, steering_rad: float, bridge: Bridge) -> None:
-        """Set what the bridges and the servo do from now on."""
+    def steer(self, angle_rad: float) -> None:
+        """Demand an angle of the servo [rad]."""
+
+    @property
+    def brake_resistor_a(self) -> float:
+        """Current through the brake resistor [A]."""
+
+    def fit_brake_resistor(self, resistor: BrakeResistor | None) -> None:
+        """Put a brake resistor on the rail, or take it away."""
+
+
+class UnfittedAxis:
+    """A channel without a motor: still, and as warm as the air.
+
+    Parameters
+    ----------
+    temperature_c
+        Of the air [degC].
+    """
+
+    count = 0
+    speed_rad_s = 0.0
+    current_a = 0.0
+    supply_current_a = 0.0
+    voltage_v = 0.0
+
+    def __init__(self, temperature_c: float) -> None:
+        self.temperature_c = temperature_c
+        self.limits = Limits()
+
+    def command(self, mode: Mode, value: float = 0.0) -> None:
+        """Do nothing."""
+
+    def encoder(self, counts_per_revolution: float) -> Encoder:  # noqa: ARG002 - as of a motor
+        """Return an encoder that stands still."""
+        return self

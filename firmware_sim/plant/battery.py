@@ -2,7 +2,8 @@
 
     V = cells · OCV(charge) · scale - v₁ - R₀ I        τ dv₁/dt = R₁ I - v₁
 
-All consumers share the rail, so they sag together. Current fed back (negative) charges it.
+All consumers share the rail, so they sag together. Current fed back (negative) charges it; what it
+does not take charges the capacitors on the rail.
 """
 
 from __future__ import annotations
@@ -40,6 +41,51 @@ def polarisation_step(
 def charge_step(charge: float, current_a: float, capacity_ah: float, dt_s: float) -> float:
     """Charge after a step with a current (positive discharges), kept in [0, 1]."""
     return min(max(charge - current_a * dt_s / (3600.0 * capacity_ah), 0.0), 1.0)
+
+
+@compiled
+def rail_step(
+    rail_v: float,
+    quiet_v: float,
+    load_a: float,
+    battery_ohm: float,
+    charge_max_a: float,
+    rail_farad: float,
+    dt_s: float,
+) -> tuple[float, float]:
+    """Return the battery's current, and the voltage of capacitors that it leaves charged.
+
+    The second is 0 where the battery feeds the load or takes all that comes back. `quiet_v` is the
+    battery's voltage without a current.
+    """
+    left_v = rail_v - dt_s * (load_a + charge_max_a) / rail_farad
+    if left_v > quiet_v + battery_ohm * charge_max_a:
+        return -charge_max_a, left_v
+    return max(load_a, -charge_max_a), 0.0
+
+
+@compiled
+def resistor_current(
+    rail_v: float,
+    quiet_v: float,
+    load_a: float,
+    battery_ohm: float,
+    charge_max_a: float,
+    rail_farad: float,
+    resistor_ohm: float,
+    resistor_v: float,
+    dt_s: float,
+) -> float:
+    """Mean current of a brake resistor that is switched so as to hold the rail at a voltage [A].
+
+    It conducts all the time where that is not enough.
+    """
+    battery_a, left_v = rail_step(
+        rail_v, quiet_v, load_a, battery_ohm, charge_max_a, rail_farad, dt_s
+    )
+    excess_v = max(quiet_v - battery_ohm * battery_a, left_v) - resistor_v
+    per_volt = rail_farad / dt_s if left_v > 0.0 else 1.0 / battery_ohm
+    return min(max(excess_v, 0.0) * per_volt, rail_v / resistor_ohm)
 
 
 class Battery:

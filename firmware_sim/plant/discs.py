@@ -37,7 +37,6 @@ def disc_rows(
     p: np.ndarray,
     outline: np.ndarray,
     discs: np.ndarray,
-    reach: float,
     rows: np.ndarray,
     count: int,
 ) -> int:
@@ -47,10 +46,10 @@ def disc_rows(
     """
     b, c = body[0], p[0]
     cos, sin = math.cos(b.theta), math.sin(b.theta)
-    ahead = 1.0e-3 + 1.5 * DT_S * (abs(b.vx) + abs(b.vy) + abs(b.omega) * reach)
+    ahead = 1.0e-3 + 1.5 * DT_S * (abs(b.vx) + abs(b.vy) + abs(b.omega) * c.reach)
     for i in range(len(discs)):
         off_x, off_y, radius = discs[i, 0] - b.x, discs[i, 1] - b.y, discs[i, 2]
-        if math.hypot(off_x, off_y) > reach + radius + ahead:
+        if math.hypot(off_x, off_y) > c.reach + radius + ahead:
             continue
         x, y = cos * off_x + sin * off_y, -sin * off_x + cos * off_y
         distance, near_x, near_y = nearest_point(x, y, outline)

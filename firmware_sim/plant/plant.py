@@ -1,23 +1,22 @@
 """The robot's body, motors and battery in the room.
 
-The state is the truth: nothing here is measured but the encoder counts, which are whole numbers.
+The state is the truth: nothing here is measured but the counts of encoders, whole numbers.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from enum import IntEnum
 
 import numpy as np
 
 from firmware_sim.compiled import noise_state
 from firmware_sim.config.config import RobotConfig
 from firmware_sim.errors import SimulationError
+from firmware_sim.plant.axis import Axis, BrakeResistor
 from firmware_sim.plant.battery import open_circuit_voltage
-from firmware_sim.plant.contact import COLUMNS, ROWS
+from firmware_sim.plant.contact import contact_rows, press
 from firmware_sim.plant.discs import nearest_point
-from firmware_sim.plant.plant_state import BODY, DIFFERENTIAL, DT_S, WHEEL, constants, nominal_radii
+from firmware_sim.plant.plant_state import BODY, DT_S, axis_records, constants, places
 from firmware_sim.plant.plant_step import run_plant
 from firmware_sim.plant.walls import body_outline, wall_grid
 from firmware_sim.world.world import World
@@ -27,36 +26,17 @@ STEP_NS = round(DT_S * 1e9)
 _PLACES_TRIED = 3000
 
 
-def _places(record: np.dtype, *names: str) -> Iterator[int]:
-    """Yield where in a record its fields stand."""
-    return map(list(record.names or ()).index, names)
-
-
-_X, _Y, _THETA, _VX, _VY, _OMEGA, _STEERING, _STEERING_CMD, _BRIDGE = _places(
-    BODY, "x", "y", "theta", "vx", "vy", "omega", "steering", "steering_cmd", "bridge"
+_X, _Y, _THETA, _VX, _VY, _OMEGA, _STEERING, _STEERING_CMD = places(
+    BODY, "x", "y", "theta", "vx", "vy", "omega", "steering", "steering_cmd"
 )
-_BUS_V, _BATTERY_A, _CHARGE, _DISTANCE = _places(BODY, "bus_v", "battery_a", "charge", "distance")
-_DUTY, _WHEEL_OMEGA, _ANGLE, _CURRENT, _WINDING_C = _places(
-    WHEEL, "duty", "omega", "angle", "current", "winding_c"
-)
-
-
-class Bridge(IntEnum):
-    """States of the bridges: drive by duty, freewheel, short the windings."""
-
-    DRIVE = 0
-    COAST = 1
-    BRAKE = 2
-
-
-_DRIVE = float(Bridge.DRIVE)
+_BUS_V, _BATTERY_A, _CHARGE, _DISTANCE = places(BODY, "bus_v", "battery_a", "charge", "distance")
+_RESISTOR_A = next(places(BODY, "resistor_a"))
 
 
 class Plant:
     """A robot in a room, advanced in steps of 1 ms.
 
-    Starts at rest at the world's start pose with the bridges open. Channel 1 is the left wheel of a
-    differential drive, or the only motor of a drive-and-steer robot, whose channel 2 is dead.
+    Starts at rest at the world's start pose with the bridges open.
 
     Parameters
     ----------
@@ -70,38 +50,38 @@ class Plant:
 
     Attributes
     ----------
+    axes
+        Driven wheels with their motors, in the order of `config.drive.wheel_names`.
     discs
         Middles in world and radii, (n, 3) [m], of what else stands in the way; they may move.
 
     Raises
     ------
     SimulationError
-        The robot cannot stand where it should start, or not on its wheels at all.
+        The robot cannot stand where it should start.
     """
 
     def __init__(self, config: RobotConfig, world: World, rng: np.random.Generator) -> None:
-        try:
-            self._p = constants(config)
-        except ValueError as error:
-            raise SimulationError(f"{config.robot.name}: simulation.{error}") from error
-        self._pwm_steps = 2**config.simulation.bridge.pwm_bits
-        self._deadband = config.simulation.bridge.deadband
-        self._per_rad = config.drive.counts_per_revolution / (2.0 * math.pi)
-        self._motors = int(self._p["wheels"][0])
+        s, chassis = config.simulation, config.drive.chassis(config.simulation)
+        self._p = constants(config, chassis)
+        self._chassis = chassis
         self._world = world
         self._segments = world.touchable
         self._outline = body_outline(config.simulation.body)
-        self._origin, self._grid = wall_grid(self._segments, float(self._p["reach"][0]))
-        self._rows = np.zeros((ROWS, COLUMNS))
+        corner, self._grid = wall_grid(self._segments, float(self._p["reach"][0]))
+        self._p["grid_x"], self._p["grid_y"] = corner
+        self._rows = contact_rows(chassis, self._p)
         self._noise = noise_state(rng)
         self.discs = np.empty((0, 3))
         self._body = np.zeros(1, BODY)
-        self._wheels = np.zeros(2, WHEEL)
         self._b = self._body[0]
-        self._w = (self._wheels[0], self._wheels[1])
         # Hot-path access goes through these, at a fifth of a record's cost.
-        self._body_numbers = _numbers(self._body)
-        self._wheel_numbers = (_numbers(self._wheels[:1]), _numbers(self._wheels[1:]))
+        self._body_numbers: memoryview[float] = self._body.data.cast("B").cast("d")
+        self._records = axis_records(config, chassis)
+        self.axes = tuple(
+            Axis(k, name, self._records[k : k + 1], s)
+            for k, name in enumerate(config.drive.wheel_names)
+        )
         self._steering_max_rad = float(self._p["steering_max"][0])
         self._com_x_m = float(self._p["com_x"][0])
         self._com_y_m = float(self._p["com_y"][0])
@@ -109,74 +89,45 @@ class Plant:
         self._begin_at(*world.start)
 
     def _start(self, config: RobotConfig) -> None:
-        """Set the values that are not zero at power-on."""
-        s = config.simulation
-        loads = (self._p["load0"][0], self._p["load1"][0])
-        radii = nominal_radii(config.drive)
-        for wheel, radius, error, load in zip(
-            self._w, radii, s.errors.wheel_radius, loads, strict=True
-        ):
-            wheel["radius"] = radius * (1.0 + error)
-            wheel["rolling"] = s.wheels.rolling_resistance * load * wheel["radius"]
-            wheel["winding_c"] = wheel["case_c"] = s.motor.air_c
-        self._b["bridge"] = Bridge.COAST
-        self._b["charge"] = s.battery.charge
-        self._b["battery_a"] = s.battery.electronics_current_a
-        source = float(self._p["cells_scale"][0]) * open_circuit_voltage(s.battery.charge)
-        self._b["bus_v"] = source - s.battery.internal_resistance_ohm * self.battery_current_a
+        """Charge the battery as it is at power-on."""
+        battery = config.simulation.battery
+        self._b["charge"] = battery.charge
+        self._b["battery_a"] = battery.electronics_current_a
+        source = float(self._p["cells_scale"][0]) * open_circuit_voltage(battery.charge)
+        self._b["bus_v"] = source - battery.internal_resistance_ohm * self.battery_current_a
 
     def warm(self) -> None:
         """Compile, or load from the cache, what `step` needs; changes nothing."""
         self.step(0)
 
-    def command(
-        self, duty1: float, duty2: float, steering_rad: float = 0.0, bridge: Bridge = Bridge.DRIVE
-    ) -> None:
-        """Set what the bridges and the steering servo do from now on.
+    def steer(self, angle_rad: float) -> None:
+        """Demand an angle of the steering servo [rad], positive left.
 
-        Parameters
-        ----------
-        duty1, duty2
-            Share of the rail's voltage in [-1, 1], positive forwards; the bridge rounds it to its
-            PWM steps and gives nothing within its dead-band. Without effect unless driving.
-        steering_rad
-            Demanded angle, positive left; limited to what the linkage allows.
-        bridge
-            State of the bridges.
+        It is limited to what the linkage allows.
 
         Raises
         ------
         ValueError
-            A duty is not in [-1, 1], or the angle not finite.
+            The angle is not finite.
         """
-        if not (-1.0 <= duty1 <= 1.0 and -1.0 <= duty2 <= 1.0 and math.isfinite(steering_rad)):
-            raise ValueError(
-                f"command: duties {duty1}, {duty2} not in [-1, 1], or steering {steering_rad}"
-            )
-        body, limit = self._body_numbers, self._steering_max_rad
-        body[_BRIDGE] = float(bridge)
-        self._wheel_numbers[0][_DUTY] = self._output(duty1)
-        self._wheel_numbers[1][_DUTY] = self._output(duty2)
-        body[_STEERING_CMD] = min(max(steering_rad, -limit), limit)
+        if not math.isfinite(angle_rad):
+            raise ValueError(f"steer: angle {angle_rad}")
+        limit = self._steering_max_rad
+        self._body_numbers[_STEERING_CMD] = min(max(angle_rad, -limit), limit)
 
-    def _output(self, duty: float) -> float:
-        """Mean output of a bridge for a duty: rounded to PWM steps, the dead-band taken off."""
-        top = self._pwm_steps
-        size = round(abs(duty) * top) / top - self._deadband
-        if size <= 0.0:
-            return 0.0
-        return math.copysign(size / (1.0 - self._deadband), duty)
+    def fit_brake_resistor(self, resistor: BrakeResistor | None) -> None:
+        """Put a brake resistor on the rail, or take it away."""
+        self._b["resistor_ohm"], self._b["resistor_v"] = resistor or (0.0, 0.0)
 
     def step(self, n: int = 1) -> None:
         """Advance by n milliseconds."""
         run_plant(
             n,
             self._body,
-            self._wheels,
+            self._records,
             self._p,
             self._outline,
             self._segments,
-            self._origin,
             self._grid,
             self._rows,
             self._noise,
@@ -212,8 +163,7 @@ class Plant:
         b = self._b
         b["x"], b["y"], b["theta"] = x_m, y_m, theta_rad
         b["vx"] = b["vy"] = b["omega"] = b["touch_s"] = b["contacts"] = 0.0
-        for wheel in self._w:
-            wheel["omega"] = 0.0
+        self._records["omega"] = 0.0
 
     def _obstacle(self, x_m: float, y_m: float, theta_rad: float) -> str:
         """Name of the obstacle to placing the robot somewhere; "" if none."""
@@ -249,64 +199,18 @@ class Plant:
     @property
     def motion(self) -> tuple[float, float, float]:
         """Forward and lateral speed of base [m/s] and yaw rate [rad/s]."""
-        return self.v_m_s, self.lateral_m_s, self.omega_rad_s
+        return self.v_m_s, self.vy_m_s, self.omega_rad_s
 
-    def block(self, channel: int, blocked: bool = True) -> None:
-        """Hold the wheel of channel 1 or 2, or let it go: a fault, under which the motor stalls."""
-        self._w[channel - 1]["blocked"] = float(blocked)
+    def loosen(self, wheel: int, grip: float) -> None:
+        """Leave the tyre of a wheel, by number, only a share of its grip on the floor: a fault."""
+        for row, each in zip(self._rows, self._chassis.grips, strict=False):
+            if each.wheel == wheel:
+                press(row, grip * each.load_n, self._p)
 
     @property
     def powered(self) -> bool:
-        """Whether a bridge drives its motor: the only source of torque but braking."""
-        if self._body_numbers[_BRIDGE] != _DRIVE:
-            return False
-        one, other = self._wheel_numbers
-        return one[_DUTY] != 0.0 or other[_DUTY] != 0.0
-
-    def _count(self, k: int) -> int:
-        if k >= self._motors:
-            return 0
-        return math.floor(self._wheel_numbers[k][_ANGLE] * self._per_rad)
-
-    @property
-    def count1(self) -> int:
-        """Quadrature counts of channel 1 since power-on, unbounded."""
-        return self._count(0)
-
-    @property
-    def count2(self) -> int:
-        """Quadrature counts of channel 2 since power-on, unbounded; 0 if there is none."""
-        return self._count(1)
-
-    @property
-    def current1_a(self) -> float:
-        """Current of motor 1 [A], positive with forward torque."""
-        return self._wheel_numbers[0][_CURRENT]
-
-    @property
-    def current2_a(self) -> float:
-        """Current of motor 2 [A], positive with forward torque; 0 if there is none."""
-        return self._wheel_numbers[1][_CURRENT]
-
-    @property
-    def temperature1_c(self) -> float:
-        """Winding temperature of motor 1 [°C]."""
-        return self._wheel_numbers[0][_WINDING_C]
-
-    @property
-    def temperature2_c(self) -> float:
-        """Winding temperature of motor 2 [°C]."""
-        return self._wheel_numbers[1][_WINDING_C]
-
-    @property
-    def omega1_rad_s(self) -> float:
-        """True speed of wheel 1 [rad/s]."""
-        return self._wheel_numbers[0][_WHEEL_OMEGA]
-
-    @property
-    def omega2_rad_s(self) -> float:
-        """True speed of wheel 2 [rad/s]; 0 if there is none."""
-        return self._wheel_numbers[1][_WHEEL_OMEGA]
+        """Whether a bridge may drive its motor."""
+        return any(axis.powered for axis in self.axes)
 
     @property
     def bus_voltage_v(self) -> float:
@@ -317,6 +221,11 @@ class Plant:
     def battery_current_a(self) -> float:
         """Current out of the battery [A]; negative charges."""
         return self._body_numbers[_BATTERY_A]
+
+    @property
+    def brake_resistor_a(self) -> float:
+        """Current through the brake resistor [A]."""
+        return self._body_numbers[_RESISTOR_A]
 
     @property
     def charge(self) -> float:
@@ -354,8 +263,8 @@ class Plant:
         return body[_VX] + body[_OMEGA] * self._com_y_m
 
     @property
-    def lateral_m_s(self) -> float:
-        """True sideways speed of base [m/s]: tyres slipping."""
+    def vy_m_s(self) -> float:
+        """True sideways speed of base [m/s], positive left."""
         body = self._body_numbers
         return body[_VY] - body[_OMEGA] * self._com_x_m
 
@@ -383,20 +292,6 @@ class Plant:
     def distance_m(self) -> float:
         """Length of the base's path since power-on [m]."""
         return self._body_numbers[_DISTANCE]
-
-    @property
-    def rear_wheels_rad_s(self) -> tuple[float, float]:
-        """Speeds of the left and right wheel of the base's axle [rad/s], if they roll freely."""
-        if int(self._p["kind"][0]) == DIFFERENTIAL:
-            return self.omega1_rad_s, self.omega2_rad_s
-        half, radius = float(self._p["half_track"][0]), float(self._w[0]["radius"])
-        turn = self.omega_rad_s * half
-        return (self.v_m_s - turn) / radius, (self.v_m_s + turn) / radius
-
-
-def _numbers(record: np.ndarray) -> memoryview[float]:
-    """Return the numbers of one record in their order, writable."""
-    return record.data.cast("B").cast("d")
 
 
 def _overlaps(outline: np.ndarray, segments: np.ndarray, x: float, y: float, theta: float) -> bool:

@@ -1,26 +1,22 @@
 """The plant's state and constants as records that the compiled step reads and writes.
 
-One record for the body, one for each motor with its wheel, one of constants: the step then reads
-like formulas, and a call costs the same as with bare arrays.
+One record for the body, one for each axis (a motor with its bridge and its wheel), one of
+constants: the step then reads like formulas, and a call costs the same as with bare arrays.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
 
 from firmware_sim.config.config import RobotConfig
-from firmware_sim.config.parameters import AckermannDrive, DifferentialDrive, Drive, TricycleDrive
+from firmware_sim.config.drives.chassis import Chassis
 
-GRAVITY_M_S2: Final = 9.80665
 DT_S: Final = 1.0e-3
 """Step of the plant."""
-
-DIFFERENTIAL: Final = 0
-FRONT_DRIVEN: Final = 1
-REAR_DRIVEN: Final = 2
 
 BODY = np.dtype(
     [
@@ -34,11 +30,14 @@ BODY = np.dtype(
             "omega",
             "steering",  # rad, left positive
             "steering_cmd",
-            "bridge",  # Bridge
             "charge",
             "polarisation_v",
             "bus_v",
+            "rail_v",  # of the rail's capacitors, if above what the battery gives
             "battery_a",
+            "resistor_a",  # through the brake resistor
+            "resistor_ohm",  # of the brake resistor
+            "resistor_v",  # from which it conducts
             "collisions",  # episodes of contact
             "contacts",  # walls solved in the last step
             "touch_s",  # time until the present episode is over
@@ -48,24 +47,40 @@ BODY = np.dtype(
     ]
 )
 
-WHEEL = np.dtype(
+AXIS = np.dtype(
     [
         (name, np.float64)
         for name in (
+            "mode",  # how the bridge works, see plant_step
             "duty",  # after PWM and dead-band
-            "omega",  # rad/s
+            "omega",  # of the wheel, rad/s
             "angle",  # rad, unwrapped
             "current",  # A
             "winding_c",
             "case_c",
+            "current_max",  # A
+            "voltage_share",  # greatest output of the bridge, as a share of the rail
+            "demand",  # of the drive's loop: current, or speed at the end of the ramp
+            "ramp",  # greatest change of the speed's reference in one step
+            "kp",  # A per rad/s
+            "ki",  # A per rad
+            "reference",  # rad/s
+            "integral",  # A
+            "sensor",  # axis whose speed the loop is told
+            "sense",  # factor on it: 1 of a sound encoder
             "floor",  # relative change of the rolling radius
             "blocked",  # 1: a fault holds the wheel
             "rolling",  # rolling resistance, N m
             "radius",  # true rolling radius, m
             "voltage",  # at the bridge, mean over the last step
+            "draw",  # out of the rail, mean over the last step, A
+            "rim",  # workspace: radius on this floor, m
             "resistance",  # workspace: of winding and bridge
             "decay",  # workspace: see motor.current_decay
             "held",
+            "start",  # workspace: see loop.loop_current
+            "slope",
+            "saturated",
             "inertia",  # workspace: what an impulse meets
             "before",  # workspace: omega before the step
         )
@@ -76,17 +91,14 @@ CONSTANTS = np.dtype(
     [
         (name, np.float64)
         for name in (
-            "kind",
-            "wheels",
+            "axes",  # how many
+            "grips",  # how many
+            "steers",  # 1 if some of them turn with the steering
             "mass",
             "yaw_inertia",  # about the centre of mass
             "com_x",
             "com_y",
-            "half_track",
-            "wheelbase",
-            "load0",  # N on the contact of each row, see contact.py
-            "load1",
-            "load2",
+            "span",  # distance of the farthest contact, m
             "friction",
             "slip_ratio",
             "slip_speed",
@@ -102,7 +114,6 @@ CONSTANTS = np.dtype(
             "winding_ohm",
             "bridge_ohm",
             "inductance",
-            "current_limit",
             "winding_heat",
             "case_heat",
             "winding_to_case",
@@ -110,6 +121,8 @@ CONSTANTS = np.dtype(
             "air_c",
             "cells_scale",  # cells times voltage scale
             "battery_ohm",
+            "charge_max",  # A into the battery
+            "rail_farad",
             "polarisation_ohm",
             "polarisation_gain",
             "capacity_ah",
@@ -122,6 +135,8 @@ CONSTANTS = np.dtype(
             "steering_offset",
             "wall_friction",
             "reach",  # radius about base that holds the outline
+            "grid_x",  # corner of the grid of walls, in world
+            "grid_y",
             "centre_x",  # a point inside the outline
             "centre_y",
         )
@@ -129,26 +144,37 @@ CONSTANTS = np.dtype(
 )
 
 
-def constants(config: RobotConfig) -> np.ndarray:
-    """Record of constants, (1,), of the true robot: nominal geometry with its errors applied."""
+def places(record: np.dtype, *names: str) -> Iterator[int]:
+    """Yield where in a record its fields stand."""
+    return map(list(record.names or ()).index, names)
+
+
+def constants(config: RobotConfig, chassis: Chassis) -> np.ndarray:
+    """Record of constants, (1,), of the true robot."""
     p = np.zeros(1, CONSTANTS)
-    s, drive = config.simulation, config.drive
+    s = config.simulation
     m, w, b = s.motor, s.wheels, s.battery
     outline = np.array(s.body)
     centre = outline.mean(axis=0)
-    driven = 2 if isinstance(drive, DifferentialDrive | AckermannDrive) else 1
-    wheels_per_motor = driven if isinstance(drive, AckermannDrive) else 1
     gear = m.gear_ratio
     lag = s.steering.time_constant_s
     values = {
+        "axes": len(chassis.wheels),
+        "grips": len(chassis.grips),
+        "steers": any(grip.steered for grip in chassis.grips),
         "mass": s.mass_kg,
         "yaw_inertia": s.yaw_inertia_kg_m2,
         "com_x": s.centre_of_mass_m[0],
         "com_y": s.centre_of_mass_m[1],
+        "span": chassis.span_m,
         "friction": w.friction,
         "slip_ratio": w.slip_ratio,
         "slip_speed": w.slip_speed_m_s,
-        "wheel_inertia": m.rotor_inertia_kg_m2 * gear**2 + w.inertia_kg_m2 * wheels_per_motor,
+        "drag": chassis.drag.force_n,
+        "drag_x": chassis.drag.x_m,
+        "drag_y": chassis.drag.y_m,
+        "wheel_inertia": m.rotor_inertia_kg_m2 * gear**2
+        + w.inertia_kg_m2 * chassis.tyres_per_wheel,
         "k": gear * m.back_emf_v_s_rad,
         "viscous": m.viscous_n_m_s_rad * gear**2,
         "coulomb": m.coulomb_n_m * gear,
@@ -157,7 +183,6 @@ def constants(config: RobotConfig) -> np.ndarray:
         "winding_ohm": m.resistance_ohm,
         "bridge_ohm": s.bridge.resistance_ohm,
         "inductance": m.inductance_h,
-        "current_limit": m.current_limit_a,
         "winding_heat": m.winding_heat_j_k,
         "case_heat": m.case_heat_j_k,
         "winding_to_case": m.winding_to_case_k_w,
@@ -165,6 +190,8 @@ def constants(config: RobotConfig) -> np.ndarray:
         "air_c": m.air_c,
         "cells_scale": b.cells * b.voltage_scale,
         "battery_ohm": b.internal_resistance_ohm,
+        "charge_max": b.charge_current_max_a,
+        "rail_farad": b.rail_capacitance_f,
         "polarisation_ohm": b.polarisation_resistance_ohm,
         "polarisation_gain": -math.expm1(-DT_S / b.polarisation_time_s),
         "capacity_ah": b.capacity_ah,
@@ -176,76 +203,22 @@ def constants(config: RobotConfig) -> np.ndarray:
         "reach": float(np.max(np.hypot(outline[:, 0], outline[:, 1]))),
         "centre_x": float(centre[0]),
         "centre_y": float(centre[1]),
-        **_geometry(config),
     }
+    if steering := chassis.steering:
+        values["steering_max"] = steering.max_rad
+        values["steering_step"] = steering.rate_max_rad_s * DT_S
+        values["steering_offset"] = steering.offset_rad
     for name, value in values.items():
         p[name] = value
     return p
 
 
-def nominal_radii(drive: Drive) -> tuple[float, float]:
-    """Radii of the left and right wheel of a differential drive, or twice that of the one [m]."""
-    if not isinstance(drive, DifferentialDrive):
-        return drive.wheel_radius_m, drive.wheel_radius_m
-    left = 2.0 * drive.wheel_radius_m / (1.0 + drive.wheel_radius_ratio)
-    return left, left * drive.wheel_radius_ratio
-
-
-def _geometry(config: RobotConfig) -> dict[str, float]:
-    """Return the drive's kind, lengths, contact loads and drag of the passive wheels."""
-    s, drive = config.simulation, config.drive
-    if isinstance(drive, DifferentialDrive):
-        return _differential(config, drive)
-    wheelbase = drive.wheelbase_m * (1 + s.errors.wheelbase)
-    weight = s.mass_kg * GRAVITY_M_S2
-    front = weight * s.centre_of_mass_m[0] / wheelbase
-    rear = weight - front
-    if front <= 0 or rear <= 0:
-        raise ValueError("centre_of_mass_m: not between the axles")
-    front_driven = isinstance(drive, TricycleDrive) and drive.driven == "front"
-    free = rear if front_driven else front
-    driven_load = front if front_driven else rear
-    return {
-        "kind": FRONT_DRIVEN if front_driven else REAR_DRIVEN,
-        "wheels": 1,
-        "wheelbase": wheelbase,
-        "half_track": (
-            drive.track_width_m * (1 + s.errors.track_width) / 2
-            if isinstance(drive, AckermannDrive)
-            else 0.0
-        ),
-        "load0": driven_load,
-        "load1": front,
-        "load2": rear,
-        "drag": free * s.wheels.rolling_resistance,
-        "drag_x": 0.0 if front_driven else wheelbase,
-        "steering_max": drive.steering_max_rad,
-        "steering_step": drive.steering_rate_max_rad_s * DT_S,
-        "steering_offset": drive.steering_offset_rad + s.errors.steering_offset_rad,
-    }
-
-
-def _differential(config: RobotConfig, drive: DifferentialDrive) -> dict[str, float]:
-    """Share the weight among two wheels and a castor, by balance of moments."""
+def axis_records(config: RobotConfig, chassis: Chassis) -> np.ndarray:
+    """Return the records of the axes at power-on, (n,)."""
     s = config.simulation
-    weight = s.mass_kg * GRAVITY_M_S2
-    half_track = drive.track_width_m * (1 + s.errors.track_width) / 2
-    com_x, com_y = s.centre_of_mass_m
-    castor_x, castor_y = s.castor.position_m
-    castor = weight * com_x / castor_x if castor_x != 0 else 0.0
-    axle = weight - castor
-    turning = (weight * com_y - castor * castor_y) / half_track
-    left, right = (axle + turning) / 2, (axle - turning) / 2
-    if min(castor, left, right) < 0:
-        raise ValueError("centre_of_mass_m: not between the wheels and the castor")
-    return {
-        "kind": DIFFERENTIAL,
-        "wheels": 2,
-        "half_track": half_track,
-        "load0": left,
-        "load1": right,
-        "load2": axle,
-        "drag": castor * s.castor.drag,
-        "drag_x": castor_x,
-        "drag_y": castor_y,
-    }
+    axes = np.zeros(len(chassis.wheels), AXIS)
+    for axis, wheel in zip(axes, chassis.wheels, strict=True):
+        axis["radius"] = axis["rim"] = wheel.radius_m
+        axis["rolling"] = s.wheels.rolling_resistance * wheel.load_n * wheel.radius_m
+        axis["winding_c"] = axis["case_c"] = s.motor.air_c
+    return axes

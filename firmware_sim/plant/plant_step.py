@@ -1,7 +1,7 @@
-"""One millisecond of the plant, compiled: motors and battery, tyres and walls, motion.
+"""One millisecond of the plant, compiled: motors and battery, wheels and walls, motion.
 
 The order within a step: steering servo; rail voltage from the current of the step before; motors
-without load; impulses of tyres and walls; currents for the mean speed of the step; heat and
+without load; impulses of wheels and walls; currents for the mean speed of the step; heat and
 charge; motion along the arc of the new velocity.
 """
 
@@ -12,18 +12,24 @@ import math
 import numpy as np
 
 from firmware_sim.compiled import compiled, uniform
-from firmware_sim.plant.battery import charge_step, open_circuit_voltage, polarisation_step
+from firmware_sim.plant.axis import COAST, SHORTED
+from firmware_sim.plant.battery import (
+    charge_step,
+    open_circuit_voltage,
+    polarisation_step,
+    rail_step,
+    resistor_current,
+)
 from firmware_sim.plant.contact import (
     IMPULSE,
     LAST,
-    ROWS,
-    TYRES,
     apply_impulse,
+    set_grips,
+    solve_grips,
     solve_limited,
-    solve_tyres,
-    tyre_rows,
 )
 from firmware_sim.plant.discs import disc_rows
+from firmware_sim.plant.loop import loop_current, wind_up
 from firmware_sim.plant.motor import (
     chopped_voltage,
     current_decay,
@@ -35,8 +41,6 @@ from firmware_sim.plant.motor import (
 from firmware_sim.plant.plant_state import DT_S
 from firmware_sim.plant.walls import approach_speed, wall_rows
 
-COAST = 1
-BRAKE = 2
 EPISODE_S = 0.3
 """Contacts less than this apart are one collision."""
 
@@ -45,42 +49,42 @@ EPISODE_S = 0.3
 def run_plant(
     steps: int,
     body: np.ndarray,
-    wheels: np.ndarray,
+    axes: np.ndarray,
     p: np.ndarray,
     outline: np.ndarray,
     segments: np.ndarray,
-    origin: np.ndarray,
     grid: np.ndarray,
     rows: np.ndarray,
     noise: np.ndarray,
     discs: np.ndarray,
 ) -> None:
-    """Advance body and wheels by a number of steps of `DT_S`."""
+    """Advance body and axes by a number of steps of `DT_S`."""
     b, c = body[0], p[0]
-    motors = int(c.wheels)
+    motors, grips = int(c.axes), int(c.grips)
+    for_walls = rows[grips:]
     for _ in range(steps):
         turn_steering(body, p)
         source = c.cells_scale * open_circuit_voltage(b.charge)
-        b.bus_v = source - b.polarisation_v - c.battery_ohm * b.battery_a
+        b.bus_v = max(source - b.polarisation_v - c.battery_ohm * b.battery_a, b.rail_v)
         for k in range(motors):
-            spin_motor(body, wheels, p, k)
-            roughen(wheels, p, k, noise)
+            spin_motor(body, axes, p, k)
+            roughen(axes, p, k, noise)
         move_freely(body, p)
-        tyre_rows(body, p, rows)
-        free = solve_tyres(body, wheels, p, rows)
-        walls = wall_rows(body, p, outline, segments, origin, grid, rows)
-        contacts = disc_rows(body, p, outline, discs, origin[2], rows, walls)
-        if free and contacts == 0:
-            for i in range(TYRES):
-                apply_impulse(body, wheels, p, rows, i, rows[i, IMPULSE])
+        walls = wall_rows(body, p, outline, segments, grid, for_walls)
+        contacts = disc_rows(body, p, outline, discs, for_walls, walls)
+        set_grips(body, axes, p, rows)
+        if contacts == 0 and solve_grips(body, axes, p, rows):
+            for i in range(grips):
+                apply_impulse(body, axes, p, rows, i, rows[i, IMPULSE])
                 rows[i, LAST] = rows[i, IMPULSE]
             b.contacts = 0
             b.touch_s = max(b.touch_s - DT_S, 0.0)
         else:
-            collide(body, wheels, p, rows, walls, contacts)
-        b.battery_a = c.electronics_a
+            collide(body, axes, p, rows, walls, contacts)
+        load_a = c.electronics_a
         for k in range(motors):
-            b.battery_a += feed_motor(body, wheels, p, k)
+            load_a += feed_motor(body, axes, p, k)
+        feed_rail(body, p, source, load_a)
         b.polarisation_v = polarisation_step(
             b.polarisation_v, b.battery_a, c.polarisation_ohm, c.polarisation_gain
         )
@@ -97,49 +101,53 @@ def turn_steering(body: np.ndarray, p: np.ndarray) -> None:
 
 
 @compiled
-def spin_motor(body: np.ndarray, wheels: np.ndarray, p: np.ndarray, k: int) -> None:
+def spin_motor(body: np.ndarray, axes: np.ndarray, p: np.ndarray, k: int) -> None:
     """Speed of wheel k after the step if off the ground, and the inertia of its motor."""
-    b, c, w = body[0], p[0], wheels[k]
-    w.before = w.omega
-    w.resistance = winding_resistance(c.winding_ohm, w.winding_c) + c.bridge_ohm
-    mode = int(b.bridge)
-    if mode == COAST:
-        w.current = 0.0
-        w.voltage = 0.0
+    b, c, a = body[0], p[0], axes[k]
+    a.before = a.omega
+    a.resistance = winding_resistance(c.winding_ohm, a.winding_c) + c.bridge_ohm
+    if a.mode == COAST:
+        a.current = 0.0
+        a.voltage = 0.0
         torque, motor_damping = 0.0, 0.0
-    else:
-        w.decay, w.held = current_decay(w.resistance, c.inductance, DT_S)
-        w.voltage = 0.0
-        if mode != BRAKE:
-            w.voltage = chopped_voltage(
-                w.duty * b.bus_v,
+    elif a.mode <= SHORTED:
+        a.decay, a.held = current_decay(a.resistance, c.inductance, DT_S)
+        a.voltage = 0.0
+        if a.mode != SHORTED:
+            a.voltage = chopped_voltage(
+                a.duty * b.bus_v,
                 b.bus_v,
-                c.k * w.omega,
-                w.current,
-                w.resistance,
-                w.decay,
-                c.current_limit,
+                c.k * a.omega,
+                a.current,
+                a.resistance,
+                a.decay,
+                a.current_max,
             )
-        torque = c.k * (w.held * w.current + (1.0 - w.held) * w.voltage / w.resistance)
-        motor_damping = (1.0 - w.held) * c.k * c.k / w.resistance
-    friction = w.rolling + friction_torque(
-        w.omega, torque - motor_damping * w.omega, c.coulomb, c.stiction_ratio, c.gear_loss
+        torque = c.k * (a.held * a.current + (1.0 - a.held) * a.voltage / a.resistance)
+        motor_damping = (1.0 - a.held) * c.k * c.k / a.resistance
+    else:
+        loop_current(axes, k, c.k, c.wheel_inertia, b.bus_v)
+        torque = c.k * (a.start + 2.0 * a.slope * a.omega)
+        motor_damping = 2.0 * c.k * a.slope
+    friction = a.rolling + friction_torque(
+        a.omega, torque - motor_damping * a.omega, c.coulomb, c.stiction_ratio, c.gear_loss
     )
-    w.omega, w.inertia = wheel_step(
-        w.omega, torque, friction, motor_damping + c.viscous, c.wheel_inertia, DT_S
+    a.omega, a.inertia = wheel_step(
+        a.omega, torque, friction, motor_damping + c.viscous, c.wheel_inertia, DT_S
     )
-    if w.blocked > 0.0:
-        w.omega, w.inertia = 0.0, np.inf
+    if a.blocked > 0.0:
+        a.omega, a.inertia = 0.0, np.inf
 
 
 @compiled
-def roughen(wheels: np.ndarray, p: np.ndarray, k: int, noise: np.ndarray) -> None:
+def roughen(axes: np.ndarray, p: np.ndarray, k: int, noise: np.ndarray) -> None:
     """Let the rolling radius of wheel k wander over the floor (a walk with memory of a length)."""
-    c, w = p[0], wheels[k]
-    share = min(abs(w.before) * w.radius * DT_S / c.floor_length, 1.0)
+    c, a = p[0], axes[k]
+    share = min(abs(a.before) * a.radius * DT_S / c.floor_length, 1.0)
     if c.floor_noise > 0.0 and share > 0.0:
         draw = (uniform(noise) - 0.5) * math.sqrt(12.0)
-        w.floor += -share * w.floor + c.floor_noise * math.sqrt(2.0 * share) * draw
+        a.floor += -share * a.floor + c.floor_noise * math.sqrt(2.0 * share) * draw
+    a.rim = a.radius * (1.0 + a.floor)
 
 
 @compiled
@@ -166,29 +174,30 @@ def move_freely(body: np.ndarray, p: np.ndarray) -> None:
 @compiled
 def collide(
     body: np.ndarray,
-    wheels: np.ndarray,
+    axes: np.ndarray,
     p: np.ndarray,
     rows: np.ndarray,
     walls: int,
     contacts: int,
 ) -> None:
-    """Solve with contacts or slipping tyres; count a collision when one with a wall begins.
+    """Solve with contacts or slipping wheels; count a collision when one with a wall begins.
 
     The rows of walls are the first of the contacts.
     """
     b = body[0]
+    grips = int(p[0].grips)
     impact = 0.0
     for i in range(walls):
-        impact = max(impact, -approach_speed(body, rows, TYRES + 2 * i))
+        impact = max(impact, -approach_speed(body, rows, grips + 2 * i))
     if contacts != int(b.contacts):
-        rows[TYRES:ROWS, LAST] = 0.0
+        rows[grips:, LAST] = 0.0
         b.contacts = contacts
-    solve_limited(body, wheels, p, rows, contacts)
-    for i in range(TYRES + 2 * contacts):
+    solve_limited(body, axes, p, rows, contacts)
+    for i in range(grips + 2 * contacts):
         rows[i, LAST] = rows[i, IMPULSE]
     touching = False
     for i in range(walls):
-        touching = touching or rows[TYRES + 2 * i, IMPULSE] > 0.0
+        touching = touching or rows[grips + 2 * i, IMPULSE] > 0.0
     if not touching:
         b.touch_s = max(b.touch_s - DT_S, 0.0)
         return
@@ -199,20 +208,25 @@ def collide(
 
 
 @compiled
-def feed_motor(body: np.ndarray, wheels: np.ndarray, p: np.ndarray, k: int) -> float:
+def feed_motor(body: np.ndarray, axes: np.ndarray, p: np.ndarray, k: int) -> float:
     """Update current, heat and angle of motor k; returns what it draws from the rail [A]."""
-    b, c, w = body[0], p[0], wheels[k]
-    w.angle += w.omega * DT_S
+    b, c, a = body[0], p[0], axes[k]
+    a.angle += a.omega * DT_S
     mean = 0.0
-    if int(b.bridge) != COAST:
-        final = (w.voltage - 0.5 * c.k * (w.before + w.omega)) / w.resistance
-        mean = w.held * w.current + (1.0 - w.held) * final
-        w.current = w.decay * w.current + (1.0 - w.decay) * final
-    heat = mean * mean * (w.resistance - c.bridge_ohm)
-    w.winding_c, w.case_c = heat_step(
+    if a.mode > SHORTED:
+        mean = a.start - a.slope * (a.omega - a.before)
+        a.current = mean
+        a.voltage = a.resistance * mean + 0.5 * c.k * (a.before + a.omega)
+        wind_up(axes, k)
+    elif a.mode != COAST:
+        final = (a.voltage - 0.5 * c.k * (a.before + a.omega)) / a.resistance
+        mean = a.held * a.current + (1.0 - a.held) * final
+        a.current = a.decay * a.current + (1.0 - a.decay) * final
+    heat = mean * mean * (a.resistance - c.bridge_ohm)
+    a.winding_c, a.case_c = heat_step(
         heat,
-        w.winding_c,
-        w.case_c,
+        a.winding_c,
+        a.case_c,
         c.winding_heat,
         c.case_heat,
         c.winding_to_case,
@@ -220,7 +234,24 @@ def feed_motor(body: np.ndarray, wheels: np.ndarray, p: np.ndarray, k: int) -> f
         c.air_c,
         DT_S,
     )
-    return float(w.voltage * mean / b.bus_v)
+    a.draw = a.voltage * mean / b.bus_v
+    return float(a.draw)
+
+
+@compiled
+def feed_rail(body: np.ndarray, p: np.ndarray, source: float, load_a: float) -> None:
+    """Share the load of all consumers among battery, brake resistor and the rail's capacitors."""
+    b, c = body[0], p[0]
+    quiet = source - b.polarisation_v
+    b.resistor_a = 0.0
+    if b.resistor_ohm > 0.0:
+        b.resistor_a = resistor_current(
+            b.bus_v, quiet, load_a, c.battery_ohm, c.charge_max, c.rail_farad,
+            b.resistor_ohm, b.resistor_v, DT_S,
+        )  # fmt: skip
+    b.battery_a, b.rail_v = rail_step(
+        b.bus_v, quiet, load_a + b.resistor_a, c.battery_ohm, c.charge_max, c.rail_farad, DT_S
+    )
 
 
 @compiled

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from firmware_sim.compiled import compiled
-from firmware_sim.plant.contact import JW, JX, JY, MAX_WALLS, SLOP_M, SOFT, TARGET, TYRES, put_row
+from firmware_sim.plant.contact import JW, JX, JY, MAX_WALLS, SLOP_M, SOFT, TARGET, put_row
 from firmware_sim.plant.plant_state import DT_S
 
 CELL_M = 0.25
@@ -35,23 +35,22 @@ def body_outline(corners: tuple[tuple[float, float], ...]) -> np.ndarray:
     return np.ascontiguousarray(np.hstack([points, normal, length]))
 
 
-def wall_grid(segments: np.ndarray, reach_m: float) -> tuple[np.ndarray, np.ndarray]:
+def wall_grid(segments: np.ndarray, reach_m: float) -> tuple[tuple[float, float], np.ndarray]:
     """Build the grid of walls within reach, large enough for all of them.
 
     Returns
     -------
     tuple
-        Origin x, y and reach (3,) [m]; table of int32: columns, rows, then the starts of each
-        cell's list (one more than there are cells), then the lists of wall numbers.
+        Corner x, y [m]; table of int32: columns, rows, then the starts of each cell's list (one
+        more than there are cells), then the lists of wall numbers.
     """
     margin = reach_m + NEAR_M
     ends = segments.reshape(-1, 2) if len(segments) else np.zeros((1, 2))
     low, high = ends.min(axis=0) - 2 * margin, ends.max(axis=0) + 2 * margin
-    origin = np.array([*low, reach_m])
     columns, rows = (math.ceil(side) for side in (high - low) / CELL_M)
     limit = margin + CELL_M / math.sqrt(2.0)
-    x = origin[0] + (np.arange(columns) + 0.5) * CELL_M
-    y = origin[1] + (np.arange(rows) + 0.5) * CELL_M
+    x = low[0] + (np.arange(columns) + 0.5) * CELL_M
+    y = low[1] + (np.arange(rows) + 0.5) * CELL_M
     cells, numbers = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
     for number, (ax, ay, bx, by) in enumerate(segments):
         near_x = np.flatnonzero((x >= min(ax, bx) - limit) & (x <= max(ax, bx) + limit))
@@ -66,14 +65,15 @@ def wall_grid(segments: np.ndarray, reach_m: float) -> tuple[np.ndarray, np.ndar
     entries = np.concatenate(numbers)[np.argsort(cell, kind="stable")]
     count = columns * rows
     starts = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=count))]) + 3 + count
-    return origin, np.concatenate([[columns, rows], starts, entries]).astype(np.int32)
+    corner = float(low[0]), float(low[1])
+    return corner, np.concatenate([[columns, rows], starts, entries]).astype(np.int32)
 
 
 @compiled
-def cell_walls(x: float, y: float, origin: np.ndarray, grid: np.ndarray) -> tuple[int, int]:
-    """Range in `grid` of the numbers of the walls near a base position; empty outside the grid."""
-    column = math.floor((x - origin[0]) / CELL_M)
-    row = math.floor((y - origin[1]) / CELL_M)
+def cell_walls(x: float, y: float, grid: np.ndarray) -> tuple[int, int]:
+    """Range in `grid` of the walls near a place relative to its corner; empty outside the grid."""
+    column = math.floor(x / CELL_M)
+    row = math.floor(y / CELL_M)
     if column < 0 or row < 0 or column >= grid[0] or row >= grid[1]:
         return 0, 0
     cell = 2 + row * grid[0] + column
@@ -86,17 +86,19 @@ def wall_rows(
     p: np.ndarray,
     outline: np.ndarray,
     segments: np.ndarray,
-    origin: np.ndarray,
     grid: np.ndarray,
     rows: np.ndarray,
 ) -> int:
-    """Append rows for the walls that may be touched within the next step; returns their number."""
+    """Fill in the rows for walls that may be touched within the next step; returns their number.
+
+    `rows` are those behind the rows of the grips, here and in all functions of this module.
+    """
     b, c = body[0], p[0]
-    first, last = cell_walls(b.x, b.y, origin, grid)
+    first, last = cell_walls(b.x - c.grid_x, b.y - c.grid_y, grid)
     if first == last:
         return 0
     cos, sin = math.cos(b.theta), math.sin(b.theta)
-    ahead = 1.0e-3 + 1.5 * DT_S * (abs(b.vx) + abs(b.vy) + abs(b.omega) * origin[2])
+    ahead = 1.0e-3 + 1.5 * DT_S * (abs(b.vx) + abs(b.vy) + abs(b.omega) * c.reach)
     count = 0
     for entry in range(first, last):
         wall = segments[grid[entry]]
@@ -106,7 +108,7 @@ def wall_rows(
         length = math.hypot(dx, dy)
         dx, dy = dx / length, dy / length
         along = min(max(-(ax * dx + ay * dy), 0.0), length)
-        if math.hypot(ax + along * dx, ay + along * dy) > origin[2] + ahead:
+        if math.hypot(ax + along * dx, ay + along * dy) > c.reach + ahead:
             continue
         # From here in base.
         ax, ay = cos * ax + sin * ay, -sin * ax + cos * ay
@@ -185,9 +187,9 @@ def put_wall(
     """
     if count >= MAX_WALLS:
         return count
-    i = TYRES + 2 * count
-    put_row(rows, i, nx, ny, px, py, -1)
-    put_row(rows, i + 1, -ny, nx, px, py, -1)
+    i = 2 * count
+    put_row(rows, i, nx, ny, px, py)
+    put_row(rows, i + 1, -ny, nx, px, py)
     rows[i, TARGET] = min(-(gap - SLOP_M) / DT_S, 0.1)
     rows[i, SOFT] = 0.0
     rows[i + 1, SOFT] = 0.0

@@ -20,7 +20,7 @@ class BodyMotion(NamedTuple):
     y_m: float
     theta_rad: float
     v_m_s: float
-    lateral_m_s: float
+    vy_m_s: float
     omega_rad_s: float
 
 
@@ -94,7 +94,7 @@ class Imu:
     def _velocity_world(self, motion: BodyMotion) -> tuple[float, float]:
         """Return the velocity in world of the sensor's mounting point [m/s]."""
         v_x = motion.v_m_s - motion.omega_rad_s * self._mount.y_m
-        v_y = motion.lateral_m_s + motion.omega_rad_s * self._mount.x_m
+        v_y = motion.vy_m_s + motion.omega_rad_s * self._mount.x_m
         return _turned(v_x, v_y, motion.theta_rad)
 
     def forget(self) -> None:

@@ -32,8 +32,8 @@ class Truth(msgspec.Struct, frozen=True, gc=False):
         Time of the sample.
     x_m, y_m, theta_rad
         Pose, heading in (-pi, pi].
-    v_m_s, omega_rad_s
-        Body velocity of base.
+    v_m_s, vy_m_s, omega_rad_s
+        Body velocity of base: forwards, to the left, counter-clockwise.
     distance_m
         Length of the path since the start.
     collisions
@@ -79,6 +79,7 @@ class Truth(msgspec.Struct, frozen=True, gc=False):
     unsafe_reason: str = ""
     ran_into: int = 0
     people: tuple[tuple[float, float], ...] = ()
+    vy_m_s: float = 0.0
 
 
 class Scan(msgspec.Struct, frozen=True, gc=False, tag="LidarScan"):

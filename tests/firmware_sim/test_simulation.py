@@ -145,7 +145,7 @@ class TestNodesOnTheBus:
         simulation.power_cycle()
         simulation.advance(simulation.now_ns + 1000 * MS)
         assert abs(simulation.truth().v_m_s) < 0.3
-        assert simulation.plant.current1_a == pytest.approx(0.0, abs=1e-6)
+        assert simulation.plant.axes[0].current_a == pytest.approx(0.0, abs=1e-6)
 
     def test_stored_parameters_live_in_the_state_directory(self, tmp_path):
         host = Host(simulate(state_directory=tmp_path))
@@ -204,7 +204,7 @@ class TestGuardsOnThePlant:
     @pytest.mark.parametrize("kind", KINDS)
     def test_a_blocked_wheel_is_an_over_current_and_no_encoder_fault(self, kind):
         simulation = simulate(kind)
-        simulation.plant.block(1)
+        simulation.plant.axes[0].block()
         host = Host(simulation)
         host.ticks(1.5, duty1=1.0)
         assert simulation.drive.faults == DriveFault.OVER_CURRENT
@@ -212,11 +212,9 @@ class TestGuardsOnThePlant:
 
     @pytest.mark.parametrize("kind", KINDS)
     @pytest.mark.parametrize("sign", [0, -1])
-    def test_a_broken_or_swapped_encoder_is_found(self, kind, sign, monkeypatch):
+    def test_a_broken_or_swapped_encoder_is_found(self, kind, sign):
         simulation = simulate(kind)
-        stage = type(simulation.plant)
-        count = stage.count1.fget
-        monkeypatch.setattr(stage, "count1", property(lambda plant: sign * count(plant)))
+        simulation.faults.stage.axes[0].own_encoder.begin(sign)
         host = Host(simulation)
         host.ticks(1.0, duty1=0.5, duty2=0.5 if kind == "diff_drive" else 0.0)
         assert simulation.drive.faults == DriveFault.ENCODER

@@ -14,7 +14,7 @@ from e2e import p01
 from firmware_sim.bus.errors import ErrorState
 from firmware_sim.errors import SimulationError
 from firmware_sim.faults.catalogue import CATALOGUE
-from firmware_sim.plant.plant import Bridge
+from firmware_sim.plant.axis import Mode
 from firmware_sim.simulation import Simulation
 
 CONFIGS = Path(__file__).parents[3] / "configs"
@@ -84,8 +84,9 @@ class Bench:
         return np.unwrap(np.array(raw), period=65536, axis=0)
 
     def true_counts(self):
-        plant = self.simulation.plant
-        return np.array([plant.count1, plant.count2])
+        turn = self.simulation.config.drive.counts_per_revolution
+        counts = [axis.encoder(turn).count for axis in self.simulation.plant.axes]
+        return np.array((*counts, 0)[:2])
 
     def stamps_us(self):
         stamps = [int.from_bytes(f.data[:4], "little") >> 12 for f in self.of(FEEDBACK)]
@@ -224,10 +225,10 @@ class TestEncoders:
         assert np.ptp(bench.counts()[:, 0]) == 0
 
     def test_an_open_cable_has_picked_up_nothing_at_its_beginning(self, driving):
-        stage = driving.simulation.faults.stage
-        before = stage.count1
+        left = driving.simulation.faults.stage.axes[0].socket
+        before = left.count
         driving.begin("encoder_disconnected wheel=left edges=50000")
-        assert stage.count1 == before
+        assert left.count == before
 
     def test_an_encoder_that_is_stuck_picks_up_nothing_of_its_open_cable(self, driving):
         driving.begin("encoder_disconnected wheel=left edges=50000")
@@ -292,14 +293,14 @@ class TestMotors:
         driving.begin("wheel_blocked wheel=left")
         driving.drive(0.2)
         plant = driving.simulation.plant
-        assert plant.omega1_rad_s == 0.0
+        assert plant.axes[0].speed_rad_s == 0.0
         motor = driving.simulation.config.simulation.motor
         # All of the voltage falls over the winding: I = duty * U / R.
         stall_a = 0.3 * plant.bus_voltage_v / motor.resistance_ohm
-        assert plant.current1_a == pytest.approx(stall_a, rel=0.15)
+        assert plant.axes[0].current_a == pytest.approx(stall_a, rel=0.15)
         driving.clear()
         driving.drive(0.3)
-        assert plant.omega1_rad_s > 1.0
+        assert plant.axes[0].speed_rad_s > 1.0
 
     def test_added_current_and_heat_appear_at_their_motor_alone(self, driving):
         healthy = driving.status()
@@ -328,9 +329,9 @@ class TestMotors:
         bench = Bench()
         stage, plant = bench.simulation.faults.stage, bench.simulation.plant
         bench.begin("over_current wheel=left amperes=2")
-        stage.command(duty, duty, 0.0, Bridge.DRIVE)
-        assert plant.current1_a == 0.0
-        assert stage.current1_a == math.copysign(2.0, duty)
+        stage.axes[0].command(Mode.DUTY, duty)
+        assert plant.axes[0].current_a == 0.0
+        assert stage.axes[0].current_a == math.copysign(2.0, duty)
 
     @pytest.mark.parametrize(
         ("line", "bit", "within_s"),
@@ -350,19 +351,19 @@ class TestMotors:
 class TestSupply:
     def test_less_voltage_is_reported_and_drives_that_much_slower(self, bench):
         bench.drive(1.5, 0.3, 0.3)
-        fast = bench.simulation.plant.omega1_rad_s
+        fast = bench.simulation.plant.axes[0].speed_rad_s
         full_v = bench.voltage_v()
         bench.begin("under_voltage volts=2.5")
         bench.drive(1.5, 0.3, 0.3)
-        slow = bench.simulation.plant.omega1_rad_s
+        slow = bench.simulation.plant.axes[0].speed_rad_s
         assert full_v - bench.voltage_v() == pytest.approx(2.5, abs=0.05)
         bench.clear()
         bench.drive(1.5, 0.3, 0.3)
-        assert bench.simulation.plant.omega1_rad_s == pytest.approx(fast, rel=0.02)
+        assert bench.simulation.plant.axes[0].speed_rad_s == pytest.approx(fast, rel=0.02)
         # A duty of 0.3 at a lower supply is a smaller duty at the full one.
         smaller = Bench()
         smaller.drive(3.0, *2 * [0.3 * (full_v - 2.5) / full_v])
-        assert slow == pytest.approx(smaller.simulation.plant.omega1_rad_s, rel=0.02)
+        assert slow == pytest.approx(smaller.simulation.plant.axes[0].speed_rad_s, rel=0.02)
 
     def test_a_supply_that_sags_below_the_threshold_resets_the_drive_until_it_is_back(self):
         bench = Bench()
@@ -929,7 +930,8 @@ def test_a_fault_begins_and_ends_at_its_time_though_nobody_has_looked_at_the_rob
         bench.run(20)
         simulation.run_to(simulation.now_ns)
         stage, plant = simulation.faults.stage, simulation.plant
-        return stage.count1, stage.count2, plant.omega1_rad_s, plant.x_m
+        counts = [axis.socket.count for axis in stage.axes]
+        return counts, plant.axes[0].speed_rad_s, plant.x_m
 
     assert run(looked_at=False) == run(looked_at=True)
 
@@ -952,7 +954,10 @@ class TestLines:
             ),
             (
                 "encoder_stuck wheel=middle",
-                "fault encoder_stuck: wheel: 'middle', allowed: left, right, drive",
+                (
+                    "fault encoder_stuck: wheel: 'middle', the differential drive has no such "
+                    "wheel, allowed: left, right, drive"
+                ),
             ),
             ("bus_cut duration=long", "fault bus_cut: duration: 'long' is no number"),
             ("bus_cut duration=0x", "fault bus_cut: duration: '0x' is no number"),
@@ -1019,8 +1024,8 @@ def test_after_any_mixture_of_faults_the_robot_is_as_sound_as_before(robot, seed
     assert bench.counts()[-1] - before == pytest.approx(moved, abs=0.05 * moved.max() + 1)
     status = bench.status()
     assert status["faults"] == 0
-    assert status["current1_a"] == pytest.approx(simulation.plant.current1_a, abs=0.1)
-    assert status["temperature1_c"] == pytest.approx(simulation.plant.temperature1_c, abs=1)
+    assert status["current1_a"] == pytest.approx(simulation.plant.axes[0].current_a, abs=0.1)
+    assert status["temperature1_c"] == pytest.approx(simulation.plant.axes[0].temperature_c, abs=1)
     assert bench.voltage_v() == pytest.approx(simulation.plant.bus_voltage_v, abs=0.1)
     assert np.diff(bench.stamps_us()) == pytest.approx(5000, abs=1001)
     for node in (1, 2, 3):

@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 
 from firmware_sim.config.config import load_robot, parse_override
-from firmware_sim.config.parameters import AckermannDrive, DifferentialDrive, TricycleDrive
+from firmware_sim.config.drives.differential import DifferentialDrive
+from firmware_sim.config.drives.steered import AckermannDrive, TricycleDrive
 from firmware_sim.config.toml_lines import key_lines
 from firmware_sim.errors import SimulationError
 
@@ -88,7 +89,11 @@ def test_overrides_replace_values_by_dotted_key() -> None:
         ("simulation.camera.z_error_m", -0.4, ": simulation.camera.z_error_m: puts the camera"),
         ("drive", 3, "drive: must be a table, found 3"),
         ("drive.kind", "tricyle", "found 'tricyle'; did you mean \"tricycle\"?"),
-        ("drive.kind", "tricyle", "drive.kind: must be one of differential, tricycle, ackermann"),
+        (
+            "drive.kind",
+            "tricyle",
+            "must be one of differential, tricycle, ackermann, skid_steer, mecanum, omni, found",
+        ),
         ("sonar", 4, "sonar: must be a list, found 4"),
         ("sonar", {"name": "a"}, "sonar: each must be a table of its own, [[sonar]]"),
         ("camera.intrinsics.distortion", [0.1] * 6, "at most 5 entries, found 6"),

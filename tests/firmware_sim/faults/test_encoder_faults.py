@@ -18,22 +18,39 @@ SWAP = st.tuples(st.just("swap"))
 END = st.tuples(st.just("end"), st.integers(0, 100))
 
 
+class Wheel:
+    """A wheel that counts what the test says, and what the loop of its drive is told."""
+
+    count = 0
+    told = None
+
+    def encoder(self, _counts_per_revolution):
+        return self
+
+    def tell(self, axis, factor):
+        self.told = axis, factor
+
+
 class Encoders:
     """Two wheels that turn as they are told, and what is read of them."""
 
     def __init__(self):
-        self.plant = SimpleNamespace(count1=0, count2=0)
-        self.stage = FaultyStage(self.plant)
+        self.wheels = [Wheel(), Wheel()]
+        self.stage = FaultyStage(SimpleNamespace(axes=self.wheels))
+        self.sockets = [axis.encoder(2400) for axis in self.stage.axes]
+
+    def break_encoder(self, wheel, factor):
+        return self.stage.axes[wheel].own_encoder.begin(factor)
 
     @property
     def read(self):
-        return [self.stage.count1, self.stage.count2]
+        return [socket.count for socket in self.sockets]
 
     def turn(self, left, right):
         """Turn the wheels; return what both channels have read of it."""
         before = self.read
-        self.plant.count1 += left
-        self.plant.count2 += right
+        self.wheels[0].count += left
+        self.wheels[1].count += right
         return [after - then for after, then in zip(self.read, before, strict=True)]
 
 
@@ -59,12 +76,12 @@ def test_counts_are_continuous_the_latest_fault_counts_and_in_the_end_the_truth_
             assert encoders.turn(*what) == (expected[::-1] if swapped else expected)
             continue
         if kind == "break":
-            present.append((*what, stage.break_encoder(*what).end))
+            present.append((*what, encoders.break_encoder(*what).end))
         elif kind == "swap":
-            present.append((None, 0, stage.swap()))
+            present.append((None, 0, stage.swap(0, 1)))
         elif kind == "glitch":
             wheel, counts = what
-            stage.jump(wheel, counts)
+            stage.axes[wheel].own_encoder.jump(counts)
             before[1 - wheel if swapped else wheel] += counts
         elif present:
             _, _, undo = present.pop(what[0] % len(present))
@@ -78,15 +95,15 @@ def test_counts_are_continuous_the_latest_fault_counts_and_in_the_end_the_truth_
 
 
 def test_of_two_equal_faults_around_another_each_ends_itself(encoders):
-    encoders.stage.break_encoder(0, STUCK)
-    encoders.stage.break_encoder(0, REVERSED)
-    last = encoders.stage.break_encoder(0, STUCK)
+    encoders.break_encoder(0, STUCK)
+    encoders.break_encoder(0, REVERSED)
+    last = encoders.break_encoder(0, STUCK)
     assert encoders.turn(10, 10) == [0, 10]
     last.end()
     assert encoders.turn(10, 10) == [-10, 10]
 
 
 def test_a_broken_encoder_stays_broken_in_the_other_socket(encoders):
-    encoders.stage.break_encoder(0, STUCK)
-    encoders.stage.swap()
+    encoders.break_encoder(0, STUCK)
+    encoders.stage.swap(0, 1)
     assert encoders.turn(10, 20) == [20, 0]

@@ -23,7 +23,7 @@ class Scene:
     """A robot of two numbers, a wire and a monitor."""
 
     def __init__(self):
-        self.motion = Motion(False, 0.0, 0.0, 0.0)
+        self.motion = Motion(False, 0.0, 0.0, 0.0, 0.0)
         self.monitor = SafetyMonitor(lambda: self.motion, Allowed(0.8, 2.5, TIMEOUT_NS))
         self.protector = Protector(0xA000 + COMMAND)
         self.now_ns = 0
@@ -252,16 +252,19 @@ def test_the_refusal_of_an_old_arming_takes_no_leave_that_is_there(scene):
 
 
 @pytest.mark.parametrize(
-    ("v_m_s", "omega_rad_s", "reason"),
+    ("v_m_s", "vy_m_s", "omega_rad_s", "reason"),
     [
-        (1.0, 3.2, ""),
-        (1.05, 0.0, "speed 1.05 m/s, allowed 0.8"),
-        (-1.05, 0.0, "speed -1.05 m/s, allowed 0.8"),
-        (0.0, 3.3, "turn rate 3.30 rad/s, allowed 2.5"),
+        (1.0, 0.0, 3.2, ""),
+        (0.7, -0.7, 3.2, ""),
+        (1.05, 0.0, 0.0, "speed 1.05 m/s, allowed 0.8"),
+        (-1.05, 0.01, 0.0, "speed -1.05 m/s, allowed 0.8"),
+        (0.0, 1.05, 0.0, "speed 0.00 m/s and 1.05 m/s to the left, allowed 0.8"),
+        (0.8, -0.7, 0.0, "speed 0.80 m/s and -0.70 m/s to the left, allowed 0.8"),
+        (0.0, 0.0, 3.3, "turn rate 3.30 rad/s, allowed 2.5"),
     ],
 )
-def test_more_speed_than_allowed_is_unsafe(scene, v_m_s, omega_rad_s, reason):
-    scene.motion = Motion(False, v_m_s, omega_rad_s, 0.0)
+def test_more_speed_than_allowed_is_unsafe(scene, v_m_s, vy_m_s, omega_rad_s, reason):
+    scene.motion = Motion(False, v_m_s, vy_m_s, omega_rad_s, 0.0)
     scene.run(5)
     assert scene.reasons == ([reason] if reason else [])
 
@@ -269,12 +272,12 @@ def test_more_speed_than_allowed_is_unsafe(scene, v_m_s, omega_rad_s, reason):
 def test_a_motion_that_is_unsafe_for_its_speed_and_then_for_its_power_counts_twice(scene):
     scene.power()
     scene.run(50, enable=True)
-    scene.motion = Motion(True, 1.05, 0.0, 0.0)
+    scene.motion = Motion(True, 1.05, 0.0, 0.0, 0.0)
     scene.run(100)
     assert scene.reasons == ["speed 1.05 m/s, allowed 0.8"]
     scene.run(50)
     assert scene.reasons[1:] == ["power 110 ms after it was last allowed, behind the last command"]
-    scene.motion = Motion(False, 1.05, 0.0, 0.0)
+    scene.motion = Motion(False, 1.05, 0.0, 0.0, 0.0)
     scene.run(50)
     assert scene.monitor.count == 3
 
@@ -298,7 +301,7 @@ def test_steering_that_goes_on_in_a_stop_is_unsafe(scene):
 
 def test_figures_that_change_are_no_new_finding(scene):
     for speed_m_s in (1.05, 1.1, 1.2, 1.1):
-        scene.motion = Motion(False, speed_m_s, 0.0, 0.0)
+        scene.motion = Motion(False, speed_m_s, 0.0, 0.0, 0.0)
         scene.run(5)
     assert scene.reasons == ["speed 1.05 m/s, allowed 0.8"]
 

@@ -252,7 +252,7 @@ MISFITS = [
             robot,
             f"{kind} wheel=right",
             "wheel",
-            f"'right', the {robot.drive.kind} drive has one motor, allowed: left, drive",
+            f"'right', the {robot.drive.kind} drive has no such wheel, allowed: drive, left",
         )
         for robot in (TRICYCLE, ACKERMANN)
         for kind in (

@@ -17,7 +17,7 @@ from e2e import p01
 
 from firmware_sim.nodes.drive import ENABLE_FRAMES, DriveNode
 from firmware_sim.nodes.drive_guards import MotorModel
-from firmware_sim.plant.plant import Bridge
+from firmware_sim.plant.axis import Mode
 
 ROOT = Path(__file__).parents[3]
 MS = 1_000_000
@@ -75,27 +75,38 @@ class Line:
 
 
 @dataclass
+class Axis:
+    """A motor that does what the test says, with an encoder of its own."""
+
+    count: int = 0
+    current_a: float = 0.0
+    temperature_c: float = 25.0
+    mode: Mode | None = None
+    value: float = 0.0
+
+    def command(self, mode, value=0.0):
+        self.mode, self.value = mode, value
+
+    def encoder(self, counts_per_revolution):
+        assert counts_per_revolution == MODEL.counts_per_revolution
+        return self
+
+
+@dataclass
 class Stage:
     """A power stage that does what the test says and remembers what it was told."""
 
-    count1: int = 0
-    count2: int = 0
-    current1_a: float = 0.0
-    current2_a: float = 0.0
-    temperature1_c: float = 25.0
-    temperature2_c: float = 25.0
+    axes: tuple[Axis, Axis] = field(default_factory=lambda: (Axis(), Axis()))
     bus_voltage_v: float = 12.0
     steering_rad: float = 0.0
-    duty1: float = 0.0
-    duty2: float = 0.0
     steering_cmd_rad: float = 0.0
-    bridge: Bridge | None = None
     commands: list = field(default_factory=list)
 
-    def command(self, duty1, duty2, steering_rad, bridge):
-        self.duty1, self.duty2, self.bridge = duty1, duty2, bridge
-        self.steering_cmd_rad = steering_rad
-        self.commands.append((duty1, duty2, steering_rad, bridge))
+    def steer(self, angle_rad):
+        self.steering_cmd_rad = angle_rad
+        one, two = self.axes
+        assert one.mode is two.mode
+        self.commands.append((one.value, two.value, angle_rad, one.mode))
 
 
 class Host:
@@ -151,7 +162,9 @@ class DriveRig:
     def __init__(self, database, store=None):
         self.line = Line()
         self.stage = Stage()
-        self.drive = DriveNode(self.stage, lambda now_ns: now_ns // MS * MS, MODEL, store)
+        self.drive = DriveNode(
+            self.stage, self.stage.axes, lambda now_ns: now_ns // MS * MS, MODEL, store
+        )
         self.line.add(self.drive)
         self.line.start_all()
         self.host = Host(self.line, database)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from firmware_sim.nodes.drive import ENABLE_FRAMES
 from firmware_sim.nodes.drive_state import DriveState
-from firmware_sim.plant.plant import Bridge
+from firmware_sim.plant.axis import Mode
 
 MS = 1_000_000
 EMCY = 0x081
@@ -30,7 +30,7 @@ class TestCommands:
             assert rig.drive.drive_state is DriveState.READY
         rig.host.send(duty1=0.5, duty2=-0.25, steering=0.1)
         assert rig.drive.drive_state is DriveState.ENABLED
-        assert rig.stage.commands[-1] == pytest.approx((0.5, -0.25, 0.1, Bridge.DRIVE))
+        assert rig.stage.commands[-1] == pytest.approx((0.5, -0.25, 0.1, Mode.DUTY))
 
     @pytest.mark.parametrize("late", range(2 * ENABLE_FRAMES))
     def test_commands_that_were_held_back_enable_nobody_whom_the_host_keeps_off(self, rig, late):
@@ -43,7 +43,7 @@ class TestCommands:
             else:
                 rig.line.deliver(0x201, old[late])
             assert rig.drive.drive_state is DriveState.READY
-            assert rig.stage.duty1 == 0.0
+            assert rig.stage.axes[0].value == 0.0
 
     def test_enable_0_counts_whatever_its_counter_but_not_with_a_wrong_crc(self, rig):
         rig.enable()
@@ -55,14 +55,14 @@ class TestCommands:
         rig.stage.steering_rad = 0.2
         rig.line.deliver(0x201, late)
         assert rig.drive.drive_state is DriveState.READY
-        assert rig.stage.commands[-1] == (0.0, 0.0, 0.2, Bridge.BRAKE)
+        assert rig.stage.commands[-1] == (0.0, 0.0, 0.2, Mode.SHORTED)
 
-    @pytest.mark.parametrize(("brake", "bridge"), [(False, Bridge.COAST), (True, Bridge.BRAKE)])
+    @pytest.mark.parametrize(("brake", "bridge"), [(False, Mode.COAST), (True, Mode.SHORTED)])
     def test_enable_0_opens_or_shorts_the_bridge_whatever_the_duty_says(self, rig, brake, bridge):
         rig.enable()
         rig.host.send(enable=False, brake=brake, duty1=0.9)
         assert rig.drive.drive_state is DriveState.READY
-        assert (rig.stage.duty1, rig.stage.duty2, rig.stage.bridge) == (0.0, 0.0, bridge)
+        assert rig.stage.commands[-1] == (0.0, 0.0, 0.0, bridge)
 
     @pytest.mark.parametrize("brake", [False, True])
     def test_enable_0_leaves_the_steering_where_it_is_whatever_it_was_told(self, rig, brake):
@@ -88,7 +88,7 @@ class TestCommands:
         data = bytearray(rig.host.frame(duty1=0.7))
         data[3] ^= 0x04
         rig.line.deliver(0x201, data)
-        assert rig.stage.duty1 == 0.0
+        assert rig.stage.axes[0].value == 0.0
         assert rig.read(0x2100, 2) == 1
 
     def test_a_masqueraded_command_is_dropped_and_counted(self, rig):
@@ -105,25 +105,25 @@ class TestCommands:
         rig.host.send(duty1=0.1)
         for _ in range(2):
             rig.line.deliver(0x201, data)
-        assert rig.stage.duty1 == pytest.approx(0.1)
+        assert rig.stage.axes[0].value == pytest.approx(0.1)
         assert rig.read(0x2100, 3) == 2
 
     def test_up_to_two_lost_commands_are_forgiven_three_are_not(self, rig):
         rig.enable()
         counter = rig.host.counter
         rig.host.send(duty1=0.2, counter=(counter + 2) % 15)
-        assert rig.stage.duty1 == pytest.approx(0.2)
+        assert rig.stage.axes[0].value == pytest.approx(0.2)
         rig.host.send(duty1=0.4, counter=(counter + 6) % 15)
-        assert rig.stage.duty1 == pytest.approx(0.2)
+        assert rig.stage.axes[0].value == pytest.approx(0.2)
         assert rig.read(0x2100, 3) == 1
         rig.host.send(duty1=0.6)
-        assert rig.stage.duty1 == pytest.approx(0.6)
+        assert rig.stage.axes[0].value == pytest.approx(0.6)
 
     @pytest.mark.parametrize("length", [0, 1, 7])
     def test_a_command_of_wrong_length_is_dropped_and_counted(self, rig, length):
         rig.enable()
         rig.line.deliver(0x201, rig.host.frame(duty1=0.5)[:length])
-        assert rig.stage.duty1 == 0.0
+        assert rig.stage.axes[0].value == 0.0
         assert rig.read(0x2100, 4) == 1
 
     @pytest.mark.parametrize("raw", [10_001, -10_001, 32767, -32768])
@@ -132,10 +132,10 @@ class TestCommands:
         data = bytearray(rig.host.frame())
         data[2:4] = raw.to_bytes(2, "little", signed=True)
         rig.line.deliver(0x201, rig.host.sealed(data))
-        assert rig.stage.duty1 == 0.0
+        assert rig.stage.axes[0].value == 0.0
         assert rig.read(0x2100, 4) == 1
         rig.host.send(duty1=1.0)
-        assert rig.stage.duty1 == 1.0
+        assert rig.stage.axes[0].value == 1.0
 
     def test_the_status_says_what_was_heard_and_rejected(self, rig):
         rig.line.deliver(0x000, b"\x80\x01")
@@ -160,14 +160,14 @@ class TestDeadMan:
         rig.write(0x2000, 0, timeout_ms, 2)
         rig.line.run_ms(0.3)
         rig.enable()
-        rig.stage.current1_a = 5.0  # stalled: there is no back-EMF that would want counts
+        rig.stage.axes[0].current_a = 5.0  # stalled: there is no back-EMF that would want counts
         rig.host.send(duty1=0.5)
         due_ns = rig.line.now_ns + timeout_ms * MS
         rig.line.run_to(due_ns - 1)
         assert rig.drive.drive_state is DriveState.ENABLED
         rig.line.run_to(due_ns)
         assert rig.drive.drive_state is DriveState.STOPPED
-        assert (rig.stage.duty1, rig.stage.duty2, rig.stage.bridge) == (0.0, 0.0, Bridge.BRAKE)
+        assert rig.stage.commands[-1] == (0.0, 0.0, 0.0, Mode.SHORTED)
         assert emergencies(rig) == [0x8130]
         assert rig.read(0x2100, 5) == 1
         rig.line.deliver(0x080)
@@ -207,15 +207,15 @@ class TestDeadMan:
         rig.line.run_ms(100)
         rig.host.drive(500, duty1=0.5)
         assert rig.drive.drive_state is DriveState.STOPPED
-        assert rig.stage.duty1 == 0.0
+        assert rig.stage.axes[0].value == 0.0
         rig.clear_faults()
         assert rig.drive.drive_state is DriveState.READY
         rig.host.drive(500, duty1=0.5)
         assert rig.drive.drive_state is DriveState.READY
-        assert rig.stage.duty1 == 0.0
+        assert rig.stage.axes[0].value == 0.0
         rig.enable()
         rig.host.send(duty1=0.5)
-        assert rig.stage.duty1 == pytest.approx(0.5)
+        assert rig.stage.axes[0].value == pytest.approx(0.5)
 
     @given(delays=st.lists(st.integers(1, 150), min_size=1, max_size=15))
     def test_duty_is_applied_until_the_first_gap_as_long_as_the_time_out(self, make_rig, delays):
@@ -224,10 +224,10 @@ class TestDeadMan:
         alive = True
         for delay_ms in delays:
             rig.host.send(duty1=0.05)
-            assert rig.stage.duty1 == (pytest.approx(0.05) if alive else 0.0)
+            assert rig.stage.axes[0].value == (pytest.approx(0.05) if alive else 0.0)
             rig.line.run_ms(delay_ms)
             alive = alive and delay_ms < 100
-            assert rig.stage.duty1 == (pytest.approx(0.05) if alive else 0.0)
+            assert rig.stage.axes[0].value == (pytest.approx(0.05) if alive else 0.0)
 
 
 class TestEmergencyStop:
@@ -241,12 +241,12 @@ class TestEmergencyStop:
             rig.line.deliver(0x000, command[nmt])
         rig.line.deliver(0x001, data)
         assert rig.drive.drive_state is DriveState.EMERGENCY_STOP
-        assert (rig.stage.duty1, rig.stage.bridge) == (0.0, Bridge.BRAKE)
+        assert (rig.stage.axes[0].value, rig.stage.axes[0].mode) == (0.0, Mode.SHORTED)
         rig.line.run_ms(10)
         rig.line.deliver(0x000, b"\x01\x00")
         rig.host.drive(100, duty1=0.5)
         assert rig.drive.drive_state is DriveState.EMERGENCY_STOP
-        assert rig.stage.duty1 == 0.0
+        assert rig.stage.axes[0].value == 0.0
 
     def test_a_remote_request_of_0x001_counts_too(self, rig):
         rig.line.deliver(0x001 | 0x4000_0000)
@@ -261,7 +261,7 @@ class TestEmergencyStop:
 
     def test_it_outranks_a_fault_and_shows_both(self, rig):
         rig.line.deliver(0x001)
-        rig.stage.temperature2_c = 150.0
+        rig.stage.axes[1].temperature_c = 150.0
         rig.host.drive(100, enable=False)
         status = rig.last("MotorStatus")
         assert (status["State"], status["FaultOverTemperature"]) == (5, 1)
@@ -277,37 +277,37 @@ class TestEmergencyStop:
 class TestFaults:
     def test_over_current_stops_after_half_a_second_not_before(self, rig):
         rig.enable()
-        rig.stage.current1_a = -5.1
+        rig.stage.axes[0].current_a = -5.1
         rig.host.drive(450)
         assert rig.drive.drive_state is DriveState.ENABLED
         rig.host.drive(100)
         assert rig.drive.drive_state is DriveState.FAULT
-        assert rig.stage.duty1 == 0.0
+        assert rig.stage.axes[0].value == 0.0
         assert emergencies(rig) == [0x2310]
         assert rig.read(0x1001) == 0x03
 
     def test_current_below_its_limit_or_short_peaks_are_no_fault(self, rig):
         rig.enable()
         for current in (4.9, 9.5, 4.9, 9.5):
-            rig.stage.current1_a = current
+            rig.stage.axes[0].current_a = current
             rig.host.drive(400)
         assert rig.drive.drive_state is DriveState.ENABLED
 
     def test_the_current_limit_can_be_set(self, rig):
         rig.write(0x2003, 0, 2000, 4)
-        rig.stage.current2_a = 2.1
+        rig.stage.axes[1].current_a = 2.1
         rig.host.drive(700, enable=False)
         assert rig.drive.drive_state is DriveState.FAULT
 
     def test_over_temperature_stops_and_stays_until_cooled(self, rig):
         rig.enable()
-        rig.stage.temperature1_c = 120.5
+        rig.stage.axes[0].temperature_c = 120.5
         rig.host.drive(50, duty1=0.3)
         assert rig.drive.drive_state is DriveState.FAULT
-        rig.stage.temperature1_c = 115.0
+        rig.stage.axes[0].temperature_c = 115.0
         assert rig.clear_faults()[4:] == DEVICE_STATE
         assert rig.drive.drive_state is DriveState.FAULT
-        rig.stage.temperature1_c = 100.0
+        rig.stage.axes[0].temperature_c = 100.0
         assert rig.clear_faults()[0] == 0x60
         assert rig.drive.drive_state is DriveState.READY
 
@@ -324,8 +324,8 @@ class TestFaults:
         assert emergencies(rig) == [0x3220, 0]
 
     def test_every_fault_shows_in_the_status(self, rig):
-        rig.stage.temperature1_c, rig.stage.bus_voltage_v = 130.0, 5.0
-        rig.stage.current2_a = 9.0
+        rig.stage.axes[0].temperature_c, rig.stage.bus_voltage_v = 130.0, 5.0
+        rig.stage.axes[1].current_a = 9.0
         rig.host.drive(800, enable=False)
         status = rig.last("MotorStatus")
         assert status["State"] == 4
@@ -346,9 +346,9 @@ def spin(rig, ms, duty, current, counts_per_ms, channel=1):
         rig.host.send(**{"duty1": 0.0, "duty2": 0.0, f"duty{channel}": duty})
         rig.line.deliver(0x080)
         rig.line.run_ms(5)
-        setattr(rig.stage, f"current{channel}_a", current)
-        moved = getattr(rig.stage, f"count{channel}") + counts_per_ms * 5
-        setattr(rig.stage, f"count{channel}", moved)
+        axis = rig.stage.axes[channel - 1]
+        axis.current_a = current
+        axis.count += counts_per_ms * 5
 
 
 @pytest.mark.parametrize("channel", [1, 2])
@@ -396,7 +396,7 @@ class TestEncoderFault:
 
 class TestFeedback:
     def test_each_sync_gives_counts_and_the_time_of_the_sample(self, rig):
-        rig.stage.count1, rig.stage.count2 = 70_000, -3
+        rig.stage.axes[0].count, rig.stage.axes[1].count = 70_000, -3
         rig.line.run_to(123_456_789)
         rig.line.deliver(0x080)
         feedback = rig.last("WheelFeedback")
@@ -438,8 +438,8 @@ class TestFeedback:
 
     def test_measurements_arrive_in_their_units(self, rig):
         stage = rig.stage
-        stage.current1_a, stage.current2_a = 1.25, -0.5
-        stage.temperature1_c, stage.temperature2_c = 41.0, 39.0
+        stage.axes[0].current_a, stage.axes[1].current_a = 1.25, -0.5
+        stage.axes[0].temperature_c, stage.axes[1].temperature_c = 41.0, 39.0
         stage.bus_voltage_v, stage.steering_rad = 11.734, -0.4321
         for _ in range(4):
             rig.line.deliver(0x080)
@@ -464,14 +464,14 @@ class TestNmt:
         rig.enable()
         rig.host.send(duty1=0.5)
         rig.line.deliver(0x000, bytes((command, 1)))
-        assert (rig.stage.duty1, rig.stage.bridge) == (0.0, Bridge.BRAKE)
+        assert (rig.stage.axes[0].value, rig.stage.axes[0].mode) == (0.0, Mode.SHORTED)
         rig.line.run_ms(20)
         rig.line.deliver(0x000, b"\x01\x01")
         rig.host.drive(50, duty1=0.5)
         assert rig.drive.drive_state is DriveState.READY
         rig.enable()
         rig.host.send(duty1=0.5)
-        assert rig.stage.duty1 == pytest.approx(0.5)
+        assert rig.stage.axes[0].value == pytest.approx(0.5)
 
     def test_a_command_to_another_node_changes_nothing(self, rig):
         rig.enable()
@@ -482,7 +482,7 @@ class TestNmt:
     def test_a_warm_reset_keeps_the_latch_and_the_counts(self, rig, command):
         rig.enable()
         rig.line.run_ms(100)
-        rig.stage.count1 = 500
+        rig.stage.axes[0].count = 500
         rig.line.deliver(0x000, bytes((command, 0)))
         rig.line.run_ms(20)
         rig.line.deliver(0x000, b"\x01\x00")
@@ -495,12 +495,12 @@ class TestNmt:
     def test_a_power_cycle_forgets_everything(self, rig):
         rig.enable()
         rig.line.deliver(0x001)
-        rig.stage.count1 = 500
+        rig.stage.axes[0].count = 500
         boots = len(rig.line.frames(0x701))
         rig.drive.power_cycle(rig.line.now_ns)
         rig.line.run_ms(6)
         assert rig.line.frames(0x701)[boots].data == b"\0"
-        assert rig.stage.bridge is Bridge.COAST
+        assert rig.stage.axes[0].mode is Mode.COAST
         rig.line.deliver(0x000, b"\x01\x00")
         for _ in range(4):
             rig.line.deliver(0x080)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,42 +10,33 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from firmware_sim.config.config import RobotConfig, load_robot
+from firmware_sim.config.config import load_robot
 from firmware_sim.errors import SimulationError
-from firmware_sim.plant.plant import Bridge, Plant
-from firmware_sim.world.world import World
+from firmware_sim.plant.axis import Mode
+from firmware_sim.plant.plant import Plant
+from tests.firmware_sim.plant.plants import (
+    CONFIGS,
+    FRICTIONLESS,
+    STIFF,
+    command,
+    plant,
+    robot,
+)
 
-CONFIGS = Path(__file__).parents[3] / "configs"
-OPEN = World.from_segments([])
-SMOOTH = {"simulation.wheels.floor_noise": 0.0}
-FRICTIONLESS = {
-    **SMOOTH,
-    "simulation.motor.coulomb_n_m": 0.0,
-    "simulation.motor.viscous_n_m_s_rad": 0.0,
-    "simulation.motor.gear_efficiency": 1.0,
-    "simulation.wheels.rolling_resistance": 0.0,
-    "simulation.castor.drag": 0.0,
-    "simulation.bridge.deadband": 0.0,
-    "simulation.centre_of_mass_m": [-1.0e-9, 0.0],
-}
-
-
-def robot(name: str = "diff_drive", **more: Any) -> RobotConfig:
-    overrides = {key.replace("__", "."): value for key, value in more.items()}
-    return load_robot(CONFIGS / f"{name}.toml", {**SMOOTH, **overrides})
-
-
-def plant(config: RobotConfig, seed: int = 1, world: World = OPEN) -> Plant:
-    return Plant(config, world, np.random.default_rng(seed))
+OVER_THE_AXLE = {**FRICTIONLESS, "simulation.centre_of_mass_m": [-1.0e-9, 0.0]}
 
 
 def ideal(**more: Any) -> Plant:
-    return plant(load_robot(CONFIGS / "diff_drive.toml", {**FRICTIONLESS, **more}))
+    return plant(load_robot(CONFIGS / "diff_drive.toml", {**OVER_THE_AXLE, **more}))
+
+
+def counts(p: Plant) -> tuple[int, ...]:
+    return tuple(axis.encoder(2400).count for axis in p.axes)
 
 
 def test_top_speed_is_the_rail_over_back_emf() -> None:
     p = ideal()
-    p.command(1.0, 1.0)
+    command(p, 1.0, 1.0)
     p.step(4000)
     assert p.v_m_s == pytest.approx(p.bus_voltage_v / 0.45 * 0.05, rel=1e-4)
     assert 1.2 < p.v_m_s < 1.5
@@ -57,7 +47,7 @@ def test_the_robot_speeds_up_with_its_mechanical_time_constant() -> None:
     inertia = 3.0 * 0.05**2 + 5.0e-6 * 400 + 2.0e-4
     tau = inertia * (1.5 * (1 + 0.00393 * 5) + 0.02) / 0.45**2 + 1.0e-3 / 1.5
     assert 0.06 < tau < 0.12
-    p.command(0.2, 0.2)
+    command(p, 0.2, 0.2)
     speeds = []
     for _ in range(1000):
         p.step(1)
@@ -67,15 +57,16 @@ def test_the_robot_speeds_up_with_its_mechanical_time_constant() -> None:
 
 
 def test_energy_from_the_rail_is_copper_loss_and_motion() -> None:
-    p = ideal(**{"simulation.wheels.slip_ratio": 0.0, "simulation.wheels.slip_speed_m_s": 1e-6})
-    p.command(0.3, 0.2)
+    p = ideal(**STIFF)
+    command(p, 0.3, 0.2)
     supplied = copper = 0.0
     for _ in range(800):
         p.step(1)
         supplied += p.bus_voltage_v * (p.battery_current_a - 0.5) * 1e-3
-        ohm = [1.5 * (1 + 0.00393 * (t - 20)) + 0.02 for t in (p.temperature1_c, p.temperature2_c)]
-        copper += (p.current1_a**2 * ohm[0] + p.current2_a**2 * ohm[1]) * 1e-3
-    turning = 0.5 * 2.2e-3 * (p.omega1_rad_s**2 + p.omega2_rad_s**2)
+        for axis in p.axes:
+            ohm = 1.5 * (1 + 0.00393 * (axis.temperature_c - 20)) + 0.02
+            copper += axis.current_a**2 * ohm * 1e-3
+    turning = sum(0.5 * 2.2e-3 * axis.speed_rad_s**2 for axis in p.axes)
     motion = 0.5 * 6.0 * p.v_m_s**2 + 0.5 * 0.12 * p.omega_rad_s**2 + turning
     assert motion > 0.4
     assert supplied == pytest.approx(copper + motion, rel=0.02)
@@ -83,15 +74,15 @@ def test_energy_from_the_rail_is_copper_loss_and_motion() -> None:
 
 def test_coasting_without_friction_goes_on_and_braking_decays_exponentially() -> None:
     p = ideal()
-    p.command(0.3, 0.3)
+    command(p, 0.3, 0.3)
     p.step(500)
-    p.command(0.0, 0.0, bridge=Bridge.COAST)
+    command(p, 0.0, 0.0, mode=Mode.COAST)
     p.step(50)
     before = p.v_m_s
     p.step(1000)
     assert p.v_m_s == pytest.approx(before, rel=1e-9)
-    assert p.current1_a == 0.0
-    p.command(0.0, 0.0, bridge=Bridge.BRAKE)
+    assert p.axes[0].current_a == 0.0
+    command(p, 0.0, 0.0, mode=Mode.SHORTED)
     speeds = []
     for _ in range(200):
         p.step(1)
@@ -104,32 +95,32 @@ def test_coasting_without_friction_goes_on_and_braking_decays_exponentially() ->
 
 def test_counts_are_the_distance_rolled() -> None:
     p = plant(robot(simulation__wheels__slip_ratio=0.0))
-    p.command(0.4, 0.4)
+    command(p, 0.4, 0.4)
     p.step(5000)
     per_metre = 2400 / (2 * math.pi * 0.05)
-    assert p.count1 / per_metre == pytest.approx(p.distance_m, rel=5e-3)
-    assert p.count1 == p.count2
-    p.command(-0.4, -0.4)
+    assert counts(p)[0] / per_metre == pytest.approx(p.distance_m, rel=5e-3)
+    assert counts(p)[0] == counts(p)[1]
+    command(p, -0.4, -0.4)
     p.step(10_000)
-    assert p.count1 < 0
+    assert counts(p)[0] < 0
 
 
 @given(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
 @settings(max_examples=30, deadline=None)
 def test_the_body_follows_the_wheels_where_tyres_hardly_slip(left: float, right: float) -> None:
-    p = ideal(**{"simulation.wheels.slip_ratio": 0.0, "simulation.wheels.slip_speed_m_s": 1e-6})
-    p.command(left, right)
+    p = ideal(**STIFF)
+    command(p, left, right)
     p.step(600)
-    v = 0.025 * (p.omega1_rad_s + p.omega2_rad_s)
-    omega = 0.05 * (p.omega2_rad_s - p.omega1_rad_s) / 0.3
+    v = 0.025 * (p.axes[0].speed_rad_s + p.axes[1].speed_rad_s)
+    omega = 0.05 * (p.axes[1].speed_rad_s - p.axes[0].speed_rad_s) / 0.3
     assert p.v_m_s == pytest.approx(v, abs=1e-4)
     assert p.omega_rad_s == pytest.approx(omega, abs=1e-3)
-    assert p.lateral_m_s == pytest.approx(0.0, abs=1e-4)
+    assert p.vy_m_s == pytest.approx(0.0, abs=1e-4)
 
 
 def test_a_steady_arc_is_a_circle_that_closes() -> None:
-    p = ideal(**{"simulation.wheels.slip_ratio": 0.0, "simulation.wheels.slip_speed_m_s": 1e-6})
-    p.command(0.2, 0.3)
+    p = ideal(**STIFF)
+    command(p, 0.2, 0.3)
     p.step(1500)
     x, y, heading = p.x_m, p.y_m, p.theta_rad
     radius, omega = p.v_m_s / p.omega_rad_s, p.omega_rad_s
@@ -142,7 +133,7 @@ def test_a_steady_arc_is_a_circle_that_closes() -> None:
 
 def test_spinning_on_the_spot_turns_left_with_the_right_wheel_forwards() -> None:
     p = plant(robot())
-    p.command(-0.3, 0.3)
+    command(p, -0.3, 0.3)
     p.step(1000)
     assert p.omega_rad_s > 1.5
     assert math.hypot(p.x_m, p.y_m) < 0.02
@@ -155,40 +146,29 @@ def test_curvature_of_a_steered_robot_is_tan_of_steering_over_wheelbase(
 ) -> None:
     config = robot(name, simulation__wheels__slip_ratio=0.0)
     p = plant(config)
-    p.command(0.25, 0.0, steering)
+    command(p, 0.25, 0.0, steering)
     p.step(3000)
     curvature = math.tan(steering) / config.drive.wheelbase_m  # type: ignore[union-attr]
     assert p.omega_rad_s / p.v_m_s == pytest.approx(curvature, rel=0.01)
-    assert abs(p.lateral_m_s) < 2e-3
+    assert abs(p.vy_m_s) < 2e-3
     # The encoder sees the driven wheel: the front one is faster by 1 / cos.
-    rolled = p.omega1_rad_s * config.drive.wheel_radius_m
+    rolled = p.axes[0].speed_rad_s * config.drive.wheel_radius_m
     ahead = p.v_m_s / math.cos(steering) if name == "tricycle" else p.v_m_s
     assert rolled == pytest.approx(ahead, rel=0.01)
-    assert p.count2 == 0
-    assert p.current2_a == 0.0
+    assert len(p.axes) == 1
 
 
 def test_a_rear_driven_tricycle_turns_as_the_front_driven() -> None:
     p = plant(robot("tricycle", drive__driven="rear"))
-    p.command(0.25, 0.0, 0.5)
+    command(p, 0.25, 0.0, 0.5)
     p.step(3000)
     assert p.omega_rad_s / p.v_m_s == pytest.approx(math.tan(0.5) / 0.32, rel=0.02)
-    assert p.omega1_rad_s * 0.06 == pytest.approx(p.v_m_s, rel=0.01)
-
-
-def test_the_rear_wheels_of_a_car_differ_and_their_mean_is_the_cage() -> None:
-    p = plant(robot("ackermann"))
-    p.command(0.25, 0.0, 0.5)
-    p.step(3000)
-    left, right = p.rear_wheels_rad_s
-    radius = p.v_m_s / p.omega_rad_s
-    assert right / left == pytest.approx((radius + 0.13) / (radius - 0.13), rel=1e-6)
-    assert (left + right) / 2 == pytest.approx(p.omega1_rad_s, rel=0.01)
+    assert p.axes[0].speed_rad_s * 0.06 == pytest.approx(p.v_m_s, rel=0.01)
 
 
 def test_steering_moves_no_faster_than_its_rate_and_no_further_than_its_stop() -> None:
     p = plant(robot("ackermann"))
-    p.command(0.0, 0.0, 2.0)
+    command(p, 0.0, 0.0, 2.0)
     p.step(50)
     assert p.steering_rad == pytest.approx(4.0 * 0.05)
     p.step(1000)
@@ -197,21 +177,21 @@ def test_steering_moves_no_faster_than_its_rate_and_no_further_than_its_stop() -
 
 def test_slippery_tyres_limit_acceleration_to_friction_times_load() -> None:
     p = ideal(**{"simulation.wheels.friction": 0.1})
-    p.command(0.6, 0.6)
+    command(p, 0.6, 0.6)
     p.step(100)
     # No load on the castor: the centre of mass is over the axle.
     assert p.v_m_s == pytest.approx(0.1 * 9.80665 * 0.1, rel=0.03)
-    assert p.omega1_rad_s * 0.05 > 2 * p.v_m_s
+    assert p.axes[0].speed_rad_s * 0.05 > 2 * p.v_m_s
 
 
 def test_locked_wheels_slide_to_a_stop_at_friction_times_gravity() -> None:
     p = ideal()
-    p.command(0.6, 0.6)
+    command(p, 0.6, 0.6)
     p.step(1000)
     speed, start = p.v_m_s, p.x_m
-    p.command(0.0, 0.0, bridge=Bridge.COAST)
-    p.block(1)
-    p.block(2)
+    command(p, 0.0, 0.0, mode=Mode.COAST)
+    p.axes[0].block()
+    p.axes[1].block()
     p.step(1000)
     assert p.v_m_s == pytest.approx(0.0, abs=1e-6)
     assert p.x_m - start == pytest.approx(speed**2 / (2 * 0.8 * 9.80665), rel=0.1)
@@ -219,9 +199,9 @@ def test_locked_wheels_slide_to_a_stop_at_friction_times_gravity() -> None:
 
 def test_fast_turning_pushes_the_tyres_sideways_but_only_a_little() -> None:
     p = plant(robot())
-    p.command(0.3, 0.55)
+    command(p, 0.3, 0.55)
     p.step(2000)
-    sideways = p.lateral_m_s
+    sideways = p.vy_m_s
     assert sideways < 0.0  # A left turn pushes to the right.
     assert abs(sideways) < 0.02 * p.v_m_s
 
@@ -229,23 +209,23 @@ def test_fast_turning_pushes_the_tyres_sideways_but_only_a_little() -> None:
 def test_a_blocked_motor_draws_the_stall_current_and_sags_the_rail_of_the_other() -> None:
     config = robot(simulation__motor__current_limit_a=100.0)
     free, blocked = plant(config), plant(config)
-    blocked.block(1)
+    blocked.axes[0].block()
     for p in (free, blocked):
-        p.command(0.5, 0.5)
+        command(p, 0.5, 0.5)
         p.step(400)
     duty = (round(0.5 * 4096) / 4096 - 0.02) / 0.98
-    ohm = 1.5 * (1 + 0.00393 * (blocked.temperature1_c - 20)) + 0.02
-    assert blocked.count1 == 0
-    assert blocked.current1_a == pytest.approx(duty * blocked.bus_voltage_v / ohm, rel=2e-3)
-    assert blocked.temperature1_c > free.temperature1_c + 0.5
+    ohm = 1.5 * (1 + 0.00393 * (blocked.axes[0].temperature_c - 20)) + 0.02
+    assert counts(blocked)[0] == 0
+    assert blocked.axes[0].current_a == pytest.approx(duty * blocked.bus_voltage_v / ohm, rel=2e-3)
+    assert blocked.axes[0].temperature_c > free.axes[0].temperature_c + 0.5
     assert blocked.bus_voltage_v < free.bus_voltage_v - 0.05
 
 
 def test_reversing_feeds_current_back_into_the_battery() -> None:
     p = plant(robot())
-    p.command(0.9, 0.9)
+    command(p, 0.9, 0.9)
     p.step(1000)
-    p.command(0.3, 0.3)
+    command(p, 0.3, 0.3)
     lowest = 0.0
     for _ in range(100):
         p.step(1)
@@ -256,7 +236,7 @@ def test_reversing_feeds_current_back_into_the_battery() -> None:
 def test_the_rail_is_the_battery_less_what_the_current_takes() -> None:
     p = plant(robot(simulation__battery__voltage_scale=0.7))
     assert p.bus_voltage_v == pytest.approx(0.7 * 12.6 - 0.06 * 0.5, abs=1e-6)
-    p.command(0.5, 0.5)
+    command(p, 0.5, 0.5)
     p.step(20)
     before = p.battery_current_a
     p.step(1)
@@ -266,43 +246,43 @@ def test_the_rail_is_the_battery_less_what_the_current_takes() -> None:
 
 def test_within_the_dead_band_nothing_moves_and_beyond_it_the_pwm_has_steps() -> None:
     p = plant(robot())
-    p.command(0.019, -0.019)
+    command(p, 0.019, -0.019)
     p.step(200)
-    assert (p.count1, p.count2, p.current1_a) == (0, 0, 0.0)
+    assert (*counts(p), p.axes[0].current_a) == (0, 0, 0.0)
     fine, same = plant(robot()), plant(robot())
-    fine.command(0.5, 0.5)
-    same.command(0.5 + 0.4 / 4096, 0.5)
+    command(fine, 0.5, 0.5)
+    command(same, 0.5 + 0.4 / 4096, 0.5)
     fine.step(100)
     same.step(100)
-    assert fine.current1_a == same.current1_a
-    same.command(0.5 + 0.6 / 4096, 0.5)
+    assert fine.axes[0].current_a == same.axes[0].current_a
+    command(same, 0.5 + 0.6 / 4096, 0.5)
     fine.step(1)
     same.step(1)
-    assert fine.current1_a != same.current1_a
+    assert fine.axes[0].current_a != same.axes[0].current_a
 
 
 def test_a_duty_too_weak_for_friction_does_not_creep() -> None:
     p = plant(robot())
-    p.command(0.035, 0.035)
+    command(p, 0.035, 0.035)
     p.step(2000)
     assert p.v_m_s == 0.0
-    assert p.current1_a > 0.05
+    assert p.axes[0].current_a > 0.05
 
 
 @pytest.mark.parametrize("bad", [1.001, -1.5, math.nan, math.inf])
 def test_an_impossible_command_is_refused(bad: float) -> None:
     p = plant(robot())
     with pytest.raises(ValueError, match="command"):
-        p.command(0.0, bad)
+        command(p, 0.0, bad)
 
 
 def test_errors_of_geometry_part_truth_from_odometry() -> None:
     p = plant(
         robot(simulation__errors__wheel_radius=[0.02, 0.02], simulation__wheels__slip_ratio=0.0)
     )
-    p.command(0.3, 0.3)
+    command(p, 0.3, 0.3)
     p.step(3000)
-    nominal = p.count1 / 2400 * 2 * math.pi * 0.05
+    nominal = counts(p)[0] / 2400 * 2 * math.pi * 0.05
     assert p.distance_m / nominal == pytest.approx(1.02, rel=3e-3)
 
 
@@ -313,10 +293,17 @@ def test_the_same_seed_gives_the_same_motion_bit_for_bit(name: str) -> None:
     def drive(seed: int, chunk: int) -> tuple[float, ...]:
         p = plant(config, seed)
         for i in range(20):
-            p.command(0.1 + 0.02 * i, 0.5 - 0.02 * i, 0.02 * i)
+            command(p, 0.1 + 0.02 * i, 0.5 - 0.02 * i, 0.02 * i)
             for _ in range(0, 100, chunk):
                 p.step(chunk)
-        return (p.x_m, p.y_m, p.theta_rad, p.current1_a, p.bus_voltage_v, p.temperature1_c)
+        return (
+            p.x_m,
+            p.y_m,
+            p.theta_rad,
+            p.axes[0].current_a,
+            p.bus_voltage_v,
+            p.axes[0].temperature_c,
+        )
 
     assert drive(7, 100) == drive(7, 1)
     assert drive(7, 100) != drive(8, 100)
@@ -327,9 +314,9 @@ def test_the_floor_makes_dead_reckoning_drift_as_much_as_is_said() -> None:
     errors, lengths = [], []
     for seed in range(150):
         p = plant(config, seed)
-        p.command(0.6, 0.6)
+        command(p, 0.6, 0.6)
         p.step(3000)
-        rolled = [count / 2400 * 2 * math.pi * 0.05 for count in (p.count1, p.count2)]
+        rolled = [count / 2400 * 2 * math.pi * 0.05 for count in counts(p)]
         # What the difference of the wheels says of the heading, against the truth.
         errors.append(p.theta_rad - (rolled[1] - rolled[0]) / 0.3)
         lengths.append(p.distance_m)

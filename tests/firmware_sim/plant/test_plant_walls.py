@@ -13,8 +13,10 @@ from hypothesis import strategies as st
 
 from firmware_sim.config.config import load_robot
 from firmware_sim.errors import SimulationError
-from firmware_sim.plant.plant import Bridge, Plant
+from firmware_sim.plant.axis import Mode
+from firmware_sim.plant.plant import Plant
 from firmware_sim.world.world import World, load_world
+from tests.firmware_sim.plant.plants import command
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 ROBOTS = {
@@ -62,7 +64,7 @@ def deepest(p: Plant, name: str, world: World) -> float:
 def wander(p: Plant, rng: np.random.Generator) -> None:
     """One of many random drives, forwards mostly."""
     left, right = rng.uniform(-0.4, 1.0) + rng.uniform(-0.2, 0.2, 2)
-    p.command(*np.clip([left, right], -1.0, 1.0), float(rng.uniform(-0.6, 0.6)))
+    command(p, *np.clip([left, right], -1.0, 1.0), float(rng.uniform(-0.6, 0.6)))
     p.step(int(rng.integers(100, 1000)))
 
 
@@ -74,7 +76,7 @@ def test_the_oracle_sees_a_wall_inside_the_outline() -> None:
 
 def test_driving_head_on_into_a_wall_stops_there_and_counts_once() -> None:
     p = plant(World.from_segments([(1.0, -2.0, 1.0, 2.0)]))
-    p.command(0.4, 0.4)
+    command(p, 0.4, 0.4)
     p.step(1000)
     while p.collisions == 0:
         speed = p.v_m_s
@@ -85,7 +87,7 @@ def test_driving_head_on_into_a_wall_stops_there_and_counts_once() -> None:
     assert p.touching
     assert p.x_m + FRONT_M == pytest.approx(1.0, abs=3e-4)
     assert p.v_m_s == pytest.approx(0.0, abs=1e-6)
-    assert p.current1_a > 1.0
+    assert p.axes[0].current_a > 1.0
 
 
 @pytest.mark.parametrize("bounds", ["", "bounds = [-0.6, -0.6, 0.1, 0.6]\n"])
@@ -101,7 +103,7 @@ def test_an_obstacle_beyond_all_walls_and_bounds_is_driven_against(
     world = load_world(path)
     assert world.bounds == ((-0.6, -0.6, 0.1, 0.6) if bounds else (-0.5, -0.5, 2.6, 0.5))
     p = plant(world)
-    p.command(0.6, 0.6)
+    command(p, 0.6, 0.6)
     p.step(6000)
     assert p.collisions == 1
     assert p.touching
@@ -110,13 +112,13 @@ def test_an_obstacle_beyond_all_walls_and_bounds_is_driven_against(
 
 def test_pushing_hard_spins_the_wheels_and_pushing_softly_stalls_them() -> None:
     hard, soft = (plant(World.from_segments([(0.3, -2.0, 0.3, 2.0)])) for _ in range(2))
-    hard.command(0.9, 0.9)
-    soft.command(0.15, 0.15)
+    command(hard, 0.9, 0.9)
+    command(soft, 0.15, 0.15)
     hard.step(2000)
     soft.step(2000)
-    assert hard.omega1_rad_s > 5.0
-    assert soft.omega1_rad_s == pytest.approx(0.0, abs=0.05)
-    assert soft.current1_a == pytest.approx(
+    assert hard.axes[0].speed_rad_s > 5.0
+    assert soft.axes[0].speed_rad_s == pytest.approx(0.0, abs=0.05)
+    assert soft.axes[0].current_a == pytest.approx(
         (0.15 - 0.02) / 0.98 * soft.bus_voltage_v / 1.56, rel=0.03
     )
 
@@ -124,10 +126,10 @@ def test_pushing_hard_spins_the_wheels_and_pushing_softly_stalls_them() -> None:
 def test_coming_back_later_is_another_collision() -> None:
     p = plant(World.from_segments([(0.5, -2.0, 0.5, 2.0)]))
     for expected in (1, 2, 3):
-        p.command(0.3, 0.3)
+        command(p, 0.3, 0.3)
         p.step(1500)
         assert p.collisions == expected
-        p.command(-0.3, -0.3)
+        command(p, -0.3, -0.3)
         p.step(1000)
         assert not p.touching
 
@@ -142,7 +144,7 @@ def test_a_grazing_robot_slides_along_the_wall(heading_deg: float, friction: flo
     world = World.from_segments([(-5.0, side * 0.4, 50.0, side * 0.4)])
     p = Plant(config, world, np.random.default_rng(1))
     p.place(0.0, 0.0, math.radians(heading_deg))
-    p.command(0.4, 0.4)
+    command(p, 0.4, 0.4)
     p.step(6000)
     assert p.collisions == 1
     assert p.x_m > 1.0
@@ -158,7 +160,7 @@ def test_a_wall_of_many_pieces_is_as_smooth_as_one() -> None:
     )
     for p in (whole, pieced):
         p.place(0.0, 0.0, math.radians(15.0))
-        p.command(0.39, 0.4)
+        command(p, 0.39, 0.4)
         p.step(4000)
     assert whole.collisions > 0
     assert pieced.x_m == pytest.approx(whole.x_m, rel=0.01)
@@ -167,7 +169,7 @@ def test_a_wall_of_many_pieces_is_as_smooth_as_one() -> None:
 
 def test_a_touch_at_rest_is_no_collision() -> None:
     p = plant(World.from_segments([(FRONT_M + 2e-4, -2.0, FRONT_M + 2e-4, 2.0)]))
-    p.command(0.0, 0.0, bridge=Bridge.BRAKE)
+    command(p, 0.0, 0.0, mode=Mode.SHORTED)
     p.step(1000)
     assert p.collisions == 0
     assert p.x_m == pytest.approx(0.0, abs=1e-12)
@@ -176,7 +178,7 @@ def test_a_touch_at_rest_is_no_collision() -> None:
 def test_far_walls_change_nothing() -> None:
     room, nothing = plant(FLAT), plant(World.from_segments([], FLAT.start))
     for p in (room, nothing):
-        p.command(0.3, 0.29)
+        command(p, 0.3, 0.29)
         p.step(3000)
     assert (room.x_m, room.y_m, room.theta_rad) == (nothing.x_m, nothing.y_m, nothing.theta_rad)
 
@@ -184,7 +186,7 @@ def test_far_walls_change_nothing() -> None:
 def test_a_turning_robot_is_stopped_by_the_end_of_a_wall() -> None:
     # The wall's end is inside the circle of the corners, beside the robot's flank.
     p = plant(World.from_segments([(0.05, 0.18, 0.05, 2.0)]))
-    p.command(-0.3, 0.3)
+    command(p, -0.3, 0.3)
     p.step(3000)
     assert p.collisions >= 1
     assert deepest(p, "diff_drive", World.from_segments([(0.05, 0.18, 0.05, 2.0)])) < 1e-3
@@ -207,7 +209,7 @@ def test_no_driving_whatever_gets_into_a_wall(name: str, seed: int) -> None:
     p = plant(FLAT, name, seed)
     for _ in range(40):
         wander(p, rng)
-        assert math.isfinite(p.x_m + p.y_m + p.v_m_s + p.current1_a)
+        assert math.isfinite(p.x_m + p.y_m + p.v_m_s + p.axes[0].current_a)
         assert deepest(p, name, FLAT) < 1e-3
         assert 0.0 < p.x_m < 8.0
         assert 0.0 < p.y_m < 5.0

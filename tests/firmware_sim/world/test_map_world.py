@@ -26,6 +26,7 @@ from firmware_sim.world.ros_map import load_cells
 from firmware_sim.world.world import World, load_world
 from robotctl.maps.map_file import load_map
 from tests.firmware_sim.camera.camera_rig import CLEAN, DIFF, robot
+from tests.firmware_sim.plant.plants import command
 from tests.firmware_sim.world.cell_rooms import (
     cells,
     in_cells,
@@ -205,7 +206,7 @@ def test_a_robot_that_wanders_never_gets_into_a_cell(
         before = plant.collisions
         for _ in range(2):
             left, right = rng.uniform(0.3, 1.0, 2) * rng.choice([-1.0, 1.0])
-            plant.command(left, right)
+            command(plant, left, right)
             for _ in range(20):
                 plant.step(50)
                 assert not depth_in(known_cells(world), plant, 0.002)

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from firmware_sim.config.config import load_robot
 from firmware_sim.errors import SimulationError
 from firmware_sim.plant.discs import nearest_point
-from firmware_sim.plant.plant import Bridge, Plant
+from firmware_sim.plant.plant import Plant
 from firmware_sim.plant.walls import body_outline
 from firmware_sim.sensors.lidar import Lidar
 from firmware_sim.simulation import Simulation
@@ -31,6 +31,7 @@ from firmware_sim.world.people import (
     _Person,
 )
 from firmware_sim.world.world import World, load_world
+from tests.firmware_sim.plant.plants import command
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 FLAT = load_world(CONFIGS / "worlds" / "flat.toml")
@@ -125,7 +126,7 @@ def test_the_distance_from_the_outline_is_that_of_a_dense_sample(x: float, y: fl
 def test_a_robot_that_drives_against_a_disc_stops_there_and_that_is_no_wall() -> None:
     plant = Plant(ROBOT, HALL, np.random.default_rng(1))
     plant.discs = np.array([[4.0, 3.05, RADIUS_M]])
-    plant.command(0.3, 0.3, bridge=Bridge.DRIVE)
+    command(plant, 0.3, 0.3)
     nose_m = max(x for x, _ in ROBOT.simulation.body)
     for _ in range(400):
         plant.step(10)
