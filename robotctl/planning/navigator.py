@@ -161,11 +161,11 @@ class Navigator:
         self._goal: Point | None = None
         """Of the last position of GUIDED."""
         self._guided: PositionRequest | ExploreRequest | PlaceRequest | None = None
-        """What GUIDED drives to, or drove to last."""
+        """Present or last target of GUIDED."""
         self._guided_ns = 0
-        """When a position was last asked for [ns]."""
+        """Time of the last request for a position [ns]."""
         self._arrived: Rejoining | None = None
-        """What has ended at the last position; a stream of positions goes on with it."""
+        """Behaviour that has ended at the last position; a stream of positions goes on with it."""
         self._guided_m_s = 0.0
         """Largest speed there [m/s]."""
         self._goals = 0

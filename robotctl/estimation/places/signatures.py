@@ -24,12 +24,15 @@ import math
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.errors import InvalidValue
 
+FARTHEST_M: Final = 1000.0
+"""No echo comes from farther away [m]; beyond it, squares of depths in sigmas would overflow."""
 _CLASSES_A_SIGMA = 1.5
 """Depth classes in one `depth_sigma_m`: echoes half way between two weigh as much as others."""
 
@@ -43,9 +46,9 @@ class SignatureConfig:
     bearings
         Bins of bearing, >= 8.
     max_range_m
-        Echoes from farther away count as silence [m], > 0.
+        Echoes from farther away count as silence [m], > 0 and at most `FARTHEST_M`.
     depth_sigma_m
-        Standard deviation of the depth of the same thing at two visits [m], > 0.
+        Standard deviation of the depth of the same thing at two visits [m], > 1e-4.
     least_seen
         Share of the bearings that both signatures must have to be compared, (0, 1].
 
@@ -63,11 +66,11 @@ class SignatureConfig:
     def __post_init__(self) -> None:
         if self.bearings < 8:
             raise InvalidValue("bearings", f"must be >= 8, found {self.bearings}", self.bearings)
-        for key in ("max_range_m", "depth_sigma_m"):
-            if not 0.0 < getattr(self, key) < math.inf:
-                raise InvalidValue(
-                    key, f"must be finite and > 0, found {getattr(self, key)}", getattr(self, key)
-                )
+        for key, least in (("max_range_m", 0.0), ("depth_sigma_m", 1e-4)):
+            value = getattr(self, key)
+            if not least < value <= FARTHEST_M:
+                bounds = f"must be > {least:g} and at most {FARTHEST_M:g}, found {value}"
+                raise InvalidValue(key, bounds, value)
         if not 0.0 < self.least_seen <= 1.0:
             raise InvalidValue(
                 "least_seen", f"must be in (0, 1], found {self.least_seen}", self.least_seen
@@ -83,7 +86,8 @@ class Signature:
     Parameters
     ----------
     depth_m
-        Median distance of the echoes from `base`, (n,) [m], > 0; nan if there was none.
+        Median distance of the echoes from `base`, (n,) [m], > 0 and at most `FARTHEST_M`; nan if
+        there was none.
     silence
         Share of readings without an echo, (n,), 0 to 1; nan if no sonar looked.
 
@@ -102,10 +106,11 @@ class Signature:
                 f"depth_m {self.depth_m.shape} and silence {self.silence.shape} must both be (n,)"
             )
         has_echo = ~np.isnan(self.depth_m)
-        if not np.all((self.depth_m[has_echo] > 0.0) & np.isfinite(self.depth_m[has_echo])):
+        depth_m = self.depth_m[has_echo]
+        if not np.all((depth_m > 0.0) & (depth_m <= FARTHEST_M)):
             raise InvalidValue(
                 "depth_m",
-                "must be finite and > 0, or nan where there was no echo",
+                f"must be > 0 and at most {FARTHEST_M:g} m, or nan where there was no echo",
                 self.depth_m,
             )
         seen = self.silence[self.seen]

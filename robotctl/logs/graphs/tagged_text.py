@@ -364,6 +364,9 @@ def factor_tag(
         if len(kind.variables) == 2 and kind.variables[0] is kind.variables[1]:
             rows.check(rows.ids[:, 0] != rows.ids[:, 1], "links a variable with itself")
         measurements, information = split(rows)
+        # The inverse of an inverse may be above by rounding.
+        near = np.abs(information) <= LARGEST * (1.0 + 1e-9)
+        information = np.where(near, np.clip(information, -LARGEST, LARGEST), information)
         rows.check(
             sound_rows(information), f"information above {LARGEST:g} follows from so small numbers"
         )

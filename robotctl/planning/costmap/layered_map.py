@@ -90,7 +90,7 @@ class LayeredMap:
         static = grid.occupied(_OCCUPIED_PERCENT)
         self._shut = closed.cells(grid)
         self._behind = grid.cells[self._shut]
-        """What the map itself says of the cells that are shut."""
+        """Values of the shut cells in the map itself."""
         self._given[self._shut] = OCCUPIED
         self._is_open = False
         live = GridMap(self._given.copy(), grid.resolution_m, grid.origin)

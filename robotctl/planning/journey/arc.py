@@ -13,7 +13,7 @@ from robotctl.planning.global_planning.plan import Plan
 
 _STEP_M: Final = 0.05
 _FARTHEST_M: Final = 2.0
-"""Farther away a planned path is better, which may turn first and drive straight on then [m]."""
+"""Largest distance of the goal [m]; a planned path to one farther away may turn first."""
 _WIDEST_RAD: Final = 1.0
 """Bearing of a goal up to which an arc leads there without a detour [rad]."""
 

@@ -17,17 +17,17 @@ if TYPE_CHECKING:
     from robotctl.planning.journey.pilot import MapPilot
 
 BEHIND_M: Final = (0.05, 0.1, 0.2)
-"""How far behind the robot the floor has to be known for it to drive backwards [m]."""
+"""Distances behind the robot at which the floor has to be known for it to drive backwards [m]."""
 TURNS_RAD: Final = (0.1, 0.2, 0.4)
-"""How far it has to be free to turn for it to begin [rad]."""
+"""Turns that have to be free for it to begin [rad]."""
 TURN_RAD_S: Final = 0.7
 _WAIT_NS: Final = 2_500_000_000
-"""At most, for what is in the way to move [ns]."""
+"""Longest wait for what is in the way to move [ns]."""
 _PAUSE_NS: Final = 1_000_000_000
-"""Before it plans again on a higher rung: who is in the way gets time to go [ns]."""
+"""Pause before planning again on a higher rung, which gives people time to go [ns]."""
 _BACK_M_S: Final = 0.15
 _LONGEST_NS: Final = 15_000_000_000
-"""Backing off or looking around takes no longer [ns]."""
+"""Longest time of backing off or looking around [ns]."""
 
 
 class Attempt:

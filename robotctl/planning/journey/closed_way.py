@@ -22,14 +22,14 @@ from robotctl.planning.costmap.body_cells import cells_at
 from robotctl.planning.costmap.planning_map import PlanningMap
 from robotctl.planning.global_planning.plan import Plan, dense
 
-_DEAR: Final = 50.0
-"""A metre through what closes the way counts as so many."""
-_APART_M: Final = 0.5
-"""Way that the robot keeps between itself and what it would touch [m]."""
+_PRICE: Final = 50.0
+"""Price of a metre through what closes the way, in free metres."""
+_STAND_OFF_M: Final = 0.5
+"""Distance along the path from the end of the free part to the first contact [m]."""
 _SHORTEST_M: Final = 0.2
-"""A shorter free part is not driven [m]."""
-_SOMEBODY_M: Final = 0.7
-"""What moves this near to the place closes it [m]."""
+"""Shortest free part that is driven [m]."""
+_PERSON_RANGE_M: Final = 0.7
+"""Distance within which something that moves is taken for what closes the way [m]."""
 _EIGHT: Final = np.ones((3, 3), np.bool_)
 
 
@@ -39,14 +39,14 @@ class ClosedWay(NamedTuple):
     plan: Plan | None
     """Its free part; None: the robot is there already."""
     text: str
-    """What closes it, and where."""
+    """Names the obstacle and its place."""
 
 
-def dear(given: PlanningMap, live: PlanningMap) -> PlanningMap:
+def priced(given: PlanningMap, live: PlanningMap) -> PlanningMap:
     """Return the map as it was given, where what is marked in the live one costs much."""
     space = copy.copy(given)
     marked = (live.clearance < live.inscribed) & (given.clearance >= given.inscribed)
-    space.slowness = given.zone_prices() * np.where(marked, np.float32(_DEAR), np.float32(1.0))
+    space.slowness = given.zone_prices() * np.where(marked, np.float32(_PRICE), np.float32(1.0))
     return space
 
 
@@ -74,7 +74,7 @@ def until_closed(
     first = int(np.argmax(hits))
     along_m = float(np.hypot(*np.diff(places[: first + 1, :2], axis=0).T).sum())
     text = _what_closes(SE2(*cells[first].tolist()), marked, moving)
-    free_m = along_m - _APART_M
+    free_m = along_m - _STAND_OFF_M
     return ClosedWay(_cut(plan, free_m) if free_m >= _SHORTEST_M else None, text)
 
 
@@ -98,7 +98,7 @@ def _what_closes(there: SE2, marked: PlanningMap, moving: NDArray[np.float64]) -
     touched = np.stack([rows[hit], columns[hit]], axis=1)
     x_m, y_m = marked.grid.centre_of(touched).mean(axis=0).tolist()
     what = f"something {_size_m(marked.blocked, touched, marked.grid.resolution_m):.1f} m wide"
-    if len(moving) and np.hypot(*(moving[:, :2] - (x_m, y_m)).T).min() <= _SOMEBODY_M:
+    if len(moving) and np.hypot(*(moving[:, :2] - (x_m, y_m)).T).min() <= _PERSON_RANGE_M:
         what = "somebody"
     return f"{what} that no map shows closes the way at x {x_m:.2f} m, y {y_m:.2f} m"
 

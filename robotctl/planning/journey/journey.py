@@ -32,9 +32,9 @@ if TYPE_CHECKING:
 _REPLAN_NS: Final = 1_000_000_000
 """Between two looks for a better path [ns]."""
 _REDIRECTED_NS: Final = 500_000_000
-"""The same while the goal moves [ns]."""
+"""Shortest time between two plans while the goal moves [ns]."""
 _ELSEWHERE_M: Final = 0.5
-"""A goal that has moved this far is another one for the ladder [m]."""
+"""Distance from which on a moved goal is another one for the ladder [m]."""
 _BETTER: Final = 0.9
 """A path that costs less than this share of the present one replaces it."""
 _OFF_PATH_M: Final = 0.6
@@ -57,10 +57,10 @@ _BLIND_NS: Final = 10_000_000_000
 _CHORD_M: Final = 0.25
 """Of a path, by which its direction is told [m]."""
 _SOON_S: Final = 1.0
-"""Where the robot is later does not matter yet [s]; what turns on the spot creeps back, too."""
+"""Time of a motion backwards that must be on known floor [s]; turns on the spot creep back."""
 _TURNS_RAD_S: Final = 0.3
-"""Faster, a robot turns to a side already [rad/s]."""
-_PERMANENT: Final = frozenset(
+"""Rate from which on a turn has begun, and keeps its side [rad/s]."""
+_PERMANENT_FAILURES: Final = frozenset(
     {
         Reason.GOAL_OFF_MAP,
         Reason.GOAL_BLOCKED,
@@ -75,9 +75,9 @@ class _TurnRound(NamedTuple):
     """When a robot turns round on the spot before it drives along its path."""
 
     begin_rad: float
-    """It looks farther away from the path than this [rad]."""
+    """Heading error from which on it turns [rad]."""
     end_rad: float
-    """It looks so near to the path [rad]."""
+    """Heading error at which it drives on [rad]."""
     rate_rad_s: float
 
 
@@ -122,9 +122,9 @@ class Journey(Behaviour):
         """Start over."""
         self._ladder = Ladder(self._pilot.recovery, can_turn=not self._pilot.steered)
         self._ladder_goal = self._goal
-        """Where the ladder's tries count for."""
+        """Goal that the tries of the ladder count for."""
         self._aim = self._goal
-        """Where the path was planned to."""
+        """Goal that the path was planned to."""
         self.pause()
 
     def redirect(self, goal: Goal, speed_m_s: float) -> None:
@@ -384,7 +384,7 @@ class Journey(Behaviour):
             return BehaviourOutput(0.0, 0.0, text=f"planning: {failure.text}")
         self._failure = None
         way = self._pilot.closed_way(pose, self._goal)
-        if isinstance(way, PlanFailure) and way.reason in _PERMANENT:
+        if isinstance(way, PlanFailure) and way.reason in _PERMANENT_FAILURES:
             return failed(way.text)
         reason = way.text if isinstance(way, ClosedWay) else failure.text
         if isinstance(way, ClosedWay) and way.plan is not None:
@@ -454,7 +454,7 @@ class _Closed(NamedTuple):
     text: str
     since_ns: int
     pose: SE2
-    """Where it waits."""
+    """Pose in which it waits."""
 
 
 def _goal_of(pose: SE2) -> Goal:

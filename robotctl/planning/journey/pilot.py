@@ -41,7 +41,7 @@ from robotctl.planning.global_planning.plan import (
 )
 from robotctl.planning.global_planning.planners import PLANNERS
 from robotctl.planning.journey.arc import arc_to
-from robotctl.planning.journey.closed_way import ClosedWay, dear, until_closed
+from robotctl.planning.journey.closed_way import ClosedWay, priced, until_closed
 from robotctl.planning.journey.exploration import Exploration
 from robotctl.planning.journey.journey import Journey
 from robotctl.planning.journey.recovery import RecoveryConfig
@@ -65,7 +65,7 @@ _WIDER: Final = 1.3
 _STAGE_M: Final = 25.0
 """So far a robot without a map plans towards a goal that lies beyond what it has seen [m]."""
 _LOOKS_M: Final = 5.0
-"""What stands within this of the robot it mostly sees [m]."""
+"""Range within which the robot sees most of what stands there [m]."""
 _CELL_M: Final = 0.05
 """Of a map that the robot makes itself."""
 _TURNED: Final = SE2(0.0, 0.0, math.pi)
@@ -179,7 +179,7 @@ class MapPilot:
         self._shown_ns = -1
         self._done = (0, 0)
         self._once_marked = self._map.marked()
-        """Where something was marked on this journey, (rows, columns); with a map."""
+        """Cells that were marked on this journey, (rows, columns); with a map."""
         self._journey: Journey | None = None
 
     def warm_up(self) -> None:
@@ -459,7 +459,7 @@ class MapPilot:
         aim = _as_pose(begin, there)
         if failure := blocked_goal(self._given, aim):
             return failure
-        answer = self._way(dear(self._given, live), begin, aim)
+        answer = self._way(priced(self._given, live), begin, aim)
         if isinstance(answer, PlanFailure):
             return answer
         if self.reverse:

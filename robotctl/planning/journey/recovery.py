@@ -95,7 +95,7 @@ class Ladder:
         self._at = 0
 
     def restart(self) -> None:
-        """Count climbs from the ground anew: the robot drives elsewhere."""
+        """Forget all climbs: the robot drives elsewhere."""
         self._at = self._climbs = 0
 
     def climb(self) -> Rung | None:

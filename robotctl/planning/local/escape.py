@@ -23,16 +23,16 @@ _TURNS: Final = np.array([0.0, 0.04, -0.04, 0.1, -0.1, 0.25, -0.25, 0.5, -0.5, 1
 _SLOW_TURN: Final = 0.6
 """[rad/s]."""
 _AWAY_S: Final = 2.4
-"""Looked at: a tail that swings out is back after twice the overhang."""
+"""Length of an arc in time [s]: a tail that swings out is back after twice the overhang."""
 _POSES: Final = 48
 _FREE: Final = 8
-"""Of these, so many must be free: enough to stop in."""
+"""Number of these poses that must be free: enough to stop in."""
 _SWING: Final = 0.018
 """The tail may come nearer to what touches the robot by this per way of `base`, and by more per
 gap: what the obstacle guard takes for driving along something."""
 _GAP_M: Final = 0.2
 _GAIN: Final = 0.05
-"""Less more room than this leads nowhere [cells]."""
+"""Least room that a way has to gain [cells]."""
 _ALONG: Final = 0.03
 """Way towards the path counts as so much room."""
 

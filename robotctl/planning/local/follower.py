@@ -113,7 +113,7 @@ class Follower:
         self._track: Track | None = None
         self._last: Twist | None = None
         self._drawn_in: Body | None = None
-        """What of the body must stay free while it gets away from what is too near."""
+        """Body that must stay free while it gets away from what is too near; None: it need not."""
         self._search.reset()
 
     def step(self, situation: LocalSituation) -> LocalMotion:
