@@ -135,7 +135,7 @@ def test_a_setpoint_that_is_no_number_stops_both_axes(bad, axis):
     target = [0.5, 1.0]
     target[axis] = bad
     out = run(limiter, [(*target, 200)])
-    assert out[-1] == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert out[-1] == pytest.approx([0.0, 0.0, 0.0], abs=1e-9)
     assert np.all(out >= -1e-9)
 
 
