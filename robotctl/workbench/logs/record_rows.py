@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Collection, Iterator, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
@@ -14,6 +15,7 @@ from robotctl.app.processes.robot import make_core
 from robotctl.logs.mcap.forms import control_content
 from robotctl.logs.mcap.schema import plain
 from robotctl.logs.mcap.table import Row, rows_of
+from robotctl.messages.actuators import NEVER_NS, ActuatorFeedback
 from robotctl.messages.control import Feedback, LoopStatistics, SonarFeedback
 from robotctl.runtime.flight.recorder import (
     Entry,
@@ -30,7 +32,7 @@ from robotctl.workbench.replay.replay import robot_of
 TopicRow: TypeAlias = tuple[str, int, Row]
 """Topic, time [ns], and the values by column."""
 
-_EVENTS: Final = ("wheels", "motor", "drive", "battery", "gyro", "accelerometer")
+_EVENTS: Final = ("battery", "gyro", "accelerometer")
 """Parts of the feedback that are new in a tick that has them."""
 
 _NO_FIGURES: Final = LoopStatistics()
@@ -60,9 +62,12 @@ def record_rows(file: Path, notes: list[str], topics: Collection[str] | None) ->
     with file.open("rb") as source:
         header, entries = read_record(source, str(file))
         names = _sonar_names(header)
+        known: tuple[ActuatorFeedback, ...] = ()
         for entry in _up_to_damage(entries, notes):
             if isinstance(entry, Tick):
-                for topic, stamp_ns, row in _of_tick(entry, names):
+                before, known = known, entry.inputs.feedback.actuators
+                news = () if known == before else _of_actuators(known)
+                for topic, stamp_ns, row in chain(news, _of_tick(entry, names)):
                     if topics is None or topic in topics:
                         yield topic, stamp_ns + header.epoch_ns, row
         if is_cut(source):
@@ -96,6 +101,18 @@ def _of_tick(tick: Tick, sonar_names: Sequence[str]) -> Iterator[TopicRow]:
         yield from _rows("request", tick.now_ns, {**kind, **plain(request)})
     for notice in outputs.notices:
         yield from _rows("notice", notice.stamp_ns, plain(notice))
+
+
+def _of_actuators(reports: Sequence[ActuatorFeedback]) -> Iterator[TopicRow]:
+    """Yield a row of what all actuators told last, at the time when the newest of it came."""
+    content: dict[str, object] = {}
+    newest_ns = NEVER_NS
+    for place, report in enumerate(reports):
+        newest_ns = max(newest_ns, report.motion_ns, report.report_ns, report.supply_ns)
+        content |= {f"{key}[{place}]": value for key, value in plain(report).items()
+                    if not key.endswith("_ns")}  # fmt: skip
+    if newest_ns != NEVER_NS:
+        yield from _rows("actuators", newest_ns, content)
 
 
 def _of_feedback(feedback: Feedback, sonar_names: Sequence[str]) -> Iterator[TopicRow]:

@@ -292,7 +292,7 @@ def test_a_robot_that_has_not_found_its_place_still_counts_its_way(options: Stac
 def test_the_odometer_is_what_was_saved_and_what_was_driven_since() -> None:
     core = make_core(CONFIG, StackOptions("x", ""))
     core.odometer_start_m = 1000.0
-    core.motion.odometry.update(10.0, 10.0, 0.0)
+    core.motion.odometry.update((10.0, 10.0), ())
     state = core.snapshot(0, LoopStatistics())
     assert state.distance_m == pytest.approx(10.0 * CONFIG.drive.wheel_radius_m)
     assert state.odometer_m == pytest.approx(1000.0 + state.distance_m)

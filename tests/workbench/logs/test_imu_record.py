@@ -39,7 +39,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def exported_counts(run: Path) -> Path:
     folder = run / "csv"
     export_csv(run / "control-0001.rec", folder, lambda done, total: None)
-    return folder / "wheels.csv"
+    return folder / "actuators.csv"
 
 
 def test_a_record_holds_each_frame_of_gyro_and_accelerometer(run: Path, tmp_path: Path) -> None:
@@ -89,7 +89,7 @@ def test_calibration_sees_the_wheels_alone(run: Path) -> None:
     _, wheels = wheels_of(recording, OdometryModel(config.drive))
     counted = pd.read_csv(exported_counts(run))
     turns = [
-        np.diff(np.unwrap(counted[name], period=1 << 16)).sum() * math.tau / 2400
-        for name in ("count1", "count2")
+        np.diff(np.unwrap(counted[name].dropna(), period=1 << 16)).sum() * math.tau / 2400
+        for name in ("position_ticks[0]", "position_ticks[1]")
     ]
     assert wheels[:, :2].sum(axis=0) == pytest.approx(turns, rel=0.01)
