@@ -251,7 +251,7 @@ class Endurance:
             self.batteries += 1
         angles = [way_m / drive.wheel_radius_m for way_m in self.stack.snapshot().wheel_distance_m]
         self.stack.core.motion.odometry = Odometry(drive, start)
-        self.stack.core.motion.odometry.reset(angles[0], angles[-1])
+        self.stack.core.motion.odometry.reset(tuple(angles[: len(drive.wheel_names)]))
         self._adapter = make_navigation(self._config, self._options)
         self._navigation = None
         self._number += 1

@@ -22,7 +22,7 @@ OVER_BUDGET = 1
 
 @app.callback()  # without one, a single subcommand would be the command itself
 def can() -> None:
-    """Look into the load of the CAN bus."""
+    """Print the load of the CAN bus."""
 
 
 @app.command("budget")

@@ -6,5 +6,5 @@ Public names:
   and their transitions
 - `health.Health`, `supervision.Supervision`, `supervision.MONITORS`: ages of inputs, monitors, what
   speaks against arming
-- `command_guard.guard_command`: the last look at a command
+- `command_guard.guarded`: the last look at a command
 """

@@ -16,6 +16,7 @@ from tests.drivers.can.nodes.test_registry import (  # noqa: F401 - they hold th
     test_numbers_and_names_are_each_nodes_own,
     test_whatever_a_node_reports_has_a_greatest_age,
 )
+from tests.native_frames import WHEELS
 
 PARAMETERS = NodeParameters(200, 100, 350, 2400, steered=False, sonars=8)
 CONTACT, DATA_ID = 389, 41605
@@ -47,7 +48,7 @@ def test_it_is_commissioned_and_what_it_sends_is_read():
 
 
 def test_without_it_a_robot_does_not_arm_and_doctor_says_what_to_do():
-    health = Health(age_limits(PARAMETERS, SafetyConfig(), 5_000_000), 350_000_000)
+    health = Health(age_limits(PARAMETERS, SafetyConfig(), 5_000_000), 350_000_000, WHEELS)
     (stale,) = (each for each in health.refusals(10**9) if each.part == "bumper")
     assert stale.code == FaultCode.BUMPER_STALE
     assert str(stale) == "the bumpers' report is older than 200 ms"

@@ -32,7 +32,9 @@ def test_every_number_of_every_fault_is_drawn_within_its_bounds():
         draws = [run._arguments(kind, 100_000_000) for _ in range(300)]
         for name, parameter in kind.parameters.items():
             drawn = [kind.value(name, each[name]) for each in draws]
-            if parameter.words:
+            if parameter.named:
+                assert set(drawn) == {"left", "right"}
+            elif parameter.words:
                 assert set(drawn) == set(parameter.words)
             elif name == endurance.DURATION:
                 assert set(drawn) == {0.1}
