@@ -9,7 +9,7 @@ from types import FrameType
 from typing import Final
 
 _PR_SET_PDEATHSIG: Final = 1
-"""Of prctl(2)."""
+"""Option of prctl(2)."""
 
 
 def end_with_parent() -> None:

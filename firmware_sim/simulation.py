@@ -204,7 +204,7 @@ class Simulation:
 
     @property
     def next_event_ns(self) -> int | None:
-        """Time of the next event on any bus if nobody from outside sends; None: there is none."""
+        """Time of the next event on any bus, unless other programs send; None: there is none."""
         events = [bus.next_event_ns for bus in self.buses.values()]
         return min((each for each in events if each is not None), default=None)
 

@@ -13,7 +13,7 @@ from robotctl.words import counted
 from robotctl.workbench.compile.compile import CompileError, Kernels
 
 _LINE_S: Final = 10.0
-"""Between two lines if there is no terminal."""
+"""Time between two lines where there is no terminal."""
 
 
 def compile_all() -> None:

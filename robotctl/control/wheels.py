@@ -1,4 +1,4 @@
-"""What control needs of a driven wheel, however its speed is closed."""
+"""Interface of a driven wheel to control, whoever closes its speed loop."""
 
 from __future__ import annotations
 

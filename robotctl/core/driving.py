@@ -1,4 +1,4 @@
-"""From the body velocity asked for to the command of the actuators."""
+"""Commands for the actuators, made from the wanted body velocity."""
 
 from __future__ import annotations
 

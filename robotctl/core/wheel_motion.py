@@ -34,7 +34,7 @@ class WheelMotion:
         self._has_begun = False
 
     def restart(self) -> None:
-        """Begin anew with the next position: the drive's count has restarted."""
+        """Start over with the next position: the drive's count has restarted."""
         self._latches.reset()
         self._has_begun = False
 

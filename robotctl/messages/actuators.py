@@ -1,4 +1,4 @@
-"""What control tells the motor drives, and what they tell: one value for each actuator.
+"""Commands for the motor drives and reports of them: one value for each actuator.
 
 `robotctl/model/actuators.py` says which those are, and in which order.
 """

@@ -178,20 +178,20 @@ class NodeStatus(msgspec.Struct, frozen=True, array_like=True):
 
 
 class StrangerKind(enum.IntEnum):
-    """What another sender on the bus was seen to do."""
+    """Kinds of things that another sender on the bus was seen to do."""
 
     HOST_FRAME = 0
-    """It sends a frame that only this computer may send."""
+    """A frame that only this computer may send."""
     SECOND_SENDER = 1
-    """It sends process data beside the node that they are of."""
+    """Process data of a node, sent by somebody else, too."""
     FALSE_STATE = 2
-    """It said that a node booted, or left operational, which went on as before."""
+    """A false report that a node booted or left operational."""
     SDO_WRITE = 3
-    """It writes to a node's object dictionary."""
+    """A write to a node's object dictionary."""
 
 
 class Stranger(msgspec.Struct, frozen=True, array_like=True):
-    """What another sender on the bus has done since the start.
+    """Frames of another sender on the bus since the start.
 
     `name` is that of the frame in the DBC, `node` the name of the node concerned, empty for none.
     `count` are the frames since `first_ns`, `stamp_ns` is the time of the last [ns]. `refused` of

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 
 class Takes(enum.Enum):
-    """What a drive takes as the command of an actuator."""
+    """Kind of command that a drive takes for an actuator."""
 
     DUTY = "duty"
     """Share of the supply in [-1, 1]; our wheel loop closes the speed."""
@@ -24,7 +24,7 @@ class Takes(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class Abilities:
-    """What one kind of motor drive can do: part of its entry in `DRIVES`.
+    """Abilities of one kind of motor drive: part of its entry in `DRIVES`.
 
     Parameters
     ----------

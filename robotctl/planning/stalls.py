@@ -22,10 +22,10 @@ HEALTHY_NS: Final = 1_000_000_000
 
 MOST: Final = 3
 WITHIN_NS: Final = 60_000_000_000
-"""So many stalls within this time [ns] end what it was doing."""
+"""Number of stalls, and time [ns], within which they end what the robot was doing."""
 
 _LATE_NS: Final = 50_000_000
-"""Longer, a process was kept from the processor, by others or by a signal [ns]."""
+"""Delay from which on others or a signal kept a process from the processor [ns]."""
 
 _LATELY_NS: Final = 1_000_000_000
 """Time for which that explains what was not heard [ns]: messages wait for the processor, too."""

@@ -8,7 +8,7 @@ from typing import Final
 from robotctl.errors import RobotctlError
 
 NEEDED: Final = 256
-"""For each process of a robot: telemetry serves dozens of ground stations, others open about 50."""
+"""Limit for each process of a robot: telemetry serves dozens of stations, others open about 50."""
 
 
 class OpenFilesError(RobotctlError):

@@ -56,7 +56,7 @@ _SYMPTOMS: Final = frozenset(
 _DRIVE: Final = "drive"
 _DRIVE_NODE: Final = 1
 STRANGER_RANK: Final = -1
-"""Of another sender that is told by its frames: nothing else explains those."""
+"""Rank of another sender that is told by its frames: nothing else explains those."""
 
 _EMERGENCIES: Final = {
     0x2310: FaultCode.DRIVE_OVER_CURRENT,

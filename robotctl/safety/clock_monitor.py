@@ -31,7 +31,7 @@ class ClockMonitor:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Start over."""
         self._latch_us, self._host_ns = -1, 0
         self._drive_us = self._elapsed_ns = 0
 

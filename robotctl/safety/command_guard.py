@@ -19,7 +19,7 @@ _UNITS: Final = {Takes.DUTY: "duty", Takes.SPEED: "rad/s", Takes.ANGLE: "rad"}
 
 
 class Bound(NamedTuple):
-    """What an actuator may be commanded: up to `most` in both directions."""
+    """Greatest command of an actuator, in both directions."""
 
     name: str
     most: float

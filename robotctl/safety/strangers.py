@@ -18,7 +18,7 @@ NEXT_NS: Final = 10_000_000_000
 
 BABBLE: Final = 10
 BABBLE_NS: Final = 200_000
-"""So many frames at least, one in this time [ns] or less, leave the bus to nobody else."""
+"""Fewest frames, and longest time between two [ns], that leave the bus to no other sender."""
 
 _SECOND_NS: Final = 1_000_000_000
 _NODE_ID: Final = 0x7F
@@ -27,7 +27,7 @@ _FAULTS: Final = {
     StrangerKind.SECOND_SENDER: FaultCode.NODE_DOUBLED,
     StrangerKind.FALSE_STATE: FaultCode.NODE_MISREPORTED,
 }
-"""What a robot must stop for. Writes to a node it refuses, or they are read back."""
+"""Kinds that a robot must stop for. Writes to a node are refused, or found by reading back."""
 
 
 class Strangers:

@@ -54,7 +54,7 @@ class Supervision:
         self.strangers = Strangers()
         self._causes = Causes(robot.actuators)
         self._symptom: Fault | None = None
-        """What the robot has stopped for, as long as a cause may yet show up."""
+        """Fault that the robot has stopped for, as long as a cause may yet show up."""
         self._stopped_ns = self._rank = 0
         """When it has, and how near to the root its reason is (`Explained`)."""
         self._monitors = tuple(make(robot) for make in MONITORS)

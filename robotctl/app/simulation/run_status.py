@@ -62,9 +62,9 @@ class RunStatus:
     lines: list[str] = field(default_factory=list)
     real_time_factor: float = 1.0
     now_ns: int = 0
-    """By the clock of the messages [ns]."""
+    """Present time by the clock of the messages [ns]."""
     control_phase: str = ""
-    """What became of the control process, if it does not run."""
+    """Phase of the control process, unless it runs."""
     navigation_period_ns: int = 50_000_000
     camera_period_ns: int = 200_000_000
     """Twice that of the camera, whose views are stamped by their exposure [ns]."""

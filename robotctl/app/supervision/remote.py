@@ -37,7 +37,7 @@ _Heard: TypeAlias = ControlState | NavigationState | Notice
 _ANSWER_NS: Final = 3_000_000_000
 _POLL_NS: Final = 50_000_000
 _STEP_NS: Final = 50_000_000
-"""Between two steps of navigation, as robots have it [ns]."""
+"""Usual period of navigation [ns]."""
 _GONE_NS: Final = 10_000_000_000
 """Silence after which a robot is given up [ns]: it had time to start its process again."""
 

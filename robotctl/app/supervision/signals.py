@@ -9,7 +9,7 @@ from types import FrameType
 from typing import Final
 
 _PR_SET_NAME: Final = 15
-"""Of prctl(2)."""
+"""Option of prctl(2)."""
 
 
 def name_process(part: str = "") -> None:

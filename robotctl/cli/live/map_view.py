@@ -22,7 +22,7 @@ _PATH, _ARC, _SEEN, _PERSON = "green", "bold yellow", "red", "bold magenta"
 _BLOCKED, _DEAR = "on grey30", "on grey15"
 """Grounds of places that the middle of the robot cannot take, and of those that it avoids."""
 _OLD: Final = "dim"
-"""Of what a silent process said last."""
+"""Style for what a silent process said last."""
 _TOUCHES: Final = 100
 """Cost of the first [%]."""
 

@@ -39,7 +39,7 @@ _NOTICES, _NOTICES_LOW = 5, 3
 _LOW = 30
 """A terminal of fewer lines is low."""
 _OLD, _SILENT = "dim", "bold white on red"
-"""Of what a silent process said last, and of the fact that it is silent."""
+"""Styles for what a silent process said last, and for saying that it is silent."""
 _SLOW = 0.99
 """Below this real-time factor it is shown."""
 _STATE_STYLE = {

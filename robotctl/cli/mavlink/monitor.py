@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 _OLD = "dim"
-"""Of what has not come for three of its periods."""
+"""Style for messages that have not come for three of their periods."""
 
 
 def monitor(

@@ -32,7 +32,7 @@ _HASTE: Final = 5.0
 """A step is a jump if it is `_JUMP_M` longer than a drive at `_HASTE` times the usual speed, which
 counts as `_SLOW_M_S` at least and `_FAST_M_S` at most."""
 _RESTART_M, _RESTART_RAD = 0.1, 0.1
-"""Step up to which an odometry that begins anew goes on from its last pose."""
+"""Longest step over which an odometry that restarts goes on from its last pose."""
 _NEAR_NS: Final = 500_000_000
 """Margin beside a jump, where a reading may be of either side [ns]."""
 _PART: Final = 0.25

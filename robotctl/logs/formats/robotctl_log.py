@@ -62,7 +62,7 @@ _SOURCES: Final[dict[str, tuple[str, Callable[[bytes, int], object]]]] = {
     "lidar": (_LIDAR, lambda data, stamp_ns: _scan(stamp_ns, logged_scan(data))),
     "camera": (_CAMERA, lambda data, stamp_ns: _view(stamp_ns, logged_view(data))),
 }
-"""What the messages of a topic are, and how they are read."""
+"""Type of the messages of a topic, and their reader."""
 
 
 class _State(NamedTuple):

@@ -1,4 +1,4 @@
-"""What the messages of a ROS bag say: poses, scans and frames as values, each by its source."""
+"""Content of a ROS bag: poses, scans and frames as values, each by its source."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ _Source: TypeAlias = OdometrySource | ScanSource | Edge
 
 @dataclass(frozen=True, slots=True)
 class BagContent:
-    """What a bag says that bears on the drive of a robot.
+    """Content of a bag that bears on the drive of a robot.
 
     Parameters
     ----------

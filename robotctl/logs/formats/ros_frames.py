@@ -34,7 +34,7 @@ class Edge(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class _Motion:
-    """Where a frame is in its parent over time."""
+    """Poses of a frame in its parent over time."""
 
     parent: str
     series: Series

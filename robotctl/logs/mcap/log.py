@@ -19,7 +19,7 @@ from robotctl.logs.mcap.scene import Scene
 from robotctl.logs.mcap.schema import JsonSchema
 
 LIBRARY: Final = f"robotctl {robotctl.__version__}"
-"""What the heading of each of our logs names as its writer."""
+"""Name of the writer in the heading of each of our logs."""
 
 
 class McapLog:

@@ -13,7 +13,7 @@ INTERVALS: Final = 5
 MOST_SENDERS: Final = 64
 """Invented senders must not fill the memory; those beyond do not send often."""
 _PAUSE_NS: Final = 1_000_000_000
-"""Silence after which the rhythm of a sender is measured anew [ns]."""
+"""Silence after which the rhythm of a sender is measured again [ns]."""
 _SLACK: Final = 1.05
 """Timers of 0.2 s take a little longer."""
 

@@ -45,9 +45,9 @@ class MecanumDrive:
     counts_per_revolution: int
 
     degrees_of_freedom: ClassVar[int] = 3
-    """Of the pose in the plane: x, y, theta."""
+    """Degrees of freedom of the pose in the plane: x, y, theta."""
     holonomic: ClassVar[bool] = True
-    """It moves sideways, too."""
+    """Whether it moves sideways, too."""
     steered: ClassVar[bool] = False
     wheel_names: ClassVar[tuple[str, ...]] = (
         "front_left",

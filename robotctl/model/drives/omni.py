@@ -49,9 +49,9 @@ class OmniDrive:
     first_wheel_deg: float = 60.0
 
     degrees_of_freedom: ClassVar[int] = 3
-    """Of the pose in the plane: x, y, theta."""
+    """Degrees of freedom of the pose in the plane: x, y, theta."""
     holonomic: ClassVar[bool] = True
-    """It moves sideways, too."""
+    """Whether it moves sideways, too."""
     steered: ClassVar[bool] = False
     joint_names: ClassVar[tuple[str, ...]] = ()
     joint_max_rad: ClassVar[tuple[float, ...]] = ()
@@ -80,7 +80,7 @@ class OmniDrive:
 
     @property
     def wheel_angles_rad(self) -> tuple[float, ...]:
-        """Where each wheel stands [rad], counter-clockwise from forward."""
+        """Bearing of each wheel [rad], counter-clockwise from forward."""
         first_rad, step_rad = math.radians(self.first_wheel_deg), math.tau / self.wheels
         return tuple([first_rad + k * step_rad for k in range(self.wheels)])
 

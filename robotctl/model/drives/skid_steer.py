@@ -53,9 +53,9 @@ class SkidSteerDrive:
     slip_factor: float = 1.5
 
     degrees_of_freedom: ClassVar[int] = 3
-    """Of the pose in the plane: x, y, theta."""
+    """Degrees of freedom of the pose in the plane: x, y, theta."""
     holonomic: ClassVar[bool] = False
-    """It cannot be commanded to move sideways."""
+    """Whether it can be commanded to move sideways."""
     steered: ClassVar[bool] = False
     joint_names: ClassVar[tuple[str, ...]] = ()
     joint_max_rad: ClassVar[tuple[float, ...]] = ()

@@ -1,4 +1,4 @@
-"""What simulated runs leave in shared memory when they are killed, and who may remove it.
+"""Shared memory that simulated runs leave when they are killed, and its removal.
 
 Every process of a robot holds a shared lock on the folder of its sockets, which the kernel frees
 when the process ends, however it ends. A folder that can be locked exclusively belongs to nobody.
@@ -17,7 +17,7 @@ from robotctl.runtime.ipc.topics import endpoint_directory, endpoint_path, ring_
 from robotctl.runtime.storage.ring_file import crashed, leads_to
 
 _PREFIX: Final = "sim-"
-"""Of instances that no later start uses again; a robot's own files are kept for its next start."""
+"""Prefix of instances that no later start uses; a robot's own files are kept for its next start."""
 
 
 def simulated_instance() -> str:

@@ -1,4 +1,4 @@
-"""What works on recordings: calibration of wheels and camera, SLAM by landmarks."""
+"""Kernels that work on recordings: calibration of wheels and camera, SLAM by landmarks."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ class _Kind:
     recent: deque[tuple[float, int]] = field(default_factory=deque)
     last_s: float = 0.0
     period_s: float = WINDOW_S
-    """Between two of them, as far as that is known."""
+    """Time between two of them, as far as that is known."""
 
     def is_old(self, now_s: float) -> bool:
         """Return whether the next one is overdue."""

@@ -114,7 +114,7 @@ class Node:
         self._heartbeat_ns = 0
         self._boots = 0
         self._receivers: list[E2eReceiver] = []
-        """Of its process data."""
+        """Receivers of its process data."""
         self._data_late_ns = 0
         """Time within which some of that comes [ns]."""
         self._claim: Claim | None = None

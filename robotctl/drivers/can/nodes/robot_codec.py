@@ -51,7 +51,7 @@ class RobotCodec:
         self.nmt_id = dbc.message(NMT).arbitration_id
         self.emergency_stop_id = dbc.message(EMERGENCY_STOP).arbitration_id
         self.host_only = {dbc.message(name).arbitration_id: name for name in (COMMAND, SYNC, NMT)}
-        """Names of the frames that nobody but the host may send, by identifier."""
+        """Names of the frames that only the host may send, by identifier."""
         foreign = {self.emergency_stop_id, *self.host_only, *_sdo_requests(dbc)}
         self.arbitration_ids = tuple(sorted({*foreign, *dbc.received_by(HOST)}))
         """What the host listens to: what is meant for it; what others send in its place; emergency

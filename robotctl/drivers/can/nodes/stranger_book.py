@@ -1,4 +1,4 @@
-"""What other senders on the bus do, counted by kind: frames that prove that they are not alone."""
+"""Strangers on the bus: frames that prove another sender, counted by kind."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from robotctl.messages.control import Stranger, StrangerKind
 
 
 class StrangerBook:
-    """Counts what strangers do.
+    """Counts the frames of strangers.
 
     Attributes
     ----------

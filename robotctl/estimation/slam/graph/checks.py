@@ -1,4 +1,4 @@
-"""What must hold of the arrays of a graph before compiled loops see them.
+"""Checks of the arrays of a graph, before compiled loops see them.
 
 A compiled loop reads whatever stands behind an array that is too short, and takes a number that is
 not finite for a value. So graphs and problems look at their arrays once, when they are made.

@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 _MOST_DAMPING = 1e9
-"""Of what the diagonal holds; whatever is singular is not then."""
+"""Share of the diagonal that is added; nothing is singular then."""
 
 
 @compiled

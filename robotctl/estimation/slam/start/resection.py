@@ -1,4 +1,4 @@
-"""Where a part of a graph lies in the plane, by bearings, ranges and positions of what is known.
+"""Place of a part of a graph in the plane, by bearings, ranges and positions of known points.
 
 These have many local minima, so a grid of poses of the whole part descends at once, and the best of
 them counts (Levenberg and Marquardt on three numbers each).
@@ -49,7 +49,7 @@ class Outlook:
 
     @property
     def places(self) -> Floats:
-        """Where what is known is, (n, 2)."""
+        """Positions of what is known, (n, 2)."""
         return self.block.measurements if self.known is None else self.known
 
 

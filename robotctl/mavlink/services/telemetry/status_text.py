@@ -22,7 +22,7 @@ MAX_UNSENT = 16
 """Texts kept for a ground station."""
 
 LATE_NS: Final = 1_000_000_000
-"""What was said longer ago has its age [ns]."""
+"""Age from which on a line is sent with its age [ns]."""
 
 _WHOLE_S: Final = 9.95
 """Older, tenths of a second do not matter."""

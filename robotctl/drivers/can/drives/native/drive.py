@@ -1,4 +1,4 @@
-"""What our motor controller can do, and what turns on it."""
+"""Abilities of our motor controller, and the actuators on it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From the frames of our motor controller to the reports of the actuators on it."""
+"""Reports of the actuators on our motor controller, put together from its frames."""
 
 from __future__ import annotations
 
