@@ -36,7 +36,7 @@ _NOT_CONVERGED: Final = {
     "ekf": "a filter does not go back to what has left its state; try --solver isam or lm",
     "isam": "a further step would lower chi2; try --solver lm",
 }
-"""Remark on solvers that go pose by pose."""
+"""Remarks on solvers that go pose by pose, by their names."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 _MOST_DAMPING = 1e9
-"""Share of the diagonal that is added; nothing is singular then."""
+"""Greatest damping, as a multiple of the diagonal; nothing is singular then."""
 
 
 @compiled
