@@ -234,12 +234,14 @@ class RemoteRobot:
 
     @property
     def silence(self) -> str:
-        """Which of the robot's processes has been silent for a while, and how long; or empty."""
+        """The robot's process that has been silent for longest, and how long; empty: none is."""
         control, navigation = self._seen()
         now_ns = self._clock.now_ns()
-        return silence("control", control.stamp_ns, now_ns, STATE_PERIOD_NS) or silence(
-            "navigation", navigation.stamp_ns, now_ns, _STEP_NS
+        silences = (
+            (control.stamp_ns, silence("control", control.stamp_ns, now_ns, STATE_PERIOD_NS)),
+            (navigation.stamp_ns, silence("navigation", navigation.stamp_ns, now_ns, _STEP_NS)),
         )
+        return min((each for each in silences if each[1]), default=(0, ""))[1]
 
     def _require_heard(self) -> None:
         """Raise `RefusedError` if a process that must answer has been silent for long."""
