@@ -136,7 +136,7 @@ def mark_complete(processor: str) -> None:
 
 
 def is_beside_sources() -> bool:
-    """Return whether the folder lies in the package, where nobody asks for it."""
+    """Return whether the folder lies in the package, its place unless told otherwise."""
     return _PACKAGE in Path(FOLDER).parents
 
 

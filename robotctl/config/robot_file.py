@@ -316,7 +316,7 @@ def contradictions(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]
 
 
 def _wrong_buses(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
-    """Yield buses that cannot be told apart, and nodes on a bus that there is not."""
+    """Yield buses that cannot be told apart, and nodes on unknown buses."""
     buses = config.buses
     if not buses:
         yield ("can",), "must be a table or a list of tables, one for each bus, found []"

@@ -183,7 +183,7 @@ class StrangerKind(enum.IntEnum):
     HOST_FRAME = 0
     """A frame that only this computer may send."""
     SECOND_SENDER = 1
-    """Process data of a node, sent by somebody else, too."""
+    """Process data of a node that a second device sends, too."""
     FALSE_STATE = 2
     """A false report that a node booted or left operational."""
     SDO_WRITE = 3

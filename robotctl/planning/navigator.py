@@ -315,7 +315,7 @@ class Navigator:
         return "not armed" if inputs.heard else SILENT
 
     def _note_blindness(self, blind: str) -> None:
-        """Tell people when a robot that drives by itself stands because it sees no floor."""
+        """Report a robot in a mode of its own that stands because it sees no floor."""
         waits = bool(blind) and self._enabled and self._mode not in _BY_HAND
         if waits and not self._waits_to_see:
             self._notices.append(f"{blind}: the robot waits")

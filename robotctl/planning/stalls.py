@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 SILENT: Final = "no messages from control"
 
 GAP_NS: Final = 500_000_000
-"""A longer gap between two steps is a stall [ns]: the robot has come to rest by itself."""
+"""Longest gap between two steps that is no stall [ns]; after it the robot has come to rest."""
 
 LONGEST_NS: Final = 5_000_000_000
 """A longer stall ends what the robot was doing [ns]: people may think that it has."""

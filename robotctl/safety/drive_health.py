@@ -15,8 +15,7 @@ ACTUATOR_AGES: Final = ("motion", "report", "supply")
 LATCHED: Final = frozenset({DriveState.STOPPED, DriveState.FAULT, DriveState.EMERGENCY_STOP})
 
 _UNHEARD_NS: Final = 100_000_000
-"""For this time after them, lost commands explain the wheels' motion: monitors use windows of 50
-ms."""
+"""Time for which lost commands explain the wheels' motion [ns]: monitors use windows of 50 ms."""
 
 _ENABLE_NS: Final = 100_000_000
 """Time for the drive to report enabled after arming: three commands and a status take 50 ms at 100

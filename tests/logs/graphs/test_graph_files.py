@@ -320,7 +320,7 @@ def test_few_lines_tell_the_format_also_the_last(tmp_path):
 @pytest.mark.parametrize("target", TARGETS)
 def test_what_fuzzing_has_found_upsets_nothing(target):
     inputs = corpus(target)
-    assert len(inputs) > 20
+    assert len(inputs) > 30
     for data in inputs:
         TARGETS[target](data)
 

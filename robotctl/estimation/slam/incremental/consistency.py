@@ -22,6 +22,7 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
+from robotctl.estimation.slam.equations import GraphError
 from robotctl.estimation.slam.graph.checks import check_numbers
 from robotctl.estimation.slam.graph.factor import FactorKind
 from robotctl.estimation.slam.graph.variables import Floats
@@ -98,13 +99,21 @@ class ConsistentClosures:
     def _judge(self, table: Closures, row: int, *, is_new: bool = False) -> bool:
         """Switch a closure on if it may be; return whether the graph allows it."""
         r, S = table.innovation(row)
+        try:
+            L = np.asarray(np.linalg.cholesky(S), np.float64)
+        except np.linalg.LinAlgError:
+            raise GraphError(
+                "the covariance of a closure is no covariance any more: measurements differ too "
+                "much in precision, or positions are too far from 0; solve without --robust "
+                "consistent"
+            ) from None
         nis = float(r @ np.linalg.solve(S, r))
         if is_new:
             insort(self._ratios, nis / table.median)
         gate = self._gate(table)
         if nis > gate:
             return False
-        if self._chance(table.kind, gate, S) < _CHANCE:
+        if self._chance(table.kind, gate, L) < _CHANCE:
             table.switch(row, on=True)
             return True
         agreeing = self._agreeing(table, row)
@@ -116,11 +125,12 @@ class ConsistentClosures:
         """Return what the square of a right closure seldom exceeds."""
         return MARGIN * self.noise * table.gate
 
-    def _chance(self, kind: FactorKind, gate: float, S: Floats) -> float:
+    def _chance(self, kind: FactorKind, gate: float, L: Floats) -> float:
         """Return with which probability a closure would pass that is drawn at random.
 
-        That is the volume inside the gate over that of all poses on the map. Sightings of points
-        are no such draws: their names are known.
+        That is the volume inside the gate over that of all poses on the map; L is the Cholesky
+        factor of the closure's covariance. Sightings of points are no such draws: their names are
+        known.
         """
         pose = kind.variables[0]
         if not all(each.is_pose for each in kind.variables):
@@ -128,7 +138,7 @@ class ConsistentClosures:
         sides = np.ptp(self._smoother.estimates(pose)[:, : pose.positions], axis=0)
         turns = kind.size - pose.positions
         ball = 4.0 / 3.0 * np.pi if kind.size == 3 else np.pi**3 / 6.0
-        inside = ball * gate ** (kind.size / 2) * np.sqrt(np.linalg.det(S))
+        inside = ball * gate ** (kind.size / 2) * np.prod(np.diag(L))
         return float(inside / (np.prod(np.maximum(sides, 1.0)) * (2.0 * np.pi) ** turns))
 
     def _agreeing(self, table: Closures, row: int) -> list[Closure]:
