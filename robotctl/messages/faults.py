@@ -55,6 +55,9 @@ class FaultCode(enum.IntEnum):
     DRIVE_ENCODER = 48
     DRIVE_COMMAND_TIMEOUT = 49
     DRIVE_PARAMETER = 50
+    DRIVE_OVER_VOLTAGE = 51
+    DRIVE_UNREADABLE = 52
+    DRIVE_UNPROVEN = 53  # keeps from arming
 
     # The battery.
     BATTERY_CRITICAL = 60

@@ -1,0 +1,166 @@
+"""Common parts of all twins: frames in, frames out, and an alarm clock.
+
+A twin receives every frame at its exact time (`on_frame`) and is woken at the time that `_due_ns`
+gives. It stands for what its maker documents; what is not documented is a setting of its table
+`[simulation.twin.NAME]`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final, Protocol
+
+from firmware_sim.nodes.power_stage import MotorAxis
+from firmware_sim.plant.axis import Mode
+
+NEVER_NS: Final = 1 << 62
+"""A time that does not come (146 years)."""
+
+
+class CanFrame(Protocol):
+    """A received frame; `stamp_ns` is when it was complete on the bus."""
+
+    @property
+    def arbitration_id(self) -> int:
+        """Identifier, with the flags of `firmware_sim.bus.frame`."""
+
+    @property
+    def data(self) -> bytes:
+        """Payload."""
+
+    @property
+    def stamp_ns(self) -> int:
+        """Time of reception [ns]."""
+
+
+class CanPort(Protocol):
+    """Where a twin sends its frames."""
+
+    def send(self, arbitration_id: int, data: bytes) -> object:
+        """Queue one frame at the bus's present time."""
+
+
+class Twin:
+    """Base of the twins.
+
+    Parameters
+    ----------
+    name
+        Name of the drive in the robot's file.
+    run_to
+        Brings the plant to a time [ns] (the last whole millisecond up to it) and returns the time
+        of its state; to be called before motors are looked at or commanded.
+    """
+
+    def __init__(self, name: str, run_to: Callable[[int], int]) -> None:
+        self.name = name
+        self._run_to = run_to
+        self._port: CanPort | None = None
+        self._alarm: Callable[[int, Any], object] | None = None
+        self._alarm_ns = NEVER_NS
+        self._now_ns = 0
+        self._handlers: dict[int, Callable[[bytes, int], None]] = {}
+
+    @property
+    def arbitration_ids(self) -> tuple[int, ...]:
+        """Identifiers it listens to (its acceptance filter)."""
+        return tuple(self._handlers)
+
+    def connect(self, port: CanPort, alarm: Callable[[int, Any], object]) -> None:
+        """Give the twin its place on the bus, and what has `wake` called at a time [ns]."""
+        self._port = port
+        self._alarm = alarm
+        self._alarm_ns = NEVER_NS
+
+    def power_cycle(self, now_ns: int) -> None:
+        """Take the supply away and give it back: all but stored settings is forgotten."""
+        self._now_ns = now_ns
+        self._run_to(now_ns)
+        self._on_power_up(now_ns)
+        self._reschedule()
+
+    def on_frame(self, frame: CanFrame) -> None:
+        """Take one frame from the bus."""
+        handler = self._handlers.get(frame.arbitration_id)
+        if handler is not None:
+            self._now_ns = frame.stamp_ns
+            handler(frame.data, frame.stamp_ns)
+            self._reschedule()
+
+    def wake(self, now_ns: int) -> None:
+        """Take an alarm at `now_ns` [ns]; one that has been overtaken does nothing."""
+        if now_ns < self._alarm_ns:
+            return
+        self._alarm_ns = NEVER_NS
+        self._now_ns = now_ns
+        if now_ns >= self._due_ns():
+            self._step(now_ns)
+        self._reschedule()
+
+    def send(self, arbitration_id: int, data: bytes) -> None:
+        """Send one frame where the twin is on a bus."""
+        if self._port is not None:
+            self._port.send(arbitration_id, data)
+
+    # What a kind of drive adds ------------------------------------------------------------------
+
+    def _on_power_up(self, now_ns: int) -> None:
+        """Start from nothing, motors without power."""
+
+    def _step(self, now_ns: int) -> None:
+        """Do what is due."""
+
+    def _due_ns(self) -> int:
+        """Return when `_step` is next due [ns]."""
+        return NEVER_NS
+
+    def _reschedule(self) -> None:
+        due_ns = self._due_ns()
+        if due_ns < self._alarm_ns and self._alarm is not None:
+            self._alarm_ns = due_ns
+            self._alarm(max(due_ns, self._now_ns), self)
+
+
+class Motor:
+    """An axis seen at the motor's shaft, as a drive sees it.
+
+    Parameters
+    ----------
+    axis
+        The axis, seen at the wheel.
+    ratio
+        Turns of the motor for one of the wheel, negative where the motor is mounted the other way
+        round.
+    """
+
+    def __init__(self, axis: MotorAxis, ratio: float) -> None:
+        self.axis = axis
+        self._ratio = ratio
+        self._sign = 1.0 if ratio > 0.0 else -1.0
+
+    def command(self, mode: Mode, value: float = 0.0) -> None:
+        """Set what the bridge does; a speed is the motor's [rad/s], a duty or current signed."""
+        if mode is Mode.SPEED:
+            value /= self._ratio
+        elif mode in (Mode.DUTY, Mode.CURRENT):
+            value *= self._sign
+        self.axis.command(mode, value)
+
+    def encoder_count(self, counts_per_turn: float) -> int:
+        """Return the counts of an encoder on the motor's shaft since power-on, unbounded."""
+        return round(self._sign * self.axis.encoder(counts_per_turn * abs(self._ratio)).count)
+
+    @property
+    def turns(self) -> float:
+        """Angle of the shaft since power-on [turn]."""
+        return self.encoder_count(1 << 20) / (1 << 20)
+
+    @property
+    def speed_rad_s(self) -> float:
+        """Speed of the shaft [rad/s]."""
+        return self.axis.speed_rad_s * self._ratio
+
+    @property
+    def current_a(self) -> float:
+        """Current [A], positive with torque in the motor's positive direction."""
+        return self.axis.current_a * self._sign

@@ -1,0 +1,142 @@
+"""The drive port: what `CanRobot` needs of a motor drive, whatever its make.
+
+A kind of drive is a folder beside this file and a line in `DRIVES`. Its entry is the class of its
+table `[[motor]]` in a robot's file, a `MotorConfig`, which makes the `MotorDrive`.
+
+A drive does no input or output of its own: `CanRobot` hands it each frame that it listens to, and
+gives it `send` when it may put frames on its bus. One tick is: the frames received, `check`,
+`command`, and now and then `serve`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Protocol, TypeAlias
+
+from robotctl.drivers.can.drives.axis import Axis, AxisConfig
+from robotctl.messages.actuators import ActuatorCommand, ActuatorFeedback
+from robotctl.messages.control import EmergencyStopSource, NodeStatus
+from robotctl.model.actuators import Abilities
+from robotctl.safety.ages import AgeLimit
+from robotctl.safety.state_machine import SafetyConfig
+
+Handler: TypeAlias = Callable[[bytes, int], None]
+"""Takes data and time of reception [ns] of a frame."""
+
+Send: TypeAlias = Callable[[int, bytes], bool]
+"""`CanPort.send` of the drive's bus."""
+
+
+@dataclass(frozen=True, slots=True)
+class DriveNeeds:
+    """Demands of a robot on each of its drives.
+
+    Parameters
+    ----------
+    rate_hz
+        Rate of the control loop, and so of commands [Hz].
+    command_timeout_ms
+        Time without a command after which the drive must give no power [ms].
+    heartbeat_timeout_ms
+        A drive silent for longer is lost [ms].
+    max_rad_s
+        Greatest speed of a wheel that the robot's limits allow [rad/s].
+    """
+
+    rate_hz: int
+    command_timeout_ms: int
+    heartbeat_timeout_ms: int
+    max_rad_s: float
+
+    @property
+    def period_ns(self) -> int:
+        """Control period [ns]."""
+        return 1_000_000_000 // self.rate_hz
+
+
+class MotorDrive(Protocol):
+    """One motor drive on a bus, with one axis or several."""
+
+    handlers: Mapping[int, Handler]
+    """Frames that it listens to, by `Frame.arbitration_id`; fixed once it is made."""
+
+    reports: tuple[ActuatorFeedback, ...]
+    """The newest of each of its axes, in their order; another object only where one changed."""
+
+    status: NodeStatus
+    """Whether it is there and in service, and why not; another object only where it changed."""
+
+    proof: str | None
+    """Its settings for a host that falls silent, as read back from it, in words; None until they
+    are known. The robot arms only with a drive that was seen to stop with just these."""
+
+    def check(self, now_ns: int) -> None:
+        """Judge what was received up to now: update `reports` and `status`."""
+
+    def command(self, send: Send, command: ActuatorCommand, now_ns: int) -> None:
+        """Send the command of this tick.
+
+        Parameters
+        ----------
+        send
+            Puts a frame on the bus.
+        command
+            Its `values` are those of the drive's axes, in their order. One that the wire cannot
+            carry (nan, out of range) is sent as "no power".
+        now_ns
+            Present time [ns].
+        """
+
+    def serve(self, send: Send, now_ns: int) -> bool:
+        """Send at most one frame of identification, settings or state changes; whether it did."""
+
+    def emergency_stop(self, send: Send, source: EmergencyStopSource) -> bool:
+        """Take the power at once and stay so until `clear_faults`; False if the bus is full."""
+
+    def clear_faults(self) -> None:
+        """Leave latched states with the next `serve`, if the causes are gone."""
+
+
+class MotorConfig(Protocol):
+    """A table `[[motor]]`: one drive of one kind."""
+
+    @property
+    def kind(self) -> str:
+        """Kind of the drive."""
+
+    @property
+    def name(self) -> str:
+        """Name of the drive, the `part` of its faults; each drive of a robot has its own."""
+
+    @property
+    def bus(self) -> str:
+        """Name of its bus; empty: the first."""
+
+    @property
+    def node_ids(self) -> tuple[int, ...]:
+        """Numbers that it takes on its bus, as its protocol counts them."""
+
+    @property
+    def axes(self) -> tuple[AxisConfig, ...]:
+        """Its axes, and the wheels and joints on them."""
+
+    @property
+    def abilities(self) -> Abilities:
+        """What drives of this kind can do."""
+
+    @property
+    def silence(self) -> str:
+        """What it does when the host is silent, for people; as in docs/hardware.md."""
+
+    def ages(self, safety: SafetyConfig, period_ns: int) -> tuple[AgeLimit, ...]:
+        """Return how old what it tells may be: "motion", "report" and "supply"."""
+
+    def make(self, axes: tuple[Axis, ...], needs: DriveNeeds) -> MotorDrive:
+        """Return the drive.
+
+        Raises
+        ------
+        InvalidValue
+            If it cannot do what is needed, such as so short a time-out.
+        """
