@@ -63,12 +63,12 @@ class Axis:
     """
 
     __slots__ = (
-        "name",
-        "number",
-        "takes",
         "_motor_per_wheel",
         "_ticks_per_turn",
         "_wheel_per_motor",
+        "name",
+        "number",
+        "takes",
     )
 
     def __init__(self, config: AxisConfig, takes: Takes, ticks_per_revolution: int) -> None:
