@@ -8,7 +8,7 @@ import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final, TypeAlias, Union
 
 import msgspec
 from pydantic import Discriminator, Field, Tag, TypeAdapter
@@ -18,12 +18,17 @@ from robotctl.control.limiter import LimitsConfig
 from robotctl.control.wheel_velocity import STEP_MAX, WINDOW_S
 from robotctl.core.config import ControlConfig, fastest_wheel_rad_s, impossible_wheel_rad_s
 from robotctl.drivers.can.config import CanConfig
+from robotctl.drivers.can.drives.fitting import problems as fitting_problems
+from robotctl.drivers.can.drives.motor_drive import MotorConfig
+from robotctl.drivers.can.drives.native.config import NAME as NATIVE_NAME
+from robotctl.drivers.can.drives.native.config import native_motor
+from robotctl.drivers.can.drives.registry import DRIVES
 from robotctl.drivers.can.nodes.registry import CAN_NODES
 from robotctl.errors import ConfigError, InvalidValue
 from robotctl.estimation.camera.config import GroundCameraConfig
 from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.mavlink.config import MavlinkConfig
-from robotctl.model.drives.drives import AckermannDrive, DifferentialDrive, TricycleDrive
+from robotctl.model.drives.drives import Drive
 from robotctl.model.drives.odometry_noise import MotionNoise
 from robotctl.model.sensors.camera import CameraConfig
 from robotctl.model.sensors.imu import ImuConfig
@@ -82,14 +87,19 @@ Buses = Annotated[
 """One bus, `[can]`, or several, `[[can]]` each."""
 
 
+if TYPE_CHECKING:
+    Motor: TypeAlias = MotorConfig
+else:
+    Motor = Union[DRIVES]  # noqa: UP007 - of any length
+    """A table `[[motor]]` of any kind."""
+
+
 @dataclass(frozen=True, slots=True)
 class RobotConfig:
     """Everything about one robot."""
 
     robot: Identity
-    drive: Annotated[
-        DifferentialDrive | TricycleDrive | AckermannDrive, Field(discriminator="kind")
-    ]
+    drive: Annotated[Drive, Field(discriminator="kind")]
     limits: LimitsConfig
     control: ControlConfig
     plausibility: PlausibilityConfig
@@ -99,6 +109,10 @@ class RobotConfig:
     camera: CameraConfig | None = None
     ground_camera: GroundCameraConfig = field(default_factory=GroundCameraConfig)
     can: Buses = field(default_factory=CanConfig)
+    motor: Annotated[
+        tuple[Motor, ...],
+        Field(description="Motor drives. Without one, our own controller turns all wheels."),
+    ] = ()
     nodes: Annotated[
         dict[str, str],
         Field(description="Bus of each node, by their names; a node without one is on the first."),
@@ -122,6 +136,11 @@ class RobotConfig:
     def buses(self) -> tuple[CanConfig, ...]:
         """All buses, in the order of the file."""
         return self.can if isinstance(self.can, tuple) else (self.can,)
+
+    @property
+    def motors(self) -> tuple[MotorConfig, ...]:
+        """The motor drives: those of the file, else our own controller."""
+        return self.motor or (native_motor(self.drive, self.nodes.get(NATIVE_NAME, "")),)
 
     def bus_of(self, node: str) -> CanConfig:
         """Return the bus of a node, by its name."""
@@ -288,6 +307,7 @@ def contradictions(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]
         bound = f"under two control periods ({two_periods_ms:g} ms at {config.runtime.rate_hz} Hz)"
         yield ("safety", "command_timeout_ms"), f"{config.safety.command_timeout_ms} is {bound}"
     yield from _wrong_buses(config)
+    yield from fitting_problems(config.drive, config.motors)
     yield from _out_of_order(config)
     if config.mavlink.gcs_system_id == config.mavlink.system_id:
         problem = f"{config.mavlink.gcs_system_id} found, which is the robot's own system_id"
@@ -328,12 +348,15 @@ def _wrong_buses(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
         if (bus.interface, bus.channel) in [(each.interface, each.channel) for each in before]:
             rule = "must differ from those before, found"
             yield ("can", number, "channel"), f"{rule} {bus.interface} {bus.channel!r}"
-    known = [node.name for node in CAN_NODES]
+    known = [*(() if config.motor else (NATIVE_NAME,)), *(node.name for node in CAN_NODES)]
     for node, name in config.nodes.items():
         if node not in known:
             yield ("nodes", node), f"no such node{toml_source.nearest(node, known)}"
         elif problem := bus_problem(name, buses):
             yield ("nodes", node), problem
+    for number, motor in enumerate(config.motor):
+        if motor.bus and (problem := bus_problem(motor.bus, buses)):
+            yield ("motor", number, "bus"), problem
 
 
 def bus_problem(name: str, buses: Sequence[CanConfig]) -> str:
@@ -383,14 +406,14 @@ def _beyond_the_limits(config: RobotConfig) -> Iterator[tuple[toml_source.Key, s
     yield from _hidden_run_away(config)
     yield from _unreadable_counts(config)
     drive, monitor = config.drive, config.plausibility
-    if isinstance(drive, DifferentialDrive):
+    if not drive.joint_names:
         return
-    tolerance_rad, most_rad = monitor.steering_tolerance_rad, drive.steering_max_rad
+    tolerance_rad, most_rad = monitor.steering_tolerance_rad, min(drive.joint_max_rad)
     if tolerance_rad >= most_rad:
         problem = f"{tolerance_rad} found, less than drive.steering_max_rad ({most_rad}) allowed"
         yield ("plausibility", "steering_tolerance_rad"), problem
-    way_rad = 2.0 * drive.steering_max_rad - monitor.steering_tolerance_rad
-    least_ms = 1000.0 * way_rad / drive.steering_rate_max_rad_s
+    way_rad = 2.0 * max(drive.joint_max_rad) - monitor.steering_tolerance_rad
+    least_ms = 1000.0 * way_rad / min(drive.joint_rate_max_rad_s)
     if monitor.steering_ms < least_ms:
         problem = f"the steering needs {least_ms:.0f} ms from one end to near the other"
         yield ("plausibility", "steering_ms"), f"{monitor.steering_ms} found, but {problem}"

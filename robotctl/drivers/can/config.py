@@ -167,26 +167,23 @@ class NodeParameters:
     rate_hz
         Rate of the control loop and so of SYNC [Hz].
     command_timeout_ms
-        Written to the drive and read back [ms]: 10 to 1000, at least two control periods.
+        Written to the drives and read back [ms]: 10 to 1000, at least two control periods.
     heartbeat_timeout_ms
         A node silent for longer is lost [ms].
-    counts_per_revolution
-        Quadrature counts at the wheel that the drive must report.
-    steered
-        Whether the robot has a steering angle; if so, DriveStatus comes on every SYNC.
     sonars
         Sonars the ring must have, 0 to 16; with 0 the sonar node is not needed.
     imu
         Whether there must be an IMU.
+    power
+        Whether there must be a battery monitor.
     """
 
     rate_hz: int
     command_timeout_ms: int
     heartbeat_timeout_ms: int
-    counts_per_revolution: int
-    steered: bool
     sonars: int
     imu: bool = False
+    power: bool = True
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -210,12 +207,6 @@ class NodeParameters:
                 "heartbeat_timeout_ms",
                 f"must be positive, not {self.heartbeat_timeout_ms}",
                 self.heartbeat_timeout_ms,
-            )
-        if self.counts_per_revolution <= 0:
-            raise InvalidValue(
-                "counts_per_revolution",
-                f"must be positive, not {self.counts_per_revolution}",
-                self.counts_per_revolution,
             )
         if not 0 <= self.sonars <= 16:
             raise InvalidValue("sonars", f"must be 0 to 16, not {self.sonars}", self.sonars)
