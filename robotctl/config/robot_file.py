@@ -17,7 +17,7 @@ from robotctl import toml_source
 from robotctl.control.limiter import LimitsConfig
 from robotctl.control.wheel_velocity import STEP_MAX, WINDOW_S
 from robotctl.core.config import ControlConfig, fastest_wheel_rad_s, impossible_wheel_rad_s
-from robotctl.drivers.can.config import CanConfig
+from robotctl.drivers.can.config import MAX_SUPPLY_V, CanConfig, PowerConfig
 from robotctl.drivers.can.drives.fitting import problems as fitting_problems
 from robotctl.drivers.can.drives.motor_drive import MotorConfig
 from robotctl.drivers.can.drives.native.config import NAME as NATIVE_NAME
@@ -41,9 +41,6 @@ from robotctl.safety.plausibility_config import PlausibilityConfig
 from robotctl.safety.state_machine import SafetyConfig
 
 MAX_SONARS = 16
-
-MAX_SUPPLY_V: Final = 65.5
-"""More than this no drive can report [V]."""
 
 RING_S: Final = 0.05
 """Period of one sonar's readings, of which the second stops the robot [s]."""
@@ -117,6 +114,7 @@ class RobotConfig:
         dict[str, str],
         Field(description="Bus of each node, by their names; a node without one is on the first."),
     ] = field(default_factory=dict)
+    power: PowerConfig = field(default_factory=PowerConfig)
     runtime: LoopConfig = field(default_factory=LoopConfig)
     safety: SafetyConfig = field(default_factory=SafetyConfig)
     mavlink: MavlinkConfig = field(default_factory=MavlinkConfig)
@@ -354,8 +352,16 @@ def _wrong_buses(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
             yield ("nodes", node), f"no such node{toml_source.nearest(node, known)}"
         elif problem := bus_problem(name, buses):
             yield ("nodes", node), problem
+    yield from _wrong_drives(config)
+
+
+def _wrong_drives(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
+    """Yield drives on unknown buses, and a supply that none of them tells."""
+    silent = [each.name for each in config.motors if not each.abilities.tells_voltage]
+    if config.power.source == "drives" and len(silent) == len(config.motors):
+        yield ("power", "source"), f"'drives' found, but {', '.join(silent)} tell no voltage"
     for number, motor in enumerate(config.motor):
-        if motor.bus and (problem := bus_problem(motor.bus, buses)):
+        if motor.bus and (problem := bus_problem(motor.bus, config.buses)):
             yield ("motor", number, "bus"), problem
 
 

@@ -54,6 +54,7 @@ def node_parameters(config: RobotConfig) -> NodeParameters:
         heartbeat_timeout_ms=config.safety.heartbeat_timeout_ms,
         sonars=len(config.sonar),
         imu=config.imu.enabled,
+        power=config.power,
     )
 
 

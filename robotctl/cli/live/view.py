@@ -278,11 +278,9 @@ class LiveView:
             elif (now := what_now(control, keys=self._keys)) and not silent:
                 yield _line(now, "bold")
             battery = control.battery
-            charge = (
-                f"battery {battery.voltage_v:.1f} V {100 * battery.charge:.0f} %"
-                if battery is not None
-                else "battery -"
-            )
+            charge = "battery -" if battery is None else f"battery {battery.voltage_v:.1f} V"
+            if battery is not None and not math.isnan(battery.charge):
+                charge += f" {100 * battery.charge:.0f} %"
             yield _line(
                 f"{_place(progress.pose, '  ')}  {_measured(control.v_m_s)} m/s   "
                 f"{charge}  {_factor(progress)}",

@@ -13,6 +13,7 @@ from typing import Final
 
 from robotctl.drivers.can.drives.motor_drive import Handler, MotorDrive, Send
 from robotctl.drivers.can.robot_parts import FIELDS, NOTHING, RobotParts
+from robotctl.drivers.can.supply import DriveSupply
 from robotctl.messages.actuators import ActuatorCommand, ActuatorFeedback
 from robotctl.messages.control import (
     BusStatus,
@@ -26,8 +27,9 @@ from robotctl.messages.ports import CanPort
 DISABLE_FRAMES: Final = 3
 """How often `close` sends "motors off"."""
 
-_ACTUATORS, _EMERGENCIES, _EMERGENCY_STOP, _NODES, _BUS, _STRANGERS = map(
-    FIELDS.index, ("actuators", "emergencies", "emergency_stop", "nodes", "bus", "strangers")
+_ACTUATORS, _BATTERY, _EMERGENCIES, _EMERGENCY_STOP, _NODES, _BUS, _STRANGERS = map(
+    FIELDS.index,
+    ("actuators", "battery", "emergencies", "emergency_stop", "nodes", "bus", "strangers"),
 )
 _SOURCES: Final = {source.value: source for source in EmergencyStopSource}
 
@@ -54,6 +56,7 @@ class CanRobot:
             _DriveSide(drive, sides[bus].port.send, places, count)
             for drive, bus, places in parts.drives
         ]
+        self._supply = DriveSupply(parts.power) if parts.power.source == "drives" else None
         self._actuators = _in_order(self._drives)
         self._all = [part for bus in self._buses for part in bus.parts]
         self._node_status = tuple([part.status for part in self._all])
@@ -77,7 +80,9 @@ class CanRobot:
         if notes.emergencies:
             values[_EMERGENCIES] = tuple(notes.emergencies)
             notes.emergencies.clear()
-        values[_ACTUATORS] = self._reports()
+        values[_ACTUATORS] = reports = self._reports()
+        if self._supply is not None:
+            values[_BATTERY] = self._supply.update(reports)
         values[_NODES] = self.nodes
         values[_BUS] = self.bus_status()
         values[_STRANGERS] = notes.strangers.seen

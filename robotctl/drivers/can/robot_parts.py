@@ -53,6 +53,8 @@ class RobotParts:
         Notes about strangers and damaged frames.
     values
         Feedback of the present tick, in the order of the fields of `Feedback`.
+    power
+        Who tells the supply.
     drives
         The motor drives.
     on_bus
@@ -74,6 +76,7 @@ class RobotParts:
         bus_of: Mapping[str, str] | None = None,
     ) -> None:
         self.codec = codec
+        self.power = parameters.power
         self.notes = notes = BusNotes()
         self.values = list(NOTHING)
         needs = DriveNeeds(
