@@ -114,6 +114,13 @@ class RobotConfig:
         dict[str, str],
         Field(description="Bus of each node, by their names; a node without one is on the first."),
     ] = field(default_factory=dict)
+    proof: Annotated[
+        dict[str, str],
+        Field(
+            description="Settings with which each drive was seen to stop when the host is silent, "
+            "by the names of the drives; `robotctl setup` writes it. See docs/hardware.md."
+        ),
+    ] = field(default_factory=dict)
     power: PowerConfig = field(default_factory=PowerConfig)
     runtime: LoopConfig = field(default_factory=LoopConfig)
     safety: SafetyConfig = field(default_factory=SafetyConfig)
@@ -357,6 +364,10 @@ def _wrong_buses(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
 
 def _wrong_drives(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
     """Yield drives on unknown buses, and a supply that none of them tells."""
+    names = [motor.name for motor in config.motors]
+    for name in config.proof:
+        if name not in names:
+            yield ("proof", name), f"no such drive{toml_source.nearest(name, names)}"
     silent = [each.name for each in config.motors if not each.abilities.tells_voltage]
     if config.power.source == "drives" and len(silent) == len(config.motors):
         yield ("power", "source"), f"'drives' found, but {', '.join(silent)} tell no voltage"
