@@ -1,4 +1,4 @@
-"""The contract of every kind of drive of `DRIVES`, host against twin, on the robots that have it."""
+"""The contract of each kind of drive of `DRIVES`, host against twin, on robots that have it."""
 
 from __future__ import annotations
 
