@@ -1,0 +1,176 @@
+"""The guide through the steps: asks, runs, writes the robot's file, and knows what is done."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from robotctl.config.file_edit import Change, edit
+from robotctl.config.robot_file import load_robot
+from robotctl.deploy.setup.bench import Bench, Buses
+from robotctl.deploy.setup.dialogue import (
+    Answer,
+    Ask,
+    Changes,
+    Kind,
+    Person,
+    Tell,
+    Topic,
+    UnfinishedError,
+)
+from robotctl.deploy.setup.progress import load_progress, progress_file
+from robotctl.deploy.setup.registry import STEPS, Step
+from robotctl.errors import ConfigError
+
+_RUNS_MAX: Final = 4
+"""Runs of a step that repeats."""
+
+
+class Guide:
+    """Leads a person through the steps.
+
+    Parameters
+    ----------
+    file
+        The robot's file, which is changed.
+    buses
+        The robot's buses.
+    person
+        Whoever answers.
+
+    Raises
+    ------
+    ConfigError
+        If the file or the progress record is wrong.
+    """
+
+    def __init__(self, file: Path, buses: Buses, person: Person) -> None:
+        self._file = file
+        self._buses = buses
+        self._person = person
+        self._progress = load_progress(file)
+        load_robot(file)
+
+    @property
+    def done(self) -> frozenset[str]:
+        """Names of the steps that are done."""
+        return frozenset(self._progress.undo)
+
+    def walk(self) -> bool:
+        """Do all steps that are not done yet; return whether all are."""
+        for number, step in enumerate(STEPS, 1):
+            if step.name in self.done:
+                self._person.tell(f"{number}. {step.title}: done before")
+                continue
+            while True:
+                self._person.tell(f"{number}. {step.title}")
+                is_done = self.run(step)
+                choice = self._ask_next(is_done=is_done)
+                if choice == "undo":
+                    self.undo(step)
+                if choice == "stop":
+                    return False
+                if choice == "go on":
+                    break
+        return self.done >= {step.name for step in STEPS}
+
+    def _ask_next(self, *, is_done: bool) -> str:
+        """Ask what to do after a step."""
+        choices = ("go on", "again", "undo", "stop") if is_done else ("again", "go on", "stop")
+        text = "Go on?" if is_done else "This step is not done."
+        ask = Ask(Topic.NEXT, text, Kind.CHOICE, choices, choices[0])
+        with Bench(load_robot(self._file), self._buses) as bench:
+            return str(self._put(ask, bench))
+
+    def run(self, step: Step) -> bool:
+        """Do a step, once or until it finds nothing to change; return whether it is done."""
+        for _ in range(_RUNS_MAX if step.repeats else 1):
+            try:
+                changes = self._once(step)
+            except UnfinishedError as error:
+                self._person.tell(str(error))
+                if error.changes:
+                    undo = self._write(error.changes)
+                    self._progress.undo.setdefault(step.name, [])
+                    self._progress.finish(step.name, undo)
+                    self._save()
+                return False
+            self._progress.finish(step.name, self._write(changes))
+            self._save()
+            if not changes:
+                break
+        return True
+
+    def _once(self, step: Step) -> Changes:
+        """Run a step to its end."""
+        with Bench(load_robot(self._file), self._buses, self._person.interrupts) as bench:
+            script = step.run(bench)
+            answer: Answer = ""
+            try:
+                while True:
+                    event = script.send(answer) if answer else next(script)
+                    if isinstance(event, Tell):
+                        self._person.tell(event.text)
+                        answer = ""
+                    else:
+                        answer = self._put(event, bench)
+            except StopIteration as end:
+                changes: Changes = end.value
+                return changes
+
+    def _put(self, question: Ask, bench: Bench) -> Answer:
+        """Ask, and keep the motors off until there is an answer."""
+        person = self._person
+        person.ask(question)
+        while True:
+            text = person.answer()
+            if text is not None:
+                try:
+                    return question.read(text)
+                except ValueError as error:
+                    person.tell(str(error))
+                    person.ask(question)
+            bench.rest(loose=question.loose)
+
+    def undo(self, step: Step) -> None:
+        """Take back what a step has written."""
+        self._write(self._progress.changes(step.name))
+        self._progress.undo.pop(step.name, None)
+        self._save()
+        self._person.tell(f"{step.name}: undone")
+
+    def _write(self, changes: Changes) -> Changes:
+        """Write changes into the robot's file; return those that undo them.
+
+        Raises
+        ------
+        ConfigError
+            If the file would be wrong with them; it is as before then.
+        """
+        if not changes:
+            return ()
+        before = self._file.read_text(encoding="utf-8-sig")
+        after, undo = edit(before, changes)
+        self._file.write_text(after, encoding="utf-8")
+        try:
+            load_robot(self._file)
+        except ConfigError:
+            self._file.write_text(before, encoding="utf-8")
+            raise
+        for change in changes:
+            self._person.tell(f"{self._file}: {_words(change)}")
+        return undo
+
+    def _save(self) -> None:
+        """Keep the progress."""
+        progress_file(self._file).write_bytes(
+            msgspec.json.format(msgspec.json.encode(self._progress))
+        )
+
+
+def _words(change: Change) -> str:
+    """Return a change as people read it."""
+    key = ".".join(map(str, change.key))
+    return f"{key} taken out" if change.value is None else f"{key} = {change.value!r}"

@@ -1,0 +1,178 @@
+"""Step: each drive is seen to stop when the host falls silent, wheels on blocks.
+
+All wheels turn slowly, then nothing is sent any more. What a drive tells by itself meanwhile shows
+when its power went; one that only answers is asked once, behind its time-out, and its wheel must
+stand in that first answer.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from robotctl.config.file_edit import Change
+from robotctl.deploy.setup.bench import SLOW_M_S, Bench, Wheel
+from robotctl.deploy.setup.dialogue import Changes, Script, Tell, UnfinishedError
+from robotctl.deploy.setup.steps.asking import again_or_give_up, on_blocks
+from robotctl.drivers.can.drives.motor_drive import MotorConfig
+from robotctl.messages.actuators import DriveState
+
+SPIN_S: Final = 2.0
+"""Time for which the wheels turn before [s]."""
+MARGIN_MS: Final = 200
+"""Time behind the time-out within which the power must be seen to be gone [ms].
+
+A wheel has to slow down first, and a state comes with a heartbeat."""
+ROLL_MS: Final = 500
+"""Further time in which it is seen whether the wheels are braked or coast [ms]."""
+
+SLOWER: Final = 0.8
+"""Share of its speed at which a wheel has lost its power."""
+STANDS: Final = 0.2
+"""Share of its speed at which it has stopped."""
+_RUNS_ON: Final = 0.95
+"""Share of its speed with which a wheel is driven, whatever its drive says."""
+_TURNS: Final = 0.5
+"""Share of the commanded speed at which a wheel turns well enough for the proof."""
+_ANSWERS: Final = 20
+"""Ticks within which a drive answers."""
+_LATCHED: Final = (DriveState.STOPPED, DriveState.FAULT)
+
+
+@dataclass(slots=True)
+class _Witness:
+    """A wheel during the silence."""
+
+    wheel: Wheel
+    before_rad_s: float
+    lost_ms: float | None = None
+    """Time after the last command at which its power was seen to be gone [ms]."""
+    share: float = 1.0
+    """Newest speed as a share of that before."""
+    told: bool = False
+    """Whether anything was told during the silence."""
+
+
+def run(bench: Bench) -> Script:
+    """Prove all drives; write the settings of those that are seen to stop."""
+    while any(status.problem for status in bench.commission()):
+        problem = next(status.problem for status in bench.statuses if status.problem)
+        yield from again_or_give_up(problem, "All drives must be in service first")
+    yield from on_blocks()
+    proofs = {motor.name: drive.proof for motor, drive, _ in bench.drives}
+    yield Tell(
+        "All wheels turn slowly; then this computer falls silent, and each drive must take the "
+        f"power within {bench.config.safety.command_timeout_ms} ms by itself …"
+    )
+    moved = bench.keep_spinning(bench.wheels, seconds=SPIN_S)
+    if moved.stopped:
+        raise UnfinishedError(f"not proven: {moved.stopped}")
+    for wheel in bench.wheels:
+        if bench.speed_rad_s(wheel) < _TURNS * SLOW_M_S / wheel.radius_m:
+            bench.rest()
+            raise UnfinishedError(f"not proven: {wheel.name} does not turn as commanded")
+    witnesses = _watch(bench)
+    is_ready = bench.recover()
+    changes: list[Change] = []
+    failures = []
+    for motor, drive, wheels in bench.drives:
+        own = [each for each in witnesses if each.wheel in wheels]
+        problem, words = _judge(bench, motor, own)
+        if not problem and drive.proof != proofs[motor.name]:
+            problem = f"its settings changed meanwhile ({proofs[motor.name]} → {drive.proof})"
+        yield Tell(f"{motor.name}: {problem or words}")
+        if problem:
+            failures.append(f"{motor.name} {problem}")
+        elif drive.proof:
+            changes.append(Change(("proof", motor.name), drive.proof, f"seen: {words}"))
+    if not is_ready:
+        yield Tell("Not all drives came back into service: switch them off and on again.")
+    if failures:
+        raise UnfinishedError(f"NOT proven: {'; '.join(failures)}", tuple(changes))
+    return tuple(changes)
+
+
+def _timeout_ms(bench: Bench, motor: MotorConfig) -> int:
+    """Return the time-out of a drive [ms]: the robot's, or the longer one that its table accepts."""
+    accepted: int = getattr(motor, "accept_timeout_ms", 0)
+    return accepted or bench.config.safety.command_timeout_ms
+
+
+def _watch(bench: Bench) -> list[_Witness]:
+    """Fall silent behind the last command, and return what is told of each wheel meanwhile."""
+    begin_ns = bench.now_ns
+    witnesses = [_Witness(wheel, bench.speed_rad_s(wheel)) for wheel in bench.wheels]
+    longest_ms = max(_timeout_ms(bench, motor) for motor in bench.config.motors)
+    margin_ns = begin_ns + (longest_ms + MARGIN_MS) * 1_000_000
+    while bench.now_ns < margin_ns:
+        bench.listen()
+        for each in witnesses:
+            _note(bench, each, begin_ns)
+    if all(each.told for each in witnesses):
+        end_ns = margin_ns + ROLL_MS * 1_000_000
+        while bench.now_ns < end_ns:
+            bench.listen()
+            for each in witnesses:
+                _note(bench, each, begin_ns)
+    else:
+        _ask_once(bench, witnesses, begin_ns)
+    return witnesses
+
+
+def _note(bench: Bench, witness: _Witness, begin_ns: int) -> None:
+    """Take what a drive tells by itself."""
+    wheel = witness.wheel
+    report = bench.feedback.actuators[wheel.place]
+    stamps_ns = [report.report_ns] if report.state is not DriveState.ENABLED else []
+    if report.motion_ns > begin_ns:
+        witness.told = True
+        witness.share = abs(bench.speed_rad_s(wheel)) / witness.before_rad_s
+        if witness.share < SLOWER:
+            stamps_ns.append(report.motion_ns)
+    stamp_ns = min((each for each in stamps_ns if each > begin_ns), default=None)
+    if stamp_ns is not None and witness.lost_ms is None:
+        witness.lost_ms = (stamp_ns - begin_ns) * 1e-6
+
+
+def _ask_once(bench: Bench, witnesses: list[_Witness], begin_ns: int) -> None:
+    """End the silence; the first answers show whether the wheels had stopped before."""
+    age_ms = (bench.now_ns - begin_ns) * 1e-6
+    waiting = [each for each in witnesses if not each.told]
+    for _ in range(_ANSWERS):
+        bench.rest()
+        for each in waiting:
+            report = bench.feedback.actuators[each.wheel.place]
+            if each.told:
+                continue
+            if each.wheel.actuator.abilities.tells_speed:
+                each.told = report.motion_ns > begin_ns
+                each.share = abs(bench.speed_rad_s(each.wheel)) / each.before_rad_s
+                stands = each.told and each.share <= STANDS
+            else:
+                # Its latched state is its own; a speed takes several positions.
+                each.told = report.report_ns > begin_ns
+                stands = each.told and report.state in _LATCHED
+                each.share = 0.0 if stands else 1.0
+            if stands:
+                each.lost_ms = age_ms
+
+
+def _judge(bench: Bench, motor: MotorConfig, witnesses: list[_Witness]) -> tuple[str, str]:
+    """Return why a drive is not proven, or else how it stopped."""
+    timeout_ms = _timeout_ms(bench, motor)
+    for each in witnesses:
+        name, share = each.wheel.name, each.share
+        if not each.told:
+            return f"tells nothing of {name} any more", ""
+        if each.lost_ms is None or share > _RUNS_ON:
+            return f"keeps running: {name} has {share:.0%} of its speed without a command", ""
+        if each.lost_ms > timeout_ms + MARGIN_MS:
+            late = f"{each.lost_ms:.0f} ms found, {timeout_ms + MARGIN_MS} allowed"
+            return f"takes the power of {name} too late: {late}", ""
+        coasts = share > STANDS
+        if coasts and motor.abilities.brakes and not getattr(motor, "accept_coasting", False):
+            remedy = "let it brake, or accept it by accept_coasting = true"
+            return f"coasts: {name} still has {share:.0%} of its speed; {remedy}", ""
+    lost_ms = max((each.lost_ms or 0.0 for each in witnesses), default=0.0)
+    end = "coasts then" if any(each.share > STANDS for each in witnesses) else "wheel stands"
+    return "", f"power gone after {lost_ms:.0f} ms at most, {end}"
