@@ -52,7 +52,7 @@ def _apply(document: tomlkit.TOMLDocument, change: Change) -> Change:
     *tables, last = key
     holder: Any = document
     for place, part in enumerate(tables):
-        if isinstance(holder, Mapping) and part not in holder:
+        if hasattr(holder, "keys") and part not in holder:
             if value is None:
                 return change
             holder[part] = tomlkit.table()

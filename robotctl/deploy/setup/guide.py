@@ -56,7 +56,7 @@ class Guide:
     @property
     def done(self) -> frozenset[str]:
         """Names of the steps that are done."""
-        return frozenset(self._progress.undo)
+        return frozenset(self._progress.done)
 
     def walk(self) -> bool:
         """Do all steps that are not done yet; return whether all are."""
@@ -91,17 +91,19 @@ class Guide:
                 changes = self._once(step)
             except UnfinishedError as error:
                 self._person.tell(str(error))
-                if error.changes:
-                    undo = self._write(error.changes)
-                    self._progress.undo.setdefault(step.name, [])
-                    self._progress.finish(step.name, undo)
-                    self._save()
+                self._keep(step, error.changes)
                 return False
-            self._progress.finish(step.name, self._write(changes))
-            self._save()
+            self._keep(step, changes)
             if not changes:
                 break
+        self._progress.finish(step.name)
+        self._save()
         return True
+
+    def _keep(self, step: Step, changes: Changes) -> None:
+        """Write what a step found."""
+        self._progress.note(step.name, self._write(changes))
+        self._save()
 
     def _once(self, step: Step) -> Changes:
         """Run a step to its end."""
@@ -137,7 +139,7 @@ class Guide:
     def undo(self, step: Step) -> None:
         """Take back what a step has written."""
         self._write(self._progress.changes(step.name))
-        self._progress.undo.pop(step.name, None)
+        self._progress.forget(step.name)
         self._save()
         self._person.tell(f"{step.name}: undone")
 

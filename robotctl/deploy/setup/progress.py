@@ -16,16 +16,29 @@ class Progress(msgspec.Struct):
 
     Attributes
     ----------
+    done
+        Names of the steps that are done.
     undo
-        Changes that undo each step that is done, by its name: key, value.
+        Changes that undo what each step wrote, by its name: key, value.
     """
 
+    done: list[str] = msgspec.field(default_factory=list)
     undo: dict[str, list[tuple[list[str | int], Any]]] = msgspec.field(default_factory=dict)
 
-    def finish(self, step: str, undo: tuple[Change, ...]) -> None:
-        """Note that a step is done, and what undoes it."""
+    def note(self, step: str, undo: tuple[Change, ...]) -> None:
+        """Note what undoes changes that a step made."""
         earlier = self.undo.get(step, [])
         self.undo[step] = [*((list(key), value) for key, value, _ in undo), *earlier]
+
+    def finish(self, step: str) -> None:
+        """Note that a step is done."""
+        if step not in self.done:
+            self.done.append(step)
+
+    def forget(self, step: str) -> None:
+        """Note that a step is undone."""
+        self.undo.pop(step, None)
+        self.done = [each for each in self.done if each != step]
 
     def changes(self, step: str) -> tuple[Change, ...]:
         """Return the changes that undo a step."""

@@ -68,7 +68,7 @@ def _put_right(bench: Bench) -> Generator[Ask | Tell, Answer, Changes]:
             node_id = yield from _ask_number(bench, number)
             if node_id is not None:
                 changes.append(Change(("motor", number, "node_id"), node_id))
-    return tuple(dict((each.key, each) for each in changes).values())
+    return tuple({each.key: each for each in changes}.values())
 
 
 def _ask_number(bench: Bench, number: int) -> Generator[Ask | Tell, Answer, int | None]:

@@ -12,7 +12,7 @@ from typing import Final
 
 from robotctl.config.file_edit import Change
 from robotctl.deploy.setup.bench import SLOW_M_S, Bench, Wheel
-from robotctl.deploy.setup.dialogue import Changes, Script, Tell, UnfinishedError
+from robotctl.deploy.setup.dialogue import Script, Tell, UnfinishedError
 from robotctl.deploy.setup.steps.asking import again_or_give_up, on_blocks
 from robotctl.drivers.can.drives.motor_drive import MotorConfig
 from robotctl.messages.actuators import DriveState
@@ -64,13 +64,7 @@ def run(bench: Bench) -> Script:
         "All wheels turn slowly; then this computer falls silent, and each drive must take the "
         f"power within {bench.config.safety.command_timeout_ms} ms by itself …"
     )
-    moved = bench.keep_spinning(bench.wheels, seconds=SPIN_S)
-    if moved.stopped:
-        raise UnfinishedError(f"not proven: {moved.stopped}")
-    for wheel in bench.wheels:
-        if bench.speed_rad_s(wheel) < _TURNS * SLOW_M_S / wheel.radius_m:
-            bench.rest()
-            raise UnfinishedError(f"not proven: {wheel.name} does not turn as commanded")
+    _spin(bench)
     witnesses = _watch(bench)
     is_ready = bench.recover()
     changes: list[Change] = []
@@ -92,8 +86,25 @@ def run(bench: Bench) -> Script:
     return tuple(changes)
 
 
+def _spin(bench: Bench) -> None:
+    """Turn all wheels, and leave them turning.
+
+    Raises
+    ------
+    UnfinishedError
+        If one does not turn as it should.
+    """
+    moved = bench.keep_spinning(bench.wheels, seconds=SPIN_S)
+    if moved.stopped:
+        raise UnfinishedError(f"not proven: {moved.stopped}")
+    for wheel in bench.wheels:
+        if bench.speed_rad_s(wheel) < _TURNS * SLOW_M_S / wheel.radius_m:
+            bench.rest()
+            raise UnfinishedError(f"not proven: {wheel.name} does not turn as commanded")
+
+
 def _timeout_ms(bench: Bench, motor: MotorConfig) -> int:
-    """Return the time-out of a drive [ms]: the robot's, or the longer one that its table accepts."""
+    """Return the time-out of a drive [ms]: the robot's, or the one that its table accepts."""
     accepted: int = getattr(motor, "accept_timeout_ms", 0)
     return accepted or bench.config.safety.command_timeout_ms
 
@@ -107,25 +118,25 @@ def _watch(bench: Bench) -> list[_Witness]:
     while bench.now_ns < margin_ns:
         bench.listen()
         for each in witnesses:
-            _note(bench, each, begin_ns)
+            _note(bench, each, begin_ns, margin_ns)
     if all(each.told for each in witnesses):
         end_ns = margin_ns + ROLL_MS * 1_000_000
         while bench.now_ns < end_ns:
             bench.listen()
             for each in witnesses:
-                _note(bench, each, begin_ns)
+                _note(bench, each, begin_ns, margin_ns)
     else:
         _ask_once(bench, witnesses, begin_ns)
     return witnesses
 
 
-def _note(bench: Bench, witness: _Witness, begin_ns: int) -> None:
-    """Take what a drive tells by itself."""
+def _note(bench: Bench, witness: _Witness, begin_ns: int, margin_ns: int) -> None:
+    """Take what a drive tells by itself; it does if it still does so behind its time-out."""
     wheel = witness.wheel
     report = bench.feedback.actuators[wheel.place]
     stamps_ns = [report.report_ns] if report.state is not DriveState.ENABLED else []
+    witness.told = report.motion_ns > margin_ns - MARGIN_MS * 1_000_000
     if report.motion_ns > begin_ns:
-        witness.told = True
         witness.share = abs(bench.speed_rad_s(wheel)) / witness.before_rad_s
         if witness.share < SLOWER:
             stamps_ns.append(report.motion_ns)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from statistics import median
 from typing import Final
 
 from robotctl.deploy.doctor_imu import check_imu
@@ -31,18 +32,18 @@ def sonars(bench: Bench) -> Script:
         yield Tell("This robot has no sonars.")
         return NO_CHANGES
     yield Ask(Topic.AWAY, "Stand back, so that nothing is near the sonars.")
-    free_m = _nearest(bench)
+    free_m = _ranges(bench)
     for number, mount in enumerate(mounts):
         while True:
             text = f"Hold a hand {HAND_M:g} m before the sonar {mount.name}, and press Enter."
             yield Ask(Topic.HAND, text, subject=mount.name)
-            seen_m = _nearest(bench)
-            nearer = {
-                each: free_m[each] - seen_m[each]
+            seen_m = _ranges(bench)
+            nearer = [
+                each
                 for each in range(len(mounts))
-                if seen_m[each] < 2.0 * HAND_M and free_m[each] - seen_m[each] > 0.5 * HAND_M
-            }
-            found = max(nearer, key=lambda each: nearer[each], default=None)
+                if seen_m[each] < min(2.0 * HAND_M, free_m[each] - 0.5 * HAND_M)
+            ]
+            found = min(nearer, key=lambda each: seen_m[each], default=None)
             if found == number:
                 yield Tell(f"{mount.name} sees it at {seen_m[number]:.2f} m.")
                 break
@@ -55,16 +56,16 @@ def sonars(bench: Bench) -> Script:
     return NO_CHANGES
 
 
-def _nearest(bench: Bench) -> list[float]:
-    """Return the nearest echo of each sonar within a while [m]."""
-    nearest = [math.inf] * len(bench.config.sonar)
+def _ranges(bench: Bench) -> list[float]:
+    """Return the median range of each sonar within a while [m]: single ones may be crosstalk."""
+    heard: list[list[float]] = [[] for _ in bench.config.sonar]
     end_ns = bench.now_ns + round(LOOK_S * 1e9)
     while bench.now_ns < end_ns:
         for frame in bench.rest().sonars:
             for number, range_m in enumerate(frame.ranges_m, frame.first):
-                if number < len(nearest) and range_m < nearest[number]:
-                    nearest[number] = range_m
-    return nearest
+                if number < len(heard) and not math.isnan(range_m):
+                    heard[number].append(range_m)
+    return [median(each) if each else math.inf for each in heard]
 
 
 def imu(bench: Bench) -> Script:
@@ -92,9 +93,8 @@ def imu(bench: Bench) -> Script:
                 yield Tell(f"Tilted {way} by {tilt_deg:.0f} degrees.")
                 break
             remedy = "See how the IMU is mounted, z up, and imu.yaw_deg: where its x axis points"
-            yield from again_or_give_up(
-                f"the IMU says {tilt_deg:.0f} degrees {way}, at least {TILTED_DEG:g} allowed", remedy
-            )
+            problem = f"the IMU says {tilt_deg:.0f} degrees {way}, at least {TILTED_DEG:g} allowed"
+            yield from again_or_give_up(problem, remedy)
     yield from _turn_left(bench)
     return NO_CHANGES
 
@@ -104,7 +104,8 @@ def _turn_left(bench: Bench) -> Script:
     while True:
         yield Ask(Topic.LEVEL, "Put it level again and leave it alone.")
         tracker, turned_rad, last_ns = InertialTracker(bench.config.imu), 0.0, 0
-        yield Tell("Now turn the robot to the left by a quarter, within five seconds …")
+        text = "Press Enter, and then turn the robot to the left by a quarter within five seconds."
+        yield Ask(Topic.TURN_LEFT, text)
         end_ns = bench.now_ns + 5_000_000_000
         while bench.now_ns < end_ns:
             feedback = bench.rest()
@@ -156,7 +157,7 @@ def emergency_stop(bench: Bench) -> Script:
             break
         yield from again_or_give_up(
             "nothing shows that the emergency stop is pressed",
-            "Every drive should lose its supply, or report a stop. A robot without a button: give up",
+            "Every drive should lose its supply, or report a stop. Without a button: give up",
         )
     while True:
         yield Ask(Topic.RELEASE, "Release it again, and press Enter.")
