@@ -62,13 +62,19 @@ def _apply(document: tomlkit.TOMLDocument, change: Change) -> Change:
         try:
             holder = holder[part]
         except (LookupError, TypeError) as error:
-            raise ConfigError(f"{'.'.join(map(str, key))}: no such key in the file") from error
+            raise _no_key(key) from error
+    if not hasattr(holder, "keys"):
+        raise _no_key(key)
     before = Change(key, _plain(holder[last]) if last in holder else None)
     if value is not None:
         _set(holder, (last,), value, comment)
     elif last in holder:
         del holder[last]
     return before
+
+
+def _no_key(key: Key) -> ConfigError:
+    return ConfigError(f"{'.'.join(map(str, key))}: no such key in the file")
 
 
 def _set(holder: Any, key: Key, value: Any, comment: str) -> None:

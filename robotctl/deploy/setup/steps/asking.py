@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Generator
 from typing import Any, TypeAlias
 
+from robotctl.deploy.setup.bench import Bench
 from robotctl.deploy.setup.dialogue import Answer, Ask, Kind, Tell, Topic, UnfinishedError
 
 Question: TypeAlias = Generator[Ask | Tell, Answer, Any]
@@ -37,3 +38,10 @@ def again_or_give_up(problem: str, remedy: str) -> Question:
     text = "Try again, or give up?"
     if (yield Ask(Topic.AGAIN, text, Kind.CHOICE, ("again", "give up"), "again")) != "again":
         raise UnfinishedError(problem)
+
+
+def in_service(bench: Bench) -> Question:
+    """Wait until all drives and nodes are in service."""
+    while any(status.problem for status in bench.commission()):
+        problem = next(status.problem for status in bench.statuses if status.problem)
+        yield from again_or_give_up(problem, "The step `nodes` says what to do")

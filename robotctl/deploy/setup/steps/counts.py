@@ -11,7 +11,7 @@ from robotctl.config.file_edit import Change, Key
 from robotctl.config.patch import round_figures
 from robotctl.deploy.setup.bench import Bench, Wheel
 from robotctl.deploy.setup.dialogue import Answer, Ask, Changes, Kind, Script, Tell, Topic
-from robotctl.deploy.setup.steps.asking import again_or_give_up
+from robotctl.deploy.setup.steps.asking import again_or_give_up, in_service
 from robotctl.deploy.setup.wiring import axis_of, with_axis
 from robotctl.drivers.can.drives.motor_drive import MotorConfig
 from robotctl.errors import InvalidValue
@@ -32,6 +32,7 @@ _FINE_PARTS: Final = 40
 
 def run(bench: Bench) -> Script:
     """Compare reported turns with counted ones, and correct what they are made of."""
+    yield from in_service(bench)
     yield Tell(
         f"Now each wheel is turned {TURNS} times forwards by hand, with the motors off: as it "
         "turns when the robot drives forwards."

@@ -16,7 +16,7 @@ from robotctl.deploy.setup.dialogue import (
     Topic,
     UnfinishedError,
 )
-from robotctl.deploy.setup.steps.asking import again_or_give_up, on_blocks
+from robotctl.deploy.setup.steps.asking import again_or_give_up, in_service, on_blocks
 from robotctl.deploy.setup.wiring import axis_of, changes_of
 
 NONE = "none"
@@ -32,6 +32,7 @@ class _Seen(NamedTuple):
 
 def run(bench: Bench) -> Script:
     """Turn each wheel, ask which one turned and which way, and correct the axes."""
+    yield from in_service(bench)
     yield from on_blocks()
     seen = {}
     for wheel in bench.wheels:
@@ -66,29 +67,36 @@ def _see(bench: Bench, wheel: Wheel) -> Generator[Ask | Tell, Answer, _Seen]:
         text = "Which way?"
         ways = (FORWARDS, BACKWARDS)
         way = yield Ask(Topic.WAY, text, Kind.CHOICE, ways, FORWARDS, str(turned))
-        problem = _encoder_problem(bench, wheel, moved)
+        problem, remedy = _encoder_problem(bench, wheel, moved)
         if not problem:
             return _Seen(str(turned), way == BACKWARDS)
-        yield from again_or_give_up(problem, _REMEDY)
+        yield from again_or_give_up(problem, remedy)
 
 
-_REMEDY = (
-    "That is of the wiring, not of the robot's file: swap the two wires of the motor or the "
-    "channels A and B of its encoder, or let the drive's tool find the direction of its encoder"
-)
+def _encoder_problem(bench: Bench, wheel: Wheel, moved: Moved) -> tuple[str, str]:
+    """Return what is wrong with the report of a motion that was seen, and what to do about it.
 
-
-def _encoder_problem(bench: Bench, wheel: Wheel, moved: Moved) -> str:
-    """Return what is wrong with the report of a motion that was seen; empty if nothing."""
+    It is a matter of the wiring: the robot's file turns motor and encoder together.
+    """
     told_rad = moved.turned_rad[wheel.place]
     most = max(bench.wheels, key=lambda each: abs(moved.turned_rad[each.place]))
     if most is not wheel and abs(moved.turned_rad[most.place]) > 2.0 * abs(told_rad):
-        return f"the motor of {wheel.name} turned, but the encoder of {most.name} reports it"
+        return (
+            f"the motor of {wheel.name} turned, but the encoder of {most.name} reports it",
+            "Exchange the plugs of the two encoders, or those of the two motors",
+        )
     if told_rad < -0.1:
-        return f"the encoder of {wheel.name} counts backwards when its motor drives forwards"
+        return (
+            f"the encoder of {wheel.name} counts backwards when its motor drives forwards",
+            "Exchange the two wires of the motor, or channels A and B of its encoder; a drive that "
+            "finds the direction of its encoder by itself: let its tool do so",
+        )
     if abs(told_rad) < 0.1:
-        return f"the encoder of {wheel.name} does not report that it turned"
-    return ""
+        return (
+            f"the encoder of {wheel.name} does not report that it turned",
+            "See that the encoder is connected and turns with the wheel",
+        )
+    return "", ""
 
 
 def _corrected(bench: Bench, seen: dict[str, _Seen]) -> Changes:

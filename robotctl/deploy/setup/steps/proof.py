@@ -13,7 +13,7 @@ from typing import Final
 from robotctl.config.file_edit import Change
 from robotctl.deploy.setup.bench import SLOW_M_S, Bench, Wheel
 from robotctl.deploy.setup.dialogue import Script, Tell, UnfinishedError
-from robotctl.deploy.setup.steps.asking import again_or_give_up, on_blocks
+from robotctl.deploy.setup.steps.asking import in_service, on_blocks
 from robotctl.drivers.can.drives.motor_drive import MotorConfig
 from robotctl.messages.actuators import DriveState
 
@@ -55,9 +55,7 @@ class _Witness:
 
 def run(bench: Bench) -> Script:
     """Prove all drives; write the settings of those that are seen to stop."""
-    while any(status.problem for status in bench.commission()):
-        problem = next(status.problem for status in bench.statuses if status.problem)
-        yield from again_or_give_up(problem, "All drives must be in service first")
+    yield from in_service(bench)
     yield from on_blocks()
     proofs = {motor.name: drive.proof for motor, drive, _ in bench.drives}
     yield Tell(
@@ -147,7 +145,8 @@ def _note(bench: Bench, witness: _Witness, begin_ns: int, margin_ns: int) -> Non
 
 def _ask_once(bench: Bench, witnesses: list[_Witness], begin_ns: int) -> None:
     """End the silence; the first answers show whether the wheels had stopped before."""
-    age_ms = (bench.now_ns - begin_ns) * 1e-6
+    asked_ns = bench.now_ns
+    age_ms = (asked_ns - begin_ns) * 1e-6
     waiting = [each for each in witnesses if not each.told]
     for _ in range(_ANSWERS):
         bench.rest()
@@ -156,12 +155,12 @@ def _ask_once(bench: Bench, witnesses: list[_Witness], begin_ns: int) -> None:
             if each.told:
                 continue
             if each.wheel.actuator.abilities.tells_speed:
-                each.told = report.motion_ns > begin_ns
+                each.told = report.motion_ns > asked_ns
                 each.share = abs(bench.speed_rad_s(each.wheel)) / each.before_rad_s
                 stands = each.told and each.share <= STANDS
             else:
                 # Its latched state is its own; a speed takes several positions.
-                each.told = report.report_ns > begin_ns
+                each.told = report.report_ns > asked_ns
                 stands = each.told and report.state in _LATCHED
                 each.share = 0.0 if stands else 1.0
             if stands:

@@ -10,7 +10,7 @@ from typing import Final
 from robotctl.deploy.doctor_imu import check_imu
 from robotctl.deploy.setup.bench import Bench
 from robotctl.deploy.setup.dialogue import NO_CHANGES, Ask, Script, Tell, Topic, UnfinishedError
-from robotctl.deploy.setup.steps.asking import again_or_give_up
+from robotctl.deploy.setup.steps.asking import again_or_give_up, in_service
 from robotctl.estimation.inertial.tracker import InertialTracker
 from robotctl.messages.actuators import DriveState
 from robotctl.messages.control import ImuFeedback
@@ -31,6 +31,7 @@ def sonars(bench: Bench) -> Script:
     if not mounts:
         yield Tell("This robot has no sonars.")
         return NO_CHANGES
+    yield from in_service(bench)
     yield Ask(Topic.AWAY, "Stand back, so that nothing is near the sonars.")
     free_m = _ranges(bench)
     for number, mount in enumerate(mounts):
@@ -74,6 +75,7 @@ def imu(bench: Bench) -> Script:
     if not mount.enabled:
         yield Tell("This robot has no IMU.")
         return NO_CHANGES
+    yield from in_service(bench)
     yield Ask(Topic.LEVEL, "Stand the robot level and leave it alone.")
     finding = check_imu(_look(bench), mount)
     yield Tell(finding.found)
@@ -148,7 +150,7 @@ def _roll_deg(found: ImuFeedback) -> float:
 
 def emergency_stop(bench: Bench) -> Script:
     """Have the emergency stop pressed and released, and see both."""
-    bench.commission()
+    yield from in_service(bench)
     while True:
         yield Ask(Topic.PRESS, "Press the emergency stop, and press Enter.")
         seen = _stopped(bench)
