@@ -28,6 +28,7 @@ from robotctl.errors import ConfigError, InvalidValue
 from robotctl.estimation.camera.config import GroundCameraConfig
 from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.mavlink.config import MavlinkConfig
+from robotctl.model.actuators import Takes
 from robotctl.model.drives.drives import Drive
 from robotctl.model.drives.odometry_noise import MotionNoise
 from robotctl.model.sensors.camera import CameraConfig
@@ -37,7 +38,7 @@ from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.config import NavigationConfig
 from robotctl.runtime.realtime import LoopConfig
 from robotctl.runtime.storage.log_folder import LogConfig
-from robotctl.safety.plausibility_config import PlausibilityConfig
+from robotctl.safety.plausibility_config import OF_DUTY_WHEELS, PlausibilityConfig
 from robotctl.safety.state_machine import SafetyConfig
 
 MAX_SONARS = 16
@@ -98,8 +99,8 @@ class RobotConfig:
     robot: Identity
     drive: Annotated[Drive, Field(discriminator="kind")]
     limits: LimitsConfig
-    control: ControlConfig
-    plausibility: PlausibilityConfig
+    control: ControlConfig = field(default_factory=ControlConfig)
+    plausibility: PlausibilityConfig = field(default_factory=PlausibilityConfig)
     sonar: tuple[SonarMount, ...] = ()
     lidar: LidarConfig | None = None
     imu: ImuConfig = field(default_factory=ImuConfig)
@@ -146,6 +147,17 @@ class RobotConfig:
     def motors(self) -> tuple[MotorConfig, ...]:
         """The motor drives: those of the file, else our own controller."""
         return self.motor or (native_motor(self.drive, self.nodes.get(NATIVE_NAME, "")),)
+
+    @property
+    def duty_wheels(self) -> tuple[str, ...]:
+        """Names of the wheels whose drives take a duty, and whose speed is ours to control."""
+        driven = {
+            axis.actuator
+            for motor in self.motors
+            if motor.abilities.takes is Takes.DUTY
+            for axis in motor.axes
+        }
+        return tuple(name for name in self.drive.wheel_names if name in driven)
 
     def bus_of(self, node: str) -> CanConfig:
         """Return the bus of a node, by its name."""
@@ -305,8 +317,7 @@ def camera_of(config: RobotConfig, file: Path) -> CameraConfig:
 
 def contradictions(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
     """Yield conflicts between keys: the key at fault and the reason."""
-    for name, problem in config.control.wrong_loops(config.drive.wheel_names):
-        yield ("control", name), problem
+    yield from _wrong_loops(config)
     two_periods_ms = 2 * config.runtime.period_ns / 1e6
     if config.safety.command_timeout_ms < two_periods_ms:
         bound = f"under two control periods ({two_periods_ms:g} ms at {config.runtime.rate_hz} Hz)"
@@ -338,6 +349,15 @@ def contradictions(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]
     if settings.method in ("ekf", "mcl") and not settings.map:
         problem = "needs localisation.map, a world (.toml) or a ROS map (.yaml)"
         yield ("localisation", "method"), f'"{settings.method}" {problem}'
+
+
+def _wrong_loops(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
+    """Yield what is missing of the wheels whose speed is ours to control, and what is too much."""
+    for name, problem in config.control.wrong_loops(config.duty_wheels):
+        yield ("control", name), problem
+    for name in OF_DUTY_WHEELS if config.duty_wheels else ():
+        if getattr(config.plausibility, name) is None:
+            yield ("plausibility", name), "missing"
 
 
 def _wrong_buses(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
@@ -419,8 +439,10 @@ def _beyond_the_limits(config: RobotConfig) -> Iterator[tuple[toml_source.Key, s
             f"limits.jerk_max_m_s3 {limits.jerk_max_m_s3:g})"
         )
         yield ("navigation", "guard", "reaction_s"), problem
-    yield from _beyond_the_motors(config)
-    yield from _hidden_run_away(config)
+    back_emf_v_s_rad = config.plausibility.back_emf_v_s_rad
+    if config.duty_wheels and back_emf_v_s_rad is not None:
+        yield from _beyond_the_motors(config, back_emf_v_s_rad)
+        yield from _hidden_run_away(config, back_emf_v_s_rad)
     yield from _unreadable_counts(config)
     drive, monitor = config.drive, config.plausibility
     if not drive.joint_names:
@@ -450,11 +472,13 @@ def _beyond_the_nose(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str
         yield ("navigation", "guard", "nose_m"), problem
 
 
-def _beyond_the_motors(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
+def _beyond_the_motors(
+    config: RobotConfig, back_emf_v_s_rad: float
+) -> Iterator[tuple[toml_source.Key, str]]:
     """Yield demands that no motor can meet, and those for which the bridges are too slow."""
     limits = config.limits
     fastest_rad_s = fastest_wheel_rad_s(config.drive, limits)
-    needed_v = config.plausibility.back_emf_v_s_rad * fastest_rad_s
+    needed_v = back_emf_v_s_rad * fastest_rad_s
     if needed_v > MAX_SUPPLY_V:
         problem = (
             f"{limits.v_max_m_s:g} found with omega_max_rad_s {limits.omega_max_rad_s:g}, where "
@@ -464,7 +488,7 @@ def _beyond_the_motors(config: RobotConfig) -> Iterator[tuple[toml_source.Key, s
         yield ("limits", "v_max_m_s"), problem
     pwm, deceleration_m_s2 = config.control.pwm, config.navigation.guard.deceleration_m_s2
     supply_v = max(needed_v, pwm.min_bus_voltage_v)  # the real one is not known here
-    slew_rad_s2 = pwm.slew_per_s * supply_v / config.plausibility.back_emf_v_s_rad
+    slew_rad_s2 = pwm.slew_per_s * supply_v / back_emf_v_s_rad
     most_m_s2 = slew_rad_s2 * min(config.drive.wheel_radii_m)
     if most_m_s2 < deceleration_m_s2:
         problem = (
@@ -474,13 +498,15 @@ def _beyond_the_motors(config: RobotConfig) -> Iterator[tuple[toml_source.Key, s
         yield ("control", "pwm", "slew_per_s"), problem
 
 
-def _hidden_run_away(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
+def _hidden_run_away(
+    config: RobotConfig, back_emf_v_s_rad: float
+) -> Iterator[tuple[toml_source.Key, str]]:
     """Yield a tolerance so wide that a motor with a stuck encoder could run away."""
     drive, monitor = config.drive, config.plausibility
     # At least this fast is any motor: the limits are driven, and the supply has a floor.
     motor_rad_s = max(
         config.limits.v_max_m_s / max(drive.wheel_radii_m),
-        config.control.pwm.min_bus_voltage_v / monitor.back_emf_v_s_rad,
+        config.control.pwm.min_bus_voltage_v / back_emf_v_s_rad,
     )
     most_rad_s = FOUND_SHARE * motor_rad_s * (1.0 - monitor.speed_tolerance_share)
     if monitor.speed_tolerance_rad_s > most_rad_s:

@@ -334,7 +334,7 @@ class LiveView:
                     f"duty {control.duty[index]:5.2f} {current}"
                 ),
             )
-        if self._config.drive.steered:
+        if self._config.drive.joint_names:
             yield "steering", f"{math.degrees(control.steering_rad):5.1f}°"
         yield "driven", f"{control.distance_m:.1f} m (odometer {control.odometer_m / 1000:.3f} km)"
 
