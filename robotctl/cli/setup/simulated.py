@@ -146,7 +146,10 @@ class SimulatedPerson:
             case Topic.WHEEL | Topic.WAY:
                 return self._wheel() if topic is Topic.WHEEL else self._way
             case Topic.NUMBER:
-                return str(self._true(subject, "node_id"))
+                # Which of two drives has which name is for the robot's file to say.
+                node_id = str(self._true(subject, "node_id"))
+                is_offered = not question.choices or node_id in question.choices
+                return node_id if is_offered else question.default
             case Topic.SCALE:
                 found = [each for each in question.choices if each in self._truth.get(subject, {})]
                 return found[0] if found else "ratio"

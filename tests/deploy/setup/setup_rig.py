@@ -7,6 +7,7 @@ from pathlib import Path
 
 from robotctl.app.simulation.lockstep_stack import LockstepStack
 from robotctl.cli.setup.simulated import SimulatedBuses, SimulatedPerson
+from robotctl.config.file_edit import Change, edit
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file, load_robot
 from robotctl.deploy.setup.dialogue import Ask
@@ -79,18 +80,24 @@ class SetupRig:
     believed
         Replaced text of its file.
     truth
-        TOML behind it, such as `[simulation.twin.drive]`.
+        What is true of its drives, by their names: `[simulation.twin.NAME]`.
     """
 
     def __init__(
-        self, folder: Path, robot: str, truth: str = "", believed: tuple[tuple[str, str], ...] = ()
+        self,
+        folder: Path,
+        robot: str,
+        truth: dict | None = None,
+        believed: tuple[tuple[str, str], ...] = (),
     ) -> None:
         text = find_file(robot).read_text()
         for old, new in believed:
             assert old in text
             text = text.replace(old, new, 1)
         self.file = folder / "robot.toml"
-        self.file.write_text(f"{text}\n{truth}")
+        true = [Change(("simulation", "twin", drive, key), value)
+                for drive, keys in (truth or {}).items() for key, value in keys.items()]  # fmt: skip
+        self.file.write_text(edit(text, true)[0])
         self.before = self.file.read_text()
         self.buses = WatchedBuses(self.file)
         self.simulation = self.buses.simulation

@@ -5,18 +5,9 @@ import pytest
 from robotctl.deploy.setup.dialogue import Topic
 from tests.deploy.setup.setup_rig import SetupRig
 
-SWAPPED = """
-[simulation.twin.drive]
-axes = [{ actuator = "right", axis = 1 }, { actuator = "left", axis = 2 }]
-"""
-REVERSED = """
-[simulation.twin.drive]
-axes = [{ actuator = "left", axis = 1 }, { actuator = "right", axis = 2, reversed = true }]
-"""
-BOTH = """
-[simulation.twin.drive]
-axes = [{ actuator = "right", axis = 1, reversed = true }, { actuator = "left", axis = 2 }]
-"""
+SWAPPED = [{"actuator": "right", "axis": 1}, {"actuator": "left", "axis": 2}]
+REVERSED = [{"actuator": "left", "axis": 1}, {"actuator": "right", "axis": 2, "reversed": True}]
+BOTH = [{"actuator": "right", "axis": 1, "reversed": True}, {"actuator": "left", "axis": 2}]
 
 
 def test_a_robot_wired_as_its_file_says_stays_as_it_is(tmp_path):
@@ -29,12 +20,11 @@ def test_a_robot_wired_as_its_file_says_stays_as_it_is(tmp_path):
 
 @pytest.mark.parametrize("truth", [SWAPPED, REVERSED, BOTH], ids=["swapped", "reversed", "both"])
 def test_wrong_wheels_and_directions_are_found_and_put_right(tmp_path, truth):
-    rig = SetupRig(tmp_path, "diff_drive", truth)
+    rig = SetupRig(tmp_path, "diff_drive", {"drive": {"axes": truth}})
     assert rig.run("nodes", "counts", "directions") == [True, True, True]
     (table,) = rig.tables["motor"]
-    true = rig.tables["simulation"]["twin"]["drive"]["axes"]
     assert {"kind": "native", "name": "drive"}.items() <= table.items()
-    for axis, found in zip(true, table["axes"], strict=True):
+    for axis, found in zip(truth, table["axes"], strict=True):
         assert found == {"reversed": False, **axis}
     for line in rig.before.splitlines():
         assert line in rig.text.splitlines()
@@ -48,7 +38,7 @@ def test_counts_that_the_drive_has_otherwise_are_written_into_the_file(tmp_path)
     rig = SetupRig(
         tmp_path,
         "diff_drive",
-        "[simulation.twin.drive]\ncounts_per_revolution = 2400\n",
+        {"drive": {"counts_per_revolution": 2400}},
         (("counts_per_revolution = 2400 ", "counts_per_revolution = 1200 "),),
     )
     assert rig.run("nodes", "counts") == [True, True]
