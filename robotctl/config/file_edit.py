@@ -43,7 +43,7 @@ def edit(text: str, changes: Iterable[Change]) -> tuple[str, tuple[Change, ...]]
     undo: list[Change] = []
     for change in changes:
         undo.insert(0, _apply(document, change))
-    return tomlkit.dumps(document), tuple(undo)
+    return tomlkit.dumps(document).rstrip("\n") + "\n", tuple(undo)
 
 
 def _apply(document: tomlkit.TOMLDocument, change: Change) -> Change:

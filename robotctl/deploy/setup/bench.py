@@ -352,7 +352,9 @@ class _Motion:
         pwm = config.control.pwm
         told_v = self._bench.feedback.actuators[wheel.place].voltage_v
         supply_v = MAX_SUPPLY_V if told_v is None else max(told_v, pwm.min_bus_voltage_v)
-        most_v = config.plausibility.back_emf_v_s_rad * MOST_M_S / wheel.radius_m
+        # A robot with such a wheel has it: see `robot_file`.
+        back_emf_v_s_rad = config.plausibility.back_emf_v_s_rad or 0.0
+        most_v = back_emf_v_s_rad * MOST_M_S / wheel.radius_m
         return min(pwm.deadband + most_v / supply_v, 1.0)
 
     def objection(self, age_s: float) -> str:

@@ -86,23 +86,47 @@ class Guide:
 
     def run(self, step: Step) -> bool:
         """Do a step, once or until it finds nothing to change; return whether it is done."""
-        for _ in range(_RUNS_MAX if step.repeats else 1):
-            try:
-                changes = self._once(step)
-            except UnfinishedError as error:
-                self._person.tell(str(error))
-                self._keep(step, error.changes)
-                return False
-            self._keep(step, changes)
-            if not changes:
-                break
+        try:
+            self._repeat(step)
+        except UnfinishedError as error:
+            self._person.tell(str(error))
+            return False
         self._progress.finish(step.name)
         self._save()
         return True
 
+    def _repeat(self, step: Step) -> None:
+        """Run a step once, or until it finds nothing to change.
+
+        Raises
+        ------
+        UnfinishedError
+            If it cannot be done.
+        """
+        for _ in range(_RUNS_MAX):
+            try:
+                changes = self._once(step)
+            except UnfinishedError as error:
+                self._keep(step, error.changes)
+                raise
+            self._keep(step, changes)
+            if not (changes and step.repeats):
+                return
+        raise UnfinishedError(f"{step.title}: changed {_RUNS_MAX} times, and is still not right")
+
     def _keep(self, step: Step, changes: Changes) -> None:
-        """Write what a step found."""
-        self._progress.note(step.name, self._write(changes))
+        """Write what a step found.
+
+        Raises
+        ------
+        UnfinishedError
+            If the file would be wrong with it.
+        """
+        try:
+            undo = self._write(changes)
+        except ConfigError as error:
+            raise UnfinishedError(f"not written, as the file would be wrong:\n{error}") from error
+        self._progress.note(step.name, undo)
         self._save()
 
     def _once(self, step: Step) -> Changes:

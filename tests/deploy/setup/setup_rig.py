@@ -95,8 +95,11 @@ class SetupRig:
             assert old in text
             text = text.replace(old, new, 1)
         self.file = folder / "robot.toml"
-        true = [Change(("simulation", "twin", drive, key), value)
-                for drive, keys in (truth or {}).items() for key, value in keys.items()]  # fmt: skip
+        true = [
+            Change(("simulation", "twin", drive, key), value)
+            for drive, keys in (truth or {}).items()
+            for key, value in keys.items()
+        ]
         self.file.write_text(edit(text, true)[0])
         self.before = self.file.read_text()
         self.buses = WatchedBuses(self.file)

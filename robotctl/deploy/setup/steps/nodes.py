@@ -24,9 +24,7 @@ from robotctl.deploy.setup.steps.asking import again_or_give_up, confirm
 from robotctl.drivers.can.drives.motor_drive import MotorDrive
 from robotctl.drivers.can.drives.native.settings import COUNTS_DIFFER
 from robotctl.errors import ConfigError, InvalidValue
-from robotctl.messages.faults import FaultCode
 
-_ABSENT: Final = (FaultCode.NODE_NOT_HEARD, FaultCode.NODE_NO_ANSWER, FaultCode.NODE_SILENT)
 _COUNTS: Final = re.compile(
     re.escape(COUNTS_DIFFER).replace(r"\{found\}", r"(\d+)").replace(r"\{wanted\}", r"\d+")
 )
@@ -64,7 +62,7 @@ def _put_right(bench: Bench) -> Generator[Ask | Tell, Answer, Changes]:
             text = f"Write the {counts[1]} counts that {motor.name} has into the robot's file?"
             if (yield from confirm(Topic.COUNTS, text, motor.name)):
                 changes.append(Change(("drive", "counts_per_revolution"), int(counts[1])))
-        elif status.fault in _ABSENT and hasattr(motor, "node_id"):
+        elif not status.boots and hasattr(motor, "node_id"):
             node_id = yield from _ask_number(bench, number)
             if node_id is not None:
                 changes.append(Change(("motor", number, "node_id"), node_id))
@@ -131,7 +129,7 @@ def _candidates(
             continue
         try:
             parts = make_parts(config, bench.codec)
-        except ConfigError:  # another part's frames
+        except (ConfigError, InvalidValue):  # another part's frames
             continue
         yield node_id, parts.drives[number].drive
 
