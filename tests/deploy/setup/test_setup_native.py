@@ -3,6 +3,7 @@
 import pytest
 
 from robotctl.deploy.setup.dialogue import Topic
+from robotctl.deploy.setup.registry import STEPS
 from tests.deploy.setup.setup_rig import SetupRig
 
 SWAPPED = [{"actuator": "right", "axis": 1}, {"actuator": "left", "axis": 2}]
@@ -13,6 +14,7 @@ BOTH = [{"actuator": "right", "axis": 1, "reversed": True}, {"actuator": "left",
 def test_a_robot_wired_as_its_file_says_stays_as_it_is(tmp_path):
     rig = SetupRig(tmp_path, "diff_drive")
     assert rig.guide.walk()
+    assert rig.guide.done == {step.name for step in STEPS}
     assert rig.text == rig.before
     assert rig.buses.fastest_m_s > 0.05  # it has been turned
     assert rig.buses.fastest_m_s <= 0.2

@@ -88,8 +88,7 @@ def _encoder_problem(bench: Bench, wheel: Wheel, moved: Moved) -> tuple[str, str
     if told_rad < -0.1:
         return (
             f"the encoder of {wheel.name} counts backwards when its motor drives forwards",
-            "Exchange the two wires of the motor or channels A and B of its encoder, or let the "
-            + "drive's tool find the direction of its encoder",
+            "Exchange the motor's two wires, or channels A and B of the encoder, or calibrate it",
         )
     if abs(told_rad) < 0.1:
         return (
