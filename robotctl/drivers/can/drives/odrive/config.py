@@ -52,8 +52,8 @@ class ODriveMotor:
 
     abilities: ClassVar[Abilities] = Abilities(takes=Takes.SPEED, stops_alone=True, brakes=False)
     silence: ClassVar[str] = (
-        "coasts after safety.command_timeout_ms and latches, once its watchdog is on: with firmware "
-        "0.6 the host sets that, with 0.5 odrivetool must; it is off by default"
+        "coasts after safety.command_timeout_ms and latches, once its watchdog is on, which by "
+        "default it is not: with firmware 0.6 the host sets it, with 0.5 odrivetool must"
     )
 
     def __post_init__(self) -> None:

@@ -153,6 +153,13 @@ FIRST_REFUSAL: Final = 4
 """Results from this on say that a requested state could not be entered."""
 
 
+def refusal(result: int) -> str:
+    """Say that closed-loop control was refused, for a result of firmware 0.6."""
+    known = result < len(PROCEDURE_RESULTS)
+    name = PROCEDURE_RESULTS[result] if known else f"result {result}, which is not known"
+    return f"the ODrive refused closed-loop control: {name}"
+
+
 def new_fault(errors: int, part: str) -> Fault:
     """Return the fault of firmware 0.6 for its active errors and its reason of disarming."""
     return _fault((("", errors, ERRORS_06),), part)
@@ -177,13 +184,14 @@ def _fault(sections: tuple[tuple[str, int, tuple[Error, ...]], ...], part: str) 
     names = []
     first: Error | None = None
     for where, errors, table in sections:
+        rest = errors
         for error in table:
             if errors & error.bit:
                 names.append(f"{where}{error.name}")
-                errors ^= error.bit
+                rest ^= error.bit
                 first = first or error
-        if errors:
-            names.append(f"{where}error 0x{errors:X}, which is not known")
+        if rest:
+            names.append(f"{where}error 0x{rest:X}, which is not known")
     text = f"the ODrive reports {', '.join(names)}"
     if first is not None and first.hint:
         text += f": {first.hint}"

@@ -228,6 +228,10 @@ class Commissioning:
         """Begin a reading beside the script, which is over."""
         self._query, self._attempts, self._is_reading = query, 0, True
 
+    def cancel(self) -> None:
+        """Forget what is under way; a late answer will be ignored."""
+        self._query = None
+
     def poll(self, now_ns: int) -> tuple[int, bytes] | None:
         """Return the frame to send now, if any; `sent` says that the bus took it."""
         query = self._query
