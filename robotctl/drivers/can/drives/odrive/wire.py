@@ -112,3 +112,25 @@ def sdo_value(data: bytes, endpoint: int, size: int) -> bytes | None:
     if len(data) < 4 + size or _SDO_HEADER.unpack_from(data)[1] != endpoint:
         return None
     return data[4 : 4 + size]
+
+
+def strange_heartbeat(data: bytes, *, is_old: bool | None) -> str:
+    """Say why a heartbeat is none of a firmware; empty: it is one.
+
+    Parameters
+    ----------
+    data
+        The heartbeat.
+    is_old
+        Whether the firmware is 0.5; None: not known.
+    """
+    if len(data) != HEARTBEATS.size:
+        return f"it has {HEARTBEATS.size} bytes"
+    if data[4] > AXIS_STATE_MAX:
+        return f"axis state {data[4]} is not 0 to {AXIS_STATE_MAX}"
+    # 0.5 has flags in bytes 5 to 7, 0.6 one in byte 6.
+    if is_old and (data[5] | data[6] | data[7] & 0x7F) > 1:
+        return "bytes 5 to 7 are not the flags of firmware 0.5"
+    if is_old is False and data[6] > 1:
+        return "byte 6 is not the flag of firmware 0.6"
+    return ""

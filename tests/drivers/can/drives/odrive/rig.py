@@ -57,9 +57,7 @@ class Rig:
 
     def _add(self, place, node_id, turned, ratio, more, settings):
         name = ("left", "right")[place]
-        config = ODriveMotor(
-            "odrive", name, (AxisConfig(name, 1, turned, ratio),), node_id, **more
-        )
+        config = ODriveMotor("odrive", name, (AxisConfig(name, 1, turned, ratio),), node_id, **more)
         axis = Axis(config.axes[0], Takes.SPEED, TICKS_PER_TURN)
         self.drives.append(config.make((axis,), NEEDS))
         section = AxisSection(name, 1, turned, ratio)
@@ -68,7 +66,9 @@ class Rig:
             settings, (motor,), self.plant, self.run_plant, MemoryStore()
         )
         port = self.bus.attach(name, twin.on_frame, accept=twin.arbitration_ids)
-        twin.connect(port, lambda due_ns, each: self.bus.schedule(due_ns, partial(self._wake, each)))
+        twin.connect(
+            port, lambda due_ns, each: self.bus.schedule(due_ns, partial(self._wake, each))
+        )
         twin.power_cycle(0)
         self.twins.append(twin)
 
