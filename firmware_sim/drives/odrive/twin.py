@@ -1,33 +1,27 @@
-"""One axis of an ODrive: its states, watchdog, errors and messages.
+"""One axis of an ODrive: its states, and its messages.
 
-Sources: those of `wire.py`; for the watchdog of 0.5 odriverobotics/ODrive,
-Firmware/MotorControl/axis.cpp, for that of 0.6 odriverobotics/ODriveResources,
-examples/can_watchdog.py (Set_Axis_State and Set_Input_Vel feed it). Disarmed, the bridge is open,
-so that the motor coasts.
+Sources: those of `wire.py`, `watchdog.py` and `errors.py`. Disarmed, the bridge is open, so that
+the motor coasts.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from firmware_sim.bus.frame import REMOTE_FLAG
 from firmware_sim.drives.odrive import wire
-from firmware_sim.drives.odrive.wire import Errors05, Errors06
+from firmware_sim.drives.odrive.errors import Errors, Errors05, Errors06
+from firmware_sim.drives.odrive.settings import ODriveSettings
+from firmware_sim.drives.odrive.watchdog import Watchdog
 from firmware_sim.drives.twin import NEVER_NS, Motor, Twin
 from firmware_sim.nodes.parameter_store import ParameterStore
 from firmware_sim.nodes.power_stage import PowerStage
 from firmware_sim.plant.axis import BrakeResistor, Limits, Mode
 
-if TYPE_CHECKING:
-    from firmware_sim.drives.odrive.config import ODriveSettings
-
 _MS: Final = 1_000_000
 _TURN: Final = 2.0 * math.pi
-_FEEDS: Final = frozenset(
-    {wire.SET_AXIS_STATE, wire.SET_INPUT_POS, wire.SET_INPUT_VEL, wire.SET_INPUT_TORQUE}
-)
 _COUNTS_PER_TURN: Final = 8192
 """Resolution of the encoder: a CUI AMT102 with its default switches."""
 
@@ -68,8 +62,8 @@ class ODriveTwin(Twin):
         self._settings = settings
         self._motor = motor
         self._stage = stage
-        self._store = store
-        self._is_old = settings.firmware < (0, 6, 0)
+        self._is_old = settings.firmware < wire.FIRST_06
+        self.watchdog = Watchdog(settings, store)
         self._id = node_id << wire.NODE_SHIFT
         self._set_handlers()
         self._reset(NEVER_NS)
@@ -87,24 +81,8 @@ class ODriveTwin(Twin):
         self._mode, self._input_mode = wire.POSITION_CONTROL, wire.PASSTHROUGH
         self._input_vel = self._input_torque = 0.0
         self._vel_limit, self._current_a = settings.vel_limit, settings.current_limit_a
-        self.axis_error = self.motor_error = self.encoder_error = self.controller_error = 0
-        self.active_errors = self.disarm_reason = 0
-        self._causes: list[tuple[int, str]] = []
-        """Errors whose causes last, and their parts."""
-        self._timeout, self._is_watched = self._stored()
-        self._expires_ns = ready_ns + self._timeout_ns()
-
-    def _stored(self) -> tuple[bytes, bool]:
-        """Return the stored watchdog: the bytes of its time [s], and whether it is on."""
-        stored = self._store.load()
-        if (0, 0) in stored:
-            return wire.UINT32.pack(stored[0, 0]), bool(stored[0, 1])
-        watchdog_ms = self._settings.watchdog_ms
-        return wire.FLOAT.pack(watchdog_ms / 1000.0), watchdog_ms > 0.0
-
-    def _timeout_ns(self) -> int:
-        seconds = wire.FLOAT.unpack(self._timeout)[0]
-        return round(seconds * 1e9) if 0.0 <= seconds < 1e6 else 0
+        self.errors = Errors(is_old=self._is_old)
+        self.watchdog.start(ready_ns)
 
     # Power and time -----------------------------------------------------------------------------
 
@@ -116,7 +94,7 @@ class ODriveTwin(Twin):
         self._start(now_ns)
 
     def _start(self, now_ns: int) -> None:
-        """Begin anew, bridge open."""
+        """Start with an open bridge."""
         self._run_to(now_ns)
         self._motor.command(Mode.COAST)
         self._reset(now_ns + round(self._settings.boot_ms * _MS))
@@ -131,16 +109,10 @@ class ODriveTwin(Twin):
         return min(self._beat_ns, self._encoder_ns, self._armed_ns, self._watchdog_due_ns())
 
     def _watchdog_due_ns(self) -> int:
-        """Return when the watchdog expires, if it is on and has not [ns]."""
-        always = self._is_old or self._settings.watchdog_while_idle
-        if not self._is_watched or not (always or self.is_armed) or self._has_expired():
+        """Return when the watchdog expires, if it has not [ns]."""
+        if self.errors.has_expired:
             return NEVER_NS
-        return max(self._expires_ns, self._ready_ns)
-
-    def _has_expired(self) -> bool:
-        if self._is_old:
-            return bool(self.axis_error & Errors05.AXIS_WATCHDOG)
-        return bool(self.disarm_reason & Errors06.WATCHDOG)
+        return max(self.watchdog.due_ns(is_armed=self.is_armed), self._ready_ns)
 
     def _step(self, now_ns: int) -> None:
         if now_ns >= self._watchdog_due_ns():
@@ -163,11 +135,6 @@ class ODriveTwin(Twin):
         """Whether the bridge is on."""
         return self.state == wire.CLOSED_LOOP
 
-    @property
-    def _has_errors(self) -> bool:
-        parts = self.motor_error | self.encoder_error | self.controller_error
-        return bool(self.axis_error | parts | self.active_errors | self.disarm_reason)
-
     def _check(self) -> None:
         """Look at supply and speed of an armed axis."""
         if not self.is_armed:
@@ -176,32 +143,17 @@ class ODriveTwin(Twin):
         self._run_to(self._now_ns)
         voltage_v = self._stage.bus_voltage_v
         if voltage_v > settings.overvoltage_v:
-            self._trip_motor(Errors05.MOTOR_SYSTEM_LEVEL, Errors06.OVER_VOLTAGE)
+            self._trip(Errors05.MOTOR_SYSTEM_LEVEL, Errors06.OVER_VOLTAGE, "motor")
         elif voltage_v < settings.undervoltage_v:
-            self._trip_motor(Errors05.MOTOR_SYSTEM_LEVEL, Errors06.UNDER_VOLTAGE)
+            self._trip(Errors05.MOTOR_SYSTEM_LEVEL, Errors06.UNDER_VOLTAGE, "motor")
         limit = settings.vel_limit_tolerance * self._vel_limit * _TURN
         if limit and abs(self._motor.speed_rad_s) > limit:
-            if self._is_old:
-                self.controller_error |= Errors05.CONTROLLER_OVERSPEED
-                self._disarm()
-            else:
-                self._trip(0, Errors06.VELOCITY_LIMIT)
+            self._trip(Errors05.CONTROLLER_OVERSPEED, Errors06.VELOCITY_LIMIT, "controller")
 
-    def _trip(self, old: int, new: int) -> None:
-        """Disarm with an error of the axis: its bit in 0.5 and in 0.6."""
-        if self._is_old:
-            self.axis_error |= old
-        else:
-            self.disarm_reason |= new
+    def _trip(self, old: int, new: int, part: str = "axis") -> None:
+        """Disarm with an error: its bit in 0.5, where a part has it, and in 0.6."""
+        self.errors.add(old if self._is_old else new, part)
         self._disarm()
-
-    def _trip_motor(self, old: int, new: int) -> None:
-        """Disarm with an error that 0.5 counts to the motor."""
-        if self._is_old:
-            self.motor_error |= old
-            self._disarm()
-        else:
-            self._trip(0, new)
 
     def trip(self, code: int, part: str = "axis", *, lasts: bool = False) -> None:
         """Have an error from outside.
@@ -213,30 +165,10 @@ class ODriveTwin(Twin):
         part
             With firmware 0.5 "axis", "motor", "encoder" or "controller".
         lasts
-            Whether its cause stays until `heal`.
+            Whether its cause stays until `errors.heal`.
         """
-        if lasts:
-            self._causes.append((code, part))
-        if self._is_old:
-            name = f"{part}_error"
-            setattr(self, name, getattr(self, name) | code)
-        else:
-            self.disarm_reason |= code
-            self.active_errors |= code if lasts else 0
+        self.errors.add(code, part, lasts=lasts)
         self._disarm()
-
-    def heal(self) -> None:
-        """Lose all errors and their causes by itself: what no ODrive is documented to do."""
-        self._causes.clear()
-        self._clear()
-
-    def _clear(self) -> None:
-        """Forget the errors whose causes are gone."""
-        self.axis_error = self.motor_error = self.encoder_error = self.controller_error = 0
-        self.active_errors = self.disarm_reason = 0
-        causes, self._causes = self._causes, []
-        for code, part in causes:
-            self.trip(code, part, lasts=True)
 
     def _disarm(self) -> None:
         """Open the bridge."""
@@ -254,12 +186,12 @@ class ODriveTwin(Twin):
 
     def _arm(self) -> None:
         """Enter closed-loop control, if nothing is in its way."""
-        if self._has_errors:
+        if self.errors.any:
             self._result = wire.DISARMED
             return
         if not self._settings.calibrated:
             if self._is_old:
-                self.axis_error |= Errors05.AXIS_INVALID_STATE
+                self.errors.add(Errors05.AXIS_INVALID_STATE, "axis")
             self._result = wire.NOT_CALIBRATED
             self._note_change()
             return
@@ -298,7 +230,7 @@ class ODriveTwin(Twin):
         def handle(data: bytes, now_ns: int) -> None:
             if now_ns < self._ready_ns:
                 return
-            self._feed(command)
+            self.watchdog.feed(command, self._now_ns)
             if takes is not None:
                 takes(data.ljust(8, b"\0"))
             elif answers is not None and not data:
@@ -313,17 +245,12 @@ class ODriveTwin(Twin):
         def handle(_: bytes, now_ns: int) -> None:
             if now_ns < self._ready_ns:
                 return
-            self._feed(command)
+            self.watchdog.feed(command, self._now_ns)
             if answers is not None:
                 answers()
             self._check()
 
         return handle
-
-    def _feed(self, command: int) -> None:
-        """Feed the watchdog, if such a message does."""
-        if self._is_old or self._settings.watchdog_fed_by == "any" or command in _FEEDS:
-            self._expires_ns = self._now_ns + self._timeout_ns()
 
     def _takes(self) -> dict[int, Callable[[bytes], None]]:
         """Return what takes data of each command."""
@@ -367,7 +294,7 @@ class ODriveTwin(Twin):
         self._drive()
 
     def _on_clear(self, _: bytes) -> None:
-        self._clear()
+        self.errors.clear()
         self._note_change()
 
     def _on_reboot(self, data: bytes) -> None:
@@ -375,33 +302,19 @@ class ODriveTwin(Twin):
         if not self._is_old and self.is_armed:
             return  # only an idle axis does
         if action == wire.SAVE:
-            (timeout,) = wire.UINT32.unpack(self._timeout)
-            self._store.save({(0, 0): timeout, (0, 1): int(self._is_watched)})
+            self.watchdog.save()
         elif action == wire.ERASE:
-            self._store.clear()
+            self.watchdog.erase()
         self._start(self._now_ns)
 
     def _on_sdo(self, data: bytes) -> None:
-        """Read or write one of the two endpoints that the twin has."""
-        if len(data) < wire.SDO.size:
-            return
+        """Read or write an endpoint; from firmware 0.6.11 on a writing is answered, too."""
+        settings = self._settings
         opcode, endpoint, _ = wire.SDO.unpack_from(data)
-        value = data[wire.SDO.size :]
-        timeout, enable = self._settings.watchdog_endpoints
-        if endpoint == timeout:
-            if opcode == 1 and len(value) >= 4:
-                self._timeout = value[:4]
-            self._confirm(opcode, endpoint, self._timeout)
-        elif endpoint == enable:
-            if opcode == 1 and value:
-                self._is_watched = bool(value[0])
-            self._confirm(opcode, endpoint, bytes((self._is_watched,)))
-
-    def _confirm(self, opcode: int, endpoint: int, value: bytes) -> None:
-        """Answer a reading; from firmware 0.6.11 on a writing, too."""
-        if opcode == 1 and self._settings.firmware < (0, 6, 11):
+        value = self.watchdog.access(opcode, endpoint, data[wire.SDO.size :])
+        if value is None or (opcode == wire.WRITE and settings.firmware < (0, 6, 11)):
             return
-        if self._settings.pads_sdo:
+        if settings.pads_sdo:
             value = value.ljust(4, b"\0")
         self._send(wire.TX_SDO, wire.SDO.pack(0, endpoint, 0) + value)
 
@@ -420,22 +333,22 @@ class ODriveTwin(Twin):
         if self._is_old:
             answers |= {
                 wire.MOTOR_ERROR: lambda: self._send(
-                    wire.MOTOR_ERROR, wire.UINT64.pack(self.motor_error)
+                    wire.MOTOR_ERROR, wire.UINT64.pack(self.errors.motor)
                 ),
                 wire.ENCODER_ERROR: lambda: self._send(
-                    wire.ENCODER_ERROR, wire.TWO_UINT32.pack(self.encoder_error, 0)
+                    wire.ENCODER_ERROR, wire.TWO_UINT32.pack(self.errors.encoder, 0)
                 ),
                 wire.SENSORLESS_ERROR: lambda: self._send(wire.SENSORLESS_ERROR, bytes(8)),
                 wire.ENCODER_COUNT: self._send_count,
                 wire.CONTROLLER_ERROR: lambda: self._send(
-                    wire.CONTROLLER_ERROR, wire.TWO_UINT32.pack(self.controller_error, 0)
+                    wire.CONTROLLER_ERROR, wire.TWO_UINT32.pack(self.errors.controller, 0)
                 ),
             }
         else:
             answers |= {
                 wire.VERSION: self._send_version,
                 wire.ERROR: lambda: self._send(
-                    wire.ERROR, wire.TWO_UINT32.pack(self.active_errors, self.disarm_reason)
+                    wire.ERROR, wire.TWO_UINT32.pack(self.errors.active, self.errors.reason)
                 ),
                 wire.TEMPERATURE: self._send_temperature,
             }
@@ -444,14 +357,14 @@ class ODriveTwin(Twin):
     def _send_heartbeat(self) -> None:
         if self._is_old:
             data = wire.HEARTBEATS.pack(
-                self.axis_error,
+                self.errors.axis,
                 self.state,
-                self.motor_error != 0,
-                self.encoder_error != 0,
-                self.controller_error != 0,
+                self.errors.motor != 0,
+                self.errors.encoder != 0,
+                self.errors.controller != 0,
             )
         else:
-            errors = self.active_errors | self.disarm_reason
+            errors = self.errors.active | self.errors.reason
             data = wire.HEARTBEATS.pack(errors, self.state, self._result, 0, 0)
         self._send(wire.HEARTBEAT, data)
 

@@ -10,6 +10,8 @@ import struct
 from typing import Final
 
 NODE_SHIFT: Final = 5
+FIRST_06: Final = (0, 6, 0)
+"""First firmware of the new kind."""
 
 VERSION: Final = 0x00
 HEARTBEAT: Final = 0x01
@@ -39,6 +41,8 @@ PROTOCOL_VERSION: Final = 2
 UNDEFINED, IDLE, STARTUP, CLOSED_LOOP = 0, 1, 2, 8
 TORQUE_CONTROL, VELOCITY_CONTROL, POSITION_CONTROL = 1, 2, 3
 PASSTHROUGH, VEL_RAMP = 1, 2
+WRITE: Final = 1
+"""Opcode of RxSdo; 0 reads."""
 SAVE, ERASE = 1, 2
 """Actions of Reboot, besides 0."""
 
@@ -53,24 +57,3 @@ TWO_INT32 = struct.Struct("<ii")
 TWO_FLOATS = struct.Struct("<ff")
 HEARTBEATS = struct.Struct("<IBBBB")
 SDO = struct.Struct("<BHB")
-
-
-class Errors05:
-    """Bits of the errors of firmware 0.5 that the twin finds by itself."""
-
-    AXIS_INVALID_STATE: Final = 0x00001
-    AXIS_WATCHDOG: Final = 0x00800
-    AXIS_ESTOP: Final = 0x04000
-    MOTOR_SYSTEM_LEVEL: Final = 0x1000000
-    CONTROLLER_OVERSPEED: Final = 0x01
-
-
-class Errors06:
-    """Bits of the errors of firmware 0.6 that the twin finds by itself."""
-
-    INITIALIZING: Final = 0x00000001
-    OVER_VOLTAGE: Final = 0x00000100
-    UNDER_VOLTAGE: Final = 0x00000200
-    VELOCITY_LIMIT: Final = 0x00008000
-    WATCHDOG: Final = 0x01000000
-    ESTOP: Final = 0x02000000

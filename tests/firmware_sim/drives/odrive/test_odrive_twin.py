@@ -13,7 +13,8 @@ import pytest
 from odrive_can import get_dbc
 from pydantic import TypeAdapter, ValidationError
 
-from firmware_sim.drives.odrive.config import ODriveMotor, ODriveSettings
+from firmware_sim.drives.odrive.config import ODriveMotor
+from firmware_sim.drives.odrive.settings import ODriveSettings
 from firmware_sim.drives.twin import Motor
 from firmware_sim.nodes.parameter_store import MemoryStore
 from firmware_sim.plant.axis import BrakeResistor, Limits, Mode
@@ -368,7 +369,7 @@ def test_an_error_with_a_lasting_cause_comes_back_when_cleared():
     bench.tell("Clear_Errors")
     found = bench.ask("Get_Error")
     assert (str(found["Active_Errors"]), str(found["Disarm_Reason"])) == ("DRV_FAULT", "DRV_FAULT")
-    bench.twin.heal()
+    bench.twin.errors.heal()
     assert str(bench.ask("Get_Error")["Disarm_Reason"]) == "NONE"
 
 

@@ -66,7 +66,7 @@ ERRORS_06: Final = (
     Error(0x01000000, "WATCHDOG_TIMER_EXPIRED", _F.DRIVE_COMMAND_TIMEOUT, _WATCHDOG),
     Error(INITIALIZING, "INITIALIZING", _F.DRIVE_FAULT),
 )
-"""Of firmware 0.6; the first that is set gives the fault its code."""
+"""Errors of firmware 0.6; the first that is set gives the fault its code."""
 
 MOTOR_05: Final = (
     Error(0x00020000, "MOTOR_THERMISTOR_OVER_TEMP", _F.DRIVE_OVER_TEMPERATURE),
@@ -147,7 +147,7 @@ PROCEDURE_RESULTS: Final = (
     *("INVALID_MOTOR_TYPE", "ILLEGAL_HALL_STATE", "TIMEOUT", "HOMING_WITHOUT_ENDSTOP"),
     *("INVALID_STATE", "NOT_CALIBRATED", "NOT_CONVERGING", "REQUESTED_CURRENT_TOO_HIGH"),
 )
-"""Of firmware 0.6, by number."""
+"""Results of a requested state in firmware 0.6, by number."""
 
 FIRST_REFUSAL: Final = 4
 """Results from this on say that a requested state could not be entered."""

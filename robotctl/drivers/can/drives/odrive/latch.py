@@ -1,4 +1,4 @@
-"""What keeps an ODrive from power until `clear_faults`."""
+"""Latch of an ODrive's faults, which keeps it from power until `clear_faults`."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Latch:
         self.state = DriveState.STOPPED
         self._part = part
         self._errors = (0, 0, 0, 0)
-        """Those of axis, motor, encoder and controller; of 0.6 only the first."""
+        """Errors of axis, motor, encoder and controller; with 0.6 only the first."""
         self._clearing = False
         """Whether the next heartbeat decides."""
         self._cleared_ns = NEVER_NS

@@ -27,10 +27,10 @@ ANSWER_NS: Final = 50_000_000
 
 ATTEMPTS: Final = 4
 RETRY_NS: Final = 1_000_000_000
-"""From a failed commissioning to the next attempt [ns]."""
+"""Pause between a failed commissioning and the next attempt [ns]."""
 
 READ_BACK_NS: Final = 250_000_000
-"""From one reading of a setting in service to the next [ns]."""
+"""Period of readings of settings in service [ns]."""
 
 _FLOAT = struct.Struct("<f")
 

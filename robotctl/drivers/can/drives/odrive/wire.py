@@ -51,7 +51,7 @@ _VELOCITY_CONTROL, _PASSTHROUGH = 2, 1
 FLOATS: Final = struct.Struct("<ff")
 ERRORS: Final = struct.Struct("<II")
 LONG_ERRORS: Final = struct.Struct("<Q")
-"""Those of the motor in 0.5 have 64 bits; those of encoder and controller 32, the rest is 0."""
+"""Errors of the motor in 0.5: 64 bits; encoder and controller have 32, the rest is 0."""
 HEARTBEATS: Final = struct.Struct("<IBBBB")
 """Error and state of the axis; then in 0.5 flags of motor, encoder and controller, in 0.6 result of
 the last procedure, whether a trajectory is done, and nothing."""

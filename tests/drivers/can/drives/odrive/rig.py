@@ -7,7 +7,7 @@ from functools import partial
 from firmware_sim.bus.core import Bus
 from firmware_sim.drives.config import AxisSection
 from firmware_sim.drives.odrive.config import ODriveMotor as TwinMotor
-from firmware_sim.drives.odrive.config import ODriveSettings
+from firmware_sim.drives.odrive.settings import ODriveSettings
 from firmware_sim.drives.twin import Motor
 from firmware_sim.nodes.parameter_store import MemoryStore
 from robotctl.drivers.can.drives.axis import Axis, AxisConfig

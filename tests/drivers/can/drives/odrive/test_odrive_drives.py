@@ -188,7 +188,7 @@ def test_a_fault_that_goes_by_itself_still_stops_until_cleared(firmware):
     rig = Rig(**firmware).start().enable(3.0)
     rig.twins[0].trip(0x1000, "motor")
     rig.run(100)
-    rig.twins[0].heal()
+    rig.twins[0].errors.heal()
     rig.run(500)
     assert rig.faults[0].code is FaultCode.DRIVE_OVER_CURRENT
     assert powered(rig)[0] is False
@@ -208,7 +208,7 @@ def test_a_fault_whose_cause_lasts_is_not_cleared(firmware):
         rig.drives[0].clear_faults()
         rig.run(300)
         assert rig.states[0] is DriveState.FAULT
-    rig.twins[0].heal()
+    rig.twins[0].errors.heal()
     rig.drives[0].clear_faults()
     rig.run(300)
     assert rig.faults[0] is None

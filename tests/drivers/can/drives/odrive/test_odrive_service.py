@@ -110,11 +110,11 @@ def test_a_node_that_answers_neither_query_is_said_not_to():
     assert "Get_Version" in rig.drives[0].status.problem
 
 
-@pytest.mark.parametrize(("setting", "words"), [("_timeout", "0.5 s"), ("_is_watched", "off")])
+@pytest.mark.parametrize(("setting", "words"), [("timeout", "0.5 s"), ("is_on", "off")])
 def test_a_setting_changed_while_driving_stops_and_is_named(setting, words):
     rig = Rig().start().enable(3.0)
-    twin = rig.twins[0]
-    setattr(twin, setting, struct.pack("<f", 0.5) if setting == "_timeout" else False)
+    value = struct.pack("<f", 0.5) if setting == "timeout" else False
+    setattr(rig.twins[0].watchdog, setting, value)
     rig.run_until(lambda: rig.drives[0].status.problem)
     status = rig.drives[0].status
     assert status.fault is FaultCode.NODE_CHANGED
