@@ -11,9 +11,10 @@ from pydantic import TypeAdapter, ValidationError
 
 from firmware_sim.config.motors import OWN_KIND, MotorTable
 from firmware_sim.drives.config import MotorSection
+from firmware_sim.drives.odrive.config import ODriveMotor
 from firmware_sim.errors import SimulationError
 
-TWINS: Final[Mapping[str, type[MotorSection]]] = {}
+TWINS: Final[Mapping[str, type[MotorSection]]] = {"odrive": ODriveMotor}
 """By `kind`."""
 
 

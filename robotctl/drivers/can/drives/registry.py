@@ -6,5 +6,6 @@ from typing import Final
 
 from robotctl.drivers.can.drives.motor_drive import MotorConfig
 from robotctl.drivers.can.drives.native.config import NativeMotor
+from robotctl.drivers.can.drives.odrive.config import ODriveMotor
 
-DRIVES: Final[tuple[type[MotorConfig], ...]] = (NativeMotor,)
+DRIVES: Final[tuple[type[MotorConfig], ...]] = (NativeMotor, ODriveMotor)

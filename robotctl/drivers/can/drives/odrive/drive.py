@@ -48,6 +48,8 @@ class ODrive:
         Those of its watchdog, or none.
     """
 
+    wants_sync = False
+
     def __init__(
         self,
         name: str,
@@ -79,6 +81,9 @@ class ODrive:
         """Whether it is in service and nothing is latched."""
         self.proof: str | None = None
         self.handlers: Mapping[int, Handler] = self._make_handlers()
+        self.host_frames: Mapping[int, str] = {
+            wire.can_id(node_id, command): words for command, words in wire.HOST_FRAMES.items()
+        }
         self.reports: tuple[ActuatorFeedback, ...] = (ActuatorFeedback(),)
         self.status: NodeStatus
         self._refresh()

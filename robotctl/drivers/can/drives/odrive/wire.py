@@ -41,6 +41,15 @@ RX_SDO: Final = 0x04
 TX_SDO: Final = 0x05
 TEMPERATURE: Final = 0x15
 
+HOST_FRAMES: Final = {
+    ESTOP: "Estop",
+    SET_AXIS_STATE: "Set_Axis_State",
+    SET_CONTROLLER_MODE: "Set_Controller_Mode",
+    SET_INPUT_VEL: "Set_Input_Vel",
+    CLEAR_ERRORS: "Clear_Errors",
+}
+"""Names of the messages that only the host sends."""
+
 AXIS_IDLE, AXIS_CLOSED_LOOP, AXIS_STATE_MAX = 1, 8, 14
 
 VELOCITY_MAX: Final = 1e6
