@@ -59,6 +59,7 @@ class ODrive:
         endpoints: tuple[int, ...] = (),
     ) -> None:
         self._node_id = node_id
+        self._notes = needs.notes
         self._axis = axis
         self._velocity_id = wire.can_id(node_id, wire.SET_INPUT_VEL)
         self._state_id = wire.can_id(node_id, wire.SET_AXIS_STATE)
@@ -261,8 +262,9 @@ class ODrive:
         enable = command.enable
         if enable and command.values:
             turns_per_s = self._axis.to_motor(command.values[0]) / _TURN
-            # False for nan, too.
-            enable = -_VELOCITY_MAX <= turns_per_s <= _VELOCITY_MAX
+            if not -_VELOCITY_MAX <= turns_per_s <= _VELOCITY_MAX:  # nan, too
+                enable = False
+                self._notes.refused += 1
         step = self._machine.next(now_ns, enable=enable, ready=self._ready)
         if step == DRIVE:
             send(self._velocity_id, wire.FLOATS.pack(turns_per_s, 0.0))
