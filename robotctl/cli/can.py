@@ -36,15 +36,16 @@ def show_budget(robot: RobotName = "diff_drive", overrides: Overrides = None) ->
     config = load_robot(find_file(robot), overrides or ())
     dbc = load_dbc(config_directory() / "robot.dbc")
     console = plain_console()
+    nodes = [*(motor.name for motor in config.motors), *(each.name for each in CAN_NODES)]
     loads = []
     for bus in config.buses:
-        elsewhere = {each.name.upper() for each in CAN_NODES if config.bus_of(each.name) is not bus}
+        elsewhere = {each.upper() for each in nodes if config.bus_of(each) is not bus}
         load = budget(
             dbc,
             config.runtime.rate_hz,
             bus,
             sonars=len(config.sonar),
-            steered=config.drive.steered,
+            steered=bool(config.drive.joint_names),
             imu=config.imu.enabled,
             elsewhere=elsewhere,
         )

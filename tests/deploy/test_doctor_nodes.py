@@ -5,15 +5,13 @@ import pytest
 from robotctl.app.processes.robot import make_codec
 from robotctl.deploy.check_result import Verdict
 from robotctl.deploy.doctor_nodes import check_node
-from robotctl.drivers.can.config import NodeParameters
+from robotctl.drivers.can.drives.native.settings import PRODUCT, drive_script
 from robotctl.drivers.can.nodes.commissioning import REVISION_MAJOR, VENDOR_ID
-from robotctl.drivers.can.nodes.drive import PRODUCT, drive_script
 from robotctl.drivers.can.nodes.sdo import ABORT_NO_OBJECT, SdoResponse
 from robotctl.messages.control import NodeStatus
 from robotctl.messages.faults import Fault, FaultCode
 
 DBC = make_codec().dbc
-PARAMETERS = NodeParameters(200, 90, 350, 2400, False, 8)
 GOOD = tuple(
     SdoResponse(value)
     for value in (VENDOR_ID, PRODUCT, REVISION_MAJOR << 16, DBC.wire_version, 2400)
@@ -27,7 +25,7 @@ NO_ANSWER, NO_OBJECT, REFUSED = (
 
 def fault(good: int, last: SdoResponse) -> Fault:
     """What the commissioning of the drive says after so many good answers and another one."""
-    script = drive_script(DBC, PARAMETERS)()
+    script = drive_script(DBC, 200, 90, 2400, steered=False)()
     next(script)
     for answer in GOOD[:good]:
         script.send(answer)

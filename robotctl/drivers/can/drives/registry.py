@@ -1,0 +1,10 @@
+"""`DRIVES`: every kind of motor drive, by the class of its table `[[motor]]`."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from robotctl.drivers.can.drives.motor_drive import MotorConfig
+from robotctl.drivers.can.drives.native.config import NativeMotor
+
+DRIVES: Final[tuple[type[MotorConfig], ...]] = (NativeMotor,)
