@@ -58,6 +58,7 @@ class ODrive:
     ) -> None:
         self._node_id = node_id
         self._axis = axis
+        self._notes = needs.notes
         self._velocity_id = wire.can_id(node_id, wire.SET_INPUT_VEL)
         self._state_id = wire.can_id(node_id, wire.SET_AXIS_STATE)
         self._mode_id = wire.can_id(node_id, wire.SET_CONTROLLER_MODE)
@@ -78,6 +79,13 @@ class ODrive:
         self._ready = False
         """Whether it is in service and nothing is latched."""
         self.proof: str | None = None
+        self.wants_sync = False
+        self.host_frames: Mapping[int, str] = {
+            self._velocity_id: "Set_Input_Vel",
+            self._state_id: "Set_Axis_State",
+            self._mode_id: "Set_Controller_Mode",
+            wire.can_id(node_id, wire.CLEAR_ERRORS): "Clear_Errors",
+        }
         self.handlers: Mapping[int, Handler] = self._make_handlers()
         self.reports: tuple[ActuatorFeedback, ...] = (ActuatorFeedback(),)
         self.status: NodeStatus
@@ -257,7 +265,9 @@ class ODrive:
         if enable and command.values:
             turns_per_s = self._axis.to_motor(command.values[0]) / _TURN
             # False for nan, too.
-            enable = -_VELOCITY_MAX <= turns_per_s <= _VELOCITY_MAX
+            if not -_VELOCITY_MAX <= turns_per_s <= _VELOCITY_MAX:
+                enable = False
+                self._notes.refused += 1
         step = self._machine.next(now_ns, enable=enable, ready=self._ready)
         if step == DRIVE:
             send(self._velocity_id, wire.FLOATS.pack(turns_per_s, 0.0))
