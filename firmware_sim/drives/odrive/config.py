@@ -22,7 +22,7 @@ from firmware_sim.nodes.power_stage import PowerStage
 class ODriveMotor:
     """One axis of an ODrive; `watchdog_endpoints` is the host's, see its documentation."""
 
-    Settings: ClassVar = ODriveSettings
+    Settings: ClassVar[type] = ODriveSettings
 
     kind: Literal["odrive"]
     name: str
