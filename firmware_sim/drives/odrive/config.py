@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field
 
 from firmware_sim.config.quantities import closed
 from firmware_sim.drives.config import AxisSection
-from firmware_sim.drives.odrive.settings import Endpoint, NodeId, ODriveSettings
+from firmware_sim.drives.odrive.settings import Endpoint, ODriveSettings
 from firmware_sim.drives.odrive.twin import ODriveTwin
 from firmware_sim.drives.twin import Motor, Twin
 from firmware_sim.nodes.parameter_store import ParameterStore
@@ -20,12 +22,12 @@ from firmware_sim.nodes.power_stage import PowerStage
 class ODriveMotor:
     """One axis of an ODrive; `watchdog_endpoints` is the host's, see its documentation."""
 
-    Settings: ClassVar = ODriveSettings
+    Settings: ClassVar[type] = ODriveSettings
 
     kind: Literal["odrive"]
     name: str
     axes: tuple[AxisSection]
-    node_id: NodeId
+    node_id: Annotated[int, Field(strict=True, ge=0, le=62)]
     bus: str = ""
     watchdog_endpoints: tuple[Endpoint, ...] = ()
 
@@ -39,5 +41,4 @@ class ODriveMotor:
     ) -> Twin:
         """Return the twin."""
         (motor,) = motors
-        node_id = self.node_id if settings.node_id is None else settings.node_id
-        return ODriveTwin(self.name, node_id, settings, motor, stage, run_to, store)
+        return ODriveTwin(self.name, self.node_id, settings, motor, stage, run_to, store)

@@ -9,7 +9,6 @@ from pydantic import Field
 
 from firmware_sim.config.quantities import NotNegative, Positive, Real, closed
 
-NodeId = Annotated[int, Field(strict=True, ge=0, le=62)]
 Endpoint = Annotated[int, Field(strict=True, ge=1, le=65535)]
 _Byte = Annotated[int, Field(strict=True, ge=0, le=255)]
 _Period = Annotated[int, Field(strict=True, ge=0, le=10_000)]
@@ -26,14 +25,12 @@ class ODriveSettings:
         Versions; with firmware 0.5 the hardware is not told.
     unreleased
         Whether it says that its firmware is a development version.
-    node_id
-        True number on the bus; None: that of `[[motor]]`.
     heartbeat_ms, encoder_ms
         Periods of the messages that come by themselves [ms]; 0: they do not.
     watchdog_ms
         Watchdog that is stored in it [ms]; 0: off.
-    watchdog_endpoints
-        Endpoints of its time [s] and of whether it is on, with firmware 0.6.
+    sdo_endpoints
+        Endpoints of the watchdog's time [s] and of whether it is on, with firmware 0.6.
     watchdog_fed_by
         Messages that feed it with firmware 0.6: those with a set-point or a requested state, or
         any. With 0.5 any does.
@@ -70,11 +67,10 @@ class ODriveSettings:
     firmware: tuple[_Byte, _Byte, _Byte] = (0, 6, 10)
     hardware: tuple[_Byte, _Byte, _Byte] = (5, 2, 0)
     unreleased: bool = False
-    node_id: NodeId | None = None
     heartbeat_ms: _Period = 100
     encoder_ms: _Period = 10
     watchdog_ms: NotNegative = 0.0
-    watchdog_endpoints: tuple[Endpoint, Endpoint] = (213, 214)
+    sdo_endpoints: tuple[Endpoint, Endpoint] = (213, 214)
     watchdog_fed_by: Literal["set-points", "any"] = "set-points"
     watchdog_while_idle: bool = True
     heartbeat_on_change: bool = False

@@ -64,7 +64,7 @@ class Watchdog:
 
     def access(self, opcode: int, endpoint: int, value: bytes) -> bytes | None:
         """Write one of its two endpoints, or not; return its value, None if it is another."""
-        timeout, enable = self._settings.watchdog_endpoints
+        timeout, enable = self._settings.sdo_endpoints
         if endpoint == timeout:
             if opcode == wire.WRITE:
                 self.timeout = value

@@ -52,7 +52,16 @@ class FakeAxis:
         return self.value if self.mode is Mode.SPEED else 0.0
 
     def encoder(self, counts):
-        return type("Encoder", (), {"count": math.floor(self.angle_rad / math.tau * counts)})
+        return FakeEncoder(self, counts)
+
+
+class FakeEncoder:
+    def __init__(self, axis, counts):
+        self.axis, self.counts = axis, counts
+
+    @property
+    def count(self):
+        return math.floor(self.axis.angle_rad / math.tau * self.counts)
 
 
 class Stage:

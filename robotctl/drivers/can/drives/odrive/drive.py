@@ -48,8 +48,6 @@ class ODrive:
         Those of its watchdog, or none.
     """
 
-    wants_sync = False
-
     def __init__(
         self,
         name: str,
@@ -59,8 +57,8 @@ class ODrive:
         endpoints: tuple[int, ...] = (),
     ) -> None:
         self._node_id = node_id
-        self._notes = needs.notes
         self._axis = axis
+        self._notes = needs.notes
         self._velocity_id = wire.can_id(node_id, wire.SET_INPUT_VEL)
         self._state_id = wire.can_id(node_id, wire.SET_AXIS_STATE)
         self._mode_id = wire.can_id(node_id, wire.SET_CONTROLLER_MODE)
@@ -81,10 +79,14 @@ class ODrive:
         self._ready = False
         """Whether it is in service and nothing is latched."""
         self.proof: str | None = None
-        self.handlers: Mapping[int, Handler] = self._make_handlers()
+        self.wants_sync = False
         self.host_frames: Mapping[int, str] = {
-            wire.can_id(node_id, command): words for command, words in wire.HOST_FRAMES.items()
+            self._velocity_id: "Set_Input_Vel",
+            self._state_id: "Set_Axis_State",
+            self._mode_id: "Set_Controller_Mode",
+            wire.can_id(node_id, wire.CLEAR_ERRORS): "Clear_Errors",
         }
+        self.handlers: Mapping[int, Handler] = self._make_handlers()
         self.reports: tuple[ActuatorFeedback, ...] = (ActuatorFeedback(),)
         self.status: NodeStatus
         self._refresh()
@@ -262,7 +264,8 @@ class ODrive:
         enable = command.enable
         if enable and command.values:
             turns_per_s = self._axis.to_motor(command.values[0]) / _TURN
-            if not -_VELOCITY_MAX <= turns_per_s <= _VELOCITY_MAX:  # nan, too
+            # False for nan, too.
+            if not -_VELOCITY_MAX <= turns_per_s <= _VELOCITY_MAX:
                 enable = False
                 self._notes.refused += 1
         step = self._machine.next(now_ns, enable=enable, ready=self._ready)

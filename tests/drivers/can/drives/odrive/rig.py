@@ -10,6 +10,8 @@ from firmware_sim.drives.odrive.config import ODriveMotor as TwinMotor
 from firmware_sim.drives.odrive.settings import ODriveSettings
 from firmware_sim.drives.twin import Motor
 from firmware_sim.nodes.parameter_store import MemoryStore
+from robotctl.app.processes.robot import make_codec
+from robotctl.drivers.can.bus_notes import BusNotes
 from robotctl.drivers.can.drives.axis import Axis, AxisConfig
 from robotctl.drivers.can.drives.motor_drive import DriveNeeds
 from robotctl.drivers.can.drives.odrive.config import ODriveMotor
@@ -20,7 +22,7 @@ from tests.firmware_sim.plant.plants import plant, robot
 MS = 1_000_000
 TICK_NS = 5 * MS
 TICKS_PER_TURN = 2400
-NEEDS = DriveNeeds(rate_hz=200, command_timeout_ms=90, heartbeat_timeout_ms=350, max_rad_s=16.0)
+NEEDS = DriveNeeds(200, 90, 350, max_rad_s=16.0, codec=make_codec(), notes=BusNotes())
 IDS = (33, 34)
 OLD = {"firmware": (0, 5, 6), "watchdog_ms": 90.0}
 """A drive with firmware 0.5 whose owner has set its watchdog."""

@@ -95,8 +95,10 @@ def test_a_speed_beyond_what_the_drive_allows_saturates_and_is_reported_as_it_is
 def test_a_speed_that_no_frame_carries_gives_no_power(value):
     rig = Rig().start().enable(3.0)
     rig.commands[0] = ActuatorCommand(enable=True, values=(value,))
+    refused = NEEDS.notes.refused
     rig.run(20)
     assert powered(rig) == [False, True]
+    assert NEEDS.notes.refused == refused + 4
 
 
 @pytest.mark.parametrize("settings", ANY)
@@ -248,7 +250,7 @@ def test_a_high_supply_is_told_with_what_to_do_about_it(firmware):
 
 
 def test_a_node_that_is_not_there_gets_no_frames():
-    rig = Rig(node_id=40)
+    rig = Rig(boot_ms=5000.0)
     rig.run(1000)
     assert rig.sent == []
     assert rig.drives[0].status.fault is FaultCode.NODE_NOT_HEARD

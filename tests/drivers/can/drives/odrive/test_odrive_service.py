@@ -62,7 +62,7 @@ def test_endpoints_can_be_named_in_the_table():
         {"watchdog_endpoints": (300, 301)},
         firmware=(0, 6, 11),
         hardware=(4, 4, 58),
-        watchdog_endpoints=(300, 301),
+        sdo_endpoints=(300, 301),
     ).start()
     assert rig.drives[0].proof.startswith("firmware 0.6.11 on 4.4.58: axis0.config.watchdog_time")
     assert rig.drives[0].proof.endswith("read back")
@@ -108,6 +108,44 @@ def test_a_node_that_answers_neither_query_is_said_not_to():
     rig.drives[0].check(rig.now_ns)
     assert rig.drives[0].status.fault is FaultCode.NODE_NO_ANSWER
     assert "Get_Version" in rig.drives[0].status.problem
+
+
+def test_a_setting_that_is_not_taken_keeps_the_drive_out_of_service():
+    rig = Rig()
+    rig.twins[0].watchdog.access = lambda opcode, endpoint, value: struct.pack("<f", 0.2)
+    rig.run(1200)
+    status = rig.drives[0].status
+    assert status.fault is FaultCode.NODE_OTHER_VALUE
+    assert "watchdog_timeout reads back 0.2 s, wanted 0.09 s" in status.problem
+
+
+def test_a_drive_that_says_that_it_starts_up_has_restarted():
+    rig = Rig().start()
+    rig.deliver(33, 0x01, bytes((1, 0, 0, 0, 0, 0, 0, 0)))
+    rig.drives[0].check(rig.now_ns)
+    assert rig.drives[0].status.boots == 2
+    assert rig.faults[0].code is FaultCode.NODE_RESTARTED
+    rig.run(500)
+    assert rig.drives[0].status.problem == ""
+    assert rig.states[0] is DriveState.STOPPED
+
+
+def test_a_request_to_clear_does_not_outlive_the_loss_of_the_drive():
+    rig = Rig().start().enable(3.0)
+    twin, port = rig.twins[0], rig.twins[0]._port
+    twin.trip(0x20)
+    rig.run(50)
+    rig.drives[0].clear_faults()
+    rig.tick()
+    twin._port = None
+    rig.run(500)
+    assert rig.drives[0].status.fault is FaultCode.NODE_SILENT
+    rig.drives[0].clear_faults()
+    rig.run(50)
+    twin._port = port
+    rig.run(1500)
+    assert rig.drives[0].status.problem == ""
+    assert rig.faults[0] is not None
 
 
 @pytest.mark.parametrize(("setting", "words"), [("timeout", "0.5 s"), ("is_on", "off")])
