@@ -39,7 +39,7 @@ class VescSettings:
 
     Attributes
     ----------
-    id, pole_pairs
+    node_id, pole_pairs
         True ones; None: as the robot's file says.
     firmware
         Major and minor version.
@@ -69,7 +69,7 @@ class VescSettings:
         Whether that is enabled.
     """
 
-    id: Number | None = None
+    node_id: Number | None = None
     pole_pairs: PolePairs | None = None
     firmware: tuple[int, int] = (6, 5)
     timeout_ms: Milliseconds = 1000
@@ -98,7 +98,7 @@ class VescMotor:
     name: str
     axes: tuple[AxisSection, ...]
     bus: str = ""
-    id: Number = 0
+    node_id: Number = 0
     pole_pairs: PolePairs = 7
     brake_current_a: NotNegative = 0.0
     accept_coasting: bool = False
@@ -122,12 +122,11 @@ class VescMotor:
         joints = [axis for axis in self.axes if axis.axis == SERVO_AXIS]
         servo = None
         if joints:
-            servo = ServoOutput(
-                self.servo.centre, self.servo.range_deg, joints[0].signed_ratio
-            )
+            servo = ServoOutput(self.servo.centre, self.servo.range_deg, joints[0].signed_ratio)
         rate_hz = settings.status_rate_hz
         firmware = Firmware(
-            number=self.id if settings.id is None else settings.id,
+            number=self.node_id if settings.node_id is None else settings.node_id,
+            ratio=next(axis.ratio for axis in self.axes if axis.axis != SERVO_AXIS),
             pole_pairs=settings.pole_pairs or self.pole_pairs,
             version=settings.firmware,
             timeout_ms=settings.timeout_ms,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import struct
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, NamedTuple
@@ -24,6 +25,8 @@ ALL: Final = 255
 """Number that addresses every VESC."""
 
 SUPERVISION_NS: Final = 10 * MS
+FRAME_NS: Final = 300_000
+"""Time for a frame of an answer: the firmware waits for each to get through."""
 LEAST_CURRENT_A: Final = 0.05
 """Less motor current is taken as none (`cc_min_current`)."""
 VOLTAGE_V: Final = (8.0, 57.0)
@@ -52,6 +55,7 @@ class Firmware:
     """The true drive: see `VescSettings`."""
 
     number: int
+    ratio: float
     pole_pairs: int
     version: tuple[int, int]
     timeout_ms: int
@@ -149,11 +153,10 @@ class VescTwin(Twin):
     def _set_limits(self) -> None:
         """Give the axis the limits of the drive's loops, at the wheel."""
         firmware, axis = self._firmware, self._motor.axis
-        per_wheel = abs(self._motor.ratio)
         axis.limits = Limits(
             current_a=firmware.current_a,
             voltage_share=0.95,
-            acceleration_rad_s2=firmware.ramp_erpm_s * self._rad_s_per_erpm / per_wheel,
+            acceleration_rad_s2=firmware.ramp_erpm_s * self._rad_s_per_erpm / firmware.ratio,
         )
 
     def _forget(self, now_ns: int) -> None:
@@ -169,6 +172,8 @@ class VescTwin(Twin):
         self.fault = 0
         self._fault_until_ns = NEVER_NS
         self._buffers = Buffers()
+        self._answers: deque[tuple[int, bytes]] = deque()
+        self._answer_ns = NEVER_NS
         self._updated_ns = now_ns - NEVER_NS
         self._timed_out = True
         self._awake_ns = now_ns + self._firmware.boot_ms * MS
@@ -203,7 +208,7 @@ class VescTwin(Twin):
     def _due_ns(self) -> int:
         if not self._booted:
             return self._awake_ns
-        return min(self._status_ns, self._supervision_ns, self._fault_until_ns)
+        return min(self._status_ns, self._supervision_ns, self._fault_until_ns, self._answer_ns)
 
     def _step(self, now_ns: int) -> None:
         self._run_to(now_ns)
@@ -211,6 +216,9 @@ class VescTwin(Twin):
             self._booted = True
             if self._firmware.notifies_boot:
                 self._tell(57, bytes((self._firmware.number,)))
+        if now_ns >= self._answer_ns:
+            self.send(*self._answers.popleft())
+            self._answer_ns = now_ns + FRAME_NS if self._answers else NEVER_NS
         if now_ns >= self._fault_until_ns:
             self.fault = 0
             self._fault_until_ns = NEVER_NS
@@ -225,9 +233,7 @@ class VescTwin(Twin):
 
     def _supervise(self, now_ns: int) -> None:
         """Look at time-out, supply, current and temperature."""
-        self._timed_out = (
-            self.timeout_ms != 0 and now_ns - self._updated_ns > self.timeout_ms * MS
-        )
+        self._timed_out = self.timeout_ms != 0 and now_ns - self._updated_ns > self.timeout_ms * MS
         low_v, high_v = VOLTAGE_V
         supply_v = self._stage.bus_voltage_v
         motor = self._motor
@@ -364,7 +370,8 @@ class VescTwin(Twin):
             answer = packet[:5] + self._values(int.from_bytes(content[:4], "big"))
         if answer is not None and sender is not None:
             for number, data in frames(answer, self._firmware.number):
-                self.send(EXTENDED_FLAG | number << 8 | sender, data)
+                self._answers.append((EXTENDED_FLAG | number << 8 | sender, data))
+            self._answer_ns = min(self._answer_ns, now_ns)
 
     def _on_servo(self, position: float) -> None:
         """Move the servo: no part of the time-out."""

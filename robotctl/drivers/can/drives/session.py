@@ -162,6 +162,11 @@ class Session:
         """How often the drive came, the first time included."""
         return self._boots
 
+    @property
+    def silent(self) -> bool:
+        """Whether nothing is heard of the drive."""
+        return self._phase is _Phase.SILENT
+
     def hear(self, stamp_ns: int) -> None:
         """Note that the drive was heard at a time [ns]."""
         self._heard_ns = stamp_ns

@@ -55,7 +55,7 @@ class VescServo:
 
 
 @dataclass(frozen=True, slots=True)
-class VescConfig:
+class VescMotor:
     """One VESC, or drive with its firmware.
 
     Parameters
@@ -68,7 +68,7 @@ class VescConfig:
         What it turns: axis 1 is the motor, axis 2 the servo output.
     bus
         Name of its bus; empty: the first.
-    id
+    node_id
         Number of the VESC, 0 to 254, as set in VESC Tool.
     pole_pairs
         Pole pairs of the motor: electrical turns for one of its shaft.
@@ -93,7 +93,7 @@ class VescConfig:
     name: str
     axes: tuple[AxisConfig, ...]
     bus: str = ""
-    id: int = 0
+    node_id: int = 0
     pole_pairs: int = 7
     brake_current_a: float = 0.0
     accept_coasting: bool = False
@@ -111,7 +111,7 @@ class VescConfig:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        for key, most in (("id", ID_MAX), ("accept_timeout_ms", 60_000)):
+        for key, most in (("node_id", ID_MAX), ("accept_timeout_ms", 60_000)):
             self._check(key, 0, most)
         self._check("pole_pairs", 1, 100)
         self._check("status_rate_hz", 10, 1000)
@@ -138,12 +138,12 @@ class VescConfig:
     @property
     def reply_to(self) -> int:
         """Number to which the drive sends its answers; no VESC may have it."""
-        return (self.id + 128) % (ID_MAX + 1)
+        return (self.node_id + 128) % (ID_MAX + 1)
 
     @property
     def node_ids(self) -> tuple[int, ...]:
         """Its own number, and that for its answers."""
-        return (self.id, self.reply_to)
+        return (self.node_id, self.reply_to)
 
     def ages(self, safety: SafetyConfig, period_ns: int) -> tuple[AgeLimit, ...]:
         """Return how old motion, report and supply may be."""
@@ -182,7 +182,7 @@ class VescConfig:
         servo = self.servo
         return VescDrive(
             self.name,
-            self.id,
+            self.node_id,
             self.reply_to,
             axes,
             needs,

@@ -72,6 +72,8 @@ class VescDrive:
         Whether the temperature of the motor is told, else that of the bridge.
     """
 
+    wants_sync = False
+
     def __init__(
         self,
         name: str,
@@ -88,7 +90,7 @@ class VescDrive:
         motor_temperature: bool,
     ) -> None:
         self._name = name
-        self._axes = axes
+        self._notes = needs.notes
         self._motor = next(i for i, axis in enumerate(axes) if axis.takes is Takes.SPEED)
         self._joint = next((i for i, axis in enumerate(axes) if axis.takes is Takes.ANGLE), -1)
         self._axis = axes[self._motor]
@@ -133,9 +135,21 @@ class VescDrive:
         self._forget()
         assembly = wire.Reassembly(number, self._on_packet)
         self.handlers = self._handle(number, reply_to, assembly)
+        self.host_frames = {
+            wire.identifier(command, number): f"{words} of {name}"
+            for command, words in wire.HOST_COMMANDS.items()
+        }
         self.reports: tuple[ActuatorFeedback, ...] = (ActuatorFeedback(),) * len(axes)
-        self.status: NodeStatus = self._session.status
-        self.proof: str | None = None
+
+    @property
+    def status(self) -> NodeStatus:
+        """Whether it is there and in service, and why not."""
+        return self._session.status
+
+    @property
+    def proof(self) -> str | None:
+        """Its settings for a silent host, as read back."""
+        return self._settings.proof
 
     def _forget(self) -> None:
         """Know nothing of what the drive measures."""
@@ -204,14 +218,16 @@ class VescDrive:
             before = tachometer.value
             most = self._counts_per_ns * (stamp_ns - self._status_5_ns) + _SLACK_COUNTS
             if abs(tachometer.update(count) - before) > most:
-                self._session.restart()
+                self._on_boot(data, stamp_ns)
         self._turns = tachometer.value * self._turns_per_count
         self._status_5_ns = stamp_ns
         self._is_new = True
 
     def _on_boot(self, _: bytes, stamp_ns: int) -> None:
+        self._tachometer = None
+        if not self._session.silent:
+            self._session.restart()
         self._session.hear(stamp_ns)
-        self._session.restart()
 
     def _on_pong(self, data: bytes, stamp_ns: int) -> None:
         if data[:1] == bytes((self._session.status.node_id,)):
@@ -240,11 +256,11 @@ class VescDrive:
             self._boots = session.boots
             self._state.restart()
             self._forget()
+        elif session.silent:
+            self._tachometer = None
         if self._state.update(session.in_service) or self._is_new:
             self._is_new = False
             self._report()
-        self.status = session.status
-        self.proof = self._settings.proof
 
     def _report(self) -> None:
         """Put the reports together."""
@@ -307,6 +323,7 @@ class VescDrive:
         erpm = self._axis.to_motor(speed) * self._erpm_per_rad_s
         # Also false for nan.
         if not -wire.ERPM_MAX <= erpm <= wire.ERPM_MAX or not self._steer(send, angle, now_ns):
+            self._notes.refused += 1
             self._stop(send)
             return
         send(self._rpm_id, wire.pack_value(round(erpm)))
