@@ -141,10 +141,14 @@ def test_a_wheel_that_stands_is_held_where_that_is_wanted():
     car = bench(host={"handbrake_current_a": 5.0})
     car.commission()
     car.run(0.1, BRAKE)
-    assert car.sent[-2][0] & 0x1FFFFFFF == 12 << 8 | NUMBER or (
-        EXTENDED_FLAG | 12 << 8 | NUMBER,
-        bytes.fromhex("00001388"),
-    ) in car.sent[-6:]
+    assert (
+        car.sent[-2][0] & 0x1FFFFFFF == 12 << 8 | NUMBER
+        or (
+            EXTENDED_FLAG | 12 << 8 | NUMBER,
+            bytes.fromhex("00001388"),
+        )
+        in car.sent[-6:]
+    )
 
 
 def test_enabled_is_told_only_when_the_drive_says_that_it_takes_commands(car):
