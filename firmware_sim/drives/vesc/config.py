@@ -35,18 +35,14 @@ class VescServoSection:
 @closed
 @dataclass(frozen=True, slots=True)
 class VescSettings:
-    """The table `[simulation.twin.NAME]`: the true drive, as it left VESC Tool.
+    """The table `[simulation.twin.NAME]`: the drive as it left VESC Tool.
 
     Attributes
     ----------
-    node_id, pole_pairs
-        True ones; None: as the robot's file says.
     firmware
         Major and minor version.
-    timeout_ms, brake_current_a
-        Stored settings for a silent host.
-    status_rate_hz
-        Of all status messages; None: as the robot's file says. 0: none.
+    stored_timeout_ms, stored_brake_current_a
+        Settings for a silent host in its flash.
     status
         Which are sent, by their numbers.
     min_erpm
@@ -69,12 +65,9 @@ class VescSettings:
         Whether that is enabled.
     """
 
-    node_id: Number | None = None
-    pole_pairs: PolePairs | None = None
     firmware: tuple[int, int] = (6, 5)
-    timeout_ms: Milliseconds = 1000
-    brake_current_a: NotNegative = 0.0
-    status_rate_hz: Annotated[int, Field(strict=True, ge=0, le=1000)] | None = None
+    stored_timeout_ms: Milliseconds = 1000
+    stored_brake_current_a: NotNegative = 0.0
     status: tuple[int, ...] = (1, 2, 3, 4, 5, 6)
     min_erpm: NotNegative = 0.0
     max_erpm: Positive = 100_000.0
@@ -122,16 +115,15 @@ class VescMotor:
         joints = [axis for axis in self.axes if axis.axis == SERVO_AXIS]
         servo = None
         if joints:
-            servo = ServoOutput(self.servo.centre, self.servo.range_deg, joints[0].signed_ratio)
-        rate_hz = settings.status_rate_hz
+            servo = ServoOutput(self.servo.centre, self.servo.range_deg, joints[0].motor_per_wheel)
         firmware = Firmware(
-            number=self.node_id if settings.node_id is None else settings.node_id,
+            number=self.node_id,
             ratio=next(axis.ratio for axis in self.axes if axis.axis != SERVO_AXIS),
-            pole_pairs=settings.pole_pairs or self.pole_pairs,
+            pole_pairs=self.pole_pairs,
             version=settings.firmware,
-            timeout_ms=settings.timeout_ms,
-            brake_current_a=settings.brake_current_a,
-            status_rate_hz=self.status_rate_hz if rate_hz is None else rate_hz,
+            timeout_ms=settings.stored_timeout_ms,
+            brake_current_a=settings.stored_brake_current_a,
+            status_rate_hz=self.status_rate_hz,
             status=settings.status,
             min_erpm=settings.min_erpm,
             max_erpm=settings.max_erpm,

@@ -227,9 +227,8 @@ class VescTwin(Twin):
             self._supervise(now_ns)
         if now_ns >= self._status_ns:
             rate_hz = self._firmware.status_rate_hz
-            self._status_ns = now_ns + 1_000_000_000 // rate_hz if rate_hz else NEVER_NS
-            if rate_hz:
-                self._send_status()
+            self._status_ns = now_ns + 1_000_000_000 // rate_hz
+            self._send_status()
 
     def _supervise(self, now_ns: int) -> None:
         """Look at time-out, supply, current and temperature."""

@@ -76,7 +76,7 @@ class Bench:
         self.twins: list[Any] = []
         for _, table, settings in drives:
             motors = [
-                Motor(self.plant.axes[names.index(axis.actuator)], axis.signed_ratio)
+                Motor(self.plant.axes[names.index(axis.actuator)], axis.motor_per_wheel)
                 for axis in table.axes
                 if axis.actuator in names
             ]

@@ -19,7 +19,9 @@ class Line:
     """A VESC on a bus, and frames written by hand."""
 
     def __init__(self, **settings: object) -> None:
-        table = VescMotor("vesc", "motor", (AxisSection("left", ratio=20.0),), node_id=NUMBER)
+        rate_hz = settings.pop("status_rate_hz", 200)
+        axes = (AxisSection("left", ratio=20.0),)
+        table = VescMotor("vesc", "motor", axes, node_id=NUMBER, status_rate_hz=rate_hz)  # type: ignore[arg-type]
         twin = VescSettings(**{"current_a": 10.0, **settings})  # type: ignore[arg-type]
         self.bench = Bench((None, table, twin), host=False)
         self.twin = self.bench.twin
@@ -108,7 +110,7 @@ def test_status_tells_what_the_motor_does() -> None:
 def test_the_time_out_takes_the_power_within_ten_more_milliseconds(
     timeout_ms: int, brake: float, mode: Mode
 ) -> None:
-    line = Line(timeout_ms=timeout_ms, brake_current_a=brake)
+    line = Line(stored_timeout_ms=timeout_ms, stored_brake_current_a=brake)
     line.value(3, 3000)
     line.run(timeout_ms - 2)
     assert line.axis.mode is Mode.SPEED
@@ -119,14 +121,14 @@ def test_the_time_out_takes_the_power_within_ten_more_milliseconds(
 
 
 def test_a_time_out_of_0_never_comes() -> None:
-    line = Line(timeout_ms=0)
+    line = Line(stored_timeout_ms=0)
     line.value(3, 3000)
     line.run(5000)
     assert line.axis.mode is Mode.SPEED
 
 
 def test_ping_and_packets_do_not_keep_the_motor_running() -> None:
-    line = Line(timeout_ms=100)
+    line = Line(stored_timeout_ms=100)
     line.value(3, 3000)
     for _ in range(6):
         line.send(17, bytes((HOST,)), ms=10)
