@@ -11,13 +11,13 @@ from pydantic import Field
 from firmware_sim.config.quantities import NotNegative, Positive, Share, closed
 from firmware_sim.drives.config import AxisSection
 from firmware_sim.drives.twin import Motor
-from firmware_sim.drives.vesc.twin import Firmware, ServoOutput, VescTwin
+from firmware_sim.drives.vesc.settings import Milliseconds, VescSettings
+from firmware_sim.drives.vesc.twin import Fitting, ServoOutput, VescTwin
 from firmware_sim.nodes.parameter_store import ParameterStore
 from firmware_sim.nodes.power_stage import PowerStage
 
 Number: TypeAlias = Annotated[int, Field(strict=True, ge=0, le=254)]
 PolePairs: TypeAlias = Annotated[int, Field(strict=True, ge=1, le=100)]
-Milliseconds: TypeAlias = Annotated[int, Field(strict=True, ge=0, le=60_000)]
 
 SERVO_AXIS = 2
 
@@ -30,56 +30,6 @@ class VescServoSection:
     centre: Share = 0.5
     range_deg: Positive = 90.0
     rate_deg_s: Positive = 350.0
-
-
-@closed
-@dataclass(frozen=True, slots=True)
-class VescSettings:
-    """The table `[simulation.twin.NAME]`: the drive as it left VESC Tool.
-
-    Attributes
-    ----------
-    firmware
-        Major and minor version.
-    stored_timeout_ms, stored_brake_current_a
-        Settings for a silent host in its flash.
-    status
-        Which are sent, by their numbers.
-    min_erpm
-        The speed loop lets go below this.
-    max_erpm, ramp_erpm_s
-        Limits of the speed loop.
-    current_a, absolute_current_a
-        Limit of the motor's current, and of the fault.
-    fault_stop_ms
-        Time that a fault lasts.
-    boot_ms
-        From power to the first frame.
-    notifies_boot
-        Whether it sends NOTIFY_BOOT.
-    sets_timeout
-        Whether it knows COMM_SET_APPCONF_NO_STORE.
-    tells_flags
-        Whether it tells time-out and kill switch in COMM_GET_VALUES_SELECTIVE.
-    servo_output
-        Whether that is enabled.
-    """
-
-    firmware: tuple[int, int] = (6, 5)
-    stored_timeout_ms: Milliseconds = 1000
-    stored_brake_current_a: NotNegative = 0.0
-    status: tuple[int, ...] = (1, 2, 3, 4, 5, 6)
-    min_erpm: NotNegative = 0.0
-    max_erpm: Positive = 100_000.0
-    ramp_erpm_s: Positive = 25_000.0
-    current_a: Positive = 60.0
-    absolute_current_a: Positive = 150.0
-    fault_stop_ms: Milliseconds = 500
-    boot_ms: Milliseconds = 150
-    notifies_boot: bool = True
-    sets_timeout: bool = True
-    tells_flags: bool = True
-    servo_output: bool = True
 
 
 @closed
@@ -116,25 +66,6 @@ class VescMotor:
         servo = None
         if joints:
             servo = ServoOutput(self.servo.centre, self.servo.range_deg, joints[0].motor_per_wheel)
-        firmware = Firmware(
-            number=self.node_id,
-            ratio=next(axis.ratio for axis in self.axes if axis.axis != SERVO_AXIS),
-            pole_pairs=self.pole_pairs,
-            version=settings.firmware,
-            timeout_ms=settings.stored_timeout_ms,
-            brake_current_a=settings.stored_brake_current_a,
-            status_rate_hz=self.status_rate_hz,
-            status=settings.status,
-            min_erpm=settings.min_erpm,
-            max_erpm=settings.max_erpm,
-            ramp_erpm_s=settings.ramp_erpm_s,
-            current_a=settings.current_a,
-            absolute_current_a=settings.absolute_current_a,
-            fault_stop_ms=settings.fault_stop_ms,
-            boot_ms=settings.boot_ms,
-            notifies_boot=settings.notifies_boot,
-            sets_timeout=settings.sets_timeout,
-            tells_flags=settings.tells_flags,
-            servo_output=settings.servo_output,
-        )
-        return VescTwin(self.name, firmware, motors[0], servo, stage, run_to, store)
+        (motor,) = (axis for axis in self.axes if axis.axis != SERVO_AXIS)
+        fitting = Fitting(self.node_id, self.pole_pairs, motor.ratio, self.status_rate_hz)
+        return VescTwin(self.name, fitting, settings, motors[0], servo, stage, run_to, store)

@@ -10,12 +10,12 @@ import math
 import struct
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from firmware_sim.bus.frame import EXTENDED_FLAG
 from firmware_sim.drives.twin import NEVER_NS, Motor, Twin
 from firmware_sim.drives.vesc.buffers import Buffers, frames
+from firmware_sim.drives.vesc.settings import VescSettings
 from firmware_sim.nodes.parameter_store import ParameterStore, StoreDamagedError
 from firmware_sim.nodes.power_stage import PowerStage
 from firmware_sim.plant.axis import Limits, Mode
@@ -50,29 +50,13 @@ _SERVO_OUTPUT: Final = 31
 """Place of `servo_out_enable` in the configuration of firmware 6."""
 
 
-@dataclass(frozen=True, slots=True)
-class Firmware:
-    """The true drive: see `VescSettings`."""
+class Fitting(NamedTuple):
+    """Number, pole pairs, turns of the motor for one of the wheel, rate of the status [Hz]."""
 
     number: int
-    ratio: float
     pole_pairs: int
-    version: tuple[int, int]
-    timeout_ms: int
-    brake_current_a: float
+    ratio: float
     status_rate_hz: int
-    status: tuple[int, ...]
-    min_erpm: float
-    max_erpm: float
-    ramp_erpm_s: float
-    current_a: float
-    absolute_current_a: float
-    fault_stop_ms: int
-    boot_ms: int
-    notifies_boot: bool
-    sets_timeout: bool
-    tells_flags: bool
-    servo_output: bool
 
 
 class ServoOutput(NamedTuple):
@@ -90,8 +74,10 @@ class VescTwin(Twin):
     ----------
     name
         Name in the robot's file.
-    firmware
-        The true drive.
+    fitting
+        Its number, and what is at its motor.
+    settings
+        What is true of it.
     motor
         Its motor.
     servo
@@ -116,7 +102,8 @@ class VescTwin(Twin):
     def __init__(
         self,
         name: str,
-        firmware: Firmware,
+        fitting: Fitting,
+        settings: VescSettings,
         motor: Motor,
         servo: ServoOutput | None,
         stage: PowerStage,
@@ -124,12 +111,13 @@ class VescTwin(Twin):
         store: ParameterStore,
     ) -> None:
         super().__init__(name, run_to)
-        self._firmware = firmware
+        self._fitting = fitting
+        self._settings = settings
         self._motor = motor
         self._servo = servo
         self._stage = stage
         self._store = store
-        self._rad_s_per_erpm = math.tau / 60.0 / firmware.pole_pairs
+        self._rad_s_per_erpm = math.tau / 60.0 / self._fitting.pole_pairs
         self._set_limits()
         self._commands: dict[int, Callable[[bytes, int], None]] = {
             0: self._on_duty,
@@ -143,7 +131,7 @@ class VescTwin(Twin):
             12: self._on_handbrake,
             17: self._on_ping,
         }
-        for number in (firmware.number, ALL):
+        for number in (self._fitting.number, ALL):
             for command in self._commands:
                 self._handlers[EXTENDED_FLAG | command << 8 | number] = self._awake(command)
         self.kill_switch = False
@@ -152,11 +140,11 @@ class VescTwin(Twin):
 
     def _set_limits(self) -> None:
         """Give the axis the limits of the drive's loops, at the wheel."""
-        firmware, axis = self._firmware, self._motor.axis
+        settings, axis = self._settings, self._motor.axis
         axis.limits = Limits(
-            current_a=firmware.current_a,
+            current_a=settings.current_a,
             voltage_share=0.95,
-            acceleration_rad_s2=firmware.ramp_erpm_s * self._rad_s_per_erpm / firmware.ratio,
+            acceleration_rad_s2=settings.ramp_erpm_s * self._rad_s_per_erpm / self._fitting.ratio,
         )
 
     def _forget(self, now_ns: int) -> None:
@@ -165,9 +153,9 @@ class VescTwin(Twin):
             stored = self._store.load()
         except StoreDamagedError:
             stored = {}
-        self.timeout_ms = stored.get(_TIMEOUT, self._firmware.timeout_ms)
+        self.timeout_ms = stored.get(_TIMEOUT, self._settings.stored_timeout_ms)
         self.brake_current_a = (
-            stored.get(_BRAKE_MA, round(self._firmware.brake_current_a * 1000)) / 1000
+            stored.get(_BRAKE_MA, round(self._settings.stored_brake_current_a * 1000)) / 1000
         )
         self.fault = 0
         self._fault_until_ns = NEVER_NS
@@ -176,7 +164,7 @@ class VescTwin(Twin):
         self._answer_ns = NEVER_NS
         self._updated_ns = now_ns - NEVER_NS
         self._timed_out = True
-        self._awake_ns = now_ns + self._firmware.boot_ms * MS
+        self._awake_ns = now_ns + self._settings.boot_ms * MS
         self._booted = False
         self._status_ns = self._supervision_ns = self._awake_ns
         self._turns_at_boot = self._motor.turns
@@ -194,7 +182,7 @@ class VescTwin(Twin):
     def trip(self, code: int) -> None:
         """Let a fault happen: no power and no commands for a while, then it is gone by itself."""
         self.fault = code
-        self._fault_until_ns = self._now_ns + self._firmware.fault_stop_ms * MS
+        self._fault_until_ns = self._now_ns + self._settings.fault_stop_ms * MS
         self._motor.command(Mode.COAST)
         self._reschedule()
 
@@ -214,8 +202,8 @@ class VescTwin(Twin):
         self._run_to(now_ns)
         if not self._booted:
             self._booted = True
-            if self._firmware.notifies_boot:
-                self._tell(57, bytes((self._firmware.number,)))
+            if self._settings.notifies_boot:
+                self._tell(57, bytes((self._fitting.number,)))
         if now_ns >= self._answer_ns:
             self.send(*self._answers.popleft())
             self._answer_ns = now_ns + FRAME_NS if self._answers else NEVER_NS
@@ -226,7 +214,7 @@ class VescTwin(Twin):
             self._supervision_ns = now_ns + SUPERVISION_NS
             self._supervise(now_ns)
         if now_ns >= self._status_ns:
-            rate_hz = self._firmware.status_rate_hz
+            rate_hz = self._fitting.status_rate_hz
             self._status_ns = now_ns + 1_000_000_000 // rate_hz
             self._send_status()
 
@@ -240,7 +228,7 @@ class VescTwin(Twin):
             self.trip(OVER_VOLTAGE)
         elif supply_v < low_v:
             self.trip(UNDER_VOLTAGE)
-        elif abs(motor.current_a) > self._firmware.absolute_current_a:
+        elif abs(motor.current_a) > self._settings.absolute_current_a:
             self.trip(ABSOLUTE_CURRENT)
         elif motor.axis.temperature_c > MOTOR_C:
             self.trip(MOTOR_HOT)
@@ -248,13 +236,13 @@ class VescTwin(Twin):
             self._set(Mode.BRAKE_CURRENT, self.brake_current_a)
 
     def _send_status(self) -> None:
-        motor, firmware = self._motor, self._firmware
+        motor = self._motor
         erpm = round(motor.speed_rad_s / self._rad_s_per_erpm)
         current = _limited(motor.current_a * 10, _INT16)
         supply_v = self._stage.bus_voltage_v
         duty = _limited(1000 * motor.axis.voltage_v / max(supply_v, 0.1), _INT16)
         turns = motor.turns - self._turns_at_boot
-        tachometer = (math.floor(turns * 6 * firmware.pole_pairs) + 2**31) % 2**32 - 2**31
+        tachometer = (math.floor(turns * 6 * self._fitting.pole_pairs) + 2**31) % 2**32 - 2**31
         supply_a = _limited(motor.axis.supply_current_a * 10, _INT16)
         temperature = _limited(motor.axis.temperature_c * 10, _INT16)
         contents = {
@@ -265,11 +253,11 @@ class VescTwin(Twin):
             5: struct.pack(">ihh", tachometer, _limited(supply_v * 10, _INT16), 0),
             6: struct.pack(">hhhh", 0, 0, 0, 0),
         }
-        for number in firmware.status:
+        for number in self._settings.status:
             self._tell(_STATUS_COMMANDS[number], contents[number])
 
     def _tell(self, command: int, data: bytes) -> None:
-        self.send(EXTENDED_FLAG | command << 8 | self._firmware.number, data)
+        self.send(EXTENDED_FLAG | command << 8 | self._fitting.number, data)
 
     # Commands -----------------------------------------------------------------------------------
 
@@ -321,16 +309,16 @@ class VescTwin(Twin):
         value = self._value(data, now_ns)
         if value is None:
             return
-        most = self._firmware.max_erpm
+        most = self._settings.max_erpm
         erpm = min(max(float(value), -most), most)
-        if abs(erpm) < self._firmware.min_erpm:
+        if abs(erpm) < self._settings.min_erpm:
             self._set(Mode.COAST)
         else:
             self._set(Mode.SPEED, erpm * self._rad_s_per_erpm)
 
     def _on_ping(self, data: bytes, _: int) -> None:
         if data:
-            pong = bytes((self._firmware.number, 0))
+            pong = bytes((self._fitting.number, 0))
             self.send(EXTENDED_FLAG | 18 << 8 | data[0], pong)
 
     # Packets ------------------------------------------------------------------------------------
@@ -356,37 +344,36 @@ class VescTwin(Twin):
         command, content = packet[0], packet[1:]
         answer = None
         if command == 0:
-            answer = bytes((0, *self._firmware.version)) + b"60_MK6\0" + bytes(range(12))
+            answer = bytes((0, *self._settings.firmware)) + b"60_MK6\0" + bytes(range(12))
         elif command == 12 and len(content) >= 2:
             self._on_servo(struct.unpack_from(">h", content)[0] / 1000)
         elif command == 17:
             answer = bytes((17,)) + self._configuration()
-        elif command == 16 or (command == 149 and self._firmware.sets_timeout):
+        elif command == 16 or (command == 149 and self._settings.sets_timeout):
             answer = self._on_configuration(command, content)
         elif command == 29:
             self.reboot(now_ns)
         elif command == 50 and len(content) >= 4:
             answer = packet[:5] + self._values(int.from_bytes(content[:4], "big"))
         if answer is not None and sender is not None:
-            for number, data in frames(answer, self._firmware.number):
+            for number, data in frames(answer, self._fitting.number):
                 self._answers.append((EXTENDED_FLAG | number << 8 | sender, data))
             self._answer_ns = min(self._answer_ns, now_ns)
 
     def _on_servo(self, position: float) -> None:
         """Move the servo: no part of the time-out."""
         servo = self._servo
-        if servo is not None and self._firmware.servo_output:
+        if servo is not None and self._settings.servo_output:
             turn = (min(max(position, 0.0), 1.0) - servo.centre) * servo.range_deg
             self._stage.steer(math.radians(turn / servo.ratio))
 
     def _configuration(self) -> bytes:
         """App configuration: its known head, and a tail whose content means nothing here."""
-        firmware = self._firmware
         head = struct.pack(
-            ">IBIf", _SIGNATURE, firmware.number, self.timeout_ms, self.brake_current_a
+            ">IBIf", _SIGNATURE, self._fitting.number, self.timeout_ms, self.brake_current_a
         )
         tail = bytearray(place % 251 for place in range(_TAIL_BYTES))
-        tail[_SERVO_OUTPUT - len(head)] = firmware.servo_output
+        tail[_SERVO_OUTPUT - len(head)] = self._settings.servo_output
         return head + tail
 
     def _on_configuration(self, command: int, content: bytes) -> bytes | None:
@@ -406,7 +393,7 @@ class VescTwin(Twin):
         values = b""
         if mask & 1 << 15:
             values += bytes((self.fault,))
-        if mask & 1 << 21 and self._firmware.tells_flags:
+        if mask & 1 << 21 and self._settings.tells_flags:
             values += bytes((self._timed_out | self.kill_switch << 1,))
         return values
 
