@@ -44,7 +44,7 @@ class Read(NamedTuple):
 
     kind: int
     first: int
-    count: int
+    number: int
 
 
 class StreamWrite(NamedTuple):
@@ -96,14 +96,14 @@ def subframes(data: bytes) -> Iterator[Write | Read | StreamWrite | StreamPoll]:
 def answer(read: Read, value: Callable[[int], float | None]) -> bytes:
     """Return the subframe that answers a read; an unknown register is an error."""
     content = b""
-    for register in range(read.first, read.first + read.count):
+    for register in range(read.first, read.first + read.number):
         found = value(register)
         if found is None:
             return bytes((READ_ERROR,)) + _to_varuint(register) + _to_varuint(1)
         content += _FORMATS[read.kind].pack(_to_raw(register, read.kind, found))
-    short = read.count <= 3
-    head = bytes((ANSWER | read.kind << 2 | (read.count if short else 0),))
-    length = b"" if short else _to_varuint(read.count)
+    short = read.number <= 3
+    head = bytes((ANSWER | read.kind << 2 | (read.number if short else 0),))
+    length = b"" if short else _to_varuint(read.number)
     return head + length + _to_varuint(read.first) + content
 
 

@@ -46,7 +46,7 @@ _REPLIES: Final = 0x80
 
 
 class Target(NamedTuple):
-    """Commanded mode, velocity [turn/s], greatest torque (not a number: none), time-out [s]."""
+    """Commanded mode, velocity [turn/s], time-out [s] (0: the default)."""
 
     mode: int
     velocity: float = 0.0

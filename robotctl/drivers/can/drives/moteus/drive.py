@@ -110,7 +110,7 @@ class MoteusDrive:
         if abs(turns) < math.inf and abs(turns_s) < math.inf:
             self._turns, self._turns_s = turns, turns_s
         elif mode != wire.FAULT:
-            state.unreadable(f"its position is {turns} turns, its velocity {turns_s} turns/s")
+            state.unreadable(f"its position is {turns} turns, its velocity is {turns_s} turns/s")
         self._current, self._supply, self._temperature = current, supply, temperature
         self._stamp_ns = stamp_ns
         self._is_new = True
@@ -172,6 +172,7 @@ class MoteusDrive:
                 send(self._command_id, wire.pack_velocity(turns_s, self._watchdog_s))
                 return
             self._notes.refused += 1
+            state.refuse()
         if state.mode == wire.FAULT:
             # No power is given; a stop would clear the fault before anybody asked for that.
             send(self._command_id, _QUERY if now_ns > self._clearing_ns else _STOP)

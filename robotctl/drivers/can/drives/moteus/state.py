@@ -121,6 +121,10 @@ class MoteusState:
             text = f"the moteus left position mode by itself: it is in mode {mode}"
             self._latch(_STOPPED, FaultCode.DRIVE_STOPPED, text)
 
+    def refuse(self) -> None:
+        """Note that the command of this tick gives no power after all."""
+        self.driving = self._confirmed = False
+
     def unreadable(self, words: str) -> None:
         """Stop a drive that sends what is not documented."""
         self._latch(_FAULT, FaultCode.DRIVE_UNREADABLE, words)

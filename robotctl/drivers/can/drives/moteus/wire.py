@@ -29,7 +29,7 @@ FIRMWARE_VERSION, REGISTER_MAP = 0x101, 0x102
 _NOP: Final = 0x50
 _NAN: Final = float("nan")
 
-_QUERY: Final = bytes.fromhex("1100 1e01 1504 170d 1970")
+_QUERY: Final[bytes] = bytes.fromhex("1100 1e01 1504 170d 1970")
 """Reads mode (8 bits), position and velocity (float), Q current (16 bits), supply, temperature and
 fault (16 bits), and the millisecond counter (32 bits): its answer fits into 32 bytes."""
 
@@ -40,7 +40,7 @@ _STATUS_LENGTH: Final = 32
 _POSITION = struct.Struct("<5sff2sf")
 _POSITION_HEAD: Final = bytes.fromhex("01000a 0e20")
 _WATCHDOG_HEAD: Final = bytes.fromhex("0d27")
-_POSITION_TAIL: Final = _QUERY + bytes((_NOP,)) * (32 - _POSITION.size - len(_QUERY))
+_POSITION_TAIL: Final[bytes] = _QUERY + bytes((_NOP,)) * (32 - _POSITION.size - len(_QUERY))
 
 AMPERES, VOLTS, DEGREES = 0.1, 0.1, 0.1
 """Units of current, voltage and temperature in 16 bits."""
@@ -73,7 +73,7 @@ def _with_flags(plain: int) -> int:
 
 def padded(data: bytes) -> bytes:
     """Fill a frame up to the next length of CAN FD."""
-    length = FD_LENGTHS[bisect_left(FD_LENGTHS, len(data))]
+    length: int = FD_LENGTHS[bisect_left(FD_LENGTHS, len(data))]
     return data + bytes((_NOP,)) * (length - len(data))
 
 
@@ -82,8 +82,8 @@ def pack_velocity(turns_s: float, watchdog_s: float) -> bytes:
 
     Position mode, beginning at the present position (NaN).
     """
-    head, watchdog = _POSITION_HEAD, _WATCHDOG_HEAD
-    return _POSITION.pack(head, _NAN, turns_s, watchdog, watchdog_s) + _POSITION_TAIL
+    begin = _POSITION.pack(_POSITION_HEAD, _NAN, turns_s, _WATCHDOG_HEAD, watchdog_s)
+    return begin + _POSITION_TAIL
 
 
 def pack_mode(mode: int) -> bytes:
@@ -106,13 +106,12 @@ def unpack_status(
     """
     if len(data) != _STATUS_LENGTH:
         return None
-    (
-        *(head1, mode, head2, position, velocity, head3, current),
-        *(head4, supply, temperature, fault, head5, counter),
-    ) = _STATUS.unpack_from(data)
+    fields = _STATUS.unpack_from(data)
+    head1, mode, head2, turns, turns_s, head3, current = fields[:7]
+    head4, supply, temperature, fault, head5, counter = fields[7:]
     if (head1, head2, head3, head4, head5) != _STATUS_HEADS:
         return None
-    return mode, position, velocity, current, supply, temperature, fault, counter
+    return mode, turns, turns_s, current, supply, temperature, fault, counter
 
 
 def pack_read_versions() -> bytes:

@@ -324,6 +324,7 @@ class VescDrive:
         # Also false for nan.
         if not -wire.ERPM_MAX <= erpm <= wire.ERPM_MAX or not self._steer(send, angle, now_ns):
             self._notes.refused += 1
+            self._state.refuse()
             self._stop(send)
             return
         send(self._rpm_id, wire.pack_value(round(erpm)))

@@ -98,6 +98,10 @@ class VescState:
         elif self.driving and self._asked_ns >= self._since_ns:
             self._confirmed = True
 
+    def refuse(self) -> None:
+        """Note that the command of this tick gives no power after all."""
+        self.driving = self._confirmed = False
+
     def unreadable(self, words: str) -> None:
         """Stop a drive that sends what is not documented."""
         self._latch(_FAULT, FaultCode.DRIVE_UNREADABLE, words)
