@@ -29,7 +29,7 @@ class MoteusMotor:
     node_id: Annotated[int, Field(strict=True, ge=1, le=126)] = 1
     accept_coasting: bool = False
 
-    Settings: ClassVar = MoteusSettings
+    Settings: ClassVar[type] = MoteusSettings
 
     def make(
         self,

@@ -51,7 +51,7 @@ class VescMotor:
     status_rate_hz: Annotated[int, Field(strict=True, ge=10, le=1000)] = 200
     servo: VescServoSection = VescServoSection()
 
-    Settings: ClassVar = VescSettings
+    Settings: ClassVar[type] = VescSettings
 
     def make(
         self,

@@ -132,7 +132,16 @@ class VescDrive:
         self._temperature_at = 1 if motor_temperature else 0
         self._clear_wanted = False
         self._boots = 0
-        self._forget()
+        self._since_ns = 0
+        """When the drive came, or restarted [ns]."""
+        self._tachometer: Unwrapped | None = None
+        self._turns = 0.0
+        self._erpm = 0
+        self._current_a: float | None = None
+        self._temperature_c: float | None = None
+        self._voltage_v: float | None = None
+        self._status_ns = self._status_5_ns = self._report_ns = NEVER_NS
+        self._is_new = False
         assembly = wire.Reassembly(number, self._on_packet)
         self.handlers = self._handle(number, reply_to, assembly)
         self.host_frames = {
@@ -150,17 +159,6 @@ class VescDrive:
     def proof(self) -> str | None:
         """Its settings for a silent host, as read back."""
         return self._settings.proof
-
-    def _forget(self) -> None:
-        """Know nothing of what the drive measures."""
-        self._tachometer: Unwrapped | None = None
-        self._erpm = 0
-        self._current_a: float | None = None
-        self._temperature_c: float | None = None
-        self._voltage_v: float | None = None
-        self._turns = 0.0
-        self._status_ns = self._status_5_ns = self._report_ns = NEVER_NS
-        self._is_new = True
 
     def _handle(self, number: int, reply_to: int, assembly: wire.Reassembly) -> dict[int, Handler]:
         """Return the handlers of all frames that concern the drive."""
@@ -244,8 +242,8 @@ class VescDrive:
         self._is_new = True
 
     def _missing(self) -> str:
-        """Name the status messages that have not come."""
-        came = (self._status_ns != NEVER_NS, self._status_5_ns != NEVER_NS)
+        """Name the status messages that have not come since the drive did."""
+        came = (self._status_ns > self._since_ns, self._status_5_ns > self._since_ns)
         return " and no ".join(name for name, has in zip(_WANTED, came, strict=True) if not has)
 
     def check(self, now_ns: int) -> None:
@@ -254,9 +252,9 @@ class VescDrive:
         session.check(now_ns)
         if session.boots != self._boots:
             self._boots = session.boots
+            self._since_ns = now_ns
             self._state.restart()
-            self._forget()
-        elif session.silent:
+        if session.silent:
             self._tachometer = None
         if self._state.update(session.in_service) or self._is_new:
             self._is_new = False
