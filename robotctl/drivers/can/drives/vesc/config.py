@@ -22,6 +22,9 @@ MOTOR_AXIS, SERVO_AXIS = 1, 2
 
 _CURRENT_MAX_A: Final = 1000.0
 
+_BRAKES: Final = Abilities(takes=Takes.SPEED, stops_alone=True, brakes=True)
+_COASTS: Final = Abilities(takes=Takes.SPEED, stops_alone=True, brakes=False)
+
 
 @dataclass(frozen=True, slots=True)
 class VescServo:
@@ -103,7 +106,6 @@ class VescMotor:
     status_rate_hz: int = 200
     servo: VescServo = VescServo()
 
-    abilities: ClassVar[Abilities] = Abilities(takes=Takes.SPEED, stops_alone=True, brakes=True)
     silence: ClassVar[str] = (
         "after its time-out it brakes with brake_current_a; with 0 it coasts. Not latched: it "
         "would obey the next command. The servo stays where it is."
@@ -134,6 +136,11 @@ class VescMotor:
         value = getattr(self, key)
         if not least <= value <= most:
             raise InvalidValue(key, f"must be {least:g} to {most:g}, not {value:g}", value)
+
+    @property
+    def abilities(self) -> Abilities:
+        """What it can do: it brakes where it has a current for that."""
+        return _BRAKES if self.brake_current_a > 0.0 else _COASTS
 
     @property
     def reply_to(self) -> int:

@@ -31,6 +31,9 @@ _MOST_OF_TURN: Final = 3
 drive began anew."""
 
 _SLACK_COUNTS: Final = 60
+_UNPACK_STATUS, _UNPACK_STATUS_4 = wire.STATUS_DATA.unpack, wire.STATUS_4_DATA.unpack
+_UNPACK_STATUS_5, _UNPACK_SHORT_5 = wire.STATUS_5_DATA.unpack, wire.SHORT_STATUS_5_DATA.unpack
+_PACK_VALUE: Final = wire.pack_value
 _WANTED: Final = ("status 1 (speed)", "status 5 (tachometer)")
 
 
@@ -108,7 +111,9 @@ class VescDrive:
             READING_NS,
             needs.heartbeat_timeout_ms * 1_000_000,
         )
-        self._erpm_per_rad_s = 60.0 * pole_pairs / math.tau
+        self._erpm_per_rad_s = self._axis.to_motor(60.0 * pole_pairs / math.tau)
+        self._rad_s_per_erpm = 1.0 / self._erpm_per_rad_s
+        self._amperes = self._axis.current_a(wire.AMPERES)
         self._turns_per_count = 1.0 / (wire.TACHOMETER_PER_TURN * pole_pairs)
         fastest = _MOST_OF_TURN * abs(self._axis.to_motor(needs.max_rad_s))
         self._counts_per_ns = fastest / math.tau / self._turns_per_count * 1e-9
@@ -118,16 +123,17 @@ class VescDrive:
             for command in (wire.SET_RPM, wire.PROCESS_SHORT_BUFFER)
         )
         self._coast = wire.identifier(wire.SET_CURRENT, number), wire.pack_value(0)
-        self._brake = self._current(wire.SET_CURRENT_BRAKE, number, currents.brake_a)
+        self._brake = _of_current(wire.SET_CURRENT_BRAKE, number, currents.brake_a)
         self._hold = self._brake
         if currents.handbrake_a > 0.0:
-            self._hold = self._current(wire.SET_CURRENT_HANDBRAKE, number, currents.handbrake_a)
+            self._hold = _of_current(wire.SET_CURRENT_HANDBRAKE, number, currents.handbrake_a)
         self._query = wire.query(number, reply_to)
         self._query_ns = 0
         self._servo = servo
         self._angle_rad = 0.0
         """Angle that the joint is taken to have, by its commands and the servo's rate [rad]."""
         self._angle_ns = 0
+        self._position_per_rad = self._steering.to_motor(1.0) / servo.range_rad
         self._joint_rate_rad_s = abs(self._steering.to_wheel(servo.rate_rad_s))
         self._temperature_at = 1 if motor_temperature else 0
         self._clear_wanted = False
@@ -137,7 +143,7 @@ class VescDrive:
         self._tachometer: Unwrapped | None = None
         self._turns = 0.0
         self._erpm = 0
-        self._current_a: float | None = None
+        self._current = 0
         self._temperature_c: float | None = None
         self._voltage_v: float | None = None
         self._status_ns = self._status_5_ns = self._report_ns = NEVER_NS
@@ -163,9 +169,9 @@ class VescDrive:
     def _handle(self, number: int, reply_to: int, assembly: wire.Reassembly) -> dict[int, Handler]:
         """Return the handlers of all frames that concern the drive."""
         own: dict[int, Handler] = {
-            wire.STATUS: self._readable("status 1", self._on_status),
-            wire.STATUS_4: self._readable("status 4", self._on_status_4),
-            wire.STATUS_5: self._readable("status 5", self._on_status_5),
+            wire.STATUS: self._on_status,
+            wire.STATUS_4: self._on_status_4,
+            wire.STATUS_5: self._on_status_5,
             wire.NOTIFY_BOOT: self._on_boot,
         }
         answers: dict[int, Handler] = {
@@ -182,43 +188,47 @@ class VescDrive:
 
     # Receiving ----------------------------------------------------------------------------------
 
-    def _readable(self, name: str, take: Handler) -> Handler:
-        """Return a handler that reports frames of another length than is documented."""
-
-        def handle(data: bytes, stamp_ns: int) -> None:
-            try:
-                take(data, stamp_ns)
-            except struct.error:
-                text = f"{name} has {len(data)} bytes ({data.hex(' ')}), which is not VESC's"
-                self._state.unreadable(text)
-            self._session.hear(stamp_ns)
-
-        return handle
-
     def _on_status(self, data: bytes, stamp_ns: int) -> None:
-        self._erpm, current, _ = wire.unpack_status(data)
-        self._current_a = self._axis.current_a(0.1 * current)
-        self._status_ns = stamp_ns
-        self._is_new = True
+        self._session.hear(stamp_ns)
+        try:
+            self._erpm, self._current, _ = _UNPACK_STATUS(data)
+        except struct.error:
+            self._unreadable("status 1", data)
+        else:
+            self._status_ns = stamp_ns
+            self._is_new = True
 
     def _on_status_4(self, data: bytes, _: int) -> None:
-        self._temperature_c = 0.1 * wire.unpack_status_4(data)[self._temperature_at]
-        self._is_new = True
+        try:
+            self._temperature_c = 0.1 * _UNPACK_STATUS_4(data)[self._temperature_at]
+        except struct.error:
+            self._unreadable("status 4", data)
 
     def _on_status_5(self, data: bytes, stamp_ns: int) -> None:
-        count, supply = wire.unpack_status_5(data)
-        self._voltage_v = 0.1 * supply
+        try:
+            count, supply, *_ = (_UNPACK_STATUS_5 if len(data) == 8 else _UNPACK_SHORT_5)(data)
+        except struct.error:
+            self._unreadable("status 5", data)
+            return
         tachometer = self._tachometer
         if tachometer is None:
             tachometer = self._tachometer = Unwrapped(32)
-            tachometer.update(count)
+            turned = tachometer.update(count)
         else:
             before = tachometer.value
+            turned = tachometer.update(count)
             most = self._counts_per_ns * (stamp_ns - self._status_5_ns) + _SLACK_COUNTS
-            if abs(tachometer.update(count) - before) > most:
+            if not -most <= turned - before <= most:
                 self._on_boot(data, stamp_ns)
-        self._turns = tachometer.value * self._turns_per_count
+        self._turns = turned * self._turns_per_count
+        self._voltage_v = 0.1 * supply
         self._status_5_ns = stamp_ns
+        self._is_new = True
+
+    def _unreadable(self, name: str, data: bytes) -> None:
+        """Stop a drive that sends a frame of another length than is documented."""
+        text = f"{name} has {len(data)} bytes ({data.hex(' ')}), which is not VESC's"
+        self._state.unreadable(text)
         self._is_new = True
 
     def _on_boot(self, _: bytes, stamp_ns: int) -> None:
@@ -262,37 +272,42 @@ class VescDrive:
 
     def _report(self) -> None:
         """Put the reports together."""
-        state, report_ns = self._state.state, self._report_ns
-        fault = self._state.interlock.fault
-        status_ns, voltage_v = self._status_5_ns, self._voltage_v
-        motion_ns = min(self._status_ns, status_ns)
+        state, axis = self._state, self._axis
+        fault, report_ns = state.interlock.fault, self._report_ns
+        supply_ns, voltage_v = self._status_5_ns, self._voltage_v
+        motion_ns = min(self._status_ns, supply_ns)
         told = motion_ns != NEVER_NS
-        axis = self._axis
         wheel = ActuatorFeedback(
             motion_ns,
             -1,
             axis.ticks(self._turns),
-            axis.to_wheel(self._erpm / self._erpm_per_rad_s) if told else None,
+            self._erpm * self._rad_s_per_erpm if told else None,
             None,
             report_ns,
-            state,
+            state.state,
             fault,
-            self._current_a,
+            self._current * self._amperes if told else None,
             self._temperature_c,
-            status_ns,
+            supply_ns,
             voltage_v,
         )
         if self._joint < 0:
             self.reports = (wheel,)
             return
+        angle_rad = self._angle_rad if told else None
         joint = ActuatorFeedback(
-            motion_ns=motion_ns,
-            angle_rad=self._angle_rad if told else None,
-            report_ns=report_ns,
-            state=state,
-            fault=fault,
-            supply_ns=status_ns,
-            voltage_v=voltage_v,
+            motion_ns,
+            -1,
+            0,
+            None,
+            angle_rad,
+            report_ns,
+            state.state,
+            fault,
+            None,
+            None,
+            supply_ns,
+            voltage_v,
         )
         self.reports = (wheel, joint) if self._motor == 0 else (joint, wheel)
 
@@ -318,21 +333,21 @@ class VescDrive:
         if values:
             speed = values[self._motor]
             angle = values[self._joint] if self._joint >= 0 else 0.0
-        erpm = self._axis.to_motor(speed) * self._erpm_per_rad_s
+        erpm = speed * self._erpm_per_rad_s
         # Also false for nan.
         if not -wire.ERPM_MAX <= erpm <= wire.ERPM_MAX or not self._steer(send, angle, now_ns):
             self._notes.refused += 1
             self._state.refuse()
             self._stop(send)
             return
-        send(self._rpm_id, wire.pack_value(round(erpm)))
+        send(self._rpm_id, _PACK_VALUE(round(erpm)))
 
     def _steer(self, send: Send, angle_rad: float, now_ns: int) -> bool:
         """Move the servo, where there is one; False if it cannot reach the angle."""
         if self._joint < 0:
             return True
         servo = self._servo
-        position = servo.centre + self._steering.to_motor(angle_rad) / servo.range_rad
+        position = servo.centre + angle_rad * self._position_per_rad
         if not -0.0005 < position < 1.0005:
             return False
         send(self._servo_id, wire.pack_servo(self._reply_to, round(1000.0 * position)))
@@ -365,7 +380,7 @@ class VescDrive:
         """Leave latched states with the next `serve`, if the causes are gone."""
         self._clear_wanted = True
 
-    @staticmethod
-    def _current(command: int, number: int, current_a: float) -> tuple[int, bytes]:
-        """Return the frame of a motor current [A]."""
-        return wire.identifier(command, number), wire.pack_value(round(1000.0 * current_a))
+
+def _of_current(command: int, number: int, current_a: float) -> tuple[int, bytes]:
+    """Return the frame of a motor current [A]."""
+    return wire.identifier(command, number), wire.pack_value(round(1000.0 * current_a))

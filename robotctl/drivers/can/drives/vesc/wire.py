@@ -47,9 +47,21 @@ TACHOMETER_PER_TURN: Final = 6
 ERPM_MAX: Final = (1 << 31) - 1
 
 _VALUE = struct.Struct(">i")
-_STATUS = struct.Struct(">ihh")
-_STATUS_4 = struct.Struct(">hhhh")
-_STATUS_5 = struct.Struct(">ih")
+
+STATUS_DATA: Final = struct.Struct(">ihh")
+"""Speed [erpm], motor current in `AMPERES`, duty [0.001]."""
+
+STATUS_4_DATA: Final = struct.Struct(">hhhh")
+"""Temperatures of bridge and motor [0.1 degC], input current [0.1 A], position."""
+
+STATUS_5_DATA: Final = struct.Struct(">ihh")
+"""Tachometer [count], supply [0.1 V], and two bytes that the firmware reserves,"""
+
+SHORT_STATUS_5_DATA: Final = struct.Struct(">ih")
+"""or without them, as in the document."""
+
+AMPERES: Final = 0.1
+
 _SERVO = struct.Struct(">BBBh")
 _WHOLE, _NO_REPLY = 0, 2
 """What is done with a buffer: processed and answered, or only processed."""
@@ -63,21 +75,6 @@ _FLAG_TIMED_OUT, _FLAG_KILL_SWITCH = 1, 2
 
 pack_value: Final = _VALUE.pack
 """Data of a simple command: the value, scaled, as an integer."""
-
-unpack_status: Final = _STATUS.unpack
-"""Speed [erpm], motor current [0.1 A], duty [0.001]."""
-
-unpack_status_4: Final = _STATUS_4.unpack
-"""Temperatures of bridge and motor [0.1 degC], input current [0.1 A], position."""
-
-
-def unpack_status_5(data: bytes) -> tuple[int, int]:
-    """Return tachometer [count] and supply [0.1 V]; raises struct.error on another length.
-
-    The document has six bytes, the firmware adds two that are reserved.
-    """
-    tachometer, supply = _STATUS_5.unpack(data[:6] if len(data) == 8 else data)
-    return tachometer, supply
 
 
 def identifier(command: int, number: int) -> int:

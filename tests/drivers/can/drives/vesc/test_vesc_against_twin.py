@@ -419,10 +419,11 @@ def test_what_the_wire_cannot_carry_is_no_power(car, values):
     assert NEEDS.notes.refused == before + 20
 
 
+@pytest.mark.parametrize("command", [9, 16, 27])
 @pytest.mark.parametrize("length", [0, 4, 7])
-def test_a_status_of_another_layout_stops_the_drive_and_is_quoted(car, length):
+def test_a_status_of_another_layout_stops_the_drive_and_is_quoted(car, command, length):
     drive(car, 3.0, 0.2)
-    car.deliver(EXTENDED_FLAG | 9 << 8 | NUMBER, bytes(range(length)))
+    car.deliver(EXTENDED_FLAG | command << 8 | NUMBER, bytes(range(length)))
     car.tick(on(3.0, 0.0))
     assert car.state is DriveState.FAULT
     assert car.report.fault.code is FaultCode.DRIVE_UNREADABLE

@@ -29,18 +29,17 @@ def test_the_documents_example_of_a_command() -> None:
 
 def test_status_messages_as_the_document_lays_them_out() -> None:
     # B0-B3 ERPM, B4-B5 current x 10, B6-B7 duty x 1000; big-endian.
-    assert wire.unpack_status(bytes.fromhex("FFFFD8F0 FF9C 01F4")) == (-10_000, -100, 500)
+    assert wire.STATUS_DATA.unpack(bytes.fromhex("FFFFD8F0 FF9C 01F4")) == (-10_000, -100, 500)
     # B0-B1 FET x 10, B2-B3 motor x 10, B4-B5 current in x 10, B6-B7 position x 50.
-    assert wire.unpack_status_4(bytes.fromhex("00FA 01C2 FFF6 4650")) == (250, 450, -10, 18_000)
+    assert wire.STATUS_4_DATA.unpack(bytes.fromhex("00FA 01C2 FFF6 4650")) == (
+        250,
+        450,
+        -10,
+        18_000,
+    )
     # B0-B3 tachometer, B4-B5 volts x 10.
-    assert wire.unpack_status_5(bytes.fromhex("00000258 00F0")) == (600, 240)
-    assert wire.unpack_status_5(bytes.fromhex("FFFFFDA8 00F0 0000")) == (-600, 240)
-
-
-@pytest.mark.parametrize("length", [0, 5, 7])
-def test_another_length_is_no_status_5(length: int) -> None:
-    with pytest.raises(struct.error):
-        wire.unpack_status_5(bytes(length))
+    assert wire.SHORT_STATUS_5_DATA.unpack(bytes.fromhex("00000258 00F0")) == (600, 240)
+    assert wire.STATUS_5_DATA.unpack(bytes.fromhex("FFFFFDA8 00F0 0000")) == (-600, 240, 0)
 
 
 @given(PACKETS)
@@ -158,6 +157,11 @@ def test_answers_go_to_a_number_that_no_other_vesc_has() -> None:
     numbers = [table(node_id=number).node_ids for number in range(255)]
     assert all(own != reply and 0 <= reply <= 254 for own, reply in numbers)
     assert len({reply for _, reply in numbers}) == 255
+
+
+def test_whether_it_brakes_depends_on_its_current() -> None:
+    assert table().abilities.brakes
+    assert not table(brake_current_a=0.0, accept_coasting=True).abilities.brakes
 
 
 def test_ages_follow_the_rate_of_status() -> None:
