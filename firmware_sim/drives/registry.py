@@ -11,10 +11,16 @@ from pydantic import TypeAdapter, ValidationError
 
 from firmware_sim.config.motors import OWN_KIND, MotorTable
 from firmware_sim.drives.config import MotorSection
+from firmware_sim.drives.moteus.config import MoteusMotor
 from firmware_sim.drives.odrive.config import ODriveMotor
+from firmware_sim.drives.vesc.config import VescMotor
 from firmware_sim.errors import SimulationError
 
-TWINS: Final[Mapping[str, type[MotorSection]]] = {"odrive": ODriveMotor}
+TWINS: Final[Mapping[str, type[MotorSection]]] = {
+    "odrive": ODriveMotor,
+    "vesc": VescMotor,
+    "moteus": MoteusMotor,
+}
 """By `kind`."""
 
 

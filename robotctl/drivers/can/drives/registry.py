@@ -4,8 +4,15 @@ from __future__ import annotations
 
 from typing import Final
 
+from robotctl.drivers.can.drives.moteus.config import MoteusMotor
 from robotctl.drivers.can.drives.motor_drive import MotorConfig
 from robotctl.drivers.can.drives.native.config import NativeMotor
 from robotctl.drivers.can.drives.odrive.config import ODriveMotor
+from robotctl.drivers.can.drives.vesc.config import VescMotor
 
-DRIVES: Final[tuple[type[MotorConfig], ...]] = (NativeMotor, ODriveMotor)
+DRIVES: Final[tuple[type[MotorConfig], ...]] = (
+    NativeMotor,
+    ODriveMotor,
+    VescMotor,
+    MoteusMotor,
+)
