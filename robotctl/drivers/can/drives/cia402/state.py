@@ -91,7 +91,7 @@ class PowerSwitch:
         self._was_on = self._wants and lowest == OPERATION_ENABLED
 
     def latch(self, fault: Fault) -> None:
-        """Take the power until `clear`; the first fault stays, unless only now the cause is known."""
+        """Take the power until `clear`; the first fault stays, unless it had no cause."""
         if self.fault is None or self.fault.code in _UNEXPLAINED:
             self.fault = fault
         self._must_rest = True
