@@ -35,6 +35,8 @@ class Cia402Settings:
         Indices of objects that this firmware does not have, in hexadecimal.
     stop_options
         Values that 605Ah and 605Eh take.
+    quick_stop, fault_stop
+        What a drive without 605Ah or 605Eh does, as values of those.
     sdo_pause_ms
         A request that comes sooner behind the last one is lost [ms].
     current_limit_a
@@ -64,6 +66,8 @@ class Cia402Settings:
     profile: Unsigned = 402
     lacks: tuple[str, ...] = ()
     stop_options: tuple[int, ...] = (0, 1, 2, 3, 4, 5, 6, 7, 8)
+    quick_stop: Annotated[int, Field(strict=True, ge=0, le=8)] = 2
+    fault_stop: Annotated[int, Field(strict=True, ge=0, le=4)] = 0
     sdo_pause_ms: NotNegative = 0.0
     current_limit_a: Positive = 20.0
     rated_current_a: Positive = 10.0

@@ -40,6 +40,11 @@ class Stop(enum.IntEnum):
 STAYS: Final = 4
 """Quick stop options above this are those of `Stop` plus 4; the axis then stays in quick stop."""
 
+_SETTLES_NS: Final = 20_000_000
+"""Time behind the end of a ramp in which a motor follows it [ns]."""
+_BRAKES_NS: Final = 1_000_000_000
+"""Greatest time of braking at the current limit [ns]."""
+
 _VOLTAGE_ENABLED, _REMOTE = 0x10, 0x200
 _TARGET_REACHED, _INTERNAL_LIMIT = 0x400, 0x800
 _HALT: Final = 0x100
@@ -118,6 +123,10 @@ class PowerAxis:
         """Whether the cause of the fault is still there: a reset does nothing then."""
         self.is_stopping = False
         self._then = State.SWITCH_ON_DISABLED
+        self._ramp_ns: int | None = None
+        """Length of the ramp of a stop that has just begun [ns]."""
+        self._rest_ns = 0
+        """When that ramp is at its end [ns]."""
         self._word = 0
 
     def power_up(self) -> None:
@@ -241,9 +250,13 @@ class PowerAxis:
             self.state = State.QUICK_STOP_ACTIVE
             self._stop(Stop.CURRENT_LIMIT, State.SWITCH_ON_DISABLED)
 
-    def step(self) -> None:
-        """Look whether a stop is over."""
-        if self.is_stopping and abs(self.motor.speed_rad_s) < STILL_RAD_S:
+    def step(self, now_ns: int) -> None:
+        """Look whether a stop is over: the motor stands, or its ramp is at its end."""
+        if not self.is_stopping:
+            return
+        if self._ramp_ns is not None:
+            self._rest_ns, self._ramp_ns = now_ns + self._ramp_ns, None
+        if abs(self.motor.speed_rad_s) < STILL_RAD_S or now_ns >= self._rest_ns:
             if self._then is State.QUICK_STOP_ACTIVE:
                 self.is_stopping = False
             else:
@@ -263,12 +276,14 @@ class PowerAxis:
             return
         self.is_stopping, self._then = True, then
         if how in (Stop.CURRENT_LIMIT, Stop.VOLTAGE_LIMIT):
+            self._ramp_ns = _BRAKES_NS
             self._brake()
         else:
             ramps = self._ramps(0.0)
             by_quick_stop = how is Stop.QUICK_STOP_RAMP
-            self._run(0.0, ramps.quick_stop if by_quick_stop else ramps.deceleration)
-        self.step()
+            ramp = ramps.quick_stop if by_quick_stop else ramps.deceleration
+            self._ramp_ns = round(1e9 * abs(self.motor.speed_rad_s) / ramp) + _SETTLES_NS
+            self._run(0.0, ramp)
 
     def _run(self, speed_rad_s: float, ramp_rad_s2: float) -> None:
         self._limit(ramp_rad_s2)

@@ -252,7 +252,7 @@ class Cia402Twin(Twin):
     def _options(self, axis: int) -> Options:
         """Return the stop options; a drive without one of them keeps its maker's default."""
         number, offset = self.dictionary.number, 0 if self._is_zlac else AXIS_OFFSET * axis
-        default = Options()
+        default = Options(quick_stop=self._settings.quick_stop, fault=self._settings.fault_stop)
         found = {
             index: number(index + offset) if index + offset in self._indices else fallback
             for index, fallback in (
@@ -436,7 +436,7 @@ class Cia402Twin(Twin):
             self._lost_ns = NEVER_NS
             self._lose_host()
         for axis in self.axes:
-            axis.step()
+            axis.step(now_ns)
         if self.nmt_state == OPERATIONAL:
             self._pdos.step(now_ns)
         self._changed()

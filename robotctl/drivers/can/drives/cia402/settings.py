@@ -361,5 +361,9 @@ def _proof(plan: Plan, settings: list[Setting]) -> str:
     """Say by which settings the drive stops when the host is silent."""
     if not settings:
         return f"node {plan.node_id} has {Silence.NONE.value}; its maker's tool decides"
-    words = [f"{each.index:04X}h:{each.subindex} = {each.wanted}{each.unit}" for each in settings]
-    return ", ".join(words)
+    return ", ".join(
+        f"{each.index:04X}h:{each.subindex} = {plan.timeout_ms} ms of node {plan.host_id}"
+        if each.index == 0x1016
+        else f"{each.index:04X}h:{each.subindex} = {each.wanted}{each.unit}"
+        for each in settings
+    )

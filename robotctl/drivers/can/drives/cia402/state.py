@@ -24,8 +24,8 @@ ENABLE_OPERATION: Final = 0x0F
 RAMP_BITS: Final = 0x70
 """In velocity mode: the ramp runs, is not held, and follows the target (CiA 402-2, 8.4)."""
 
-_RESET_TICKS: Final = 24
-"""Ticks for which a fault reset is tried."""
+_RESET_TICKS: Final = 64
+"""Ticks for which a fault reset is tried: the drive may have to come to rest first."""
 _RESET_PERIOD: Final = 8
 """Ticks from one rising edge of the reset bit to the next: a frame of one may be lost."""
 

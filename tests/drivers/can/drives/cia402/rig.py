@@ -81,16 +81,14 @@ class Rig:
         self.heard = []
         self.inbox = []
         self.host = self.bus.attach("host", self.inbox.append, accept=list(self.drive.handlers))
-        port = self.bus.attach(
-            "twin", self.twin.on_frame, accept=list(self.twin.arbitration_ids)
-        )
+        port = self.bus.attach("twin", self.twin.on_frame, accept=list(self.twin.arbitration_ids))
         self.bus.tap(self.heard.append)
         self.twin.connect(
             port, lambda due_ns, twin: self.bus.schedule(due_ns, lambda: twin.wake(due_ns))
         )
         self.twin.power_cycle(0)
         self.now_ns = 0
-        self.is_silent = False
+        self.is_silent = self.is_cut = False
         self.command = OFF
 
     def run_to(self, now_ns):
@@ -102,6 +100,8 @@ class Rig:
 
     def send(self, arbitration_id, data):
         self.sent.append((self.now_ns, arbitration_id, data))
+        if self.is_cut:
+            return True
         return self.host.send(arbitration_id, data)
 
     def tick(self):
@@ -111,7 +111,7 @@ class Rig:
         received, self.inbox[:] = list(self.inbox), []
         if self.is_silent:
             return
-        for frame in received:
+        for frame in () if self.is_cut else received:
             self.drive.handlers[frame.arbitration_id](frame.data, frame.stamp_ns)
         self.drive.check(self.now_ns)
         self.drive.command(self.send, self.command, self.now_ns)
