@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
@@ -40,8 +41,8 @@ class Stop(enum.IntEnum):
 STAYS: Final = 4
 """Quick stop options above this are those of `Stop` plus 4; the axis then stays in quick stop."""
 
-_SETTLES_NS: Final = 20_000_000
-"""Time behind the end of a ramp in which a motor follows it [ns]."""
+_SETTLES_NS: Final = 100_000_000
+"""Time behind the end of a ramp after which a motor that still turns is let go [ns]."""
 _BRAKES_NS: Final = 1_000_000_000
 """Greatest time of braking at the current limit [ns]."""
 
@@ -125,6 +126,8 @@ class PowerAxis:
         self._then = State.SWITCH_ON_DISABLED
         self._ramp_ns: int | None = None
         """Length of the ramp of a stop that has just begun [ns]."""
+        self._sense = 1.0
+        """Sign of the speed when the stop began."""
         self._rest_ns = 0
         """When that ramp is at its end [ns]."""
         self._word = 0
@@ -256,7 +259,7 @@ class PowerAxis:
             return
         if self._ramp_ns is not None:
             self._rest_ns, self._ramp_ns = now_ns + self._ramp_ns, None
-        if abs(self.motor.speed_rad_s) < STILL_RAD_S or now_ns >= self._rest_ns:
+        if self.motor.speed_rad_s * self._sense < STILL_RAD_S or now_ns >= self._rest_ns:
             if self._then is State.QUICK_STOP_ACTIVE:
                 self.is_stopping = False
             else:
@@ -275,6 +278,7 @@ class PowerAxis:
             self._release(then)
             return
         self.is_stopping, self._then = True, then
+        self._sense = math.copysign(1.0, self.motor.speed_rad_s)
         if how in (Stop.CURRENT_LIMIT, Stop.VOLTAGE_LIMIT):
             self._ramp_ns = _BRAKES_NS
             self._brake()

@@ -123,6 +123,8 @@ class Cia402Twin(Twin):
         self._boot_ns = self._heartbeat_ns = NEVER_NS
         self._lost_ns = NEVER_NS
         """When the host counts as lost [ns]: by heartbeat, node guarding, or off-line time."""
+        self._look_ns = 0
+        """When a stop is looked at next [ns]."""
         self._toggle = 0
         self._words: list[int] = []
         self._connect()
@@ -435,6 +437,7 @@ class Cia402Twin(Twin):
         if now_ns >= self._lost_ns:
             self._lost_ns = NEVER_NS
             self._lose_host()
+        self._look_ns = now_ns + MS
         for axis in self.axes:
             axis.step(now_ns)
         if self.nmt_state == OPERATIONAL:
@@ -446,7 +449,7 @@ class Cia402Twin(Twin):
         if self.nmt_state == OPERATIONAL:
             due_ns = min(due_ns, self._pdos.due_ns)
         if any(axis.is_stopping for axis in self.axes):
-            due_ns = min(due_ns, (self._now_ns // MS + 1) * MS)
+            due_ns = min(due_ns, self._look_ns)
         return due_ns
 
     def _changed(self) -> None:
