@@ -46,6 +46,10 @@ _SETTLES_NS: Final = 100_000_000
 _BRAKES_NS: Final = 1_000_000_000
 """Greatest time of braking at the current limit [ns]."""
 
+_HOLDS_NS: Final = 50_000_000
+"""Time that a motor braked at the current limit stands before it is let go: a wheel may have locked
+while the robot slides on [ns]."""
+
 _VOLTAGE_ENABLED, _REMOTE = 0x10, 0x200
 _TARGET_REACHED, _INTERNAL_LIMIT = 0x400, 0x800
 _HALT: Final = 0x100
@@ -128,6 +132,8 @@ class PowerAxis:
         """Length of the ramp of a stop that has just begun [ns]."""
         self._sense = 1.0
         """Sign of the speed when the stop began."""
+        self._turned_ns = self._hold_ns = 0
+        """When the motor was last seen to turn, and how long it must stand [ns]."""
         self._rest_ns = 0
         """When that ramp is at its end [ns]."""
         self._word = 0
@@ -259,7 +265,12 @@ class PowerAxis:
             return
         if self._ramp_ns is not None:
             self._rest_ns, self._ramp_ns = now_ns + self._ramp_ns, None
-        if self.motor.speed_rad_s * self._sense < STILL_RAD_S or now_ns >= self._rest_ns:
+            self._turned_ns = now_ns
+        turns = self.motor.speed_rad_s * self._sense >= STILL_RAD_S
+        if turns:
+            self._turned_ns = now_ns
+        stood = not turns and now_ns - self._turned_ns >= self._hold_ns
+        if stood or now_ns >= self._rest_ns:
             if self._then is State.QUICK_STOP_ACTIVE:
                 self.is_stopping = False
             else:
@@ -280,13 +291,14 @@ class PowerAxis:
         self.is_stopping, self._then = True, then
         self._sense = math.copysign(1.0, self.motor.speed_rad_s)
         if how in (Stop.CURRENT_LIMIT, Stop.VOLTAGE_LIMIT):
-            self._ramp_ns = _BRAKES_NS
+            self._ramp_ns, self._hold_ns = _BRAKES_NS, _HOLDS_NS
             self._brake()
         else:
             ramps = self._ramps(0.0)
             by_quick_stop = how is Stop.QUICK_STOP_RAMP
             ramp = ramps.quick_stop if by_quick_stop else ramps.deceleration
             self._ramp_ns = round(1e9 * abs(self.motor.speed_rad_s) / ramp) + _SETTLES_NS
+            self._hold_ns = 0
             self._run(0.0, ramp)
 
     def _run(self, speed_rad_s: float, ramp_rad_s2: float) -> None:
