@@ -45,7 +45,7 @@ def show_budget(robot: RobotName = "diff_drive", overrides: Overrides = None) ->
             config.runtime.rate_hz,
             bus,
             sonars=len(config.sonar),
-            steered=config.drive.steered,
+            steered=bool(config.drive.joint_names),
             imu=config.imu.enabled,
             elsewhere=elsewhere,
         )

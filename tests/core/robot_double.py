@@ -76,7 +76,7 @@ class RobotDouble:
         self.angles = [0.0, 0.0]
         self.motor_state = DriveState.READY
         self.drive_says: DriveState | None = None
-        self.node_id = 1
+        self.node = 1, "drive"
         self.faults = 0
         self.problem = ""
         self.boots = 1
@@ -174,8 +174,7 @@ class RobotDouble:
             emergency_stop=stop,
             nodes=(
                 NodeStatus(
-                    self.node_id,
-                    "drive",
+                    *self.node,
                     5,
                     heartbeat_ns,
                     self.boots,

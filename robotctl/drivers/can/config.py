@@ -12,6 +12,9 @@ from robotctl.errors import InvalidValue
 _BITRATES = (10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)
 _DATA_BITRATES = (*_BITRATES, 2_000_000, 4_000_000, 5_000_000, 8_000_000)
 
+MAX_SUPPLY_V: Final = 65.5
+"""More than this no drive can report [V]."""
+
 RESTART_MS: Final = 100
 """Wanted pause between bus-off and the controller's return [ms]."""
 
@@ -159,6 +162,36 @@ def bring_up(config: CanConfig, kind: str = "") -> str:
 
 
 @dataclass(frozen=True, slots=True)
+class PowerConfig:
+    """Who tells the supply of the robot.
+
+    Parameters
+    ----------
+    source
+        `node`: our battery monitor, which has its own limits; `drives`: the motor drives, by the
+        limits here.
+    low_v
+        A battery under this for 2 s is low: the robot does not arm [V].
+    critical_v
+        A battery under this for 2 s is critical: the robot stops [V].
+    """
+
+    source: Literal["node", "drives"] = "node"
+    low_v: float = 0.0
+    critical_v: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the limits."""
+        if self.source == "drives" and not 0.0 < self.critical_v <= self.low_v <= MAX_SUPPLY_V:
+            raise InvalidValue(
+                "critical_v",
+                f"must be over 0 and at most low_v ({self.low_v:g}), which is at most "
+                f"{MAX_SUPPLY_V:g}, where drives tell the supply, not {self.critical_v:g}",
+                self.critical_v,
+            )
+
+
+@dataclass(frozen=True, slots=True)
 class NodeParameters:
     """Required and configured settings of the nodes, before the robot may arm.
 
@@ -175,7 +208,7 @@ class NodeParameters:
     imu
         Whether there must be an IMU.
     power
-        Whether there must be a battery monitor.
+        Who tells the supply: with `node` there must be a battery monitor.
     """
 
     rate_hz: int
@@ -183,7 +216,7 @@ class NodeParameters:
     heartbeat_timeout_ms: int
     sonars: int
     imu: bool = False
-    power: bool = True
+    power: PowerConfig = PowerConfig()
 
     def __post_init__(self) -> None:
         """Check the ranges."""

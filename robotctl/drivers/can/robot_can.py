@@ -11,8 +11,10 @@ from collections.abc import Mapping
 from operator import itemgetter
 from typing import Final
 
-from robotctl.drivers.can.drives.motor_drive import Handler, MotorDrive, Send
+from robotctl.drivers.can.drives.motor_drive import BusPart, Handler, MotorDrive, Send
+from robotctl.drivers.can.drives.proofs import ProvenDrive
 from robotctl.drivers.can.robot_parts import FIELDS, NOTHING, RobotParts
+from robotctl.drivers.can.supply import DriveSupply
 from robotctl.messages.actuators import ActuatorCommand, ActuatorFeedback
 from robotctl.messages.control import (
     BusStatus,
@@ -26,8 +28,9 @@ from robotctl.messages.ports import CanPort
 DISABLE_FRAMES: Final = 3
 """How often `close` sends "motors off"."""
 
-_ACTUATORS, _EMERGENCIES, _EMERGENCY_STOP, _NODES, _BUS, _STRANGERS = map(
-    FIELDS.index, ("actuators", "emergencies", "emergency_stop", "nodes", "bus", "strangers")
+_ACTUATORS, _BATTERY, _EMERGENCIES, _EMERGENCY_STOP, _NODES, _BUS, _STRANGERS = map(
+    FIELDS.index,
+    ("actuators", "battery", "emergencies", "emergency_stop", "nodes", "bus", "strangers"),
 )
 _SOURCES: Final = {source.value: source for source in EmergencyStopSource}
 
@@ -54,9 +57,15 @@ class CanRobot:
             _DriveSide(drive, sides[bus].port.send, places, count)
             for drive, bus, places in parts.drives
         ]
+        self._supply = DriveSupply(parts.power) if parts.power.source == "drives" else None
         self._actuators = _in_order(self._drives)
         self._all = [part for bus in self._buses for part in bus.parts]
-        self._node_status = tuple([part.status for part in self._all])
+        self._status: list[BusPart | ProvenDrive] = [*self._all]
+        if parts.proofs is not None:
+            drives = [each.drive for each in parts.drives]
+            proven = {id(drive): ProvenDrive(drive, parts.proofs) for drive in drives}
+            self._status = [proven.get(id(part), part) for part in self._all]
+        self._node_status = tuple([each.status for each in self._status])
         self._closed = False
 
     # Receiving ----------------------------------------------------------------------------------
@@ -77,7 +86,9 @@ class CanRobot:
         if notes.emergencies:
             values[_EMERGENCIES] = tuple(notes.emergencies)
             notes.emergencies.clear()
-        values[_ACTUATORS] = self._reports()
+        values[_ACTUATORS] = reports = self._reports()
+        if self._supply is not None:
+            values[_BATTERY] = self._supply.update(reports)
         values[_NODES] = self.nodes
         values[_BUS] = self.bus_status()
         values[_STRANGERS] = notes.strangers.seen
@@ -94,9 +105,9 @@ class CanRobot:
     def nodes(self) -> tuple[NodeStatus, ...]:
         """Status of each drive and node; the same object while none changes."""
         known = self._node_status
-        for place, part in enumerate(self._all):
-            if part.status is not known[place]:
-                status = tuple([part.status for part in self._all])
+        for place, each in enumerate(self._status):
+            if each.status is not known[place]:
+                status = tuple([each.status for each in self._status])
                 if status != known:
                     self._node_status = status
                 break

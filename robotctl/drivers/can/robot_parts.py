@@ -46,6 +46,9 @@ class RobotParts:
         Names of its buses, the first of which is that of all parts without one.
     bus_of
         Bus of sensor nodes, by their names.
+    proofs
+        Settings with which each drive was proven, by the names of the drives; None: no drive needs
+        a proof.
 
     Attributes
     ----------
@@ -53,6 +56,8 @@ class RobotParts:
         Notes about strangers and damaged frames.
     values
         Feedback of the present tick, in the order of the fields of `Feedback`.
+    power
+        Who tells the supply.
     drives
         The motor drives.
     on_bus
@@ -72,8 +77,11 @@ class RobotParts:
         max_rad_s: float,
         buses: Sequence[str] = ("",),
         bus_of: Mapping[str, str] | None = None,
+        proofs: Mapping[str, str] | None = None,
     ) -> None:
         self.codec = codec
+        self.power = parameters.power
+        self.proofs = proofs
         self.notes = notes = BusNotes()
         self.values = list(NOTHING)
         needs = DriveNeeds(

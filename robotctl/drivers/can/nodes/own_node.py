@@ -84,7 +84,7 @@ class OwnNode:
         self.node = node = Node(node_id, name, script, heartbeat_timeout_ns, notes.strangers)
         self.host_frames: Mapping[int, str] = codec.host_only
         self._emergencies = notes.emergencies
-        self._read_back_ns = 0
+        self._read_back_ns: int | None = None
         self.handlers: dict[int, Handler] = {
             codec.nmt_id: self._on_foreign_nmt,
             HEARTBEAT_BASE + node_id: node.on_heartbeat,
@@ -110,7 +110,9 @@ class OwnNode:
     def check(self, now_ns: int) -> None:
         """Judge what was received up to now; from time to time read a setting back."""
         self.node.check(now_ns)
-        if now_ns >= self._read_back_ns:
+        if self._read_back_ns is None:
+            self._read_back_ns = now_ns + 1  # with the first command, which is behind this call
+        elif now_ns >= self._read_back_ns:
             self._read_back_ns = now_ns + READ_BACK_NS
             self.node.read_back(now_ns)
 

@@ -27,5 +27,7 @@ def age_limits(
     parameters: NodeParameters, safety: SafetyConfig, period_ns: int
 ) -> tuple[AgeLimit, ...]:
     """Return how old what a robot's sensor nodes tell may be; control period [ns]."""
-    nodes = wanted_nodes(parameters)
-    return tuple(limit for node in nodes for limit in node.ages(safety, period_ns))
+    limits = [limit for node in wanted_nodes(parameters) for limit in node.ages(safety, period_ns)]
+    if parameters.power.source == "drives":
+        limits += POWER.ages(safety, period_ns)
+    return tuple(limits)
