@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, Literal
+from typing import ClassVar, Literal
 
-from pydantic import Field
-
+from firmware_sim.config.motors import AxisSection
 from firmware_sim.config.quantities import closed
 from firmware_sim.drives.cia402.settings import Cia402Settings, Counts, NodeId
 from firmware_sim.drives.cia402.twin import Cia402Twin, Units
@@ -17,17 +16,6 @@ from firmware_sim.nodes.parameter_store import ParameterStore
 from firmware_sim.nodes.power_stage import PowerStage, UnfittedAxis
 
 _ZLAC_COUNTS = 4096
-
-
-@closed
-@dataclass(frozen=True, slots=True)
-class AxisSection:
-    """One axis of a motor drive, and the wheel that it turns."""
-
-    actuator: str
-    axis: Annotated[int, Field(strict=True, ge=1, le=8)] = 1
-    reversed: bool = False
-    ratio: Annotated[float, Field(strict=True, ge=1e-3, le=1e3)] = 1.0
 
 
 @closed

@@ -9,7 +9,8 @@ import pytest
 from canopen.profiles.p402 import BaseNode402, State402
 from canopen.sdo.exceptions import SdoAbortedError
 
-from firmware_sim.drives.cia402.config import AxisSection, Cia402Motor
+from firmware_sim.config.motors import AxisSection
+from firmware_sim.drives.cia402.config import Cia402Motor
 from firmware_sim.drives.cia402.settings import Cia402Settings
 from firmware_sim.drives.cia402.state import State
 from firmware_sim.drives.twin import Motor

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import struct
 from collections.abc import Mapping
 from typing import Final
 
 from robotctl.drivers.can.drives.axis import Axis, Unwrapped
 from robotctl.drivers.can.drives.cia402.device import VELOCITY, Silence
-from robotctl.drivers.can.drives.cia402.dialects import Polled
+from robotctl.drivers.can.drives.cia402.dialects import I32_MAX, Polled
 from robotctl.drivers.can.drives.cia402.settings import Found, Plan, heartbeat_of, script_of
 from robotctl.drivers.can.drives.cia402.state import QUICK_STOP_WORD, RAMP_BITS, PowerSwitch
 from robotctl.drivers.can.drives.cia402.wire import (
@@ -52,6 +51,7 @@ STOP_MAX_S: Final = 0.5
 _BEATS: Final = 4
 """Heartbeats of the host within the drive's time-out: so many less one may be lost."""
 
+_I16_MAX: Final = 0x7FFF
 _READY: Final = NodePhase.READY
 _STATE_OF: Final = {
     FaultCode.DRIVE_EMERGENCY_STOP: DriveState.EMERGENCY_STOP,
@@ -163,7 +163,9 @@ class Cia402Drive:
         self._units_per_rad = units_per_rad
         self._rad_per_unit = rad_per_unit
         self._turns_per_count = 1.0 / counts_per_turn
-        self._target_max = min(dialect.target_max, 0x7FFF if mode == VELOCITY else 1 << 30)
+        is_short = mode == VELOCITY or dialect.layout is not None
+        self._wire_max = _I16_MAX if is_short else I32_MAX
+        self._target_max = min(dialect.target_max, self._wire_max)
         self._is_fresh = False
         self._emergency_code = 0
         self._voltage_v: float | None = None
@@ -358,12 +360,12 @@ class Cia402Drive:
         node, switch, targets = self._node, self._switch, self._targets
         in_service = node.phase is _READY
         wants = switch.wants(command.enable, in_service)
-        top = self._target_max
+        top, wire_top = self._target_max, self._wire_max
         for place, side, value in zip(
             self._places, self._sides, command.values or _ZEROS, strict=False
         ):
             units = side.axis.to_motor(value) * self._units_per_rad
-            if not math.isfinite(units):
+            if not -wire_top <= units <= wire_top:  # nan, too
                 self._notes.refused += 1
                 switch.refuse()
                 wants = switch.wants(command.enable, in_service)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from firmware_sim.bus.core import Bus
-from firmware_sim.drives.cia402.config import AxisSection
+from firmware_sim.config.motors import AxisSection
 from firmware_sim.drives.cia402.config import Cia402Motor as TwinTable
 from firmware_sim.drives.cia402.settings import Cia402Settings
 from firmware_sim.drives.twin import Motor
