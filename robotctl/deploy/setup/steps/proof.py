@@ -23,6 +23,8 @@ MARGIN_MS: Final = 200
 """Time behind the time-out within which the power must be seen to be gone [ms].
 
 A wheel has to slow down first, and a state comes with a heartbeat."""
+ACCEPTED_MS: Final = 2000
+"""Time that a drive has whose table accepts that nothing sets its time-out [ms]."""
 ROLL_MS: Final = 500
 """Further time in which it is seen whether the wheels are braked or coast [ms]."""
 
@@ -102,9 +104,14 @@ def _spin(bench: Bench) -> None:
 
 
 def _timeout_ms(bench: Bench, motor: MotorConfig) -> int:
-    """Return the time-out of a drive [ms]: the robot's, or the one that its table accepts."""
-    accepted: int = getattr(motor, "accept_timeout_ms", 0)
-    return accepted or bench.config.safety.command_timeout_ms
+    """Return the time within which a drive has to react [ms].
+
+    It is the robot's, or a longer one that the drive's table accepts.
+    """
+    accepted_ms: int = getattr(motor, "accept_timeout_ms", 0)
+    if getattr(motor, "accept_coasting", False) and not motor.abilities.stops_alone:
+        accepted_ms = ACCEPTED_MS
+    return accepted_ms or bench.config.safety.command_timeout_ms
 
 
 def _watch(bench: Bench) -> list[_Witness]:
