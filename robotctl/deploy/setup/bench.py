@@ -264,15 +264,22 @@ class Bench:
 
     def recover(self, seconds: float = 4.0) -> bool:
         """Clear the drives' latches; return whether all are ready."""
-        self.rest(0.2)
-        self._robot.clear_faults()
         end_ns = self.now_ns + round(seconds * 1e9)
-        while self.now_ns < end_ns:
-            reports = self.rest(0.1).actuators
-            if all(each.state is DriveState.READY and each.fault is None for each in reports):
-                return True
+        self.rest(0.1)
+        while self.latched and self.now_ns < end_ns:
             self._robot.clear_faults()
-        return False
+            self.rest(0.2)
+        return not self.latched
+
+    @property
+    def latched(self) -> str:
+        """Why a drive is not ready; empty if all are."""
+        for actuator, report in zip(self.actuators, self.feedback.actuators, strict=True):
+            if report.fault is not None:
+                return f"{actuator.drive}: {report.fault}"
+            if report.state is not DriveState.READY:
+                return f"{actuator.drive} is not ready ({report.state.name.lower()})"
+        return ""
 
     # Motion -------------------------------------------------------------------------------------
 

@@ -91,9 +91,9 @@ def test_a_wrong_pole_count_is_named_and_the_gear_is_left(tmp_path):
 
 
 def test_ten_turns_that_are_counted_a_little_short_change_nothing(tmp_path):
-    rig = SetupRig(tmp_path, "odrive", {"left_drive": axis("left", ratio=1.01)})
-    ratio = rig.tables["motor"][0]["axes"][0].get("ratio", 1.0)
-    assert ratio == 1.0
+    rig = SetupRig(tmp_path, "odrive", {"left_drive": axis("left", ratio=10.1)})
+    ratio = rig.tables["motor"][0]["axes"][0]["ratio"]
+    assert ratio == 10.0
     assert rig.run("nodes", "counts") == [True, True]
     assert rig.text == rig.before
 
@@ -128,7 +128,8 @@ def test_a_drive_that_stops_too_late_is_named_and_not_proven(tmp_path):
 
 
 EASY = (("coulomb_n_m = 4.0e-3", "coulomb_n_m = 1.0e-6"),
-        ("viscous_n_m_s_rad = 4.0e-6", "viscous_n_m_s_rad = 0.0"))  # fmt: skip
+        ("viscous_n_m_s_rad = 4.0e-6", "viscous_n_m_s_rad = 0.0"),
+        ("[simulation.wheels]", "[simulation.wheels]\nrolling_resistance = 0.0"))  # fmt: skip
 """A motor that rolls on."""
 
 

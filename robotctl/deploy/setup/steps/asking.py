@@ -41,7 +41,17 @@ def again_or_give_up(problem: str, remedy: str) -> Question:
 
 
 def in_service(bench: Bench) -> Question:
-    """Wait until all drives and nodes are in service."""
-    while any(status.problem for status in bench.commission()):
-        problem = next(status.problem for status in bench.statuses if status.problem)
-        yield from again_or_give_up(problem, "The step `nodes` says what to do")
+    """Wait until all drives and nodes are in service, and no drive is latched.
+
+    Between two steps nobody talks to the drives, and some latch that.
+    """
+    while True:
+        bench.commission()
+        problem = next((status.problem for status in bench.statuses if status.problem), "")
+        remedy = "The step `nodes` says what to do"
+        if not problem:
+            if bench.recover():
+                return
+            problem = bench.latched
+            remedy = "Find out why; release the emergency stop; or switch the drives off and on"
+        yield from again_or_give_up(problem, remedy)
