@@ -74,16 +74,16 @@ def setup(
             _refuse_shipped(file)
             person = Terminal()
             buses = _real(file, held)
+            # A closed terminal ends it as Ctrl-C does: motors off, buses released.
+            signal.signal(signal.SIGHUP, signal.default_int_handler)
+            signal.signal(signal.SIGTERM, signal.default_int_handler)
         guide = Guide(file, buses, person)
-        # A closed terminal ends it as Ctrl-C does: motors off, buses released.
-        signal.signal(signal.SIGHUP, signal.default_int_handler)
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
+        is_done = True
         try:
             if step is None:
                 is_done = guide.walk()
             elif undo:
                 guide.undo(step)
-                is_done = True
             else:
                 is_done = guide.run(step)
         except PersonLeftError as error:

@@ -128,9 +128,8 @@ def test_a_drive_that_stops_too_late_is_named_and_not_proven(tmp_path):
 
 
 EASY = (("coulomb_n_m = 4.0e-3", "coulomb_n_m = 1.0e-6"),
-        ("viscous_n_m_s_rad = 4.0e-6", "viscous_n_m_s_rad = 0.0"),
         ("[simulation.wheels]", "[simulation.wheels]\nrolling_resistance = 0.0"))  # fmt: skip
-"""A motor that rolls on."""
+"""A motor that rolls on for seconds."""
 
 
 def test_a_drive_that_coasts_is_named_and_proven_only_where_its_table_accepts_it(tmp_path):

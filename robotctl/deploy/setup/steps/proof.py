@@ -28,12 +28,10 @@ ACCEPTED_MS: Final = 2000
 ROLL_MS: Final = 500
 """Further time in which it is seen whether the wheels are braked or coast [ms]."""
 
-SLOWER: Final = 0.8
-"""Share of its speed at which a wheel has lost its power."""
 STANDS: Final = 0.2
 """Share of its speed at which it has stopped."""
 _RUNS_ON: Final = 0.95
-"""Share of its speed with which a wheel is driven, whatever its drive says."""
+"""Share of its speed down to which a wheel may still be driven, whatever its drive says."""
 _TURNS: Final = 0.5
 """Share of the commanded speed at which a wheel turns well enough for the proof."""
 _ANSWERS: Final = 20
@@ -48,11 +46,18 @@ class _Witness:
     wheel: Wheel
     before_rad_s: float
     lost_ms: float | None = None
-    """Time after the last command at which its power was seen to be gone [ms]."""
+    """Time after the last command at which its drive said that the power is gone [ms]."""
+    ran_ms: float = 0.0
+    """Time after the last command up to which it had its speed [ms]."""
     share: float = 1.0
     """Newest speed as a share of that before."""
     told: bool = False
     """Whether anything was told during the silence."""
+
+    @property
+    def off_ms(self) -> float:
+        """Time after the last command at which its power was seen to be gone [ms]."""
+        return self.ran_ms if self.lost_ms is None else self.lost_ms
 
 
 def run(bench: Bench) -> Script:
@@ -139,39 +144,38 @@ def _note(bench: Bench, witness: _Witness, begin_ns: int, margin_ns: int) -> Non
     """Take what a drive tells by itself; it does if it still does so behind its time-out."""
     wheel = witness.wheel
     report = bench.feedback.actuators[wheel.place]
-    stamps_ns = [report.report_ns] if report.state is not DriveState.ENABLED else []
     witness.told = report.motion_ns > margin_ns - MARGIN_MS * 1_000_000
     if report.motion_ns > begin_ns:
         witness.share = abs(bench.speed_rad_s(wheel)) / witness.before_rad_s
-        if witness.share < SLOWER:
-            stamps_ns.append(report.motion_ns)
-    stamp_ns = min((each for each in stamps_ns if each > begin_ns), default=None)
-    if stamp_ns is not None and witness.lost_ms is None:
-        witness.lost_ms = (stamp_ns - begin_ns) * 1e-6
+        if witness.share > _RUNS_ON:
+            witness.ran_ms = (report.motion_ns - begin_ns) * 1e-6
+    says_off = report.state is not DriveState.ENABLED and report.report_ns > begin_ns
+    if says_off and witness.lost_ms is None:
+        witness.lost_ms = (report.report_ns - begin_ns) * 1e-6
 
 
 def _ask_once(bench: Bench, witnesses: list[_Witness], begin_ns: int) -> None:
-    """End the silence; the first answers show whether the wheels had stopped before."""
+    """End the silence; the first answers show whether the power was gone before."""
     asked_ns = bench.now_ns
-    age_ms = (asked_ns - begin_ns) * 1e-6
     waiting = [each for each in witnesses if not each.told]
     for _ in range(_ANSWERS):
         bench.rest()
         for each in waiting:
-            report = bench.feedback.actuators[each.wheel.place]
-            if each.told:
-                continue
-            if each.wheel.actuator.abilities.tells_speed:
-                each.told = report.motion_ns > asked_ns
-                each.share = abs(bench.speed_rad_s(each.wheel)) / each.before_rad_s
-                stands = each.told and each.share <= STANDS
-            else:
-                # Its latched state is its own; a speed takes several positions.
-                each.told = report.report_ns > asked_ns
-                stands = each.told and report.state in _LATCHED
-                each.share = 0.0 if stands else 1.0
-            if stands:
-                each.lost_ms = age_ms
+            if not each.told:
+                _take_answer(bench, each, asked_ns)
+                each.lost_ms = (asked_ns - begin_ns) * 1e-6
+
+
+def _take_answer(bench: Bench, witness: _Witness, asked_ns: int) -> None:
+    """Take the first answer of a drive that tells nothing by itself."""
+    report = bench.feedback.actuators[witness.wheel.place]
+    if witness.wheel.actuator.abilities.tells_speed:
+        witness.told = report.motion_ns > asked_ns
+        witness.share = abs(bench.speed_rad_s(witness.wheel)) / witness.before_rad_s
+    else:
+        # Its latched state is its own; a speed takes several positions.
+        witness.told = report.report_ns > asked_ns
+        witness.share = 0.0 if report.state in _LATCHED else 1.0
 
 
 def _judge(bench: Bench, motor: MotorConfig, witnesses: list[_Witness]) -> tuple[str, str]:
@@ -181,15 +185,15 @@ def _judge(bench: Bench, motor: MotorConfig, witnesses: list[_Witness]) -> tuple
         name, share = each.wheel.name, each.share
         if not each.told:
             return f"tells nothing of {name} any more", ""
-        if each.lost_ms is None or share > _RUNS_ON:
+        if share > _RUNS_ON:
             return f"keeps running: {name} has {share:.0%} of its speed without a command", ""
-        if each.lost_ms > timeout_ms + MARGIN_MS:
-            late = f"{each.lost_ms:.0f} ms found, {timeout_ms + MARGIN_MS} allowed"
+        if each.off_ms > timeout_ms + MARGIN_MS:
+            late = f"{each.off_ms:.0f} ms found, {timeout_ms + MARGIN_MS} allowed"
             return f"takes the power of {name} too late: {late}", ""
         coasts = share > STANDS
         if coasts and motor.abilities.brakes and not getattr(motor, "accept_coasting", False):
             remedy = "let it brake, or accept it by accept_coasting = true"
             return f"coasts: {name} still has {share:.0%} of its speed; {remedy}", ""
-    lost_ms = max((each.lost_ms or 0.0 for each in witnesses), default=0.0)
+    lost_ms = max((each.off_ms for each in witnesses), default=0.0)
     end = "coasts then" if any(each.share > STANDS for each in witnesses) else "wheel stands"
     return "", f"power gone after {lost_ms:.0f} ms at most, {end}"
