@@ -37,7 +37,7 @@ React = Callable[[str, float], None]
 def proofs(robot: str) -> str:
     """Return the table `[proof]` of a robot, by what its twins tell in lockstep."""
     drives = DriveRig(robot).commission().parts.drives
-    lines = (f"\"{each.drive.status.name}\"='{each.drive.proof}'" for each in drives)
+    lines = (f"{each.drive.status.name}={json.dumps(each.drive.proof)}" for each in drives)
     return f"proof={{{', '.join(lines)}}}"
 
 
