@@ -407,6 +407,8 @@ class Cia402Twin(Twin):
         return handle
 
     def _on_guard(self, _data: bytes, now_ns: int) -> None:
+        if self.dictionary.number(0x1017):
+            return  # heartbeat or node guarding, not both (CiA 301, 7.2.8.2)
         self.send(HEARTBEAT_BASE + self.node_id, bytes((self.nmt_state | self._toggle,)))
         self._toggle ^= 0x80
         if 0x100C in self._indices:

@@ -133,6 +133,7 @@ class Cia402Drive:
         needs: DriveNeeds,
     ) -> None:
         node_id, dialect = plan.node_id, plan.device.dialect
+        heartbeat = heartbeat_of(plan)
         self._name = name
         self._dialect = dialect
         self._notes = needs.notes
@@ -143,7 +144,7 @@ class Cia402Drive:
             script_of(plan, self._found),
             needs.heartbeat_timeout_ms * 1_000_000,
             needs.notes.strangers,
-            knock=heartbeat_of(plan).writing,
+            knock=heartbeat.writing if heartbeat is not None else None,
             rests=True,
             sdo_pause_ns=dialect.sdo_pause_ms * 1_000_000,
         )
@@ -167,6 +168,7 @@ class Cia402Drive:
         self._wire_max = _I16_MAX if is_short else I32_MAX
         self._target_max = min(dialect.target_max, self._wire_max)
         self._is_fresh = False
+        self._was_in_service = False
         self._emergency_code = 0
         self._voltage_v: float | None = None
         self._supply_ns = NEVER_NS
@@ -196,6 +198,7 @@ class Cia402Drive:
                 RPDO_BASES[pdo.number - 1] + node_id: f"command of {name}"
                 for pdo in plan.layout.receive
             },
+            **({} if self._beat is None else {self._beat[0]: f"heartbeat of the host for {name}"}),
         }
 
     @property
@@ -245,8 +248,11 @@ class Cia402Drive:
 
     def check(self, now_ns: int) -> None:
         """Judge what was received up to now; from time to time read something by SDO."""
-        if self._node.check(now_ns):
-            self._switch.refuse()
+        self._node.check(now_ns)
+        in_service = self._node.phase is _READY
+        if self._was_in_service and not in_service:
+            self._forget_states()
+        self._was_in_service = in_service
         if self._is_fresh:
             self._is_fresh = False
             self._judge()
@@ -254,6 +260,13 @@ class Cia402Drive:
         if now_ns >= self._poll_ns:
             self._poll_ns = now_ns + POLL_NS
             self._poll(now_ns)
+
+    def _forget_states(self) -> None:
+        """Know nothing of the states of a drive that is out of service."""
+        for side in self._sides:
+            self._received.values[side.status_place] = 0
+        self._switch.refuse()
+        self._is_fresh = True
 
     def _judge(self) -> None:
         """Find the axis that is farthest from power, and the fault of the drive."""

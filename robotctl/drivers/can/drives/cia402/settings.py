@@ -107,8 +107,13 @@ class Plan:
     fastest: tuple[float, ...]
 
 
-def heartbeat_of(plan: Plan) -> Setting:
-    """Return the setting of the drive's own heartbeat."""
+def heartbeat_of(plan: Plan) -> Setting | None:
+    """Return the setting of the drive's own heartbeat.
+
+    None with node guarding, which it would switch off (CiA 301, 7.2.8.2): its answers are as good.
+    """
+    if plan.device.silence is Silence.GUARDING:
+        return None
     return Setting(0x1017, 0, "heartbeat period", plan.heartbeat_ms, 2, " ms")
 
 
@@ -128,7 +133,11 @@ def script_of(plan: Plan, found: Found) -> Callable[[], Script]:
             stops.append(option)
         silence = _silence(plan)
         kept = yield from configure_and_start(
-            heartbeat_of(plan), *silence, *stops, *_motion(plan), *plan.device.dialect.settings
+            *([] if (heartbeat := heartbeat_of(plan)) is None else [heartbeat]),
+            *silence,
+            *stops,
+            *_motion(plan),
+            *plan.device.dialect.settings,
         )
         if isinstance(kept, Fault):
             return kept
@@ -143,7 +152,7 @@ def script_of(plan: Plan, found: Found) -> Callable[[], Script]:
 
 def _prepare(plan: Plan, found: Found) -> Check:
     """Keep the drive without power, see what it is, and map its PDOs."""
-    if problem := (yield from write(heartbeat_of(plan))):
+    if (heartbeat := heartbeat_of(plan)) and (problem := (yield from write(heartbeat))):
         return problem
     if problem := (yield from _identify(plan)):
         return problem
