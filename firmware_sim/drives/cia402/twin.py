@@ -417,7 +417,7 @@ class Cia402Twin(Twin):
             self._lost_ns = now_ns + life_ms * MS if life_ms else self._lost_ns
 
     def _heard(self, *, is_command: bool) -> None:
-        """Begin the off-line time of a ZLAC8015D anew."""
+        """Restart the off-line time of a ZLAC8015D."""
         if self._is_zlac and (is_command or self._settings.off_line_frames == "all"):
             time_ms = self.dictionary.number(0x2000)
             self._lost_ns = self._now_ns + time_ms * MS if time_ms else NEVER_NS

@@ -33,9 +33,9 @@ _NO_RTR: Final = 0x4000_0000
 _BY_EVENT: Final = 0xFF
 
 RAMP_S: Final = 0.1
-"""From rest to the greatest speed by the drive's own ramp: the host's limiter is slower [s]."""
+"""Time from rest to the greatest speed by the drive's own ramp: the host's limiter is slower [s]."""
 STOP_S: Final = 0.2
-"""From the greatest speed to rest by the quick-stop ramp [s]."""
+"""Time from the greatest speed to rest by the quick-stop ramp [s]."""
 
 GUARD_FACTOR: Final = 2
 """Life time factor: times that the guard time may pass without a request."""
@@ -56,7 +56,7 @@ _Preferred: TypeAlias = Generator[Request | Start, SdoResponse, "Fault | Setting
 
 @dataclass(slots=True)
 class Found:
-    """What a run of the script learnt.
+    """Results of a run of the script.
 
     Attributes
     ----------
