@@ -33,7 +33,7 @@ _NO_RTR: Final = 0x4000_0000
 _BY_EVENT: Final = 0xFF
 
 RAMP_S: Final = 0.1
-"""Time from rest to the greatest speed by the drive's own ramp: the host's limiter is slower [s]."""
+"""Time from rest to the greatest speed by the drive's ramp: the host's limiter is slower [s]."""
 STOP_S: Final = 0.2
 """Time from the greatest speed to rest by the quick-stop ramp [s]."""
 
