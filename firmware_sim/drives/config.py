@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 from firmware_sim.config.motors import AxisSection
 from firmware_sim.drives.twin import Motor, Twin
@@ -16,7 +16,7 @@ __all__ = ["AxisSection", "MotorSection"]
 class MotorSection(Protocol):
     """A table `[[motor]]`: one drive of one kind, of which this is the twin."""
 
-    Settings: type
+    Settings: ClassVar[Any]
     """Class of its table `[simulation.twin.NAME]`, besides the keys of this class: what is true of
     the drive, whatever the rest of the file believes."""
 

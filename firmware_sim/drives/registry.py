@@ -10,10 +10,19 @@ from typing import Any, Final
 from pydantic import TypeAdapter, ValidationError
 
 from firmware_sim.config.motors import OWN_KIND, MotorTable
+from firmware_sim.drives.cia402.config import Cia402Motor
 from firmware_sim.drives.config import MotorSection
+from firmware_sim.drives.moteus.config import MoteusMotor
+from firmware_sim.drives.odrive.config import ODriveMotor
+from firmware_sim.drives.vesc.config import VescMotor
 from firmware_sim.errors import SimulationError
 
-TWINS: Final[Mapping[str, type[MotorSection]]] = {}
+TWINS: Final[Mapping[str, type[MotorSection]]] = {
+    "cia402": Cia402Motor,
+    "odrive": ODriveMotor,
+    "vesc": VescMotor,
+    "moteus": MoteusMotor,
+}
 """By `kind`."""
 
 

@@ -88,7 +88,7 @@ Buses = Annotated[
 if TYPE_CHECKING:
     Motor: TypeAlias = MotorConfig
 else:
-    Motor = Union[DRIVES]  # noqa: UP007 - of any length
+    Motor = Annotated[Union[DRIVES], Field(discriminator="kind")]  # noqa: UP007 - of any length
     """A table `[[motor]]` of any kind."""
 
 

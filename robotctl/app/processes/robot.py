@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import ExitStack
 
 import robotctl
@@ -67,8 +68,19 @@ def feedback_ages(config: RobotConfig) -> tuple[AgeLimit, ...]:
     )
 
 
-def make_parts(config: RobotConfig, codec: RobotCodec) -> RobotParts:
+def make_parts(
+    config: RobotConfig, codec: RobotCodec, proofs: Mapping[str, str] | None = None
+) -> RobotParts:
     """Return the drives and sensor nodes of a robot.
+
+    Parameters
+    ----------
+    config
+        The robot.
+    codec
+        Of our own protocol.
+    proofs
+        Settings with which its drives were proven; None: no drive needs a proof.
 
     Raises
     ------
@@ -82,8 +94,7 @@ def make_parts(config: RobotConfig, codec: RobotCodec) -> RobotParts:
         fastest_wheel_rad_s(config.drive, config.limits),
         [bus.name for bus in config.buses],
         config.nodes,
-        # What hangs on simulated buses hurts nobody.
-        None if all(bus.interface == "simcan" for bus in config.buses) else config.proof,
+        proofs,
     )
 
 
@@ -114,7 +125,9 @@ def make_robot(config: RobotConfig, clock: Clock) -> CanRobot:
     LinkError
         If a bus cannot be opened.
     """
-    parts = make_parts(config, make_codec())
+    # What hangs on simulated buses hurts nobody.
+    is_simulated = all(bus.interface == "simcan" for bus in config.buses)
+    parts = make_parts(config, make_codec(), None if is_simulated else config.proof)
     return CanRobot(open_ports(config, parts, clock), parts)
 
 

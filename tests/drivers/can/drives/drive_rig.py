@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from firmware_sim.simulation import Simulation
 from robotctl.app.processes.robot import make_codec, make_parts
 from robotctl.app.simulation.lockstep_stack import attach_port, make_simulation
@@ -37,7 +35,7 @@ class DriveRig:
             file, find_file("empty_room", "worlds"), seed, None, settings
         )
         self.clock = VirtualClock(self.simulation.now_ns)
-        self.parts = make_parts(replace(self.config, can=simulated(self.config)), make_codec())
+        self.parts = make_parts(self.config, make_codec())
         self.robot = CanRobot(
             {
                 bus.name: attach_port(
@@ -107,8 +105,3 @@ class DriveRig:
     def states(self) -> set[DriveState]:
         """States that the actuators tell."""
         return {each.state for each in self.feedback.actuators}
-
-
-def simulated(config: RobotConfig) -> tuple:
-    """Return the buses of a robot as simulated ones."""
-    return tuple(replace(bus, interface="simcan", channel=bus.name) for bus in config.buses)
