@@ -112,8 +112,9 @@ class PowerSwitch:
             self.fault = None
 
     def refuse(self) -> None:
-        """Give no power until a command that wants none has come."""
+        """Give no power until a command that wants none has come; that is no fault of the drive."""
         self._must_rest = True
+        self._wants = self._was_on = False
 
     def wants(self, enable: bool, in_service: bool) -> bool:
         """Return whether the drive is to have power in this tick.
