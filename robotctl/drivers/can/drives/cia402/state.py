@@ -126,10 +126,12 @@ class PowerSwitch:
         in_service
             Whether the drive is commissioned and there.
         """
-        if not in_service:
-            self._must_rest = True
-        elif not enable:
+        # A command to rest counts before the drive is in service, too: it may come into service in
+        # the very tick in which the robot is armed.
+        if not enable:
             self._must_rest = False
+        elif not in_service:
+            self._must_rest = True
         self._wants = enable and not self._must_rest and self.fault is None
         return self._wants
 
