@@ -58,7 +58,7 @@ _FAULT_RESET: Final = 0x80
 
 @dataclass(slots=True)
 class Options:
-    """What an axis does on commands and faults: objects 605Ah to 605Eh."""
+    """Ways in which an axis stops on commands and faults: objects 605Ah to 605Eh."""
 
     quick_stop: int = Stop.QUICK_STOP_RAMP
     shutdown: int = Stop.COAST
@@ -146,7 +146,7 @@ class PowerAxis:
         self._word = 0
 
     def initialise(self) -> None:
-        """Leave "not ready to switch on" by itself."""
+        """Finish the initialisation: leave "not ready to switch on"."""
         if self.state is State.NOT_READY_TO_SWITCH_ON:
             self.state = State.SWITCH_ON_DISABLED
 

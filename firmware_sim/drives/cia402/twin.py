@@ -407,6 +407,8 @@ class Cia402Twin(Twin):
         return handle
 
     def _on_guard(self, _data: bytes, now_ns: int) -> None:
+        if self.dictionary.number(0x1017):
+            return  # heartbeat or node guarding, not both (CiA 301, 7.2.8.2)
         self.send(HEARTBEAT_BASE + self.node_id, bytes((self.nmt_state | self._toggle,)))
         self._toggle ^= 0x80
         if 0x100C in self._indices:
@@ -415,7 +417,7 @@ class Cia402Twin(Twin):
             self._lost_ns = now_ns + life_ms * MS if life_ms else self._lost_ns
 
     def _heard(self, *, is_command: bool) -> None:
-        """Begin the off-line time of a ZLAC8015D anew."""
+        """Restart the off-line time of a ZLAC8015D."""
         if self._is_zlac and (is_command or self._settings.off_line_frames == "all"):
             time_ms = self.dictionary.number(0x2000)
             self._lost_ns = self._now_ns + time_ms * MS if time_ms else NEVER_NS

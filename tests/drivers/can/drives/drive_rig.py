@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from firmware_sim.simulation import Simulation
 from robotctl.app.processes.robot import make_codec, make_parts
 from robotctl.app.simulation.lockstep_stack import attach_port, make_simulation
@@ -52,12 +54,16 @@ class DriveRig:
         self.period_ns = self.config.runtime.period_ns
         self.feedback = Feedback()
 
-    def tick(self, command: ActuatorCommand = OFF) -> Feedback:
-        """Let one period pass, then receive and send."""
+    def tick(
+        self, command: ActuatorCommand | Callable[[Feedback], ActuatorCommand] = OFF
+    ) -> Feedback:
+        """Let one period pass, then receive and send; a function decides by what was received."""
         now_ns = self.clock.now_ns() + self.period_ns
         self.simulation.advance(now_ns)
         self.clock.sleep_until(now_ns)
         self.feedback = self.robot.receive(now_ns)
+        if not isinstance(command, ActuatorCommand):
+            command = command(self.feedback)
         self.robot.send(command, now_ns)
         return self.feedback
 

@@ -96,6 +96,20 @@ def test_without_a_host_no_wheel_has_power_after_the_time_out(robot, seed):
     assert not rig.powered
 
 
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_a_robot_may_be_armed_in_the_tick_in_which_it_comes_into_service(robot):
+    rig = DriveRig(robot)
+
+    def arm(feedback):
+        return OFF if any(node.problem for node in feedback.nodes) else rig.command(1.0)
+
+    for _ in range(2000):
+        rig.tick(arm)
+        if rig.states == {DriveState.ENABLED}:
+            return
+    raise AssertionError(rig.states)
+
+
 @pytest.mark.parametrize("robot", EACH_KIND)
 def test_after_a_silence_nothing_resumes_by_itself(robot):
     rig = DriveRig(robot).commission()

@@ -19,7 +19,7 @@ from firmware_sim.plant.axis import Limits, Mode
 
 MS = 1_000_000
 NODE = 5
-EDS = "configs/cia402.eds"
+EDS = "configs/drives/cia402.eds"
 COUNTS = 4096
 TURN = 6.283185307179586
 
@@ -369,6 +369,11 @@ class TestSilentHost:
         assert line.states[0] is State.OPERATION_ENABLED
         line.run(20)
         assert line.states[0] is State.SWITCH_ON_DISABLED
+
+    def test_there_is_no_node_guarding_beside_a_heartbeat(self, line, node):
+        node.sdo[0x1017].raw = 1000
+        line.send_message(0x700 + NODE, b"", remote=True)
+        assert line.of(0x700 + NODE) == [b"\0"]
 
     @pytest.mark.parametrize("reaction", ["brake", "coast", "fault"])
     @pytest.mark.parametrize("frames", ["all", "commands"])

@@ -121,7 +121,7 @@ class Cia402Motor:
 
     @property
     def abilities(self) -> Abilities:
-        """What it can do, as its EDS or its dialect says."""
+        """Abilities, as its EDS or its dialect tells them."""
         device = self._device()
         parts = {role for pdo in self._layout(device).transmit for role, _ in pdo.parts}
         parts |= {
@@ -141,7 +141,7 @@ class Cia402Motor:
 
     @property
     def silence(self) -> str:
-        """What it does when the host is silent."""
+        """Reaction to a silent host, in words."""
         device = self._device()
         found = device.silence
         if found is Silence.OFF_LINE_TIME:

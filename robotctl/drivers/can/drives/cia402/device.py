@@ -42,7 +42,7 @@ class Silence(enum.Enum):
 
 
 class Device:
-    """What a drive has.
+    """Objects of a drive, and what follows from them.
 
     Parameters
     ----------

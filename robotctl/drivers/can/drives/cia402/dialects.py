@@ -19,7 +19,7 @@ from robotctl.drivers.can.drives.cia402.wire import Layout, Mapped, Pdo, Role
 from robotctl.drivers.can.nodes.commissioning import Setting
 
 AXIS_OFFSET: Final = 0x800
-"""From an object of one axis to that of the next (CiA 402-2, 5.2)."""
+"""Distance of the objects of one axis from those of the next (CiA 402-2, 5.2)."""
 
 I32_MAX: Final = 0x7FFF_FFFF
 

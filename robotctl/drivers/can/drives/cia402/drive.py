@@ -6,15 +6,14 @@ import struct
 from collections.abc import Mapping
 from typing import Final
 
-from robotctl.drivers.can.drives.axis import Axis, Unwrapped
+from robotctl.drivers.can.drives.axis import Axis
+from robotctl.drivers.can.drives.cia402.axis_side import AxisSide, drive_state
 from robotctl.drivers.can.drives.cia402.device import VELOCITY, Silence
 from robotctl.drivers.can.drives.cia402.dialects import I32_MAX, Polled
 from robotctl.drivers.can.drives.cia402.settings import Found, Plan, heartbeat_of, script_of
 from robotctl.drivers.can.drives.cia402.state import QUICK_STOP_WORD, RAMP_BITS, PowerSwitch
 from robotctl.drivers.can.drives.cia402.wire import (
-    FAULT,
     FAULT_REACTION,
-    NOT_READY,
     OPERATION_ENABLED,
     RPDO_BASES,
     STATES,
@@ -34,7 +33,7 @@ from robotctl.drivers.can.nodes.node import (
     NodePhase,
 )
 from robotctl.drivers.can.nodes.sdo import REQUEST_BASE, RESPONSE_BASE, Request, SdoResponse
-from robotctl.messages.actuators import NEVER_NS, ActuatorCommand, ActuatorFeedback, DriveState
+from robotctl.messages.actuators import NEVER_NS, ActuatorCommand, ActuatorFeedback
 from robotctl.messages.control import EmergencyMessage, EmergencyStopSource, NodeStatus
 from robotctl.messages.faults import Fault, FaultCode
 from robotctl.messages.ports import REMOTE_FLAG
@@ -53,52 +52,6 @@ _BEATS: Final = 4
 
 _I16_MAX: Final = 0x7FFF
 _READY: Final = NodePhase.READY
-_STATE_OF: Final = {
-    FaultCode.DRIVE_EMERGENCY_STOP: DriveState.EMERGENCY_STOP,
-    FaultCode.DRIVE_STOPPED: DriveState.STOPPED,
-}
-"""State that a latched fault is told as; FAULT for the rest."""
-
-
-class _AxisSide:
-    """One axis: where its values are, and how they are converted."""
-
-    __slots__ = (
-        "amps_place",
-        "axis",
-        "counter",
-        "current_a",
-        "error_place",
-        "motion_pdos",
-        "position_place",
-        "speed_place",
-        "status_pdo",
-        "status_place",
-        "temperature_c",
-        "volts_place",
-    )
-
-    def __init__(self, axis: Axis, number: int, received: Received) -> None:
-        self.axis = axis
-        status = received.place(Role.STATUS, number)
-        position = received.place(Role.POSITION, number)
-        assert status is not None and position is not None  # noqa: S101, PT018 - of every layout
-        self.status_place, self.position_place = status, position
-        self.speed_place = received.place(Role.SPEED, number)
-        error = received.place(Role.ERROR, number)
-        self.error_place = received.place(Role.ERROR, 0) if error is None else error
-        self.amps_place = received.place(Role.CURRENT, number)
-        self.volts_place = received.place(Role.VOLTAGE, 0)
-        self.counter = Unwrapped(32)
-        self.current_a: float | None = None
-        self.temperature_c: float | None = None
-        pdos = (
-            received.pdo_of(Role.STATUS, number),
-            received.pdo_of(Role.SPEED, number),
-            received.pdo_of(Role.POSITION, number),
-        )
-        self.status_pdo = pdos[0] or 0
-        self.motion_pdos = tuple(pdo for pdo in pdos[1:] if pdo is not None)
 
 
 class Cia402Drive:
@@ -133,6 +86,7 @@ class Cia402Drive:
         needs: DriveNeeds,
     ) -> None:
         node_id, dialect = plan.node_id, plan.device.dialect
+        heartbeat = heartbeat_of(plan)
         self._name = name
         self._dialect = dialect
         self._notes = needs.notes
@@ -143,7 +97,7 @@ class Cia402Drive:
             script_of(plan, self._found),
             needs.heartbeat_timeout_ms * 1_000_000,
             needs.notes.strangers,
-            knock=heartbeat_of(plan).writing,
+            knock=heartbeat.writing if heartbeat is not None else None,
             rests=True,
             sdo_pause_ns=dialect.sdo_pause_ms * 1_000_000,
         )
@@ -158,7 +112,7 @@ class Cia402Drive:
         self._frames = Command(plan.layout.receive, node_id, mode).frames
         self._received = received = Received(plan.layout.transmit)
         self._sides = [
-            _AxisSide(axis, place, received) for axis, place in zip(axes, places, strict=True)
+            AxisSide(axis, place, received) for axis, place in zip(axes, places, strict=True)
         ]
         self._units_per_rad = units_per_rad
         self._rad_per_unit = rad_per_unit
@@ -167,6 +121,7 @@ class Cia402Drive:
         self._wire_max = _I16_MAX if is_short else I32_MAX
         self._target_max = min(dialect.target_max, self._wire_max)
         self._is_fresh = False
+        self._was_in_service = False
         self._emergency_code = 0
         self._voltage_v: float | None = None
         self._supply_ns = NEVER_NS
@@ -196,6 +151,7 @@ class Cia402Drive:
                 RPDO_BASES[pdo.number - 1] + node_id: f"command of {name}"
                 for pdo in plan.layout.receive
             },
+            **({} if self._beat is None else {self._beat[0]: f"heartbeat of the host for {name}"}),
         }
 
     @property
@@ -245,8 +201,11 @@ class Cia402Drive:
 
     def check(self, now_ns: int) -> None:
         """Judge what was received up to now; from time to time read something by SDO."""
-        if self._node.check(now_ns):
-            self._switch.refuse()
+        self._node.check(now_ns)
+        in_service = self._node.phase is _READY
+        if self._was_in_service and not in_service:
+            self._forget_states()
+        self._was_in_service = in_service
         if self._is_fresh:
             self._is_fresh = False
             self._judge()
@@ -254,6 +213,13 @@ class Cia402Drive:
         if now_ns >= self._poll_ns:
             self._poll_ns = now_ns + POLL_NS
             self._poll(now_ns)
+
+    def _forget_states(self) -> None:
+        """Know nothing of the states of a drive that is out of service."""
+        for side in self._sides:
+            self._received.values[side.status_place] = 0
+        self._switch.refuse()
+        self._is_fresh = True
 
     def _judge(self) -> None:
         """Find the axis that is farthest from power, and the fault of the drive."""
@@ -268,7 +234,7 @@ class Cia402Drive:
         if lowest <= FAULT_REACTION:
             switch.latch(self._fault_of(worst, lowest))
 
-    def _fault_of(self, side: _AxisSide, state: int) -> Fault:
+    def _fault_of(self, side: AxisSide, state: int) -> Fault:
         """Return the fault that an axis reports."""
         values = self._received.values
         if state == UNKNOWN:
@@ -287,7 +253,6 @@ class Cia402Drive:
         received = self._received
         values, stamps_ns = received.values, received.stamps_ns
         fault = self._switch.fault
-        latched = None if fault is None else _STATE_OF.get(fault.code, DriveState.FAULT)
         amps = self._found.rated_a
         voltage_v, supply_ns = self._voltage_v, self._supply_ns
         reports = []
@@ -313,7 +278,7 @@ class Cia402Drive:
                     else axis.to_wheel(values[side.speed_place] * self._rad_per_unit),
                     None,
                     report_ns or NEVER_NS,
-                    _drive_state(state, latched),
+                    drive_state(state, fault),
                     fault,
                     current_a,
                     side.temperature_c,
@@ -411,17 +376,6 @@ class Cia402Drive:
 
 
 _ZEROS: Final = (0.0,) * 8
-
-
-def _drive_state(state: int, latched: DriveState | None) -> DriveState:
-    """Return how a state of CiA 402 is told, with the one that is latched."""
-    if state == OPERATION_ENABLED:
-        return DriveState.ENABLED
-    if latched is not None:
-        return latched
-    if state in (FAULT, FAULT_REACTION):
-        return DriveState.FAULT
-    return DriveState.BOOT if state in (NOT_READY, UNKNOWN) else DriveState.READY
 
 
 def _places(axes: tuple[Axis, ...], plan: Plan) -> list[int]:

@@ -16,7 +16,7 @@ class Meaning(NamedTuple):
 
 
 Decode: TypeAlias = Callable[[int], Meaning]
-"""From a drive's error code, not 0, to its meaning."""
+"""Returns the meaning of a drive's error code, which is not 0."""
 
 HEARTBEAT_LOST: Final = 0x8130
 

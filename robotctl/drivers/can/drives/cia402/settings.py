@@ -33,9 +33,9 @@ _NO_RTR: Final = 0x4000_0000
 _BY_EVENT: Final = 0xFF
 
 RAMP_S: Final = 0.1
-"""From rest to the greatest speed by the drive's own ramp: the host's limiter is slower [s]."""
+"""Time from rest to the greatest speed by the drive's ramp: the host's limiter is slower [s]."""
 STOP_S: Final = 0.2
-"""From the greatest speed to rest by the quick-stop ramp [s]."""
+"""Time from the greatest speed to rest by the quick-stop ramp [s]."""
 
 GUARD_FACTOR: Final = 2
 """Life time factor: times that the guard time may pass without a request."""
@@ -56,7 +56,7 @@ _Preferred: TypeAlias = Generator[Request | Start, SdoResponse, "Fault | Setting
 
 @dataclass(slots=True)
 class Found:
-    """What a run of the script learnt.
+    """Results of a run of the script.
 
     Attributes
     ----------
@@ -107,8 +107,13 @@ class Plan:
     fastest: tuple[float, ...]
 
 
-def heartbeat_of(plan: Plan) -> Setting:
-    """Return the setting of the drive's own heartbeat."""
+def heartbeat_of(plan: Plan) -> Setting | None:
+    """Return the setting of the drive's own heartbeat.
+
+    None with node guarding, which it would switch off (CiA 301, 7.2.8.2): its answers are as good.
+    """
+    if plan.device.silence is Silence.GUARDING:
+        return None
     return Setting(0x1017, 0, "heartbeat period", plan.heartbeat_ms, 2, " ms")
 
 
@@ -128,7 +133,11 @@ def script_of(plan: Plan, found: Found) -> Callable[[], Script]:
             stops.append(option)
         silence = _silence(plan)
         kept = yield from configure_and_start(
-            heartbeat_of(plan), *silence, *stops, *_motion(plan), *plan.device.dialect.settings
+            *([] if (heartbeat := heartbeat_of(plan)) is None else [heartbeat]),
+            *silence,
+            *stops,
+            *_motion(plan),
+            *plan.device.dialect.settings,
         )
         if isinstance(kept, Fault):
             return kept
@@ -143,7 +152,7 @@ def script_of(plan: Plan, found: Found) -> Callable[[], Script]:
 
 def _prepare(plan: Plan, found: Found) -> Check:
     """Keep the drive without power, see what it is, and map its PDOs."""
-    if problem := (yield from write(heartbeat_of(plan))):
+    if (heartbeat := heartbeat_of(plan)) and (problem := (yield from write(heartbeat))):
         return problem
     if problem := (yield from _identify(plan)):
         return problem

@@ -112,8 +112,9 @@ class PowerSwitch:
             self.fault = None
 
     def refuse(self) -> None:
-        """Give no power until a command that wants none has come."""
+        """Give no power until a command that wants none has come; that is no fault of the drive."""
         self._must_rest = True
+        self._wants = self._was_on = False
 
     def wants(self, enable: bool, in_service: bool) -> bool:
         """Return whether the drive is to have power in this tick.
@@ -125,10 +126,12 @@ class PowerSwitch:
         in_service
             Whether the drive is commissioned and there.
         """
-        if not in_service:
-            self._must_rest = True
-        elif not enable:
+        # A command to rest counts before the drive is in service, too: it may come into service in
+        # the very tick in which the robot is armed.
+        if not enable:
             self._must_rest = False
+        elif not in_service:
+            self._must_rest = True
         self._wants = enable and not self._must_rest and self.fault is None
         return self._wants
 

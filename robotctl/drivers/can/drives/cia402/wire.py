@@ -180,7 +180,7 @@ class Received:
         self.values: list[int] = [0] * len(parts)
         self.stamps_ns = [0] * len(self.pdos)
         self.spans: list[tuple[struct.Struct, slice]] = []
-        """Of each PDO, its format, and where its values are."""
+        """Format of each PDO, and where its values are."""
         start = 0
         for pdo in pdos:
             stop = start + len(pdo.parts)

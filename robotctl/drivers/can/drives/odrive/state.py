@@ -68,7 +68,9 @@ class AxisMachine:
             self._asked, self._asked_ns = True, now_ns
             return ENTER
         self._asked = self.confirmed = False
-        self._may_enable = ready and not enable
+        # A command to rest counts before the axis is ready, too: it may become so in the very tick
+        # in which the robot is armed.
+        self._may_enable = not enable or (ready and self._may_enable)
         # The last heartbeat may be older than the last request.
         if self.axis_state == AXIS_IDLE and now_ns - self._asked_ns > SETTLE_NS:
             return REST

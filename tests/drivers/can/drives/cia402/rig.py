@@ -27,7 +27,7 @@ FAKE_EDS = str(Path(__file__).with_name("cia402_slave.eds"))
 OFF = ActuatorCommand(enable=False, brake=False)
 BRAKE = ActuatorCommand(enable=False, brake=True)
 
-GENERIC = {"eds": "cia402.eds", "counts_per_turn": 4096}
+GENERIC = {"eds": "drives/cia402.eds", "counts_per_turn": 4096}
 ZLAC = {"dialect": "zlac8015d"}
 ROBOTEQ = {"dialect": "roboteq", "counts_per_turn": 4096, "accept_coasting": True}
 DIALECTS = {"generic": GENERIC, "zlac8015d": ZLAC, "roboteq": ROBOTEQ}

@@ -26,7 +26,7 @@ def make(config, **changes):
 
 
 class TestEds:
-    @pytest.mark.parametrize("path", [FAKE_EDS, str(find_eds("cia402.eds"))])
+    @pytest.mark.parametrize("path", [FAKE_EDS, str(find_eds("drives/cia402.eds"))])
     def test_objects_access_and_defaults_are_those_that_canopen_reads(self, path):
         ours, theirs = load_eds(find_eds(path)), canopen.import_od(path, node_id=None)
         compared = 0
@@ -41,7 +41,7 @@ class TestEds:
         assert compared == len(ours.objects) > 100
 
     def test_our_eds_describes_the_twin(self):
-        eds = load_eds(find_eds("cia402.eds"))
+        eds = load_eds(find_eds("drives/cia402.eds"))
         objects = {
             variable.key: variable
             for each in objects_of("generic", 5, 2, Cia402Settings())

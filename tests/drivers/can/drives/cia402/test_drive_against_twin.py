@@ -221,12 +221,13 @@ class TestHostFallsSilent:
         assert ends == {"none": True, "coast": False, "brake": False}
 
     def test_node_guarding_where_there_is_no_heartbeat_consumer(self, tmp_path):
-        text = find_eds("cia402.eds").read_text().replace("[1016", "[9016")
+        text = find_eds("drives/cia402.eds").read_text().replace("[1016", "[9016")
         path = tmp_path / "guarded.eds"
         path.write_text(text)
         table = {"eds": str(path), "counts_per_turn": 4096}
         rig = Rig(table, settings=Cia402Settings(lacks=("1016",))).driving(4.0, 4.0)
         assert "100Ch:0 = 50 ms, 100Dh:0 = 2" in rig.drive.proof
+        assert rig.twin.dictionary.number(0x1017) == 0
         rig.is_silent = True
         rig.run(110)
         assert not rig.powered
@@ -334,6 +335,7 @@ class TestWrongDrives:
         rig.is_cut = True
         rig.run(400)
         assert rig.drive.status.fault is FaultCode.NODE_SILENT
+        assert rig.states == [DriveState.BOOT] * 2
         rig.is_cut = False
         rig.until(lambda: not rig.drive.status.problem)
         rig.run(300)
@@ -414,6 +416,11 @@ class TestWrongDrives:
         rig.run(200, OFF)
         assert len(lost) == 4
         assert rig.fault is None
+
+
+def test_only_the_host_may_send_its_commands_and_its_heartbeat():
+    assert Rig(GENERIC).drive.host_frames.keys() == {0x000, 0x080, 0x205, 0x305, 0x77F}
+    assert Rig(ZLAC).drive.host_frames.keys() == {0x000, 0x080, 0x205}
 
 
 def test_velocity_mode_drives_too():

@@ -17,7 +17,7 @@ from tests.drivers.can.drives.cia402.rig import FAKE_EDS
 NAMES = {name.upper(): state for state, name in wire.STATE_NAMES.items() if state >= 0}
 
 
-def device(dialect="generic", eds="cia402.eds", numbers=(1, 2), mode=PROFILE_VELOCITY):
+def device(dialect="generic", eds="drives/cia402.eds", numbers=(1, 2), mode=PROFILE_VELOCITY):
     loaded = load_eds(find_eds(eds)) if eds else None
     return Device(DIALECTS[dialect], loaded, numbers, mode)
 
@@ -61,7 +61,7 @@ def their_map(node, direction, pdo):
 @pytest.mark.parametrize("mode", [PROFILE_VELOCITY, VELOCITY])
 def test_frames_of_the_standard_layout_are_those_that_canopen_packs(mode):
     ours = device(mode=mode)
-    node = canopen.RemoteNode(5, str(find_eds("cia402.eds")))
+    node = canopen.RemoteNode(5, str(find_eds("drives/cia402.eds")))
     layout = ours.layout()
     targets = (-12345, 6789) if mode == PROFILE_VELOCITY else (-345, 678)
     frames = dict(wire.Command(layout.receive, 5, mode).frames(0x0F, targets))
@@ -73,7 +73,7 @@ def test_frames_of_the_standard_layout_are_those_that_canopen_packs(mode):
 
 def test_canopen_reads_what_we_read_of_a_tpdo():
     layout = device().layout()
-    node = canopen.RemoteNode(5, str(find_eds("cia402.eds")))
+    node = canopen.RemoteNode(5, str(find_eds("drives/cia402.eds")))
     received = wire.Received(layout.transmit)
     values = {wire.Role.STATUS: 0x1637, wire.Role.SPEED: -70_000, wire.Role.ERROR: 0x8130,
               wire.Role.POSITION: -(1 << 31), wire.Role.CURRENT: -321}  # fmt: skip

@@ -186,6 +186,17 @@ def test_an_emergency_stop_takes_the_power_and_stays_until_cleared(firmware):
 
 
 @BOTH
+def test_an_emergency_stop_of_another_device_is_told_as_one(firmware):
+    rig = Rig(**firmware).start().enable(3.0)
+    rig.bus.attach("button", lambda _: None).send(33 << 5 | 0x02)
+    rig.run(200)
+    assert powered(rig)[0] is False
+    assert rig.states[0] is DriveState.EMERGENCY_STOP
+    assert rig.faults[0].code is FaultCode.DRIVE_EMERGENCY_STOP
+    assert "ESTOP_REQUESTED" in str(rig.faults[0])
+
+
+@BOTH
 def test_a_fault_that_goes_by_itself_still_stops_until_cleared(firmware):
     rig = Rig(**firmware).start().enable(3.0)
     rig.twins[0].trip(0x1000, "motor")
