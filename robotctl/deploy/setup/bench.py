@@ -25,7 +25,9 @@ from robotctl.messages.ports import CanPort, Clock
 from robotctl.model.actuators import Actuator, Takes
 
 SLOW_M_S: Final = 0.08
-"""Speed of a wheel's rim in all motions [m/s]."""
+"""Speed of a wheel's rim in motions [m/s]."""
+CREEP_M_S: Final = 0.03
+"""The same while ratios may be wrong: up to sixfold, a wheel stays under `MOST_M_S` [m/s]."""
 STOP_M_S: Final = 0.15
 """Reported speed of a wheel at which a motion ends [m/s]."""
 MOST_M_S: Final = 0.2
@@ -136,11 +138,15 @@ class Bench:
         Its buses.
     interrupts
         Whether a motion is to stop now.
+    slow_m_s
+        Speed of a wheel's rim in motions [m/s].
 
     Attributes
     ----------
     config
         The robot.
+    slow_m_s
+        Speed of a wheel's rim in motions [m/s].
     wheels
         Its driven wheels, in their order.
     feedback
@@ -148,8 +154,13 @@ class Bench:
     """
 
     def __init__(
-        self, config: RobotConfig, buses: Buses, interrupts: Callable[[], bool] = lambda: False
+        self,
+        config: RobotConfig,
+        buses: Buses,
+        interrupts: Callable[[], bool] = lambda: False,
+        slow_m_s: float = SLOW_M_S,
     ) -> None:
+        self.slow_m_s = slow_m_s
         self.config = config
         self.codec = make_codec()
         self.parts: RobotParts = make_parts(config, self.codec)
@@ -340,7 +351,7 @@ class _Motion:
     def command(self, step_s: float) -> ActuatorCommand:
         """Return the command of the next tick."""
         for wheel in self._wheels:
-            value, wanted = self._values[wheel.place], SLOW_M_S / wheel.radius_m
+            value, wanted = self._values[wheel.place], self._bench.slow_m_s / wheel.radius_m
             if wheel.actuator.takes is Takes.SPEED:
                 value = min(value + wanted * step_s / RISE_S, wanted)
             else:
@@ -375,7 +386,9 @@ class _Motion:
             if bench.now_ns - report.motion_ns > SILENT_NS:
                 return f"{wheel.actuator.drive} says nothing about {wheel.name}"
             if abs(speed_m_s) > STOP_M_S:
-                return f"{wheel.name} is reported at {speed_m_s:.2f} m/s, {SLOW_M_S} commanded"
+                return (
+                    f"{wheel.name} is reported at {speed_m_s:.2f} m/s, {bench.slow_m_s} commanded"
+                )
             if wheel not in self._wheels and abs(turned_rad) > ASTRAY_RAD:
                 names = ", ".join(each.name for each in self._wheels)
                 return f"{names} was commanded, but {wheel.name} is reported to turn"

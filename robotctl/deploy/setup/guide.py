@@ -9,7 +9,7 @@ import msgspec
 
 from robotctl.config.file_edit import Change, edit
 from robotctl.config.robot_file import load_robot
-from robotctl.deploy.setup.bench import Bench, Buses
+from robotctl.deploy.setup.bench import CREEP_M_S, SLOW_M_S, Bench, Buses
 from robotctl.deploy.setup.dialogue import (
     Answer,
     Ask,
@@ -131,7 +131,9 @@ class Guide:
 
     def _once(self, step: Step) -> Changes:
         """Run a step to its end."""
-        with Bench(load_robot(self._file), self._buses, self._person.interrupts) as bench:
+        slow_m_s = SLOW_M_S if "counts" in self.done else CREEP_M_S
+        config, interrupts = load_robot(self._file), self._person.interrupts
+        with Bench(config, self._buses, interrupts, slow_m_s) as bench:
             script = step.run(bench)
             answer: Answer = ""
             try:

@@ -3,7 +3,8 @@
 import pytest
 
 from robotctl.deploy.setup.dialogue import Topic
-from tests.deploy.setup.setup_rig import SetupRig
+from robotctl.errors import ConfigError
+from tests.deploy.setup.setup_rig import STEP, SetupRig
 
 UNTIL_PROVEN = ("nodes", "counts", "directions", "prove")
 
@@ -154,3 +155,24 @@ def test_the_proof_says_when_the_power_went(tmp_path):
     lost_ms = float(line.partition("seen: power gone after ")[2].partition(" ms")[0])
     timeout_ms = rig.config.safety.command_timeout_ms
     assert timeout_ms <= lost_ms <= timeout_ms + 100  # a heartbeat later at most
+
+
+def test_while_ratios_are_not_known_wheels_creep(tmp_path):
+    wrong = {"left_drive": axis("left", ratio=2.0), "right_drive": axis("right", ratio=2.0)}
+    rig = SetupRig(tmp_path, "odrive", wrong)
+    rig.guide.run(STEP["directions"])
+    assert 0.1 < rig.buses.fastest_m_s < 0.2  # five times as fast as commanded
+
+
+def test_a_drive_that_cannot_be_what_the_file_says_is_refused_with_its_name(tmp_path):
+    rig = SetupRig(tmp_path, "roboteq")
+    text = rig.text
+    rig.file.write_text(text.replace("accept_coasting = true", "accept_coasting = false"))
+    with pytest.raises(ConfigError, match=r"motor motors: accept_coasting must be true"):
+        rig.guide.run(STEP["nodes"])
+
+
+def test_a_drive_without_a_time_out_is_not_proven_even_where_its_table_accepts_that(tmp_path):
+    rig = SetupRig(tmp_path, "roboteq")
+    assert rig.run("nodes", "prove") == [True, False]
+    assert rig.heard("NOT proven: motors keeps running")

@@ -55,7 +55,7 @@ def test_a_hand_before_another_sonar_is_said_with_its_name(tmp_path):
 
 def test_silent_sonars_are_said(tmp_path):
     rig = SetupRig(tmp_path, "diff_drive")
-    rig.simulation.faults.inject("sonar_silent")
+    rig.simulation.faults.inject("sonar_silent duration=1000")
     assert rig.run("sonars") == [False]
     assert rig.heard("the hand before front is seen by no sonar")
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from robotctl.deploy.setup.bench import Bench, Moved, Wheel
 from robotctl.deploy.setup.dialogue import (
@@ -20,6 +20,10 @@ from robotctl.deploy.setup.steps.asking import again_or_give_up, in_service, on_
 from robotctl.deploy.setup.wiring import axis_of, changes_of
 
 NONE = "none"
+_NO_TURN: Final = (
+    "See that its motor is connected and has power, and that its drive turns so slowly at all "
+    "(VESC: minimum ERPM of the speed loop)"
+)
 FORWARDS, BACKWARDS = "forwards", "backwards"
 
 
@@ -61,7 +65,7 @@ def _see(bench: Bench, wheel: Wheel) -> Generator[Ask | Tell, Answer, _Seen]:
         turned = yield Ask(Topic.WHEEL, text, Kind.CHOICE, (*names, NONE), wheel.name, wheel.name)
         if turned == NONE:
             problem = f"no wheel turned by {axis}"
-            remedy = moved.stopped or "See that its motor is connected and has power"
+            remedy = moved.stopped or _NO_TURN
             yield from again_or_give_up(problem, remedy)
             continue
         text = "Which way?"

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from robotctl.config.file_edit import Change
-from robotctl.deploy.setup.bench import SLOW_M_S, Bench, Wheel
+from robotctl.deploy.setup.bench import Bench, Wheel
 from robotctl.deploy.setup.dialogue import Script, Tell, UnfinishedError
 from robotctl.deploy.setup.steps.asking import in_service, on_blocks
 from robotctl.drivers.can.drives.motor_drive import MotorConfig
@@ -103,9 +103,10 @@ def _spin(bench: Bench) -> None:
     if moved.stopped:
         raise UnfinishedError(f"not proven: {moved.stopped}")
     for wheel in bench.wheels:
-        if bench.speed_rad_s(wheel) < _TURNS * SLOW_M_S / wheel.radius_m:
+        if bench.speed_rad_s(wheel) < _TURNS * bench.slow_m_s / wheel.radius_m:
             bench.rest()
-            raise UnfinishedError(f"not proven: {wheel.name} does not turn as commanded")
+            problem = f"{wheel.name} does not turn at {bench.slow_m_s} m/s as commanded"
+            raise UnfinishedError(f"not proven: {problem}; wheels creep until `counts` is done")
 
 
 def _timeout_ms(bench: Bench, motor: MotorConfig) -> int:
