@@ -103,7 +103,7 @@ def _simulated(file: Path) -> tuple[Buses, Person]:
 
 
 def _real(file: Path, held: ExitStack) -> Buses:
-    """Return the buses of a robot that nobody else commands."""
+    """Return the buses of a robot, claimed while `held` is open."""
     from robotctl.config.robot_file import load_robot  # noqa: PLC0415
     from robotctl.deploy.setup.real_buses import RealBuses  # noqa: PLC0415
 

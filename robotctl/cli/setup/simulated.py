@@ -27,7 +27,7 @@ _SEEN_RAD: Final = 0.1
 
 
 class _SimulatedClock:
-    """Time of a simulation, which passes while somebody sleeps."""
+    """Time of a simulation, which advances in `sleep_until`."""
 
     def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation
@@ -164,7 +164,7 @@ class SimulatedPerson:
         return question.default
 
     def _tilt_or_turn(self, topic: Topic, way: str) -> None:
-        """Let the IMU feel a robot in somebody's hands."""
+        """Tilt, turn or level the robot, as its IMU feels it."""
         faults = self._simulation.faults
         if topic in (Topic.LEVEL, Topic.TILT):
             faults.clear()

@@ -18,7 +18,7 @@ Answer: TypeAlias = str | float
 
 
 class Topic(enum.Enum):
-    """What a question is about, for pages with pictures and for simulated people."""
+    """Topics of questions, for pages with pictures and for simulated people."""
 
     BLOCKS = "the robot is on blocks"
     TURN = "turn a wheel by hand"
@@ -137,11 +137,11 @@ class UnfinishedError(RobotctlError):
 
 
 class PersonLeftError(RobotctlError):
-    """Nobody answers any more."""
+    """The person is gone, and the motors are off."""
 
 
 class Person(Protocol):
-    """Whoever sees the robot and answers."""
+    """A person who sees the robot and answers."""
 
     def tell(self, text: str) -> None:
         """Show a sentence."""
@@ -159,4 +159,4 @@ class Person(Protocol):
         """
 
     def interrupts(self) -> bool:
-        """Return whether a motion is to stop now: a key was pressed, or nobody is there."""
+        """Return whether a motion must stop now: a key was pressed, or the person is gone."""

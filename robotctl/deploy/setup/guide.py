@@ -7,8 +7,9 @@ from typing import Final
 
 import msgspec
 
+from robotctl import toml_source
 from robotctl.config.file_edit import Change, edit
-from robotctl.config.robot_file import load_robot
+from robotctl.config.robot_file import RobotConfig, contradictions, load_robot
 from robotctl.deploy.setup.bench import CREEP_M_S, SLOW_M_S, Bench, Buses
 from robotctl.deploy.setup.dialogue import (
     Answer,
@@ -23,6 +24,7 @@ from robotctl.deploy.setup.dialogue import (
 from robotctl.deploy.setup.progress import load_progress, progress_file
 from robotctl.deploy.setup.registry import STEPS, Step
 from robotctl.errors import ConfigError
+from robotctl.runtime.storage.atomic_file import write_whole
 
 _RUNS_MAX: Final = 4
 """Runs of a step that repeats."""
@@ -47,7 +49,7 @@ class Guide:
     """
 
     def __init__(self, file: Path, buses: Buses, person: Person) -> None:
-        self._file = file
+        self._file = file.resolve()
         self._buses = buses
         self._person = person
         self._progress = load_progress(file)
@@ -175,27 +177,22 @@ class Guide:
         Raises
         ------
         ConfigError
-            If the file would be wrong with them; it is as before then.
+            If the file would be wrong with them; it stays as it is then.
         """
         if not changes:
             return ()
         before = self._file.read_text(encoding="utf-8-sig")
         after, undo = edit(before, changes)
-        self._file.write_text(after, encoding="utf-8")
-        try:
-            load_robot(self._file)
-        except ConfigError:
-            self._file.write_text(before, encoding="utf-8")
-            raise
+        toml_source.parse(after, RobotConfig, str(self._file), rules=contradictions)
+        write_whole(self._file, after)
         for change in changes:
             self._person.tell(f"{self._file}: {_words(change)}")
         return undo
 
     def _save(self) -> None:
         """Keep the progress."""
-        progress_file(self._file).write_bytes(
-            msgspec.json.format(msgspec.json.encode(self._progress))
-        )
+        record = msgspec.json.format(msgspec.json.encode(self._progress))
+        write_whole(progress_file(self._file), record)
 
 
 def _words(change: Change) -> str:

@@ -12,21 +12,21 @@ from robotctl.errors import ConfigError
 
 
 class Progress(msgspec.Struct):
-    """What was done.
+    """Steps that are done, and the changes that undo them.
 
     Attributes
     ----------
     done
         Names of the steps that are done.
     undo
-        Changes that undo what each step wrote, by its name: key, value.
+        Changes that undo those of each step, by its name: key, value.
     """
 
     done: list[str] = msgspec.field(default_factory=list)
     undo: dict[str, list[tuple[list[str | int], Any]]] = msgspec.field(default_factory=dict)
 
     def note(self, step: str, undo: tuple[Change, ...]) -> None:
-        """Note what undoes changes that a step made."""
+        """Note the changes that undo those of a step."""
         earlier = self.undo.get(step, [])
         self.undo[step] = [*((list(key), value) for key, value, _ in undo), *earlier]
 

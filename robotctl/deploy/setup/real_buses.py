@@ -1,4 +1,4 @@
-"""The buses of a real robot, which nobody else commands meanwhile."""
+"""The buses of a real robot, claimed against other controllers."""
 
 from __future__ import annotations
 

@@ -1,10 +1,12 @@
 """The guided first day of our own drive, wired otherwise than its file says."""
 
+import tomllib
+
 import pytest
 
 from robotctl.deploy.setup.dialogue import Topic
 from robotctl.deploy.setup.registry import STEPS
-from tests.deploy.setup.setup_rig import SetupRig
+from tests.deploy.setup.setup_rig import STEP, SetupRig
 
 SWAPPED = [{"actuator": "right", "axis": 1}, {"actuator": "left", "axis": 2}]
 REVERSED = [{"actuator": "left", "axis": 1}, {"actuator": "right", "axis": 2, "reversed": True}]
@@ -93,3 +95,15 @@ def test_two_axes_that_are_seen_to_turn_one_wheel_are_refused(tmp_path):
     assert rig.run("directions") == [False]
     assert rig.heard("each axis must turn a wheel of its own")
     assert rig.text == rig.before
+
+
+def test_a_drive_on_another_bus_stays_there_when_it_is_given_a_table(tmp_path):
+    speed = "bitrate = 1_000_000\n"
+    second = '\n[[can]]\nname = "wheels"\nchannel = "can1"\n\n[nodes]\ndrive = "wheels"\n'
+    believed = (("[can]\n", '[[can]]\nname = "rest"\n'), (speed, f"{speed}{second}"))
+    rig = SetupRig(tmp_path, "diff_drive", {"drive": {"axes": REVERSED}}, believed)
+    assert rig.run("nodes", "directions") == [True, True]
+    assert rig.config.motors[0].bus == "wheels"
+    assert "drive" not in rig.tables["nodes"]
+    rig.guide.undo(STEP["directions"])
+    assert rig.tables == tomllib.loads(rig.before)

@@ -142,7 +142,7 @@ def _watch(bench: Bench) -> list[_Witness]:
 
 
 def _note(bench: Bench, witness: _Witness, begin_ns: int, margin_ns: int) -> None:
-    """Take what a drive tells by itself; it does if it still does so behind its time-out."""
+    """Take the newest report, which came without being asked for."""
     wheel = witness.wheel
     report = bench.feedback.actuators[wheel.place]
     witness.told = report.motion_ns > margin_ns - MARGIN_MS * 1_000_000
@@ -168,7 +168,7 @@ def _ask_once(bench: Bench, witnesses: list[_Witness], begin_ns: int) -> None:
 
 
 def _take_answer(bench: Bench, witness: _Witness, asked_ns: int) -> None:
-    """Take the first answer of a drive that tells nothing by itself."""
+    """Take the first answer of a drive that only answers."""
     report = bench.feedback.actuators[witness.wheel.place]
     if witness.wheel.actuator.abilities.tells_speed:
         witness.told = report.motion_ns > asked_ns
