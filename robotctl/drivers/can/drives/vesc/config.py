@@ -139,7 +139,7 @@ class VescMotor:
 
     @property
     def abilities(self) -> Abilities:
-        """What it can do: it brakes where it has a current for that."""
+        """Abilities; it brakes only with a brake current."""
         return _BRAKES if self.brake_current_a > 0.0 else _COASTS
 
     @property

@@ -24,11 +24,11 @@ READING_NS: Final = 2_000_000_000
 """Period of reading the settings again [ns]: 70 frames of eight bytes."""
 
 STANDS_ERPM: Final = 60
-"""Up to this speed a wheel that is to brake is held by the handbrake."""
+"""Speed below which a braked wheel is held by the handbrake [erpm]."""
 
 _MOST_OF_TURN: Final = 3
-"""By how many times its greatest speed a wheel may be seen to turn; beyond, the tachometer of a
-drive began anew."""
+"""Greatest plausible speed of a wheel, in multiples of its maximum; a faster tachometer has been
+reset."""
 
 _SLACK_COUNTS: Final = 60
 _UNPACK_STATUS, _UNPACK_STATUS_4 = wire.STATUS_DATA.unpack, wire.STATUS_4_DATA.unpack
