@@ -348,6 +348,19 @@ def test_a_drive_that_reboots_while_driving_does_not_drive_on(notifies):
     assert car.speed() == pytest.approx(6.0, abs=0.1)
 
 
+def test_a_reboot_without_a_word_is_seen_by_the_pause_before_the_wheel_has_turned():
+    car = bench({"notifies_boot": False, "boot_ms": 150})
+    car.commission()
+    car.run(0.05)
+    drive(car, 0.05, 0.1)
+    car.twin.reboot(car.now_ns)
+    car.run(0.3, on(0.05, 0.0))
+    assert car.drive.status.boots == 2
+    car.run(3.0, on(0.05, 0.0))
+    assert car.drive.status.problem == ""
+    assert car.state is DriveState.READY
+
+
 def test_a_drive_that_is_gone_is_told_and_comes_back_disabled(car):
     drive(car)
     car.twin._booted = False
