@@ -459,7 +459,9 @@ class Simulation:
             resistance_ohm=motor.resistance_ohm,
             back_emf_v_s_rad=motor.back_emf_v_s_rad * motor.gear_ratio,
             current_limit_a=motor.current_limit_a,
-            counts_per_revolution=self.config.drive.counts_per_revolution,
+            counts_per_revolution=int(
+                true.get("counts_per_revolution", self.config.drive.counts_per_revolution)
+            ),
         )
         return DriveNode(
             self._stage,

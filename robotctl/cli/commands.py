@@ -31,6 +31,10 @@ COMMANDS: Final = {
         "tune.tune:tune",
         "Measure the simulated robot's wheels, compute gains, show the responses before and after.",
     ),
+    "setup": (
+        "setup.setup:setup",
+        "Lead through the first day of a robot, and write what is found into its file.",
+    ),
     "doctor": (
         "doctor:doctor",
         "Check whether this computer and the robot on it are fit to drive; moves nothing.",

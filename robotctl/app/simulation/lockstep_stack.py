@@ -127,9 +127,13 @@ class LockstepStack:
 
 
 def attach_port(
-    bus: Bus, config: CanConfig, arbitration_ids: Collection[int], clock: Clock
+    bus: Bus,
+    config: CanConfig,
+    arbitration_ids: Collection[int],
+    clock: Clock,
+    name: str = "host",
 ) -> MemoryPort:
-    """Return the host's port on a simulated bus."""
+    """Return the host's port on a simulated bus, by a name that no other there has."""
     fd = config.data_bitrate > 0
     switch = BIT_RATE_SWITCH_FLAG if config.data_bitrate > config.bitrate else 0
 
@@ -142,7 +146,7 @@ def attach_port(
         )
 
     wire = bus.attach(
-        "host",
+        name,
         deliver_fd if fd else lambda frame: port.deliver(*frame),
         accept=arbitration_ids,
         errors=True,
@@ -156,7 +160,7 @@ def make_simulation(
     robot: Path,
     world: Path | World,
     seed: int,
-    start: tuple[float, float, float],
+    start: tuple[float, float, float] | None,
     overrides: Sequence[str] = (),
     people: int = 0,
 ) -> Simulation:
@@ -165,7 +169,8 @@ def make_simulation(
     Raises
     ------
     SimulatorError
-        If a file is wrong or the robot cannot stand at `start` (x [m], y [m], heading [rad]).
+        If a file is wrong or the robot cannot stand at `start` (x [m], y [m], heading [rad]);
+        None: where the world has it.
     """
     simulated = simulated_robot(robot, overrides)
     try:

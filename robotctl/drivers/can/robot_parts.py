@@ -13,7 +13,7 @@ from robotctl.drivers.can.nodes.can_node import CanNode
 from robotctl.drivers.can.nodes.own_node import OwnNode, Sink
 from robotctl.drivers.can.nodes.registry import wanted_nodes
 from robotctl.drivers.can.nodes.robot_codec import RobotCodec
-from robotctl.errors import ConfigError
+from robotctl.errors import ConfigError, InvalidValue
 from robotctl.messages.control import Feedback
 
 FIELDS: Final = Feedback.__struct_fields__
@@ -66,7 +66,7 @@ class RobotParts:
     Raises
     ------
     ConfigError
-        If two parts on a bus listen to the same frame.
+        If a drive cannot do what the robot needs, or two parts on a bus listen to the same frame.
     """
 
     def __init__(
@@ -94,7 +94,7 @@ class RobotParts:
         )
         named = bus_of or {}
         self.drives = tuple(
-            FittedDrive(each.motor.make(each.axes, needs), each.motor.bus or buses[0], each.places)
+            FittedDrive(_made(each, needs), each.motor.bus or buses[0], each.places)
             for each in drives
         )
         self.on_bus: dict[str, tuple[BusPart, ...]] = {
@@ -161,3 +161,11 @@ class RobotParts:
                         f"{other}'s and {part.status.name}'s; give one of them another number, or "
                         "another bus"
                     )
+
+
+def _made(fitted: Fitted, needs: DriveNeeds) -> MotorDrive:
+    """Return a drive; raises ConfigError, with its name, if it cannot do what is needed."""
+    try:
+        return fitted.motor.make(fitted.axes, needs)
+    except InvalidValue as error:
+        raise ConfigError(f"motor {fitted.motor.name}: {error}") from error

@@ -19,6 +19,7 @@ from robotctl.drivers.can.nodes.commissioning import (
 from robotctl.drivers.can.nodes.sdo import Request
 
 PRODUCT: Final = 1
+COUNTS_DIFFER: Final = "has {found} counts per revolution, the configuration says {wanted}"
 CLEAR_FAULTS: Final = Request(0x2010, 0, "clear faults", value=1, size=1)
 
 
@@ -53,7 +54,7 @@ def drive_script(
                 yield from expect(
                     Request(0x2002, 0, "counts per revolution"),
                     counts_per_revolution,
-                    "has {found} counts per revolution, the configuration says {wanted}",
+                    COUNTS_DIFFER,
                 )
             )
             or (yield from configure_and_start(*settings))
