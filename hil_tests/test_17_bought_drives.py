@@ -100,7 +100,10 @@ def test_a_drive_that_was_never_proven_does_not_arm_on_a_real_bus(
         pytest.skip("nothing hangs on a simulated bus: it needs no proof")
     rig = make_bench(robot)
     rig.wait(
-        lambda: any(node.fault == FaultCode.DRIVE_UNPROVEN for node in rig.control.nodes),
+        lambda: (
+            rig.control
+            and any(node.fault == FaultCode.DRIVE_UNPROVEN for node in rig.control.nodes)
+        ),
         PATIENT_S,
         "the drive is named as not proven",
     )

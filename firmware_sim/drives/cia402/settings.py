@@ -46,9 +46,12 @@ class Cia402Settings:
     speed_max_rad_s
         Greatest speed of a motor that the drive controls [rad/s].
     off_line_frames
-        ZLAC8015D: frames that begin its off-line time anew: all to it, or commands by PDO.
+        Frames that begin its off-line time anew: all to it, or commands by PDO.
     off_line_reaction
-        ZLAC8015D: what it does after its off-line time.
+        What it does after its off-line time.
+    off_line_ms
+        Off-line time that the maker's tool has set where CANopen cannot, Roboteq's RWD [ms]; 0: the
+        one of 2000h, if it has that, else none.
     ramps_are_full_scale
         ZLAC8015D: 6083h and 6084h are times from rest to the greatest speed, not from speed to
         speed.
@@ -74,6 +77,7 @@ class Cia402Settings:
     speed_max_rad_s: Positive = 1000.0
     off_line_frames: Literal["all", "commands"] = "all"
     off_line_reaction: Literal["brake", "coast", "fault"] = "brake"
+    off_line_ms: NotNegative = 0.0
     ramps_are_full_scale: bool = True
     lost_reaction: Literal["none", "coast", "brake"] = "none"
     heals: bool = False

@@ -92,6 +92,7 @@ class Cia402Twin(Twin):
         super().__init__(name, run_to)
         self.node_id = node_id
         self._is_zlac = dialect == "zlac8015d"
+        self._has_off_line_time = self._is_zlac or settings.off_line_ms > 0.0
         self._dialect = dialect
         self._units = units
         self._settings = settings
@@ -417,10 +418,13 @@ class Cia402Twin(Twin):
             self._lost_ns = now_ns + life_ms * MS if life_ms else self._lost_ns
 
     def _heard(self, *, is_command: bool) -> None:
-        """Restart the off-line time of a ZLAC8015D."""
-        if self._is_zlac and (is_command or self._settings.off_line_frames == "all"):
-            time_ms = self.dictionary.number(0x2000)
-            self._lost_ns = self._now_ns + time_ms * MS if time_ms else NEVER_NS
+        """Restart the off-line time of a drive that has one."""
+        settings = self._settings
+        if not self._has_off_line_time:
+            return
+        if is_command or settings.off_line_frames == "all":
+            time_ms = settings.off_line_ms or self.dictionary.number(0x2000)
+            self._lost_ns = self._now_ns + round(time_ms * MS) if time_ms else NEVER_NS
 
     # Time ---------------------------------------------------------------------------------------
 
@@ -466,7 +470,7 @@ class Cia402Twin(Twin):
 
     def _lose_host(self) -> None:
         """React to a host that is silent for too long."""
-        if self._is_zlac:
+        if self._has_off_line_time:
             self._end_off_line_time()
             return
         self._emergency(HEARTBEAT_LOST)

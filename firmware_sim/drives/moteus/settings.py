@@ -1,4 +1,4 @@
-"""What is true of a moteus, whatever the robot's file believes."""
+"""True settings of a simulated moteus: the table `[simulation.twin.NAME]`."""
 
 from __future__ import annotations
 

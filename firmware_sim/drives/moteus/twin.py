@@ -30,7 +30,7 @@ MS: Final = 1_000_000
 STOPPED, FAULT, ENABLING, POSITION, TIMEOUT, ZERO_VELOCITY, BRAKE = 0, 1, 2, 10, 11, 12, 15
 
 OVER_VOLTAGE, OVER_TEMPERATURE, UNDER_VOLTAGE = 34, 38, 40
-"""Faults that it finds by itself; any other can be given to `trip`."""
+"""Fault codes that the twin detects itself; `trip` takes any other."""
 LEAST_V: Final = 8.0
 GUARD_NS: Final = 10 * MS
 """Period in which supply and temperature are looked at."""

@@ -34,7 +34,7 @@ class Buffers:
             content += data
 
     def take(self, length: int, crc: int) -> bytes | None:
-        """Return the packet of this length, if it came whole; else begin anew."""
+        """Return the complete packet of this length; clear all buffers if there is none."""
         for content in self._content:
             if len(content) == length:
                 packet = bytes(content)

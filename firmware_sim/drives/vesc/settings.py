@@ -1,4 +1,4 @@
-"""What is true of a VESC, whatever the robot's file believes."""
+"""True settings of a simulated VESC: the table `[simulation.twin.NAME]`."""
 
 from __future__ import annotations
 

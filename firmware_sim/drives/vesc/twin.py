@@ -35,7 +35,7 @@ MOTOR_C: Final = 100.0
 """Greatest temperature of the motor."""
 
 OVER_VOLTAGE, UNDER_VOLTAGE, ABSOLUTE_CURRENT, MOTOR_HOT = 1, 2, 4, 6
-"""Faults that it finds by itself; any other can be given to `trip`."""
+"""Fault codes that the twin detects itself; `trip` takes any other."""
 
 _TIMEOUT, _BRAKE_MA = (1, 0), (2, 0)
 """Keys of what it stores."""
@@ -46,8 +46,10 @@ _AIR_C: Final = 25.0
 
 _SIGNATURE: Final = 486_554_156
 _TAIL_BYTES: Final = 480
-_SERVO_OUTPUT: Final = 31
-"""Place of `servo_out_enable` in the configuration of firmware 6."""
+_HEAD: Final = struct.Struct(">IBIf")
+"""Signature, number, time-out [ms], brake current [A]."""
+_SERVO_OUTPUT: Final = 31 - _HEAD.size
+"""Place of `servo_out_enable` in the rest of the configuration, of firmware 6."""
 
 
 class Fitting(NamedTuple):
@@ -157,6 +159,8 @@ class VescTwin(Twin):
         self.brake_current_a = (
             stored.get(_BRAKE_MA, round(self._settings.stored_brake_current_a * 1000)) / 1000
         )
+        self._tail = bytearray(place % 251 for place in range(_TAIL_BYTES))
+        self._tail[_SERVO_OUTPUT] = self._settings.servo_output
         self.fault = 0
         self._fault_until_ns = NEVER_NS
         self._buffers = Buffers()
@@ -180,7 +184,7 @@ class VescTwin(Twin):
         self.power_cycle(now_ns)
 
     def trip(self, code: int) -> None:
-        """Let a fault happen: no power and no commands for a while, then it is gone by itself."""
+        """Trip a fault: no power and no commands for `fault_stop_ms`, then it is cleared."""
         self.fault = code
         self._fault_until_ns = self._now_ns + self._settings.fault_stop_ms * MS
         self._motor.command(Mode.COAST)
@@ -281,7 +285,7 @@ class VescTwin(Twin):
         self._motor.command(mode, value)
 
     def _value(self, data: bytes, now_ns: int) -> int | None:
-        """Return the value of a simple command, by which the time-out begins anew."""
+        """Return the value of a simple command and restart the time-out; None: not obeyed."""
         if len(data) < 4:
             return None
         self._updated_ns = now_ns
@@ -363,29 +367,27 @@ class VescTwin(Twin):
     def _on_servo(self, position: float) -> None:
         """Move the servo: no part of the time-out."""
         servo = self._servo
-        if servo is not None and self._settings.servo_output:
+        if servo is not None and self._tail[_SERVO_OUTPUT]:
             turn = (min(max(position, 0.0), 1.0) - servo.centre) * servo.range_deg
             self._stage.steer(math.radians(turn / servo.ratio))
 
     def _configuration(self) -> bytes:
-        """App configuration: its known head, and a tail whose content means nothing here."""
-        head = struct.pack(
-            ">IBIf", _SIGNATURE, self._fitting.number, self.timeout_ms, self.brake_current_a
-        )
-        tail = bytearray(place % 251 for place in range(_TAIL_BYTES))
-        tail[_SERVO_OUTPUT - len(head)] = self._settings.servo_output
-        return head + tail
+        """App configuration: its known head, and a tail of which one byte means something here."""
+        number = self._fitting.number
+        head = _HEAD.pack(_SIGNATURE, number, self.timeout_ms, self.brake_current_a)
+        return head + self._tail
 
     def _on_configuration(self, command: int, content: bytes) -> bytes | None:
         """Take an app configuration that has the right signature, and acknowledge it."""
-        if len(content) != 13 + _TAIL_BYTES:
+        if len(content) != _HEAD.size + _TAIL_BYTES:
             return None
-        signature, _, timeout_ms, brake_current_a = struct.unpack_from(">IBIf", content)
+        signature, _, timeout_ms, brake_current_a = _HEAD.unpack_from(content)
         if signature != _SIGNATURE:
             return None
         if command == 16:
             self.configure(timeout_ms, brake_current_a)
         self.timeout_ms, self.brake_current_a = timeout_ms, brake_current_a
+        self._tail[:] = content[_HEAD.size :]
         return bytes((command,))
 
     def _values(self, mask: int) -> bytes:

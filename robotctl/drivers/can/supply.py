@@ -33,7 +33,7 @@ class DriveSupply:
         """Return the report of the supply, if every drive that tells it has told it anew."""
         told = [(each.supply_ns, each.voltage_v) for each in reports if each.voltage_v is not None]
         stamp_ns = min((stamp_ns for stamp_ns, _ in told), default=NEVER_NS)
-        if stamp_ns == self._stamp_ns:
+        if not told or stamp_ns == self._stamp_ns:
             return None
         voltage_v = min(voltage_v for _, voltage_v in told)
         if self._stamp_ns == NEVER_NS or voltage_v >= self._limits.low_v:

@@ -1,4 +1,4 @@
-"""Latches of a drive that the host keeps: nothing resumes by itself."""
+"""Latches that the host keeps for a drive, so that no motion resumes unasked."""
 
 from __future__ import annotations
 

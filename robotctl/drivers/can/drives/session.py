@@ -23,7 +23,7 @@ ATTEMPTS: Final = 3
 """How often an exchange is tried before it counts as unanswered."""
 
 RETRY_NS: Final = 1_000_000_000
-"""From a failed commissioning to the next attempt [ns]."""
+"""Pause between a failed commissioning and the next attempt [ns]."""
 
 UNREAD_MAX: Final = 5
 """Readings in a row that may stay unanswered: another tool may use the drive's services."""
@@ -76,7 +76,7 @@ class _Phase(enum.Enum):
 
 
 class Session:
-    """State machine of one drive, advanced by what is heard of it and by `serve`.
+    """State machine of one drive, advanced by its frames and by `serve`.
 
     Parameters
     ----------
@@ -164,7 +164,7 @@ class Session:
 
     @property
     def silent(self) -> bool:
-        """Whether nothing is heard of the drive."""
+        """Whether the drive is silent."""
         return self._phase is _Phase.SILENT
 
     def hear(self, stamp_ns: int) -> None:
@@ -177,7 +177,7 @@ class Session:
                 self._refresh()
 
     def restart(self) -> None:
-        """Begin anew with a drive that has booted, or of whose past nothing is known."""
+        """Restart commissioning: the drive has booted, or its past is unknown."""
         self._boots += 1
         self._begin(Fault(FaultCode.NODE_STARTING, "is being identified"))
 

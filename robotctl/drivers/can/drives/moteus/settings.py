@@ -43,7 +43,7 @@ class MoteusSettings:
     timeout_ms: int
     timeout_mode: int
     proof: str | None = None
-    """What was set and read back."""
+    """Settings read back, in words; None before."""
 
     def commission(self) -> Script:
         """Identify the drive, set and read back its mode after the time-out."""

@@ -19,7 +19,7 @@ STILL_NS: Final = 100_000_000
 """A millisecond counter that stands for longer is that of a drive that hangs [ns]."""
 
 LATE_MS: Final = 1000
-"""By how much more than the host's clock the counter may move before the drive has restarted."""
+"""Greatest lead of the counter over the host's clock [ms]; beyond it the drive has restarted."""
 
 _BOOT, _READY, _ENABLED = DriveState.BOOT, DriveState.READY, DriveState.ENABLED
 _STOPPED, _FAULT = DriveState.STOPPED, DriveState.FAULT
@@ -91,7 +91,7 @@ class MoteusState:
         return self.driving
 
     def count(self, counter: int, now_ns: int) -> bool:
-        """Take the drive's millisecond counter; return whether it began anew."""
+        """Take the drive's millisecond counter; return whether the drive has restarted."""
         before, before_ns = self._counter, self._counter_ns
         if counter == before:
             if now_ns - before_ns > STILL_NS:

@@ -87,7 +87,7 @@ class VescMotor:
     motor_temperature
         Whether a sensor of temperature is fitted in the motor; else that of the drive is told.
     status_rate_hz
-        Rate of status 1 and 5, as set in VESC Tool [Hz].
+        Rate of status 1 and 5, as set in VESC Tool [Hz], 50 to 1000.
     servo
         What is at the servo output, for axis 2.
     """
@@ -116,7 +116,7 @@ class VescMotor:
         for key, most in (("node_id", ID_MAX), ("accept_timeout_ms", 60_000)):
             self._check(key, 0, most)
         self._check("pole_pairs", 1, 100)
-        self._check("status_rate_hz", 10, 1000)
+        self._check("status_rate_hz", 50, 1000)
         for key in ("brake_current_a", "handbrake_current_a"):
             self._check(key, 0.0, _CURRENT_MAX_A)
         numbers = [axis.axis for axis in self.axes]
@@ -139,7 +139,7 @@ class VescMotor:
 
     @property
     def abilities(self) -> Abilities:
-        """What it can do: it brakes where it has a current for that."""
+        """Abilities; it brakes only with a brake current."""
         return _BRAKES if self.brake_current_a > 0.0 else _COASTS
 
     @property

@@ -23,12 +23,17 @@ QUERY_NS: Final = 20_000_000
 READING_NS: Final = 2_000_000_000
 """Period of reading the settings again [ns]: 70 frames of eight bytes."""
 
+PAUSE_NS: Final = 100_000_000
+"""Pause of status 1 after which the drive may have restarted [ns]: five of its periods at least."""
+
+_NEVER_COMES_NS: Final = -NEVER_NS
+
 STANDS_ERPM: Final = 60
-"""Up to this speed a wheel that is to brake is held by the handbrake."""
+"""Speed below which a braked wheel is held by the handbrake [erpm]."""
 
 _MOST_OF_TURN: Final = 3
-"""By how many times its greatest speed a wheel may be seen to turn; beyond, the tachometer of a
-drive began anew."""
+"""Greatest plausible speed of a wheel, in multiples of its maximum; a faster tachometer has been
+reset."""
 
 _SLACK_COUNTS: Final = 60
 _UNPACK_STATUS, _UNPACK_STATUS_4 = wire.STATUS_DATA.unpack, wire.STATUS_4_DATA.unpack
@@ -140,6 +145,8 @@ class VescDrive:
         self._boots = 0
         self._since_ns = 0
         """When the drive came, or restarted [ns]."""
+        self._pause_ns = _NEVER_COMES_NS
+        """End of the longest pause of status 1 that cannot hide a restart [ns]."""
         self._tachometer: Unwrapped | None = None
         self._turns = 0.0
         self._erpm = 0
@@ -189,6 +196,9 @@ class VescDrive:
     # Receiving ----------------------------------------------------------------------------------
 
     def _on_status(self, data: bytes, stamp_ns: int) -> None:
+        if stamp_ns > self._pause_ns:
+            self._on_boot(data, stamp_ns)
+        self._pause_ns = stamp_ns + PAUSE_NS
         self._session.hear(stamp_ns)
         try:
             self._erpm, self._current, _ = _UNPACK_STATUS(data)
@@ -233,6 +243,7 @@ class VescDrive:
 
     def _on_boot(self, _: bytes, stamp_ns: int) -> None:
         self._tachometer = None
+        self._pause_ns = _NEVER_COMES_NS
         if not self._session.silent:
             self._session.restart()
         self._session.hear(stamp_ns)
@@ -266,6 +277,7 @@ class VescDrive:
             self._state.restart()
         if session.silent:
             self._tachometer = None
+            self._pause_ns = _NEVER_COMES_NS
         if self._state.update(session.in_service) or self._is_new:
             self._is_new = False
             self._report()

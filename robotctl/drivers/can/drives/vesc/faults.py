@@ -43,7 +43,7 @@ _FAULTS: Final = (
     (FaultCode.DRIVE_ENCODER, "encoder"),
     (_OTHER, "low-voltage output"),
 )
-"""By the drive's own code."""
+"""Codes and words, in the order of the drive's own codes."""
 
 
 def reported_fault(code: int, part: str) -> Fault:

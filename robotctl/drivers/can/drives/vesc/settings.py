@@ -76,7 +76,7 @@ class VescSettings:
     steers: bool
     missing: Callable[[], str]
     proof: str | None = None
-    """What was read back."""
+    """Settings read back, in words; None before."""
 
     def commission(self) -> Script:
         """Identify the drive, set and read back its settings, see that its status comes."""

@@ -64,7 +64,7 @@ AMPERES: Final = 0.1
 
 _SERVO = struct.Struct(">BBBh")
 _WHOLE, _NO_REPLY = 0, 2
-"""What is done with a buffer: processed and answered, or only processed."""
+"""Handling of a buffer: processed and answered, or only processed."""
 
 _FAULT, _FLAGS = 1 << 15, 1 << 21
 """Bits of the mask of COMM_GET_VALUES_SELECTIVE: fault code, and time-out and kill switch."""

@@ -13,6 +13,8 @@ from firmware_sim.drives.vesc.config import VescMotor as TwinMotor
 from firmware_sim.drives.vesc.config import VescServoSection, VescSettings
 from robotctl.drivers.can.drives.axis import AxisConfig
 from robotctl.drivers.can.drives.vesc.config import VescMotor, VescServo
+from robotctl.drivers.can.drives.vesc.state import VescState
+from robotctl.drivers.can.drives.vesc.wire import Report
 from robotctl.messages.actuators import DriveState
 from robotctl.messages.faults import FaultCode
 from robotctl.messages.ports import EXTENDED_FLAG
@@ -260,8 +262,26 @@ def test_a_fault_is_not_cleared_while_it_lasts(car):
     car.twin.trip(5)
     drive(car, 3.0, 0.06)
     car.clear()
-    car.run(0.1)
-    assert car.state is DriveState.FAULT
+    for _ in range(20):
+        car.tick(COAST)
+        assert car.state is DriveState.FAULT
+
+
+def test_an_answer_to_a_question_before_the_command_does_not_confirm_it():
+    state = VescState("motor", 80)
+    state.admit(False, True, 0)
+    state.ask(100)
+    assert state.admit(True, True, 200)
+    state.take(Report(0, False, False))
+    state.update(True)
+    assert state.state is DriveState.READY
+    state.ask(200)
+    state.take(Report(0, True, False))
+    state.update(True)
+    assert state.state is DriveState.READY, "its time-out has passed"
+    state.take(Report(0, False, False))
+    state.update(True)
+    assert state.state is DriveState.ENABLED
 
 
 def test_faults_are_told_by_a_firmware_without_flags_too():
@@ -326,6 +346,19 @@ def test_a_drive_that_reboots_while_driving_does_not_drive_on(notifies):
     car.run(0.05)
     drive(car, 6.0, 1.0)
     assert car.speed() == pytest.approx(6.0, abs=0.1)
+
+
+def test_a_reboot_without_a_word_is_seen_by_the_pause_before_the_wheel_has_turned():
+    car = bench({"notifies_boot": False, "boot_ms": 150})
+    car.commission()
+    car.run(0.05)
+    drive(car, 0.05, 0.1)
+    car.twin.reboot(car.now_ns)
+    car.run(0.3, on(0.05, 0.0))
+    assert car.drive.status.boots == 2
+    car.run(3.0, on(0.05, 0.0))
+    assert car.drive.status.problem == ""
+    assert car.state is DriveState.READY
 
 
 def test_a_drive_that_is_gone_is_told_and_comes_back_disabled(car):

@@ -125,7 +125,7 @@ def table(**options: object) -> VescMotor:
     [
         ({"node_id": 255}, "node_id must be 0 to 254, not 255"),
         ({"pole_pairs": 0}, "pole_pairs must be 1 to 100, not 0"),
-        ({"status_rate_hz": 5}, "status_rate_hz must be 10 to 1000, not 5"),
+        ({"status_rate_hz": 5}, "status_rate_hz must be 50 to 1000, not 5"),
         ({"brake_current_a": -1.0}, "brake_current_a must be 0 to 1000, not -1"),
         ({"brake_current_a": float("nan")}, "brake_current_a must be 0 to 1000, not nan"),
         ({"brake_current_a": 0.0}, "accept_coasting = true"),
