@@ -156,6 +156,14 @@ class MotorConfig(Protocol):
     def silence(self) -> str:
         """What it does when the host is silent, for people; as in docs/hardware.md."""
 
+    @property
+    def accept_coasting(self) -> bool:
+        """Whether the file accepts that the wheels coast, or run on, when the host is silent."""
+
+    @property
+    def accept_timeout_ms(self) -> int:
+        """Longer time without a command that the file accepts [ms]; 0: the robot's own."""
+
     def ages(self, safety: SafetyConfig, period_ns: int) -> tuple[AgeLimit, ...]:
         """Return how old what it tells may be: "motion", "report" and "supply"."""
 

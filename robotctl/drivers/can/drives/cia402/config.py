@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import ClassVar, Final, Literal
 
 from robotctl.drivers.can.drives.axis import Axis, AxisConfig
 from robotctl.drivers.can.drives.cia402.device import (
@@ -78,6 +78,8 @@ class Cia402Motor:
     speed_unit: Literal["counts/s", "rpm", "0.1 rpm"] = "counts/s"
     host_id: int = 127
     accept_coasting: bool = False
+
+    accept_timeout_ms: ClassVar[int] = 0
 
     def __post_init__(self) -> None:
         """Check the values, and that the drive has what is needed."""

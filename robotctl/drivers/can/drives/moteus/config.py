@@ -44,6 +44,7 @@ class MoteusMotor:
     node_id: int = 1
     accept_coasting: bool = False
 
+    accept_timeout_ms: ClassVar[int] = 0
     abilities: ClassVar[Abilities] = Abilities(takes=Takes.SPEED, stops_alone=True, brakes=True)
     silence: ClassVar[str] = (
         "shorts the motor, or coasts where that is accepted, after safety.command_timeout_ms, and "

@@ -48,6 +48,8 @@ class NativeMotor:
         stamps_positions=True,
         tells_speed=False,
     )
+    accept_coasting: ClassVar[bool] = False
+    accept_timeout_ms: ClassVar[int] = 0
     node_ids: ClassVar[tuple[int, ...]] = (NODE_ID,)
     silence: ClassVar[str] = "brakes after safety.command_timeout_ms, and latches"
 

@@ -50,6 +50,8 @@ class ODriveMotor:
     bus: str = ""
     watchdog_endpoints: tuple[int, ...] = ()
 
+    accept_coasting: ClassVar[bool] = False
+    accept_timeout_ms: ClassVar[int] = 0
     abilities: ClassVar[Abilities] = Abilities(takes=Takes.SPEED, stops_alone=True, brakes=False)
     silence: ClassVar[str] = (
         "coasts after safety.command_timeout_ms and latches, once its watchdog is on, which by "
