@@ -127,9 +127,9 @@ class LockstepStack:
 
 
 def attach_port(
-    bus: Bus, config: CanConfig, arbitration_ids: Collection[int], clock: Clock
+    bus: Bus, config: CanConfig, arbitration_ids: Collection[int] | None, clock: Clock
 ) -> MemoryPort:
-    """Return the host's port on a simulated bus."""
+    """Return the host's port on a simulated bus, which accepts some identifiers or (None) all."""
     fd = config.data_bitrate > 0
     switch = BIT_RATE_SWITCH_FLAG if config.data_bitrate > config.bitrate else 0
 
