@@ -20,6 +20,7 @@ from robotctl.drivers.can.nodes.registry import CAN_NODES
 from robotctl.drivers.can.nodes.scan import own_probe
 from robotctl.messages.control import BusState
 from robotctl.messages.ports import FD_FLAG, CanPort, Clock
+from robotctl.words import counted
 
 LISTEN_NS: Final = 600_000_000
 """Time of listening before the first question [ns]: six heartbeats of most drives."""
@@ -31,6 +32,9 @@ SHARE: Final = 0.5
 
 _STUCK_NS: Final = 200_000_000
 """Time in which a bus that works has taken a frame [ns]."""
+
+_MANY_ERRORS: Final = 8
+"""Error frames that no disturbance by chance causes in so short a time."""
 
 _BROKEN: Final = (BusState.ERROR_PASSIVE, BusState.BUS_OFF, BusState.DOWN)
 _WORSE: Final = (BusState.ERROR_ACTIVE, BusState.ERROR_WARNING, *_BROKEN)
@@ -49,6 +53,8 @@ class Verdict(enum.Enum):
     DRIVEN = "a controller is running"
     CLASH = "two devices have one number"
     CLASSIC = "a device knows no CAN FD"
+    FULL = "the bus is full"
+    BLOCKED = "the bus is blocked"
     WRONG_BITRATE = "error frames only"
     ALONE = "nobody acknowledges"
     DESTROYED = "own frames are destroyed"
@@ -126,9 +132,13 @@ class Scanner:
         self._worst = BusState.ERROR_ACTIVE
         self._credit_s = 0.0
         self._taken_ns = 0
+        """When the bus last took a frame [ns], or the asking began."""
+        self._is_stuck = False
         self._obedient: dict[tuple[str, int], list[tuple[Probe, Collection[int]]]] = {}
         self._awaited: dict[int, tuple[str, int]] = {}
         """By identifier of an answer: protocol of its question, and until when it may come [ns]."""
+        self._classic_errors = 0
+        """Error frames before that."""
         self._is_fd = False
         """Whether the questions of CAN FD are due, the last."""
 
@@ -179,7 +189,8 @@ class Scanner:
                     return
                 # Last, since a device that knows no CAN FD destroys them.
                 self._is_fd = True
-            if now_ns - self._taken_ns > _STUCK_NS:
+                self._classic_errors = self._errors
+            if now_ns - self._taken_ns > _STUCK_NS and self._is_stuck:
                 return
             before_ns, now_ns = now_ns, self._poll()
             earned_s = SHARE * (now_ns - before_ns) * 1e-9
@@ -200,7 +211,10 @@ class Scanner:
             if (id(probe), question.number) in sent or self._harms(probe, question, now_ns):
                 continue
             there_is_one = True
-            if self._credit_s < 0.0 or not self._port.send(*frame):
+            if self._credit_s < 0.0:
+                break
+            self._is_stuck = not self._port.send(*frame)
+            if self._is_stuck:
                 break
             self._taken_ns = now_ns
             self._credit_s -= worst_case_bits(frame[0], len(frame[1])).seconds(self._config)
@@ -275,13 +289,27 @@ class Scanner:
             return Verdict.CLASH, names, fix
         if noise:
             return Verdict.WRONG_BITRATE, *self._noise()
-        if self._is_fd and self._worst in _BROKEN and self._frames:
+        if self._is_fd and self._errors - self._classic_errors >= _MANY_ERRORS:
             text = "frames of CAN FD are destroyed: a device on the bus knows classic CAN only"
             fix = "give such devices a bus of their own, without data_bitrate"
             return Verdict.CLASSIC, text, fix
+        if self._worst in _BROKEN:
+            return self._of_state()
+        if self._is_stuck:
+            return self._of_no_gap()
         if self._frames:
             return self._of_frames(found)
-        return self._of_silence()
+        text = "nobody answers, though own frames are not refused: no drive that is known"
+        fix = "check that the drives have power, and that their CAN interface is on"
+        return Verdict.SILENT, text, fix
+
+    def _of_no_gap(self) -> tuple[Verdict, str, str]:
+        """Judge a bus that takes no more of our frames."""
+        if not self._frames:
+            text = "no own frame gets onto the bus: something holds it dominant, as a short circuit"
+            return Verdict.BLOCKED, text, _WIRING
+        text = f"own frames find no gap between those of the devices ({self._frames} heard)"
+        return Verdict.FULL, text, "have them send less often, or raise the bit rate"
 
     def _of_frames(self, found: tuple[Found, ...]) -> tuple[Verdict, str, str]:
         """Judge a bus on which there are frames."""
@@ -301,25 +329,24 @@ class Scanner:
         )
         return text, f"set the drives' bit rate ({bring_up(self._config)}), or {_WIRING}"
 
-    def _of_silence(self) -> tuple[Verdict, str, str]:
-        """Judge a bus on which there is no frame but our own."""
-        rate = self._config.bitrate
+    def _of_state(self) -> tuple[Verdict, str, str]:
+        """Judge a bus by the state to which our controller has come."""
+        rate, heard = self._config.bitrate, self._frames
         match self._worst:
+            case BusState.DOWN:
+                return Verdict.DOWN, "the interface is down", bring_up(self._config)
             case BusState.BUS_OFF:
                 text = (
                     "own frames are destroyed until the controller leaves the bus: another bit "
                     f"rate than {rate}, a short circuit, or no terminator"
                 )
                 return Verdict.DESTROYED, text, f"compare bit rates, and {_WIRING}"
-            case BusState.ERROR_PASSIVE:
+            case _:
                 text = (
-                    "nobody acknowledges own frames: this computer is alone on the bus, or the bus "
-                    "has no terminator"
+                    f"nobody acknowledges own frames, though {counted(heard, 'frame')} came: the "
+                    "adapter's transmitter, or a bus without terminator"
+                    if heard
+                    else "nobody acknowledges own frames: this computer is alone on the bus, or "
+                    "the bus has no terminator"
                 )
                 return Verdict.ALONE, text, _WIRING
-            case BusState.DOWN:
-                return Verdict.DOWN, "the interface is down", bring_up(self._config)
-            case _:
-                text = "nobody answers, though own frames are not refused: no drive that is known"
-                fix = "check that the drives have power, and that their CAN interface is on"
-                return Verdict.SILENT, text, fix

@@ -18,7 +18,8 @@ _OTHERS: Final = (5, 6, 7, 8, 22, 23, 24, 25, 30, 31, 39, 40, 41, 42, 43, 44, 51
 
 COMMANDS: Final = frozenset({*wire.HOST_COMMANDS, *_OTHERS})
 
-_STATUS: Final = (wire.STATUS, 14, 15, wire.STATUS_4, wire.STATUS_5, 58)
+_TOLD: Final = (wire.STATUS, 14, 15, wire.STATUS_4, wire.STATUS_5, wire.NOTIFY_BOOT, 58)
+"""What a VESC sends by itself, with its own number."""
 
 
 class VescProbe(Probe):
@@ -42,9 +43,12 @@ class VescProbe(Probe):
         self._reports: dict[int, wire.Report] = {}
         self._asked: dict[int, list[Question]] = {}
         """What is to be read of each that is there."""
+        self._reply_to: dict[int, int] = {}
         self._readers: dict[int, wire.Reassembly] = {}
         """By the number to which answers go."""
         self._statuses: dict[int, list[int]] = {}
+        self._begun: set[int] = set()
+        """Numbers to which an answer to the last question has begun."""
 
     def obeyed_by(self, arbitration_id: int) -> Collection[int]:
         """Return whom a command addresses."""
@@ -73,6 +77,7 @@ class VescProbe(Probe):
             if reply_to is None:
                 return
             self._readers[reply_to] = self._reader(number)
+            self._reply_to[number] = reply_to
             self._asked[number] = [
                 Question(number, *frame, wire.identifier(wire.FILL_RX_BUFFER, reply_to))
                 for frame in (
@@ -89,22 +94,32 @@ class VescProbe(Probe):
         super().on_sent(question, now_ns)
         if question in self._asked.get(question.number, ()):
             self._asked[question.number].remove(question)
+            self._begun.discard(self._reply_to[question.number])
 
     def take(self, frame: Frame) -> None:
         """Take status messages and answers; note commands of a host."""
         if frame.arbitration_id & FD_FLAG or not frame.arbitration_id & EXTENDED_FLAG:
             return
         command, number = divmod(frame.arbitration_id & 0x1FFF_FFFF, 256)
-        if command in _STATUS and number <= wire.ID_MAX:
+        if command in _TOLD and number <= wire.ID_MAX:
             self.heard.add(number)
             self._on_status(command, number, frame)
         elif command == wire.PONG and number == PONGS_TO and frame.data:
             self._on_pong(frame.data[0])
         elif (reader := self._readers.get(number)) is not None:
+            self._note_begin(command, number, frame.data)
             self._read(reader, command, frame)
         elif command in wire.HOST_COMMANDS or command in (wire.PING, wire.PROCESS_SHORT_BUFFER):
             name = wire.HOST_COMMANDS.get(command, "question")
             self.command_heard = self.command_heard or f"{name} to VESC {number}"
+
+    def _note_begin(self, command: int, reply_to: int, data: bytes) -> None:
+        """Note where an answer begins; twice, two devices answer."""
+        if command == wire.FILL_RX_BUFFER and data[:1] == b"\0":
+            if reply_to in self._begun:
+                number = next(each for each, to in self._reply_to.items() if to == reply_to)
+                self.clashes(number, "one question was answered twice")
+            self._begun.add(reply_to)
 
     @staticmethod
     def _read(reader: wire.Reassembly, command: int, frame: Frame) -> None:
@@ -134,9 +149,7 @@ class VescProbe(Probe):
 
     def _on_packet(self, number: int, packet: bytes) -> None:
         if packet[:1] == bytes((wire.COMM_FW_VERSION,)):
-            known = self._versions.setdefault(number, packet)
-            if known is not packet:
-                self.clashes(number, "one question was answered twice")
+            self._versions[number] = packet
         elif (report := wire.unpack_report(packet)) is not None:
             self._reports[number] = report
 
