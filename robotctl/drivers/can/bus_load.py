@@ -29,6 +29,8 @@ MAX_LOAD: Final = 0.5
 SYNC: Final = "Sync"
 COMMAND: Final = "MotorCommand"
 STEERING_STATUS: Final = "DriveStatus"
+DRIVE: Final = "DRIVE"
+"""Our motor controller, by its name in the DBC."""
 SONARS_PER_FRAME: Final = 4
 
 _SONAR_FRAMES = ("SonarRangesA", "SonarRangesB", "SonarRangesC", "SonarRangesD")
@@ -171,6 +173,8 @@ def budget(
         nodes = {*message.senders, *message.receivers} - {HOST}
         if nodes and nodes.issubset(elsewhere):
             continue
+        if message.name == SYNC and DRIVE in elsewhere:
+            continue  # no other node of ours waits for it
         period_ms = _period_ms(message, sync, rate_hz, steered=steered)
         if message.arbitration_id & FD_FLAG and not bus.data_bitrate:
             raise ConfigError(

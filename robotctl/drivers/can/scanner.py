@@ -150,13 +150,16 @@ class Scanner:
         only_listen
             Whether a controller is known to run.
         """
-        end_ns = self._begin_ns + LISTEN_NS
-        while self._clock.now_ns() < end_ns:
-            self._poll()
+        self._wait(self._begin_ns + LISTEN_NS)
         heard_nothing = not self._frames and self._errors > 0
         if not (only_listen or self._is_driven() or heard_nothing):
             self._ask()
         return self._report(only_listen=only_listen, heard_nothing=heard_nothing)
+
+    def _wait(self, end_ns: int) -> None:
+        """Take what comes up to a time [ns]."""
+        while self._clock.now_ns() < end_ns:
+            self._poll()
 
     def _poll(self) -> int:
         """Let a little time pass, and take what came in it; return the present time [ns]."""
@@ -183,7 +186,10 @@ class Scanner:
     def _ask(self) -> None:
         """Ask until no question is left that may be asked, or the bus is out of order."""
         now_ns = self._taken_ns = self._clock.now_ns()
-        while self._worst not in _BROKEN and not self._is_driven():
+        while not self._is_driven():
+            if self._worst in _BROKEN:
+                self._wait(now_ns + ANSWER_NS)  # a frame that is destroyed leads on to bus-off
+                return
             if not self._send(now_ns) and not any(p.is_waiting(now_ns) for p in self._probes):
                 if self._is_fd or not self._config.data_bitrate:
                     return

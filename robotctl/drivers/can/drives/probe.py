@@ -20,6 +20,9 @@ ANSWER_NS: Final = 50_000_000
 _FEWEST: Final = 6
 """Frames by which two senders are told from one."""
 
+_MOST: Final = 9
+"""The newest, by which it is judged: the first may have waited for a bus that did not work yet."""
+
 _EVEN: Final = 0.2
 """Deviation of intervals that counts as none, as a share of their mean."""
 
@@ -155,7 +158,7 @@ def come_from_two(stamps_ns: Sequence[int]) -> bool:
     """
     if len(stamps_ns) < _FEWEST:
         return False
-    intervals = [late - early for early, late in pairwise(stamps_ns)]
+    intervals = [late - early for early, late in pairwise(stamps_ns[-_MOST:])]
     means = []
     for each in (intervals[::2], intervals[1::2]):
         mean = sum(each) / len(each)
