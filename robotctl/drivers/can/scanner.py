@@ -128,7 +128,8 @@ class Scanner:
         self._probes = all_probes() if probes is None else tuple(probes)
         self._begin_ns = clock.now_ns()
         self._frames = 0
-        self._unknown: set[int] = set()
+        self._heard: set[int] = set()
+        """Identifiers of all frames received."""
         self._worst = BusState.ERROR_ACTIVE
         self._credit_s = 0.0
         self._taken_ns = 0
@@ -166,7 +167,7 @@ class Scanner:
         self._clock.sleep_until(self._clock.now_ns() + POLL_NS)
         for frame in self._port.receive():
             self._frames += 1
-            self._unknown.add(frame.arbitration_id)
+            self._heard.add(frame.arbitration_id)
             for probe in self._probes:
                 probe.take(frame)
         state = self._port.status().state
@@ -233,11 +234,15 @@ class Scanner:
     def _harms(self, probe: Probe, question: Question, now_ns: int) -> bool:
         """Return whether a device may be there for which question or answer is a command.
 
-        True, too, while an answer of another protocol with the same identifier may come.
+        True, too, where somebody else sends frames with its identifier, which would destroy each
+        other, and while an answer of another protocol with one of its identifiers may come.
         """
-        protocol, until_ns = self._awaited.get(question.answer_id, (probe.protocol, 0))
-        if protocol != probe.protocol and now_ns < until_ns:
+        if question.arbitration_id in self._heard:
             return True
+        for identifier in (question.arbitration_id, question.answer_id):
+            protocol, until_ns = self._awaited.get(identifier, (probe.protocol, 0))
+            if protocol != probe.protocol and now_ns < until_ns:
+                return True
         return any(
             not all(other.is_absent(number, now_ns) for number in numbers)
             for identifier in (question.arbitration_id, question.answer_id)
@@ -288,6 +293,8 @@ class Scanner:
             what = f" ({commands[0]})" if commands else ""
             text = f"a controller is running{what}: only listened, asked nothing"
             return Verdict.DRIVEN, text, "end it to have all devices asked"
+        if self._is_stuck:
+            return self._of_no_gap()
         clashes = [each for each in found if each.clash]
         if clashes:
             names = "; ".join(f"{each.protocol} {each.number}: {each.clash}" for each in clashes)
@@ -301,8 +308,6 @@ class Scanner:
             return Verdict.CLASSIC, text, fix
         if self._worst in _BROKEN:
             return self._of_state()
-        if self._is_stuck:
-            return self._of_no_gap()
         if self._frames:
             return self._of_frames(found)
         text = "nobody answers, though own frames are not refused: no drive that is known"
@@ -320,7 +325,7 @@ class Scanner:
     def _of_frames(self, found: tuple[Found, ...]) -> tuple[Verdict, str, str]:
         """Judge a bus on which there are frames."""
         if not found:
-            ids = ", ".join(f"0x{each & 0x1FFF_FFFF:X}" for each in sorted(self._unknown)[:8])
+            ids = ", ".join(f"0x{each & 0x1FFF_FFFF:X}" for each in sorted(self._heard)[:8])
             text = f"frames come ({ids}), but of no protocol that robotctl knows"
             return Verdict.UNKNOWN, text, "see the README for the drives that it knows"
         errors = self._errors

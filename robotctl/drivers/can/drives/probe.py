@@ -17,10 +17,10 @@ from robotctl.messages.ports import Frame
 ANSWER_NS: Final = 50_000_000
 """Time that a device has for an answer [ns]."""
 
-_FEWEST: Final = 6
+_FEWEST: Final = 10
 """Frames by which two senders are told from one."""
 
-_MOST: Final = 9
+_MOST: Final = 13
 """The newest, by which it is judged: the first may have waited for a bus that did not work yet."""
 
 _EVEN: Final = 0.2

@@ -166,7 +166,7 @@ class CanopenProbe(Probe):
         node_id = plain & 0x7F
         if arbitration_id & REMOTE_FLAG:
             return (node_id,) if node_id and plain - node_id == HEARTBEAT_BASE else ()
-        if plain in (NMT_ID, _EMERGENCY_STOP, _SYNC) or plain > HEARTBEAT_BASE:
+        if plain in (NMT_ID, _EMERGENCY_STOP, _SYNC) or plain - HEARTBEAT_BASE in _ALL:
             return _ALL
         return (node_id,) if node_id and plain - node_id in _COMMANDS else ()
 

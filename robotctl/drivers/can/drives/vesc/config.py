@@ -209,7 +209,7 @@ class VescMotor:
         )
 
     def traffic(self, safety: SafetyConfig, rate_hz: int) -> tuple[Cyclic, ...] | None:  # noqa: ARG002 - as of every drive
-        """Return its frames: commands, status 1, 4 and 5, and reads of faults and settings."""
+        """Return its frames: commands, all status messages, and reads of faults and settings."""
         name, number, reply_to = self.name, self.node_id, self.reply_to
         query_hz, status_hz = 1e9 / QUERY_NS, float(self.status_rate_hz)
         settings_hz = _SETTINGS_FRAMES * 1e9 / READING_NS
@@ -236,7 +236,7 @@ class VescMotor:
         ]
         frames += [
             Cyclic(f"{name} status {word}", wire.identifier(command, number), 8, status_hz)
-            for word, command in ((1, wire.STATUS), (4, wire.STATUS_4), (5, wire.STATUS_5))
+            for word, command in enumerate(wire.STATUS_COMMANDS, 1)
         ]
         return tuple(frames)
 

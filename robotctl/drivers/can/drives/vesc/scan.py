@@ -18,7 +18,7 @@ _OTHERS: Final = (5, 6, 7, 8, 22, 23, 24, 25, 30, 31, 39, 40, 41, 42, 43, 44, 51
 
 COMMANDS: Final = frozenset({*wire.HOST_COMMANDS, *_OTHERS})
 
-_TOLD: Final = (wire.STATUS, 14, 15, wire.STATUS_4, wire.STATUS_5, wire.NOTIFY_BOOT, 58)
+_TOLD: Final = (*wire.STATUS_COMMANDS, wire.NOTIFY_BOOT)
 """What a VESC sends by itself, with its own number."""
 
 
