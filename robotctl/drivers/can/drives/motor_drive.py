@@ -14,8 +14,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
+from robotctl.drivers.can.bus_load import Cyclic
 from robotctl.drivers.can.bus_notes import BusNotes
 from robotctl.drivers.can.drives.axis import Axis, AxisConfig
+from robotctl.drivers.can.drives.probe import Probe
 from robotctl.drivers.can.nodes.robot_codec import RobotCodec
 from robotctl.messages.actuators import ActuatorCommand, ActuatorFeedback
 from robotctl.messages.control import EmergencyStopSource, NodeStatus
@@ -175,3 +177,23 @@ class MotorConfig(Protocol):
         InvalidValue
             If it cannot do what is needed, such as so short a time-out.
         """
+
+    def traffic(self, safety: SafetyConfig, rate_hz: int) -> tuple[Cyclic, ...] | None:
+        """Return the frames that it and the host exchange all the time, at most.
+
+        Parameters
+        ----------
+        safety
+            Its time-outs decide how often heartbeats are sent.
+        rate_hz
+            Rate of the control loop [Hz].
+
+        Returns
+        -------
+        tuple[Cyclic, ...] | None
+            None where robot.dbc has them, as those of its node DRIVE.
+        """
+
+    @staticmethod
+    def probe() -> Probe:
+        """Return a probe that finds drives of this kind on a bus."""
