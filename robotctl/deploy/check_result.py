@@ -14,7 +14,7 @@ class Verdict(enum.StrEnum):
     WARN = "warn"
     FAIL = "fail"
     RISK = "risk"
-    """Not mended, but taken on deliberately in the robot's file."""
+    """A risk that the robot's file takes on deliberately."""
     NONE = "none"
     """There is nothing to check on this machine."""
 

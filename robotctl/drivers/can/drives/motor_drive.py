@@ -152,11 +152,11 @@ class MotorConfig(Protocol):
 
     @property
     def abilities(self) -> Abilities:
-        """What drives of this kind can do."""
+        """Abilities of drives of this kind."""
 
     @property
     def silence(self) -> str:
-        """What it does when the host is silent, for people; as in docs/hardware.md."""
+        """Reaction to a silent host, in words, as in docs/hardware.md."""
 
     @property
     def accept_coasting(self) -> bool:
