@@ -108,7 +108,7 @@ def scan_bus(
         try:
             buses: tuple[CanConfig, ...] = (CanConfig(interface, channel, bitrate, data_bitrate),)
         except InvalidValue as error:
-            raise ConfigError(f"--{error.key.replace('_', '-')}: {error}") from None
+            raise ConfigError(f"--{error.key.replace('_', '-')}: {error.rule}") from None
     else:
         config = load_robot(find_file(robot), overrides or ())
         buses, wheels = config.buses, (*config.drive.wheel_names, *config.drive.joint_names)

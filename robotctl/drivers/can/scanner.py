@@ -1,4 +1,4 @@
-"""Who is on a bus, found without moving anything: listens, then asks what each kind answers.
+"""Scan of a bus that moves nothing: listens, then asks what each kind of device answers.
 
 Frames that a controller sends end the asking before it begins. A question is sent once no device
 can be there that would take it, or its answer, for a command of another protocol: its own probe
@@ -137,7 +137,7 @@ class Scanner:
         self._is_stuck = False
         self._obedient: dict[tuple[str, int], list[tuple[Probe, Collection[int]]]] = {}
         self._awaited: dict[int, tuple[str, int]] = {}
-        """By identifier of an answer: protocol of its question, and until when it may come [ns]."""
+        """Protocol and deadline [ns] of each pending answer, by its identifier."""
         self._classic_errors = 0
         """Error frames before that."""
         self._is_fd = False

@@ -118,7 +118,7 @@ class Probe:
         self._asked_ns[question.number] = now_ns
 
     def is_absent(self, number: int, now_ns: int) -> bool:
-        """Return whether a number was asked, and nobody answered."""
+        """Return whether a device is known not to be there: it was asked and did not answer."""
         asked_ns = self._asked_ns.get(number)
         return asked_ns is not None and number not in self.heard and now_ns - asked_ns >= ANSWER_NS
 

@@ -54,6 +54,7 @@ class ScanBench:
     def sleep_until(self, deadline_ns: int) -> None:
         if deadline_ns > self.bus.now_ns:
             (self.bus if self.simulation is None else self.simulation).advance(deadline_ns)
+            self._run_to(deadline_ns)
 
     def advance(self, duration_ms: float) -> None:
         """Let time pass."""

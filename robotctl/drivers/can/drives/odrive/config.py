@@ -22,7 +22,7 @@ from robotctl.safety.state_machine import SafetyConfig
 _ENDPOINT_MAX: Final = 0xFFFF
 _HEARTBEAT_HZ: Final = 10.0
 _ESTIMATES_HZ: Final = 100.0
-"""Rates of what an ODrive sends by itself, as it is delivered [Hz]."""
+"""Rates of unrequested messages, by factory settings [Hz]."""
 
 _TURN: Final = 20
 """Control periods in which the voltage is asked for three times, so that two may be lost."""

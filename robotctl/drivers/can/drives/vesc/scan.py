@@ -19,7 +19,7 @@ _OTHERS: Final = (5, 6, 7, 8, 22, 23, 24, 25, 30, 31, 39, 40, 41, 42, 43, 44, 51
 COMMANDS: Final = frozenset({*wire.HOST_COMMANDS, *_OTHERS})
 
 _TOLD: Final = (*wire.STATUS_COMMANDS, wire.NOTIFY_BOOT)
-"""What a VESC sends by itself, with its own number."""
+"""Messages that carry the sender's number."""
 
 
 class VescProbe(Probe):
@@ -42,10 +42,10 @@ class VescProbe(Probe):
         self._versions: dict[int, bytes] = {}
         self._reports: dict[int, wire.Report] = {}
         self._asked: dict[int, list[Question]] = {}
-        """What is to be read of each that is there."""
+        """Pending reads of each device found."""
         self._reply_to: dict[int, int] = {}
         self._readers: dict[int, wire.Reassembly] = {}
-        """By the number to which answers go."""
+        """Receivers of answers, by the number to which those go."""
         self._statuses: dict[int, list[int]] = {}
         self._begun: set[int] = set()
         """Numbers to which an answer to the last question has begun."""
