@@ -9,11 +9,16 @@ import pytest
 from firmware_sim.bus.errors import BusError
 from firmware_sim.bus.faults import Cut, Destroy, Dominant, Unanswered
 from firmware_sim.bus.state import FdSupport
+from robotctl.app.simulation.lockstep_stack import attach_port
 from robotctl.config.robot_file import config_directory, load_robot
-from robotctl.drivers.can.drives.probe import come_from_two
+from robotctl.drivers.can.drives.axis import AxisConfig
+from robotctl.drivers.can.drives.probe import Found, come_from_two
 from robotctl.drivers.can.drives.registry import DRIVES
+from robotctl.drivers.can.drives.vesc.config import VescMotor
+from robotctl.drivers.can.nodes.scan import CanopenProbe
 from robotctl.drivers.can.scan_tables import motor_tables
-from robotctl.drivers.can.scanner import LISTEN_NS, Verdict, all_probes
+from robotctl.drivers.can.scanner import LISTEN_NS, Scanner, Verdict, all_probes
+from robotctl.errors import InvalidValue
 from robotctl.messages.ports import REMOTE_FLAG
 from tests.drivers.can.drives.drive_rig import DriveRig
 from tests.drivers.can.drives.scan_bench import MS, ScanBench
@@ -52,6 +57,30 @@ def test_all_five_kinds_are_found_on_one_bus_of_can_fd_with_our_nodes():
     assert (found["vesc", 10].firmware, found["vesc", 10].name) == ("6.05", "60_MK6")
     assert (found["moteus", 1].firmware, found["moteus", 1].state) == ("0.1.9", "stopped")
     assert found["moteus", 1].name == "serial 000000330000002200000011"
+
+
+def test_names_longer_than_a_frame_are_read_in_segments():
+    bench = ScanBench(native=True)
+    bench.advance(700)
+    probe = CanopenProbe(lambda device: Found("any", device.node_id, name=device.name))
+    port = attach_port(bench.bus, bench.config, None, bench)
+    report = Scanner(port, bench.config, bench, [probe]).run()
+    names = {each.number: each.name for each in report.found}
+    for node in bench.simulation.nodes:
+        if node.node_id in names:
+            assert names[node.node_id] == node.dictionary.upload(0x1008, 0).decode()
+    assert len(names) == 3
+    assert max(map(len, names.values())) > 7
+
+
+def test_a_table_that_would_coast_is_refused_until_its_owner_says_how_it_brakes():
+    bench = ScanBench()
+    bench.add("vesc", 10)
+    (table,) = tomllib.loads(motor_tables(bench.scan().found))["motor"]
+    table["axes"] = tuple(AxisConfig(**each) for each in table["axes"])
+    with pytest.raises(InvalidValue, match="coasts when the host dies"):
+        VescMotor(**table)
+    assert VescMotor(**{**table, "brake_current_a": 10.0}).abilities.brakes
 
 
 def test_each_kind_of_drive_has_a_probe_of_its_own():

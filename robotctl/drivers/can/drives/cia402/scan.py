@@ -53,7 +53,7 @@ def _describe(device: Device) -> Found | None:
         keys |= {"eds": "", "counts_per_turn": 4096}
     elif dialect == "roboteq":
         hints = _GENERIC[1:]
-        keys |= {"counts_per_turn": 4096, "accept_coasting": True}
+        keys |= {"counts_per_turn": 4096}
     return Found(
         "CiA 402",
         device.node_id,

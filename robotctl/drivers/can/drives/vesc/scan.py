@@ -173,10 +173,10 @@ class VescProbe(Probe):
             name=name,
             firmware=firmware,
             state=state,
-            keys={"pole_pairs": 7, "accept_coasting": True},
+            keys={"pole_pairs": 7, "brake_current_a": 0.0},
             hints=(
                 "pole_pairs: of the motor; ratio: turns of the motor for one of the wheel",
-                "accept_coasting: or brake_current_a, with which it brakes when the host dies",
+                "brake_current_a: motor current that brakes it when the host dies; give it one",
             ),
             clash=self._clashes.get(number, ""),
         )
