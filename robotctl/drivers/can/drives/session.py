@@ -49,12 +49,18 @@ class Exchange:
         Beginning of the answer; another one is not it.
     attempts
         How often it is tried.
+    answer_ns
+        Time that the drive has for the answer [ns].
+    size
+        Fewest bytes of the answer.
     """
 
     frames: tuple[tuple[int, bytes], ...]
     name: str
     prefix: bytes = b""
     attempts: int = ATTEMPTS
+    answer_ns: int = ANSWER_NS
+    size: int = 0
 
     def unanswered(self) -> Fault:
         """Return the fault that nothing came back."""
@@ -83,13 +89,14 @@ class Session:
     node_id, name
         Number and name of the drive.
     call
-        Frame that makes a drive answer of which nothing is heard.
+        Frame that makes a drive answer of which nothing is heard; None: it has a heartbeat, and
+        gets no frames before that is heard.
     script
         Makes a new run of the commissioning.
     reading
         Makes a new run of the script that reads the settings back.
     reading_ns
-        Period of that [ns].
+        Pause between two of these [ns].
     timeout_ns
         A drive silent for longer is lost [ns].
 
@@ -99,6 +106,8 @@ class Session:
         Present state; another object only where it changed.
     in_service
         Whether the drive may be used.
+    fault
+        Why not; None if it may.
     """
 
     __slots__ = (
@@ -106,7 +115,6 @@ class Session:
         "_boots",
         "_call",
         "_exchange",
-        "_fault",
         "_heard_ns",
         "_is_reading",
         "_make_reading",
@@ -121,6 +129,7 @@ class Session:
         "_timeout_ns",
         "_unread",
         "_wait_until_ns",
+        "fault",
         "in_service",
         "status",
     )
@@ -129,7 +138,7 @@ class Session:
         self,
         node_id: int,
         name: str,
-        call: tuple[int, bytes],
+        call: tuple[int, bytes] | None,
         script: Callable[[], Script],
         reading: Callable[[], Script],
         reading_ns: int,
@@ -152,7 +161,8 @@ class Session:
         self._unread = 0
         self._heard_ns = self._renew_ns = 0
         self._boots = 0
-        self._fault: Fault | None = Fault(FaultCode.NODE_NOT_HEARD, "not heard on the bus")
+        rate = "" if call else " (its heartbeat rate must not be 0)"
+        self.fault: Fault | None = Fault(FaultCode.NODE_NOT_HEARD, f"not heard on the bus{rate}")
         self.in_service = False
         self.status: NodeStatus
         self._refresh()
@@ -189,6 +199,7 @@ class Session:
             and exchange.frames
             and self._next_frame == len(exchange.frames)
             and data.startswith(exchange.prefix)
+            and len(data) >= exchange.size
         ):
             self._advance(data, now_ns)
 
@@ -199,7 +210,8 @@ class Session:
             self._phase = _Phase.SILENT
             self.in_service = False
             self._wait_until_ns = self._renew_ns = 0
-            text = f"nothing heard for {self._timeout_ns / 1e6:g} ms"
+            what = "nothing heard" if self._call else "no heartbeat"
+            text = f"{what} for {self._timeout_ns / 1e6:g} ms"
             self._say(Fault(FaultCode.NODE_SILENT, text))
 
     def refuse(self, fault: Fault, now_ns: int) -> None:
@@ -217,7 +229,7 @@ class Session:
                 return False
             if self._phase is _Phase.SILENT:
                 self._wait_until_ns = now_ns + RETRY_NS // 4
-                return send(*self._call)
+                return self._call is not None and send(*self._call)
             if self._phase is _Phase.REFUSED:
                 self._begin(None)
             elif self._phase is _Phase.READY:
@@ -234,7 +246,7 @@ class Session:
             if not send(*frames[self._next_frame]):
                 return False
             self._next_frame += 1
-            self._wait_until_ns = now_ns + ANSWER_NS
+            self._wait_until_ns = now_ns + exchange.answer_ns
             return True
         if now_ns < self._wait_until_ns:
             return False
@@ -265,9 +277,10 @@ class Session:
         if script is None:
             return
         try:
-            self._exchange = script.send(None if self._exchange is None else answer)
+            exchange = script.send(None if self._exchange is None else answer)
+            self._exchange = exchange
             self._next_frame = self._attempts = 0
-            self._wait_until_ns = now_ns + ANSWER_NS
+            self._wait_until_ns = now_ns + exchange.answer_ns
         except StopIteration as stop:
             self._script = self._exchange = None
             self._finish(stop.value, now_ns)
@@ -295,13 +308,13 @@ class Session:
         self._script = self._exchange = None
 
     def _say(self, fault: Fault | None) -> None:
-        self._fault = fault
+        self.fault = fault
         self._refresh()
 
     def _refresh(self) -> None:
         """Update `status`."""
         self._renew_ns = self._heard_ns + _RENEW_NS if self._phase is not _Phase.SILENT else 0
-        fault = self._fault
+        fault = self.fault
         silent = _UNHEARD if self._phase is _Phase.SILENT else _NOT_YET
         self.status = NodeStatus(
             self._node_id,
