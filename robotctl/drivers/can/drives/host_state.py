@@ -54,8 +54,8 @@ class HostState:
     def admit(self, enable: bool, in_service: bool, now_ns: int) -> bool:
         """Return whether the command of this tick may give power, and note that it is sent."""
         if self.driving and now_ns - self._commanded_ns > self._timeout_ns:
-            silence_ms = (now_ns - self._commanded_ns) / 1e6
-            text = f"no command for {silence_ms:.0f} ms: the time-out of the {self._make} has passed"
+            silence = f"no command for {(now_ns - self._commanded_ns) / 1e6:.0f} ms"
+            text = f"{silence}: the time-out of the {self._make} has passed"
             self.interlock.hold(DriveState.STOPPED, FaultCode.DRIVE_COMMAND_TIMEOUT, text)
         self.driving = self.interlock.admits(enable, in_service)
         self.confirmed = self.confirmed and self.driving

@@ -204,7 +204,7 @@ class Session:
             self._advance(data, now_ns)
 
     def check(self, now_ns: int) -> None:
-        """Take the drive out of service if it has been silent for too long."""
+        """Take the drive out of service if it is silent for too long; give up overdue answers."""
         if now_ns - self._heard_ns > self._timeout_ns and self._phase is not _Phase.SILENT:
             self._drop_script()
             self._phase = _Phase.SILENT
@@ -213,6 +213,17 @@ class Session:
             what = "nothing heard" if self._call else "no heartbeat"
             text = f"{what} for {self._timeout_ns / 1e6:g} ms"
             self._say(Fault(FaultCode.NODE_SILENT, text))
+            return
+        exchange = self._exchange
+        if (
+            exchange is not None
+            and self._next_frame == len(exchange.frames)
+            and now_ns >= self._wait_until_ns
+        ):
+            self._attempts += 1
+            self._next_frame = 0
+            if self._attempts >= exchange.attempts:
+                self._advance(None, now_ns)
 
     def refuse(self, fault: Fault, now_ns: int) -> None:
         """Take the drive out of service, say why, and try again later."""
@@ -237,24 +248,14 @@ class Session:
                 self._run(self._make_reading())
             if self._script is not None and self._exchange is None:
                 self._advance(None, now_ns)  # to its first exchange
-        return self._exchange is not None and self._send_next(self._exchange, send, now_ns)
-
-    def _send_next(self, exchange: Exchange, send: Send, now_ns: int) -> bool:
-        """Send the next frame of an exchange, or see that its answer is overdue."""
-        frames = exchange.frames
-        if self._next_frame < len(frames):
-            if not send(*frames[self._next_frame]):
-                return False
-            self._next_frame += 1
-            self._wait_until_ns = now_ns + exchange.answer_ns
-            return True
-        if now_ns < self._wait_until_ns:
+        exchange = self._exchange
+        if exchange is None or self._next_frame == len(exchange.frames):
             return False
-        self._attempts += 1
-        self._next_frame = 0
-        if self._attempts >= exchange.attempts:
-            self._advance(None, now_ns)
-        return False
+        if not send(*exchange.frames[self._next_frame]):
+            return False
+        self._next_frame += 1
+        self._wait_until_ns = now_ns + exchange.answer_ns
+        return True
 
     def _begin(self, fault: Fault | None) -> None:
         """Start commissioning; a repeated attempt leaves the sentence of the last failure."""

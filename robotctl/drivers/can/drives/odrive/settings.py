@@ -22,7 +22,7 @@ ENDPOINTS: Final = {
 """Endpoints of `axis0.config.watchdog_timeout` and `axis0.config.enable_watchdog`, by versions of
 hardware and firmware."""
 
-ANSWER_NS: Final = 45_000_000
+ANSWER_NS: Final = 50_000_000
 """Time for an answer [ns]."""
 
 ATTEMPTS: Final = 4
@@ -126,7 +126,9 @@ class ODriveSettings:
                 text = "Get_Version (firmware 0.6) nor to Get_Encoder_Count (firmware 0.5)"
                 return Fault(FaultCode.NODE_NO_ANSWER, f"no answer to {text}")
             self.is_old = True
-            return self._unread("firmware 0.5", "firmware 0.5 does not tell it over CAN")
+            why = "firmware 0.5 does not tell it over CAN"
+            self.proof = self._unread("firmware 0.5", why)
+            return None
         version = wire.read_version(answer[1:])
         if version.protocol != wire.PROTOCOL_VERSION or version.firmware[:2] != (0, 6):
             text = f"{version}, protocol {version.protocol}: only 0.6 with protocol 2, and 0.5, are"
@@ -136,7 +138,8 @@ class ODriveSettings:
             endpoints = ENDPOINTS.get((version.hardware, version.firmware), ())
         if not endpoints:
             why = "its endpoints are not known; watchdog_endpoints of [[motor]] can name them"
-            return self._unread(str(version), why)
+            self.proof = self._unread(str(version), why)
+            return None
         return (yield from self._write(version, *endpoints))
 
     def _write(self, version: wire.Version, timeout: int, enable: int) -> Script:
@@ -180,9 +183,9 @@ class ODriveSettings:
         frame = wire.request_id(self.node_id, command), bytes(8)
         return Exchange((frame,), name, bytes((command,)), ATTEMPTS, ANSWER_NS, 9)
 
-    def _unread(self, version: str, why: str) -> None:
+    def _unread(self, version: str, why: str) -> str:
         """Say that the watchdog is not known, and so what the proof of it must show."""
-        self.proof = (
+        return (
             f"{version}: the watchdog cannot be read ({why}); set with odrivetool, to give no "
             f"power {self.timeout_ms} ms after the last command"
         )
