@@ -48,6 +48,12 @@ class Interlock:
             self.state, self.fault = state, fault
         self._released = False
 
+    def explain(self, fault: Fault) -> None:
+        """Latch what the drive itself says, in place of what the host found."""
+        is_stop = fault.code is FaultCode.DRIVE_EMERGENCY_STOP
+        state = DriveState.EMERGENCY_STOP if is_stop else DriveState.FAULT
+        self.latch(state, fault, explains=True)
+
     def hold(self, state: DriveState, code: FaultCode, text: str) -> None:
         """Stop the drive as `latch` does, with a fault of a kind, in words."""
         self.latch(state, Fault(code, text, self._part))

@@ -96,7 +96,7 @@ class Session:
     reading
         Makes a new run of the script that reads the settings back.
     reading_ns
-        Pause between two of these [ns].
+        Period of that, and pause after one without an answer [ns].
     timeout_ns
         A drive silent for longer is lost [ns].
 
@@ -123,6 +123,7 @@ class Session:
         "_next_frame",
         "_node_id",
         "_phase",
+        "_reading_due_ns",
         "_reading_ns",
         "_renew_ns",
         "_script",
@@ -158,6 +159,7 @@ class Session:
         self._wait_until_ns = 0
         """When the answer is overdue, a refused drive is tried again, or settings are read."""
         self._is_reading = False
+        self._reading_due_ns = 0
         self._unread = 0
         self._heard_ns = self._renew_ns = 0
         self._boots = 0
@@ -245,6 +247,7 @@ class Session:
                 self._begin(None)
             elif self._phase is _Phase.READY:
                 self._is_reading = True
+                self._reading_due_ns = now_ns + self._reading_ns
                 self._run(self._make_reading())
             if self._script is not None and self._exchange is None:
                 self._advance(None, now_ns)  # to its first exchange
@@ -288,16 +291,19 @@ class Session:
 
     def _finish(self, fault: Fault | None, now_ns: int) -> None:
         """Put the drive into service, leave it there, or refuse it."""
+        if not self._is_reading:
+            self._reading_due_ns = now_ns + self._reading_ns
         if fault is None:
             self._unread = 0
         elif self._is_reading and fault.code is FaultCode.NODE_NO_ANSWER:
             # No answer is no proof of a change: only several in a row count.
             self._unread += 1
+            self._reading_due_ns = now_ns + self._reading_ns
             fault = fault if self._unread > UNREAD_MAX else None
         if fault is not None:
             self.refuse(fault, now_ns)
             return
-        self._wait_until_ns = now_ns + self._reading_ns
+        self._wait_until_ns = self._reading_due_ns
         if not self._is_reading:
             self._phase = _Phase.READY
             self.in_service = True

@@ -224,9 +224,7 @@ class ODrive:
             controller=controller,
         )
         if fault is not None:
-            is_stop = fault.code is FaultCode.DRIVE_EMERGENCY_STOP
-            state = DriveState.EMERGENCY_STOP if is_stop else DriveState.FAULT
-            self._interlock.latch(state, fault, explains=True)
+            self._interlock.explain(fault)
             self._refresh()
 
     def _answers(self, command: int) -> Handler:

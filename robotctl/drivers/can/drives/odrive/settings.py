@@ -27,8 +27,8 @@ ANSWER_NS: Final = 50_000_000
 
 ATTEMPTS: Final = 4
 
-READING_NS: Final = 245_000_000
-"""Pause between two readings of a setting in service [ns]: with the answer's tick 250 ms."""
+READING_NS: Final = 250_000_000
+"""Period of reading a setting again in service [ns]."""
 
 _FLOAT = struct.Struct("<f")
 _COMMAND_AND_ENDPOINT = struct.Struct("<BH")
