@@ -140,7 +140,7 @@ def test_a_reboot_while_driving_stops_for_good(firmware, boot_ms):
     rig.start().enable(3.0)
     rig.run(200)
     boots = rig.drives[0].status.boots
-    rig.twins[0].reboot(rig.bus.now_ns)
+    rig.twins[0].power_cycle(rig.bus.now_ns)
     rig.run(400)
     assert powered(rig)[0] is False
     assert rig.report(0).fault is not None
