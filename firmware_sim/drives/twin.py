@@ -9,39 +9,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
+from firmware_sim.nodes.node import NEVER_NS, CanFrame, CanPort
+from firmware_sim.nodes.parameter_store import ParameterStore, StoreDamagedError
 from firmware_sim.nodes.power_stage import Encoder, MotorAxis
+from firmware_sim.nodes.variables import Key
 from firmware_sim.plant.axis import Limits, Mode
+
+__all__ = ["NEVER_NS", "CanFrame", "Motor", "Twin", "stored"]
 
 _FINEST: Final = 1 << 20
 """Counts of a motor's encoder for a turn: more than any drive tells."""
 
-NEVER_NS: Final = 1 << 62
-"""A time that does not come (146 years)."""
-
-
-class CanFrame(Protocol):
-    """A received frame; `stamp_ns` is when it was complete on the bus."""
-
-    @property
-    def arbitration_id(self) -> int:
-        """Identifier, with the flags of `firmware_sim.bus.frame`."""
-
-    @property
-    def data(self) -> bytes:
-        """Payload."""
-
-    @property
-    def stamp_ns(self) -> int:
-        """Time of reception [ns]."""
-
-
-class CanPort(Protocol):
-    """Port of a twin on its bus."""
-
-    def send(self, arbitration_id: int, data: bytes) -> object:
-        """Queue one frame at the bus's present time."""
+def stored(store: ParameterStore) -> dict[Key, int]:
+    """Return what a drive finds in its memory: nothing, if that is damaged."""
+    try:
+        return store.load()
+    except StoreDamagedError:
+        return {}
 
 
 class Twin:

@@ -30,15 +30,15 @@ COMMANDED_NS = 500 * MILLISECOND_NS
 
 
 class CanFrame(Protocol):
-    """A received data frame; `stamp_ns` is when it was complete on the bus."""
+    """A received frame; `stamp_ns` is when it was complete on the bus."""
 
     @property
     def arbitration_id(self) -> int:
-        """Identifier, 11 bits."""
+        """Identifier, with the flags of `firmware_sim.bus.frame`."""
 
     @property
     def data(self) -> bytes:
-        """Payload, up to eight bytes."""
+        """Payload."""
 
     @property
     def stamp_ns(self) -> int:
@@ -46,7 +46,7 @@ class CanFrame(Protocol):
 
 
 class CanPort(Protocol):
-    """Where a node sends its frames."""
+    """Port of a node or a twin on its bus."""
 
     def send(self, arbitration_id: int, data: bytes) -> object:
         """Queue one frame at the bus's present time."""

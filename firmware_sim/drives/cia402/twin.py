@@ -17,7 +17,7 @@ from firmware_sim.drives.cia402.objects import (
 from firmware_sim.drives.cia402.pdo import Pdos
 from firmware_sim.drives.cia402.settings import Cia402Settings
 from firmware_sim.drives.cia402.state import STAYS, Options, PowerAxis, Ramps, State
-from firmware_sim.drives.twin import NEVER_NS, Motor, Twin
+from firmware_sim.drives.twin import NEVER_NS, Motor, Twin, stored
 from firmware_sim.nodes.object_dictionary import ObjectDictionary
 from firmware_sim.nodes.parameter_store import ParameterStore
 from firmware_sim.nodes.power_stage import PowerStage
@@ -323,10 +323,6 @@ class Cia402Twin(Twin):
         self._changed()
         self._reschedule()
 
-    def reboot(self, now_ns: int) -> None:
-        """Restart, as after a short loss of its supply."""
-        self.power_cycle(now_ns)
-
     # Frames -------------------------------------------------------------------------------------
 
     def _at_motors(self) -> None:
@@ -334,7 +330,7 @@ class Cia402Twin(Twin):
 
     def _on_power_up(self, now_ns: int) -> None:
         self.dictionary.reset()
-        self.dictionary.restore(self._store.load())
+        self.dictionary.restore(stored(self._store))
         self._sdo.reset()
         self.nmt_state = INITIALISING
         self._boot_ns = now_ns + round(self._settings.boot_ms * MS)

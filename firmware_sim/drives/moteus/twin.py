@@ -21,8 +21,8 @@ from firmware_sim.bus.frame import (
 from firmware_sim.drives.moteus import registers
 from firmware_sim.drives.moteus.registers import Read, StreamPoll, StreamWrite, Write
 from firmware_sim.drives.moteus.settings import MoteusSettings
-from firmware_sim.drives.twin import NEVER_NS, CanFrame, Motor, Twin
-from firmware_sim.nodes.parameter_store import ParameterStore, StoreDamagedError
+from firmware_sim.drives.twin import NEVER_NS, CanFrame, Motor, Twin, stored
+from firmware_sim.nodes.parameter_store import ParameterStore
 from firmware_sim.nodes.power_stage import PowerStage
 from firmware_sim.plant.axis import Limits, Mode
 
@@ -126,15 +126,11 @@ class MoteusTwin(Twin):
             0x121: lambda: settings.serial[1],
             0x122: lambda: settings.serial[2],
         }
-        self._forget(0)
+        self._on_power_up(0)
 
-    def _forget(self, now_ns: int) -> None:
-        """Be as after a reset."""
-        try:
-            stored = self._store.load()
-        except StoreDamagedError:
-            stored = {}
-        self.timeout_mode = stored.get(_TIMEOUT_MODE, self._settings.timeout_mode)
+    def _on_power_up(self, now_ns: int) -> None:
+        flash = stored(self._store)
+        self.timeout_mode = flash.get(_TIMEOUT_MODE, self._settings.timeout_mode)
         self.mode, self.fault = STOPPED, 0
         self._target = Target(STOPPED)
         self._boot_ns = now_ns
@@ -146,14 +142,7 @@ class MoteusTwin(Twin):
         self._said = b""
         self._act()
 
-    def _on_power_up(self, now_ns: int) -> None:
-        self._forget(now_ns)
-
     # Faults from outside ------------------------------------------------------------------------
-
-    def reboot(self, now_ns: int) -> None:
-        """Restart the firmware."""
-        self.power_cycle(now_ns)
 
     def trip(self, code: int) -> None:
         """Let a fault happen: all torque is gone until a stop."""

@@ -99,12 +99,6 @@ class ODriveTwin(Twin):
         self._motor.command(Mode.COAST)
         self._reset(now_ns + round(self._settings.boot_ms * _MS))
 
-    def reboot(self, now_ns: int) -> None:
-        """Restart, as after a brown-out of its logic."""
-        self._now_ns = now_ns
-        self._start(now_ns)
-        self._reschedule()
-
     def _due_ns(self) -> int:
         return min(self._beat_ns, self._encoder_ns, self._armed_ns, self._watchdog_due_ns())
 

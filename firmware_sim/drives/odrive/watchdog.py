@@ -12,7 +12,7 @@ from typing import Final
 
 from firmware_sim.drives.odrive import wire
 from firmware_sim.drives.odrive.settings import ODriveSettings
-from firmware_sim.drives.twin import NEVER_NS
+from firmware_sim.drives.twin import NEVER_NS, stored
 from firmware_sim.nodes.parameter_store import ParameterStore
 
 _FEEDS: Final = frozenset(
@@ -41,12 +41,12 @@ class Watchdog:
 
     def start(self, ready_ns: int) -> None:
         """Take what is stored; the drive is ready at a time [ns]."""
-        stored = self._store.load()
+        flash = stored(self._store)
         watchdog_ms = self._settings.watchdog_ms
-        self.is_on = bool(stored.get((0, 1), watchdog_ms > 0.0))
+        self.is_on = bool(flash.get((0, 1), watchdog_ms > 0.0))
         self.timeout = wire.FLOAT.pack(watchdog_ms / 1000.0)
-        if (0, 0) in stored:
-            self.timeout = wire.UINT32.pack(stored[0, 0])
+        if (0, 0) in flash:
+            self.timeout = wire.UINT32.pack(flash[0, 0])
         self._expires_ns = ready_ns + self._timeout_ns()
 
     def _timeout_ns(self) -> int:

@@ -13,10 +13,10 @@ from collections.abc import Callable
 from typing import Final, NamedTuple
 
 from firmware_sim.bus.frame import EXTENDED_FLAG
-from firmware_sim.drives.twin import NEVER_NS, Motor, Twin
+from firmware_sim.drives.twin import NEVER_NS, Motor, Twin, stored
 from firmware_sim.drives.vesc.buffers import Buffers, frames
 from firmware_sim.drives.vesc.settings import VescSettings
-from firmware_sim.nodes.parameter_store import ParameterStore, StoreDamagedError
+from firmware_sim.nodes.parameter_store import ParameterStore
 from firmware_sim.nodes.power_stage import PowerStage
 from firmware_sim.plant.axis import Limits, Mode
 
@@ -138,7 +138,7 @@ class VescTwin(Twin):
                 self._handlers[EXTENDED_FLAG | command << 8 | number] = self._awake(command)
         self.kill_switch = False
         self.fault = 0
-        self._forget(0)
+        self._on_power_up(0)
 
     def _set_limits(self) -> None:
         """Give the axis the limits of the drive's loops, at the wheel."""
@@ -149,15 +149,11 @@ class VescTwin(Twin):
             acceleration_rad_s2=settings.ramp_erpm_s * self._rad_s_per_erpm / self._fitting.ratio,
         )
 
-    def _forget(self, now_ns: int) -> None:
-        """Be as after a reset."""
-        try:
-            stored = self._store.load()
-        except StoreDamagedError:
-            stored = {}
-        self.timeout_ms = stored.get(_TIMEOUT, self._settings.stored_timeout_ms)
+    def _on_power_up(self, now_ns: int) -> None:
+        flash = stored(self._store)
+        self.timeout_ms = flash.get(_TIMEOUT, self._settings.stored_timeout_ms)
         self.brake_current_a = (
-            stored.get(_BRAKE_MA, round(self._settings.stored_brake_current_a * 1000)) / 1000
+            flash.get(_BRAKE_MA, round(self._settings.stored_brake_current_a * 1000)) / 1000
         )
         self._tail = bytearray(place % 251 for place in range(_TAIL_BYTES))
         self._tail[_SERVO_OUTPUT] = self._settings.servo_output
@@ -174,14 +170,7 @@ class VescTwin(Twin):
         self._turns_at_boot = self._motor.turns
         self._motor.command(Mode.COAST)
 
-    def _on_power_up(self, now_ns: int) -> None:
-        self._forget(now_ns)
-
     # Faults from outside ------------------------------------------------------------------------
-
-    def reboot(self, now_ns: int) -> None:
-        """Restart the firmware."""
-        self.power_cycle(now_ns)
 
     def trip(self, code: int) -> None:
         """Trip a fault: no power and no commands for `fault_stop_ms`, then it is cleared."""
@@ -356,7 +345,7 @@ class VescTwin(Twin):
         elif command == 16 or (command == 149 and self._settings.sets_timeout):
             answer = self._on_configuration(command, content)
         elif command == 29:
-            self.reboot(now_ns)
+            self.power_cycle(now_ns)
         elif command == 50 and len(content) >= 4:
             answer = packet[:5] + self._values(int.from_bytes(content[:4], "big"))
         if answer is not None and sender is not None:

@@ -49,12 +49,18 @@ class Exchange:
         Beginning of the answer; another one is not it.
     attempts
         How often it is tried.
+    answer_ns
+        Time that the drive has for the answer [ns].
+    size
+        Fewest bytes of the answer.
     """
 
     frames: tuple[tuple[int, bytes], ...]
     name: str
     prefix: bytes = b""
     attempts: int = ATTEMPTS
+    answer_ns: int = ANSWER_NS
+    size: int = 0
 
     def unanswered(self) -> Fault:
         """Return the fault that nothing came back."""
@@ -83,13 +89,14 @@ class Session:
     node_id, name
         Number and name of the drive.
     call
-        Frame that makes a drive answer of which nothing is heard.
+        Frame that makes a drive answer of which nothing is heard; None: it has a heartbeat, and
+        gets no frames before that is heard.
     script
         Makes a new run of the commissioning.
     reading
         Makes a new run of the script that reads the settings back.
     reading_ns
-        Period of that [ns].
+        Period of that, and pause after one without an answer [ns].
     timeout_ns
         A drive silent for longer is lost [ns].
 
@@ -99,6 +106,8 @@ class Session:
         Present state; another object only where it changed.
     in_service
         Whether the drive may be used.
+    fault
+        Why not; None if it may.
     """
 
     __slots__ = (
@@ -106,7 +115,6 @@ class Session:
         "_boots",
         "_call",
         "_exchange",
-        "_fault",
         "_heard_ns",
         "_is_reading",
         "_make_reading",
@@ -115,12 +123,14 @@ class Session:
         "_next_frame",
         "_node_id",
         "_phase",
+        "_reading_due_ns",
         "_reading_ns",
         "_renew_ns",
         "_script",
         "_timeout_ns",
         "_unread",
         "_wait_until_ns",
+        "fault",
         "in_service",
         "status",
     )
@@ -129,7 +139,7 @@ class Session:
         self,
         node_id: int,
         name: str,
-        call: tuple[int, bytes],
+        call: tuple[int, bytes] | None,
         script: Callable[[], Script],
         reading: Callable[[], Script],
         reading_ns: int,
@@ -149,10 +159,12 @@ class Session:
         self._wait_until_ns = 0
         """When the answer is overdue, a refused drive is tried again, or settings are read."""
         self._is_reading = False
+        self._reading_due_ns = 0
         self._unread = 0
         self._heard_ns = self._renew_ns = 0
         self._boots = 0
-        self._fault: Fault | None = Fault(FaultCode.NODE_NOT_HEARD, "not heard on the bus")
+        rate = "" if call else " (its heartbeat rate must not be 0)"
+        self.fault: Fault | None = Fault(FaultCode.NODE_NOT_HEARD, f"not heard on the bus{rate}")
         self.in_service = False
         self.status: NodeStatus
         self._refresh()
@@ -189,18 +201,31 @@ class Session:
             and exchange.frames
             and self._next_frame == len(exchange.frames)
             and data.startswith(exchange.prefix)
+            and len(data) >= exchange.size
         ):
             self._advance(data, now_ns)
 
     def check(self, now_ns: int) -> None:
-        """Take the drive out of service if it has been silent for too long."""
+        """Take the drive out of service if it is silent for too long; give up overdue answers."""
         if now_ns - self._heard_ns > self._timeout_ns and self._phase is not _Phase.SILENT:
             self._drop_script()
             self._phase = _Phase.SILENT
             self.in_service = False
             self._wait_until_ns = self._renew_ns = 0
-            text = f"nothing heard for {self._timeout_ns / 1e6:g} ms"
+            what = "nothing heard" if self._call else "no heartbeat"
+            text = f"{what} for {self._timeout_ns / 1e6:g} ms"
             self._say(Fault(FaultCode.NODE_SILENT, text))
+            return
+        exchange = self._exchange
+        if (
+            exchange is not None
+            and self._next_frame == len(exchange.frames)
+            and now_ns >= self._wait_until_ns
+        ):
+            self._attempts += 1
+            self._next_frame = 0
+            if self._attempts >= exchange.attempts:
+                self._advance(None, now_ns)
 
     def refuse(self, fault: Fault, now_ns: int) -> None:
         """Take the drive out of service, say why, and try again later."""
@@ -217,32 +242,23 @@ class Session:
                 return False
             if self._phase is _Phase.SILENT:
                 self._wait_until_ns = now_ns + RETRY_NS // 4
-                return send(*self._call)
+                return self._call is not None and send(*self._call)
             if self._phase is _Phase.REFUSED:
                 self._begin(None)
             elif self._phase is _Phase.READY:
                 self._is_reading = True
+                self._reading_due_ns = now_ns + self._reading_ns
                 self._run(self._make_reading())
             if self._script is not None and self._exchange is None:
                 self._advance(None, now_ns)  # to its first exchange
-        return self._exchange is not None and self._send_next(self._exchange, send, now_ns)
-
-    def _send_next(self, exchange: Exchange, send: Send, now_ns: int) -> bool:
-        """Send the next frame of an exchange, or see that its answer is overdue."""
-        frames = exchange.frames
-        if self._next_frame < len(frames):
-            if not send(*frames[self._next_frame]):
-                return False
-            self._next_frame += 1
-            self._wait_until_ns = now_ns + ANSWER_NS
-            return True
-        if now_ns < self._wait_until_ns:
+        exchange = self._exchange
+        if exchange is None or self._next_frame == len(exchange.frames):
             return False
-        self._attempts += 1
-        self._next_frame = 0
-        if self._attempts >= exchange.attempts:
-            self._advance(None, now_ns)
-        return False
+        if not send(*exchange.frames[self._next_frame]):
+            return False
+        self._next_frame += 1
+        self._wait_until_ns = now_ns + exchange.answer_ns
+        return True
 
     def _begin(self, fault: Fault | None) -> None:
         """Start commissioning; a repeated attempt leaves the sentence of the last failure."""
@@ -265,25 +281,29 @@ class Session:
         if script is None:
             return
         try:
-            self._exchange = script.send(None if self._exchange is None else answer)
+            exchange = script.send(None if self._exchange is None else answer)
+            self._exchange = exchange
             self._next_frame = self._attempts = 0
-            self._wait_until_ns = now_ns + ANSWER_NS
+            self._wait_until_ns = now_ns + exchange.answer_ns
         except StopIteration as stop:
             self._script = self._exchange = None
             self._finish(stop.value, now_ns)
 
     def _finish(self, fault: Fault | None, now_ns: int) -> None:
         """Put the drive into service, leave it there, or refuse it."""
+        if not self._is_reading:
+            self._reading_due_ns = now_ns + self._reading_ns
         if fault is None:
             self._unread = 0
         elif self._is_reading and fault.code is FaultCode.NODE_NO_ANSWER:
             # No answer is no proof of a change: only several in a row count.
             self._unread += 1
+            self._reading_due_ns = now_ns + self._reading_ns
             fault = fault if self._unread > UNREAD_MAX else None
         if fault is not None:
             self.refuse(fault, now_ns)
             return
-        self._wait_until_ns = now_ns + self._reading_ns
+        self._wait_until_ns = self._reading_due_ns
         if not self._is_reading:
             self._phase = _Phase.READY
             self.in_service = True
@@ -295,13 +315,13 @@ class Session:
         self._script = self._exchange = None
 
     def _say(self, fault: Fault | None) -> None:
-        self._fault = fault
+        self.fault = fault
         self._refresh()
 
     def _refresh(self) -> None:
         """Update `status`."""
         self._renew_ns = self._heard_ns + _RENEW_NS if self._phase is not _Phase.SILENT else 0
-        fault = self._fault
+        fault = self.fault
         silent = _UNHEARD if self._phase is _Phase.SILENT else _NOT_YET
         self.status = NodeStatus(
             self._node_id,

@@ -417,14 +417,14 @@ class TestNode:
         node.sdo[0x1017].raw = 70
         node.sdo[0x1010][1].raw = 0x65766173
         node.sdo[0x605A].raw = 3
-        line.twin.reboot(line.now_ns)
+        line.twin.power_cycle(line.now_ns)
         line.run(60)
         assert node.sdo[0x1017].raw == 70
         assert node.sdo[0x605A].raw == 2
 
     def test_a_reboot_takes_the_power(self, line, node):
         enable(node)
-        line.twin.reboot(line.now_ns)
+        line.twin.power_cycle(line.now_ns)
         assert line.powered == [False, False]
         assert line.states == [State.NOT_READY_TO_SWITCH_ON] * 2
         line.run(60)

@@ -238,7 +238,7 @@ def test_a_setting_is_kept_over_a_power_cycle_only_if_it_was_written(
     line.type("conf set servo.timeout_mode 0")
     if written:
         assert line.type("conf write") == "OK"
-    line.twin.reboot(line.bench.now_ns)
+    line.twin.power_cycle(line.bench.now_ns)
     line.run(200)
     assert line.type("conf get servo.timeout_mode") == ("0" if written else "12")
     assert line.query()[Register.MILLISECOND_COUNTER] < 300

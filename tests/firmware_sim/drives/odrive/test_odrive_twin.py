@@ -331,7 +331,7 @@ def test_an_emergency_stop_takes_the_power_and_is_told(firmware):
 @VERSIONS
 def test_a_reboot_takes_the_power_and_forgets(firmware):
     bench = Bench(firmware).boot().arm()
-    bench.twin.reboot(bench.now_ns)
+    bench.twin.power_cycle(bench.now_ns)
     assert bench.axis.mode is Mode.COAST
     bench.sent.clear()
     bench.run(499)

@@ -197,7 +197,7 @@ def test_the_configuration_is_read_written_and_kept_or_not(command: int, is_kept
     write_configuration(line, written)
     assert line.heard(8, HOST)[-1] == bytes((NUMBER, 1, command))
     assert read_configuration(line)[1:] == written[1:]
-    line.twin.reboot(line.bench.now_ns)
+    line.twin.power_cycle(line.bench.now_ns)
     line.run(200)
     assert struct.unpack_from(">If", read_configuration(line), 6) == (
         (70, 3.5) if is_kept else (1000, 0.0)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 from robotctl.drivers.can.drives.axis import Axis, Unwrapped
 from robotctl.drivers.can.drives.cia402.wire import (
     FAULT,
@@ -15,13 +13,6 @@ from robotctl.drivers.can.drives.cia402.wire import (
     Role,
 )
 from robotctl.messages.actuators import DriveState
-from robotctl.messages.faults import Fault, FaultCode
-
-_STATE_OF: Final = {
-    FaultCode.DRIVE_EMERGENCY_STOP: DriveState.EMERGENCY_STOP,
-    FaultCode.DRIVE_STOPPED: DriveState.STOPPED,
-}
-"""State that a latched fault is told as; FAULT for the rest."""
 
 
 class AxisSide:
@@ -75,12 +66,12 @@ class AxisSide:
         self.motion_pdos = tuple(pdo for pdo in pdos[1:] if pdo is not None)
 
 
-def drive_state(state: int, fault: Fault | None) -> DriveState:
-    """Return how a state of CiA 402 is told, with a latched fault."""
+def drive_state(state: int, latched: DriveState | None) -> DriveState:
+    """Return how a state of CiA 402 is told, with a latched one."""
     if state == OPERATION_ENABLED:
         return DriveState.ENABLED
-    if fault is not None:
-        return _STATE_OF.get(fault.code, DriveState.FAULT)
+    if latched is not None:
+        return latched
     if state in (FAULT, FAULT_REACTION):
         return DriveState.FAULT
     return DriveState.BOOT if state in (NOT_READY, UNKNOWN) else DriveState.READY

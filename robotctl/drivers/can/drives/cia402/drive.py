@@ -252,7 +252,7 @@ class Cia402Drive:
         """Make the reports of all axes."""
         received = self._received
         values, stamps_ns = received.values, received.stamps_ns
-        fault = self._switch.fault
+        interlock = self._switch.interlock
         amps = self._found.rated_a
         voltage_v, supply_ns = self._voltage_v, self._supply_ns
         reports = []
@@ -278,8 +278,8 @@ class Cia402Drive:
                     else axis.to_wheel(values[side.speed_place] * self._rad_per_unit),
                     None,
                     report_ns or NEVER_NS,
-                    drive_state(state, fault),
-                    fault,
+                    drive_state(state, interlock.state),
+                    interlock.fault,
                     current_a,
                     side.temperature_c,
                     report_ns or NEVER_NS if voltage_v is None else supply_ns,

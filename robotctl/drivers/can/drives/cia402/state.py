@@ -14,6 +14,8 @@ from robotctl.drivers.can.drives.cia402.wire import (
     STATE_NAMES,
     UNKNOWN,
 )
+from robotctl.drivers.can.drives.interlock import Interlock
+from robotctl.messages.actuators import DriveState
 from robotctl.messages.control import EmergencyStopSource
 from robotctl.messages.faults import Fault, FaultCode
 
@@ -30,6 +32,7 @@ _RESET_PERIOD: Final = 8
 """Ticks from one rising edge of the reset bit to the next: a frame of one may be lost."""
 
 _UNEXPLAINED: Final = frozenset({FaultCode.DRIVE_STOPPED, FaultCode.DRIVE_FAULT})
+"""Faults that say of no cause."""
 
 
 class PowerSwitch:
@@ -46,36 +49,32 @@ class PowerSwitch:
 
     Attributes
     ----------
-    fault
-        The latched fault; None if there is none.
+    interlock
+        Latches.
     lowest
         State of the axis that is farthest from power.
     """
 
     __slots__ = (
         "_clear_ticks",
-        "_must_rest",
-        "_name",
         "_off_ticks",
         "_on_words",
         "_stop_ticks",
         "_wants",
         "_was_on",
-        "fault",
+        "interlock",
         "lowest",
     )
 
     def __init__(self, name: str, run_bits: int, stop_ticks: int) -> None:
-        self.fault: Fault | None = None
+        self.interlock = Interlock(name)
         self.lowest = UNKNOWN
-        self._name = name
         enabled = ENABLE_OPERATION | run_bits
         # By state: from quick stop, and as long as it is not ready, without voltage.
         self._on_words = (0x00, 0x00, 0x00, 0x00, 0x06, 0x07, enabled, enabled, 0x00)
         self._stop_ticks = stop_ticks
         self._clear_ticks = 0
         self._off_ticks = 0
-        self._must_rest = True
         self._wants = False
         self._was_on = False
 
@@ -84,36 +83,34 @@ class PowerSwitch:
         self.lowest = lowest
         if self._clear_ticks and lowest > FAULT_REACTION:
             self._clear_ticks = 0
-            self.fault = None
+            self.interlock.clear()
         if self._wants and self._was_on and lowest < OPERATION_ENABLED:
             text = f"left operation enabled by itself, is in {STATE_NAMES[lowest]}"
-            self.latch(Fault(FaultCode.DRIVE_STOPPED, text, self._name))
+            self.interlock.hold(DriveState.STOPPED, FaultCode.DRIVE_STOPPED, text)
         self._was_on = self._wants and lowest == OPERATION_ENABLED
 
     def latch(self, fault: Fault) -> None:
-        """Take the power until `clear`; the first fault stays, unless it had no cause."""
-        if self.fault is None or self.fault.code in _UNEXPLAINED:
-            self.fault = fault
-        self._must_rest = True
+        """Latch a fault that the drive reports; the first that has a cause stays."""
+        known = self.interlock.fault
+        if known is None or known.code in _UNEXPLAINED:
+            self.interlock.explain(fault)
+        self.interlock.withhold()
 
     def emergency_stop(self, source: EmergencyStopSource) -> None:
         """Take the power until `clear`."""
-        words = source.name.lower().replace("_", " ")
-        text = f"stopped by an emergency stop ({words})"
-        self.fault = Fault(FaultCode.DRIVE_EMERGENCY_STOP, text, self._name)
+        self.interlock.stop(source)
         self._clear_ticks = 0
-        self._must_rest = True
 
     def clear(self) -> None:
         """Leave latched states, if the drive does within `_RESET_TICKS`."""
         self._clear_ticks = _RESET_TICKS
         if self.lowest > FAULT_REACTION:
             self._clear_ticks = 0
-            self.fault = None
+            self.interlock.clear()
 
     def refuse(self) -> None:
         """Give no power until a command that wants none has come; that is no fault of the drive."""
-        self._must_rest = True
+        self.interlock.withhold()
         self._wants = self._was_on = False
 
     def wants(self, enable: bool, in_service: bool) -> bool:
@@ -126,13 +123,7 @@ class PowerSwitch:
         in_service
             Whether the drive is commissioned and there.
         """
-        # A command to rest counts before the drive is in service, too: it may come into service in
-        # the very tick in which the robot is armed.
-        if not enable:
-            self._must_rest = False
-        elif not in_service:
-            self._must_rest = True
-        self._wants = enable and not self._must_rest and self.fault is None
+        self._wants = self.interlock.admits(enable, in_service)
         return self._wants
 
     def word(self, brake: bool) -> int:

@@ -11,9 +11,8 @@ from robotctl.drivers.can.drives.moteus.settings import MoteusSettings
 from robotctl.drivers.can.drives.moteus.state import MoteusState
 from robotctl.drivers.can.drives.motor_drive import DriveNeeds, Handler, Send
 from robotctl.drivers.can.drives.session import Session
-from robotctl.messages.actuators import NEVER_NS, ActuatorCommand, ActuatorFeedback, DriveState
+from robotctl.messages.actuators import NEVER_NS, ActuatorCommand, ActuatorFeedback
 from robotctl.messages.control import EmergencyStopSource, NodeStatus
-from robotctl.messages.faults import Fault, FaultCode
 
 READING_NS: Final = 1_000_000_000
 """Period of reading the settings again [ns]."""
@@ -190,9 +189,7 @@ class MoteusDrive:
 
     def emergency_stop(self, send: Send, source: EmergencyStopSource) -> bool:
         """Short the motor, and stay so until `clear_faults`: a latch of the host."""
-        text = f"emergency stop ({source.name.lower().replace('_', ' ')})"
-        fault = Fault(FaultCode.DRIVE_EMERGENCY_STOP, text, self._name)
-        self._state.interlock.latch(DriveState.EMERGENCY_STOP, fault)
+        self._state.interlock.stop(source)
         self._clear_wanted = False
         self._clearing_ns = NEVER_NS
         return send(self._command_id, _BRAKE)

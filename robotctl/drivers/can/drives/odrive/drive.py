@@ -10,16 +10,20 @@ from robotctl.drivers.can.drives.axis import Axis
 from robotctl.drivers.can.drives.motor_drive import DriveNeeds, Handler, Send
 from robotctl.drivers.can.drives.odrive import faults, wire
 from robotctl.drivers.can.drives.odrive.feedback import Feedback
-from robotctl.drivers.can.drives.odrive.latch import Latch
-from robotctl.drivers.can.drives.odrive.service import Phase, Service
+from robotctl.drivers.can.drives.odrive.settings import READING_NS, ODriveSettings, answer_of
 from robotctl.drivers.can.drives.odrive.state import DRIVE, ENTER, STOP, AxisMachine
-from robotctl.messages.actuators import ActuatorCommand, ActuatorFeedback, DriveState
+from robotctl.drivers.can.drives.session import Session
+from robotctl.messages.actuators import NEVER_NS, ActuatorCommand, ActuatorFeedback, DriveState
 from robotctl.messages.control import EmergencyStopSource, NodeStatus
 from robotctl.messages.faults import FaultCode
 
 _TURN: Final = 2.0 * math.pi
 _VELOCITY_MAX: Final = wire.VELOCITY_MAX
 _EIGHT: Final = bytes(8)
+
+STALE_NS: Final = 10_000_000
+"""Time after clearing in which an error may have been on its way before [ns]."""
+
 _TURNS_06: Final = (
     *(wire.ERROR, wire.IQ, wire.TEMPERATURE),
     *(wire.ERROR, wire.IQ, wire.BUS_VOLTAGE_CURRENT),
@@ -69,15 +73,27 @@ class ODrive:
         )
         self._turns: tuple[int, ...] = ()
         self._turn = 0
-        self._machine = AxisMachine()
-        self._latch = Latch(name)
+        self._machine = AxisMachine(name)
+        self._interlock = self._machine.interlock
+        self._errors = faults.Errors(name)
         self._clear_asked = False
+        self._is_clearing = False
+        """Whether the next heartbeat decides about the latch."""
+        self._cleared_ns = NEVER_NS
         self._feedback = Feedback(axis, self._unreadable)
-        self._service = Service(
-            name, node_id, needs.command_timeout_ms, needs.heartbeat_timeout_ms, endpoints
+        self._settings = ODriveSettings(node_id, needs.command_timeout_ms, endpoints)
+        self._session = Session(
+            node_id,
+            name,
+            None,
+            self._settings.commission,
+            self._settings.watch,
+            READING_NS,
+            needs.heartbeat_timeout_ms * 1_000_000,
         )
-        self._ready = False
-        """Whether it is in service and nothing is latched."""
+        self._in_service = False
+        self._is_old: bool | None = None
+        """Whether its firmware is 0.5; None: it is not in service."""
         self.proof: str | None = None
         self.wants_sync = False
         self.host_frames: Mapping[int, str] = {
@@ -88,8 +104,6 @@ class ODrive:
         }
         self.handlers: Mapping[int, Handler] = self._make_handlers()
         self.reports: tuple[ActuatorFeedback, ...] = (ActuatorFeedback(),)
-        self.status: NodeStatus
-        self._refresh()
 
     def _make_handlers(self) -> dict[int, Handler]:
         """Return what takes the messages of either firmware."""
@@ -112,23 +126,24 @@ class ODrive:
 
     def _on_heartbeat(self, data: bytes, stamp_ns: int) -> None:
         """Take state and errors of the axis."""
-        is_old = self._service.is_old
+        is_old = self._is_old
         if why := wire.strange_heartbeat(data, is_old=is_old):
             self._unreadable("heartbeat", data, why)
             return
         error, axis_state, result, more, last = wire.HEARTBEATS.unpack(data)
         self._feedback.state_ns = stamp_ns
         left = self._machine.heard(axis_state)
-        self._service.heard(stamp_ns)
+        self._session.hear(stamp_ns)
         if is_old:
             self._judge(error, stamp_ns, flagged=bool(result | more | last & 1))
         elif is_old is False:
             if result >= faults.FIRST_REFUSAL and self._machine.is_refusal(stamp_ns):
-                self._latch.hold(FaultCode.DRIVE_FAULT, faults.refusal(result), DriveState.FAULT)
+                text = faults.refusal(result)
+                self._interlock.hold(DriveState.FAULT, FaultCode.DRIVE_FAULT, text)
             self._judge(error & ~faults.INITIALIZING, stamp_ns)
             if error & faults.INITIALIZING:
                 self._restart(FaultCode.NODE_RESTARTED, "the ODrive restarted")
-        if left and self._latch.fault is None:
+        if left and self._interlock.state is None:
             text = "the ODrive left closed-loop control without an error: it restarted, or another "
             self._restart(FaultCode.DRIVE_STOPPED, text + "device on the bus stopped it")
         self._refresh()
@@ -145,30 +160,35 @@ class ODrive:
         flagged
             Whether 0.5 has an error of motor, encoder or controller: which one is asked for.
         """
-        latch = self._latch
-        if latch.is_stale(stamp_ns):
+        if self._is_stale(stamp_ns):
             return
         if error:
-            latch.add(is_old=bool(self._service.is_old), axis=error)
-        elif flagged and not latch.has_errors:
+            self._add(axis=error)
+        elif flagged and not self._errors:
             text = "the ODrive reports an error of motor, encoder or controller"
-            latch.hold(FaultCode.DRIVE_FAULT, text, DriveState.FAULT)
-        latch.judge(clean=not error and not flagged)
+            self._interlock.hold(DriveState.FAULT, FaultCode.DRIVE_FAULT, text)
+        if self._is_clearing:
+            self._is_clearing = False
+            if not (error or flagged or self._errors):
+                self._interlock.clear()
+
+    def _is_stale(self, stamp_ns: int) -> bool:
+        """Return whether a message received at a time [ns] may be older than the clearing."""
+        return stamp_ns - self._cleared_ns <= STALE_NS
 
     def _restart(self, code: FaultCode, text: str) -> None:
         """Commission the drive again, which may have restarted."""
-        self._latch.hold(code, text, DriveState.STOPPED)
-        self._latch.keep()
-        self._service.restart()
+        self._interlock.hold(DriveState.STOPPED, code, text)
+        self._session.restart()
 
     def _on_temperature(self, data: bytes, stamp_ns: int) -> None:
         """Take the temperatures of 0.6; in 0.5 the message is another."""
-        if self._service.is_old is False:
+        if self._is_old is False:
             self._feedback.on_temperature(data, stamp_ns)
 
     def _on_error(self, data: bytes, stamp_ns: int) -> None:
         """Take the errors of 0.6, or of the motor of 0.5."""
-        is_old = self._service.is_old
+        is_old = self._is_old
         if is_old is None or not self._is_whole("error", data, stamp_ns):
             return
         if is_old:
@@ -179,12 +199,12 @@ class ODrive:
 
     def _on_encoder_error(self, data: bytes, stamp_ns: int) -> None:
         """Take the errors of the encoder of 0.5."""
-        if self._service.is_old and self._is_whole("encoder error", data, stamp_ns):
+        if self._is_old and self._is_whole("encoder error", data, stamp_ns):
             self._add(encoder=wire.ERRORS.unpack(data)[0])
 
     def _on_controller_error(self, data: bytes, stamp_ns: int) -> None:
         """Take the errors of the controller of 0.5."""
-        if self._service.is_old and self._is_whole("controller error", data, stamp_ns):
+        if self._is_old and self._is_whole("controller error", data, stamp_ns):
             self._add(controller=wire.ERRORS.unpack(data)[0])
 
     def _is_whole(self, name: str, data: bytes, stamp_ns: int) -> bool:
@@ -192,73 +212,80 @@ class ODrive:
         if len(data) != 8:
             self._unreadable(name, data, "it has 8 bytes")
             return False
-        return not self._latch.is_stale(stamp_ns)
+        return not self._is_stale(stamp_ns)
 
     def _add(self, *, axis: int = 0, motor: int = 0, encoder: int = 0, controller: int = 0) -> None:
-        """Latch errors of the drive."""
-        if axis or motor or encoder or controller:
-            self._latch.add(
-                is_old=bool(self._service.is_old),
-                axis=axis,
-                motor=motor,
-                encoder=encoder,
-                controller=controller,
-            )
+        """Latch errors of the drive: nearer to the cause than what the host found."""
+        fault = self._errors.add(
+            is_old=bool(self._is_old),
+            axis=axis,
+            motor=motor,
+            encoder=encoder,
+            controller=controller,
+        )
+        if fault is not None:
+            self._interlock.explain(fault)
             self._refresh()
 
     def _answers(self, command: int) -> Handler:
         """Return what takes a message that only comes as an answer."""
-        service = self._service
+        session = self._session
 
-        def handle(data: bytes, _: int) -> None:
-            service.take(command, data)
+        def handle(data: bytes, stamp_ns: int) -> None:
+            session.answer(answer_of(command, data), stamp_ns)
 
         return handle
 
     def _unreadable(self, name: str, data: bytes, why: str) -> None:
         """Latch that a message says nothing."""
         text = f"the ODrive's {name} is unreadable: {data.hex(' ') or 'no bytes'} ({why})"
-        self._latch.hold(FaultCode.DRIVE_UNREADABLE, text, DriveState.FAULT)
+        self._interlock.hold(DriveState.FAULT, FaultCode.DRIVE_UNREADABLE, text)
         self._refresh()
 
     # The port -----------------------------------------------------------------------------------
 
+    @property
+    def status(self) -> NodeStatus:
+        """Whether it is there and in service, and why not."""
+        return self._session.status
+
     def _refresh(self) -> None:
-        """Follow the service and the latch."""
-        service = self._service
-        self.status, self.proof = service.status, service.proof
-        self._ready = service.phase is Phase.READY and self._latch.fault is None
+        """Follow the session and the latch."""
         self._feedback.is_new = True
-        is_old = service.is_old
-        turns = () if is_old is None else self._turns_05 if is_old else self._turns_06
-        if turns is not self._turns:
-            self._turns, self._turn = turns, 0
+        in_service = self._session.in_service
+        if in_service is self._in_service:
+            return
+        self._in_service = in_service
+        settings, fault = self._settings, self._session.fault
+        self._is_old, self.proof, self._turns = None, None, ()
+        if fault is None:
+            self._is_old, self.proof = settings.is_old, settings.proof
+            self._turns, self._turn = self._turns_05 if settings.is_old else self._turns_06, 0
+        else:
+            text = f"the ODrive is out of service: {fault}"
+            self._interlock.hold(DriveState.STOPPED, fault.code, text)
+            self._is_clearing = False
 
     def check(self, now_ns: int) -> None:
         """Judge what was received up to now."""
-        service = self._service
-        phase = service.phase
-        if stopped := service.check(now_ns):
-            self._latch.hold(
-                stopped.code, f"the ODrive is out of service: {stopped}", DriveState.STOPPED
-            )
-            self._latch.keep()
-        if service.phase is not phase or stopped:
+        session = self._session
+        session.check(now_ns)
+        if session.in_service is not self._in_service:
             self._refresh()
         if self._feedback.is_new:
-            self.reports = (self._feedback.report(self._state(), self._latch.fault),)
+            self.reports = (self._feedback.report(self._state(), self._interlock.fault),)
 
     def _state(self) -> DriveState:
         """Return the state to report."""
-        if self._latch.fault is not None:
-            return self._latch.state
+        if self._interlock.state is not None:
+            return self._interlock.state
         if self._machine.axis_state == wire.AXIS_CLOSED_LOOP:
             return DriveState.ENABLED
-        return DriveState.READY if self._ready else DriveState.BOOT
+        return DriveState.READY if self._in_service else DriveState.BOOT
 
     def command(self, send: Send, command: ActuatorCommand, now_ns: int) -> None:
         """Send the command of this tick, and ask for what the drive tells only when asked."""
-        if not self._service.boots:
+        if not self._session.boots:
             return
         turns_per_s = 0.0
         enable = command.enable
@@ -268,7 +295,7 @@ class ODrive:
             if not -_VELOCITY_MAX <= turns_per_s <= _VELOCITY_MAX:
                 enable = False
                 self._notes.refused += 1
-        step = self._machine.next(now_ns, enable=enable, ready=self._ready)
+        step = self._machine.next(now_ns, enable=enable, ready=self._in_service)
         if step == DRIVE:
             send(self._velocity_id, wire.FLOATS.pack(turns_per_s, 0.0))
         elif step == STOP:
@@ -288,22 +315,22 @@ class ODrive:
 
     def serve(self, send: Send, now_ns: int) -> bool:
         """Send at most one frame of clearing, identification or settings."""
-        if self._clear_asked and self._service.phase is Phase.READY:
-            data = b"" if self._service.is_old else b"\0"
+        if self._clear_asked and self._in_service:
+            data = b"" if self._is_old else b"\0"
             if not send(wire.can_id(self._node_id, wire.CLEAR_ERRORS), data):
                 return False
             self._clear_asked = False
-            self._latch.clear(now_ns)
+            self._errors.clear()
+            self._is_clearing, self._cleared_ns = True, now_ns
             return True
         # A drive that is not in service has a cause that is not gone.
         self._clear_asked = False
-        return self._service.serve(send, now_ns)
+        return self._session.serve(send, now_ns)
 
     def emergency_stop(self, send: Send, source: EmergencyStopSource) -> bool:
         """Take the power at once; the drive latches it, too."""
-        self._clear_asked = False
-        words = source.name.lower().replace("_", " ")
-        self._latch.stop(f"the ODrive is in emergency stop ({words})")
+        self._clear_asked = self._is_clearing = False
+        self._interlock.stop(source)
         self._refresh()
         return send(wire.can_id(self._node_id, wire.ESTOP), b"")
 

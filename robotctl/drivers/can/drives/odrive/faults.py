@@ -160,23 +160,52 @@ def refusal(result: int) -> str:
     return f"the ODrive refused closed-loop control: {name}"
 
 
-def new_fault(errors: int, part: str) -> Fault:
-    """Return the fault of firmware 0.6 for its active errors and its reason of disarming."""
-    return _fault((("", errors, ERRORS_06),), part)
+class Errors:
+    """All errors that a drive told since they were cleared.
 
-
-def old_fault(axis: int, motor: int, encoder: int, controller: int, part: str) -> Fault:
-    """Return the fault of firmware 0.5 for the errors of its four parts.
-
-    Those of the motor, encoder and controller are nearer to the cause than the axis's.
+    Parameters
+    ----------
+    part
+        Name of the drive.
     """
-    sections = (
-        ("motor ", motor, MOTOR_05),
-        ("encoder ", encoder, ENCODER_05),
-        ("controller ", controller, CONTROLLER_05),
-        ("axis ", axis, AXIS_05),
-    )
-    return _fault(sections, part)
+
+    __slots__ = ("_part", "_told")
+
+    def __init__(self, part: str) -> None:
+        self._part = part
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget them."""
+        self._told = (0, 0, 0, 0)
+        """Errors of axis, motor, encoder and controller; with 0.6 only the first."""
+
+    def __bool__(self) -> bool:
+        """Return whether there are some."""
+        return self._told != (0, 0, 0, 0)
+
+    def add(
+        self, *, is_old: bool, axis: int = 0, motor: int = 0, encoder: int = 0, controller: int = 0
+    ) -> Fault | None:
+        """Take errors; return the fault of all, or None if none of them is new.
+
+        With 0.6, `axis` are the active errors and the reason of disarming. With 0.5 those of motor,
+        encoder and controller are nearer to the cause than the axis's.
+        """
+        known = self._told
+        told = (known[0] | axis, known[1] | motor, known[2] | encoder, known[3] | controller)
+        if told == known:
+            return None
+        self._told = told
+        if not is_old:
+            return _fault((("", told[0], ERRORS_06),), self._part)
+        sections = (
+            ("motor ", told[1], MOTOR_05),
+            ("encoder ", told[2], ENCODER_05),
+            ("controller ", told[3], CONTROLLER_05),
+            ("axis ", told[0], AXIS_05),
+        )
+        return _fault(sections, self._part)
 
 
 def _fault(sections: tuple[tuple[str, int, tuple[Error, ...]], ...], part: str) -> Fault:

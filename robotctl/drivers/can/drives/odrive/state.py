@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from robotctl.drivers.can.drives.interlock import Interlock
 from robotctl.drivers.can.drives.odrive.wire import AXIS_CLOSED_LOOP, AXIS_IDLE
 from robotctl.messages.actuators import NEVER_NS
 
@@ -28,24 +29,30 @@ STALE_NS: Final = 10_000_000
 class AxisMachine:
     """Follows an axis from idle to closed-loop control and back; does no I/O.
 
+    Parameters
+    ----------
+    part
+        Name of the drive, for its faults.
+
     Attributes
     ----------
+    interlock
+        Latches.
     axis_state
         State that the axis reported last; 0 if it did not.
     confirmed
         Whether it reported closed-loop control after it was asked for that.
     """
 
-    __slots__ = ("_asked", "_asked_ns", "_may_enable", "axis_state", "confirmed")
+    __slots__ = ("_asked", "_asked_ns", "axis_state", "confirmed", "interlock")
 
-    def __init__(self) -> None:
+    def __init__(self, part: str = "") -> None:
+        self.interlock = Interlock(part)
         self.axis_state = 0
         self.confirmed = False
         self._asked = False
         """Whether closed-loop control is asked for."""
         self._asked_ns = NEVER_NS
-        self._may_enable = False
-        """Whether a command without power came since the axis was last kept from having any."""
 
     def next(self, now_ns: int, *, enable: bool, ready: bool) -> int:
         """Return what to ask of the axis: `STOP`, `REST`, `ENTER`, `WAIT` or `DRIVE`.
@@ -57,9 +64,9 @@ class AxisMachine:
         enable
             Whether the command allows power.
         ready
-            Whether the drive is in service and nothing is latched.
+            Whether the drive is in service.
         """
-        if enable and ready and self._may_enable:
+        if self.interlock.admits(enable, ready):
             if self.confirmed:
                 return DRIVE
             # Asked again while it is in closed-loop control, the axis would leave it for a moment.
@@ -68,9 +75,6 @@ class AxisMachine:
             self._asked, self._asked_ns = True, now_ns
             return ENTER
         self._asked = self.confirmed = False
-        # A command to rest counts before the axis is ready, too: it may become so in the very tick
-        # in which the robot is armed.
-        self._may_enable = not enable or (ready and self._may_enable)
         # The last heartbeat may be older than the last request.
         if self.axis_state == AXIS_IDLE and now_ns - self._asked_ns > SETTLE_NS:
             return REST

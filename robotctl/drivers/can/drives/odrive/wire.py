@@ -67,7 +67,6 @@ the last procedure, whether a trajectory is done, and nothing."""
 _STATE = struct.Struct("<I4x")
 _MODE = struct.Struct("<II")
 _SDO = struct.Struct("<BHB4s")
-_SDO_HEADER = struct.Struct("<BHB")
 
 CLOSED_LOOP: Final = _STATE.pack(AXIS_CLOSED_LOOP)
 IDLE: Final = _STATE.pack(AXIS_IDLE)
@@ -116,11 +115,9 @@ def sdo_write(endpoint: int, value: bytes) -> bytes:
     return _SDO.pack(1, endpoint, 0, value)
 
 
-def sdo_value(data: bytes, endpoint: int, size: int) -> bytes | None:
-    """Return the value of `size` bytes in TxSdo; None: it is of another endpoint, or too short."""
-    if len(data) < 4 + size or _SDO_HEADER.unpack_from(data)[1] != endpoint:
-        return None
-    return data[4 : 4 + size]
+def sdo_content(data: bytes) -> bytes:
+    """Return what is said in TxSdo: the endpoint in two bytes, and its value."""
+    return data[1:3] + data[4:]
 
 
 def strange_heartbeat(data: bytes, *, is_old: bool | None) -> str:

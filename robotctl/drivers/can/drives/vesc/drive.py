@@ -12,9 +12,8 @@ from robotctl.drivers.can.drives.session import Session
 from robotctl.drivers.can.drives.vesc import wire
 from robotctl.drivers.can.drives.vesc.settings import Silence, VescSettings
 from robotctl.drivers.can.drives.vesc.state import VescState
-from robotctl.messages.actuators import NEVER_NS, ActuatorCommand, ActuatorFeedback, DriveState
+from robotctl.messages.actuators import NEVER_NS, ActuatorCommand, ActuatorFeedback
 from robotctl.messages.control import EmergencyStopSource, NodeStatus
-from robotctl.messages.faults import Fault, FaultCode
 from robotctl.model.actuators import Takes
 
 QUERY_NS: Final = 20_000_000
@@ -382,9 +381,7 @@ class VescDrive:
 
     def emergency_stop(self, send: Send, source: EmergencyStopSource) -> bool:
         """Brake, and stay so until `clear_faults`: a latch of the host, VESC has none."""
-        text = f"emergency stop ({source.name.lower().replace('_', ' ')})"
-        fault = Fault(FaultCode.DRIVE_EMERGENCY_STOP, text, self._name)
-        self._state.interlock.latch(DriveState.EMERGENCY_STOP, fault)
+        self._state.interlock.stop(source)
         self._clear_wanted = False
         return self._stop(send)
 

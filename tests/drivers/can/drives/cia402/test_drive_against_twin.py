@@ -320,7 +320,7 @@ class TestWrongDrives:
     def test_a_reboot_while_driving_is_seen_and_not_resumed(self, rig):
         rig.driving(4.0, 4.0)
         boots = rig.drive.status.boots
-        rig.twin.reboot(rig.now_ns)
+        rig.twin.power_cycle(rig.now_ns)
         rig.run(100)
         assert rig.drive.status.problem
         rig.until(lambda: not rig.drive.status.problem)

@@ -256,7 +256,7 @@ def test_a_drive_that_reboots_while_driving_does_not_drive_on(boot_ms):
     robot.commission()
     robot.run(1.2)  # the counter is to be well above 0
     drive(robot, 6.0, 0.5)
-    robot.twin.reboot(robot.now_ns)
+    robot.twin.power_cycle(robot.now_ns)
     robot.run(0.2, on(6.0))
     assert robot.drive.status.boots == 2
     robot.run(2.0, on(6.0))

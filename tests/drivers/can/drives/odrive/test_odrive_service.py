@@ -9,7 +9,7 @@ import pytest
 from firmware_sim.plant.axis import Mode
 from robotctl.drivers.can.drives.axis import AxisConfig
 from robotctl.drivers.can.drives.odrive.config import ODriveMotor
-from robotctl.drivers.can.drives.odrive.settings import commission
+from robotctl.drivers.can.drives.odrive.settings import ODriveSettings, answer_of
 from robotctl.errors import InvalidValue
 from robotctl.messages.actuators import DriveState
 from robotctl.messages.faults import FaultCode
@@ -91,10 +91,10 @@ def test_an_unknown_firmware_is_refused_by_name(version):
 
 @pytest.mark.parametrize("answer", [(2, 5, 2, 0, 0, 4, 12, 0), (3, 5, 2, 0, 0, 6, 10, 0), (0,) * 8])
 def test_only_0_6_with_the_protocol_that_is_documented_is_served(answer):
-    script = commission(33, 90, None)
+    script = ODriveSettings(33, 90).commission()
     next(script)
     with pytest.raises(StopIteration) as stop:
-        script.send(bytes(answer))
+        script.send(answer_of(0x00, bytes(answer)))
     assert stop.value.value.code is FaultCode.NODE_OTHER_FIRMWARE
 
 
@@ -170,10 +170,10 @@ def test_a_setting_changed_while_driving_stops_and_is_named(setting, words):
 def test_a_damaged_reading_alone_stops_nothing():
     rig = Rig().start().enable(3.0)
     drive = rig.drives[0]
-    commissioning = drive._service._commissioning
-    rig.run_until(lambda: commissioning.waiting)
-    query = commissioning._query
-    rig.deliver(33, 0x05, struct.pack("<BHB4s", 0, query.endpoint, 0, b"\x13\x00\x00\x00"))
+    reading = 33 << 5 | 0x04
+    rig.run_until(lambda: (rig.now_ns, reading) in [each[:2] for each in rig.sent[-8:]])
+    endpoint = drive._settings.kept[0].endpoint
+    rig.deliver(33, 0x05, struct.pack("<BHB4s", 0, endpoint, 0, b"\x13\x00\x00\x00"))
     rig.run(800)
     assert drive.status.problem == ""
     assert rig.faults[0] is None

@@ -335,7 +335,7 @@ def test_a_drive_that_reboots_while_driving_does_not_drive_on(notifies):
     car = bench({"notifies_boot": notifies, "boot_ms": 60})
     car.commission()
     drive(car, 6.0, 1.5)
-    car.twin.reboot(car.now_ns)
+    car.twin.power_cycle(car.now_ns)
     car.run(0.1, on(6.0, 0.0))
     assert car.drive.status.boots == 2
     car.run(3.0, on(6.0, 0.0))
@@ -353,7 +353,7 @@ def test_a_reboot_without_a_word_is_seen_by_the_pause_before_the_wheel_has_turne
     car.commission()
     car.run(0.05)
     drive(car, 0.05, 0.1)
-    car.twin.reboot(car.now_ns)
+    car.twin.power_cycle(car.now_ns)
     car.run(0.3, on(0.05, 0.0))
     assert car.drive.status.boots == 2
     car.run(3.0, on(0.05, 0.0))
