@@ -13,7 +13,7 @@ from typing import Final
 from firmware_sim.drives.odrive import wire
 from firmware_sim.drives.odrive.settings import ODriveSettings
 from firmware_sim.drives.twin import NEVER_NS
-from firmware_sim.nodes.parameter_store import ParameterStore
+from firmware_sim.nodes.parameter_store import ParameterStore, StoreDamagedError
 
 _FEEDS: Final = frozenset(
     {wire.SET_AXIS_STATE, wire.SET_INPUT_POS, wire.SET_INPUT_VEL, wire.SET_INPUT_TORQUE}
@@ -41,7 +41,10 @@ class Watchdog:
 
     def start(self, ready_ns: int) -> None:
         """Take what is stored; the drive is ready at a time [ns]."""
-        stored = self._store.load()
+        try:
+            stored = self._store.load()
+        except StoreDamagedError:
+            stored = {}
         watchdog_ms = self._settings.watchdog_ms
         self.is_on = bool(stored.get((0, 1), watchdog_ms > 0.0))
         self.timeout = wire.FLOAT.pack(watchdog_ms / 1000.0)
