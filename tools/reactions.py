@@ -136,6 +136,19 @@ class Run:
         control = self._stack.snapshot()
         return control.fault, control.fault_part
 
+    def reason(self) -> str:
+        """Return what the host says."""
+        return self._stack.snapshot().reason
+
+    def insist(self, duration_ns: int) -> bool:
+        """Command the velocity although the host has stopped; return whether it gives power."""
+        end_ns, powered = self.now_ns() + duration_ns, False
+        while self.now_ns() < end_ns:
+            now_ns = self.now_ns()
+            self._stack.tick((VelocityCommand(now_ns, now_ns + HOLD_NS, *self._wanted),))
+            powered |= self.simulation.plant.powered or self._stack.snapshot().state in POWERED
+        return powered
+
     def _look(self) -> None:
         if self._off_ns is None and not self.simulation.plant.powered:
             self._off_ns = self.simulation.bus.now_ns

@@ -347,5 +347,4 @@ def _parameter(key: str, parameter: Parameter) -> str:
         return f"`{key}={parameter.default}` ({parameter.help}: {', '.join(parameter.words)})"
     if parameter.named:
         return f"`{key}={parameter.default}` ({parameter.help})"
-    bounds = f"{parameter.low:g} to {parameter.high:g}"
-    return f"`{key}={parameter.default:g}` ({parameter.help}; {bounds})"
+    return f"`{key}={parameter.default:g}` ({parameter.help}; {parameter.bounds})"

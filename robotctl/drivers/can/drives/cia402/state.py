@@ -86,7 +86,7 @@ class PowerSwitch:
             self._clear_ticks = 0
             self.fault = None
         if self._wants and self._was_on and lowest < OPERATION_ENABLED:
-            text = f"left operation enabled by itself, is in {STATE_NAMES[lowest]}"
+            text = f"the drive left operation enabled by itself, is in {STATE_NAMES[lowest]}"
             self.latch(Fault(FaultCode.DRIVE_STOPPED, text, self._name))
         self._was_on = self._wants and lowest == OPERATION_ENABLED
 
