@@ -11,6 +11,7 @@ from benchmarks import (
     camera_render,
     camera_step,
     control_quality,
+    drives,
     ekf_cost,
     ekf_slam,
     exploration,
@@ -47,6 +48,7 @@ from benchmarks import (
 
 SUBJECTS = {
     "tick": tick_cost.run,
+    "drives": drives.run,
     "lag": loop_lag.run,
     "lockstep": lockstep_speed.run,
     "maps": map_worlds.run,

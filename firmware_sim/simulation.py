@@ -186,6 +186,7 @@ class Simulation:
                 bus_of=self.bus_of,
                 plant=self.plant,
                 nodes=self.nodes,
+                twins=self.twins,
                 stores=self.stores,
                 stage=self._stage,
                 ring=self._faulty_ring,

@@ -21,6 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
+from firmware_sim.faults import fits
 from firmware_sim.faults.catalogue import CATALOGUE, Kind
 from firmware_sim.faults.parameters import DURATION, Parameter, Value
 from robotctl.app.processes.navigator import load_mission, make_navigation
@@ -289,7 +290,10 @@ class Endurance:
 
     def _arguments(self, kind: Kind, lasts_ns: int) -> dict[str, Value]:
         """Draw them all: whose, for how long, how often, how much."""
-        last_sonar = max(0, len(self.simulation.config.sonar) - 1)
+        robot = self.simulation.config
+        last_sonar = max(0, len(robot.sonar) - 1)
+        drives = [motor.name for motor in robot.motors]
+        named = {"node": fits.nodes(robot), "drive": drives}
         highest: dict[str, float] = {
             "delay": LONGEST_S,
             "sag": LONGEST_S,
@@ -300,7 +304,7 @@ class Endurance:
         drawn: dict[str, Value] = {}
         for name, parameter in kind.parameters.items():
             if parameter.named:
-                drawn[name] = str(self._rng.choice(self.simulation.config.drive.wheel_names))
+                drawn[name] = str(self._rng.choice(named.get(name, robot.drive.wheel_names)))
             elif parameter.words:
                 drawn[name] = str(self._rng.choice(parameter.words))
             elif name == DURATION:

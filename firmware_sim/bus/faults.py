@@ -23,7 +23,7 @@ class FrameFault:
     Attributes
     ----------
     arbitration_id
-        Id with flags as in `Frame`; None: any.
+        Id with flags as in `Frame`, of CAN FD those of the sender (BRS, ESI) or none; None: any.
     node
         Name of the sending port; None: any.
     start_ns, end_ns

@@ -31,7 +31,8 @@ MAX_DATA_LENGTH = 8
 FD_LENGTHS = (*range(9), 12, 16, 20, 24, 32, 48, 64)
 """Data lengths of CAN FD, by data length code."""
 
-_EXACT_MASK = FD_FLAG | 0xFFFF_FFFF
+EXACT_MASK = FD_FLAG | 0xFFFF_FFFF
+"""All of an id that is the same in each frame of CAN FD that has it."""
 _FD_FLAGS = FD_FLAG | BIT_RATE_SWITCH_FLAG | ERROR_STATE_FLAG
 
 
@@ -76,7 +77,7 @@ def exact_filters(accept: Iterable[int | Filter]) -> tuple[Filter, ...]:
     An id with `FD_FLAG` accepts frames with and without bit-rate switch.
     """
     return tuple(
-        entry if isinstance(entry, Filter) else Filter(entry & _EXACT_MASK, _EXACT_MASK)
+        entry if isinstance(entry, Filter) else Filter(entry & EXACT_MASK, EXACT_MASK)
         for entry in accept
     )
 

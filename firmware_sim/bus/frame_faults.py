@@ -21,7 +21,7 @@ from firmware_sim.bus.faults import (
     Reorder,
     Stale,
 )
-from firmware_sim.bus.frame import Frame
+from firmware_sim.bus.frame import EXACT_MASK, Frame
 from firmware_sim.bus.state import BusState, Offer, PortState
 
 
@@ -190,7 +190,7 @@ class FrameFaults:
         """Whether a frame is one that a fault may strike now."""
         now_ns = self._bus.now_ns
         return (
-            fault.arbitration_id in (None, arbitration_id)
+            fault.arbitration_id in (None, arbitration_id, arbitration_id & EXACT_MASK)
             and fault.node in (None, node)
             and fault.start_ns <= now_ns
             and (fault.end_ns is None or now_ns < fault.end_ns)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import enum
 from collections.abc import Callable, Sequence
 from typing import Any, ClassVar, Protocol
 
@@ -10,7 +11,14 @@ from firmware_sim.drives.twin import Motor, Twin
 from firmware_sim.nodes.parameter_store import ParameterStore
 from firmware_sim.nodes.power_stage import PowerStage
 
-__all__ = ["AxisSection", "MotorSection"]
+__all__ = ["AxisSection", "Guard", "MotorSection"]
+
+
+class Guard(enum.Enum):
+    """Dangers against which a drive may guard itself."""
+
+    CURRENT = "current"
+    HEAT = "temperature"
 
 
 class MotorSection(Protocol):
@@ -19,6 +27,20 @@ class MotorSection(Protocol):
     Settings: ClassVar[Any]
     """Class of its table `[simulation.twin.NAME]`, besides the keys of this class: what is true of
     the drive, whatever the rest of the file believes."""
+
+    FAULT_CODES: ClassVar[range]
+    """Numbers that its own fault codes may have."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+
+    @property
+    def frames(self) -> tuple[int, ...]:
+        """Identifiers, with flags as in `Frame`, of its frames and of the host's to it."""
+
+    def guards(self, settings: Any) -> frozenset[Guard]:
+        """Return what it guards itself against, with its `Settings`."""
 
     @property
     def axes(self) -> tuple[AxisSection, ...]:

@@ -87,6 +87,12 @@ class Twin:
             self._step(now_ns)
         self._reschedule()
 
+    def trip(self, code: int) -> None:
+        """Have a fault of its own with one of its maker's codes."""
+
+    def heal(self) -> None:
+        """Let the cause of that be over, for drives that do not forget it at once."""
+
     def send(self, arbitration_id: int, data: bytes) -> None:
         """Send one frame where the twin is on a bus."""
         if self._port is not None:

@@ -70,14 +70,14 @@ def disconnect_encoder(robot: FaultyRobot, arguments: Arguments) -> Undo:
         elapsed_s, heard_ns = (robot.bus.now_ns - heard_ns) * 1e-9, robot.bus.now_ns
         if fault.counts and robot.plant.powered:
             count = int(robot.rng.poisson(rate_hz * elapsed_s))
-            encoder.jump(2 * int(robot.rng.binomial(count, 0.5)) - count)
+            encoder.jump(robot.turns(2 * int(robot.rng.binomial(count, 0.5)) - count))
 
     return _all(robot.repeat(pick_up), fault.end)
 
 
 def glitch(robot: FaultyRobot, arguments: Arguments) -> None:
     """Let an encoder's count jump."""
-    _axis(robot, arguments).own_encoder.jump(int(number(arguments, "counts")))
+    _axis(robot, arguments).own_encoder.jump(robot.turns(number(arguments, "counts")))
 
 
 def swap(robot: FaultyRobot, arguments: Arguments) -> Undo:
@@ -109,6 +109,13 @@ def draw_current(robot: FaultyRobot, arguments: Arguments) -> Undo:
 def heat(robot: FaultyRobot, arguments: Arguments) -> Undo:
     """Let a winding be hotter."""
     return _axis(robot, arguments).add_heat(number(arguments, "kelvin"))
+
+
+def trip(robot: FaultyRobot, arguments: Arguments) -> Undo:
+    """Let a bought drive have a fault of its own."""
+    twin = robot.twin(str(arguments["drive"]))
+    twin.trip(int(number(arguments, "code")))
+    return twin.heal
 
 
 def under_voltage(robot: FaultyRobot, arguments: Arguments) -> Undo:

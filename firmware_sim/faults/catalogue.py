@@ -24,13 +24,13 @@ from firmware_sim.bus.faults import (
     Stale,
     Unanswered,
 )
+from firmware_sim.bus.frame import EXTENDED_FLAG, EXTENDED_MASK
 from firmware_sim.errors import SimulationError
 from firmware_sim.faults import actions as act
 from firmware_sim.faults import fits
 from firmware_sim.faults.faulty_parts import RELEASE_V, RESET_V, REVERSED, STUCK
 from firmware_sim.faults.parameters import DURATION, Parameter, Value, nearest, shown
 from firmware_sim.nodes import wire
-from firmware_sim.nodes.kinds import NODE_NAMES
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,10 +78,13 @@ DRIVE_FEEDBACK: Final = (wire.WHEEL_FEEDBACK, wire.MOTOR_STATUS, wire.DRIVE_STAT
 
 _LASTING: Final = {DURATION: Parameter(0.0, "s, 0: until `clear`", 0.0, 3600.0)}
 _FOR: Final = {DURATION: Parameter(0.5, "s", 0.001, 3600.0)}
-_NODE: Final = {"node": Parameter("drive", "which", words=NODE_NAMES)}
+_NODE: Final = {"node": Parameter("drive", "a node of the robot, or a drive", named=True)}
 _WHEEL: Final = {"wheel": Parameter("left", "a wheel of the robot", named=True)}
 _FRAMES: Final = {
-    "id": Parameter(0.0, "identifier, 0x201 or 513, 0: any", 0.0, 0x7FF, whole=True),
+    "id": Parameter(
+        0.0, "identifier, 0x201 or 513, 0: any; of 29 bits with 0x80000000 added", 0.0,
+        EXTENDED_FLAG | EXTENDED_MASK, whole=True,
+    ),
     "probability": Parameter(1.0, "for each frame", 0.001, 1.0),
     **_FOR,
 }
@@ -126,16 +129,26 @@ DRIVE: Final[dict[str, Kind]] = {
     "over_current": Kind(
         "a motor draws current that produces no torque", act.draw_current,
         {**_WHEEL, "amperes": Parameter(20.0, "A", 0.1, 100.0), **_LASTING},
-        fits.wheel,
+        fits.current,
     ),
     "over_temperature": Kind(
         "a motor winding is hotter", act.heat,
         {**_WHEEL, "kelvin": Parameter(150.0, "K", 1.0, 200.0), **_LASTING},
-        fits.wheel,
+        fits.heat,
     ),
     "under_voltage": Kind(
         "the supply voltage at the drive drops", act.under_voltage,
-        {"volts": Parameter(5.0, "V less", 0.1, 12.0), **_LASTING},
+        {"volts": Parameter(5.0, "V less", 0.1, 60.0), **_LASTING},
+    ),
+    "drive_fault": Kind(
+        "a bought drive has a fault of its own, by its maker's code (docs/hardware.md)",
+        act.trip,
+        {
+            "drive": Parameter("drive", "a bought drive of the robot", named=True),
+            "code": Parameter(0.0, "its maker's number", 0.0, 0xFFFF_FFFF, whole=True),
+            **_LASTING,
+        },
+        fits.drive_fault,
     ),
     "brown_out": Kind(
         f"the supply at the drive sags linearly; below {RESET_V:g} V its processor is held in "
@@ -222,12 +235,12 @@ NODES: Final[dict[str, Kind]] = {
     ),
     "wrong_firmware": Kind(
         "a node boots with another major revision, the drive with another wire version; "
-        "afterwards it boots with its own", act.flash, {**_NODE, **_LASTING}, fits.node,
+        "afterwards it boots with its own", act.flash, {**_NODE, **_LASTING}, fits.own_node,
     ),
     "clock_drift": Kind(
         "a node's oscillator is off, and so are its periods, time-out and time stamps", act.drift,
         {**_NODE, "ppm": Parameter(50000.0, "ppm fast", -100000.0, 100000.0), **_LASTING},
-        fits.node,
+        fits.own_node,
     ),
 }  # fmt: skip
 
@@ -334,5 +347,4 @@ def _parameter(key: str, parameter: Parameter) -> str:
         return f"`{key}={parameter.default}` ({parameter.help}: {', '.join(parameter.words)})"
     if parameter.named:
         return f"`{key}={parameter.default}` ({parameter.help})"
-    bounds = f"{parameter.low:g} to {parameter.high:g}"
-    return f"`{key}={parameter.default:g}` ({parameter.help}; {bounds})"
+    return f"`{key}={parameter.default:g}` ({parameter.help}; {parameter.bounds})"

@@ -66,6 +66,7 @@ class FaultyEncoder:
     def __init__(self, wheel: int, axis: Axis, on_change: Callable[[], None]) -> None:
         self.wheel = wheel
         self._axis = axis
+        self._counts_per_turn = 1.0
         self._sound = axis.encoder(1)
         self._on_change = on_change
         self._present: list[BrokenEncoder] = []
@@ -74,6 +75,7 @@ class FaultyEncoder:
     def resolve(self, counts_per_revolution: float) -> None:
         """Count so much in each turn of the wheel, from now on."""
         self._read = self.count
+        self._counts_per_turn = counts_per_revolution
         self._sound = self._axis.encoder(counts_per_revolution)
         self._true = self._sound.count
 
@@ -122,9 +124,9 @@ class FaultyEncoder:
         """Whether a fault is the latest, which counts."""
         return bool(self._present) and self._present[-1] is fault
 
-    def jump(self, counts: int) -> None:
-        """Let the count jump once."""
-        self._read += counts
+    def jump(self, turns: float) -> None:
+        """Let the count jump once, as if by so many turns of the wheel."""
+        self._read += round(turns * self._counts_per_turn)
 
     def _anchor(self) -> None:
         self._read, self._true = self.count, self._sound.count

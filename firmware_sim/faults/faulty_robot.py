@@ -11,6 +11,7 @@ import numpy as np
 
 from firmware_sim.bus.faults import Fault as BusFault
 from firmware_sim.errors import SimulationError
+from firmware_sim.faults import fits
 from firmware_sim.faults.faulty_imu import FaultyImu
 from firmware_sim.faults.faulty_parts import FaultyRing, FaultyStage
 from firmware_sim.faults.parameters import DURATION, Arguments, Undo
@@ -19,6 +20,7 @@ from firmware_sim.nodes import wire
 if TYPE_CHECKING:
     from firmware_sim.bus.core import Bus
     from firmware_sim.config.config import RobotConfig
+    from firmware_sim.drives.twin import Twin
     from firmware_sim.nodes.node import Node
     from firmware_sim.nodes.parameter_store import FragileStore
     from firmware_sim.plant.plant import Plant
@@ -39,8 +41,8 @@ class FaultyRobot:
         The true ones; of several buses the first, whose time is that of all.
     buses, bus_of
         All buses, and the one of a node by its name: the drive's for what is none.
-    nodes
-        Those it has.
+    nodes, twins
+        Those of ours that it has, and its bought drives.
     stores
         Their non-volatile memories, by name.
     stage
@@ -66,6 +68,7 @@ class FaultyRobot:
     bus_of: Callable[[str], Bus]
     plant: Plant
     nodes: tuple[Node, ...]
+    twins: tuple[Twin, ...]
     stores: Mapping[str, FragileStore]
     stage: FaultyStage
     ring: FaultyRing
@@ -76,8 +79,16 @@ class FaultyRobot:
     power_cycle: Callable[[str], None]
 
     def node(self, name: str) -> Node:
-        """Return a node by its name."""
+        """Return a node of ours by its name."""
         return next(each for each in self.nodes if each.name == name)
+
+    def twin(self, name: str) -> Twin:
+        """Return a bought drive by its name."""
+        return next(each for each in self.twins if each.name == name)
+
+    def turns(self, counts: float) -> float:
+        """Return the turns of a wheel that are so many counts in the robot's file."""
+        return counts / self.config.drive.counts_per_revolution
 
     def catch_up(self) -> None:
         """Bring the robot to the present: what changes now has not been so before."""
@@ -119,7 +130,7 @@ class FaultyRobot:
         self.on_bus(
             make,
             arguments,
-            arbitration_id=number or None,
+            arbitration_id=fits.identifiers(self.config)[number] if number else None,
             probability=float(arguments["probability"]),
             **more,
         )
@@ -134,7 +145,7 @@ class FaultyRobot:
         SimulationError
             If no host is on the bus, or several could be it.
         """
-        nodes = {node.name for node in self.nodes}
+        nodes = {node.name for node in (*self.nodes, *self.twins)}
         guests = [port for port in self.bus_of("drive").ports if port.name not in nodes]
         commanding = [port for port in guests if port.has_sent(wire.MOTOR_COMMAND)]
         named = [port for port in guests if _HOST.fullmatch(port.name)]

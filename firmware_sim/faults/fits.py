@@ -7,8 +7,12 @@ function yields the key, its problem, and what this robot allows.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Final, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
+from firmware_sim.bus.frame import EXTENDED_FLAG, FD_FLAG
+from firmware_sim.config.motors import OWN_KIND
+from firmware_sim.drives.config import Guard, MotorSection
+from firmware_sim.drives.registry import true_drive
 from firmware_sim.faults.parameters import Arguments, nearest, shown
 from firmware_sim.nodes import drive_objects, power, sonar, standard_objects, wire
 from firmware_sim.nodes.kinds import NODES, has_own_controller
@@ -109,35 +113,101 @@ def crosstalk(robot: RobotConfig, arguments: Arguments) -> Misfits:
 
 def frames(robot: RobotConfig, arguments: Arguments) -> Misfits:
     """Yield where no frame of the robot or its host has the identifier; 0 is any."""
-    given, there = int(float(arguments["id"])), _identifiers(robot)
+    given, there = int(float(arguments["id"])), identifiers(robot)
     if given == 0 or given in there:
         return
-    nearest = min(there, key=lambda each: abs(each - given))
+    marked = given | EXTENDED_FLAG
+    near = marked if marked in there else min(there, key=lambda each: abs(each - given))
     allowed = ", ".join(f"{each:#05x}" for each in sorted(there))
     yield (
         "id",
-        f"{given:#05x}, nobody sends it, nearest is {nearest:#05x}; allowed: 0 for any, {allowed}",
+        f"{given:#05x}, nobody sends it, nearest is {near:#05x}; allowed: 0 for any, {allowed}",
     )
 
 
-def _identifiers(robot: RobotConfig) -> set[int]:
-    """Return the identifiers of a robot, but that of NMT, which is 0."""
+def identifiers(robot: RobotConfig) -> dict[int, int]:
+    """Return the identifiers of a robot as they are on its buses, but that of NMT, which is 0.
+
+    The keys are without the flag of CAN FD, as users write them.
+    """
+    bought = (frame for drive, _ in _bought(robot) for frame in drive.frames)
+    return {frame & ~FD_FLAG: frame for frame in (*_own_identifiers(robot), *bought)}
+
+
+def _own_identifiers(robot: RobotConfig) -> set[int]:
     nodes = [kind for kind in NODES if kind.is_there(robot)]
+    commands = {wire.MOTOR_COMMAND} if has_own_controller(robot) else set()
     bases = (
         wire.EMERGENCY_BASE, wire.SDO_RESPONSE_BASE, wire.SDO_REQUEST_BASE, wire.HEARTBEAT_BASE,
     )  # fmt: skip
     return {
-        wire.EMERGENCY_STOP, wire.SYNC, wire.MOTOR_COMMAND,
+        wire.EMERGENCY_STOP, wire.SYNC, *commands,
         *(frame for kind in nodes for frame in kind.frames(robot)),
         *(base + kind.node_id for base in bases for kind in nodes),
     }  # fmt: skip
 
 
+def _bought(robot: RobotConfig) -> list[tuple[MotorSection, Any]]:
+    """Return the true drives of a robot that are not ours, and the settings of their twins."""
+    twins = robot.simulation.twin
+    return [
+        true_drive(motor, twins.get(motor.name, {}))
+        for motor in robot.motors
+        if motor.kind != OWN_KIND
+    ]
+
+
+def nodes(robot: RobotConfig) -> list[str]:
+    """Return the names of a robot's nodes, ours and bought drives."""
+    ours = [kind.name for kind in NODES if kind.is_there(robot)]
+    return ours + [drive.name for drive, _ in _bought(robot)]
+
+
+def _one_of(key: str, arguments: Arguments, there: list[str]) -> Misfits:
+    name = str(arguments[key])
+    if name not in there:
+        allowed = ", ".join(there) or "none"
+        yield key, f"{shown(name)!r}, the robot has none, allowed: {allowed}{nearest(name, there)}"
+
+
 def node(robot: RobotConfig, arguments: Arguments) -> Misfits:
     """Yield where the robot has no such node."""
-    there = [kind.name for kind in NODES if kind.is_there(robot)]
-    if arguments["node"] not in there:
-        yield "node", f"{arguments['node']!r}, the robot has none, allowed: {', '.join(there)}"
+    return _one_of("node", arguments, nodes(robot))
+
+
+def own_node(robot: RobotConfig, arguments: Arguments) -> Misfits:
+    """Yield where the robot has no such node of ours."""
+    return _one_of("node", arguments, [kind.name for kind in NODES if kind.is_there(robot)])
+
+
+def drive_fault(robot: RobotConfig, arguments: Arguments) -> Misfits:
+    """Yield where the robot has no such bought drive, or that has no such code."""
+    drives = {drive.name: drive for drive, _ in _bought(robot)}
+    misfits = list(_one_of("drive", arguments, list(drives)))
+    yield from misfits
+    code = int(float(arguments["code"]))
+    if not misfits and code not in (codes := drives[str(arguments["drive"])].FAULT_CODES):
+        yield "code", f"{code}, allowed: {codes.start} to {codes.stop - 1}"
+
+
+def _guarded(guard: Guard) -> Fits:
+    """Return what yields where the robot has no such wheel, or its drive looks away."""
+
+    def fits(robot: RobotConfig, arguments: Arguments) -> Misfits:
+        misfits = list(wheel(robot, arguments))
+        yield from misfits
+        if misfits:
+            return
+        name = robot.drive.wheel_names[wheels(robot)[str(arguments["wheel"])]]
+        for drive, settings in _bought(robot):
+            turned = {axis.actuator for axis in drive.axes}
+            if name in turned and guard not in drive.guards(settings):
+                yield KIND, f"{drive.name} does not guard itself by {guard.value}"
+
+    return fits
+
+
+current, heat = _guarded(Guard.CURRENT), _guarded(Guard.HEAT)
 
 
 def imu(robot: RobotConfig, _arguments: Arguments) -> Misfits:
@@ -165,5 +235,5 @@ def parameter(robot: RobotConfig, arguments: Arguments) -> Misfits:
     """Yield where the robot has no node with such a parameter."""
     name = str(arguments["parameter"])
     node_name, _, _ = PARAMETERS[name]
-    if misfits := list(node(robot, {"node": node_name})):
+    if misfits := list(own_node(robot, {"node": node_name})):
         yield "parameter", f"{name!r}, of {misfits[0][1]}"

@@ -49,6 +49,12 @@ class Parameter:
     whole: bool = False
     named: bool = False
 
+    @property
+    def bounds(self) -> str:
+        """Least and greatest number, in words."""
+        digits = ".0f" if self.whole else "g"
+        return f"{self.low:{digits}} to {self.high:{digits}}"
+
     def value(self, given: object) -> Value:
         """Return a given value as it is used; a number may be text, hexadecimal with `0x`.
 
@@ -70,7 +76,8 @@ class Parameter:
         if self.whole and not number.is_integer():
             raise SimulationError(f"{number:g} is no whole number")
         if not self.low <= number <= self.high:
-            raise SimulationError(f"{number:g}, allowed: {self.low:g} to {self.high:g}")
+            found = f"{number:.0f}" if self.whole else f"{number:g}"
+            raise SimulationError(f"{found}, allowed: {self.bounds}")
         return number
 
 

@@ -192,7 +192,8 @@ class Causes:
             return None
         if supply.now_v >= LOW_SHARE * supply.before_v:
             return None
-        text = f"{_whose(drive)} supply fell from {supply.before_v:.1f} to {supply.now_v:.1f} V"
+        whose = "the motor controller's supply" if drive == _DRIVE else f"the supply of {drive}"
+        text = f"{whose} fell from {supply.before_v:.1f} to {supply.now_v:.1f} V"
         return Fault(FaultCode.DRIVE_UNDER_VOLTAGE, text, drive)
 
     def _errors_of_bus(self, _: Fault, since_ns: int) -> Fault | None:
@@ -215,11 +216,6 @@ class Causes:
             text = f"the CAN bus is blocked: {silent}, and it takes nothing of this computer"
             return Fault(FaultCode.BUS_BLOCKED, text)
         return Fault(FaultCode.BUS_SILENT, silent)
-
-
-def _whose(drive: str) -> str:
-    """Return whose supply it is: our own controller's goes by what it is."""
-    return "the motor controller's" if drive == _DRIVE else f"{drive}'s"
 
 
 def because(cause: Fault, symptom: Fault) -> Fault:

@@ -15,6 +15,9 @@ WINDOW_NS: Final = 200_000_000
 GAP_NS: Final = 100_000_000
 """A longer gap between two reports restarts the comparison [ns]."""
 
+STANDING_NS: Final = 100_000_000
+"""Longest time for which a wheel that has followed its command may stand against it [ns]."""
+
 SHARE: Final = 0.5
 """The position must move by this share of what the speed says at least, and by its inverse at
 most."""
@@ -35,11 +38,14 @@ class SpeedWheelMonitor:
         self.name = name
         self._config = config
         self._follow_ns = config.follow_ms * 1_000_000
+        self._runs_away_ns = config.speed_ms * 1_000_000
         self.reset()
 
     def reset(self) -> None:
         """Reset the timers."""
-        self._astray = PersistenceTimer()
+        self._astray, self._stands, self._runs_away = (PersistenceTimer() for _ in range(3))
+        self._has_followed = False
+        """Whether it turned as commanded since it was last commanded to rest."""
         self._begin(0.0, 0)
 
     def _begin(self, position_rad: float, stamp_ns: int) -> None:
@@ -73,13 +79,29 @@ class SpeedWheelMonitor:
         allowed_rad_s = config.speed_tolerance_rad_s + config.speed_tolerance_share * faster_rad_s
         # False for nan, which counts as astray.
         near = abs(wanted_rad_s - speed_rad_s) <= allowed_rad_s
-        if self._astray.lasts_ns(not near, stamp_ns) <= self._follow_ns:
+        turns = abs(speed_rad_s) >= REST_RAD_S
+        if abs(wanted_rad_s) < REST_RAD_S:
+            self._has_followed = False
+        elif near and turns:
+            self._has_followed = True
+        # A loop that is told a wrong speed accelerates: that cannot wait for slow starts.
+        against = wanted_rad_s * speed_rad_s < 0.0
+        runs_away = not near and turns and (against or abs(speed_rad_s) > abs(wanted_rad_s))
+        stands = not near and not turns and self._has_followed
+        lasting = (
+            (self._runs_away.lasts_ns(runs_away, stamp_ns), self._runs_away_ns),
+            (self._stands.lasts_ns(stands, stamp_ns), STANDING_NS),
+            (self._astray.lasts_ns(not near, stamp_ns), self._follow_ns),
+        )
+        if all(lasts_ns <= most_ns for lasts_ns, most_ns in lasting):
             return None
         found = f"{speed_rad_s:.1f} rad/s measured, {wanted_rad_s:.1f} rad/s commanded"
-        if wanted_rad_s * speed_rad_s < 0.0:
-            text = f"{self.name} wheel turns the wrong way: {found}"
-        elif abs(speed_rad_s) < REST_RAD_S:
-            text = f"{self.name} wheel stands: {found}"
+        if against and turns:
+            text = f"{self.name} wheel turns the wrong way: {found}: check encoder and motor leads"
+        elif runs_away:
+            text = f"{self.name} wheel runs away: {found}"
+        elif not turns:
+            text = f"{self.name} wheel stands: {found}: it is blocked, or its encoder is stuck"
         else:
             text = f"{self.name} wheel does not follow: {found}"
         return Fault(FaultCode.WHEEL_ASTRAY, text, self.name)

@@ -9,8 +9,17 @@ from typing import ClassVar, Literal
 
 from firmware_sim.config.motors import AxisSection
 from firmware_sim.config.quantities import closed
+from firmware_sim.drives.cia402.objects import RPDO_BASES, TPDO_BASES
 from firmware_sim.drives.cia402.settings import Cia402Settings, Counts, NodeId
-from firmware_sim.drives.cia402.twin import Cia402Twin, Units
+from firmware_sim.drives.cia402.twin import (
+    EMERGENCY_BASE,
+    HEARTBEAT_BASE,
+    SDO_REQUEST_BASE,
+    SDO_RESPONSE_BASE,
+    Cia402Twin,
+    Units,
+)
+from firmware_sim.drives.config import Guard
 from firmware_sim.drives.twin import Motor, Twin
 from firmware_sim.nodes.parameter_store import ParameterStore
 from firmware_sim.nodes.power_stage import PowerStage, UnfittedAxis
@@ -24,6 +33,7 @@ class Cia402Motor:
     """A drive of CiA 402 over CANopen; the keys are those of robotctl."""
 
     Settings: ClassVar = Cia402Settings
+    FAULT_CODES: ClassVar[range] = range(1, 1 << 16)
 
     kind: Literal["cia402"]
     name: str
@@ -37,6 +47,17 @@ class Cia402Motor:
     speed_unit: Literal["counts/s", "rpm", "0.1 rpm"] = "counts/s"
     host_id: NodeId = 127
     accept_coasting: bool = False
+
+    @property
+    def frames(self) -> tuple[int, ...]:
+        """Identifiers of its frames and of the host's to it."""
+        services = EMERGENCY_BASE, SDO_RESPONSE_BASE, SDO_REQUEST_BASE, HEARTBEAT_BASE
+        own = (base + self.node_id for base in (*RPDO_BASES, *TPDO_BASES, *services))
+        return (*own, HEARTBEAT_BASE + self.host_id)
+
+    def guards(self, _settings: Cia402Settings) -> frozenset[Guard]:
+        """Return what it guards itself against."""
+        return frozenset(Guard)
 
     def make(
         self,

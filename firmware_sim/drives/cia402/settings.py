@@ -40,7 +40,9 @@ class Cia402Settings:
     sdo_pause_ms
         A request that comes sooner behind the last one is lost [ms].
     current_limit_a
-        Greatest current of a motor [A].
+        Greatest current of a motor [A]; a quarter more is a fault.
+    motor_max_c
+        Temperature of a motor that is a fault [degC].
     rated_current_a
         Object 6075h [A].
     speed_max_rad_s
@@ -73,6 +75,7 @@ class Cia402Settings:
     fault_stop: Annotated[int, Field(strict=True, ge=0, le=4)] = 0
     sdo_pause_ms: NotNegative = 0.0
     current_limit_a: Positive = 20.0
+    motor_max_c: Positive = 120.0
     rated_current_a: Positive = 10.0
     speed_max_rad_s: Positive = 1000.0
     off_line_frames: Literal["all", "commands"] = "all"

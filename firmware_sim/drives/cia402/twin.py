@@ -37,6 +37,11 @@ _ABORT_FAULT, _ABORT_DISABLE, _ABORT_QUICK_STOP = 1, 2, 3
 _TO_PRE_OPERATIONAL, _TO_STOPPED = 0, 2
 """Error behaviours, 1029h."""
 _TURN: Final = 2.0 * math.pi
+_CURRENT_SHARE: Final = 1.25
+"""Multiple of the current limit at which a motor's current is a fault."""
+_OVER_CURRENT: Final = {"generic": 0x2310, "zlac8015d": 0x0004, "roboteq": 0x0008}
+_OVER_TEMPERATURE: Final = {"generic": 0x4310, "zlac8015d": 0x0400, "roboteq": 0x0001}
+"""Error codes of the dialects."""
 
 
 class Units(NamedTuple):
@@ -128,6 +133,8 @@ class Cia402Twin(Twin):
         """When a stop is looked at next [ns]."""
         self._toggle = 0
         self._words: list[int] = []
+        self._endangered: set[PowerAxis] = set()
+        """Axes whose current or temperature is a fault."""
         self._connect()
 
     def _connect(self) -> None:
@@ -393,6 +400,7 @@ class Cia402Twin(Twin):
         if self.nmt_state == OPERATIONAL:
             self._heard(is_command=False)
             self._at_motors()
+            self._guard()
             self._pdos.on_sync()
 
     def _beat_handler(self, node_id: int) -> Callable[[bytes, int], None]:
@@ -439,12 +447,30 @@ class Cia402Twin(Twin):
         if now_ns >= self._lost_ns:
             self._lost_ns = NEVER_NS
             self._lose_host()
+        self._guard()
         self._look_ns = now_ns + MS
         for axis in self.axes:
             axis.step(now_ns)
         if self.nmt_state == OPERATIONAL:
             self._pdos.step(now_ns)
         self._changed()
+
+    def _guard(self) -> None:
+        """Look at current and temperature of the motors."""
+        settings = self._settings
+        for axis in self.axes:
+            code = 0
+            if abs(axis.motor.current_a) > _CURRENT_SHARE * settings.current_limit_a:
+                code = _OVER_CURRENT[self._dialect]
+            elif axis.motor.temperature_c > settings.motor_max_c:
+                code = _OVER_TEMPERATURE[self._dialect]
+            if code and not axis.error:
+                axis.fault(code)
+                self._emergency(code)
+                self._endangered.add(axis)
+            elif not code and axis in self._endangered:
+                axis.has_cause = False
+                self._endangered.discard(axis)
 
     def _due_ns(self) -> int:
         due_ns = min(self._boot_ns, self._heartbeat_ns, self._lost_ns)

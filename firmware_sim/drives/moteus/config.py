@@ -8,10 +8,11 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
+from firmware_sim.bus.frame import EXTENDED_FLAG, FD_FLAG, STANDARD_MASK
 from firmware_sim.config.quantities import closed
-from firmware_sim.drives.config import AxisSection
+from firmware_sim.drives.config import AxisSection, Guard
 from firmware_sim.drives.moteus.settings import MoteusSettings
-from firmware_sim.drives.moteus.twin import MoteusTwin
+from firmware_sim.drives.moteus.twin import REPLIES, MoteusTwin
 from firmware_sim.drives.twin import Motor
 from firmware_sim.nodes.parameter_store import ParameterStore
 from firmware_sim.nodes.power_stage import PowerStage
@@ -30,6 +31,19 @@ class MoteusMotor:
     accept_coasting: bool = False
 
     Settings: ClassVar[type] = MoteusSettings
+    FAULT_CODES: ClassVar[range] = range(32, 1 << 7)
+
+    @property
+    def frames(self) -> tuple[int, ...]:
+        """Identifiers of a host with number 0, which asks for answers, and of these."""
+        plain = REPLIES << 8 | self.node_id, self.node_id << 8
+        return tuple(
+            FD_FLAG | each | (EXTENDED_FLAG if each > STANDARD_MASK else 0) for each in plain
+        )
+
+    def guards(self, _settings: MoteusSettings) -> frozenset[Guard]:
+        """Return what it guards itself against: it limits its current, but has no fault for it."""
+        return frozenset({Guard.HEAT})
 
     def make(
         self,

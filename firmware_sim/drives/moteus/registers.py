@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from typing import Final, NamedTuple
 
 INT8, INT16, INT32, FLOAT = range(4)
@@ -62,7 +63,13 @@ class StreamPoll(NamedTuple):
 
 
 def subframes(data: bytes) -> Iterator[Write | Read | StreamWrite | StreamPoll]:
-    """Yield what a frame asks for; what is not understood ends it."""
+    """Yield what a frame asks for; what is not understood, or not complete, ends it."""
+    with suppress(IndexError, struct.error):
+        yield from _complete(data)
+
+
+def _complete(data: bytes) -> Iterator[Write | Read | StreamWrite | StreamPoll]:
+    """Yield the same; IndexError or struct.error where a subframe is not complete."""
     place = 0
     while place < len(data):
         head = data[place]

@@ -42,7 +42,8 @@ _KEY: Final = "servo.timeout_mode"
 _BOARD_C: Final = 30.0
 _COMMANDED: Final = (POSITION, ZERO_VELOCITY)
 """Modes that can be commanded, and that a watchdog guards."""
-_REPLIES: Final = 0x80
+REPLIES: Final = 0x80
+"""Flag of a sender that wants an answer."""
 
 
 class Target(NamedTuple):
@@ -225,7 +226,7 @@ class MoteusTwin(Twin):
                     self._on_typed(each.data)
                 elif isinstance(each, StreamPoll) and each.channel == _CHANNEL:
                     said += self._on_poll(each.most)
-            if source & _REPLIES:
+            if source & REPLIES:
                 self._reply(source & 0x7F, said)
 
         return handle

@@ -9,7 +9,8 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from firmware_sim.config.quantities import closed
-from firmware_sim.drives.config import AxisSection
+from firmware_sim.drives.config import AxisSection, Guard
+from firmware_sim.drives.odrive import wire
 from firmware_sim.drives.odrive.settings import Endpoint, ODriveSettings
 from firmware_sim.drives.odrive.twin import ODriveTwin
 from firmware_sim.drives.twin import Motor, Twin
@@ -30,6 +31,18 @@ class ODriveMotor:
     node_id: Annotated[int, Field(strict=True, ge=0, le=62)]
     bus: str = ""
     watchdog_endpoints: tuple[Endpoint, ...] = ()
+
+    FAULT_CODES: ClassVar[range] = range(1, 1 << 32)
+
+    @property
+    def frames(self) -> tuple[int, ...]:
+        """Identifiers of its frames and of the host's to it."""
+        return tuple(self.node_id << wire.NODE_SHIFT | command for command in wire.EXCHANGED)
+
+    def guards(self, settings: ODriveSettings) -> frozenset[Guard]:
+        """Return what it guards itself against."""
+        heat = {Guard.HEAT} if settings.motor_thermistor else set()
+        return frozenset({Guard.CURRENT} | heat)
 
     def make(
         self,

@@ -54,12 +54,16 @@ class ODriveSettings:
         Acceleration with input mode VEL_RAMP [turn/s^2].
     current_limit_a
         Greatest current of the motor [A].
+    current_margin_a
+        Current beyond it at which the axis disarms [A].
     undervoltage_v, overvoltage_v
         Voltages of the supply at which it disarms [V].
     brake_resistor_ohm, brake_resistor_from_v
         Resistor on the supply, and from which voltage on it is used; 0: none.
     motor_thermistor
         Whether the motor has a temperature sensor.
+    motor_max_c
+        Temperature by it at which the axis disarms [degC].
     inverter_c
         Temperature of the bridge [degC].
     """
@@ -82,9 +86,11 @@ class ODriveSettings:
     vel_limit_tolerance: NotNegative = 1.2
     vel_ramp_rate: Positive = 10.0
     current_limit_a: Positive = 20.0
+    current_margin_a: Positive = 8.0
     undervoltage_v: NotNegative = 8.0
     overvoltage_v: Positive = 56.0
     brake_resistor_ohm: NotNegative = 0.0
     brake_resistor_from_v: Positive = 50.0
     motor_thermistor: bool = False
+    motor_max_c: Positive = 120.0
     inverter_c: Real = 35.0

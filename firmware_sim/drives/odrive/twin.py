@@ -130,7 +130,7 @@ class ODriveTwin(Twin):
         return self.state == wire.CLOSED_LOOP
 
     def _check(self) -> None:
-        """Look at supply and speed of an armed axis."""
+        """Look at supply, speed, current and temperature of an armed axis."""
         if not self.is_armed:
             return
         settings = self._settings
@@ -143,6 +143,11 @@ class ODriveTwin(Twin):
         limit = settings.vel_limit_tolerance * self._vel_limit * _TURN
         if limit and abs(self._motor.speed_rad_s) > limit:
             self._trip(Errors05.CONTROLLER_OVERSPEED, Errors06.VELOCITY_LIMIT, "controller")
+        if abs(self._motor.current_a) > self._current_a + settings.current_margin_a:
+            self._trip(Errors05.MOTOR_CURRENT_LIMIT, Errors06.CURRENT_LIMIT, "motor")
+        if settings.motor_thermistor and self._motor.temperature_c > settings.motor_max_c:
+            old, new = Errors05.MOTOR_OVER_TEMPERATURE, Errors06.MOTOR_OVER_TEMPERATURE
+            self._trip(old, new, "motor")
 
     def _trip(self, old: int, new: int, part: str = "axis") -> None:
         """Disarm with an error: its bit in 0.5, where a part has it, and in 0.6."""

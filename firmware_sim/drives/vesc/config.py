@@ -8,11 +8,18 @@ from typing import Annotated, ClassVar, Literal, TypeAlias
 
 from pydantic import Field
 
+from firmware_sim.bus.frame import EXTENDED_FLAG
 from firmware_sim.config.quantities import NotNegative, Positive, Share, closed
-from firmware_sim.drives.config import AxisSection
+from firmware_sim.drives.config import AxisSection, Guard
 from firmware_sim.drives.twin import Motor
 from firmware_sim.drives.vesc.settings import Milliseconds, VescSettings
-from firmware_sim.drives.vesc.twin import Fitting, ServoOutput, VescTwin
+from firmware_sim.drives.vesc.twin import (
+    HOST_COMMANDS,
+    STATUS_COMMANDS,
+    Fitting,
+    ServoOutput,
+    VescTwin,
+)
 from firmware_sim.nodes.parameter_store import ParameterStore
 from firmware_sim.nodes.power_stage import PowerStage
 
@@ -52,6 +59,17 @@ class VescMotor:
     servo: VescServoSection = VescServoSection()
 
     Settings: ClassVar[type] = VescSettings
+    FAULT_CODES: ClassVar[range] = range(1, 1 << 8)
+
+    @property
+    def frames(self) -> tuple[int, ...]:
+        """Identifiers of its frames and of the host's to it."""
+        commands = (*STATUS_COMMANDS.values(), *HOST_COMMANDS)
+        return tuple(EXTENDED_FLAG | command << 8 | self.node_id for command in commands)
+
+    def guards(self, _settings: VescSettings) -> frozenset[Guard]:
+        """Return what it guards itself against."""
+        return frozenset(Guard)
 
     def make(
         self,

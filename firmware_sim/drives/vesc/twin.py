@@ -40,7 +40,9 @@ OVER_VOLTAGE, UNDER_VOLTAGE, ABSOLUTE_CURRENT, MOTOR_HOT = 1, 2, 4, 6
 _TIMEOUT, _BRAKE_MA = (1, 0), (2, 0)
 """Keys of what it stores."""
 
-_STATUS_COMMANDS: Final = {1: 9, 2: 14, 3: 15, 4: 16, 5: 27, 6: 58}
+STATUS_COMMANDS: Final = {1: 9, 2: 14, 3: 15, 4: 16, 5: 27, 6: 58}
+HOST_COMMANDS: Final = (0, 1, 2, 3, 5, 6, 7, 8, 12, 17)
+"""Numbers of the frames to a VESC that the twin knows."""
 _INT16, _INT32 = 0x7FFF, 0x7FFF_FFFF
 _AIR_C: Final = 25.0
 
@@ -247,7 +249,7 @@ class VescTwin(Twin):
             6: struct.pack(">hhhh", 0, 0, 0, 0),
         }
         for number in self._settings.status:
-            self._tell(_STATUS_COMMANDS[number], contents[number])
+            self._tell(STATUS_COMMANDS[number], contents[number])
 
     def _tell(self, command: int, data: bytes) -> None:
         self.send(EXTENDED_FLAG | command << 8 | self._fitting.number, data)

@@ -968,7 +968,10 @@ class TestLines:
             ("bus_cut duration=nan", "fault bus_cut: duration: nan, allowed: 0.001 to 3600"),
             ("frames_lost id=513.5", "fault frames_lost: id: 513.5 is no whole number"),
             ("frames_lost id=nan", "fault frames_lost: id: nan is no whole number"),
-            ("frames_lost id=0x800", "fault frames_lost: id: 2048, allowed: 0 to 2047"),
+            (
+                "frames_lost id=0xA0000000",
+                "fault frames_lost: id: 2684354560, allowed: 0 to 2684354559",
+            ),
             ("bus_cut duration=0", "fault bus_cut: duration: 0, allowed: 0.001 to 3600"),
         ],
     )

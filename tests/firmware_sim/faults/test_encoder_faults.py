@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from firmware_sim.faults.faulty_parts import REVERSED, SOUND, STUCK, FaultyStage
 
+COUNTS_PER_TURN = 2400
 WHEELS = st.integers(0, 1)
 TURN = st.tuples(st.just("turn"), st.integers(-500, 500), st.integers(-500, 500))
 BREAK = st.tuples(st.just("break"), WHEELS, st.sampled_from((STUCK, REVERSED)))
@@ -37,7 +38,7 @@ class Encoders:
     def __init__(self):
         self.wheels = [Wheel(), Wheel()]
         self.stage = FaultyStage(SimpleNamespace(axes=self.wheels))
-        self.sockets = [axis.encoder(2400) for axis in self.stage.axes]
+        self.sockets = [axis.encoder(COUNTS_PER_TURN) for axis in self.stage.axes]
 
     def break_encoder(self, wheel, factor):
         return self.stage.axes[wheel].own_encoder.begin(factor)
@@ -81,7 +82,7 @@ def test_counts_are_continuous_the_latest_fault_counts_and_in_the_end_the_truth_
             present.append((None, 0, stage.swap(0, 1)))
         elif kind == "glitch":
             wheel, counts = what
-            stage.axes[wheel].own_encoder.jump(counts)
+            stage.axes[wheel].own_encoder.jump(counts / COUNTS_PER_TURN)
             before[1 - wheel if swapped else wheel] += counts
         elif present:
             _, _, undo = present.pop(what[0] % len(present))

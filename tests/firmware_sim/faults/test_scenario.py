@@ -26,6 +26,9 @@ SECOND_NS = 1_000_000_000
 DIFF, TRICYCLE, ACKERMANN = (
     load_robot(CONFIGS / f"{name}.toml") for name in ("diff_drive", "tricycle", "ackermann")
 )
+VESC, MOTEUS, ODRIVE = (
+    load_robot(CONFIGS / f"{name}.toml") for name in ("vesc_car", "moteus", "odrive")
+)
 FIVE_SONARS = dataclasses.replace(DIFF, sonar=DIFF.sonar[:5])
 NO_SONARS = dataclasses.replace(DIFF, sonar=())
 
@@ -163,7 +166,8 @@ def test_the_files_that_come_with_the_robot_are_right(path):
         (
             '[[fault]]\nkind = "node_cut"\nat = 1\nnode = "sonr"',
             4,
-            "fault[0].node: 'sonr', allowed: drive, sonar, power, imu; did you mean \"sonar\"?",
+            "fault[0].node: 'sonr', the robot has none, allowed: drive, sonar, power; "
+            'did you mean "sonar"?',
         ),
         (
             '[[fault]]\nkind = "bus_cut"\nat = 1\ndurat = 2',
@@ -265,6 +269,23 @@ MISFITS = [
             "over_temperature",
         )
     ),
+    (DIFF, "drive_fault drive=drive code=1", "drive", "'drive', the robot has none, allowed: none"),
+    (
+        VESC,
+        "node_cut node=vesk",
+        "node",
+        "'vesk', the robot has none, allowed: sonar, vesc; did you mean \"vesc\"?",
+    ),
+    (
+        VESC,
+        "drive_fault drive=sonar code=1",
+        "drive",
+        "'sonar', the robot has none, allowed: vesc",
+    ),
+    (VESC, "drive_fault drive=vesc code=256", "code", "256, allowed: 1 to 255"),
+    (VESC, "clock_drift node=vesc", "node", "'vesc', the robot has none, allowed: sonar"),
+    (MOTEUS, "over_current", "kind", "moteus_left does not guard itself by current"),
+    (ODRIVE, "over_temperature", "kind", "left_drive does not guard itself by temperature"),
     *(
         (
             robot,
@@ -317,7 +338,7 @@ def test_a_default_that_does_not_fit_is_told_at_the_table(problems):
         pytest.param(robot, kind, id=f"{kind}-{robot.robot.name}")
         for robot in (DIFF, TRICYCLE, ACKERMANN)
         for kind in CATALOGUE
-        if robot is DIFF or kind != "wheels_swapped"
+        if (robot is DIFF or kind != "wheels_swapped") and kind != "drive_fault"
     ],
 )
 def test_every_fault_with_its_defaults_is_one_of_every_robot_that_has_what_it_exchanges(
@@ -325,6 +346,23 @@ def test_every_fault_with_its_defaults_is_one_of_every_robot_that_has_what_it_ex
 ):
     robot = dataclasses.replace(robot, imu=ImuMount(enabled=True))
     assert load(f'[[fault]]\nkind = "{kind}"\nat = 1', robot).faults
+
+
+@pytest.mark.parametrize(
+    ("robot", "wrong", "nearest", "right"),
+    [
+        (VESC, 0x90A, 0x8000_090A, 0x8000_030A),
+        (MOTEUS, 0x8001, 0x8000_8001, 0x100),
+    ],
+)
+def test_frames_of_bought_drives_go_by_their_identifiers_marked_where_they_have_29_bits(
+    load, problems, robot, wrong, nearest, right
+):
+    text = '[[fault]]\nkind = "frames_lost"\nid = {}\nat = 1'
+    (problem,) = problems(text.format(wrong), robot)
+    assert f"{wrong:#05x}, nobody sends it, nearest is {nearest:#05x}; allowed: " in problem
+    (planned,) = load(text.format(right), robot).faults
+    assert str(planned) == f"frames_lost id={right:#x}"
 
 
 @pytest.mark.parametrize("kind", ["imu_stuck", "gyro_biased", "tilted"])

@@ -244,7 +244,7 @@ class Cia402Drive:
         place = side.error_place
         code = self._emergency_code if place is None else values[place] or self._emergency_code
         if not code:
-            return Fault(FaultCode.DRIVE_FAULT, "is in fault, without a code", self._name)
+            return Fault(FaultCode.DRIVE_FAULT, "the drive is in fault, without a code", self._name)
         meaning = self._dialect.decode_error(code)
         return Fault(meaning.code, f"{side.axis.name}: {meaning.words}", self._name)
 

@@ -85,7 +85,7 @@ class PowerSwitch:
             self._clear_ticks = 0
             self.interlock.clear()
         if self._wants and self._was_on and lowest < OPERATION_ENABLED:
-            text = f"left operation enabled by itself, is in {STATE_NAMES[lowest]}"
+            text = f"the drive left operation enabled by itself, is in {STATE_NAMES[lowest]}"
             self.interlock.hold(DriveState.STOPPED, FaultCode.DRIVE_STOPPED, text)
         self._was_on = self._wants and lowest == OPERATION_ENABLED
 
