@@ -38,7 +38,7 @@ class CanFrame(Protocol):
 
 
 class CanPort(Protocol):
-    """Where a twin sends its frames."""
+    """Port of a twin on its bus."""
 
     def send(self, arbitration_id: int, data: bytes) -> object:
         """Queue one frame at the bus's present time."""
