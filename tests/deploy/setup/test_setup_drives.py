@@ -172,7 +172,9 @@ def test_a_drive_that_cannot_be_what_the_file_says_is_refused_with_its_name(tmp_
         rig.guide.run(STEP["nodes"])
 
 
-def test_a_drive_without_a_time_out_is_not_proven_even_where_its_table_accepts_that(tmp_path):
-    rig = SetupRig(tmp_path, "roboteq")
+@pytest.mark.parametrize("off_line_ms", [0.0, 1000.0])
+def test_a_time_out_that_its_makers_tool_must_set_is_proven_or_not_as_any(tmp_path, off_line_ms):
+    rig = SetupRig(tmp_path, "roboteq", {"motors": {"off_line_ms": off_line_ms}})
     assert rig.run("nodes", "prove") == [True, False]
     assert rig.heard("NOT proven: motors keeps running")
+    assert rig.heard("as its maker's tool says")

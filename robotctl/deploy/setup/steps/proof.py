@@ -23,8 +23,6 @@ MARGIN_MS: Final = 200
 """Time behind the time-out within which the power must be seen to be gone [ms].
 
 A wheel has to slow down first, and a state comes with a heartbeat."""
-ACCEPTED_MS: Final = 2000
-"""Time that a drive has whose table accepts that nothing sets its time-out [ms]."""
 ROLL_MS: Final = 500
 """Further time in which it is seen whether the wheels are braked or coast [ms]."""
 
@@ -114,10 +112,7 @@ def _timeout_ms(bench: Bench, motor: MotorConfig) -> int:
 
     It is the robot's, or a longer one that the drive's table accepts.
     """
-    accepted_ms = motor.accept_timeout_ms
-    if motor.accept_coasting and not motor.abilities.stops_alone:
-        accepted_ms = ACCEPTED_MS
-    return accepted_ms or bench.config.safety.command_timeout_ms
+    return motor.accept_timeout_ms or bench.config.safety.command_timeout_ms
 
 
 def _watch(bench: Bench) -> list[_Witness]:
@@ -187,7 +182,8 @@ def _judge(bench: Bench, motor: MotorConfig, witnesses: list[_Witness]) -> tuple
         if not each.told:
             return f"tells nothing of {name} any more", ""
         if share > _RUNS_ON:
-            return f"keeps running: {name} has {share:.0%} of its speed without a command", ""
+            found = f"{name} has {share:.0%} of its speed without a command"
+            return f"keeps running: {found} (documented: {motor.silence})", ""
         if each.off_ms > timeout_ms + MARGIN_MS:
             late = f"{each.off_ms:.0f} ms found, {timeout_ms + MARGIN_MS} allowed"
             return f"takes the power of {name} too late: {late}", ""
