@@ -220,6 +220,9 @@ def test_what_simcan_leaves_to_vcan_runs_on_simcan_without_that() -> None:
     assert not any("deselect" in each for each in for_all)
     shorter = {*run_tests.on_simcan(""), *run_tests.missions("")}
     assert set(run_tests.HIL) - shorter == {run_tests.FAULT_ROWS}
+    assert not {*run_tests.PATROLS} & {
+        each.removeprefix("--deselect=") for each in run_tests.ON_VCAN
+    }
     assert {each for each in shorter if "deselect" in each} == {
         f"--deselect={each}" for each in run_tests.PATROLS
     }

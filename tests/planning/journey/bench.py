@@ -44,7 +44,7 @@ def two_rooms(door_m):
     return cells
 
 
-@njit
+@njit(cache=True)
 def walk(cells, x_m, y_m, angles):
     """Return how far a beam of each angle goes, in steps of a fifth of a cell."""
     ranges = np.full(len(angles), math.inf)
