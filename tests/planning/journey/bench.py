@@ -1,6 +1,7 @@
 """A robot of points and numbers that drives journeys in rooms of cells, with a lidar of rays."""
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numba import njit
@@ -68,6 +69,12 @@ def scan_of(cells, pose, stamp_ns, beams=BEAMS):
     return RangeScan(stamp_ns, beams.copy(), ranges, REACH_M)
 
 
+@lru_cache(maxsize=4)
+def space_of(cells, shape):
+    """Return what the body may touch in a world of these cells."""
+    return PlanningMap(GridMap(np.frombuffer(cells, np.int8).reshape(shape), SIDE_M), BODY)
+
+
 class Bench:
     """A robot in a true world, with a map of it or none."""
 
@@ -97,7 +104,7 @@ class Bench:
         self.now_ns += round(DT_S * 1e9)
         if not checked:
             return
-        space = PlanningMap(GridMap(self.world, SIDE_M), BODY)
+        space = space_of(self.world.tobytes(), self.world.shape)
         here = space.to_cells(self.pose)
         assert not space.collides(np.array([[here.x_m, here.y_m, here.theta_rad]]))[0], self.pose
 
