@@ -16,12 +16,12 @@ import cantools.database
 
 from robotctl.app.processes import control
 from robotctl.app.processes.entry import enter
-from robotctl.app.processes.robot import make_codec, node_parameters
+from robotctl.app.processes.robot import make_codec, make_parts
 from robotctl.config.robot_file import RobotConfig, config_directory
 from robotctl.drivers.can.codec import compile_syndrome
 from robotctl.drivers.can.descriptor import CAN_SFF_MASK, NODE_NAME
-from robotctl.drivers.can.nodes.robot_can import CanRobot
 from robotctl.drivers.can.nodes.robot_codec import COMMAND, RobotCodec
+from robotctl.drivers.can.robot_can import CanRobot
 from robotctl.messages.control import BusStatus
 from robotctl.messages.ports import Clock, Frame
 
@@ -109,9 +109,10 @@ class OrdinaryCodec(RobotCodec):
 
 def make_ordinary_robot(config: RobotConfig, _clock: Clock) -> CanRobot:
     """Return what `make_robot` returns, in the ordinary way."""
-    codec = OrdinaryCodec(make_codec())
-    port = OrdinaryPort(config.buses[0].interface, config.buses[0].channel, codec.arbitration_ids)
-    return CanRobot(port, codec, node_parameters(config))
+    parts = make_parts(config, OrdinaryCodec(make_codec()))
+    bus = config.buses[0]
+    port = OrdinaryPort(bus.interface, bus.channel, parts.identifiers(bus.name))
+    return CanRobot({bus.name: port}, parts)
 
 
 if __name__ == "__main__":

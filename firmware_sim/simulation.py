@@ -23,6 +23,9 @@ from firmware_sim.bus.frame import Frame
 from firmware_sim.bus.port import Port
 from firmware_sim.bus.state import FdSupport
 from firmware_sim.config.config import RobotConfig, load_robot
+from firmware_sim.config.motors import OWN_KIND, motor_table
+from firmware_sim.drives.registry import true_drive
+from firmware_sim.drives.twin import Motor, Twin
 from firmware_sim.errors import SimulationError
 from firmware_sim.faults.faults import Faults
 from firmware_sim.faults.faulty_imu import FaultyImu
@@ -33,7 +36,7 @@ from firmware_sim.faults.monitor import PERIOD_NS as MONITOR_PERIOD_NS
 from firmware_sim.nodes.drive import DriveNode
 from firmware_sim.nodes.drive_guards import MotorModel
 from firmware_sim.nodes.imu import ImuNode, ImuSample
-from firmware_sim.nodes.kinds import NODE_NAMES, has_own_controller
+from firmware_sim.nodes.kinds import NODE_NAMES
 from firmware_sim.nodes.node import Node
 from firmware_sim.nodes.parameter_store import (
     FileStore,
@@ -42,6 +45,7 @@ from firmware_sim.nodes.parameter_store import (
     ParameterStore,
 )
 from firmware_sim.nodes.power import BatterySample, PowerNode
+from firmware_sim.nodes.power_stage import MotorAxis
 from firmware_sim.nodes.sonar import Ranges, SonarNode
 from firmware_sim.plant.axis import Mode
 from firmware_sim.plant.plant import STEP_NS, Plant
@@ -148,15 +152,24 @@ class Simulation:
         self._people_ns, self._motion_before = start_ns, self.plant.motion
         memory = _memory(state_directory)
         self.stores: dict[str, FragileStore] = {}
+        self._axes: dict[str, list[MotorAxis]] = {}
+        """Axes of each drive, by its name, in the order of its axes."""
         self.drive = self._make_drive(memory)
+        self.twins = self._make_twins(memory)
         self.sonar = SonarNode(
             len(config.sonar),
             config.simulation.sonar.max_range_m,
             self._fire,
             self._store("sonar", memory),
         )
-        self.power = PowerNode(
-            self._measure_battery, config.simulation.battery.cells, self._store("power", memory)
+        self.power = (
+            PowerNode(
+                self._measure_battery,
+                config.simulation.battery.cells,
+                self._store("power", memory),
+            )
+            if config.power.source == "node"
+            else None
         )
         self._imu = FaultyImu(Imu(config.simulation.imu, config.imu, streams[5]))
         self.imu = (
@@ -184,18 +197,30 @@ class Simulation:
             )
         )
         self.monitor = SafetyMonitor(self._motion, _allowed(config))
-        self.bus_of("drive").tap(self.monitor.on_bus, accept=FORBIDS)
+        if self.drive is not None:
+            self.bus_of("drive").tap(self.monitor.on_bus, accept=FORBIDS)
         self._ports: dict[str, Port] = {}
         self._supplied: set[str] = set()
-        for node in self.nodes:
+        for node in self._devices:
             self.power_up(node)
         self._watch()
 
     @property
     def nodes(self) -> tuple[Node, ...]:
         """Those that the robot has of `firmware_sim.nodes.kinds.NODES`, in that order."""
-        nodes = self.drive, self.sonar, self.power, self.imu
+        has_sonars = self.config.sonar or self.drive is not None
+        nodes = self.drive, self.sonar if has_sonars else None, self.power, self.imu
         return tuple(node for node in nodes if node is not None)
+
+    @property
+    def _drives(self) -> tuple[DriveNode | Twin, ...]:
+        """All motor drives."""
+        return (*(() if self.drive is None else (self.drive,)), *self.twins)
+
+    @property
+    def _devices(self) -> tuple[Node | Twin, ...]:
+        """All that is on a bus, in the order in which it is powered up."""
+        return (*self.nodes, *self.twins)
 
     @property
     def now_ns(self) -> int:
@@ -210,9 +235,12 @@ class Simulation:
 
     def bus_of(self, node: str) -> Bus:
         """Return the bus of a node, or of the drive if there is no node of that name."""
-        buses = self.config.nodes
-        name = buses.get(node, "") if node in NODE_NAMES else buses.get("drive", "")
-        return self.buses.get(name, self.bus)
+        config = self.config
+        drives = {motor.name: motor.bus for motor in config.motors}
+        buses = {**drives, **config.nodes}
+        first = next(iter(drives.values()), "")
+        is_known = node in NODE_NAMES or node in drives
+        return self.buses.get(buses.get(node, "") if is_known else first, self.bus)
 
     def warm(self) -> None:
         """Compile, or load from the cache, the functions for which the first steps would wait."""
@@ -239,54 +267,54 @@ class Simulation:
 
     def power_cycle(self, name: str = "") -> None:
         """Take the supply from a node, or from all, and give it back; robot and room stay."""
-        for node in self.nodes:
+        for node in self._devices:
             if name in ("", node.name):
                 self.power_off(node)
                 self.power_up(node)
 
-    def power_off(self, node: Node) -> None:
+    def power_off(self, node: Node | Twin) -> None:
         """Take the supply from a node: it leaves the bus, and a drive's bridges open."""
         self._supplied.discard(node.name)
         self._shut_down(node)
 
-    def power_up(self, node: Node) -> None:
+    def power_up(self, node: Node | Twin) -> None:
         """Give a node its supply: it boots, a drive once its supply is high enough."""
         self._supplied.add(node.name)
-        if node is self.drive:
+        if node in self._drives:
             self.supervise()
         else:
             self._boot(node)
 
     def supervise(self) -> None:
-        """Hold the drive in reset, or let it boot, according to its supply."""
-        drive = self.drive
-        if drive is None:
-            return
+        """Hold the drives in reset, or let them boot, according to their supply."""
         held = self._stage.holds_in_reset()
-        if held and self.runs(drive):
-            self._shut_down(drive)
-        elif not held and not self.runs(drive) and drive.name in self._supplied:
-            self._boot(drive)
+        for drive in self._drives:
+            if held and self.runs(drive):
+                self._shut_down(drive)
+            elif not held and not self.runs(drive) and drive.name in self._supplied:
+                self._boot(drive)
 
-    def runs(self, node: Node) -> bool:
+    def runs(self, node: Node | Twin) -> bool:
         """Whether a node has its supply and is not held in reset."""
         return node.name in self._ports
 
-    def _shut_down(self, node: Node) -> None:
+    def _shut_down(self, node: Node | Twin) -> None:
         port = self._ports.pop(node.name, None)
         if port is not None:
             port.detach()
-        if node is self.drive:
+        if node in self._drives:
             self.run_to(self.bus.now_ns)
-            for axis in self._stage.axes:
+            for axis in self._axes[node.name]:
                 axis.command(Mode.COAST)
             self._stage.steer(self._stage.steering_rad)
 
-    def _boot(self, node: Node) -> None:
-        receive = node.on_frame
+    def _boot(self, node: Node | Twin) -> None:
+        receive: Callable[[Frame], None] = node.on_frame
         if node is self.drive:
             self.monitor.on_power_up()
             receive = partial(self._deliver_to_drive, receive)
+        elif node in self.twins:
+            receive = partial(self._deliver_to_twin, receive)
         bus = self.bus_of(node.name)
         is_classic = node.name in self.config.simulation.classic_nodes
         fd = FdSupport.INTOLERANT if is_classic else FdSupport.ENABLED
@@ -412,36 +440,72 @@ class Simulation:
 
     def _make_drive(self, memory: Memory) -> DriveNode | None:
         """Return our own motor controller, if the robot has one."""
-        if not has_own_controller(self.config):
+        table = next((each for each in self.config.motors if each.kind == OWN_KIND), None)
+        if table is None:
             return None
+        wheels, axes = self.config.drive.wheel_names, self._stage.axes
+        true = self.config.simulation.twin.get(table.name, {})
+        fitted = motor_table({**table.keys, **true}).axes
+        driven: list[MotorAxis] = [
+            Motor(axes[wheels.index(each.actuator)], -1.0)
+            if each.reversed
+            else axes[wheels.index(each.actuator)]
+            for each in sorted(fitted, key=lambda each: each.axis)
+            if each.actuator in wheels
+        ]
+        self._axes[table.name] = driven
         motor = self.config.simulation.motor
         model = MotorModel(
             resistance_ohm=motor.resistance_ohm,
             back_emf_v_s_rad=motor.back_emf_v_s_rad * motor.gear_ratio,
             current_limit_a=motor.current_limit_a,
-            counts_per_revolution=self.config.drive.counts_per_revolution,
+            counts_per_revolution=int(
+                true.get("counts_per_revolution", self.config.drive.counts_per_revolution)
+            ),
         )
         return DriveNode(
             self._stage,
-            self._stage.axes,
+            driven,
             self.run_to,
             model,
             self._store("drive", memory),
             current_limit_ma=_current_limit_ma(self.config),
         )
 
+    def _make_twins(self, memory: Memory) -> tuple[Twin, ...]:
+        """Return the twins of all other drives."""
+        config, twins = self.config, []
+        wheels, axes = config.drive.wheel_names, self._stage.axes
+        for table in config.motors:
+            if table.kind == OWN_KIND:
+                continue
+            drive, settings = true_drive(table, config.simulation.twin.get(table.name, {}))
+            motors = [
+                Motor(axes[wheels.index(each.actuator)], each.motor_per_wheel)
+                for each in drive.axes
+                if each.actuator in wheels
+            ]
+            self._axes[table.name] = list(motors)
+            store = self._store(table.name, memory)
+            twins.append(drive.make(settings, motors, self._stage, self.run_to, store))
+        return tuple(twins)
+
     def _deliver_to_drive(self, receive: Callable[[Frame], None], frame: Frame) -> None:
         self.monitor.on_delivery(frame)
+        receive(frame)
+
+    def _deliver_to_twin(self, receive: Callable[[Frame], None], frame: Frame) -> None:
+        self.monitor.on_foreign_frame(frame.stamp_ns)
         receive(frame)
 
     def _store(self, name: str, memory: Memory) -> FragileStore:
         store = self.stores[name] = FragileStore(memory(name))
         return store
 
-    def _alarm(self, bus: Bus, due_ns: int, node: Node) -> None:
+    def _alarm(self, bus: Bus, due_ns: int, node: Node | Twin) -> None:
         bus.schedule(due_ns, partial(self._wake, bus, node))
 
-    def _wake(self, bus: Bus, node: Node) -> None:
+    def _wake(self, bus: Bus, node: Node | Twin) -> None:
         if self.runs(node):
             node.wake(bus.now_ns)
 

@@ -17,12 +17,13 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import Discriminator, Field, Tag, TypeAdapter, ValidationError
 
 from firmware_sim.config.camera_parameters import CameraSection
 from firmware_sim.config.drives.kinds import KIND_NAMES, Drive
+from firmware_sim.config.motors import CHANNELS, OWN_KIND, MotorTable, motor_table
 from firmware_sim.config.parameters import ImuMount, SimulationParameters, SonarMount
 from firmware_sim.config.quantities import Positive
 from firmware_sim.config.toml_lines import Key, key_lines
@@ -146,6 +147,13 @@ class SafetySection:
 
 
 @dataclass(frozen=True, slots=True)
+class PowerSection:
+    """The table `[power]`, as far as the simulator is concerned: who tells the supply."""
+
+    source: Literal["node", "drives"] = "node"
+
+
+@dataclass(frozen=True, slots=True)
 class RobotConfig:
     """One robot: geometry, sonars, camera, buses and physics."""
 
@@ -159,9 +167,15 @@ class RobotConfig:
     safety: SafetySection = SafetySection()
     camera: CameraSection | None = None
     imu: ImuMount = field(default_factory=ImuMount)
+    motor: tuple[dict[str, Any], ...] = ()
+    power: PowerSection = PowerSection()
 
     def __post_init__(self) -> None:
         self.drive.chassis(self.simulation)
+        drives = [motor.name for motor in self.motors]
+        for name in self.simulation.twin:
+            if name not in drives:
+                raise ValueError(f"simulation.twin.{name}: no such drive{_hint(name, drives)}")
         if self.camera is not None:
             self.simulation.camera.true_mount(self.camera.mount)
         names = [bus.name for bus in self.buses]
@@ -170,6 +184,18 @@ class RobotConfig:
         for node, name in self.nodes.items():
             if name not in names:
                 raise ValueError(f"nodes.{node}: no bus {name!r}{_hint(name, names)}")
+
+    @property
+    def motors(self) -> tuple[MotorTable, ...]:
+        """The motor drives of the file; without one, our own controller, if it has the channels."""
+        if self.motor:
+            return tuple(motor_table(keys) for keys in self.motor)
+        wheels = self.drive.wheel_names
+        if len(wheels) > CHANNELS:
+            return ()
+        axes = [{"actuator": name, "axis": number} for number, name in enumerate(wheels, 1)]
+        bus = self.nodes.get("drive", "")
+        return (motor_table({"kind": OWN_KIND, "name": "drive", "bus": bus, "axes": axes}),)
 
     @property
     def buses(self) -> tuple[CanSection, ...]:

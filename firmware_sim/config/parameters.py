@@ -8,8 +8,9 @@ base of a drive-and-steer robot is the centre of its rear axle. The defaults are
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Field
 
@@ -276,7 +277,8 @@ def _check_ranges(min_range_m: float, max_range_m: float) -> None:
 class SimulationParameters:
     """The table `[simulation]`. `body` is the convex outline in base, `centre_of_mass_m` too.
 
-    The CAN controllers of `classic_nodes` know no CAN FD: they destroy its frames for all.
+    The CAN controllers of `classic_nodes` know no CAN FD: they destroy its frames for all. `twin`
+    has a table for each motor drive, by its name: what is true of it.
     """
 
     mass_kg: Positive
@@ -296,6 +298,7 @@ class SimulationParameters:
     lidar: LidarParameters | None = None
     camera: CameraParameters = field(default_factory=CameraParameters)
     imu: ImuParameters = field(default_factory=ImuParameters)
+    twin: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if len(self.body) < 3:

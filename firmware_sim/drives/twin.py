@@ -7,11 +7,15 @@ gives. It stands for what its maker documents; what is not documented is a setti
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, Final, Protocol
 
-from firmware_sim.nodes.power_stage import MotorAxis
-from firmware_sim.plant.axis import Mode
+from firmware_sim.nodes.power_stage import Encoder, MotorAxis
+from firmware_sim.plant.axis import Limits, Mode
+
+_FINEST: Final = 1 << 20
+"""Counts of a motor's encoder for a turn: more than any drive tells."""
 
 NEVER_NS: Final = 1 << 62
 """A time that does not come (146 years)."""
@@ -34,7 +38,7 @@ class CanFrame(Protocol):
 
 
 class CanPort(Protocol):
-    """Where a twin sends its frames."""
+    """Port of a twin on its bus."""
 
     def send(self, arbitration_id: int, data: bytes) -> object:
         """Queue one frame at the bus's present time."""
@@ -122,7 +126,7 @@ class Twin:
 
 
 class Motor:
-    """An axis seen at the motor's shaft, as a drive sees it.
+    """An axis seen at the motor's shaft, as a drive sees it: a `MotorAxis` itself.
 
     Parameters
     ----------
@@ -136,7 +140,9 @@ class Motor:
     def __init__(self, axis: MotorAxis, ratio: float) -> None:
         self.axis = axis
         self._ratio = ratio
-        self._sign = 1.0 if ratio > 0.0 else -1.0
+        self._sign = 1 if ratio > 0.0 else -1
+        # One, since an axis has one encoder, whose resolution is that of the last who asked.
+        self._encoder = axis.encoder(_FINEST * abs(ratio))
 
     def command(self, mode: Mode, value: float = 0.0) -> None:
         """Set what the bridge does; a speed is the motor's [rad/s], a duty or current signed."""
@@ -148,12 +154,40 @@ class Motor:
 
     def encoder_count(self, counts_per_turn: float) -> int:
         """Return the counts of an encoder on the motor's shaft since power-on, unbounded."""
-        return round(self._sign * self.axis.encoder(counts_per_turn * abs(self._ratio)).count)
+        return math.floor(self.turns * counts_per_turn)
 
     @property
     def turns(self) -> float:
-        """Angle of the shaft since power-on [turn]."""
-        return self.encoder_count(1 << 20) / (1 << 20)
+        """Angle of the shaft since power-on [turn], by its encoder."""
+        return self._sign * self._encoder.count / _FINEST
+
+    def encoder(self, counts_per_revolution: float) -> Encoder:
+        """Return an encoder on the shaft."""
+        return _ShaftEncoder(self, counts_per_revolution)
+
+    @property
+    def limits(self) -> Limits:
+        """Limits and gains of the drive's loops, at the wheel."""
+        return self.axis.limits
+
+    @limits.setter
+    def limits(self, limits: Limits) -> None:
+        self.axis.limits = limits
+
+    @property
+    def temperature_c(self) -> float:
+        """Winding temperature [degC]."""
+        return self.axis.temperature_c
+
+    @property
+    def voltage_v(self) -> float:
+        """Mean voltage at the motor [V]."""
+        return self.axis.voltage_v * self._sign
+
+    @property
+    def supply_current_a(self) -> float:
+        """Mean current out of the supply [A]; negative feeds back."""
+        return self.axis.supply_current_a
 
     @property
     def speed_rad_s(self) -> float:
@@ -164,3 +198,15 @@ class Motor:
     def current_a(self) -> float:
         """Current [A], positive with torque in the motor's positive direction."""
         return self.axis.current_a * self._sign
+
+
+class _ShaftEncoder:
+    """An encoder on a motor's shaft."""
+
+    def __init__(self, motor: Motor, counts_per_turn: float) -> None:
+        self._motor, self._counts_per_turn = motor, counts_per_turn
+
+    @property
+    def count(self) -> int:
+        """Counts since power-on, unbounded."""
+        return self._motor.encoder_count(self._counts_per_turn)

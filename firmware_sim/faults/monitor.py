@@ -174,6 +174,13 @@ class SafetyMonitor:
         elif arbitration_id == _SDO_TO_DRIVE and data.startswith(_CLEAR_FAULTS):
             self._cleared = True
 
+    def on_foreign_frame(self, stamp_ns: int) -> None:
+        """Note a frame of the host for a drive that is not ours, whatever it says [ns].
+
+        Its protocol is not read here: of power only what outlasts the host's silence is found.
+        """
+        self._allowed_ns, self._since = stamp_ns, Since.LAST_COMMAND
+
     def on_power_up(self) -> None:
         """Note a restart of the drive: its latches are lost with its supply."""
         self._cleared = True

@@ -15,6 +15,7 @@ from collections.abc import Callable, Sequence
 from typing import Final
 
 from firmware_sim.bus.frame import REMOTE_FLAG
+from firmware_sim.config.motors import CHANNELS
 from firmware_sim.nodes import drive_objects as objects
 from firmware_sim.nodes import wire
 from firmware_sim.nodes.drive_guards import (
@@ -115,7 +116,7 @@ class DriveNode(Node):
         super().__init__(objects.NODE_ID, "drive", dictionary, store)
         self._stage = stage
         unfitted = UnfittedAxis(axes[0].temperature_c)
-        self._axis1, self._axis2 = axes if len(axes) == objects.CHANNELS else (axes[0], unfitted)
+        self._axis1, self._axis2 = axes if len(axes) == CHANNELS else (axes[0], unfitted)
         self._encoder1, self._encoder2 = (
             axis.encoder(model.counts_per_revolution) for axis in (self._axis1, self._axis2)
         )

@@ -14,8 +14,6 @@ from firmware_sim.nodes.standard_objects import (
 from firmware_sim.nodes.variables import Access, DataType, Kind, Member, Object, compound, variable
 
 NODE_ID: Final = 1
-CHANNELS: Final = 2
-"""Motors that one controller drives at most."""
 DEVICE_NAME: Final = "robotctl drive"
 PRODUCT_CODE: Final = 1
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+from firmware_sim.config.motors import OWN_KIND
 from firmware_sim.nodes import drive_objects, imu, power, sonar, wire
 
 if TYPE_CHECKING:
@@ -21,8 +22,8 @@ class NodeKind(NamedTuple):
 
 
 def has_own_controller(robot: RobotConfig) -> bool:
-    """Whether a motor controller of ours drives the robot: it has channels for all motors."""
-    return len(robot.drive.wheel_names) <= drive_objects.CHANNELS
+    """Whether a motor controller of ours drives the robot."""
+    return any(motor.kind == OWN_KIND for motor in robot.motors)
 
 
 NODES: Final = (
@@ -35,10 +36,15 @@ NODES: Final = (
     NodeKind(
         "sonar",
         sonar.NODE_ID,
-        lambda _: True,
+        lambda robot: bool(robot.sonar) or has_own_controller(robot),
         lambda robot: sonar.range_identifiers(len(robot.sonar)),
     ),
-    NodeKind("power", power.NODE_ID, lambda _: True, lambda _: (wire.BATTERY,)),
+    NodeKind(
+        "power",
+        power.NODE_ID,
+        lambda robot: robot.power.source == "node",
+        lambda _: (wire.BATTERY,),
+    ),
     NodeKind(
         "imu",
         imu.NODE_ID,

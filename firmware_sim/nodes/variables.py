@@ -40,6 +40,9 @@ class SdoAbortError(Exception):
 class DataType(enum.IntEnum):
     """Data types in use, with their numbers of CiA 301, table 44."""
 
+    INTEGER8 = 0x02
+    INTEGER16 = 0x03
+    INTEGER32 = 0x04
     UNSIGNED8 = 0x05
     UNSIGNED16 = 0x06
     UNSIGNED32 = 0x07
@@ -47,7 +50,11 @@ class DataType(enum.IntEnum):
     UNSIGNED64 = 0x1B
 
 
+_SIGNED = frozenset({DataType.INTEGER8, DataType.INTEGER16, DataType.INTEGER32})
 _SIZE = {
+    DataType.INTEGER8: 1,
+    DataType.INTEGER16: 2,
+    DataType.INTEGER32: 4,
     DataType.UNSIGNED8: 1,
     DataType.UNSIGNED16: 2,
     DataType.UNSIGNED32: 4,
@@ -115,7 +122,7 @@ class Variable:
         """Return `value` as SDO transfers it."""
         if isinstance(value, str):
             return value.encode("ascii")
-        return value.to_bytes(self.size or 0, "little")
+        return value.to_bytes(self.size or 0, "little", signed=self.data_type in _SIGNED)
 
     def from_bytes(self, data: bytes) -> Value:
         """Return the value of SDO data.
@@ -129,7 +136,7 @@ class Variable:
             return data.decode("ascii", "replace")
         if len(data) != self.size:
             raise SdoAbortError(AbortCode.LENGTH)
-        value = int.from_bytes(data, "little")
+        value = int.from_bytes(data, "little", signed=self.data_type in _SIGNED)
         self.check_range(value)
         return value
 

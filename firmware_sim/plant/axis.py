@@ -201,6 +201,10 @@ class Axis:
         """Hold the wheel, or let it go: a fault, under which the motor stalls."""
         self._numbers[_BLOCKED] = float(blocked)
 
+    def turn(self, angle_rad: float) -> None:
+        """Turn the wheel by hand, to stand at another angle; a robot on the floor stays there."""
+        self._numbers[_ANGLE] += angle_rad
+
     def _write(self) -> None:
         """Write the present command as the compiled step reads it."""
         numbers, limits, mode, value = self._numbers, self._limits, self.mode, self.value

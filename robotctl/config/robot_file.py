@@ -8,7 +8,7 @@ import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final, TypeAlias, Union
 
 import msgspec
 from pydantic import Discriminator, Field, Tag, TypeAdapter
@@ -17,13 +17,19 @@ from robotctl import toml_source
 from robotctl.control.limiter import LimitsConfig
 from robotctl.control.wheel_velocity import STEP_MAX, WINDOW_S
 from robotctl.core.config import ControlConfig, fastest_wheel_rad_s, impossible_wheel_rad_s
-from robotctl.drivers.can.config import CanConfig
+from robotctl.drivers.can.config import MAX_SUPPLY_V, CanConfig, PowerConfig
+from robotctl.drivers.can.drives.fitting import problems as fitting_problems
+from robotctl.drivers.can.drives.motor_drive import MotorConfig
+from robotctl.drivers.can.drives.native.config import NAME as NATIVE_NAME
+from robotctl.drivers.can.drives.native.config import native_motor
+from robotctl.drivers.can.drives.registry import DRIVES
 from robotctl.drivers.can.nodes.registry import CAN_NODES
 from robotctl.errors import ConfigError, InvalidValue
 from robotctl.estimation.camera.config import GroundCameraConfig
 from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.mavlink.config import MavlinkConfig
-from robotctl.model.drives.drives import AckermannDrive, DifferentialDrive, TricycleDrive
+from robotctl.model.actuators import Takes
+from robotctl.model.drives.drives import Drive
 from robotctl.model.drives.odometry_noise import MotionNoise
 from robotctl.model.sensors.camera import CameraConfig
 from robotctl.model.sensors.imu import ImuConfig
@@ -32,13 +38,10 @@ from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.config import NavigationConfig
 from robotctl.runtime.realtime import LoopConfig
 from robotctl.runtime.storage.log_folder import LogConfig
-from robotctl.safety.plausibility_config import PlausibilityConfig
+from robotctl.safety.plausibility_config import OF_DUTY_WHEELS, PlausibilityConfig
 from robotctl.safety.state_machine import SafetyConfig
 
 MAX_SONARS = 16
-
-MAX_SUPPLY_V: Final = 65.5
-"""More than this no drive can report [V]."""
 
 RING_S: Final = 0.05
 """Period of one sonar's readings, of which the second stops the robot [s]."""
@@ -82,27 +85,44 @@ Buses = Annotated[
 """One bus, `[can]`, or several, `[[can]]` each."""
 
 
+if TYPE_CHECKING:
+    Motor: TypeAlias = MotorConfig
+else:
+    Motor = Annotated[Union[DRIVES], Field(discriminator="kind")]  # noqa: UP007 - of any length
+    """A table `[[motor]]` of any kind."""
+
+
 @dataclass(frozen=True, slots=True)
 class RobotConfig:
     """Everything about one robot."""
 
     robot: Identity
-    drive: Annotated[
-        DifferentialDrive | TricycleDrive | AckermannDrive, Field(discriminator="kind")
-    ]
+    drive: Annotated[Drive, Field(discriminator="kind")]
     limits: LimitsConfig
-    control: ControlConfig
-    plausibility: PlausibilityConfig
+    control: ControlConfig = field(default_factory=ControlConfig)
+    plausibility: PlausibilityConfig = field(default_factory=PlausibilityConfig)
     sonar: tuple[SonarMount, ...] = ()
     lidar: LidarConfig | None = None
     imu: ImuConfig = field(default_factory=ImuConfig)
     camera: CameraConfig | None = None
     ground_camera: GroundCameraConfig = field(default_factory=GroundCameraConfig)
     can: Buses = field(default_factory=CanConfig)
+    motor: Annotated[
+        tuple[Motor, ...],
+        Field(description="Motor drives. Without one, our own controller turns all wheels."),
+    ] = ()
     nodes: Annotated[
         dict[str, str],
         Field(description="Bus of each node, by their names; a node without one is on the first."),
     ] = field(default_factory=dict)
+    proof: Annotated[
+        dict[str, str],
+        Field(
+            description="Settings with which each drive was seen to stop when the host is silent, "
+            "by the names of the drives; `robotctl setup` writes it. See docs/hardware.md."
+        ),
+    ] = field(default_factory=dict)
+    power: PowerConfig = field(default_factory=PowerConfig)
     runtime: LoopConfig = field(default_factory=LoopConfig)
     safety: SafetyConfig = field(default_factory=SafetyConfig)
     mavlink: MavlinkConfig = field(default_factory=MavlinkConfig)
@@ -122,6 +142,22 @@ class RobotConfig:
     def buses(self) -> tuple[CanConfig, ...]:
         """All buses, in the order of the file."""
         return self.can if isinstance(self.can, tuple) else (self.can,)
+
+    @property
+    def motors(self) -> tuple[MotorConfig, ...]:
+        """The motor drives: those of the file, else our own controller."""
+        return self.motor or (native_motor(self.drive, self.nodes.get(NATIVE_NAME, "")),)
+
+    @property
+    def duty_wheels(self) -> tuple[str, ...]:
+        """Names of the wheels whose drives take a duty, and whose speed is ours to control."""
+        driven = {
+            axis.actuator
+            for motor in self.motors
+            if motor.abilities.takes is Takes.DUTY
+            for axis in motor.axes
+        }
+        return tuple(name for name in self.drive.wheel_names if name in driven)
 
     def bus_of(self, node: str) -> CanConfig:
         """Return the bus of a node, by its name."""
@@ -281,13 +317,13 @@ def camera_of(config: RobotConfig, file: Path) -> CameraConfig:
 
 def contradictions(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
     """Yield conflicts between keys: the key at fault and the reason."""
-    for name, problem in config.control.wrong_loops(config.drive.wheel_names):
-        yield ("control", name), problem
+    yield from _wrong_loops(config)
     two_periods_ms = 2 * config.runtime.period_ns / 1e6
     if config.safety.command_timeout_ms < two_periods_ms:
         bound = f"under two control periods ({two_periods_ms:g} ms at {config.runtime.rate_hz} Hz)"
         yield ("safety", "command_timeout_ms"), f"{config.safety.command_timeout_ms} is {bound}"
     yield from _wrong_buses(config)
+    yield from fitting_problems(config.drive, config.motors)
     yield from _out_of_order(config)
     if config.mavlink.gcs_system_id == config.mavlink.system_id:
         problem = f"{config.mavlink.gcs_system_id} found, which is the robot's own system_id"
@@ -315,6 +351,15 @@ def contradictions(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]
         yield ("localisation", "method"), f'"{settings.method}" {problem}'
 
 
+def _wrong_loops(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
+    """Yield what is missing of the wheels whose speed is ours to control, and what is too much."""
+    for name, problem in config.control.wrong_loops(config.duty_wheels):
+        yield ("control", name), problem
+    for name in OF_DUTY_WHEELS if config.duty_wheels else ():
+        if getattr(config.plausibility, name) is None:
+            yield ("plausibility", name), "missing"
+
+
 def _wrong_buses(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
     """Yield buses that cannot be told apart, and nodes on unknown buses."""
     buses = config.buses
@@ -328,12 +373,27 @@ def _wrong_buses(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
         if (bus.interface, bus.channel) in [(each.interface, each.channel) for each in before]:
             rule = "must differ from those before, found"
             yield ("can", number, "channel"), f"{rule} {bus.interface} {bus.channel!r}"
-    known = [node.name for node in CAN_NODES]
+    known = [*(() if config.motor else (NATIVE_NAME,)), *(node.name for node in CAN_NODES)]
     for node, name in config.nodes.items():
         if node not in known:
             yield ("nodes", node), f"no such node{toml_source.nearest(node, known)}"
         elif problem := bus_problem(name, buses):
             yield ("nodes", node), problem
+    yield from _wrong_drives(config)
+
+
+def _wrong_drives(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
+    """Yield drives on unknown buses, and a supply that none of them tells."""
+    names = [motor.name for motor in config.motors]
+    for name in config.proof:
+        if name not in names:
+            yield ("proof", name), f"no such drive{toml_source.nearest(name, names)}"
+    silent = [each.name for each in config.motors if not each.abilities.tells_voltage]
+    if config.power.source == "drives" and len(silent) == len(config.motors):
+        yield ("power", "source"), f"'drives' found, but {', '.join(silent)} tell no voltage"
+    for number, motor in enumerate(config.motor):
+        if motor.bus and (problem := bus_problem(motor.bus, config.buses)):
+            yield ("motor", number, "bus"), problem
 
 
 def bus_problem(name: str, buses: Sequence[CanConfig]) -> str:
@@ -379,18 +439,20 @@ def _beyond_the_limits(config: RobotConfig) -> Iterator[tuple[toml_source.Key, s
             f"limits.jerk_max_m_s3 {limits.jerk_max_m_s3:g})"
         )
         yield ("navigation", "guard", "reaction_s"), problem
-    yield from _beyond_the_motors(config)
-    yield from _hidden_run_away(config)
+    back_emf_v_s_rad = config.plausibility.back_emf_v_s_rad
+    if config.duty_wheels and back_emf_v_s_rad is not None:
+        yield from _beyond_the_motors(config, back_emf_v_s_rad)
+        yield from _hidden_run_away(config, back_emf_v_s_rad)
     yield from _unreadable_counts(config)
     drive, monitor = config.drive, config.plausibility
-    if isinstance(drive, DifferentialDrive):
+    if not drive.joint_names:
         return
-    tolerance_rad, most_rad = monitor.steering_tolerance_rad, drive.steering_max_rad
+    tolerance_rad, most_rad = monitor.steering_tolerance_rad, min(drive.joint_max_rad)
     if tolerance_rad >= most_rad:
         problem = f"{tolerance_rad} found, less than drive.steering_max_rad ({most_rad}) allowed"
         yield ("plausibility", "steering_tolerance_rad"), problem
-    way_rad = 2.0 * drive.steering_max_rad - monitor.steering_tolerance_rad
-    least_ms = 1000.0 * way_rad / drive.steering_rate_max_rad_s
+    way_rad = 2.0 * max(drive.joint_max_rad) - monitor.steering_tolerance_rad
+    least_ms = 1000.0 * way_rad / min(drive.joint_rate_max_rad_s)
     if monitor.steering_ms < least_ms:
         problem = f"the steering needs {least_ms:.0f} ms from one end to near the other"
         yield ("plausibility", "steering_ms"), f"{monitor.steering_ms} found, but {problem}"
@@ -410,11 +472,13 @@ def _beyond_the_nose(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str
         yield ("navigation", "guard", "nose_m"), problem
 
 
-def _beyond_the_motors(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
+def _beyond_the_motors(
+    config: RobotConfig, back_emf_v_s_rad: float
+) -> Iterator[tuple[toml_source.Key, str]]:
     """Yield demands that no motor can meet, and those for which the bridges are too slow."""
     limits = config.limits
     fastest_rad_s = fastest_wheel_rad_s(config.drive, limits)
-    needed_v = config.plausibility.back_emf_v_s_rad * fastest_rad_s
+    needed_v = back_emf_v_s_rad * fastest_rad_s
     if needed_v > MAX_SUPPLY_V:
         problem = (
             f"{limits.v_max_m_s:g} found with omega_max_rad_s {limits.omega_max_rad_s:g}, where "
@@ -424,7 +488,7 @@ def _beyond_the_motors(config: RobotConfig) -> Iterator[tuple[toml_source.Key, s
         yield ("limits", "v_max_m_s"), problem
     pwm, deceleration_m_s2 = config.control.pwm, config.navigation.guard.deceleration_m_s2
     supply_v = max(needed_v, pwm.min_bus_voltage_v)  # the real one is not known here
-    slew_rad_s2 = pwm.slew_per_s * supply_v / config.plausibility.back_emf_v_s_rad
+    slew_rad_s2 = pwm.slew_per_s * supply_v / back_emf_v_s_rad
     most_m_s2 = slew_rad_s2 * min(config.drive.wheel_radii_m)
     if most_m_s2 < deceleration_m_s2:
         problem = (
@@ -434,13 +498,15 @@ def _beyond_the_motors(config: RobotConfig) -> Iterator[tuple[toml_source.Key, s
         yield ("control", "pwm", "slew_per_s"), problem
 
 
-def _hidden_run_away(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
+def _hidden_run_away(
+    config: RobotConfig, back_emf_v_s_rad: float
+) -> Iterator[tuple[toml_source.Key, str]]:
     """Yield a tolerance so wide that a motor with a stuck encoder could run away."""
     drive, monitor = config.drive, config.plausibility
     # At least this fast is any motor: the limits are driven, and the supply has a floor.
     motor_rad_s = max(
         config.limits.v_max_m_s / max(drive.wheel_radii_m),
-        config.control.pwm.min_bus_voltage_v / monitor.back_emf_v_s_rad,
+        config.control.pwm.min_bus_voltage_v / back_emf_v_s_rad,
     )
     most_rad_s = FOUND_SHARE * motor_rad_s * (1.0 - monitor.speed_tolerance_share)
     if monitor.speed_tolerance_rad_s > most_rad_s:

@@ -158,7 +158,7 @@ class ControlCore:
         self._health = self._supervision.health
         self._command_before = self._command
         """What the bridges did when the newest feedback was taken, one period ago."""
-        self._node_events = NodeEvents()
+        self._node_events = NodeEvents({each.drive for each in actuators})
         self._ticks = 0
         self._arming = ArmRequests()
         self._procedures = Procedures(drive, actuators, control.pwm, plausibility, period_ns)

@@ -65,7 +65,7 @@ class Procedures:
         self._actuators = actuators
         self._pwm = pwm
         self._period_s = period_ns * 1e-9
-        self._back_emf_v_s_rad = plausibility.back_emf_v_s_rad
+        self._plausibility = plausibility
 
     def is_known(self, request: CalibrateGyro | MotorTest) -> bool:
         """Say whether a request is that of the last procedure; a test under way goes on then."""
@@ -88,7 +88,7 @@ class Procedures:
         """Begin to turn a wheel; joints stay at their present angles [rad]."""
         bound_rad_s = FASTEST_M_S / self._drive.wheel_radii_m[request.wheel]
         if self._actuators[request.wheel].takes is Takes.DUTY:
-            effort: Effort = VoltageEffort(self._back_emf_v_s_rad * bound_rad_s, self._pwm)
+            effort: Effort = VoltageEffort(self._plausibility.motor[1] * bound_rad_s, self._pwm)
         else:
             effort = SpeedEffort(bound_rad_s)
         self.test = MotorTesting(request, bound_rad_s, effort, now_ns)

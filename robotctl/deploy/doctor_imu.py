@@ -6,7 +6,7 @@ import math
 from typing import Final
 
 from robotctl.deploy.check_result import Finding, fail, ok
-from robotctl.drivers.can.nodes.robot_can import CanRobot
+from robotctl.drivers.can.robot_can import CanRobot
 from robotctl.estimation.inertial.tracker import GRAVITY_M_S2, REST_RAD_S, InertialTracker
 from robotctl.messages.actuators import ActuatorCommand
 from robotctl.messages.control import ImuFeedback

@@ -6,23 +6,20 @@ commissions them as the control process would, with commands that say "motors of
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from contextlib import ExitStack
 from typing import Final
 
-from robotctl.app.processes.robot import make_codec, node_parameters
+from robotctl.app.processes.robot import make_codec, make_parts, open_ports
 from robotctl.config.robot_file import RobotConfig
-from robotctl.deploy.check_result import Finding, fail, none, ok, warn
+from robotctl.deploy.check_result import Finding, fail, none, ok, risk, warn
 from robotctl.deploy.doctor_imu import check_imu, watch_imu
-from robotctl.drivers.can.nodes.can_node import CanNode
-from robotctl.drivers.can.nodes.node import HEARTBEAT_BASE
-from robotctl.drivers.can.nodes.registry import wanted_nodes
-from robotctl.drivers.can.nodes.robot_can import CanRobot
-from robotctl.drivers.can.port import SocketPort
+from robotctl.drivers.can.robot_can import CanRobot
 from robotctl.errors import LinkError
 from robotctl.messages.actuators import ActuatorCommand
-from robotctl.messages.control import BusState, BusStatus, NodeStatus
+from robotctl.messages.control import BusState, BusStatus, NodeStatus, Stranger, StrangerKind
 from robotctl.messages.faults import FaultCode
-from robotctl.messages.ports import CanPort, Clock
+from robotctl.messages.ports import Clock
 from robotctl.runtime.ipc.process_lock import claim_bus
 
 LISTEN_NS: Final = 600_000_000
@@ -44,34 +41,47 @@ _FIXES: Final = {
 """Remedy for each kind of problem; for others, check power and cable."""
 
 
+def check_drives(config: RobotConfig) -> Iterator[Finding]:
+    """Yield what each drive does when this computer is silent, and what the file accepts of it."""
+    for motor in config.motors:
+        accepted = []
+        if motor.accept_coasting:
+            accepted.append("coasting")
+        if motor.accept_timeout_ms:
+            accepted.append(f"{motor.accept_timeout_ms} ms without a command")
+        check = f"drive {motor.name}"
+        if accepted:
+            yield risk(check, f"the robot's file accepts {' and '.join(accepted)}: {motor.silence}")
+        else:
+            yield ok(check, motor.silence)
+
+
 def check_nodes(config: RobotConfig, clock: Clock) -> list[Finding]:
-    """Open the bus and check all nodes; takes up to 5 s."""
-    codec, parameters = make_codec(), node_parameters(config)
-    ids = {*codec.arbitration_ids, codec.sync_id, codec.command_id}
-    try:
-        port = SocketPort(config.buses[0], ids, clock)
-    except LinkError as error:
-        fix = "fix the CAN link, or start firmware_sim if the bus is simulated"
-        return [fail("CAN nodes", str(error), fix)]
-    masters = frozenset({codec.sync_id, codec.command_id})
+    """Open the buses and check all drives and nodes; takes up to 5 s."""
+    parts = make_parts(config, make_codec())
     with ExitStack() as held:
-        held.callback(port.close)
-        heard = listen(port, clock)
-        if heard & masters or not _claim(config, held):
-            wanted = wanted_nodes(parameters)
-            return [only_listened(heard, wanted), check_traffic(port.status())]
-        robot = CanRobot(port, codec, parameters)
+        try:
+            ports = open_ports(config, parts, clock)
+        except LinkError as error:
+            fix = "fix the CAN link, or start firmware_sim if the bus is simulated"
+            return [fail("CAN nodes", str(error), fix)]
+        for port in ports.values():
+            held.callback(port.close)
+        robot = CanRobot(ports, parts)
+        if is_driven(robot, clock) or not _claim(config, held):
+            return [only_listened(robot.nodes), check_traffic(robot.bus_status())]
         nodes = commission(robot, clock, config.runtime.period_ns)
-        version = codec.dbc.wire_version
-        findings = [check_node(node, version) for node in nodes]
+        ours = {part.status.name for part in parts.ours}
+        version = parts.codec.dbc.wire_version
+        findings = [check_node(node, version if node.name in ours else None) for node in nodes]
         if config.imu.enabled:
             said = watch_imu(robot, clock, config.runtime.period_ns, config.imu, _OFF)
             findings.append(check_imu(said, config.imu))
-        return [*findings, check_traffic(port.status())]
+        return [*findings, check_traffic(robot.bus_status())]
 
 
 def _claim(config: RobotConfig, held: ExitStack) -> bool:
-    """Claim the bus for as long as `held` is open; return False if a controller has it."""
+    """Claim the buses for as long as `held` is open; return False if a controller has one."""
     try:
         for bus in config.buses:
             held.enter_context(claim_bus(bus.interface, bus.channel))
@@ -80,14 +90,14 @@ def _claim(config: RobotConfig, held: ExitStack) -> bool:
     return True
 
 
-def listen(port: CanPort, clock: Clock) -> frozenset[int]:
-    """Return the identifiers received in `LISTEN_NS`."""
-    heard: set[int] = set()
+def is_driven(robot: CanRobot, clock: Clock) -> bool:
+    """Listen for `LISTEN_NS`; return whether another controller sends what only one may."""
     end_ns = clock.now_ns() + LISTEN_NS
+    strangers: tuple[Stranger, ...] = ()
     while (now_ns := clock.now_ns()) < end_ns:
-        heard.update(frame.arbitration_id for frame in port.receive())
+        strangers = robot.receive(now_ns).strangers
         clock.sleep_until(now_ns + _POLL_NS)
-    return frozenset(heard)
+    return any(each.kind is StrangerKind.HOST_FRAME for each in strangers)
 
 
 def commission(robot: CanRobot, clock: Clock, period_ns: int) -> tuple[NodeStatus, ...]:
@@ -103,11 +113,12 @@ def commission(robot: CanRobot, clock: Clock, period_ns: int) -> tuple[NodeStatu
     return robot.nodes
 
 
-def check_node(node: NodeStatus, wire_version: int) -> Finding:
-    """Check one node after its commissioning."""
+def check_node(node: NodeStatus, wire_version: int | None) -> Finding:
+    """Check one drive or node after its commissioning; one of ours has a version of the wire."""
     check = f"node {node.node_id} {node.name}"
     if not node.problem:
-        return ok(check, f"identified, parameters confirmed, wire version 0x{wire_version:08X}")
+        version = "" if wire_version is None else f", wire version 0x{wire_version:08X}"
+        return ok(check, f"identified, parameters confirmed{version}")
     return fail(check, node.problem, _FIXES.get(node.fault, "check its power and cable"))
 
 
@@ -126,12 +137,11 @@ def check_traffic(bus: BusStatus) -> Finding:
     return ok(check, words)
 
 
-def only_listened(heard: frozenset[int], wanted: tuple[CanNode, ...]) -> Finding:
-    """Report the nodes present, when a running controller forbids queries."""
-    there = [node.name for node in wanted if HEARTBEAT_BASE + node.node_id in heard]
-    missing = [node.name for node in wanted if HEARTBEAT_BASE + node.node_id not in heard]
-    names = ", ".join(there) or "no node"
-    unheard = f", not of {', '.join(missing)}" if missing else ""
+def only_listened(nodes: tuple[NodeStatus, ...]) -> Finding:
+    """Report who was heard, when a running controller forbids queries."""
+    names = ", ".join(node.name for node in nodes if node.boots) or "no node"
+    missing = ", ".join(node.name for node in nodes if not node.boots)
+    unheard = f", not of {missing}" if missing else ""
     return none(
         "CAN nodes",
         f"a controller is running and asks them itself; heartbeats of {names} were heard{unheard}",

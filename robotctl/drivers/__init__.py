@@ -2,7 +2,7 @@
 
 Public names:
 
-- `can.port.SocketPort`, `can.nodes.robot_can.CanRobot`, `can.nodes.registry.CAN_NODES`: the CAN
+- `can.port.SocketPort`, `can.robot_can.CanRobot`, `can.nodes.registry.CAN_NODES`: the CAN
   bus, and the nodes on it
 - `can.dbc.load_dbc`, `can.nodes.robot_codec.RobotCodec`, `can.candump.CandumpReader`: frames by the
   DBC

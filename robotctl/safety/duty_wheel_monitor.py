@@ -41,6 +41,7 @@ class DutyWheelMonitor:
     def __init__(self, name: str, config: PlausibilityConfig, a_max_rad_s2: float) -> None:
         self.name = name
         self._config = config
+        self._resistance_ohm, self._back_emf_v_s_rad = config.motor
         self._speed_ns = config.speed_ms * 1_000_000
         self._push_ns = config.push_ms * 1_000_000
         self._gain_rad_s = min(GAIN_RAD_S, GAIN_SHARE * a_max_rad_s2 * config.push_ms * 1e-3)
@@ -93,15 +94,14 @@ class DutyWheelMonitor:
         stamp_ns
             Time of the sample [ns].
         """
-        config = self._config
         # A hot winding has up to half as much resistance again: compensate, or heat looks like a
         # fault.
         warm = 1.0 + COPPER_PER_K * (temperature_c - 25.0)
-        self._drop_v = config.resistance_ohm * warm * current_a
+        self._drop_v = self._resistance_ohm * warm * current_a
         self._current_a = current_a
         self.counted_rad_s = counted_rad_s
         # Back-EMF: w = (u - R i) / k, whatever the load.
-        self.electrical_rad_s = (voltage_v - self._drop_v) / config.back_emf_v_s_rad
+        self.electrical_rad_s = (voltage_v - self._drop_v) / self._back_emf_v_s_rad
         excess = abs(self.electrical_rad_s - counted_rad_s) / self.tolerance_rad_s
         # Duration times excess: twice the error is judged in half the time, because swapped
         # encoders accelerate a loop more the faster it is.

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Final, NamedTuple
 
 from robotctl.messages.control import EmergencyMessage, Feedback, NodeStatus, Notice, Severity
 from robotctl.messages.faults import Fault, FaultCode
 from robotctl.safety.emergency_codes import emergency_words
 
-_DRIVE_NODE: Final = 1
 _NO_ERROR: Final = 0
 """EMCY code of a node whose errors are over (CiA 301, 7.2.7)."""
 
@@ -28,11 +28,18 @@ class Events(NamedTuple):
 
 
 class NodeEvents:
-    """Detects changes in the nodes' reports."""
+    """Detects changes in the nodes' reports.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    drives
+        Names of the motor drives.
+    """
+
+    def __init__(self, drives: Collection[str]) -> None:
+        self._drives = frozenset(drives)
         self._nodes: tuple[NodeStatus, ...] = ()
-        self._boots: dict[int, int] = {}
+        self._boots: dict[str, int] = {}
         self._told: set[tuple[int, int]] = set()
 
     def take(self, feedback: Feedback, now_ns: int) -> Events | None:
@@ -43,10 +50,10 @@ class NodeEvents:
         booted = [] if nodes is self._nodes else self._booted(nodes)
         restarted = [node for node, was_up in booted if was_up]
         texts = [self._error(emergency) for emergency in feedback.emergencies]
-        if any(node.node_id == _DRIVE_NODE for node in restarted):
+        if any(node.name in self._drives for node in restarted):
             texts.insert(0, _NOT_IN_THE_POSE)
         return Events(
-            any(node.node_id == _DRIVE_NODE for node, _ in booted),
+            any(node.name in self._drives for node, _ in booted),
             tuple(_restart(node) for node in restarted),
             tuple(Notice(now_ns, Severity.WARNING, text) for text in texts if text),
         )
@@ -60,9 +67,9 @@ class NodeEvents:
         self._nodes = nodes
         booted = []
         for node in nodes:
-            before = self._boots.get(node.node_id)
+            before = self._boots.get(node.name)
             if before != node.boots:
-                self._boots[node.node_id] = node.boots
+                self._boots[node.name] = node.boots
                 booted.append((node, bool(before)))
         return booted
 

@@ -55,8 +55,8 @@ class PlausibilityConfig:
         If a value is out of its range: a tolerance that nothing exceeds is no monitor.
     """
 
-    resistance_ohm: float
-    back_emf_v_s_rad: float
+    resistance_ohm: float | None = None
+    back_emf_v_s_rad: float | None = None
     speed_tolerance_rad_s: float = 2.0
     speed_tolerance_share: float = 0.25
     speed_ms: int = 50
@@ -70,10 +70,19 @@ class PlausibilityConfig:
     travel_m: float = 0.3
     follow_ms: int = 400
 
+    @property
+    def motor(self) -> tuple[float, float]:
+        """Resistance [ohm] and back-EMF [V s/rad] of a motor whose drive takes a duty."""
+        if self.resistance_ohm is None or self.back_emf_v_s_rad is None:
+            raise ValueError("resistance_ohm, back_emf_v_s_rad: missing for wheels with a duty")
+        return self.resistance_ohm, self.back_emf_v_s_rad
+
     def __post_init__(self) -> None:
         """Check the ranges."""
         for name, most in _MOST.items():
             value = getattr(self, name)
+            if value is None:
+                continue
             if not 0.0 < value < math.inf:
                 raise InvalidValue(name, f"{value} found, a finite number > 0 allowed", value)
             if value > most:
@@ -83,6 +92,9 @@ class PlausibilityConfig:
             if not low <= value <= high:
                 raise InvalidValue(name, f"{value} found, {low} to {high} allowed", value)
 
+
+OF_DUTY_WHEELS: Final = ("resistance_ohm", "back_emf_v_s_rad")
+"""Keys that robots need whose drives take a duty."""
 
 _MOST: Final = {
     "resistance_ohm": math.inf,

@@ -10,9 +10,7 @@ from robotctl.control.pid import PidConfig
 from robotctl.core.config import ControlConfig
 from robotctl.core.control_core import ControlCore, Inputs, Outputs
 from robotctl.drivers.can.config import NodeParameters
-from robotctl.drivers.can.drives.native.feedback import NativeFeedback
 from robotctl.drivers.can.drives.native.wire import DriveStatus, MotorStatus, WheelFeedback
-from robotctl.drivers.can.nodes.registry import age_limits
 from robotctl.messages.actuators import ActuatorCommand, DriveState
 from robotctl.messages.control import (
     Arm,
@@ -34,7 +32,7 @@ from robotctl.model.sensors.imu import ImuConfig
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.safety.plausibility_config import PlausibilityConfig
 from robotctl.safety.state_machine import SafetyConfig
-from tests.native_frames import WHEELS
+from tests.native_frames import WHEELS, age_limits, native_feedback
 
 PERIOD_NS = 5_000_000
 SAFETY = SafetyConfig()
@@ -44,7 +42,7 @@ K_V_S_RAD = 0.45
 RESISTANCE_OHM = 1.5
 TAU_S = 0.08
 DRIVE = DifferentialDrive("differential", 0.3, 0.05, 2400)
-NODES = NodeParameters(200, 90, 350, 2400, steered=False, sonars=4)
+NODES = NodeParameters(200, 90, 350, sonars=4)
 NO_IMU = ImuConfig()
 PID = PidConfig(kp=0.25, ki=3.0, kv=K_V_S_RAD)
 
@@ -72,13 +70,13 @@ class RobotDouble:
 
     def __init__(self, safety: SafetyConfig = SAFETY) -> None:
         self.core = make_core(safety)
-        self.frames = NativeFeedback("drive", 2, steers=False)
+        self.frames = native_feedback()
         self.now_ns = 1_000_000_000
         self.speeds = [0.0, 0.0]
         self.angles = [0.0, 0.0]
         self.motor_state = DriveState.READY
         self.drive_says: DriveState | None = None
-        self.node_id = 1
+        self.node = 1, "drive"
         self.faults = 0
         self.problem = ""
         self.boots = 1
@@ -176,8 +174,7 @@ class RobotDouble:
             emergency_stop=stop,
             nodes=(
                 NodeStatus(
-                    self.node_id,
-                    "drive",
+                    *self.node,
                     5,
                     heartbeat_ns,
                     self.boots,

@@ -6,7 +6,6 @@ from collections.abc import Callable
 import pytest
 
 from robotctl.drivers.can.drives.native.wire import DriveStatus
-from robotctl.drivers.can.nodes.registry import age_limits
 from robotctl.messages.control import Feedback, SafetyState, VelocityCommand
 from robotctl.messages.faults import FaultCode as C
 from robotctl.safety.ages import is_fresh
@@ -14,7 +13,7 @@ from robotctl.safety.health import Health
 from robotctl.safety.state_machine import SafetyConfig
 from tests.core.robot_double import NODES as NODES_WANTED
 from tests.core.robot_double import PERIOD_NS, RobotDouble
-from tests.native_frames import WHEELS, reports
+from tests.native_frames import WHEELS, age_limits, reports
 
 SAFETY = SafetyConfig()
 MS = 1_000_000

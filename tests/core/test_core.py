@@ -316,10 +316,12 @@ def test_a_frame_that_was_held_back_is_no_way_and_no_feedback() -> None:
     assert robot.snapshot().x_m - before.x_m == pytest.approx(sum(way_m) / 2, abs=0.0005)
 
 
-@pytest.mark.parametrize(("node_id", "told"), [(1, 1), (3, 0)])
-def test_a_drive_that_restarts_loses_its_counts_and_says_so(node_id: int, told: int) -> None:
+@pytest.mark.parametrize(("node", "told"), [((1, "drive"), 1), ((3, "power"), 0)])
+def test_a_drive_that_restarts_loses_its_counts_and_says_so(
+    node: tuple[int, str], told: int
+) -> None:
     robot = RobotDouble()
-    robot.node_id = node_id
+    robot.node = node
     robot.armed()
     robot.boots += 1
     before = robot.snapshot().odom_epoch_ns

@@ -5,14 +5,14 @@ import math
 import msgspec
 import pytest
 
-from robotctl.app.processes.robot import make_codec, node_parameters
+from robotctl.app.processes.robot import make_codec, make_parts
 from robotctl.app.simulation.lockstep_stack import make_simulation
 from robotctl.config.robot_file import find_file, load_robot
 from robotctl.deploy.check_result import Verdict
 from robotctl.deploy.doctor_imu import check_imu, watch_imu
 from robotctl.deploy.doctor_nodes import commission
 from robotctl.drivers.can.memory_port import MemoryPort
-from robotctl.drivers.can.nodes.robot_can import CanRobot
+from robotctl.drivers.can.robot_can import CanRobot
 from robotctl.messages.actuators import ActuatorCommand
 from robotctl.messages.control import ImuFeedback
 from robotctl.model.sensors.imu import ImuConfig
@@ -62,16 +62,17 @@ class SimulatedClock:
 )
 def test_the_simulated_imu_is_judged_by_what_it_sends(fault: str, verdict: Verdict) -> None:
     file, settings = find_file("diff_drive"), ("imu.enabled=true", "imu.yaw_deg=90")
-    config, codec = load_robot(file, settings), make_codec()
+    config = load_robot(file, settings)
+    parts = make_parts(config, make_codec())
     simulation = make_simulation(
         file, find_file("empty_room", "worlds"), 1, (3.0, 2.0, 0.0), settings
     )
     clock = SimulatedClock(simulation)
-    wire = simulation.bus.attach(
-        "host", lambda frame: port.deliver(*frame), accept=codec.arbitration_ids
-    )
-    port = MemoryPort(wire.send, codec.arbitration_ids, config.buses[0], clock)
-    robot = CanRobot(port, codec, node_parameters(config))
+    bus = config.buses[0]
+    ids = parts.identifiers(bus.name)
+    wire = simulation.bus.attach("host", lambda frame: port.deliver(*frame), accept=ids)
+    port = MemoryPort(wire.send, ids, bus, clock)
+    robot = CanRobot({bus.name: port}, parts)
     nodes = commission(robot, clock, config.runtime.period_ns)
     assert [node.problem for node in nodes] == [""] * 4
     if fault:

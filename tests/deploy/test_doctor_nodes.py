@@ -3,17 +3,16 @@
 import pytest
 
 from robotctl.app.processes.robot import make_codec
+from robotctl.config.robot_file import find_file, load_robot
 from robotctl.deploy.check_result import Verdict
-from robotctl.deploy.doctor_nodes import check_node
-from robotctl.drivers.can.config import NodeParameters
+from robotctl.deploy.doctor_nodes import check_drives, check_node
+from robotctl.drivers.can.drives.native.settings import PRODUCT, drive_script
 from robotctl.drivers.can.nodes.commissioning import REVISION_MAJOR, VENDOR_ID
-from robotctl.drivers.can.nodes.drive import PRODUCT, drive_script
 from robotctl.drivers.can.nodes.sdo import ABORT_NO_OBJECT, SdoResponse
 from robotctl.messages.control import NodeStatus
 from robotctl.messages.faults import Fault, FaultCode
 
 DBC = make_codec().dbc
-PARAMETERS = NodeParameters(200, 90, 350, 2400, False, 8)
 GOOD = tuple(
     SdoResponse(value)
     for value in (VENDOR_ID, PRODUCT, REVISION_MAJOR << 16, DBC.wire_version, 2400)
@@ -27,7 +26,7 @@ NO_ANSWER, NO_OBJECT, REFUSED = (
 
 def fault(good: int, last: SdoResponse) -> Fault:
     """What the commissioning of the drive says after so many good answers and another one."""
-    script = drive_script(DBC, PARAMETERS)()
+    script = drive_script(DBC, 200, 90, 2400, steered=False)()
     next(script)
     for answer in GOOD[:good]:
         script.send(answer)
@@ -71,3 +70,16 @@ def test_a_node_in_service_has_nothing_to_mend() -> None:
     finding = check_node(NodeStatus(1, "drive", 5, 0, 1, ""), DBC.wire_version)
     assert finding.verdict is Verdict.OK
     assert not finding.fix
+
+
+def test_what_a_file_accepts_of_its_drives_is_a_risk_that_is_shown() -> None:
+    def verdicts(robot: str, *settings: str) -> dict[str, Verdict]:
+        config = load_robot(find_file(robot), settings)
+        return {finding.check: finding.verdict for finding in check_drives(config)}
+
+    assert verdicts("diff_drive") == {"drive drive": Verdict.OK}
+    assert verdicts("odrive") == {"drive left_drive": Verdict.OK, "drive right_drive": Verdict.OK}
+    assert verdicts("roboteq") == {"drive motors": Verdict.RISK}
+    (slow,) = check_drives(load_robot(find_file("vesc_car"), ["motor.0.accept_timeout_ms=500"]))
+    assert slow.verdict is Verdict.RISK
+    assert "500 ms without a command" in slow.found

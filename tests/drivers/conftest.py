@@ -41,8 +41,6 @@ def parameters():
         rate_hz=200,
         command_timeout_ms=100,
         heartbeat_timeout_ms=350,
-        counts_per_revolution=2400,
-        steered=False,
         sonars=8,
     )
 

@@ -4,7 +4,6 @@ from firmware_sim.nodes.e2e import crc8, data_id_crc
 from robotctl.app.processes.robot import make_codec
 from robotctl.deploy.doctor_nodes import check_node
 from robotctl.drivers.can.config import NodeParameters
-from robotctl.drivers.can.nodes.registry import age_limits
 from robotctl.messages.control import BumperFeedback
 from robotctl.messages.faults import FaultCode
 from robotctl.runtime.clock import VirtualClock
@@ -16,9 +15,9 @@ from tests.drivers.can.nodes.test_registry import (  # noqa: F401 - they hold th
     test_numbers_and_names_are_each_nodes_own,
     test_whatever_a_node_reports_has_a_greatest_age,
 )
-from tests.native_frames import WHEELS
+from tests.native_frames import WHEELS, age_limits
 
-PARAMETERS = NodeParameters(200, 100, 350, 2400, steered=False, sonars=8)
+PARAMETERS = NodeParameters(200, 100, 350, sonars=8)
 CONTACT, DATA_ID = 389, 41605
 FRONT = 0x10
 

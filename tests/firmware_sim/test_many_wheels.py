@@ -85,13 +85,13 @@ def test_a_robot_that_strafes_is_stopped_by_a_wall_beside_it(rover: Rover) -> No
 
 
 def test_our_controller_is_absent_and_so_are_faults_of_it(rover: Rover) -> None:
-    assert [node.name for node in rover.simulation.nodes] == ["sonar", "power"]
+    assert [node.name for node in rover.simulation.nodes] == ["power"]
     for line, problem in (
-        ("node_reset node=drive", "node: 'drive', the robot has none, allowed: sonar, power"),
+        ("node_reset node=drive", "node: 'drive', the robot has none, allowed: power"),
         ("feedback_lost", "kind: the robot has no motor controller of this kind"),
         (
             "parameter_changed parameter=current_limit",
-            "parameter: 'current_limit', of 'drive', the robot has none, allowed: sonar, power",
+            "parameter: 'current_limit', of 'drive', the robot has none, allowed: power",
         ),
     ):
         with pytest.raises(SimulationError) as error:

@@ -3,12 +3,11 @@
 import msgspec
 import pytest
 
-from robotctl.drivers.can.drives.native.feedback import NativeFeedback
 from robotctl.drivers.can.drives.native.wire import DriveStatus
 from robotctl.messages.control import BusState, BusStatus, EmergencyMessage, Feedback
 from robotctl.messages.faults import Fault, FaultCode
 from robotctl.safety.causes import AFTER_NS, BEFORE_NS, ERRORS, SILENT_NS, TOGETHER_NS, Causes
-from tests.native_frames import WHEELS
+from tests.native_frames import WHEELS, native_feedback
 
 MS = 1_000_000
 NOW = 10_000 * MS
@@ -23,7 +22,7 @@ class Seen:
 
     def __init__(self):
         self.causes = Causes(WHEELS)
-        self.feedback = NativeFeedback("drive", 2, steers=False)
+        self.feedback = native_feedback()
         self.bus = SOUND
         self.at(0)
 

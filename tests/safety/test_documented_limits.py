@@ -1,7 +1,7 @@
 """docs/safety.md tells the defaults that are in the code."""
 
 import re
-from dataclasses import MISSING, Field, fields
+from dataclasses import Field, fields
 from pathlib import Path
 
 from robotctl.safety.plausibility_config import PlausibilityConfig
@@ -14,7 +14,7 @@ SECTIONS = {"safety": SafetyConfig, "plausibility": PlausibilityConfig}
 
 
 def default(field: Field) -> str:
-    return "none, measure" if field.default is MISSING else str(field.default)
+    return "none, measure" if field.default is None else str(field.default)
 
 
 def test_every_limit_stands_in_the_table_with_its_default() -> None:

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from robotctl.drivers.can.config import NodeParameters
 from robotctl.drivers.can.drives.native.faults import DriveFault, fault_words
 from robotctl.drivers.can.drives.native.wire import DriveStatus, MotorStatus, WheelFeedback
-from robotctl.drivers.can.nodes.registry import age_limits
 from robotctl.messages.actuators import DriveState
 from robotctl.messages.control import (
     AccelerometerFeedback,
@@ -28,7 +27,7 @@ from robotctl.safety.ages import are_fresh, is_fresh, span_ns
 from robotctl.safety.health import Health
 from robotctl.safety.state_machine import SafetyConfig
 from tests.native_frames import WHEELS as ACTUATORS
-from tests.native_frames import reports
+from tests.native_frames import age_limits, reports
 
 replace = msgspec.structs.replace
 MS = 1_000_000
@@ -59,7 +58,7 @@ GOOD = Feedback(
 NAMES = ("front", "left", "rear", "right")
 
 
-WANTED = NodeParameters(200, 90, 350, 2400, steered=False, sonars=4)
+WANTED = NodeParameters(200, 90, 350, sonars=4)
 
 
 def make(safety: SafetyConfig, period_ns: int, sonars: tuple[str, ...] = NAMES) -> Health:

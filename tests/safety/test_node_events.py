@@ -17,14 +17,14 @@ def nodes(**boots: int) -> tuple[NodeStatus, ...]:
 
 
 def test_the_first_boot_of_a_node_is_no_restart() -> None:
-    events = NodeEvents().take(Feedback(nodes=nodes(drive=1, sonar=1)), 7)
+    events = NodeEvents(["drive"]).take(Feedback(nodes=nodes(drive=1, sonar=1)), 7)
     assert events is not None
     assert (events.drive_booted, events.restarts, events.notices) == (True, (), ())
 
 
 @pytest.mark.parametrize("name", NAMES.values())
 def test_a_restart_is_told_once_as_a_fault_of_its_node(name: str) -> None:
-    known = NodeEvents()
+    known = NodeEvents(["drive"])
     known.take(Feedback(nodes=nodes(drive=1, sonar=1, battery=1)), 1)
     again = Feedback(nodes=nodes(**{**dict.fromkeys(NAMES.values(), 1), name: 2}))
     events = known.take(again, 2)
@@ -37,13 +37,13 @@ def test_a_restart_is_told_once_as_a_fault_of_its_node(name: str) -> None:
 
 
 def test_where_nothing_is_new_there_are_no_events() -> None:
-    known, feedback = NodeEvents(), Feedback(nodes=nodes(drive=1))
+    known, feedback = NodeEvents(["drive"]), Feedback(nodes=nodes(drive=1))
     assert known.take(feedback, 1) is not None
     assert known.take(feedback, 2) is None
 
 
 def test_an_error_is_told_once_until_errors_are_forgotten() -> None:
-    known, up = NodeEvents(), nodes(drive=1)
+    known, up = NodeEvents(["drive"]), nodes(drive=1)
     known.take(Feedback(nodes=up), 1)
     error = Feedback(nodes=up, emergencies=(EmergencyMessage(2, 1, 0x3220, 5),))
 
@@ -61,7 +61,7 @@ def test_an_error_is_told_once_until_errors_are_forgotten() -> None:
 
 
 def test_a_node_without_errors_any_more_says_nothing() -> None:
-    known = NodeEvents()
+    known = NodeEvents(["drive"])
     events = known.take(Feedback(emergencies=(EmergencyMessage(2, 1, 0, 0),)), 5)
     assert events is not None
     assert events.notices == ()

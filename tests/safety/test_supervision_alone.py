@@ -7,7 +7,6 @@ import math
 import msgspec
 import pytest
 
-from robotctl.drivers.can.nodes.registry import age_limits
 from robotctl.messages.actuators import ActuatorCommand, DriveState
 from robotctl.messages.control import (
     BusState,
@@ -26,7 +25,7 @@ from robotctl.safety.causes import AFTER_NS
 from robotctl.safety.monitor import Monitored, MonitorInputs
 from robotctl.safety.plausibility_config import PlausibilityConfig
 from robotctl.safety.supervision import Supervision
-from tests.native_frames import WHEELS
+from tests.native_frames import WHEELS, age_limits
 from tests.safety.test_health import (
     DRIVE,
     GOOD,

@@ -91,7 +91,7 @@ def make_navigation(config: RobotConfig, options: StackOptions) -> NavigationAda
             body_rectangle(config.navigation.guard, config.sonar),
             period_ns,
             COMMAND_LIFE_PERIODS * period_ns,
-            steered=config.drive.steered,
+            steered=config.drive.min_turning_radius_m > 0.0,
         ),
         has_localiser=config.localisation.method != "none",
         camera_rate_hz=_camera_rate_hz(config),

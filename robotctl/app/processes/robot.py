@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Mapping
 from contextlib import ExitStack
 
 import robotctl
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig, config_directory, robot_to_json
 from robotctl.core.checkpoint import fields_of
+from robotctl.core.config import fastest_wheel_rad_s
 from robotctl.core.control_core import ControlCore
 from robotctl.drivers.can.config import NodeParameters
 from robotctl.drivers.can.dbc import load_dbc
-from robotctl.drivers.can.drives.native.drive import actuators_on
+from robotctl.drivers.can.drives.fitting import actuators_of, fit
 from robotctl.drivers.can.nodes.registry import age_limits
-from robotctl.drivers.can.nodes.robot_can import CanRobot
 from robotctl.drivers.can.nodes.robot_codec import RobotCodec
 from robotctl.drivers.can.port import SocketPort
+from robotctl.drivers.can.robot_can import CanRobot
+from robotctl.drivers.can.robot_parts import RobotParts
 from robotctl.messages.ports import Clock
 from robotctl.model.geometry.se2 import SE2
 from robotctl.runtime.flight.recorder import RecordHeader
@@ -27,7 +29,7 @@ def make_core(config: RobotConfig, options: StackOptions) -> ControlCore:
     """Return the control core of a robot."""
     return ControlCore(
         config.drive,
-        actuators_on(config.drive),
+        actuators_of(fit(config.drive, config.motors)),
         config.control,
         config.limits,
         config.safety,
@@ -51,21 +53,52 @@ def node_parameters(config: RobotConfig) -> NodeParameters:
         rate_hz=config.runtime.rate_hz,
         command_timeout_ms=config.safety.command_timeout_ms,
         heartbeat_timeout_ms=config.safety.heartbeat_timeout_ms,
-        counts_per_revolution=config.drive.counts_per_revolution,
-        steered=config.drive.steered,
         sonars=len(config.sonar),
         imu=config.imu.enabled,
+        power=config.power,
     )
 
 
 def feedback_ages(config: RobotConfig) -> tuple[AgeLimit, ...]:
-    """Return the maximum ages of the reports of a robot's nodes."""
-    return age_limits(node_parameters(config), config.safety, config.runtime.period_ns)
+    """Return how old what a robot's drives and nodes tell may be."""
+    safety, period_ns = config.safety, config.runtime.period_ns
+    return (
+        *(limit for motor in config.motors for limit in motor.ages(safety, period_ns)),
+        *age_limits(node_parameters(config), safety, period_ns),
+    )
 
 
-def open_ports(
-    config: RobotConfig, arbitration_ids: Collection[int], clock: Clock
-) -> dict[str, SocketPort]:
+def make_parts(
+    config: RobotConfig, codec: RobotCodec, proofs: Mapping[str, str] | None = None
+) -> RobotParts:
+    """Return the drives and sensor nodes of a robot.
+
+    Parameters
+    ----------
+    config
+        The robot.
+    codec
+        Of our own protocol.
+    proofs
+        Settings with which its drives were proven; None: no drive needs a proof.
+
+    Raises
+    ------
+    ConfigError
+        If a drive cannot do what the robot needs, or two parts share a frame.
+    """
+    return RobotParts(
+        codec,
+        node_parameters(config),
+        fit(config.drive, config.motors),
+        fastest_wheel_rad_s(config.drive, config.limits),
+        [bus.name for bus in config.buses],
+        config.nodes,
+        proofs,
+    )
+
+
+def open_ports(config: RobotConfig, parts: RobotParts, clock: Clock) -> dict[str, SocketPort]:
     """Return a port on each of the robot's buses, by the name of the bus.
 
     Raises
@@ -76,7 +109,7 @@ def open_ports(
     with ExitStack() as opened:
         ports = {}
         for bus in config.buses:
-            ports[bus.name] = port = SocketPort(bus, arbitration_ids, clock)
+            ports[bus.name] = port = SocketPort(bus, parts.identifiers(bus.name), clock)
             opened.callback(port.close)
         opened.pop_all()
     return ports
@@ -87,12 +120,15 @@ def make_robot(config: RobotConfig, clock: Clock) -> CanRobot:
 
     Raises
     ------
+    ConfigError
+        As `make_parts`.
     LinkError
-        If one cannot be opened.
+        If a bus cannot be opened.
     """
-    codec = make_codec()
-    ports = open_ports(config, codec.arbitration_ids, clock)
-    return CanRobot(ports[config.buses[0].name], codec, node_parameters(config))
+    # What hangs on simulated buses hurts nobody.
+    is_simulated = all(bus.interface == "simcan" for bus in config.buses)
+    parts = make_parts(config, make_codec(), None if is_simulated else config.proof)
+    return CanRobot(open_ports(config, parts, clock), parts)
 
 
 def record_header(config: RobotConfig, options: StackOptions) -> RecordHeader:

@@ -11,7 +11,7 @@ from firmware_sim.bus.frame import BIT_RATE_SWITCH_FLAG, ERROR_STATE_FLAG, FD_FL
 from firmware_sim.bus.state import FdSupport
 from firmware_sim.errors import SimulationError
 from firmware_sim.world.world import World
-from robotctl.app.processes.robot import make_codec, make_core, node_parameters
+from robotctl.app.processes.robot import make_codec, make_core, make_parts
 from robotctl.app.simulation.sim_options import SimulatorError, simulated_robot
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig
@@ -20,7 +20,7 @@ from robotctl.core.control_tick import ControlTick
 from robotctl.core.operator import Operator
 from robotctl.drivers.can.config import CanConfig
 from robotctl.drivers.can.memory_port import MemoryPort
-from robotctl.drivers.can.nodes.robot_can import CanRobot
+from robotctl.drivers.can.robot_can import CanRobot
 from robotctl.messages.actuators import ActuatorCommand
 from robotctl.messages.control import (
     ControlRequest,
@@ -65,10 +65,10 @@ class LockstepStack:
         self.simulation = simulation
         self.period_ns = config.runtime.period_ns
         self.step_ns = Histogram()
-        codec = make_codec()
+        parts = make_parts(config, make_codec())
         ports = {
             bus.name: attach_port(
-                simulation.buses[bus.name], bus, codec.arbitration_ids, self.clock
+                simulation.buses[bus.name], bus, parts.identifiers(bus.name), self.clock
             )
             for bus in config.buses
         }
@@ -76,7 +76,7 @@ class LockstepStack:
         self.ticks = 0
         self._requests: tuple[ControlRequest, ...] = ()
         self.control = ControlTick(
-            CanRobot(ports[config.buses[0].name], codec, node_parameters(config)),
+            CanRobot(ports, parts),
             self.core,
             Operator(lambda: self._requests, tell),
         )
@@ -127,9 +127,16 @@ class LockstepStack:
 
 
 def attach_port(
-    bus: Bus, config: CanConfig, arbitration_ids: Collection[int], clock: Clock
+    bus: Bus,
+    config: CanConfig,
+    arbitration_ids: Collection[int] | None,
+    clock: Clock,
+    name: str = "host",
 ) -> MemoryPort:
-    """Return the host's port on a simulated bus."""
+    """Return a host's port on a simulated bus, which accepts some identifiers or (None) all.
+
+    No other port there has its name.
+    """
     fd = config.data_bitrate > 0
     switch = BIT_RATE_SWITCH_FLAG if config.data_bitrate > config.bitrate else 0
 
@@ -142,7 +149,7 @@ def attach_port(
         )
 
     wire = bus.attach(
-        "host",
+        name,
         deliver_fd if fd else lambda frame: port.deliver(*frame),
         accept=arbitration_ids,
         errors=True,
@@ -156,7 +163,7 @@ def make_simulation(
     robot: Path,
     world: Path | World,
     seed: int,
-    start: tuple[float, float, float],
+    start: tuple[float, float, float] | None,
     overrides: Sequence[str] = (),
     people: int = 0,
 ) -> Simulation:
@@ -165,7 +172,8 @@ def make_simulation(
     Raises
     ------
     SimulatorError
-        If a file is wrong or the robot cannot stand at `start` (x [m], y [m], heading [rad]).
+        If a file is wrong or the robot cannot stand at `start` (x [m], y [m], heading [rad]);
+        None: where the world has it.
     """
     simulated = simulated_robot(robot, overrides)
     try:

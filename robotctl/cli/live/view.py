@@ -278,11 +278,9 @@ class LiveView:
             elif (now := what_now(control, keys=self._keys)) and not silent:
                 yield _line(now, "bold")
             battery = control.battery
-            charge = (
-                f"battery {battery.voltage_v:.1f} V {100 * battery.charge:.0f} %"
-                if battery is not None
-                else "battery -"
-            )
+            charge = "battery -" if battery is None else f"battery {battery.voltage_v:.1f} V"
+            if battery is not None and not math.isnan(battery.charge):
+                charge += f" {100 * battery.charge:.0f} %"
             yield _line(
                 f"{_place(progress.pose, '  ')}  {_measured(control.v_m_s)} m/s   "
                 f"{charge}  {_factor(progress)}",
@@ -336,7 +334,7 @@ class LiveView:
                     f"duty {control.duty[index]:5.2f} {current}"
                 ),
             )
-        if self._config.drive.steered:
+        if self._config.drive.joint_names:
             yield "steering", f"{math.degrees(control.steering_rad):5.1f}°"
         yield "driven", f"{control.distance_m:.1f} m (odometer {control.odometer_m / 1000:.3f} km)"
 

@@ -12,6 +12,9 @@ from robotctl.errors import InvalidValue
 _BITRATES = (10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)
 _DATA_BITRATES = (*_BITRATES, 2_000_000, 4_000_000, 5_000_000, 8_000_000)
 
+MAX_SUPPLY_V: Final = 65.5
+"""More than this no drive can report [V]."""
+
 RESTART_MS: Final = 100
 """Wanted pause between bus-off and the controller's return [ms]."""
 
@@ -159,6 +162,36 @@ def bring_up(config: CanConfig, kind: str = "") -> str:
 
 
 @dataclass(frozen=True, slots=True)
+class PowerConfig:
+    """Source of the supply voltage.
+
+    Parameters
+    ----------
+    source
+        `node`: our battery monitor, which has its own limits; `drives`: the motor drives, by the
+        limits here.
+    low_v
+        A battery under this for 2 s is low: the robot does not arm [V].
+    critical_v
+        A battery under this for 2 s is critical: the robot stops [V].
+    """
+
+    source: Literal["node", "drives"] = "node"
+    low_v: float = 0.0
+    critical_v: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the limits."""
+        if self.source == "drives" and not 0.0 < self.critical_v <= self.low_v <= MAX_SUPPLY_V:
+            raise InvalidValue(
+                "critical_v",
+                f"must be over 0 and at most low_v ({self.low_v:g}), which is at most "
+                f"{MAX_SUPPLY_V:g}, where drives tell the supply, not {self.critical_v:g}",
+                self.critical_v,
+            )
+
+
+@dataclass(frozen=True, slots=True)
 class NodeParameters:
     """Required and configured settings of the nodes, before the robot may arm.
 
@@ -167,26 +200,23 @@ class NodeParameters:
     rate_hz
         Rate of the control loop and so of SYNC [Hz].
     command_timeout_ms
-        Written to the drive and read back [ms]: 10 to 1000, at least two control periods.
+        Written to the drives and read back [ms]: 10 to 1000, at least two control periods.
     heartbeat_timeout_ms
         A node silent for longer is lost [ms].
-    counts_per_revolution
-        Quadrature counts at the wheel that the drive must report.
-    steered
-        Whether the robot has a steering angle; if so, DriveStatus comes on every SYNC.
     sonars
         Sonars the ring must have, 0 to 16; with 0 the sonar node is not needed.
     imu
         Whether there must be an IMU.
+    power
+        Who tells the supply: with `node` there must be a battery monitor.
     """
 
     rate_hz: int
     command_timeout_ms: int
     heartbeat_timeout_ms: int
-    counts_per_revolution: int
-    steered: bool
     sonars: int
     imu: bool = False
+    power: PowerConfig = PowerConfig()
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -210,12 +240,6 @@ class NodeParameters:
                 "heartbeat_timeout_ms",
                 f"must be positive, not {self.heartbeat_timeout_ms}",
                 self.heartbeat_timeout_ms,
-            )
-        if self.counts_per_revolution <= 0:
-            raise InvalidValue(
-                "counts_per_revolution",
-                f"must be positive, not {self.counts_per_revolution}",
-                self.counts_per_revolution,
             )
         if not 0 <= self.sonars <= 16:
             raise InvalidValue("sonars", f"must be 0 to 16, not {self.sonars}", self.sonars)

@@ -17,7 +17,7 @@ from robotctl.config.robot_file import RobotConfig, load_robot
 from robotctl.errors import CalibrationError, ConfigError
 from robotctl.estimation.odometry.calibration import Calibration, calibrate, widened
 from robotctl.estimation.odometry.fit import Reference
-from robotctl.estimation.odometry.model import OdometryModel
+from robotctl.estimation.odometry.model import Drive, OdometryModel
 from robotctl.estimation.odometry.runs import OdometryRun
 from robotctl.logs.formats.recorded_log import read_recording
 from robotctl.words import counted
@@ -154,11 +154,21 @@ def calibrate_odometry(
     return _from_simulation(options, config, progress)
 
 
+def _known(config: RobotConfig) -> Drive:
+    """Return the robot's drive, if its errors can be found; raises ConfigError."""
+    if not isinstance(config.drive, Drive):
+        raise ConfigError(
+            f"drive.kind: {config.drive.kind!r} found; calibration knows differential, tricycle "
+            "and ackermann"
+        )
+    return config.drive
+
+
 def _from_simulation(
     options: OdometryCalibrateOptions, config: RobotConfig, progress: Progress
 ) -> OdometryCalibrateResult:
     """Let the simulated robot drive before and after."""
-    model = OdometryModel(config.drive)
+    model = OdometryModel(_known(config))
     runs = tuple(Campaign(options.robot, options.overrides, options.seed).drives(model, progress))
     found = _fit(config, runs, _tape(runs), progress)
     settings = tuple(
@@ -181,7 +191,7 @@ def _from_tape(
     options: OdometryCalibrateOptions, config: RobotConfig, file: Path, progress: Progress
 ) -> OdometryCalibrateResult:
     """Fit runs that a user measured."""
-    _, runs, read = runs_of_file(file, OdometryModel(config.drive))
+    _, runs, read = runs_of_file(file, OdometryModel(_known(config)))
     found = _fit(config, runs, _tape(runs), progress)
     notes = (*read, "Before and after are computed on the same runs; drive again to prove it.")
     return OdometryCalibrateResult(
@@ -194,7 +204,7 @@ def _from_log(
 ) -> OdometryCalibrateResult:
     """Fit a log; test the result of its first half on its second."""
     progress(f"reading {log}")
-    model = OdometryModel(config.drive)
+    model = OdometryModel(_known(config))
     recording = read_recording(
         log, options.mrclam_robot, with_sonars=False, time_unit=options.time_unit
     )
@@ -228,7 +238,7 @@ def _fit(
     """Fit, or raise an error in the user's terms."""
     progress(f"fitting {counted(sum(len(run.reference_s) for run in runs), 'reference')}")
     try:
-        return calibrate(config.drive, runs, reference, config.odometry)
+        return calibrate(_known(config), runs, reference, config.odometry)
     except ValueError as error:
         raise CalibrationError(str(error)) from error
 

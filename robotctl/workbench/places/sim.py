@@ -42,7 +42,7 @@ def simulated_turn(
     PlaceError
         If it has no sonars, cannot turn on the spot, or is stopped.
     """
-    if robot.drive.steered:
+    if robot.drive.min_turning_radius_m > 0.0:
         raise PlaceError(f"{robot.robot.name} has steering: it cannot turn on the spot")
     if not robot.sonar:
         raise PlaceError(f"{path}: the robot has no sonars")

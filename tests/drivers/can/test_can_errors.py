@@ -96,7 +96,6 @@ def test_no_path_of_a_socket_has_a_nul_in_it():
         ({"command_timeout_ms": 0}, "command_timeout_ms must be 10 to 1000"),
         ({"rate_hz": 100, "command_timeout_ms": 19}, r"at least two control periods \(20 ms\)"),
         ({"heartbeat_timeout_ms": 0}, "heartbeat_timeout_ms must be positive"),
-        ({"counts_per_revolution": 0}, "counts_per_revolution must be positive"),
         ({"sonars": 17}, "sonars must be 0 to 16"),
     ],
 )
@@ -105,8 +104,6 @@ def test_parameters_that_no_robot_can_have_are_refused(fields, said):
         "rate_hz": 200,
         "command_timeout_ms": 100,
         "heartbeat_timeout_ms": 350,
-        "counts_per_revolution": 2400,
-        "steered": False,
         "sonars": 8,
     }
     NodeParameters(**good)

@@ -3,11 +3,13 @@ from pathlib import Path
 
 import pytest
 
+from robotctl.drivers.can.config import NodeParameters
 from robotctl.drivers.can.dbc import load_dbc
 from robotctl.drivers.can.nodes.robot_codec import RobotCodec
 from robotctl.errors import ConfigError
 from robotctl.messages.ports import EXTENDED_FLAG
 from tests.drivers.can.dbc_files import FORMATS
+from tests.native_frames import native_parts
 
 ROBOT_DBC = Path(__file__).parents[3] / "configs" / "robot.dbc"
 
@@ -56,9 +58,10 @@ def test_the_host_listens_to_what_is_sent_to_it(dbc, oracle):
     assert 0x201 not in expected
 
 
-def test_the_codec_also_lets_in_what_others_send_in_the_place_of_the_host(codec, dbc):
+def test_the_host_also_lets_in_what_others_send_in_its_place(codec, dbc):
+    parts = native_parts(codec, NodeParameters(200, 90, 350, sonars=16, imu=True))
     foreign = {0x000, 0x001, 0x080, 0x201, 0x601, 0x602, 0x603, 0x604}
-    assert set(codec.arbitration_ids) == {*foreign, *dbc.received_by("HOST")}
+    assert set(parts.identifiers("")) == {*foreign, *dbc.received_by("HOST")}
 
 
 def refusal(path):
@@ -146,8 +149,9 @@ def test_a_message_may_have_a_29_bit_identifier_and_big_endian_signals(edited_db
     )
     codec = RobotCodec(load_dbc(path))
     assert codec.dbc.message("Battery").arbitration_id == 387 | EXTENDED_FLAG
-    assert 387 | EXTENDED_FLAG in codec.arbitration_ids
-    assert 387 not in codec.arbitration_ids
+    parts = native_parts(codec, NodeParameters(200, 90, 350, sonars=0))
+    assert 387 | EXTENDED_FLAG in parts.identifiers("")
+    assert 387 not in parts.identifiers("")
     frame = bytes((0, 0, 0, 0, 0x01, 0x02, 0, 0))
     (voltage_v,) = codec.decoder("DriveStatus", "BusVoltage")(frame)
     assert voltage_v == pytest.approx(0x0102 * codec.dbc.signal("DriveStatus", "BusVoltage").scale)

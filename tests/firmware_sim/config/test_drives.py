@@ -84,8 +84,9 @@ def test_loads_balance_the_weight_and_its_moments(x: float, y: float, name: str)
     try:
         config = make(more, **drive)
     except ValueError:
-        # Only where a wheel would be lifted: never so near the middle.
-        assert abs(x) + abs(y) > 0.1
+        # Only where a wheel would be lifted: never so near the middle. Of six on equal springs it
+        # is an end one, once the centre of mass is two thirds of the way to it.
+        assert abs(x) + abs(y) > (0.08 if name.endswith("six") else 0.1)
         return
     chassis = config.drive.chassis(config.simulation)
     places = {g.wheel: (g.x_m, g.y_m) for g in chassis.grips}

@@ -60,6 +60,10 @@ class Axis:
         Number of the axis on the drive, from 1.
     name
         Name of the wheel or joint.
+    takes
+        What a command for it is.
+    ticks_per_revolution
+        Unit of the wheel's position; 0 for a joint.
     """
 
     __slots__ = (
@@ -69,12 +73,14 @@ class Axis:
         "name",
         "number",
         "takes",
+        "ticks_per_revolution",
     )
 
     def __init__(self, config: AxisConfig, takes: Takes, ticks_per_revolution: int) -> None:
         self.number = config.axis
         self.name = config.actuator
         self.takes = takes
+        self.ticks_per_revolution = ticks_per_revolution
         self._motor_per_wheel = math.copysign(config.ratio, -1.0 if config.reversed else 1.0)
         self._wheel_per_motor = 1.0 / self._motor_per_wheel
         self._ticks_per_turn = ticks_per_revolution * self._wheel_per_motor

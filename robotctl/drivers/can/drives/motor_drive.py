@@ -14,7 +14,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
+from robotctl.drivers.can.bus_load import Cyclic
+from robotctl.drivers.can.bus_notes import BusNotes
 from robotctl.drivers.can.drives.axis import Axis, AxisConfig
+from robotctl.drivers.can.drives.probe import Probe
+from robotctl.drivers.can.nodes.robot_codec import RobotCodec
 from robotctl.messages.actuators import ActuatorCommand, ActuatorFeedback
 from robotctl.messages.control import EmergencyStopSource, NodeStatus
 from robotctl.model.actuators import Abilities
@@ -42,12 +46,18 @@ class DriveNeeds:
         A drive silent for longer is lost [ms].
     max_rad_s
         Greatest speed of a wheel that the robot's limits allow [rad/s].
+    codec
+        Codec of our own protocol.
+    notes
+        Notes about strangers and damaged frames, which all parts share.
     """
 
     rate_hz: int
     command_timeout_ms: int
     heartbeat_timeout_ms: int
     max_rad_s: float
+    codec: RobotCodec
+    notes: BusNotes
 
     @property
     def period_ns(self) -> int:
@@ -55,24 +65,46 @@ class DriveNeeds:
         return 1_000_000_000 // self.rate_hz
 
 
-class MotorDrive(Protocol):
-    """One motor drive on a bus, with one axis or several."""
+class BusPart(Protocol):
+    """Whatever the host talks to on a bus: a drive or a sensor."""
 
-    handlers: Mapping[int, Handler]
-    """Frames that it listens to, by `Frame.arbitration_id`; fixed once it is made."""
+    @property
+    def handlers(self) -> Mapping[int, Handler]:
+        """Frames that it listens to, by `Frame.arbitration_id`; fixed once it is made."""
 
-    reports: tuple[ActuatorFeedback, ...]
-    """The newest of each of its axes, in their order; another object only where one changed."""
+    @property
+    def host_frames(self) -> Mapping[int, str]:
+        """Names of the frames on its bus that only the host may send, by identifier."""
 
-    status: NodeStatus
-    """Whether it is there and in service, and why not; another object only where it changed."""
+    @property
+    def wants_sync(self) -> bool:
+        """Whether it waits for CANopen's SYNC, once a tick behind the commands."""
 
-    proof: str | None
-    """Its settings for a host that falls silent, as read back from it, in words; None until they
-    are known. The robot arms only with a drive that was seen to stop with just these."""
+    @property
+    def status(self) -> NodeStatus:
+        """Whether it is there and in service, and why not; another object only where it changed."""
 
     def check(self, now_ns: int) -> None:
-        """Judge what was received up to now: update `reports` and `status`."""
+        """Judge what was received up to now."""
+
+    def serve(self, send: Send, now_ns: int) -> bool:
+        """Send at most one frame of identification, settings or state changes; whether it did."""
+
+
+class MotorDrive(BusPart, Protocol):
+    """One motor drive, with one axis or several."""
+
+    @property
+    def reports(self) -> tuple[ActuatorFeedback, ...]:
+        """The newest of each of its axes, in their order; another object only where it changed."""
+
+    @property
+    def proof(self) -> str | None:
+        """Its settings for a host that falls silent, as read back from it, in words.
+
+        None until they are known; empty where there is nothing to prove. The robot arms only with
+        a drive that was seen to stop with just these.
+        """
 
     def command(self, send: Send, command: ActuatorCommand, now_ns: int) -> None:
         """Send the command of this tick.
@@ -87,9 +119,6 @@ class MotorDrive(Protocol):
         now_ns
             Present time [ns].
         """
-
-    def serve(self, send: Send, now_ns: int) -> bool:
-        """Send at most one frame of identification, settings or state changes; whether it did."""
 
     def emergency_stop(self, send: Send, source: EmergencyStopSource) -> bool:
         """Take the power at once and stay so until `clear_faults`; False if the bus is full."""
@@ -123,11 +152,19 @@ class MotorConfig(Protocol):
 
     @property
     def abilities(self) -> Abilities:
-        """What drives of this kind can do."""
+        """Abilities of drives of this kind."""
 
     @property
     def silence(self) -> str:
-        """What it does when the host is silent, for people; as in docs/hardware.md."""
+        """Reaction to a silent host, in words, as in docs/hardware.md."""
+
+    @property
+    def accept_coasting(self) -> bool:
+        """Whether the file accepts that the wheels coast, or run on, when the host is silent."""
+
+    @property
+    def accept_timeout_ms(self) -> int:
+        """Longer time without a command that the file accepts [ms]; 0: the robot's own."""
 
     def ages(self, safety: SafetyConfig, period_ns: int) -> tuple[AgeLimit, ...]:
         """Return how old what it tells may be: "motion", "report" and "supply"."""
@@ -140,3 +177,23 @@ class MotorConfig(Protocol):
         InvalidValue
             If it cannot do what is needed, such as so short a time-out.
         """
+
+    def traffic(self, safety: SafetyConfig, rate_hz: int) -> tuple[Cyclic, ...] | None:
+        """Return the frames that it and the host exchange all the time, at most.
+
+        Parameters
+        ----------
+        safety
+            Its time-outs decide how often heartbeats are sent.
+        rate_hz
+            Rate of the control loop [Hz].
+
+        Returns
+        -------
+        tuple[Cyclic, ...] | None
+            None where robot.dbc has them, as those of its node DRIVE.
+        """
+
+    @staticmethod
+    def probe() -> Probe:
+        """Return a probe that finds drives of this kind on a bus."""

@@ -91,7 +91,7 @@ def identify(product: int) -> Check:
     request = Request(0x1018, 3, "revision")
     response = yield request
     if response.value is None:
-        return _failure(request, response)
+        return failure(request, response)
     if response.value >> 16 != REVISION_MAJOR:
         text = f"revision 0x{response.value:08X} is not 0x{REVISION_MAJOR:04X}xxxx"
         return Fault(FaultCode.NODE_OTHER_FIRMWARE, text)
@@ -105,7 +105,7 @@ def same_wire(ours: int, *, optional: bool = False) -> Check:
     if optional and response.abort == ABORT_NO_OBJECT:
         return None
     if response.value is None:
-        return _failure(request, response)
+        return failure(request, response)
     if response.value != ours:
         text = f"wire version 0x{response.value:08X} is not ours 0x{ours:08X}"
         return Fault(FaultCode.NODE_OTHER_FIRMWARE, text)
@@ -118,7 +118,7 @@ def expect(
     """Read an object that must have the value `wanted`; `text` says that it has another."""
     response = yield request
     if response.value is None:
-        return _failure(request, response)
+        return failure(request, response)
     if response.value != wanted:
         return Fault(code, text.format(found=response.value, wanted=wanted))
     return None
@@ -127,12 +127,8 @@ def expect(
 def configure_and_start(*settings: Setting) -> Script:
     """Write objects and read them back, before the node is operational and again then."""
     for setting in settings:
-        if setting.wanted is not None:
-            response = yield setting.writing
-            if response.value is None:
-                return _failure(setting.writing, response)
-            if problem := (yield from _read_back(setting)):
-                return problem
+        if setting.wanted is not None and (problem := (yield from write(setting))):
+            return problem
     yield Start.START
     kept = []
     for setting in settings:
@@ -140,22 +136,25 @@ def configure_and_start(*settings: Setting) -> Script:
         if setting.wanted is None and response.abort == ABORT_NO_OBJECT:
             continue  # a node without such a limit
         if response.value is None:
-            return _failure(setting.reading, response)
+            return failure(setting.reading, response)
         if setting.wanted not in (None, response.value):
             return setting.differs(response.value)
         kept.append(replace(setting, wanted=response.value))
     return tuple(kept)
 
 
-def _read_back(setting: Setting) -> Check:
-    """Check that an object has the value that was written."""
+def write(setting: Setting) -> Check:
+    """Give an object the wanted value, and check that it has it."""
+    response = yield setting.writing
+    if response.value is None:
+        return failure(setting.writing, response)
     response = yield setting.reading
     if response.value is None:
-        return _failure(setting.reading, response)
+        return failure(setting.reading, response)
     return None if response.value == setting.wanted else setting.differs(response.value)
 
 
-def _failure(request: Request, response: SdoResponse) -> Fault:
+def failure(request: Request, response: SdoResponse) -> Fault:
     """Say that a transfer did not succeed."""
     if response.abort is None:
         return no_answer(request)

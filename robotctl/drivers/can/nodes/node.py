@@ -60,7 +60,7 @@ class NodePhase(enum.Enum):
     """Phases of a node's commissioning."""
 
     SILENT = "not heard"
-    WAKING = "leaves NMT stopped"
+    WAKING = "goes to pre-operational"
     IDENTIFYING = "script runs"
     STARTING = "waits for operational"
     VERIFYING = "script runs on, operational"
@@ -83,6 +83,13 @@ class Node:
         A node silent for longer is lost [ns].
     strangers
         Where it is noted what others do in its name, or to it.
+    knock
+        Sent now and then to a node that is not heard; starts the heartbeat of one that has none of
+        its own accord. None: nothing.
+    rests
+        Whether the script needs the node in pre-operational, as where it maps PDOs.
+    sdo_pause_ns
+        Least time from one request to its SDO server to the next [ns].
     """
 
     def __init__(
@@ -92,6 +99,10 @@ class Node:
         script: Callable[[], Script],
         heartbeat_timeout_ns: int,
         strangers: StrangerBook,
+        *,
+        knock: Request | None = None,
+        rests: bool = False,
+        sdo_pause_ns: int = 0,
     ) -> None:
         self.node_id = node_id
         self.phase = NodePhase.SILENT
@@ -99,9 +110,12 @@ class Node:
         self._make_script = script
         self._timeout_ns = heartbeat_timeout_ns
         self._strangers = strangers
-        self._sdo = SdoClient()
+        self._sdo = SdoClient(sdo_pause_ns)
+        self._knock = knock
+        self._rests = rests
         self._script: Script | None = None
         self._extra: Request | None = None
+        self._answered: Callable[[SdoResponse], None] | None = None
         self._kept: tuple[Setting, ...] = ()
         """Settings to read back; the first is next."""
         self._is_reading = False
@@ -124,7 +138,7 @@ class Node:
         self._attempts = 0
         self._wait_until_ns = 0
         self._fault: Fault | None = Fault(FaultCode.NODE_NOT_HEARD, "not heard on the bus")
-        self.busy = False
+        self.busy = knock is not None
         """Whether `poll` may have something to send."""
         self.status: NodeStatus
         self._refresh()
@@ -221,16 +235,22 @@ class Node:
             return False
         self._stop_script()
         self.phase = NodePhase.SILENT
-        self.busy = False
+        self.busy = self._knock is not None
         self._say(Fault(FaultCode.NODE_SILENT, f"no heartbeat for {self._timeout_ns / 1e6:g} ms"))
         return True
 
-    def request(self, request: Request) -> bool:
-        """Start a transfer beside the script; False if the node is not in service or busy."""
+    def request(
+        self, request: Request, answered: Callable[[SdoResponse], None] | None = None
+    ) -> bool:
+        """Start a transfer beside the script; False if the node is not in service or busy.
+
+        `answered` is called with its end.
+        """
         if self.phase is not NodePhase.READY or self._extra is not None:
             return False
         self._is_reading = False  # that can wait
         self._extra = request
+        self._answered = answered
         self._sdo.start(request)
         self.busy = True
         return True
@@ -274,6 +294,8 @@ class Node:
             return REQUEST_BASE + self.node_id, data
         if now_ns < self._wait_until_ns:
             return None
+        if self.phase is NodePhase.SILENT and self._knock is not None:
+            return REQUEST_BASE + self.node_id, self._knock.frame()
         if self.phase is NodePhase.REFUSED:
             self._begin(again=True)
         elif self.phase in (NodePhase.WAKING, NodePhase.STARTING):
@@ -300,7 +322,9 @@ class Node:
         self.busy = True
         if not again:
             self._say(Fault(FaultCode.NODE_STARTING, "is being identified"))
-        if self._nmt_state == NMT_STOPPED:
+        if self._nmt_state == NMT_STOPPED or (
+            self._rests and self._nmt_state != NMT_PRE_OPERATIONAL
+        ):
             self.phase = NodePhase.WAKING
         else:
             self._identify()
@@ -329,6 +353,8 @@ class Node:
         if self._extra is not None:
             self._extra = None
             self.busy = False
+            if self._answered is not None:
+                self._answered(response)
             return
         if self._script is None:
             return

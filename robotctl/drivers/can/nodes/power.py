@@ -67,4 +67,5 @@ POWER: Final = CanNode(
     script=power_script,
     frames=(NodeFrame("Battery", "battery", _read_battery),),
     ages=_ages,
+    is_wanted=lambda parameters: parameters.power.source == "node",
 )

@@ -1,4 +1,4 @@
-"""`CAN_NODES`: every kind of node that a robot may have on its bus.
+"""`CAN_NODES`: every kind of sensor node of ours that a robot may have on its buses.
 
 Handlers, commissioning, age limits and the checks of `robotctl doctor` follow from it.
 """
@@ -9,14 +9,13 @@ from typing import Final
 
 from robotctl.drivers.can.config import NodeParameters
 from robotctl.drivers.can.nodes.can_node import CanNode
-from robotctl.drivers.can.nodes.drive import DRIVE
 from robotctl.drivers.can.nodes.imu import IMU
 from robotctl.drivers.can.nodes.power import POWER
 from robotctl.drivers.can.nodes.sonar import SONAR
 from robotctl.safety.ages import AgeLimit
 from robotctl.safety.state_machine import SafetyConfig
 
-CAN_NODES: Final[tuple[CanNode, ...]] = (DRIVE, SONAR, POWER, IMU)
+CAN_NODES: Final[tuple[CanNode, ...]] = (SONAR, POWER, IMU)
 
 
 def wanted_nodes(parameters: NodeParameters) -> tuple[CanNode, ...]:
@@ -27,6 +26,8 @@ def wanted_nodes(parameters: NodeParameters) -> tuple[CanNode, ...]:
 def age_limits(
     parameters: NodeParameters, safety: SafetyConfig, period_ns: int
 ) -> tuple[AgeLimit, ...]:
-    """Return the maximum ages of the reports of a robot's nodes; control period [ns]."""
-    nodes = wanted_nodes(parameters)
-    return tuple(limit for node in nodes for limit in node.ages(safety, period_ns))
+    """Return how old what a robot's sensor nodes tell may be; control period [ns]."""
+    limits = [limit for node in wanted_nodes(parameters) for limit in node.ages(safety, period_ns)]
+    if parameters.power.source == "drives":
+        limits += POWER.ages(safety, period_ns)
+    return tuple(limits)

@@ -10,10 +10,10 @@ from collections.abc import Callable, Collection
 from typing import Final
 
 from robotctl.drivers.can.codec import Decoder, compile_decoder, compile_encoder, data_id_crc
-from robotctl.drivers.can.dbc import HOST, Dbc, Message
+from robotctl.drivers.can.dbc import Dbc, Message
+from robotctl.drivers.can.drives.native.wire import FRAMES as DRIVE_FRAMES
 from robotctl.drivers.can.nodes.can_node import Value
 from robotctl.drivers.can.nodes.registry import CAN_NODES
-from robotctl.drivers.can.nodes.sdo import NODE_ID_MAX, REQUEST_BASE
 from robotctl.errors import ConfigError
 from robotctl.messages.control import EmergencyStopSource
 
@@ -34,8 +34,8 @@ class RobotCodec:
     Attributes
     ----------
     readers
-        For each protected message of `CAN_NODES`, the function from data and time of reception
-        [ns] to what it says.
+        For each protected message of our drive and of `CAN_NODES`, the function from data and time
+        of reception [ns] to what it says.
 
     Raises
     ------
@@ -52,11 +52,7 @@ class RobotCodec:
         self.emergency_stop_id = dbc.message(EMERGENCY_STOP).arbitration_id
         self.host_only = {dbc.message(name).arbitration_id: name for name in (COMMAND, SYNC, NMT)}
         """Names of the frames that only the host may send, by identifier."""
-        foreign = {self.emergency_stop_id, *self.host_only, *_sdo_requests(dbc)}
-        self.arbitration_ids = tuple(sorted({*foreign, *dbc.received_by(HOST)}))
-        """What the host listens to: what is meant for it; what others send in its place; emergency
-        stops and SDO requests by others."""
-        frames = [frame for node in CAN_NODES for frame in node.frames]
+        frames = [*DRIVE_FRAMES, *(frame for node in CAN_NODES for frame in node.frames)]
         for name in (COMMAND, *(frame.message for frame in frames)):
             dbc.protection(name)
         _check_data_ids(dbc)
@@ -79,12 +75,6 @@ class RobotCodec:
         """Return the decoder of some signals, those of `raw` unscaled."""
         names = _present(self.dbc, message, *signals)
         return compile_decoder(self.dbc.message(message), names, raw)
-
-
-def _sdo_requests(dbc: Dbc) -> list[int]:
-    """Return the identifiers of requests to the SDO servers of the nodes."""
-    numbers = (message.arbitration_id for message in dbc.messages.values())
-    return [each for each in numbers if REQUEST_BASE < each <= REQUEST_BASE + NODE_ID_MAX]
 
 
 def _present(dbc: Dbc, message: str, *signals: str) -> tuple[str, ...]:

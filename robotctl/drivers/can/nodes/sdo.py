@@ -61,9 +61,18 @@ class SdoResponse:
 
 
 class SdoClient:
-    """Client side of one node's SDO channel. Transfers are started only when `idle`."""
+    """Client side of one node's SDO channel. Transfers are started only when `idle`.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    pause_ns
+        Least time from one request to the next [ns]: some servers lose what comes sooner.
+    """
+
+    def __init__(self, pause_ns: int = 0) -> None:
+        self._pause_ns = pause_ns
+        self._free_ns = 0
+        """When the next request may be sent [ns]."""
         self._request: Request | None = None
         self._sent_ns: int | None = None
         self._attempts = 0
@@ -89,6 +98,8 @@ class SdoClient:
             self._sent_ns is not None and now_ns - self._sent_ns < TIMEOUT_NS
         ):
             return None
+        if now_ns < self._free_ns:
+            return None
         return self._request.frame()
 
     def expired(self, now_ns: int) -> bool:
@@ -106,6 +117,7 @@ class SdoClient:
     def sent(self, now_ns: int) -> None:
         """Note that the frame of `poll` was taken by the bus."""
         self._sent_ns = now_ns
+        self._free_ns = now_ns + self._pause_ns
         self._attempts += 1
 
     def receive(self, data: bytes) -> SdoResponse | None:

@@ -4,8 +4,8 @@ import struct
 
 from robotctl.drivers.can.config import CanConfig
 from robotctl.drivers.can.memory_port import MemoryPort
-from robotctl.drivers.can.nodes.robot_can import CanRobot
 from robotctl.messages.actuators import ActuatorCommand
+from tests.native_frames import DIFFERENTIAL, native_parts, native_robot
 
 TICK_NS = 5_000_000
 MS = 1_000_000
@@ -70,11 +70,13 @@ class FakeNode:
 class FakeBus:
     """Three nodes and the host; what is delivered arrives with the next tick."""
 
-    def __init__(self, codec, parameters, clock):
+    def __init__(self, codec, parameters, clock, drive=DIFFERENTIAL):
         self.clock = clock
+        self.codec = codec
         self.sent = []
-        self.port = MemoryPort(self.transmit, codec.arbitration_ids, CanConfig(), clock)
-        self.robot = CanRobot(self.port, codec, parameters)
+        parts = native_parts(codec, parameters, drive)
+        self.port = MemoryPort(self.transmit, parts.identifiers(""), CanConfig(), clock)
+        self.robot = native_robot(self.port, parts)
         self.drive = FakeNode(
             self,
             1,

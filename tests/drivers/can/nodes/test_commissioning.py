@@ -12,6 +12,7 @@ from tests.drivers.can.nodes.fake_nodes import (
     STOPPED,
     FakeBus,
 )
+from tests.native_frames import TRICYCLE
 
 MS = 1_000_000
 
@@ -102,7 +103,7 @@ def test_a_drive_that_is_not_ours_is_not_started(bus, key, value, problem):
     bus.drive.objects[key] = value
     bus.run(700)
     assert bus.status(1).problem == problem.replace(
-        "0x1C76FE73", f"0x{bus.robot._codec.dbc.wire_version:08X}"
+        "0x1C76FE73", f"0x{bus.codec.dbc.wire_version:08X}"
     )
     assert bus.drive.state == PRE_OPERATIONAL
     assert (0x000, b"\x01\x01") not in [frame[1:] for frame in bus.sent]
@@ -298,7 +299,7 @@ def test_a_robot_without_sonars_does_not_ask_for_the_ring(codec, parameters, clo
 
 
 def test_a_steered_robot_gets_its_drive_status_on_every_sync(codec, parameters, clock):
-    bus = FakeBus(codec, dataclasses.replace(parameters, steered=True, rate_hz=1000), clock)
+    bus = FakeBus(codec, dataclasses.replace(parameters, rate_hz=1000), clock, TRICYCLE)
     bus.run(500)
     assert bus.drive.objects[0x1801, 2] == 20
     assert bus.drive.objects[0x1802, 2] == 1

@@ -18,11 +18,11 @@ from robotctl.app.processes.robot import node_parameters
 from robotctl.config.robot_file import find_file, load_robot
 from robotctl.drivers.can.config import CanConfig
 from robotctl.drivers.can.memory_port import MemoryPort
-from robotctl.drivers.can.nodes.robot_can import CanRobot
 from robotctl.drivers.can.port import SocketPort
 from robotctl.messages.actuators import ActuatorCommand
 from robotctl.messages.ports import EXTENDED_FLAG, FD_LENGTHS, REMOTE_FLAG
 from robotctl.runtime.clock import VirtualClock
+from tests.native_frames import native_parts, native_robot
 
 PERIOD_NS = 5_000_000
 START_NS = 1_000_000_000
@@ -50,8 +50,10 @@ class Player:
         near.setblocking(False)
         self.far.setblocking(False)
         self.clock = VirtualClock(START_NS)
-        port = SocketPort(config, codec.arbitration_ids, self.clock, lambda: FakeDescriptor(near))
-        self.robot = CanRobot(port, codec, parameters)
+        parts = native_parts(codec, parameters)
+        ids = parts.identifiers("")
+        port = SocketPort(config, ids, self.clock, lambda: FakeDescriptor(near))
+        self.robot = native_robot(port, parts)
 
     def play(self, ticks):
         """Feedback of each tick."""
@@ -106,12 +108,12 @@ def recorded(codec, parameters):
     simulation = Simulation(
         find_file("diff_drive"), find_file("empty_room", "worlds"), seed=1, start_ns=START_NS
     )
-    host = simulation.bus.attach(
-        "host", lambda frame: port.deliver(*frame), accept=codec.arbitration_ids
-    )
-    port = RecordingPort(host.send, codec.arbitration_ids, CanConfig(), clock)
+    parts = native_parts(codec, parameters)
+    ids = parts.identifiers("")
+    host = simulation.bus.attach("host", lambda frame: port.deliver(*frame), accept=ids)
+    port = RecordingPort(host.send, ids, CanConfig(), clock)
     port.ticks = []
-    robot = CanRobot(port, codec, parameters)
+    robot = native_robot(port, parts)
     for tick in range(1, TICKS + 1):
         now_ns = START_NS + tick * PERIOD_NS
         simulation.advance(now_ns)

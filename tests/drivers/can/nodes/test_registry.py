@@ -2,22 +2,24 @@
 
 import dataclasses
 
+import msgspec
 import pytest
 
 from robotctl.app.processes.robot import make_codec
 from robotctl.deploy.doctor_nodes import only_listened
 from robotctl.drivers.can.config import NodeParameters
 from robotctl.drivers.can.dbc import HOST
-from robotctl.drivers.can.nodes.registry import CAN_NODES, age_limits, wanted_nodes
-from robotctl.messages.control import Feedback
+from robotctl.drivers.can.nodes.registry import CAN_NODES, wanted_nodes
+from robotctl.messages.control import Feedback, NodeStatus
 from robotctl.safety.drive_health import ACTUATOR_AGES
 from robotctl.safety.health import Health
 from robotctl.safety.state_machine import SafetyConfig
-from tests.native_frames import WHEELS
+from tests.native_frames import WHEELS, age_limits
 
 DBC = make_codec().dbc
 FIELDS = Feedback.__struct_fields__
-BARE = NodeParameters(200, 90, 350, 2400, steered=False, sonars=0)
+BARE = NodeParameters(200, 90, 350, sonars=0)
+NAMES = (1, "drive"), (2, "sonar"), (3, "power")
 RING = dataclasses.replace(BARE, sonars=8)
 
 
@@ -55,10 +57,11 @@ def test_a_sonar_ring_is_wanted_only_with_sonars():
 
 
 def test_doctor_names_who_is_heard_and_who_is_not():
-    wanted = wanted_nodes(RING)
-    said = only_listened(frozenset({0x701, 0x703, 0x181}), wanted).found
+    nodes = [NodeStatus(number, name, 0, 0, boots=0, problem="") for number, name in NAMES]
+    heard = [msgspec.structs.replace(node, boots=node.name != "sonar") for node in nodes]
+    said = only_listened(tuple(heard)).found
     assert said.endswith("heartbeats of drive, power were heard, not of sonar")
-    assert only_listened(frozenset(), wanted).found.endswith(
+    assert only_listened(tuple(nodes)).found.endswith(
         "heartbeats of no node were heard, not of drive, sonar, power"
     )
 

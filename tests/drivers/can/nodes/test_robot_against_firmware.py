@@ -10,9 +10,9 @@ import pytest
 from firmware_sim.simulation import Simulation
 from robotctl.drivers.can.config import CanConfig
 from robotctl.drivers.can.memory_port import MemoryPort
-from robotctl.drivers.can.nodes.robot_can import CanRobot
 from robotctl.messages.actuators import ActuatorCommand, DriveState
 from robotctl.messages.control import BusState, EmergencyStopSource
+from tests.native_frames import DIFFERENTIAL, native_parts, native_robot
 
 CONFIGS = Path(__file__).parents[4] / "configs"
 PERIOD_NS = 5_000_000
@@ -21,7 +21,9 @@ OFF = ActuatorCommand(enable=False, brake=True)
 
 
 class Rig:
-    def __init__(self, codec, parameters, clock, robot="diff_drive", faults=None):
+    def __init__(
+        self, codec, parameters, clock, robot="diff_drive", faults=None, drive=DIFFERENTIAL
+    ):
         self.clock = clock
         self.simulation = Simulation(
             CONFIGS / f"{robot}.toml",
@@ -30,11 +32,12 @@ class Rig:
             start_ns=clock.now_ns(),
             faults=faults,
         )
+        parts = native_parts(codec, parameters, drive)
         self.line = self.simulation.bus.attach(
-            "host", lambda frame: port.deliver(*frame), accept=codec.arbitration_ids, errors=True
+            "host", lambda frame: port.deliver(*frame), accept=parts.identifiers(""), errors=True
         )
-        port = MemoryPort(self.line.send, codec.arbitration_ids, CanConfig(), clock)
-        self.robot = CanRobot(port, codec, parameters)
+        self.port = port = MemoryPort(self.line.send, parts.identifiers(""), CanConfig(), clock)
+        self.robot = native_robot(port, parts)
         self.feedback = None
         self.seen = []
 
@@ -176,7 +179,7 @@ def test_a_power_cycle_is_seen_as_boots_and_commissioned_again(rig):
 def test_a_host_that_comes_late_takes_over_running_nodes(codec, parameters, clock, make_rig):
     rig = make_rig().commission()
     rig.run(100, ActuatorCommand(enable=True))
-    second = CanRobot(rig.robot._port, codec, parameters)
+    second = native_robot(rig.port, native_parts(codec, parameters))
     rig.robot = second
     rig.run(300)
     assert rig.problems() == ["", "", ""]
@@ -184,8 +187,8 @@ def test_a_host_that_comes_late_takes_over_running_nodes(codec, parameters, cloc
 
 
 def test_another_robots_configuration_is_refused(codec, parameters, clock):
-    other = dataclasses.replace(parameters, counts_per_revolution=1000, sonars=12)
-    rig = Rig(codec, other, clock)
+    coarse = dataclasses.replace(DIFFERENTIAL, counts_per_revolution=1000)
+    rig = Rig(codec, dataclasses.replace(parameters, sonars=12), clock, drive=coarse)
     rig.run(600)
     drive, sonar, power = rig.problems()
     assert drive == ("drive (node 1): has 2400 counts per revolution, the configuration says 1000")

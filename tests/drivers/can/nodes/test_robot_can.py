@@ -1,6 +1,5 @@
 """The robot port: frames made by cantools and autosar-e2e in, messages out, and the way back."""
 
-import dataclasses
 import math
 
 import pytest
@@ -9,10 +8,11 @@ from e2e import p01
 from robotctl.drivers.can.config import CanConfig
 from robotctl.drivers.can.drives.native.faults import DriveFault
 from robotctl.drivers.can.memory_port import MemoryPort
-from robotctl.drivers.can.nodes.robot_can import DISABLE_FRAMES, CanRobot
+from robotctl.drivers.can.robot_can import DISABLE_FRAMES
 from robotctl.messages.actuators import ActuatorCommand, ActuatorFeedback, DriveState
 from robotctl.messages.control import BusState, EmergencyMessage, EmergencyStopSource
 from robotctl.messages.faults import FaultCode
+from tests.native_frames import DIFFERENTIAL, TRICYCLE, native_parts, native_robot
 
 PERIOD_NS = 5_000_000
 
@@ -20,15 +20,16 @@ PERIOD_NS = 5_000_000
 class Wire:
     """A robot, and an oracle that sends and reads its frames."""
 
-    def __init__(self, codec, parameters, oracle, clock):
+    def __init__(self, codec, parameters, oracle, clock, drive=DIFFERENTIAL):
         self.oracle = oracle
         self.clock = clock
         self.sent = []
         self.takes = True
         self.closed = False
         self.counters = {}
-        self.port = MemoryPort(self.transmit, codec.arbitration_ids, CanConfig(), clock)
-        self.robot = CanRobot(self.port, codec, parameters)
+        parts = native_parts(codec, parameters, drive)
+        self.port = MemoryPort(self.transmit, parts.identifiers(""), CanConfig(), clock)
+        self.robot = native_robot(self.port, parts)
 
     def transmit(self, can_id, data):
         if self.takes:
@@ -79,7 +80,7 @@ def wire(codec, parameters, oracle, clock):
 
 @pytest.fixture
 def steered_wire(codec, parameters, oracle, clock):
-    return Wire(codec, dataclasses.replace(parameters, steered=True), oracle, clock)
+    return Wire(codec, parameters, oracle, clock, TRICYCLE)
 
 
 def test_wheel_feedback_is_decoded_and_stamped(wire):
@@ -125,8 +126,7 @@ def told(wire):
 def test_a_drive_status_whose_counter_may_have_gone_round_unheard_only_starts_it_anew(
     codec, parameters, oracle, clock, steered, period_ms
 ):
-    robot = dataclasses.replace(parameters, steered=steered)
-    wire = Wire(codec, robot, oracle, clock)
+    wire = Wire(codec, parameters, oracle, clock, TRICYCLE if steered else DIFFERENTIAL)
     for lost in (11, 15):
         wire.put_checked("DriveStatus", BusVoltage=12.0)
         assert told(wire)

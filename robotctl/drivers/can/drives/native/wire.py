@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 from robotctl.drivers.can.bus_load import STEERING_STATUS
 from robotctl.drivers.can.drives.native.faults import DriveFault
-from robotctl.drivers.can.nodes.can_node import FrameReader
+from robotctl.drivers.can.nodes.can_node import FrameReader, NodeFrame
 from robotctl.messages.actuators import DriveState
 
 _FAULT_SIGNALS: Final = {
@@ -99,3 +99,11 @@ def read_drive(reader: FrameReader) -> Callable[[bytes, int], DriveStatus]:
         return DriveStatus(stamp_ns, *decode(data))
 
     return read
+
+
+FRAMES: Final = (
+    NodeFrame("WheelFeedback", "wheels", read_wheels),
+    NodeFrame("MotorStatus", "motor", read_motor),
+    NodeFrame(STEERING_STATUS, "drive", read_drive),
+)
+"""Its process data."""

@@ -1,0 +1,1 @@
+"""Twin of a moteus: registers and diagnostic stream over CAN FD."""

@@ -1,0 +1,66 @@
+"""`TWINS`: every kind of drive that has a twin, and the drives of a robot as they are in truth."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+from collections.abc import Mapping
+from typing import Any, Final
+
+from pydantic import TypeAdapter, ValidationError
+
+from firmware_sim.config.motors import OWN_KIND, MotorTable
+from firmware_sim.drives.cia402.config import Cia402Motor
+from firmware_sim.drives.config import MotorSection
+from firmware_sim.drives.moteus.config import MoteusMotor
+from firmware_sim.drives.odrive.config import ODriveMotor
+from firmware_sim.drives.vesc.config import VescMotor
+from firmware_sim.errors import SimulationError
+
+TWINS: Final[Mapping[str, type[MotorSection]]] = {
+    "cia402": Cia402Motor,
+    "odrive": ODriveMotor,
+    "vesc": VescMotor,
+    "moteus": MoteusMotor,
+}
+"""Classes of the tables, by `kind`."""
+
+
+def true_drive(table: MotorTable, found: Mapping[str, Any]) -> tuple[MotorSection, Any]:
+    """Return a drive as it is in truth, and the settings of its twin.
+
+    Parameters
+    ----------
+    table
+        The drive of the file.
+    found
+        Its table `[simulation.twin.NAME]`: keys of `[[motor]]`, of which these are the true values,
+        and settings of the twin.
+
+    Raises
+    ------
+    SimulationError
+        If the kind or a key is unknown, or a value is wrong.
+    """
+    section = TWINS.get(table.kind)
+    if section is None:
+        kinds = [OWN_KIND, *TWINS]
+        near = difflib.get_close_matches(table.kind, kinds, n=1)
+        hint = f'; did you mean "{near[0]}"?' if near else f", allowed: {', '.join(kinds)}"
+        raise SimulationError(f"motor {table.name}: no kind {table.kind!r}{hint}")
+    names = {each.name for each in dataclasses.fields(section)}  # type: ignore[arg-type]
+    true = {key: value for key, value in found.items() if key in names}
+    others = {key: value for key, value in found.items() if key not in names}
+    drive = _validated(f"motor {table.name}", section, {**table.keys, **true})
+    return drive, _validated(f"simulation.twin.{table.name}", section.Settings, others)
+
+
+def _validated(table: str, kind: type, values: Mapping[str, Any]) -> Any:
+    """Return the value of a table; raises SimulationError with its first error."""
+    try:
+        return TypeAdapter(kind).validate_python(values)
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(map(str, first["loc"]))
+        problem = f"{first['msg']}, found {first['input']!r}"
+        raise SimulationError(f"{table}: {key}: {problem}") from error

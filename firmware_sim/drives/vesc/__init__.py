@@ -1,0 +1,1 @@
+"""Twin of a VESC: one motor, and the servo output."""

@@ -1,0 +1,1 @@
+"""Steps of the guided first day; `registry` has their order."""

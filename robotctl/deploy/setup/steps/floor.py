@@ -1,0 +1,21 @@
+"""Step: what is left for the floor, with the commands that do it."""
+
+from __future__ import annotations
+
+from robotctl.deploy.setup.bench import Bench
+from robotctl.deploy.setup.dialogue import NO_CHANGES, Script, Tell
+
+
+def run(bench: Bench) -> Script:
+    """Tell the commands of odometry, lidar and camera, for what this robot has."""
+    config = bench.config
+    yield Tell(
+        "Odometry: drive a square in each direction, measure by tape, and `robotctl calibrate "
+        "odometry --runs FILE` finds wheels and track: docs/calibration.md."
+    )
+    if config.lidar is not None:
+        yield Tell("Lidar: `robotctl doctor` sees its scans; its mount is [lidar].")
+    if config.camera is not None:
+        yield Tell("Camera: `robotctl camera calibrate`, then `camera check`: docs/camera.md.")
+    yield Tell("At last: `robotctl doctor`, and `robotctl run`.")
+    return NO_CHANGES

@@ -1,0 +1,1 @@
+"""moteus over CAN FD: one motor, velocity by its position mode."""

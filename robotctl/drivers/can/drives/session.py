@@ -1,0 +1,314 @@
+"""One bought drive as the host sees it: present or lost, identified and set or not, and why not.
+
+What is asked of a drive is a script, a generator that yields an `Exchange` and receives its answer;
+it returns what is wrong, or None. `Session` advances it by one frame at a time. A second, shorter
+script reads the settings of a drive in service again and again.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+from robotctl.drivers.can.drives.motor_drive import Send
+from robotctl.messages.control import NodeStatus
+from robotctl.messages.faults import Fault, FaultCode
+
+ANSWER_NS: Final = 100_000_000
+"""Time that a drive has for an answer [ns]."""
+
+ATTEMPTS: Final = 3
+"""How often an exchange is tried before it counts as unanswered."""
+
+RETRY_NS: Final = 1_000_000_000
+"""Pause between a failed commissioning and the next attempt [ns]."""
+
+UNREAD_MAX: Final = 5
+"""Readings in a row that may stay unanswered: another tool may use the drive's services."""
+
+_RENEW_NS: Final = 50_000_000
+"""Period of renewing `NodeStatus` where nothing but the time of reception changes [ns]."""
+
+_IN_SERVICE, _NOT_YET, _UNHEARD = 5, 127, 0
+"""Values of `NodeStatus.nmt_state`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Exchange:
+    """Frames to send, in this order, and the answer that ends them.
+
+    Parameters
+    ----------
+    frames
+        Identifiers with flags, and data; none: nothing but the time passes.
+    name
+        What people call it: "read of the firmware version".
+    prefix
+        Beginning of the answer; another one is not it.
+    attempts
+        How often it is tried.
+    """
+
+    frames: tuple[tuple[int, bytes], ...]
+    name: str
+    prefix: bytes = b""
+    attempts: int = ATTEMPTS
+
+    def unanswered(self) -> Fault:
+        """Return the fault that nothing came back."""
+        return Fault(FaultCode.NODE_NO_ANSWER, f"no answer to the {self.name}")
+
+
+PAUSE: Final = Exchange((), "pause", attempts=1)
+"""Time for something else to happen: as long as an answer may take."""
+
+Script: TypeAlias = Generator[Exchange, bytes | None, Fault | None]
+"""Yields exchanges, receives their answers (None: there was none), returns the problem."""
+
+
+class _Phase(enum.Enum):
+    SILENT = "not heard"
+    WORKING = "script runs"
+    READY = "in service"
+    REFUSED = "failed, waits for another attempt"
+
+
+class Session:
+    """State machine of one drive, advanced by its frames and by `serve`.
+
+    Parameters
+    ----------
+    node_id, name
+        Number and name of the drive.
+    call
+        Frame that makes a drive answer of which nothing is heard.
+    script
+        Makes a new run of the commissioning.
+    reading
+        Makes a new run of the script that reads the settings back.
+    reading_ns
+        Period of that [ns].
+    timeout_ns
+        A drive silent for longer is lost [ns].
+
+    Attributes
+    ----------
+    status
+        Present state; another object only where it changed.
+    in_service
+        Whether the drive may be used.
+    """
+
+    __slots__ = (
+        "_attempts",
+        "_boots",
+        "_call",
+        "_exchange",
+        "_fault",
+        "_heard_ns",
+        "_is_reading",
+        "_make_reading",
+        "_make_script",
+        "_name",
+        "_next_frame",
+        "_node_id",
+        "_phase",
+        "_reading_ns",
+        "_renew_ns",
+        "_script",
+        "_timeout_ns",
+        "_unread",
+        "_wait_until_ns",
+        "in_service",
+        "status",
+    )
+
+    def __init__(
+        self,
+        node_id: int,
+        name: str,
+        call: tuple[int, bytes],
+        script: Callable[[], Script],
+        reading: Callable[[], Script],
+        reading_ns: int,
+        timeout_ns: int,
+    ) -> None:
+        self._node_id = node_id
+        self._name = name
+        self._call = call
+        self._make_script = script
+        self._make_reading = reading
+        self._reading_ns = reading_ns
+        self._timeout_ns = timeout_ns
+        self._phase = _Phase.SILENT
+        self._script: Script | None = None
+        self._exchange: Exchange | None = None
+        self._next_frame = self._attempts = 0
+        self._wait_until_ns = 0
+        """When the answer is overdue, a refused drive is tried again, or settings are read."""
+        self._is_reading = False
+        self._unread = 0
+        self._heard_ns = self._renew_ns = 0
+        self._boots = 0
+        self._fault: Fault | None = Fault(FaultCode.NODE_NOT_HEARD, "not heard on the bus")
+        self.in_service = False
+        self.status: NodeStatus
+        self._refresh()
+
+    @property
+    def boots(self) -> int:
+        """How often the drive came, the first time included."""
+        return self._boots
+
+    @property
+    def silent(self) -> bool:
+        """Whether the drive is silent."""
+        return self._phase is _Phase.SILENT
+
+    def hear(self, stamp_ns: int) -> None:
+        """Note that the drive was heard at a time [ns]."""
+        self._heard_ns = stamp_ns
+        if stamp_ns >= self._renew_ns:
+            if self._phase is _Phase.SILENT:
+                self.restart()
+            else:
+                self._refresh()
+
+    def restart(self) -> None:
+        """Restart commissioning: the drive has booted, or its past is unknown."""
+        self._boots += 1
+        self._begin(Fault(FaultCode.NODE_STARTING, "is being identified"))
+
+    def answer(self, data: bytes, now_ns: int) -> None:
+        """Take an answer of the drive; ignored where none is awaited."""
+        exchange = self._exchange
+        if (
+            exchange is not None
+            and exchange.frames
+            and self._next_frame == len(exchange.frames)
+            and data.startswith(exchange.prefix)
+        ):
+            self._advance(data, now_ns)
+
+    def check(self, now_ns: int) -> None:
+        """Take the drive out of service if it has been silent for too long."""
+        if now_ns - self._heard_ns > self._timeout_ns and self._phase is not _Phase.SILENT:
+            self._drop_script()
+            self._phase = _Phase.SILENT
+            self.in_service = False
+            self._wait_until_ns = self._renew_ns = 0
+            text = f"nothing heard for {self._timeout_ns / 1e6:g} ms"
+            self._say(Fault(FaultCode.NODE_SILENT, text))
+
+    def refuse(self, fault: Fault, now_ns: int) -> None:
+        """Take the drive out of service, say why, and try again later."""
+        self._drop_script()
+        self._phase = _Phase.REFUSED
+        self.in_service = False
+        self._wait_until_ns = now_ns + RETRY_NS
+        self._say(fault)
+
+    def serve(self, send: Send, now_ns: int) -> bool:
+        """Send at most one frame; whether it did."""
+        if self._exchange is None:
+            if now_ns < self._wait_until_ns:
+                return False
+            if self._phase is _Phase.SILENT:
+                self._wait_until_ns = now_ns + RETRY_NS // 4
+                return send(*self._call)
+            if self._phase is _Phase.REFUSED:
+                self._begin(None)
+            elif self._phase is _Phase.READY:
+                self._is_reading = True
+                self._run(self._make_reading())
+            if self._script is not None and self._exchange is None:
+                self._advance(None, now_ns)  # to its first exchange
+        return self._exchange is not None and self._send_next(self._exchange, send, now_ns)
+
+    def _send_next(self, exchange: Exchange, send: Send, now_ns: int) -> bool:
+        """Send the next frame of an exchange, or see that its answer is overdue."""
+        frames = exchange.frames
+        if self._next_frame < len(frames):
+            if not send(*frames[self._next_frame]):
+                return False
+            self._next_frame += 1
+            self._wait_until_ns = now_ns + ANSWER_NS
+            return True
+        if now_ns < self._wait_until_ns:
+            return False
+        self._attempts += 1
+        self._next_frame = 0
+        if self._attempts >= exchange.attempts:
+            self._advance(None, now_ns)
+        return False
+
+    def _begin(self, fault: Fault | None) -> None:
+        """Start commissioning; a repeated attempt leaves the sentence of the last failure."""
+        self._drop_script()
+        self._phase = _Phase.WORKING
+        self.in_service = False
+        self._is_reading = False
+        self._wait_until_ns = 0
+        self._run(self._make_script())
+        if fault is not None:
+            self._say(fault)
+
+    def _run(self, script: Script) -> None:
+        self._script = script
+        self._exchange = None
+
+    def _advance(self, answer: bytes | None, now_ns: int) -> None:
+        """Pass an answer to the script, and take its next exchange or its end."""
+        script = self._script
+        if script is None:
+            return
+        try:
+            self._exchange = script.send(None if self._exchange is None else answer)
+            self._next_frame = self._attempts = 0
+            self._wait_until_ns = now_ns + ANSWER_NS
+        except StopIteration as stop:
+            self._script = self._exchange = None
+            self._finish(stop.value, now_ns)
+
+    def _finish(self, fault: Fault | None, now_ns: int) -> None:
+        """Put the drive into service, leave it there, or refuse it."""
+        if fault is None:
+            self._unread = 0
+        elif self._is_reading and fault.code is FaultCode.NODE_NO_ANSWER:
+            # No answer is no proof of a change: only several in a row count.
+            self._unread += 1
+            fault = fault if self._unread > UNREAD_MAX else None
+        if fault is not None:
+            self.refuse(fault, now_ns)
+            return
+        self._wait_until_ns = now_ns + self._reading_ns
+        if not self._is_reading:
+            self._phase = _Phase.READY
+            self.in_service = True
+            self._say(None)
+
+    def _drop_script(self) -> None:
+        if self._script is not None:
+            self._script.close()
+        self._script = self._exchange = None
+
+    def _say(self, fault: Fault | None) -> None:
+        self._fault = fault
+        self._refresh()
+
+    def _refresh(self) -> None:
+        """Update `status`."""
+        self._renew_ns = self._heard_ns + _RENEW_NS if self._phase is not _Phase.SILENT else 0
+        fault = self._fault
+        silent = _UNHEARD if self._phase is _Phase.SILENT else _NOT_YET
+        self.status = NodeStatus(
+            self._node_id,
+            self._name,
+            _IN_SERVICE if self.in_service else silent,
+            self._heard_ns,
+            self._boots,
+            f"{self._name} (node {self._node_id}): {fault}" if fault else "",
+            fault.code if fault else FaultCode.NONE,
+        )
