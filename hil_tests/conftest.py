@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Generator, Iterator
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import pytest
 
@@ -185,14 +185,57 @@ def seed(request: pytest.FixtureRequest) -> int:
     return int(request.config.getoption("--seed"))
 
 
+Bench: TypeAlias = Rig | GroundStation
+
+
+def rig_of(bench: Bench) -> Rig:
+    return bench.rig if isinstance(bench, GroundStation) else bench
+
+
+def end_all(benches: list[Bench]) -> None:
+    """End the benches that tests share."""
+    while benches:
+        bench = benches.pop()
+        if isinstance(bench, GroundStation):
+            bench.link.close()
+        close(rig_of(bench))
+
+
+@pytest.fixture(scope="module")
+def benches() -> Iterator[list[Bench]]:
+    """The bench that the tests of a module share, once there is one."""
+    shared: list[Bench] = []
+    yield shared
+    end_all(shared)
+
+
+@contextlib.contextmanager
+def shared(benches: list[Bench], request: pytest.FixtureRequest) -> Iterator[None]:
+    """Let a test have the shared bench; one that fails ends it, so that the next has a new one."""
+    rig = rig_of(benches[0])
+    sound = False
+    try:
+        yield
+        rig.listen()
+        rig.assert_safe()
+        sound = True
+    finally:
+        if not sound or request.node.stash[FAILED]:
+            end_all(benches)
+
+
 @pytest.fixture
 def make_rig(
-    bus: str, seed: int, tmp_path: Path, request: pytest.FixtureRequest
+    bus: str, seed: int, tmp_path: Path, benches: list[Bench], request: pytest.FixtureRequest
 ) -> Iterator[Callable[..., Rig]]:
-    """Makes benches for one test."""
+    """Makes benches for one test; on a real bus there is room for one, so it ends the shared one.
+
+    Tests with benches of their own stand in front of those that share one.
+    """
     with contextlib.ExitStack() as afterwards:
 
         def make(**kwargs: str) -> Rig:
+            end_all(benches)
             rig = Rig(bus, tmp_path, seed, **kwargs)
             afterwards.callback(close, rig)
             request.node.stash[BENCHES].append(rig)
@@ -217,43 +260,25 @@ def armed(rig: Rig) -> Rig:
     return rig
 
 
-@pytest.fixture(scope="module")
-def benches() -> Iterator[list[Rig]]:
-    """The bench that the tests of a module share, once there is one."""
-    shared: list[Rig] = []
-    yield shared
-    while shared:
-        close(shared.pop())
-
-
 @pytest.fixture
 def lasting(
-    bus: str, seed: int, benches: list[Rig], tmp_path: Path, request: pytest.FixtureRequest
+    bus: str, seed: int, benches: list[Bench], tmp_path: Path, request: pytest.FixtureRequest
 ) -> Iterator[Rig]:
-    """Firmware and control process, armed, away from walls, with many faults behind them.
-
-    A failed test ends them, so that the next one has new ones.
-    """
-    if not benches:
+    """Firmware and control process, armed, away from walls, with many faults behind them."""
+    if not (benches and isinstance(benches[0], Rig)):
+        end_all(benches)
         benches.append(Rig(bus, tmp_path, seed))
         benches[0].tolerates_rejects = True
         benches[0].start_firmware()
         benches[0].start()
-    rig = benches[0]
-    sound = False
-    try:
+    rig = rig_of(benches[0])
+    with shared(benches, request):
         rig.listen()
         if rig.control is None or rig.control.state != SafetyState.DRIVING:
             rig.arm()
         rig.drive_to_the_middle()
         request.node.stash[BENCHES].append(rig)
         yield rig
-        rig.listen()
-        rig.assert_safe()
-        sound = True
-    finally:
-        if not sound or request.node.stash[FAILED]:
-            close(benches.pop())
 
 
 @pytest.fixture
@@ -292,6 +317,26 @@ def reaction(request: pytest.FixtureRequest, bus: str) -> Callable[[str, float],
     return note
 
 
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def connected(make: Callable[..., Rig], **kwargs: str) -> GroundStation:
+    """Return a ground station connected to the whole stack of a new bench in standby."""
+    port = free_port()
+    rig = make(mavlink_url=f"tcpin:127.0.0.1:{port}", **kwargs)
+    rig.start_firmware()
+    for module in (CONTROL, NAVIGATION, TELEMETRY):
+        rig.start(module)
+    rig.wait_for_state(SafetyState.STANDBY)
+    rig.prefer(NAVIGATION, TELEMETRY)
+    station = GroundStation(rig, port)
+    station.wait("HEARTBEAT", seconds=PATIENT_S)
+    return station
+
+
 @pytest.fixture
 def make_station(
     without_floods: None, make_rig: Callable[..., Rig]
@@ -300,18 +345,8 @@ def make_station(
     with contextlib.ExitStack() as afterwards:
 
         def make(**kwargs: str) -> GroundStation:
-            with socket.socket() as probe:
-                probe.bind(("127.0.0.1", 0))
-                port = probe.getsockname()[1]
-            rig = make_rig(mavlink_url=f"tcpin:127.0.0.1:{port}", **kwargs)
-            rig.start_firmware()
-            for module in (CONTROL, NAVIGATION, TELEMETRY):
-                rig.start(module)
-            rig.wait_for_state(SafetyState.STANDBY)
-            rig.prefer(NAVIGATION, TELEMETRY)
-            station = GroundStation(rig, port)
+            station = connected(make_rig, **kwargs)
             afterwards.callback(station.link.close)
-            station.wait("HEARTBEAT", seconds=PATIENT_S)
             return station
 
         yield make
@@ -321,3 +356,29 @@ def make_station(
 def station(make_station: Callable[..., GroundStation]) -> GroundStation:
     """A ground station connected to the whole stack in standby."""
     return make_station()
+
+
+@pytest.fixture
+def lasting_station(
+    without_floods: None,
+    bus: str,
+    seed: int,
+    benches: list[Bench],
+    tmp_path: Path,
+    request: pytest.FixtureRequest,
+) -> Iterator[GroundStation]:
+    """A ground station connected to the whole stack in standby, with other tests behind them."""
+    if not (benches and isinstance(benches[0], GroundStation)):
+        end_all(benches)
+
+        def make(**kwargs: str) -> Rig:
+            benches.append(rig := Rig(bus, tmp_path, seed, **kwargs))
+            return rig
+
+        benches[0] = connected(make)
+    station = benches[0]
+    assert isinstance(station, GroundStation)
+    with shared(benches, request):
+        station.begin_anew()
+        request.node.stash[BENCHES].append(station.rig)
+        yield station

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 
 from hil_tests.rig import Rig
+from robotctl.messages.control import SafetyState
 
 os.environ["MAVLINK20"] = "1"
 from pymavlink import mavutil
@@ -26,6 +27,16 @@ class GroundStation:
         self.link = mavutil.mavlink_connection(
             f"tcp:127.0.0.1:{port}", source_system=255, source_component=190, retries=20
         )
+
+    def begin_anew(self) -> None:
+        """Disarm the robot if it is armed, and forget what it has said."""
+        self.rig.listen()
+        if self.rig.control.state != SafetyState.STANDBY:
+            self.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0)
+            self.rig.wait_for_state(SafetyState.STANDBY)
+        self.rig.at_rest()
+        while self.link.recv_match() is not None:
+            pass
 
     def wait(self, kind: str, accept: Callable[[object], bool] = lambda _: True, seconds=5.0):
         deadline_s = time.monotonic() + seconds

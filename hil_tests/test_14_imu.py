@@ -36,11 +36,8 @@ def sensing(make_rig: Callable[..., Rig], tmp_path: Path) -> Rig:
     return rig
 
 
-def test_the_imu_says_who_it_is(sensing: Rig) -> None:
+def test_the_imu_says_who_it_is_and_is_brought_into_service_with_the_others(sensing: Rig) -> None:
     assert sensing.read_objects(IMU, [(0x1018, 1), (0x1018, 2)]) == [0x00526F62, IMU]
-
-
-def test_the_imu_is_brought_into_service_with_the_others(sensing: Rig) -> None:
     assert sensing.control is not None
     assert [(node.name, node.problem) for node in sensing.control.nodes] == [
         (name, "") for name in ("drive", "sonar", "power", "imu")

@@ -99,37 +99,6 @@ def test_a_stop_while_it_steers_leaves_the_steering_where_it_is(
     rig.at_rest()
 
 
-def test_an_emergency_stop_frame_of_anybody_stops_drive_and_host_and_latches(armed: Rig) -> None:
-    armed.drive(0.5, 0.0, 1.0)
-    armed.observer.send(
-        can.Message(arbitration_id=EMERGENCY_STOP, data=b"\x05", is_extended_id=False)
-    )
-    armed.wait_for_state(SafetyState.EMERGENCY_STOP, 1.0)
-    armed.at_rest()
-    before = armed.fresh_truth()
-    armed.drive(0.5, 0.0, 1.0)
-    assert armed.control.state == SafetyState.EMERGENCY_STOP
-    assert armed.truth.distance_m - before.distance_m < 1e-3
-
-
-def test_an_emergency_stop_by_the_operator_reaches_the_bus_and_only_arming_ends_it(
-    armed: Rig,
-) -> None:
-    armed.drive(0.5, 0.0, 1.0)
-    armed.heard(0.05)
-    armed.emergency_stop()
-    assert armed.heard_until(EMERGENCY_STOP, 1.0)[-1].arbitration_id == EMERGENCY_STOP
-    armed.wait_for_state(SafetyState.EMERGENCY_STOP, 1.0)
-    armed.at_rest()
-    before = armed.fresh_truth()
-    armed.arm()
-    assert armed.control.state == SafetyState.ARMED
-    armed.heard(0.2)
-    assert armed.fresh_truth().distance_m - before.distance_m < 1e-3
-    armed.drive(0.3, 0.0, 1.0)
-    assert armed.fresh_truth().distance_m - before.distance_m > 0.1
-
-
 @pytest.mark.parametrize("source", list(SOURCES))
 def test_an_emergency_stop_while_the_robot_starts(rig: Rig, source: str) -> None:
     rig.start()
@@ -158,6 +127,8 @@ def test_an_emergency_stop_by_the_ground_station_latches_and_arming_from_there_e
     reaction("emergency stop by MAVLink: on the bus", taken_ms)
     assert taken_ms < 100.0
     rig.wait_for_state(SafetyState.EMERGENCY_STOP, 1.0)
+    beat = station.wait("HEARTBEAT", lambda b: b.system_status == mavlink.MAV_STATE_EMERGENCY)
+    assert not beat.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
     rig.at_rest()
 
     def armed() -> bool:  # a request within a second of the last one may be a late copy of it
@@ -167,3 +138,34 @@ def test_an_emergency_stop_by_the_ground_station_latches_and_arming_from_there_e
 
     rig.wait(armed, PATIENT_S, "arming is accepted")
     rig.wait_for_state(SafetyState.ARMED)
+
+
+def test_an_emergency_stop_frame_of_anybody_stops_drive_and_host_and_latches(lasting: Rig) -> None:
+    lasting.drive(0.5, 0.0, 1.0)
+    lasting.observer.send(
+        can.Message(arbitration_id=EMERGENCY_STOP, data=b"\x05", is_extended_id=False)
+    )
+    lasting.wait_for_state(SafetyState.EMERGENCY_STOP, 1.0)
+    lasting.at_rest()
+    before = lasting.fresh_truth()
+    lasting.drive(0.5, 0.0, 1.0)
+    assert lasting.control.state == SafetyState.EMERGENCY_STOP
+    assert lasting.truth.distance_m - before.distance_m < 1e-3
+
+
+def test_an_emergency_stop_by_the_operator_reaches_the_bus_and_only_arming_ends_it(
+    lasting: Rig,
+) -> None:
+    lasting.drive(0.5, 0.0, 1.0)
+    lasting.heard(0.05)
+    lasting.emergency_stop()
+    assert lasting.heard_until(EMERGENCY_STOP, 1.0)[-1].arbitration_id == EMERGENCY_STOP
+    lasting.wait_for_state(SafetyState.EMERGENCY_STOP, 1.0)
+    lasting.at_rest()
+    before = lasting.fresh_truth()
+    lasting.arm()
+    assert lasting.control.state == SafetyState.ARMED
+    lasting.heard(0.2)
+    assert lasting.fresh_truth().distance_m - before.distance_m < 1e-3
+    lasting.drive(0.3, 0.0, 1.0)
+    assert lasting.fresh_truth().distance_m - before.distance_m > 0.1

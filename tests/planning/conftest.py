@@ -76,7 +76,7 @@ ROBOTS = {
 }
 
 
-@njit
+@njit(cache=True)
 def cast(walls, x, y, angles):
     """Return range and |cosine of incidence| of each ray from (x, y), (n, 2)."""
     hits = np.empty((len(angles), 2))
@@ -95,7 +95,7 @@ def cast(walls, x, y, angles):
     return hits
 
 
-@njit
+@njit(cache=True)
 def crosses(walls, x, y, theta, rear, front, side):
     """Return whether a wall crosses the rectangle of a body at a pose (Liang-Barsky)."""
     c, s = math.cos(theta), math.sin(theta)

@@ -38,33 +38,36 @@ FREE = re.compile(r"[A-Z]{2,}\b|/|…|\d+\.\d+\.")
 
 
 @cache
-def files() -> tuple[str, ...]:
-    """Return the paths of all files that come along, each with a slash before it."""
+def files() -> str:
+    """Return the paths of all files that come along, a line each with a slash before it."""
     folders = ("robotctl", "firmware_sim", "configs", "docs", "tests", "hil_tests", "benchmarks")
     found = [path for name in (*folders, "tools", "examples") for path in (ROOT / name).rglob("*")]
-    return tuple(f"/{path.relative_to(ROOT)}" for path in (*found, *ROOT.glob("*")))
+    return "\n".join(f"/{path.relative_to(ROOT)}" for path in (*found, *ROOT.glob("*")))
 
 
 def comes_along(name: str) -> bool:
     """Return whether a file of this name, or its end, comes along; `*` and `…` stand for a part."""
-    pattern = re.escape(f"/{name}").replace(r"\*", "[^/]*").replace("…", "[^/]*")
-    return any(re.search(f"{pattern}$", each) for each in files())
+    pattern = re.escape(f"/{name}").replace(r"\*", "[^/\n]*").replace("…", "[^/\n]*")
+    return bool(re.search(f"{pattern}$", files(), re.MULTILINE))
 
 
 @cache
-def sources() -> str:
-    """Return the text of the programs, which name the files that they write and read."""
+def names_in_the_code() -> set[str]:
+    """Return the ends of all quoted words of the programs: files that they write and read."""
     folders = ("robotctl", "firmware_sim", "tools")
-    return "".join(
-        path.read_text(encoding="utf-8") for name in folders for path in (ROOT / name).rglob("*.py")
-    )
+    return {
+        name
+        for folder in folders
+        for path in (ROOT / folder).rglob("*.py")
+        for name in re.findall(r"""["'/]([\w.-]+)["']""", path.read_text(encoding="utf-8"))
+    }
 
 
 def is_in_the_code(name: str) -> bool:
     """Return whether a program writes or reads files of this name: `robot-0001.mcap`, `rgb.txt`."""
     stem, _, suffix = name.rpartition(".")
-    stem = re.sub(r"-[\dA-Z*]+$", "", stem)
-    return bool(re.search(rf"""["'/]{re.escape(stem)}(\.{suffix}|-)?["']""", sources()))
+    stem = re.sub(r"-[\dA-Z*]+$", "", stem.rpartition("/")[2])
+    return not {stem, f"{stem}.{suffix}", f"{stem}-"}.isdisjoint(names_in_the_code())
 
 
 def own_files(text: str) -> set[str]:

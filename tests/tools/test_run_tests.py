@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -18,86 +19,130 @@ spec.loader.exec_module(run_tests)
 Outcome, PASSED, FAILED = run_tests.Outcome, run_tests.PASSED, run_tests.FAILED
 
 
-def stages(monkeypatch: pytest.MonkeyPatch, here: bool, fails: str = "") -> list[tuple[str, str]]:
-    """Return (name, result) of the vcan stages on a machine; the one named `fails` fails."""
-    monkeypatch.setattr(run_tests, "vcan_here", lambda: here)
+class Fake:
+    """A stage that runs nothing."""
 
-    def run(name: str, *_commands: tuple[str, ...]) -> object:
-        return Outcome(name, FAILED if fails and fails in name else PASSED)
+    def __init__(self, name: str, result: str, log: list[str]) -> None:
+        self._name, self._result, self._log = name, result, log
 
-    return [(outcome.name, outcome.result) for outcome in run_tests.late_stages("", run)]
+    def outcome(self) -> object:
+        self._log.append(f"end {self._name}")
+        return Outcome(self._name, self._result)
+
+
+class Runs:
+    """What was begun and awaited of all stages; the one named `fails` fails."""
+
+    def __init__(
+        self, monkeypatch: pytest.MonkeyPatch, here: bool, fails: str = "", wanted: str = ""
+    ) -> None:
+        monkeypatch.setattr(run_tests, "vcan_here", lambda: here)
+        self.log: list[str] = []
+        self.commands: dict[str, tuple[tuple[str, ...], ...]] = {}
+        self.in_background: list[str] = []
+
+        def begin(name: str, *commands: tuple[str, ...], in_background: bool = False) -> Fake:
+            self.log.append(f"begin {name}")
+            self.commands[name] = commands
+            self.in_background += [name] if in_background else []
+            return Fake(name, FAILED if fails and fails in name else PASSED, self.log)
+
+        self.outcomes = run_tests.stages(wanted, begin)
+        self.results = [(outcome.name, outcome.result) for outcome in self.outcomes]
 
 
 def test_a_kernel_with_vcan_needs_no_guest(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert stages(monkeypatch, here=True)[1:] == [("HIL on vcan, this kernel, real time", PASSED)]
+    runs = Runs(monkeypatch, here=True)
+    assert runs.results[-1] == ("HIL on vcan, this kernel, real time", PASSED)
+    assert not any("guest" in name for name, _ in runs.results)
 
 
 def test_without_vcan_all_runs_in_virtual_time_and_a_smoke_in_real_time(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    names = [name for name, _ in stages(monkeypatch, here=False)]
-    assert names[-2:] == [
-        "HIL on vcan, two guests, virtual time",
-        "smoke on vcan, guest, real time",
-    ]
+    names = [name for name, _ in Runs(monkeypatch, here=False).results]
+    assert names[-2].startswith("smoke on vcan, guest, real time")
+    assert names[-1].startswith("HIL on vcan, two guests, virtual time")
+
+
+def test_only_guests_in_virtual_time_run_beside_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    runs = Runs(monkeypatch, here=False)
+    (guests,) = runs.in_background
+    assert "virtual time" in guests
+    assert not any("--real-time" in command for command in runs.commands[guests])
+    # They have the processors that the guest tool's own tests want.
+    assert runs.log.index("end vcan guest: the tool's own tests") < runs.log.index(
+        f"begin {guests}"
+    )
+    others = [line for line in runs.log if guests not in line]
+    assert [line.split()[0] for line in others] == ["begin", "end"] * (len(others) // 2)
 
 
 def test_a_failing_stage_does_not_keep_the_next_from_running(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    results = stages(monkeypatch, here=False, fails="virtual time")
-    assert [result for _, result in results] == [PASSED, PASSED, PASSED, FAILED, PASSED]
+    results = [result for _, result in Runs(monkeypatch, False, "unit tests").results]
+    assert results == [PASSED, PASSED, PASSED, FAILED, *(4 * [PASSED])]
 
 
 def test_without_vcan_and_guest_the_run_fails_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    results = stages(monkeypatch, here=False, fails="kernel and boot")
-    assert results[-1] == ("HIL on vcan", run_tests.NOT_RUN)
-    outcomes = [Outcome(name, result) for name, result in results]
-    assert run_tests.verdict(outcomes, "")[1] == 1
-
-
-def passed(name: str, *_commands: tuple[str, ...]) -> object:
-    return Outcome(name, PASSED)
+    runs = Runs(monkeypatch, False, "kernel and boot")
+    assert runs.results[-1] == ("HIL on vcan", run_tests.NOT_RUN)
+    assert ("unit tests", PASSED) in runs.results
+    assert run_tests.verdict(runs.outcomes, "")[1] == 1
 
 
 @pytest.mark.parametrize("wanted", ["", "off"])
 @pytest.mark.parametrize("here", [True, False])
 @pytest.mark.parametrize("fails", ["", "kernel and boot"])
-def test_missions_run_once_and_beside_nothing(
+def test_missions_run_once_in_a_stage_of_their_own(
     monkeypatch: pytest.MonkeyPatch, wanted: str, here: bool, fails: str
 ) -> None:
-    monkeypatch.setattr(run_tests, "vcan_here", lambda: here)
-    beside: list[tuple[str, ...]] = []
-    times = 0
-
-    def run(name: str, *commands: tuple[str, ...]) -> object:
-        nonlocal times
-        missions = run_tests.missions(wanted)
-        if missions in commands:
-            times += 1
-            beside.extend(each for each in commands if each != missions)
-        return Outcome(name, FAILED if fails and fails in name else PASSED)
-
-    run_tests.late_stages(wanted, run)
-    assert times == 1
-    assert not beside
+    runs = Runs(monkeypatch, here, fails, wanted)
+    missions = run_tests.missions(wanted)
+    assert [commands for commands in runs.commands.values() if missions in commands] == [
+        (missions,)
+    ]
 
 
-def test_vcan_left_out_on_demand_passes_and_says_so() -> None:
-    outcomes = run_tests.late_stages("off", passed)
-    line, status = run_tests.verdict([Outcome("unit tests", PASSED), *outcomes], "off")
+def test_vcan_left_out_on_demand_passes_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    line, status = run_tests.verdict(Runs(monkeypatch, False, wanted="off").outcomes, "off")
     assert status == 0
     assert "without real vcan (VCAN=off)" in line
 
 
-def test_a_failed_test_fails_the_run_with_vcan_left_out_too() -> None:
-    outcomes = [Outcome("unit tests", FAILED), *run_tests.late_stages("off", passed)]
+def test_a_failed_test_fails_the_run_with_vcan_left_out_too(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    outcomes = Runs(monkeypatch, False, "unit tests", wanted="off").outcomes
     assert run_tests.verdict(outcomes, "off") == ("make test: FAILED", 1)
 
 
+def stage(name: str, *commands: tuple[str, ...], in_background: bool = False) -> object:
+    return run_tests.Stage(name, *commands, in_background=in_background).outcome()
+
+
+def test_what_runs_in_the_background_has_idle_time_until_it_is_awaited(tmp_path: Path) -> None:
+    begun = tmp_path / "begun"
+    wait = "while os.sched_getscheduler(0) != os.SCHED_{}: time.sleep(0.01)\n"
+    child = (
+        "import os, pathlib, time\n"
+        f"{wait.format('IDLE')}pathlib.Path({str(begun)!r}).touch()\n{wait.format('OTHER')}"
+    )
+    command = (
+        "import os, subprocess, sys, time\n"
+        f"child = subprocess.Popen((sys.executable, '-c', {child!r}))\n"
+        f"{wait.format('IDLE')}{wait.format('OTHER')}raise SystemExit(child.wait())"
+    )
+    stage = run_tests.Stage("beside", (sys.executable, "-c", command), in_background=True)
+    while not begun.exists():
+        time.sleep(0.01)
+    assert stage.outcome().result == PASSED
+
+
 def test_the_status_of_a_stage_is_its_commands(capfd: pytest.CaptureFixture[str]) -> None:
-    bad = run_tests.stage("bad", (sys.executable, "-c", "print('seen'); raise SystemExit(5)"))
-    good = run_tests.stage("good", (sys.executable, "-c", ""))
+    bad = stage("bad", (sys.executable, "-c", "print('seen'); raise SystemExit(5)"))
+    good = stage("good", (sys.executable, "-c", ""))
     assert (bad.result, bad.note) == (FAILED, "exit 5: seen")
     assert good.result == PASSED
     assert "seen" in capfd.readouterr().out
@@ -108,7 +153,7 @@ def test_the_summary_names_the_tests_that_failed_or_were_run_again(
 ) -> None:
     told = ("FAILED hil_tests/test_a.py::test_b - too late", "RUN AGAIN test_c: it stood")
     print_both = f"print('....'); print({told[0]!r}); print('=== end'); raise SystemExit(1)"
-    outcome = run_tests.stage(
+    outcome = stage(
         "both", (sys.executable, "-c", print_both), (sys.executable, "-c", f"print({told[1]!r})")
     )
     assert outcome.tests == told
@@ -119,7 +164,7 @@ def test_the_summary_names_the_tests_that_failed_or_were_run_again(
 def test_tests_that_did_not_run_are_named_and_counted(capfd: pytest.CaptureFixture[str]) -> None:
     told = [f"not run, recordings missing: /nowhere: test_a.py::test_{name}" for name in "bc"]
     lines = "\n".join(("..ss", *told, "2 passed, 2 skipped"))
-    outcome = run_tests.stage("some", (sys.executable, "-c", f"print({lines!r})"))
+    outcome = stage("some", (sys.executable, "-c", f"print({lines!r})"))
     assert outcome.result == PASSED
     first, *named = outcome.lines().splitlines()
     assert first.endswith("2 tests not run")
@@ -128,7 +173,7 @@ def test_tests_that_did_not_run_are_named_and_counted(capfd: pytest.CaptureFixtu
 
 
 def test_a_stage_of_which_all_tests_ran_says_nothing_of_it() -> None:
-    assert run_tests.stage("all", (sys.executable, "-c", "")).lines().endswith(" s")
+    assert stage("all", (sys.executable, "-c", "")).lines().endswith(" s")
 
 
 def test_a_command_that_leaves_a_process_behind_ends_its_stage() -> None:
@@ -137,7 +182,7 @@ def test_a_command_that_leaves_a_process_behind_ends_its_stage() -> None:
         "child = subprocess.Popen((sys.executable, '-c', 'input()'), stdin=subprocess.PIPE)\n"
         "print(child.pid); import os; os._exit(0)"
     )
-    assert run_tests.stage("left", (sys.executable, "-c", leave)).result == PASSED
+    assert stage("left", (sys.executable, "-c", leave)).result == PASSED
 
 
 def test_commands_of_a_stage_run_side_by_side_and_each_must_pass(
@@ -152,7 +197,7 @@ def test_commands_of_a_stage_run_side_by_side_and_each_must_pass(
         "print('met at', mine.name); sys.exit(int(sys.argv[3]))"
     )
     a, b = str(tmp_path / "a"), str(tmp_path / "b")
-    both = run_tests.stage(
+    both = stage(
         "both", (sys.executable, "-c", meet, a, b, "0"), (sys.executable, "-c", meet, b, a, "3")
     )
     assert (both.result, both.note) == (FAILED, "exit 3: met at b")
@@ -162,18 +207,11 @@ def test_commands_of_a_stage_run_side_by_side_and_each_must_pass(
 
 
 def test_no_hil_test_is_left_out_of_the_guests(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(run_tests, "vcan_here", lambda: False)
-    commands: list[tuple[str, ...]] = []
-
-    def run(name: str, *given: tuple[str, ...]) -> object:
-        commands.extend(given)
-        return Outcome(name, PASSED)
-
-    run_tests.late_stages("on", run)
-    commands = [command for command in commands if "simcan" not in command]
-    given = {argument for command in commands for argument in command}
+    runs = Runs(monkeypatch, here=False)
+    (guests,) = runs.in_background
+    given = [argument for command in runs.commands[guests] for argument in command]
     files = {str(p.relative_to(run_tests.ROOT)) for p in run_tests.ROOT.glob("hil_tests/test_*")}
-    assert files <= given
+    assert all(given.count(file) == 1 for file in files)
 
 
 def test_what_simcan_leaves_to_vcan_runs_on_simcan_without_that() -> None:
@@ -182,6 +220,9 @@ def test_what_simcan_leaves_to_vcan_runs_on_simcan_without_that() -> None:
     assert not any("deselect" in each for each in for_all)
     shorter = {*run_tests.on_simcan(""), *run_tests.missions("")}
     assert set(run_tests.HIL) - shorter == {run_tests.FAULT_ROWS}
+    assert not {*run_tests.PATROLS} & {
+        each.removeprefix("--deselect=") for each in run_tests.ON_VCAN
+    }
     assert {each for each in shorter if "deselect" in each} == {
         f"--deselect={each}" for each in run_tests.PATROLS
     }

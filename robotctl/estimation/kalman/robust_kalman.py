@@ -17,10 +17,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, TypeAlias
 
 import numpy as np
-from filterpy.kalman import ExtendedKalmanFilter  # type: ignore[import-untyped]
 from numpy.typing import NDArray
 
 from robotctl.estimation.kalman.consistency import chi2_quantile
@@ -90,12 +90,20 @@ class Innovation:
     weight: float
 
 
-class _Filter(ExtendedKalmanFilter):  # type: ignore[misc]
-    """filterpy's filter, given the predicted state by the caller that knows the motion."""
+@cache
+def _filter_class() -> Any:
+    """Return filterpy's filter, given the predicted state by the caller that knows the motion."""
+    # It loads scipy.stats, which takes half a second: only those who filter wait for it.
+    from filterpy.kalman import (  # type: ignore[import-untyped]  # noqa: PLC0415
+        ExtendedKalmanFilter,
+    )
 
-    def predict_x(self, u: Any = 0) -> None:
-        """Take `u` as the state after the motion: filterpy's hook for a non-linear model."""
-        self.x = u
+    class Filter(ExtendedKalmanFilter):  # type: ignore[misc]
+        def predict_x(self, u: Any = 0) -> None:
+            """Take `u` as the state after the motion: filterpy's hook for a non-linear model."""
+            self.x = u
+
+    return Filter
 
 
 class RobustKalman:
@@ -121,7 +129,7 @@ class RobustKalman:
         self._config = config or RobustConfig()
         self._opened = np.ones(len(x))
         self._opened[:opening_states] = math.sqrt(self._config.opening)
-        self._filter = _Filter(dim_x=len(x), dim_z=1)
+        self._filter = _filter_class()(dim_x=len(x), dim_z=1)
         self._filter.x, self._filter.P = x, P
         # of each number of dimensions: nis where weights begin to fall, and where they end
         self._limits = {1: self._limits_of(1), 2: self._limits_of(2), 3: self._limits_of(3)}

@@ -106,8 +106,7 @@ def drive_round(folder: Path, robot, shape, seed, *settings):
     return math.hypot(truth.x_m - x_m, truth.y_m - y_m), truth.distance_m
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize(("seed", "shape"), list(enumerate(SHAPES, 1)))
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_a_square_by_odometry_alone_closes_within_2_percent(tmp_path, robot, shape, seed):
     gap_m, length_m = drive_round(tmp_path, robot, shape, seed)

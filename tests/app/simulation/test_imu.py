@@ -95,7 +95,7 @@ def test_a_robot_that_lies_on_its_side_does_not_arm() -> None:
     assert [(reason.code, reason.part) for reason in ack.reasons] == [(FaultCode.ROBOT_TILTED, "")]
 
 
-@pytest.mark.parametrize("robot", ["diff_drive", "tricycle", "ackermann"])
+@pytest.mark.parametrize("robot", ["diff_drive", "tricycle"])
 def test_no_monitor_of_the_imu_stops_a_mission(robot: str) -> None:
     """With braking, bends on the spot, and floors that shake it twice as much as usual."""
     shaking = "simulation.imu.vibration_m_s2_per_m_s=1.0"

@@ -71,7 +71,7 @@ def test_damaged_gzip_data_are_refused_with_the_first_line_that_is_odd(tmp_path)
              enumerate(rng.normal(size=(4000, 2)))]  # fmt: skip
     text = "\n".join(lines) + "\n"
     packed, found, early = gzip.compress(text.encode()), 0, 0
-    for at in rng.integers(100, len(packed) - 20, 20).tolist():
+    for at in rng.integers(100, len(packed) - 20, 10).tolist():
         bad = bytearray(packed)
         bad[at] ^= 0x10
         (tmp_path / "a.log.gz").write_bytes(bad)
@@ -83,7 +83,7 @@ def test_damaged_gzip_data_are_refused_with_the_first_line_that_is_odd(tmp_path)
         early += line < true
         found += line <= true + 20
     assert early == 0
-    assert found >= 12
+    assert found >= 6
 
 
 @pytest.mark.parametrize(

@@ -55,7 +55,7 @@ def test_a_bend_towards_a_wall_beside_ends_before_it(
     assert run.world.touched == 0
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
 @given(
     theta=st.floats(-math.pi, math.pi),
     away_m=st.floats(0.6, 1.8),
