@@ -5,8 +5,8 @@ and command. The robot drives in the simulator; each tick's frames go to robotct
 the peer, in turn first, and each has its time taken alone. The peer decodes the same frames and
 encodes a command by its package; it judges and checks nothing, which favours it.
 
-pyvesc knows VESC's serial port only: its tick is one request and answer of the values, and one
-command. It is no dependency of ours: `uv pip install --no-deps pyvesc==1.0.5`. The package that it
+pyvesc knows VESC's serial port only: its tick is one request and answer of the values, a speed, and
+a position in the place of the servo's, which it does not know. It is no dependency of ours: `uv pip install --no-deps pyvesc==1.0.5`. The package that it
 wants for its checksum cannot be installed with today's tools; `_crc_of_pyvesc` stands in for it.
 """
 
@@ -64,9 +64,7 @@ class Driven(NamedTuple):
 def _drive(robot: str) -> Driven:
     """Return a robot under way."""
     config = load_robot(find_file(robot))
-    simulation = make_simulation(
-        find_file(robot), find_file("hall", "worlds"), 1, (6.0, 6.0, 0.0)
-    )
+    simulation = make_simulation(find_file(robot), find_file("hall", "worlds"), 1, (6.0, 6.0, 0.0))
     clock = VirtualClock(simulation.now_ns)
     parts = make_parts(config, make_codec())
     (bus,) = config.buses
@@ -138,7 +136,7 @@ def _odrive(_: Driven) -> Peer:
             message = can.Message(arbitration_id=arbitration_id, is_extended_id=False, data=data)
             package.CanMsg(message)
         for axis in axes:
-            axis._send_message("Set_Input_Vel", {"Input_Vel": 0.5})  # noqa: SLF001 - its only way
+            axis._send_message("Set_Input_Vel", {"Input_Vel": 0.5})
 
     return tick
 
@@ -198,15 +196,13 @@ def _moteus(driven: Driven) -> Peer:
         for _, data, _ in frames:
             protocol.parse_reply(data)
         for drive in drives:
-            drive.make_position(
-                position=math.nan, velocity=0.5, watchdog_timeout=0.09, query=True
-            )
+            drive.make_position(position=math.nan, velocity=0.5, watchdog_timeout=0.09, query=True)
 
     return tick
 
 
 def _vesc(_: Driven) -> Peer:
-    """Return the tick of pyvesc 1.0.5: values asked for and decoded, and a speed commanded."""
+    """Return the tick of pyvesc 1.0.5: values asked for and decoded, speed and position set."""
     sys.modules.setdefault("PyCRC", ModuleType("PyCRC"))
     sys.modules.setdefault("PyCRC.CRCCCITT", _crc_of_pyvesc())
     pyvesc = importlib.import_module("pyvesc")
@@ -220,6 +216,7 @@ def _vesc(_: Driven) -> Peer:
         pyvesc.decode(answer)
         pyvesc.encode_request(pyvesc.GetValues)
         pyvesc.encode(pyvesc.SetRPM(1000))
+        pyvesc.encode(pyvesc.SetPosition(90.0))
 
     return tick
 

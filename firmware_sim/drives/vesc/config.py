@@ -8,8 +8,8 @@ from typing import Annotated, ClassVar, Literal, TypeAlias
 
 from pydantic import Field
 
-from firmware_sim.config.quantities import NotNegative, Positive, Share, closed
 from firmware_sim.bus.frame import EXTENDED_FLAG
+from firmware_sim.config.quantities import NotNegative, Positive, Share, closed
 from firmware_sim.drives.config import AxisSection, Guard
 from firmware_sim.drives.twin import Motor
 from firmware_sim.drives.vesc.settings import Milliseconds, VescSettings
