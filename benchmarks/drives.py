@@ -1,13 +1,14 @@
-"""One control tick of each kind of bought drive beside a peer from that drive's own Python package.
+"""One control tick of each kind of bought drive beside a peer from that drive's own package.
 
-A tick is all that the drives of a robot do in it: take the frames that have come, judge them, report,
-and command. The robot drives in the simulator; each tick's frames go to robotctl's drives and to
-the peer, in turn first, and each has its time taken alone. The peer decodes the same frames and
-encodes a command by its package; it judges and checks nothing, which favours it.
+A tick is all that the drives of a robot do in it: take the frames that have come, judge them,
+report, and command. The robot drives in the simulator; each tick's frames go to robotctl's drives
+and to the peer, in turn first, and each has its time taken alone. The peer decodes the same frames
+and encodes a command by its package; it judges and checks nothing, which favours it.
 
-pyvesc knows VESC's serial port only: its tick is one request and answer of the values, and one
-command. It is no dependency of ours: `uv pip install --no-deps pyvesc==1.0.5`. The package that it
-wants for its checksum cannot be installed with today's tools; `_crc_of_pyvesc` stands in for it.
+pyvesc knows VESC's serial port only: its tick is one request and answer of the values, a speed, and
+a position in the place of the servo's, which it does not know. It is no dependency of ours, as the
+package that it wants for its checksum cannot be installed: `_crc_of_pyvesc` stands in for that.
+`uv pip install --python .venv/bin/python --no-deps pyvesc==1.0.5` installs it by hand.
 """
 
 from __future__ import annotations
@@ -20,12 +21,13 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from types import ModuleType, SimpleNamespace
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 from benchmarks import machine
 from robotctl.app.processes.robot import make_codec, make_parts
 from robotctl.app.simulation.lockstep_stack import attach_port, make_simulation
 from robotctl.config.robot_file import config_directory, find_file, load_robot
+from robotctl.drivers.can.drives.motor_drive import MotorConfig
 from robotctl.messages.actuators import ActuatorCommand
 from robotctl.messages.ports import Frame
 from robotctl.runtime.clock import VirtualClock
@@ -38,6 +40,7 @@ TICKS = 400
 
 SPEED_RAD_S = 3.0
 _COMMISSIONING_TICKS = 4000
+_SYNC = 0x080
 _SETTINGS = 0x05
 """ODrive's TxSdo, by which robotctl reads the settings again; the peer does not."""
 
@@ -49,87 +52,91 @@ class Peer(Protocol):
         """Take the frames of a tick and command all axes."""
 
 
-class Driven(NamedTuple):
-    """A simulated robot whose drives are in service and turn its wheels."""
+class Driven:
+    """A simulated robot whose drives are in service and turn its wheels.
 
-    tick: Callable[[], tuple[list[Frame], int]]
-    """Lets a period pass; returns the frames that came, and the time [ns]."""
-    ours: Callable[[list[Frame], int], None]
-    flush: Callable[[int], None]
-    """Puts what the drives have commanded on the bus, and what else they send."""
-    simulation: Any
-    names: tuple[str, ...]
+    Parameters
+    ----------
+    robot
+        Name of the robot's file, with one bus.
+    """
 
+    def __init__(self, robot: str) -> None:
+        file = find_file(robot)
+        self.config = config = load_robot(file)
+        self.simulation = make_simulation(file, find_file("hall", "worlds"), 1, (6.0, 6.0, 0.0))
+        self._clock = VirtualClock(self.simulation.now_ns)
+        parts = make_parts(config, make_codec())
+        (bus,) = config.buses
+        identifiers = parts.identifiers(bus.name)
+        self._port = attach_port(self.simulation.bus, bus, identifiers, self._clock)
+        self._drives = [each.drive for each in parts.drives]
+        self._handlers = {
+            key: each for drive in self._drives for key, each in drive.handlers.items()
+        }
+        self._sent: list[tuple[int, bytes]] = []
+        self._commands = [ActuatorCommand(enable=False, brake=True)] * len(self._drives)
+        for _ in range(_COMMISSIONING_TICKS):
+            self._pass_tick()
+            if not any(drive.status.problem for drive in self._drives):
+                break
+        self._commands = [_forward(each) for each in config.motors]
+        for _ in range(100):
+            self._pass_tick()
 
-def _drive(robot: str) -> Driven:
-    """Return a robot under way."""
-    config = load_robot(find_file(robot))
-    simulation = make_simulation(
-        find_file(robot), find_file("hall", "worlds"), 1, (6.0, 6.0, 0.0)
-    )
-    clock = VirtualClock(simulation.now_ns)
-    parts = make_parts(config, make_codec())
-    (bus,) = config.buses
-    port = attach_port(simulation.bus, bus, parts.identifiers(bus.name), clock)
-    drives = [each.drive for each in parts.drives]
-    handlers = {key: each for drive in drives for key, each in drive.handlers.items()}
-    sent: list[tuple[int, bytes]] = []
-    motors = {motor.name: motor for motor in config.motors}
-    on = []
-    for drive in drives:
-        axes = motors[drive.status.name].axes
-        values = (0.0 if axis.actuator == "steering" else SPEED_RAD_S for axis in axes)
-        on.append(ActuatorCommand(enable=True, brake=True, values=tuple(values)))
-    off = [ActuatorCommand(enable=False, brake=True)] * len(drives)
-    commands = off
+    def tick(self) -> tuple[list[Frame], int]:
+        """Let a period pass; return the drives' frames, and the time [ns]."""
+        now_ns = self._clock.now_ns() + self.config.runtime.period_ns
+        self.simulation.advance(now_ns)
+        self._clock.sleep_until(now_ns)
+        frames = self._port.receive()
+        return [each for each in frames if each.arbitration_id in self._handlers], now_ns
 
-    def put(arbitration_id: int, data: bytes) -> bool:
-        sent.append((arbitration_id, data))
-        return True
-
-    def tick() -> tuple[list[Frame], int]:
-        now_ns = clock.now_ns() + config.runtime.period_ns
-        simulation.advance(now_ns)
-        clock.sleep_until(now_ns)
-        return [each for each in port.receive() if each.arbitration_id in handlers], now_ns
-
-    def ours(frames: list[Frame], now_ns: int) -> None:
+    def work(self, frames: list[Frame], now_ns: int) -> None:
+        """Do what robotctl's drives do in a tick."""
+        handlers = self._handlers
         for arbitration_id, data, stamp_ns in frames:
             handlers[arbitration_id](data, stamp_ns)
-        for drive, command in zip(drives, commands, strict=True):
+        for drive, command in zip(self._drives, self._commands, strict=True):
             drive.check(now_ns)
-            drive.command(put, command, now_ns)
+            drive.command(self._put, command, now_ns)
 
-    def flush(now_ns: int) -> None:
-        for frame in sent:
-            port.send(*frame)
-        sent.clear()
-        if any(drive.wants_sync for drive in drives):
-            port.send(0x080, b"")
-        for drive in drives:
-            drive.serve(port.send, now_ns)
+    def _put(self, arbitration_id: int, data: bytes) -> bool:
+        self._sent.append((arbitration_id, data))
+        return True
 
-    def pass_tick() -> None:
-        frames, now_ns = tick()
-        ours(frames, now_ns)
-        flush(now_ns)
+    def flush(self, now_ns: int) -> None:
+        """Put the commands on the bus, and what else the drives send."""
+        for frame in self._sent:
+            self._port.send(*frame)
+        self._sent.clear()
+        if any(drive.wants_sync for drive in self._drives):
+            self._port.send(_SYNC, b"")
+        for drive in self._drives:
+            drive.serve(self._port.send, now_ns)
 
-    for _ in range(_COMMISSIONING_TICKS):
-        pass_tick()
-        if not any(drive.status.problem for drive in drives):
-            break
-    commands = on
-    for _ in range(100):
-        pass_tick()
-    return Driven(tick, ours, flush, simulation, tuple(motors))
+    def _pass_tick(self) -> None:
+        frames, now_ns = self.tick()
+        self.work(frames, now_ns)
+        self.flush(now_ns)
 
 
-def _odrive(_: Driven) -> Peer:
+def _forward(motor: MotorConfig) -> ActuatorCommand:
+    """Return the command that turns all wheels of a drive forward, joints straight."""
+    names = (axis.actuator for axis in motor.axes)
+    values = (0.0 if name == "steering" else SPEED_RAD_S for name in names)
+    return ActuatorCommand(enable=True, brake=True, values=tuple(values))
+
+
+def _odrive(driven: Driven) -> Peer:
     """Return the tick of odrive-can 2.1: its messages by its DBC."""
     can, package = importlib.import_module("can"), importlib.import_module("odrive_can.odrive")
     bus = SimpleNamespace(send=lambda _: None, shutdown=lambda: None)
-    motors = load_robot(find_file("skid_steer")).motors
-    axes = [package.ODriveCAN(number, bus) for motor in motors for number in motor.node_ids]
+    axes = [
+        package.ODriveCAN(number, bus)
+        for motor in driven.config.motors
+        for number in motor.node_ids
+    ]
 
     def tick(frames: Sequence[Frame]) -> None:
         for arbitration_id, data, _ in frames:
@@ -151,22 +158,8 @@ def _canopen(driven: Driven) -> Peer:
     (twin,) = driven.simulation.twins
     eds = config_directory() / "drives" / "cia402.eds"
     node = network.add_node(twin.node_id, str(eds))
-    received, sent = {}, []
-    for maps, mapping, communication in ((node.tpdo, 0x1A00, 0x1800), (node.rpdo, 0x1600, 0x1400)):
-        for number, pdo in maps.items():
-            identifier = twin.dictionary.number(communication + number - 1, 1)
-            count = twin.dictionary.number(mapping + number - 1, 0)
-            if identifier >> 31 or not count:
-                continue
-            pdo.clear()
-            for sub in range(1, count + 1):
-                entry = twin.dictionary.number(mapping + number - 1, sub)
-                pdo.add_variable(entry >> 16, entry >> 8 & 0xFF, entry & 0xFF)
-            pdo.cob_id, pdo.enabled = identifier & 0x7FF, True
-            if maps is node.tpdo:
-                received[pdo.cob_id] = pdo
-            else:
-                sent.append(pdo)
+    received = {pdo.cob_id: pdo for pdo in _mapped(node.tpdo, twin.dictionary, 0x1800)}
+    sent = _mapped(node.rpdo, twin.dictionary, 0x1400)
 
     def tick(frames: Sequence[Frame]) -> None:
         for arbitration_id, data, stamp_ns in frames:
@@ -183,6 +176,25 @@ def _canopen(driven: Driven) -> Peer:
     return tick
 
 
+def _mapped(maps: Any, dictionary: Any, communication: int) -> list[Any]:
+    """Return the PDOs of the package that a drive has switched on, mapped as the drive has them."""
+    found = []
+    for number, pdo in maps.items():
+        parameter = communication + number - 1
+        mapping = parameter + 0x200
+        identifier = dictionary.number(parameter, 1)
+        count = dictionary.number(mapping, 0)
+        if identifier >> 31 or not count:
+            continue
+        pdo.clear()
+        for sub in range(1, count + 1):
+            entry = dictionary.number(mapping, sub)
+            pdo.add_variable(entry >> 16, entry >> 8 & 0xFF, entry & 0xFF)
+        pdo.cob_id, pdo.enabled = identifier & 0x7FF, True
+        found.append(pdo)
+    return found
+
+
 def _moteus(driven: Driven) -> Peer:
     """Return the tick of moteus 1.1.1: its commands and the parser of its answers."""
     moteus = importlib.import_module("moteus")
@@ -191,22 +203,20 @@ def _moteus(driven: Driven) -> Peer:
     query.voltage = query.temperature = query.fault = moteus.INT16
     drives = [
         moteus.Controller(number, query_resolution=query, transport=object())
-        for number in range(1, len(driven.names) + 1)
+        for number in range(1, len(driven.config.motors) + 1)
     ]
 
     def tick(frames: Sequence[Frame]) -> None:
         for _, data, _ in frames:
             protocol.parse_reply(data)
         for drive in drives:
-            drive.make_position(
-                position=math.nan, velocity=0.5, watchdog_timeout=0.09, query=True
-            )
+            drive.make_position(position=math.nan, velocity=0.5, watchdog_timeout=0.09, query=True)
 
     return tick
 
 
 def _vesc(_: Driven) -> Peer:
-    """Return the tick of pyvesc 1.0.5: values asked for and decoded, and a speed commanded."""
+    """Return the tick of pyvesc 1.0.5: values asked for and decoded, speed and position set."""
     sys.modules.setdefault("PyCRC", ModuleType("PyCRC"))
     sys.modules.setdefault("PyCRC.CRCCCITT", _crc_of_pyvesc())
     pyvesc = importlib.import_module("pyvesc")
@@ -220,6 +230,7 @@ def _vesc(_: Driven) -> Peer:
         pyvesc.decode(answer)
         pyvesc.encode_request(pyvesc.GetValues)
         pyvesc.encode(pyvesc.SetRPM(1000))
+        pyvesc.encode(pyvesc.SetPosition(90.0))
 
     return tick
 
@@ -249,7 +260,7 @@ def run(rounds: int, _seconds: float) -> None:
     """Measure each kind of drive and its peer on the same ticks."""
     rows = []
     for robot, (kind, package, make) in PEERS.items():
-        driven = _drive(robot)
+        driven = Driven(robot)
         try:
             peer = make(driven)
         except ImportError as error:
@@ -285,7 +296,7 @@ def _round(driven: Driven, peer: Peer) -> tuple[float, float]:
                 peer(frames)
                 theirs_ns.append(clock() - begin_ns)
             else:
-                driven.ours(frames, now_ns)
+                driven.work(frames, now_ns)
                 ours_ns.append(clock() - begin_ns)
         driven.flush(now_ns)
     return statistics.median(ours_ns) / 1e3, statistics.median(theirs_ns) / 1e3

@@ -82,8 +82,11 @@ _NODE: Final = {"node": Parameter("drive", "a node of the robot, or a drive", na
 _WHEEL: Final = {"wheel": Parameter("left", "a wheel of the robot", named=True)}
 _FRAMES: Final = {
     "id": Parameter(
-        0.0, "identifier, 0x201 or 513, 0: any; of 29 bits with 0x80000000 added", 0.0,
-        EXTENDED_FLAG | EXTENDED_MASK, whole=True,
+        0.0,
+        "identifier, 0x201 or 513, 0: any; of 29 bits with 0x80000000 added",
+        0.0,
+        EXTENDED_FLAG | EXTENDED_MASK,
+        whole=True,
     ),
     "probability": Parameter(1.0, "for each frame", 0.001, 1.0),
     **_FOR,

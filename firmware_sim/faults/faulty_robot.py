@@ -145,7 +145,7 @@ class FaultyRobot:
         SimulationError
             If no host is on the bus, or several could be it.
         """
-        nodes = {node.name for node in (*self.nodes, *self.twins)}
+        nodes = {node.name for node in self.nodes} | {twin.name for twin in self.twins}
         guests = [port for port in self.bus_of("drive").ports if port.name not in nodes]
         commanding = [port for port in guests if port.has_sent(wire.MOTOR_COMMAND)]
         named = [port for port in guests if _HOST.fullmatch(port.name)]

@@ -131,8 +131,10 @@ class Causes:
             return
         for supply in self._supplies.values():
             report = reports[supply.actuator]
-            if report.supply_ns > supply.stamp_ns and report.voltage_v is not None:
-                supply.take(report.voltage_v, report.supply_ns)
+            volts = report.voltage_v
+            # A negative one is a damaged frame.
+            if report.supply_ns > supply.stamp_ns and volts is not None and volts >= 0.0:
+                supply.take(volts, report.supply_ns)
 
     def _take_bus(self, bus: BusStatus, now_ns: int) -> None:
         """Note errors, refusals and silence of the bus."""

@@ -45,7 +45,8 @@ class PlausibilityConfig:
         The drive's clock may be faster or slower than the host's by this, > 0, at most 0.25.
     follow_ms
         Longest time for which a wheel whose drive closes its own loop may be off its commanded
-        speed by more than the tolerances of speed [ms], 50 to 2000.
+        speed by more than the tolerances of speed [ms], 50 to 2000. One that is faster than its
+        command or turns against it has `speed_ms`.
     travel_m
         Way straight ahead over which a sonar that looks along it is compared [m], > 0, at most 2.
 

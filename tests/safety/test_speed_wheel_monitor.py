@@ -1,4 +1,4 @@
-"""Wheels whose drives close the loop: how soon one that does not obey is found, and in what words."""
+"""Wheels whose drives close the loop: how soon a fault is found, and in what words."""
 
 from __future__ import annotations
 

@@ -29,9 +29,7 @@ class Drive(NamedTuple):
 
 
 ROBOTS = {
-    "odrive": Drive(
-        "left_drive", 0x429, 0x42D, 0x400, C.DRIVE_OVER_CURRENT, "DC_BUS_OVER_CURRENT"
-    ),
+    "odrive": Drive("left_drive", 0x429, 0x42D, 0x400, C.DRIVE_OVER_CURRENT, "DC_BUS_OVER_CURRENT"),
     "skid_steer": Drive(
         "drive_front_left", 0x29, 0x2D, 0x4000000, C.DRIVE_ENCODER, "SPINOUT_DETECTED"
     ),
@@ -50,8 +48,10 @@ STALE = frozenset({C.WHEELS_STALE, C.MOTOR_STALE})
 GONE = STALE | frozenset(NODE_GONE) | {C.BUS_SILENT}
 # Frames that a ZLAC8015D could not send follow later and say that it is enabled.
 CUT = BUS_BROKEN | GONE | {C.DRIVES_UNASKED}
+# Without a checksum any field may be the one that lies, such as the clock of a moteus.
 UNREADABLE = frozenset(
     {C.DRIVE_UNREADABLE, C.DRIVE_FAULT, C.DRIVE_STOPPED, C.ENCODER_JUMPS, C.ENCODER_WRONG}
+    | {C.NODE_RESTARTED}
 )
 
 
@@ -63,7 +63,7 @@ def rows(drive: Drive) -> tuple[Row, ...]:
         Row("encoder_reversed wheel=left", RUNS_AWAY, 250),
         Row("wheels_swapped", RUNS_AWAY, 250),
         Row("wheel_blocked wheel=left", WHEEL, 250),
-        Row("feedback_frozen", frozenset({C.ENCODER_STUCK}), 400),
+        Row("feedback_frozen", frozenset({C.ENCODER_STUCK}), 500),
         Row("over_current amperes=30", frozenset({C.DRIVE_OVER_CURRENT}), 200),
         Row("over_temperature kelvin=170", frozenset({C.DRIVE_OVER_TEMPERATURE}), 200),
         Row("brown_out volts=4", frozenset({C.DRIVE_UNDER_VOLTAGE}), 250),
@@ -119,5 +119,5 @@ def test_what_a_drive_does_not_watch_is_no_fault_of_its_robot():
         "vesc_car": {"wheels_swapped"},
         "moteus": {flowing},
         "mecanum": {flowing},
-        **dict.fromkeys(("cia402", "zlac8015d", "roboteq"), {on_the_heartbeat}),
+        **{key: {on_the_heartbeat} for key in ("cia402", "zlac8015d", "roboteq")},
     }

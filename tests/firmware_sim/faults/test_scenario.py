@@ -166,8 +166,10 @@ def test_the_files_that_come_with_the_robot_are_right(path):
         (
             '[[fault]]\nkind = "node_cut"\nat = 1\nnode = "sonr"',
             4,
-            "fault[0].node: 'sonr', the robot has none, allowed: drive, sonar, power; "
-            'did you mean "sonar"?',
+            (
+                "fault[0].node: 'sonr', the robot has none, allowed: drive, sonar, power; "
+                'did you mean "sonar"?'
+            ),
         ),
         (
             '[[fault]]\nkind = "bus_cut"\nat = 1\ndurat = 2',

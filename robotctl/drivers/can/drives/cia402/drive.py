@@ -339,11 +339,16 @@ class Cia402Drive:
         if not wants:
             targets = [0] * len(targets)
         if in_service or (self._found.is_mapped and node.status.nmt_state == NMT_OPERATIONAL):
-            for arbitration_id, data in self._frames(switch.word(command.brake), targets):
+            word = switch.word(command.brake, 0.0 if wants else self._fastest())
+            for arbitration_id, data in self._frames(word, targets):
                 send(arbitration_id, data)
         if self._beat is not None and now_ns - self._beat_ns >= self._beat_period_ns:
             self._beat_ns = now_ns
             send(*self._beat)
+
+    def _fastest(self) -> float:
+        """Return the speed of the fastest wheel [rad/s]; 0 where none is told."""
+        return max(abs(report.speed_rad_s or 0.0) for report in self.reports)
 
     def serve(self, send: Send, now_ns: int) -> bool:
         """Send the next frame of its node services; whether there was one."""

@@ -31,6 +31,10 @@ _RESET_TICKS: Final = 64
 _RESET_PERIOD: Final = 8
 """Ticks from one rising edge of the reset bit to the next: a frame of one may be lost."""
 
+FASTER_RAD_S: Final = 1.0
+"""A wheel faster by this than when its quick stop began is not being stopped: a loop with a wrong
+encoder accelerates."""
+
 _UNEXPLAINED: Final = frozenset({FaultCode.DRIVE_STOPPED, FaultCode.DRIVE_FAULT})
 """Faults that say of no cause."""
 
@@ -57,6 +61,7 @@ class PowerSwitch:
 
     __slots__ = (
         "_clear_ticks",
+        "_off_rad_s",
         "_off_ticks",
         "_on_words",
         "_stop_ticks",
@@ -75,6 +80,7 @@ class PowerSwitch:
         self._stop_ticks = stop_ticks
         self._clear_ticks = 0
         self._off_ticks = 0
+        self._off_rad_s = 0.0
         self._wants = False
         self._was_on = False
 
@@ -126,8 +132,16 @@ class PowerSwitch:
         self._wants = self.interlock.admits(enable, in_service)
         return self._wants
 
-    def word(self, brake: bool) -> int:
-        """Return the control word of this tick, after `wants`."""
+    def word(self, brake: bool, speed_rad_s: float = 0.0) -> int:
+        """Return the control word of this tick, after `wants`.
+
+        Parameters
+        ----------
+        brake
+            What the command says.
+        speed_rad_s
+            Speed of the fastest wheel [rad/s].
+        """
         if self._wants:
             self._off_ticks = 0
             return self._on_words[self.lowest]
@@ -137,6 +151,10 @@ class PowerSwitch:
                 return FAULT_RESET
             return DISABLE_VOLTAGE
         self._off_ticks += 1
+        if self._off_ticks == 1:
+            self._off_rad_s = speed_rad_s
+        elif speed_rad_s > self._off_rad_s + FASTER_RAD_S:
+            self._off_ticks += self._stop_ticks
         if brake and self._off_ticks <= self._stop_ticks:
             return QUICK_STOP_WORD
         return DISABLE_VOLTAGE

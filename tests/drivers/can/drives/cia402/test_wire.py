@@ -49,6 +49,19 @@ def test_control_words_on_the_way_to_power_are_those_of_the_standard():
     assert switch.word(False) == State402.CW_DISABLE_VOLTAGE
 
 
+def test_a_quick_stop_that_makes_a_wheel_faster_takes_the_power_at_once():
+    switch = PowerSwitch("drive", 0, 100)
+    switch.wants(False, True)
+    switch.observe(wire.OPERATION_ENABLED)
+    assert switch.wants(True, True)
+    switch.word(True)
+    switch.wants(False, True)
+    braked = [switch.word(True, speed) for speed in (4.0, 4.9, 3.0, 4.9)]
+    assert braked == [State402.CW_QUICK_STOP] * 4
+    assert switch.word(True, 5.1) == State402.CW_DISABLE_VOLTAGE
+    assert switch.word(True, 0.0) == State402.CW_DISABLE_VOLTAGE
+
+
 def their_map(node, direction, pdo):
     """The same PDO of the canopen package."""
     their = (node.rpdo if direction == "receive" else node.tpdo)[pdo.number]
