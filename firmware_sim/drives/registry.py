@@ -23,7 +23,7 @@ TWINS: Final[Mapping[str, type[MotorSection]]] = {
     "vesc": VescMotor,
     "moteus": MoteusMotor,
 }
-"""By `kind`."""
+"""Classes of the tables, by `kind`."""
 
 
 def true_drive(table: MotorTable, found: Mapping[str, Any]) -> tuple[MotorSection, Any]:

@@ -85,7 +85,7 @@ COMMANDS: Final = {
         "Find noise, outliers and limits of sonars or lidar, with 95 % intervals.",
     ),
     "config": ("config:app", "Check and show robot configurations."),
-    "can": ("can:app", "Print the load of the CAN bus."),
+    "can": ("can:app", "Load of the CAN bus, and the devices on it."),
     "record": ("logs.record:app", "The flight recorder and the logs."),
     "calibrate": ("calibrate.calibrate:app", "Calibrate the robot from drives and recordings."),
     "places": ("places.places:app", "Learn and recognise places by sonar or images."),

@@ -23,6 +23,7 @@ NOT_FIT = 1
 _STYLE = {
     Verdict.OK: "green",
     Verdict.WARN: "yellow",
+    Verdict.RISK: "bold red",
     Verdict.FAIL: "bold red",
     Verdict.NONE: "dim",
 }

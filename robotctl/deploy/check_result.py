@@ -13,6 +13,8 @@ class Verdict(enum.StrEnum):
     OK = "ok"
     WARN = "warn"
     FAIL = "fail"
+    RISK = "risk"
+    """A risk that the robot's file takes on deliberately."""
     NONE = "none"
     """There is nothing to check on this machine."""
 
@@ -51,6 +53,11 @@ def warn(check: str, found: str, fix: str) -> Finding:
 def fail(check: str, found: str, fix: str) -> Finding:
     """Return a finding that must be mended."""
     return Finding(check, Verdict.FAIL, found, fix)
+
+
+def risk(check: str, found: str) -> Finding:
+    """Return a finding that the robot's file takes on deliberately."""
+    return Finding(check, Verdict.RISK, found)
 
 
 def none(check: str, found: str) -> Finding:

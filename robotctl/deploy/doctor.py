@@ -27,7 +27,7 @@ from robotctl.deploy.doctor_host import (
     check_time_sync,
     clock_status,
 )
-from robotctl.deploy.doctor_nodes import check_nodes
+from robotctl.deploy.doctor_nodes import check_drives, check_nodes
 from robotctl.deploy.wakeup import (
     check_lag,
     check_rights,
@@ -72,6 +72,7 @@ def examine(
     yield ok("configuration", f"{robot}: {config.robot.name}, {config.runtime.rate_hz} Hz")
     if config.localisation.map or config.localisation.places:
         yield _check_localisation(config, robot)
+    yield from check_drives(config)
     yield from _check_buses(config)
     yield check_preemption(root)
     yield check_governor(root)

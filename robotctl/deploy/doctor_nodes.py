@@ -6,12 +6,13 @@ commissions them as the control process would, with commands that say "motors of
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from contextlib import ExitStack
 from typing import Final
 
 from robotctl.app.processes.robot import make_codec, make_parts, open_ports
 from robotctl.config.robot_file import RobotConfig
-from robotctl.deploy.check_result import Finding, fail, none, ok, warn
+from robotctl.deploy.check_result import Finding, fail, none, ok, risk, warn
 from robotctl.deploy.doctor_imu import check_imu, watch_imu
 from robotctl.drivers.can.robot_can import CanRobot
 from robotctl.errors import LinkError
@@ -38,6 +39,21 @@ _FIXES: Final = {
     FaultCode.NODE_PUT_OUT: "find out who else on the bus commands the nodes (NMT)",
 }
 """Remedy for each kind of problem; for others, check power and cable."""
+
+
+def check_drives(config: RobotConfig) -> Iterator[Finding]:
+    """Yield what each drive does when this computer is silent, and what the file accepts of it."""
+    for motor in config.motors:
+        accepted = []
+        if motor.accept_coasting:
+            accepted.append("coasting")
+        if motor.accept_timeout_ms:
+            accepted.append(f"{motor.accept_timeout_ms} ms without a command")
+        check = f"drive {motor.name}"
+        if accepted:
+            yield risk(check, f"the robot's file accepts {' and '.join(accepted)}: {motor.silence}")
+        else:
+            yield ok(check, motor.silence)
 
 
 def check_nodes(config: RobotConfig, clock: Clock) -> list[Finding]:

@@ -23,7 +23,9 @@ def test_the_list_of_commands_says_what_each_says_of_itself(name: str) -> None:
 HELP = ("--help", "sim --help", "tune --help", "calibrate odometry --help", "config show --help")
 
 
-@pytest.mark.parametrize("arguments", ["version", "--show-completion", *HELP, "can budget --help"])
+@pytest.mark.parametrize(
+    "arguments", ["version", "--show-completion", *HELP, "can budget --help", "can scan --help"]
+)
 def test_nothing_heavy_is_imported_where_nothing_is_computed(arguments: str) -> None:
     done = subprocess.run(
         [sys.executable, "-X", "importtime", "-m", "robotctl", *arguments.split()],

@@ -3,8 +3,9 @@
 import pytest
 
 from robotctl.app.processes.robot import make_codec
+from robotctl.config.robot_file import find_file, load_robot
 from robotctl.deploy.check_result import Verdict
-from robotctl.deploy.doctor_nodes import check_node
+from robotctl.deploy.doctor_nodes import check_drives, check_node
 from robotctl.drivers.can.drives.native.settings import PRODUCT, drive_script
 from robotctl.drivers.can.nodes.commissioning import REVISION_MAJOR, VENDOR_ID
 from robotctl.drivers.can.nodes.sdo import ABORT_NO_OBJECT, SdoResponse
@@ -69,3 +70,16 @@ def test_a_node_in_service_has_nothing_to_mend() -> None:
     finding = check_node(NodeStatus(1, "drive", 5, 0, 1, ""), DBC.wire_version)
     assert finding.verdict is Verdict.OK
     assert not finding.fix
+
+
+def test_what_a_file_accepts_of_its_drives_is_a_risk_that_is_shown() -> None:
+    def verdicts(robot: str, *settings: str) -> dict[str, Verdict]:
+        config = load_robot(find_file(robot), settings)
+        return {finding.check: finding.verdict for finding in check_drives(config)}
+
+    assert verdicts("diff_drive") == {"drive drive": Verdict.OK}
+    assert verdicts("odrive") == {"drive left_drive": Verdict.OK, "drive right_drive": Verdict.OK}
+    assert verdicts("roboteq") == {"drive motors": Verdict.RISK}
+    (slow,) = check_drives(load_robot(find_file("vesc_car"), ["motor.0.accept_timeout_ms=500"]))
+    assert slow.verdict is Verdict.RISK
+    assert "500 ms without a command" in slow.found

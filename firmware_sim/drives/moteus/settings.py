@@ -21,6 +21,8 @@ class MoteusSettings:
     ----------
     firmware, register_map
         Versions that it tells.
+    serial
+        Its serial number: 96 bits, in words of 32, the lowest first.
     timeout_mode
         `servo.timeout_mode` in its flash.
     default_timeout_s
@@ -41,6 +43,7 @@ class MoteusSettings:
 
     firmware: int = 0x000109
     register_map: int = 5
+    serial: tuple[int, int, int] = (1, 0, 0)
     timeout_mode: Literal[0, 10, 12, 15] = 12
     default_timeout_s: NotNegative = 0.1
     max_current_a: Positive = 100.0

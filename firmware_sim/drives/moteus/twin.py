@@ -122,6 +122,9 @@ class MoteusTwin(Twin):
             0x101: lambda: settings.firmware,
             0x102: lambda: settings.register_map,
             0x110: lambda: self._number,
+            0x120: lambda: settings.serial[0],
+            0x121: lambda: settings.serial[1],
+            0x122: lambda: settings.serial[2],
         }
         self._on_power_up(0)
 

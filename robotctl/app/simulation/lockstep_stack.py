@@ -129,11 +129,14 @@ class LockstepStack:
 def attach_port(
     bus: Bus,
     config: CanConfig,
-    arbitration_ids: Collection[int],
+    arbitration_ids: Collection[int] | None,
     clock: Clock,
     name: str = "host",
 ) -> MemoryPort:
-    """Return the host's port on a simulated bus, by a name that no other there has."""
+    """Return a host's port on a simulated bus, which accepts some identifiers or (None) all.
+
+    No other port there has its name.
+    """
     fd = config.data_bitrate > 0
     switch = BIT_RATE_SWITCH_FLAG if config.data_bitrate > config.bitrate else 0
 

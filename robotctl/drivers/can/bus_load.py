@@ -29,6 +29,8 @@ MAX_LOAD: Final = 0.5
 SYNC: Final = "Sync"
 COMMAND: Final = "MotorCommand"
 STEERING_STATUS: Final = "DriveStatus"
+DRIVE: Final = "DRIVE"
+"""Our motor controller, by its name in the DBC."""
 SONARS_PER_FRAME: Final = 4
 
 _SONAR_FRAMES = ("SonarRangesA", "SonarRangesB", "SonarRangesC", "SonarRangesD")
@@ -49,6 +51,27 @@ class FrameBits(NamedTuple):
         if not self.data:
             return self.nominal / bus.bitrate
         return self.nominal / bus.bitrate + self.data / bus.data_bitrate
+
+
+class Cyclic(NamedTuple):
+    """A frame that robot.dbc does not have, and how often it is sent.
+
+    Parameters
+    ----------
+    name
+        Its name.
+    arbitration_id
+        Its identifier, with flags as in `Frame`.
+    length
+        Data bytes; of a remote request none, whatever it asks for.
+    rate_hz
+        Frames a second, at most.
+    """
+
+    name: str
+    arbitration_id: int
+    length: int
+    rate_hz: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,6 +134,7 @@ def budget(
     steered: bool = False,
     imu: bool = False,
     elsewhere: Collection[str] = (),
+    foreign: Collection[Cyclic] = (),
 ) -> BusLoad:
     """Add up the cyclic traffic. Events (EMCY, NMT, SDO, emergency stop) are not in it.
 
@@ -129,7 +153,9 @@ def budget(
     imu
         Whether there is an IMU.
     elsewhere
-        Nodes, by their names in the DBC, that are on another bus.
+        Nodes, by their names in the DBC, that are not on this bus.
+    foreign
+        Frames of drives that the DBC does not have. One of an identifier that it has is the same.
 
     Raises
     ------
@@ -147,6 +173,8 @@ def budget(
         nodes = {*message.senders, *message.receivers} - {HOST}
         if nodes and nodes.issubset(elsewhere):
             continue
+        if message.name == SYNC and DRIVE in elsewhere:
+            continue  # no other node of ours waits for it
         period_ms = _period_ms(message, sync, rate_hz, steered=steered)
         if message.arbitration_id & FD_FLAG and not bus.data_bitrate:
             raise ConfigError(
@@ -156,7 +184,22 @@ def budget(
         bits = worst_case_bits(message.arbitration_id, message.length)
         load = bits.seconds(bus) / period_ms * 1000
         rows.append(MessageLoad(message.name, message.arbitration_id, period_ms, bits, load))
+    known = {row.arbitration_id for row in rows}
+    rows += [_foreign_load(each, bus) for each in foreign if each.arbitration_id not in known]
+    rows.sort(key=lambda row: urgency(row.arbitration_id))
     return BusLoad(rate_hz, bus, sum(row.load for row in rows), tuple(rows))
+
+
+def _foreign_load(frame: Cyclic, bus: CanConfig) -> MessageLoad:
+    """Return the load of a frame that the DBC does not have."""
+    if frame.arbitration_id & FD_FLAG and not bus.data_bitrate:
+        raise ConfigError(
+            f'{frame.name} is a frame of CAN FD, but can.data_bitrate of the bus "{bus.name}" is '
+            "0; set it to the drives' data bit rate"
+        )
+    bits = worst_case_bits(frame.arbitration_id, frame.length)
+    load = bits.seconds(bus) * frame.rate_hz
+    return MessageLoad(frame.name, frame.arbitration_id, 1000.0 / frame.rate_hz, bits, load)
 
 
 def _period_ms(message: Message, sync: Message, rate_hz: float, *, steered: bool) -> float:

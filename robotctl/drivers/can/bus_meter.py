@@ -7,6 +7,7 @@ from typing import Final
 
 from robotctl.drivers.can.bus_load import nominal_bits, worst_case_bits
 from robotctl.drivers.can.config import CanConfig
+from robotctl.drivers.can.errors import CAN_ERR_FLAG
 from robotctl.messages.control import BusState, BusStatus
 from robotctl.messages.ports import EXTENDED_FLAG, FD_FLAG, FD_LENGTHS
 
@@ -17,6 +18,14 @@ FRAME_BITS: Final = tuple(
 
 _WINDOW_NS = 1_000_000_000
 _FORMATS: Final = EXTENDED_FLAG | FD_FLAG
+
+
+class _All(dict[int, tuple[int, ...]]):
+    """Lengths of frames of every identifier, made of those by format."""
+
+    def get(self, key: int, _: object = None) -> tuple[int, ...] | None:  # type: ignore[override]
+        """Return the lengths by data length; None for an error frame, and CAN FD without that."""
+        return None if key & CAN_ERR_FLAG else super().get(key & _FORMATS)
 
 
 class BusMeter:
@@ -66,8 +75,13 @@ class BusMeter:
         lengths = self._lengths.get(arbitration_id & _FORMATS, ())
         return lengths[length] if length < len(lengths) else 0
 
-    def accepted(self, arbitration_ids: Collection[int]) -> dict[int, tuple[int, ...]]:
-        """Return the lengths of frames of identifiers by their data length, where there are any."""
+    def accepted(self, arbitration_ids: Collection[int] | None) -> dict[int, tuple[int, ...]]:
+        """Return the lengths of frames of identifiers by their data length, where there are any.
+
+        None: those of all identifiers.
+        """
+        if arbitration_ids is None:
+            return _All(self._lengths)
         formats = {each: self._lengths.get(each & _FORMATS) for each in arbitration_ids}
         return {each: lengths for each, lengths in formats.items() if lengths is not None}
 

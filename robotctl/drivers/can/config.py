@@ -163,7 +163,7 @@ def bring_up(config: CanConfig, kind: str = "") -> str:
 
 @dataclass(frozen=True, slots=True)
 class PowerConfig:
-    """Who tells the supply of the robot.
+    """Source of the supply voltage.
 
     Parameters
     ----------

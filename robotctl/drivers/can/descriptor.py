@@ -68,15 +68,15 @@ class Descriptor:
 OpenDescriptor = Callable[[], Descriptor]
 
 
-def opener(config: CanConfig, arbitration_ids: Collection[int]) -> OpenDescriptor:
-    """Return the function that opens the bus of `config`, filtered to the given identifiers.
+def opener(config: CanConfig, arbitration_ids: Collection[int] | None) -> OpenDescriptor:
+    """Return the function that opens the bus of `config`, filtered to identifiers if there are any.
 
     The first call goes through `can.Bus`, which looks the interface up among the installed ones;
     later calls build the same class directly, without that search. A network device that is not
     there, or does not carry the bus's CAN FD, is found out first, since python-can logs each
     failure.
     """
-    filters = [_filter(each) for each in arbitration_ids]
+    filters = None if arbitration_ids is None else [_filter(each) for each in arbitration_ids]
     fd = config.data_bitrate > 0
     found: list[type[can.BusABC]] = []
 

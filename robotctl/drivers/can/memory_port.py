@@ -35,7 +35,7 @@ class MemoryPort:
     def __init__(
         self,
         transmit: Callable[[int, bytes], object],
-        arbitration_ids: Collection[int],
+        arbitration_ids: Collection[int] | None,
         config: CanConfig,
         clock: Clock,
     ) -> None:

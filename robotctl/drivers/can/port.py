@@ -65,7 +65,8 @@ class SocketPort:
     config
         Which bus.
     arbitration_ids
-        Accepted identifiers, with flags as in `Frame`; all others stay in the kernel.
+        Accepted identifiers, with flags as in `Frame`; all others stay in the kernel. None: all
+        are accepted.
     clock
         CLOCK_MONOTONIC.
     open_descriptor
@@ -80,7 +81,7 @@ class SocketPort:
     def __init__(
         self,
         config: CanConfig,
-        arbitration_ids: Collection[int],
+        arbitration_ids: Collection[int] | None,
         clock: Clock,
         open_descriptor: OpenDescriptor | None = None,
     ) -> None:

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from robotctl.config.file_edit import Change
-from robotctl.deploy.setup.bench import Bench
+from robotctl.deploy.setup.bench import Bench, _Motion
 from robotctl.deploy.setup.dialogue import Ask, Kind, PersonLeftError, Topic, UnfinishedError
 from robotctl.deploy.setup.guide import Guide
 from robotctl.deploy.setup.registry import Step
@@ -183,3 +183,15 @@ def test_answers_that_say_nothing_are_refused(ask):
     for text in ("", "x", "l"):
         with pytest.raises(ValueError, match=r"no number|please answer"):
             ask.read(text)
+
+
+def test_no_duty_turns_a_free_wheel_fast_even_if_nothing_reports_it(rig):
+    with Bench(rig.config, rig.buses) as bench:
+        bench.commission()
+        motion = _Motion(bench, bench.wheels[:1])
+        duties = [motion.command(0.005).values[0] for _ in range(4000)]
+        supply_v = bench.feedback.actuators[0].voltage_v
+    motor = rig.config.plausibility
+    duty = max(duties) - rig.config.control.pwm.deadband
+    free_m_s = duty * supply_v / motor.back_emf_v_s_rad * rig.config.drive.wheel_radius_m
+    assert free_m_s == pytest.approx(0.2)

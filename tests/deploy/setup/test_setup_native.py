@@ -107,3 +107,24 @@ def test_a_drive_on_another_bus_stays_there_when_it_is_given_a_table(tmp_path):
     assert "drive" not in rig.tables["nodes"]
     rig.guide.undo(STEP["directions"])
     assert rig.tables == tomllib.loads(rig.before)
+
+
+def test_a_wheel_that_only_the_host_does_not_see_turn_stays_slow(tmp_path):
+    rig = SetupRig(tmp_path, "diff_drive")
+    rig.simulation.faults.inject("feedback_frozen")
+    assert rig.run("directions") == [False]
+    assert rig.heard("the encoder of left does not report that it turned")
+    assert rig.buses.fastest_m_s > 0.1
+
+
+def test_two_wheels_that_are_turned_by_hand_at_once_are_said(tmp_path):
+    rig = SetupRig(tmp_path, "diff_drive")
+    turn = rig.person._turn_on
+
+    def turn_both(_wheel):
+        turn("left")
+        rig.simulation.plant.axes[1].turn(0.01)
+
+    rig.person._turn_on = turn_both
+    assert rig.run("counts") == [False]
+    assert rig.heard("left and right are both reported to have turned")

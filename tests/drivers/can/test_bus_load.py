@@ -3,6 +3,7 @@ from can.util import len2dlc
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from robotctl.config.robot_file import config_directory, load_robot
 from robotctl.drivers.can.bus_load import (
     MAX_LOAD,
     FrameBits,
@@ -17,6 +18,7 @@ from robotctl.drivers.can.dbc import load_dbc
 from robotctl.errors import ConfigError
 from robotctl.messages.ports import EXTENDED_FLAG, FD_FLAG, FD_LENGTHS
 from tests.drivers.can.dbc_files import FORMATS, HEAD
+from tests.drivers.can.drives.drive_rig import DriveRig
 
 BUS = CanConfig()
 FD_BUS = CanConfig(data_bitrate=5_000_000)
@@ -162,6 +164,46 @@ def test_the_default_rate_takes_what_a_sum_by_hand_says(dbc):
 def test_an_imu_takes_a_hundred_frames_a_second_and_its_heartbeat(dbc):
     without, with_imu = (budget(dbc, 200, BUS, imu=imu).total for imu in (False, True))
     assert with_imu - without == pytest.approx((100 * 135 + 10 * 65) / 1e6)
+
+
+def test_four_odrives_at_200_hz_take_what_a_sum_by_hand_says(dbc):
+    """Each: command, two requests without data, their answers, and what comes by itself."""
+    config = load_robot(config_directory() / "skid_steer.toml")
+    frames = [each for motor in config.motors for each in motor.traffic(config.safety, 200)]
+    everything = {"DRIVE", "SONAR", "POWER", "IMU"}
+    load = budget(dbc, 200, BUS, elsewhere=everything, foreign=frames)
+    by_hand = 4 * (200 * (135 + 2 * 55 + 2 * 135) + 10 * 135 + 100 * 135)
+    assert load.total == pytest.approx(by_hand / 1e6)
+    assert 0.45 < load.total < MAX_LOAD
+
+
+@pytest.mark.parametrize(
+    "robot", ["odrive", "skid_steer", "vesc_car", "moteus", "mecanum", "cia402", "zlac8015d"]
+)
+def test_a_robot_that_drives_takes_no_more_of_the_simulated_bus_than_its_budget(dbc, robot):
+    """The bus counts the bits of each frame as they are; the budget's are the worst case."""
+    rig = DriveRig(robot).commission()
+    rig.drive(1.0, 1200)
+    (measured,) = (bus.load() for bus in rig.simulation.buses.values())
+    config, wanted = rig.config, {part.status.name.upper() for part in rig.parts.ours}
+    frames = [each for motor in config.motors
+              for each in motor.traffic(config.safety, config.runtime.rate_hz)]  # fmt: skip
+    load = budget(
+        dbc,
+        config.runtime.rate_hz,
+        config.buses[0],
+        sonars=len(config.sonar),
+        elsewhere={"DRIVE", "SONAR", "POWER", "IMU"} - wanted,
+        foreign=frames,
+    )
+    assert 0.7 * load.total < measured < load.total
+
+
+def test_frames_of_can_fd_need_a_data_bit_rate(dbc):
+    config = load_robot(config_directory() / "moteus.toml")
+    frames = config.motors[0].traffic(config.safety, 200)
+    with pytest.raises(ConfigError, match="moteus_left command is a frame of CAN FD"):
+        budget(dbc, 200, BUS, foreign=frames)
 
 
 def test_the_rows_add_up_and_stand_in_the_order_of_urgency(dbc):

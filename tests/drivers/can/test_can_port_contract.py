@@ -206,6 +206,33 @@ FD_FRAMES = [
 ]
 
 
+@pytest.mark.parametrize("kind", ["memory", "simcan"])
+def test_a_port_without_a_filter_receives_all_frames(kind, request):
+    clock = RealClock()
+    sent = [(0x7FF, b"\x01"), (LONG_ID + 1, b"\x02"), (0x123 | REMOTE_FLAG, bytes(3)),
+            (0x456 | FD_FLAG, bytes(12))]  # fmt: skip
+    config = CanConfig(
+        "simcan",
+        request.getfixturevalue("fd_hub") if kind == "simcan" else "x",
+        data_bitrate=DATA_BITRATE,
+    )
+    if kind == "memory":
+        port = MemoryPort(lambda *_: None, None, config, clock)
+        for can_id, data in sent:
+            port.deliver(can_id, data, clock.now_ns())
+        port.deliver(0x2000_0004, bytes(8), clock.now_ns())  # an error frame is none
+    else:
+        port, peer = SocketPort(config, None, clock), BusPeer("simcan", config.channel, fd=True)
+        for can_id, data in sent:
+            peer.send(can_id, data)
+    frames = drain(port, len(sent))
+    assert [(frame.arbitration_id, frame.data) for frame in frames] == sent
+    assert not port.receive()
+    port.close()
+    if kind == "simcan":
+        peer.close()
+
+
 def test_29_bit_identifiers_and_remote_requests_pass_both_ways(ends):
     port, peer = ends
     assert all(port.send(*frame) for frame in OTHERS)

@@ -114,8 +114,8 @@ def _timeout_ms(bench: Bench, motor: MotorConfig) -> int:
 
     It is the robot's, or a longer one that the drive's table accepts.
     """
-    accepted_ms: int = getattr(motor, "accept_timeout_ms", 0)
-    if getattr(motor, "accept_coasting", False) and not motor.abilities.stops_alone:
+    accepted_ms = motor.accept_timeout_ms
+    if motor.accept_coasting and not motor.abilities.stops_alone:
         accepted_ms = ACCEPTED_MS
     return accepted_ms or bench.config.safety.command_timeout_ms
 
@@ -192,7 +192,7 @@ def _judge(bench: Bench, motor: MotorConfig, witnesses: list[_Witness]) -> tuple
             late = f"{each.off_ms:.0f} ms found, {timeout_ms + MARGIN_MS} allowed"
             return f"takes the power of {name} too late: {late}", ""
         coasts = share > STANDS
-        if coasts and motor.abilities.brakes and not getattr(motor, "accept_coasting", False):
+        if coasts and motor.abilities.brakes and not motor.accept_coasting:
             remedy = "let it brake, or accept it by accept_coasting = true"
             return f"coasts: {name} still has {share:.0%} of its speed; {remedy}", ""
     lost_ms = max((each.off_ms for each in witnesses), default=0.0)

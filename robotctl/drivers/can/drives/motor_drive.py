@@ -14,8 +14,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
+from robotctl.drivers.can.bus_load import Cyclic
 from robotctl.drivers.can.bus_notes import BusNotes
 from robotctl.drivers.can.drives.axis import Axis, AxisConfig
+from robotctl.drivers.can.drives.probe import Probe
 from robotctl.drivers.can.nodes.robot_codec import RobotCodec
 from robotctl.messages.actuators import ActuatorCommand, ActuatorFeedback
 from robotctl.messages.control import EmergencyStopSource, NodeStatus
@@ -150,11 +152,19 @@ class MotorConfig(Protocol):
 
     @property
     def abilities(self) -> Abilities:
-        """What drives of this kind can do."""
+        """Abilities of drives of this kind."""
 
     @property
     def silence(self) -> str:
-        """What it does when the host is silent, for people; as in docs/hardware.md."""
+        """Reaction to a silent host, in words, as in docs/hardware.md."""
+
+    @property
+    def accept_coasting(self) -> bool:
+        """Whether the file accepts that the wheels coast, or run on, when the host is silent."""
+
+    @property
+    def accept_timeout_ms(self) -> int:
+        """Longer time without a command that the file accepts [ms]; 0: the robot's own."""
 
     def ages(self, safety: SafetyConfig, period_ns: int) -> tuple[AgeLimit, ...]:
         """Return how old what it tells may be: "motion", "report" and "supply"."""
@@ -167,3 +177,23 @@ class MotorConfig(Protocol):
         InvalidValue
             If it cannot do what is needed, such as so short a time-out.
         """
+
+    def traffic(self, safety: SafetyConfig, rate_hz: int) -> tuple[Cyclic, ...] | None:
+        """Return the frames that it and the host exchange all the time, at most.
+
+        Parameters
+        ----------
+        safety
+            Its time-outs decide how often heartbeats are sent.
+        rate_hz
+            Rate of the control loop [Hz].
+
+        Returns
+        -------
+        tuple[Cyclic, ...] | None
+            None where robot.dbc has them, as those of its node DRIVE.
+        """
+
+    @staticmethod
+    def probe() -> Probe:
+        """Return a probe that finds drives of this kind on a bus."""

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import ClassVar, Final, Literal
 
+from robotctl.drivers.can.bus_load import Cyclic
 from robotctl.drivers.can.drives.axis import Axis, AxisConfig
 from robotctl.drivers.can.drives.cia402.device import (
     PROFILE_VELOCITY,
@@ -14,12 +15,21 @@ from robotctl.drivers.can.drives.cia402.device import (
     Silence,
 )
 from robotctl.drivers.can.drives.cia402.dialects import DIALECTS
-from robotctl.drivers.can.drives.cia402.drive import Cia402Drive
+from robotctl.drivers.can.drives.cia402.drive import BEATS, POLL_NS, Cia402Drive
 from robotctl.drivers.can.drives.cia402.eds import find_eds, load_eds
+from robotctl.drivers.can.drives.cia402.scan import cia402_probe
 from robotctl.drivers.can.drives.cia402.settings import Plan
-from robotctl.drivers.can.drives.cia402.wire import Layout, Role
+from robotctl.drivers.can.drives.cia402.wire import (
+    RPDO_BASES,
+    TPDO_BASES,
+    Layout,
+    Pdo,
+    Role,
+)
 from robotctl.drivers.can.drives.motor_drive import DriveNeeds, MotorDrive
-from robotctl.drivers.can.nodes.sdo import NODE_ID_MAX
+from robotctl.drivers.can.drives.probe import Probe
+from robotctl.drivers.can.nodes.node import HEARTBEAT_BASE
+from robotctl.drivers.can.nodes.sdo import NODE_ID_MAX, REQUEST_BASE, RESPONSE_BASE
 from robotctl.errors import InvalidValue
 from robotctl.messages.faults import FaultCode
 from robotctl.model.actuators import Abilities, Takes
@@ -78,6 +88,8 @@ class Cia402Motor:
     speed_unit: Literal["counts/s", "rpm", "0.1 rpm"] = "counts/s"
     host_id: int = 127
     accept_coasting: bool = False
+
+    accept_timeout_ms: ClassVar[int] = 0
 
     def __post_init__(self) -> None:
         """Check the values, and that the drive has what is needed."""
@@ -204,6 +216,48 @@ class Cia402Motor:
         turn = 2.0 * math.pi
         return Cia402Drive(self.name, plan, target / turn, turn / actual, counts, axes, needs)
 
+    def traffic(self, safety: SafetyConfig, rate_hz: int) -> tuple[Cyclic, ...] | None:
+        """Return its frames: each tick SYNC and PDOs, and now and then heartbeats and a read."""
+        name, node_id, device = self.name, self.node_id, self._device()
+        layout = self._layout(device)
+        beat_hz = min(1000.0 * BEATS / safety.command_timeout_ms, rate_hz)
+        read_hz = 1e9 / POLL_NS
+        frames = [
+            Cyclic(
+                f"{name} heartbeat", HEARTBEAT_BASE + node_id, 1, 1000.0 / self._beat_ms(safety)
+            ),
+            Cyclic(f"{name} read", REQUEST_BASE + node_id, 8, read_hz),
+            Cyclic(f"{name} value", RESPONSE_BASE + node_id, 8, read_hz),
+        ]
+        if any(pdo.every for pdo in layout.transmit):
+            frames.append(Cyclic("Sync", 0x080, 0, rate_hz))
+        if device.silence is Silence.HEARTBEAT:
+            frames.append(Cyclic("host heartbeat", HEARTBEAT_BASE + self.host_id, 1, beat_hz))
+        for bases, word, pdos in (
+            (RPDO_BASES, "command", layout.receive),
+            (TPDO_BASES, "feedback", layout.transmit),
+        ):
+            frames += [
+                Cyclic(
+                    f"{name} {word} {pdo.number}",
+                    bases[pdo.number - 1] + node_id,
+                    _length(pdo),
+                    rate_hz / max(pdo.every, 1),
+                )
+                for pdo in pdos
+            ]
+        return tuple(frames)
+
+    @staticmethod
+    def _beat_ms(safety: SafetyConfig) -> int:
+        """Return the period of its heartbeats [ms]."""
+        return max(10, safety.heartbeat_timeout_ms // 3)
+
+    @staticmethod
+    def probe() -> Probe:
+        """Return a probe that finds drives of this kind."""
+        return cia402_probe()
+
     def _units(self, counts: int) -> tuple[float, float]:
         """Return target and actual velocity for one turn per second of the motor."""
         dialect = DIALECTS[self.dialect]
@@ -213,3 +267,8 @@ class Cia402Motor:
             return dialect.target_per_turn, dialect.actual_per_turn
         unit = {"counts/s": float(counts), "rpm": 60.0, "0.1 rpm": 600.0}[self.speed_unit]
         return unit, unit
+
+
+def _length(pdo: Pdo) -> int:
+    """Return the data bytes of a PDO."""
+    return sum(each.bits for each in pdo.objects) // 8

@@ -47,7 +47,7 @@ POLL_NS: Final = 50_000_000
 STOP_MAX_S: Final = 0.5
 """A quick stop that takes longer ends without power [s]."""
 
-_BEATS: Final = 4
+BEATS: Final = 4
 """Heartbeats of the host within the drive's time-out: so many less one may be lost."""
 
 _I16_MAX: Final = 0x7FFF
@@ -130,7 +130,7 @@ class Cia402Drive:
         self._poll_ns = 0
         self._beat = _beat(plan)
         self._beat_ns = NEVER_NS
-        self._beat_period_ns = plan.timeout_ms * 1_000_000 // _BEATS
+        self._beat_period_ns = plan.timeout_ms * 1_000_000 // BEATS
         self.wants_sync = any(pdo.every for pdo in plan.layout.transmit)
         self.reports: tuple[ActuatorFeedback, ...] = (ActuatorFeedback(),) * len(axes)
         self.handlers: Mapping[int, Handler] = {

@@ -5,10 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
+from robotctl.drivers.can.bus_load import Cyclic
 from robotctl.drivers.can.drives.axis import Axis, AxisConfig
 from robotctl.drivers.can.drives.moteus import wire
 from robotctl.drivers.can.drives.moteus.drive import MoteusDrive
+from robotctl.drivers.can.drives.moteus.scan import MoteusProbe
 from robotctl.drivers.can.drives.motor_drive import DriveNeeds
+from robotctl.drivers.can.drives.probe import Probe
 from robotctl.errors import InvalidValue
 from robotctl.messages.faults import FaultCode
 from robotctl.model.actuators import Abilities, Takes
@@ -44,6 +47,7 @@ class MoteusMotor:
     node_id: int = 1
     accept_coasting: bool = False
 
+    accept_timeout_ms: ClassVar[int] = 0
     abilities: ClassVar[Abilities] = Abilities(takes=Takes.SPEED, stops_alone=True, brakes=True)
     silence: ClassVar[str] = (
         "shorts the motor, or coasts where that is accepted, after safety.command_timeout_ms, and "
@@ -87,3 +91,19 @@ class MoteusMotor:
             )
         mode = wire.STOPPED if self.accept_coasting else wire.BRAKE
         return MoteusDrive(self.name, self.node_id, axis, needs, mode)
+
+    def traffic(self, safety: SafetyConfig, rate_hz: int) -> tuple[Cyclic, ...] | None:  # noqa: ARG002 - as of every drive
+        """Return its frames: each tick a command and its answer.
+
+        The settings are read once a second, with a few frames that are not among them.
+        """
+        answer_id = max(wire.answer_ids(self.node_id))
+        return (
+            Cyclic(f"{self.name} command", wire.command_id(self.node_id), 32, rate_hz),
+            Cyclic(f"{self.name} answer", answer_id, 32, rate_hz),
+        )
+
+    @staticmethod
+    def probe() -> Probe:
+        """Return a probe that finds drives of this kind."""
+        return MoteusProbe()

@@ -5,9 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, Final, Literal
 
+from robotctl.drivers.can.bus_load import Cyclic
 from robotctl.drivers.can.drives.axis import Axis, AxisConfig
 from robotctl.drivers.can.drives.motor_drive import DriveNeeds, MotorDrive
 from robotctl.drivers.can.drives.native.drive import NODE_ID, SERVO, NativeDrive
+from robotctl.drivers.can.drives.native.scan import native_probe
+from robotctl.drivers.can.drives.probe import Probe
 from robotctl.errors import InvalidValue
 from robotctl.messages.faults import FaultCode
 from robotctl.model.actuators import Abilities, Takes
@@ -48,6 +51,8 @@ class NativeMotor:
         stamps_positions=True,
         tells_speed=False,
     )
+    accept_coasting: ClassVar[bool] = False
+    accept_timeout_ms: ClassVar[int] = 0
     node_ids: ClassVar[tuple[int, ...]] = (NODE_ID,)
     silence: ClassVar[str] = "brakes after safety.command_timeout_ms, and latches"
 
@@ -80,6 +85,15 @@ class NativeMotor:
     def make(self, axes: tuple[Axis, ...], needs: DriveNeeds) -> MotorDrive:
         """Return the drive."""
         return NativeDrive(self.name, axes, needs)
+
+    def traffic(self, safety: SafetyConfig, rate_hz: int) -> tuple[Cyclic, ...] | None:  # noqa: ARG002 - as of every drive
+        """Return None: robot.dbc has its frames."""
+        return None
+
+    @staticmethod
+    def probe() -> Probe:
+        """Return a probe that finds drives of this kind."""
+        return native_probe()
 
 
 def native_motor(drive: Drive, bus: str = "") -> NativeMotor:

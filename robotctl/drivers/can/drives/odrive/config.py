@@ -5,10 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, Final, Literal
 
+from robotctl.drivers.can.bus_load import Cyclic
 from robotctl.drivers.can.drives.axis import Axis, AxisConfig
 from robotctl.drivers.can.drives.motor_drive import DriveNeeds, MotorDrive
+from robotctl.drivers.can.drives.odrive import wire
 from robotctl.drivers.can.drives.odrive.drive import ODrive
+from robotctl.drivers.can.drives.odrive.scan import ODriveProbe
 from robotctl.drivers.can.drives.odrive.wire import NODE_ID_MAX
+from robotctl.drivers.can.drives.probe import Probe
 from robotctl.errors import InvalidValue
 from robotctl.messages.faults import FaultCode
 from robotctl.model.actuators import Abilities, Takes
@@ -16,6 +20,10 @@ from robotctl.safety.ages import AgeLimit
 from robotctl.safety.state_machine import SafetyConfig
 
 _ENDPOINT_MAX: Final = 0xFFFF
+_HEARTBEAT_HZ: Final = 10.0
+_ESTIMATES_HZ: Final = 100.0
+"""Rates of unrequested messages, by factory settings [Hz]."""
+
 _TURN: Final = 20
 """Control periods in which the voltage is asked for three times, so that two may be lost."""
 
@@ -50,6 +58,8 @@ class ODriveMotor:
     bus: str = ""
     watchdog_endpoints: tuple[int, ...] = ()
 
+    accept_coasting: ClassVar[bool] = False
+    accept_timeout_ms: ClassVar[int] = 0
     abilities: ClassVar[Abilities] = Abilities(takes=Takes.SPEED, stops_alone=True, brakes=False)
     silence: ClassVar[str] = (
         "coasts after safety.command_timeout_ms and latches, once its watchdog is on, which by "
@@ -95,3 +105,34 @@ class ODriveMotor:
         """Return the drive."""
         (axis,) = axes
         return ODrive(self.name, self.node_id, axis, needs, self.watchdog_endpoints)
+
+    def traffic(self, safety: SafetyConfig, rate_hz: int) -> tuple[Cyclic, ...] | None:  # noqa: ARG002 - as of every drive
+        """Return its frames: each tick a command, and two requests with their answers.
+
+        Estimates and heartbeat come by themselves besides, at the rates as it is delivered.
+        """
+        name, node_id = self.name, self.node_id
+        turn = wire.ERROR  # one of several messages of the same length, asked for in turn
+        return (
+            Cyclic(f"{name} heartbeat", wire.can_id(node_id, wire.HEARTBEAT), 8, _HEARTBEAT_HZ),
+            Cyclic(f"{name} status", wire.can_id(node_id, turn), 8, rate_hz),
+            Cyclic(f"{name} status?", wire.request_id(node_id, turn), 0, rate_hz),
+            Cyclic(
+                f"{name} estimates",
+                wire.can_id(node_id, wire.ENCODER_ESTIMATES),
+                8,
+                rate_hz + _ESTIMATES_HZ,
+            ),
+            Cyclic(
+                f"{name} estimates?",
+                wire.request_id(node_id, wire.ENCODER_ESTIMATES),
+                0,
+                rate_hz,
+            ),
+            Cyclic(f"{name} command", wire.can_id(node_id, wire.SET_INPUT_VEL), 8, rate_hz),
+        )
+
+    @staticmethod
+    def probe() -> Probe:
+        """Return a probe that finds drives of this kind."""
+        return ODriveProbe()

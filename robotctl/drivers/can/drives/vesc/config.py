@@ -6,9 +6,13 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar, Final, Literal
 
+from robotctl.drivers.can.bus_load import Cyclic
 from robotctl.drivers.can.drives.axis import Axis, AxisConfig
 from robotctl.drivers.can.drives.motor_drive import DriveNeeds
-from robotctl.drivers.can.drives.vesc.drive import Currents, Servo, VescDrive
+from robotctl.drivers.can.drives.probe import Probe
+from robotctl.drivers.can.drives.vesc import wire
+from robotctl.drivers.can.drives.vesc.drive import QUERY_NS, READING_NS, Currents, Servo, VescDrive
+from robotctl.drivers.can.drives.vesc.scan import VescProbe
 from robotctl.drivers.can.drives.vesc.settings import SUPERVISION_MS, Silence, single
 from robotctl.drivers.can.drives.vesc.wire import ID_MAX
 from robotctl.errors import InvalidValue
@@ -21,6 +25,9 @@ MOTOR_AXIS, SERVO_AXIS = 1, 2
 """Numbers of the axes of a VESC: its motor, and its servo output."""
 
 _CURRENT_MAX_A: Final = 1000.0
+
+_SETTINGS_FRAMES: Final = 70
+"""Frames of one reading of the settings."""
 
 _BRAKES: Final = Abilities(takes=Takes.SPEED, stops_alone=True, brakes=True)
 _COASTS: Final = Abilities(takes=Takes.SPEED, stops_alone=True, brakes=False)
@@ -200,3 +207,40 @@ class VescMotor:
             Servo(servo.centre, math.radians(servo.range_deg), math.radians(servo.rate_deg_s)),
             motor_temperature=self.motor_temperature,
         )
+
+    def traffic(self, safety: SafetyConfig, rate_hz: int) -> tuple[Cyclic, ...] | None:  # noqa: ARG002 - as of every drive
+        """Return its frames: commands, all status messages, and reads of faults and settings."""
+        name, number, reply_to = self.name, self.node_id, self.reply_to
+        query_hz, status_hz = 1e9 / QUERY_NS, float(self.status_rate_hz)
+        settings_hz = _SETTINGS_FRAMES * 1e9 / READING_NS
+        frames = [
+            Cyclic(f"{name} command", wire.identifier(wire.SET_RPM, number), 4, rate_hz),
+            Cyclic(
+                f"{name} answers",
+                wire.identifier(wire.FILL_RX_BUFFER, reply_to),
+                8,
+                query_hz + settings_hz,
+            ),
+            Cyclic(
+                f"{name} end of answers",
+                wire.identifier(wire.PROCESS_RX_BUFFER, reply_to),
+                6,
+                query_hz,
+            ),
+            Cyclic(
+                f"{name} questions",
+                wire.identifier(wire.PROCESS_SHORT_BUFFER, number),
+                8,
+                query_hz + (rate_hz if len(self.axes) > 1 else 0.0),
+            ),
+        ]
+        frames += [
+            Cyclic(f"{name} status {word}", wire.identifier(command, number), 8, status_hz)
+            for word, command in enumerate(wire.STATUS_COMMANDS, 1)
+        ]
+        return tuple(frames)
+
+    @staticmethod
+    def probe() -> Probe:
+        """Return a probe that finds drives of this kind."""
+        return VescProbe()

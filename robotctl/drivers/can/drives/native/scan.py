@@ -1,0 +1,19 @@
+"""Finds our own motor controller by its identity object."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from robotctl.drivers.can.drives.native.settings import PRODUCT
+from robotctl.drivers.can.drives.probe import Found
+from robotctl.drivers.can.nodes.scan import CanopenProbe, Device, own_device
+
+
+def native_probe() -> CanopenProbe:
+    """Return the probe."""
+    return CanopenProbe(_describe)
+
+
+def _describe(device: Device) -> Found | None:
+    found = own_device(device, {PRODUCT: "motor controller"})
+    return None if found is None else replace(found, kind="native", axes=2)
