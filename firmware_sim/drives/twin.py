@@ -22,6 +22,7 @@ __all__ = ["NEVER_NS", "CanFrame", "Motor", "Twin", "stored"]
 _FINEST: Final = 1 << 20
 """Counts of a motor's encoder for a turn: more than any drive tells."""
 
+
 def stored(store: ParameterStore) -> dict[Key, int]:
     """Return what a drive finds in its memory: nothing, if that is damaged."""
     try:

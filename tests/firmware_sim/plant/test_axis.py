@@ -125,6 +125,28 @@ def test_a_loop_that_was_stalled_for_long_hardly_overshoots() -> None:
     assert p.axes[0].speed_rad_s == pytest.approx(8.0, abs=0.02)
 
 
+def reverse(current_a: float) -> float:
+    """Speed to which wheels of a heavy robot turn back when a loop stops them [rad/s]."""
+    p = plant(robot("jackal"))
+    for speed, ms in ((8.0, 4000), (0.0, 0)):
+        for axis in p.axes:
+            axis.limits = Limits(current_a=current_a, kp_a_s_rad=5.0, ki_a_rad=50.0)
+            axis.command(Mode.SPEED, speed)
+        p.step(ms)
+    lowest = 0.0
+    for _ in range(1000):
+        p.step(1)
+        lowest = min(lowest, p.axes[0].speed_rad_s)
+    return -lowest
+
+
+@pytest.mark.parametrize("current_a", [2.0, 5.0, 20.0])
+def test_a_saturated_loop_turns_back_no_more_than_one_without_a_limit(current_a: float) -> None:
+    # What a linear loop overshoots is in its gains; a wound-up integral would add to that.
+    assert reverse(math.inf) > 0.1
+    assert reverse(current_a) <= reverse(math.inf) + 0.01
+
+
 @pytest.mark.parametrize("volts", [1.0, 0.6])
 @pytest.mark.parametrize("share", [1.0, 0.5])
 def test_a_speed_beyond_the_supply_ends_where_the_back_emf_takes_all_of_it(

@@ -47,17 +47,95 @@ def axes_of(config: Any) -> tuple[Axis, ...]:
     )
 
 
-class Bench:
-    """Drives of one kind or several, host and twin, each on wheels of a robot in an open room.
+class Stand:
+    """Twins on a simulated bus, on the wheels of a robot in an open room, and a port for the host.
+
+    Parameters
+    ----------
+    name
+        Robot of `configs/`.
+    data_bitrate
+        Of the bus.
+    """
+
+    def __init__(self, name: str, data_bitrate: int = 0) -> None:
+        self.plant = plant(robot(name))
+        self.bus = Bus(data_bitrate=data_bitrate)
+        self._plant_ns = 0
+        self.twins: list[Any] = []
+        self.received: list[tuple[int, bytes, int]] = []
+        self._port = self.bus.attach("host", self._receive, queue_limit=500)
+
+    @property
+    def now_ns(self) -> int:
+        return self.bus.now_ns
+
+    def plug(self, table: Any, settings: Any, wheels: Sequence[Any] = ()) -> Any:
+        """Put a twin on the bus and on wheels: those in order, or those that its table names."""
+        named = {axis.name: axis for axis in self.plant.axes}
+        if wheels:
+            named = {axis.actuator: each for axis, each in zip(table.axes, wheels, strict=False)}
+        motors = [
+            Motor(named[axis.actuator], axis.motor_per_wheel)
+            for axis in table.axes
+            if axis.actuator in named
+        ]
+        twin: Twin = table.make(settings, motors, self.plant, self.run_to, MemoryStore())
+        port = self.bus.attach(twin.name, twin.on_frame, accept=twin.arbitration_ids)
+        twin.connect(
+            port, lambda due, each: self.bus.schedule(due, lambda: each.wake(self.bus.now_ns))
+        )
+        twin.power_cycle(0)
+        self.twins.append(twin)
+        return twin
+
+    def run_to(self, now_ns: int) -> int:
+        """Bring the plant to a time."""
+        steps = now_ns // MS - self._plant_ns // MS
+        if steps > 0:
+            self.plant.step(steps)
+            self._plant_ns = now_ns
+        return now_ns // MS * MS
+
+    def _receive(self, frame: Any) -> None:
+        plain = frame.arbitration_id & ~(BIT_RATE_SWITCH_FLAG | ERROR_STATE_FLAG)
+        self.received.append((plain, frame.data, frame.stamp_ns))
+
+    def put(self, arbitration_id: int, data: bytes) -> bool:
+        """Put a frame of the host on the bus."""
+        flags = BIT_RATE_SWITCH_FLAG if arbitration_id & FD_FLAG else 0
+        return self._port.send(arbitration_id | flags, data)
+
+    def advance(self, duration_ns: int) -> None:
+        """Let time pass without the host."""
+        self.bus.advance(self.bus.now_ns + duration_ns)
+        self.run_to(self.bus.now_ns)
+
+    def listen(self, drives: Sequence[Any]) -> None:
+        """Give drives what was received, and have them judge it."""
+        frames, self.received = self.received, []
+        for drive in drives:
+            for arbitration_id, data, stamp_ns in frames:
+                if handler := drive.handlers.get(arbitration_id):
+                    handler(data, stamp_ns)
+            drive.check(self.now_ns)
+
+    @property
+    def powered(self) -> bool:
+        """Whether any wheel is driven."""
+        self.run_to(self.bus.now_ns)
+        return any(axis.powered for axis in self.plant.axes)
+
+
+class Bench(Stand):
+    """Drives of one kind or several, host and twin, each on wheels of a robot.
 
     Parameters
     ----------
     drives
         For each the table of the host, that of the simulator, and the settings of the twin.
-    name
-        Robot of `configs/`.
-    data_bitrate
-        Of the bus.
+    name, data_bitrate
+        As `Stand` has them.
     """
 
     def __init__(
@@ -68,30 +146,12 @@ class Bench:
         needs: DriveNeeds = NEEDS,
         host: bool = True,
     ) -> None:
-        config = robot(name)
-        self.plant = plant(config)
-        names = [axis.name for axis in self.plant.axes]
-        self.bus = Bus(data_bitrate=data_bitrate)
-        self._plant_ns = 0
-        self.twins: list[Any] = []
+        super().__init__(name, data_bitrate)
         for _, table, settings in drives:
-            motors = [
-                Motor(self.plant.axes[names.index(axis.actuator)], axis.motor_per_wheel)
-                for axis in table.axes
-                if axis.actuator in names
-            ]
-            twin = table.make(settings, motors, self.plant, self._run_to, MemoryStore())
-            self._plug(twin)
-            self.twins.append(twin)
+            self.plug(table, settings)
         self.drives = [each.make(axes_of(each), needs) for each, _, _ in drives] if host else []
-        self.received: list[tuple[int, bytes, int]] = []
-        self._port = self.bus.attach("host", self._receive, queue_limit=500)
         self.sent: list[tuple[int, bytes]] = []
         self.takes_frames = True
-
-    @property
-    def now_ns(self) -> int:
-        return self.bus.now_ns
 
     @property
     def drive(self) -> Any:
@@ -109,36 +169,12 @@ class Bench:
     def state(self) -> DriveState:
         return self.report.state
 
-    def _plug(self, twin: Twin) -> None:
-        port = self.bus.attach(twin.name, twin.on_frame, accept=twin.arbitration_ids)
-        twin.connect(
-            port, lambda due, each: self.bus.schedule(due, lambda: each.wake(self.bus.now_ns))
-        )
-        twin.power_cycle(0)
-
-    def _run_to(self, now_ns: int) -> int:
-        steps = now_ns // MS - self._plant_ns // MS
-        if steps > 0:
-            self.plant.step(steps)
-            self._plant_ns = now_ns
-        return now_ns // MS * MS
-
-    def _receive(self, frame: Any) -> None:
-        plain = frame.arbitration_id & ~(BIT_RATE_SWITCH_FLAG | ERROR_STATE_FLAG)
-        self.received.append((plain, frame.data, frame.stamp_ns))
-
     def send(self, arbitration_id: int, data: bytes) -> bool:
         """Put a frame on the bus, as `CanPort.send` does."""
         if not self.takes_frames:
             return False
         self.sent.append((arbitration_id, bytes(data)))
-        flags = BIT_RATE_SWITCH_FLAG if arbitration_id & FD_FLAG else 0
-        return self._port.send(arbitration_id | flags, data)
-
-    def advance(self, duration_ns: int) -> None:
-        """Let time pass without the host."""
-        self.bus.advance(self.bus.now_ns + duration_ns)
-        self._run_to(self.bus.now_ns)
+        return self.put(arbitration_id, data)
 
     def deliver(self, arbitration_id: int, data: bytes) -> None:
         """Let the host receive a frame that some other device sent."""
@@ -147,13 +183,8 @@ class Bench:
     def tick(self, *commands: ActuatorCommand) -> None:
         """Pass a control period, and send a command to each drive (or one for all)."""
         self.advance(PERIOD_NS)
-        frames, self.received = self.received, []
-        now_ns = self.bus.now_ns
-        for drive in self.drives:
-            for arbitration_id, data, stamp_ns in frames:
-                if handler := drive.handlers.get(arbitration_id):
-                    handler(data, stamp_ns)
-            drive.check(now_ns)
+        self.listen(self.drives)
+        now_ns = self.now_ns
         for place, drive in enumerate(self.drives):
             drive.command(self.send, commands[place % len(commands)], now_ns)
         any(drive.serve(self.send, now_ns) for drive in self.drives)
@@ -181,20 +212,14 @@ class Bench:
         for drive in self.drives:
             drive.clear_faults()
 
-    @property
-    def powered(self) -> bool:
-        """Whether any wheel is driven."""
-        self._run_to(self.bus.now_ns)
-        return any(axis.powered for axis in self.plant.axes)
-
     def speed(self, wheel: int = 0) -> float:
         """True speed of a wheel [rad/s]."""
-        self._run_to(self.bus.now_ns)
+        self.run_to(self.bus.now_ns)
         return self.plant.axes[wheel].speed_rad_s
 
     def turns(self, wheel: int = 0) -> float:
         """True turns of a wheel since the start."""
-        self._run_to(self.bus.now_ns)
+        self.run_to(self.bus.now_ns)
         return self.plant.axes[wheel].angle_rad / math.tau
 
 

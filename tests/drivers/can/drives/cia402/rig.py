@@ -2,30 +2,27 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
-from firmware_sim.bus.core import Bus
 from firmware_sim.config.motors import AxisSection
 from firmware_sim.drives.cia402.config import Cia402Motor as TwinTable
 from firmware_sim.drives.cia402.settings import Cia402Settings
-from firmware_sim.drives.twin import Motor
-from firmware_sim.nodes.parameter_store import MemoryStore
 from robotctl.drivers.can.bus_notes import BusNotes
-from robotctl.drivers.can.drives.axis import Axis, AxisConfig
+from robotctl.drivers.can.drives.axis import AxisConfig
 from robotctl.drivers.can.drives.cia402.config import Cia402Motor
-from robotctl.drivers.can.drives.motor_drive import DriveNeeds
 from robotctl.messages.actuators import ActuatorCommand, DriveState
 from robotctl.messages.control import EmergencyStopSource
-from robotctl.model.actuators import Takes
-from tests.firmware_sim.plant.plants import plant, robot
+from tests.drivers.can.drives import bench
+from tests.drivers.can.drives.bench import BRAKE, MS, Stand
+from tests.drivers.can.drives.bench import COAST as OFF
+from tests.drivers.can.drives.bench import PERIOD_NS as TICK_NS
+from tests.drivers.can.drives.bench import TICKS as TICKS_PER_TURN
 
-MS = 1_000_000
-TICK_NS = 5_000_000
+__all__ = ["BRAKE", "MS", "OFF", "TICKS_PER_TURN", "TICK_NS"]
+
 NODE = 5
-TICKS_PER_TURN = 2400
 FAKE_EDS = str(Path(__file__).with_name("cia402_slave.eds"))
-OFF = ActuatorCommand(enable=False, brake=False)
-BRAKE = ActuatorCommand(enable=False, brake=True)
 
 GENERIC = {"eds": "drives/cia402.eds", "counts_per_turn": 4096}
 ZLAC = {"dialect": "zlac8015d"}
@@ -34,15 +31,8 @@ DIALECTS = {"generic": GENERIC, "zlac8015d": ZLAC, "roboteq": ROBOTEQ}
 
 
 def needs(**changes):
-    given = {
-        "rate_hz": 200,
-        "command_timeout_ms": 100,
-        "heartbeat_timeout_ms": 350,
-        "max_rad_s": 20.0,
-        "codec": None,
-        "notes": BusNotes(),
-    }
-    return DriveNeeds(**{**given, **changes})
+    given = {"command_timeout_ms": 100, "notes": BusNotes(), **changes}
+    return dataclasses.replace(bench.NEEDS, **given)
 
 
 def axes_of(kind, axes):
@@ -52,68 +42,35 @@ def axes_of(kind, axes):
 TWO = ({"actuator": "left", "axis": 1}, {"actuator": "right", "axis": 2, "reversed": True})
 
 
-class Rig:
+class Rig(Stand):
     """Ticks of 5 ms: what was received, `check`, `command`, SYNC, `serve`."""
 
     def __init__(self, table=GENERIC, axes=TWO, settings=None, host=None, **changes):
+        super().__init__("jackal")
         common = {"kind": "cia402", "name": "motors", "node_id": NODE}
         self.config = Cia402Motor(
             **{**common, **table, **(host or {})}, axes=axes_of(AxisConfig, axes)
         )
         self.needs = needs(**changes)
-        self.drive = self.config.make(
-            tuple(Axis(axis, Takes.SPEED, TICKS_PER_TURN) for axis in self.config.axes), self.needs
-        )
-        self.plant = plant(robot("jackal"))
-        self.steps = 0
+        self.drive = self.config.make(bench.axes_of(self.config), self.needs)
         section = TwinTable(**common, **table, axes=axes_of(AxisSection, axes))
-        motors = [
-            Motor(axis, (-1.0 if each.reversed else 1.0) * each.ratio)
-            for axis, each in zip(self.plant.axes, section.axes, strict=False)
-        ]
-        self.wheels = self.plant.axes[: len(motors)]
-        self.store = MemoryStore()
-        self.twin = section.make(
-            settings or Cia402Settings(), motors, self.plant, self.run_to, self.store
-        )
-        self.bus = Bus()
+        self.wheels = self.plant.axes[: len(axes)]
+        self.twin = self.plug(section, settings or Cia402Settings(), self.wheels)
         self.sent = []
-        self.heard = []
-        self.inbox = []
-        self.host = self.bus.attach("host", self.inbox.append, accept=list(self.drive.handlers))
-        port = self.bus.attach("twin", self.twin.on_frame, accept=list(self.twin.arbitration_ids))
-        self.bus.tap(self.heard.append)
-        self.twin.connect(
-            port, lambda due_ns, twin: self.bus.schedule(due_ns, lambda: twin.wake(due_ns))
-        )
-        self.twin.power_cycle(0)
-        self.now_ns = 0
         self.is_silent = self.is_cut = False
         self.command = OFF
 
-    def run_to(self, now_ns):
-        steps = now_ns // MS - self.steps
-        if steps > 0:
-            self.plant.step(steps)
-            self.steps += steps
-        return self.steps * MS
-
     def send(self, arbitration_id, data):
         self.sent.append((self.now_ns, arbitration_id, data))
-        if self.is_cut:
-            return True
-        return self.host.send(arbitration_id, data)
+        return self.is_cut or self.put(arbitration_id, data)
 
     def tick(self):
-        self.now_ns += TICK_NS
-        self.bus.advance(self.now_ns)
-        self.run_to(self.now_ns)
-        received, self.inbox[:] = list(self.inbox), []
+        self.advance(TICK_NS)
+        if self.is_silent or self.is_cut:
+            self.received.clear()
         if self.is_silent:
             return
-        for frame in () if self.is_cut else received:
-            self.drive.handlers[frame.arbitration_id](frame.data, frame.stamp_ns)
-        self.drive.check(self.now_ns)
+        self.listen((self.drive,))
         self.drive.command(self.send, self.command, self.now_ns)
         if self.drive.wants_sync:
             self.send(0x080, b"")
@@ -159,10 +116,6 @@ class Rig:
     @property
     def speeds(self):
         return [wheel.speed_rad_s for wheel in self.wheels]
-
-    @property
-    def powered(self):
-        return any(wheel.powered for wheel in self.wheels)
 
     def stop(self):
         return self.drive.emergency_stop(self.send, EmergencyStopSource.OPERATOR)

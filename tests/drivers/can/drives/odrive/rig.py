@@ -2,35 +2,26 @@
 
 from __future__ import annotations
 
-from functools import partial
-
-from firmware_sim.bus.core import Bus
 from firmware_sim.drives.config import AxisSection
 from firmware_sim.drives.odrive.config import ODriveMotor as TwinMotor
 from firmware_sim.drives.odrive.settings import ODriveSettings
-from firmware_sim.drives.twin import Motor
-from firmware_sim.nodes.parameter_store import MemoryStore
-from robotctl.app.processes.robot import make_codec
-from robotctl.drivers.can.bus_notes import BusNotes
-from robotctl.drivers.can.drives.axis import Axis, AxisConfig
-from robotctl.drivers.can.drives.motor_drive import DriveNeeds
+from robotctl.drivers.can.drives.axis import AxisConfig
 from robotctl.drivers.can.drives.odrive.config import ODriveMotor
 from robotctl.messages.actuators import ActuatorCommand, DriveState
-from robotctl.model.actuators import Takes
-from tests.firmware_sim.plant.plants import plant, robot
+from tests.drivers.can.drives.bench import COAST as OFF
+from tests.drivers.can.drives.bench import MS, NEEDS, Stand, axes_of
+from tests.drivers.can.drives.bench import PERIOD_NS as TICK_NS
+from tests.drivers.can.drives.bench import TICKS as TICKS_PER_TURN
 
-MS = 1_000_000
-TICK_NS = 5 * MS
-TICKS_PER_TURN = 2400
-NEEDS = DriveNeeds(200, 90, 350, max_rad_s=16.0, codec=make_codec(), notes=BusNotes())
+__all__ = ["IDS", "MS", "NEEDS", "NEW", "OLD", "TICKS_PER_TURN", "TICK_NS", "Rig"]
+
 IDS = (33, 34)
 OLD = {"firmware": (0, 5, 6), "watchdog_ms": 90.0}
 """A drive with firmware 0.5 whose owner has set its watchdog."""
 NEW = {"firmware": (0, 6, 10)}
-OFF = ActuatorCommand()
 
 
-class Rig:
+class Rig(Stand):
     """Robot with an ODrive at each wheel: the right one is mounted the other way round, geared 8:1.
 
     Parameters
@@ -42,68 +33,33 @@ class Rig:
     """
 
     def __init__(self, more=None, **settings):
-        self.bus = Bus()
-        self.plant = plant(robot())
-        self.stepped_ms = 0
-        self.now_ns = 0
+        super().__init__("diff_drive")
+        self.drives = []
         self.sent = []
-        self.heard = []
         self.silent = False
         self.commands = [OFF, OFF]
-        self.port = self.bus.attach("host", self._receive)
-        self.drives, self.twins = [], []
-        for place, node_id in enumerate(IDS):
-            turned, ratio = (False, 1.0) if place == 0 else (True, 8.0)
-            self._add(place, node_id, turned, ratio, more or {}, ODriveSettings(**settings))
+        for name, node_id, turned, ratio in zip(
+            ("left", "right"), IDS, (False, True), (1.0, 8.0), strict=True
+        ):
+            section = AxisSection(name, 1, turned, ratio)
+            self.plug(TwinMotor("odrive", name, (section,), node_id), ODriveSettings(**settings))
+            axis = AxisConfig(name, 1, turned, ratio)
+            config = ODriveMotor("odrive", name, (axis,), node_id, **(more or {}))
+            self.drives.append(config.make(axes_of(config), NEEDS))
         self.handlers = {key: each for drive in self.drives for key, each in drive.handlers.items()}
-
-    def _add(self, place, node_id, turned, ratio, more, settings):
-        name = ("left", "right")[place]
-        config = ODriveMotor("odrive", name, (AxisConfig(name, 1, turned, ratio),), node_id, **more)
-        axis = Axis(config.axes[0], Takes.SPEED, TICKS_PER_TURN)
-        self.drives.append(config.make((axis,), NEEDS))
-        section = AxisSection(name, 1, turned, ratio)
-        motor = Motor(self.plant.axes[place], -ratio if turned else ratio)
-        twin = TwinMotor("odrive", name, (section,), node_id).make(
-            settings, (motor,), self.plant, self.run_plant, MemoryStore()
-        )
-        port = self.bus.attach(name, twin.on_frame, accept=twin.arbitration_ids)
-        twin.connect(
-            port, lambda due_ns, each: self.bus.schedule(due_ns, partial(self._wake, each))
-        )
-        twin.power_cycle(0)
-        self.twins.append(twin)
-
-    def _wake(self, twin):
-        twin.wake(self.bus.now_ns)
-
-    def run_plant(self, now_ns):
-        steps = now_ns // MS - self.stepped_ms
-        if steps > 0:
-            self.plant.step(steps)
-            self.stepped_ms += steps
-        return self.stepped_ms * MS
-
-    def _receive(self, frame):
-        self.heard.append(frame)
 
     def send(self, arbitration_id, data):
         self.sent.append((self.now_ns, arbitration_id, data))
-        return self.port.send(arbitration_id, data)
+        return self.put(arbitration_id, data)
 
     def tick(self):
         """Run one control period."""
-        self.now_ns += TICK_NS
-        self.bus.advance(self.now_ns)
-        heard, self.heard = self.heard, []
+        self.advance(TICK_NS)
         if self.silent:
+            self.received.clear()
             return
-        for frame in heard:
-            handler = self.handlers.get(frame.arbitration_id)
-            if handler is not None:
-                handler(frame.data, frame.stamp_ns)
+        self.listen(self.drives)
         for drive, command in zip(self.drives, self.commands, strict=True):
-            drive.check(self.now_ns)
             drive.command(self.send, command, self.now_ns)
             drive.serve(self.send, self.now_ns)
 
