@@ -134,6 +134,7 @@ def _course(v: float, omega: float, vy: float) -> Course:
 _SHARES: Final = (1.0, 0.5, 0.2)
 """Shares of a velocity that are looked at."""
 _TURNS_INTO: Final = "something is where the robot would slide to"
+_REST: Final = Twist(0.0, 0.0)
 _BLIND: Final = "the lidar gives no scans"
 
 
@@ -222,7 +223,7 @@ class ObstacleGuard:
         self._points: NDArray[np.float64] | None = None
         self._approaches: Sequence[Approach] = ()
         self._passed: NDArray[np.float64] | None = None
-        self._twist = Twist(0.0, 0.0)
+        self._twist = _REST
 
     @property
     def reach_m(self) -> float:
@@ -237,7 +238,7 @@ class ObstacleGuard:
         points_base: NDArray[np.float64] | None = None,
         approaches: Sequence[Approach] = (),
         passed_base: NDArray[np.float64] | None = None,
-        twist: Twist = Twist(0.0, 0.0),
+        twist: Twist = _REST,
     ) -> None:
         """Take sonar ranges, floor points and a lidar's points; once per step.
 
