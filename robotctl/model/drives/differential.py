@@ -3,12 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Final, Literal
 
 from robotctl.errors import InvalidValue
-from robotctl.model.drives.wheels import ActuatorReference, require_positive
+from robotctl.model.drives.linear import forward_many, inverse_many
+from robotctl.model.drives.wheels import POSITIVE, ActuatorReference, require_positive
 from robotctl.model.geometry.twist import Twist
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+
+RATIOS: Final = (0.5, 2.0)
+"""Least and greatest ratio of the wheel radii."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +50,12 @@ class DifferentialDrive:
     counts_per_revolution: int
     wheel_radius_ratio: float = 1.0
 
+    calibrated: ClassVar[Mapping[str, tuple[float, float]]] = {
+        "wheel_radius_m": POSITIVE,
+        "wheel_radius_ratio": RATIOS,
+        "track_width_m": POSITIVE,
+    }
+    """Keys that calibration of the odometry sets, with the least and greatest value of each."""
     degrees_of_freedom: ClassVar[int] = 3
     """Of the pose in the plane: x, y, theta."""
     holonomic: ClassVar[bool] = False
@@ -52,7 +68,7 @@ class DifferentialDrive:
 
     def __post_init__(self) -> None:
         require_positive(self, "track_width_m", "wheel_radius_m", "counts_per_revolution")
-        if not 0.5 <= self.wheel_radius_ratio <= 2.0:
+        if not RATIOS[0] <= self.wheel_radius_ratio <= RATIOS[1]:
             raise InvalidValue(
                 "wheel_radius_ratio",
                 f"must be between 0.5 and 2, found {self.wheel_radius_ratio}",
@@ -95,6 +111,14 @@ class DifferentialDrive:
         return Twist(
             0.5 * (v_left_m_s + v_right_m_s), (v_right_m_s - v_left_m_s) / self.track_width_m
         )
+
+    def forward_many(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return `forward` of many turns of the wheels at once, see `linear.forward_many`."""
+        return forward_many(self, rows)
+
+    def inverse_many(self, moves: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return `inverse` of many moves at once, see `linear.inverse_many`."""
+        return inverse_many(self, moves)
 
     def turning_radius_m(self, v_left_m_s: float, v_right_m_s: float) -> float:
         """Return R = (W/2) (v_R + v_L) / (v_R - v_L) [m]: positive left, inf if not turning."""
