@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Final, Literal
 
 from robotctl.errors import InvalidValue
-from robotctl.model.drives.linear import forward_many, inverse_many
 from robotctl.model.drives.wheels import POSITIVE, ActuatorReference, require_positive
 from robotctl.model.geometry.twist import Twist
 
@@ -113,12 +112,20 @@ class DifferentialDrive:
         )
 
     def forward_many(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return `forward` of many turns of the wheels at once, see `linear.forward_many`."""
-        return forward_many(self, rows)
+        """Return `forward` of many turns of the wheels at once, (n, 3) as of a `Twist`."""
+        import numpy as np  # noqa: PLC0415 - the control process loads the drives
+
+        left_m, right_m = (r * turns for r, turns in zip(self.wheel_radii_m, rows.T, strict=True))
+        turned = (right_m - left_m) / self.track_width_m
+        return np.stack([0.5 * (left_m + right_m), turned, np.zeros_like(turned)], axis=1)
 
     def inverse_many(self, moves: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return `inverse` of many moves at once, see `linear.inverse_many`."""
-        return inverse_many(self, moves)
+        """Return turns of the wheels for many moves at once, (n, 2)."""
+        import numpy as np  # noqa: PLC0415 - the control process loads the drives
+
+        way_m, half_m = moves[:, 0], 0.5 * self.track_width_m * moves[:, 1]
+        left_m, right_m = self.wheel_radii_m
+        return np.stack([(way_m - half_m) / left_m, (way_m + half_m) / right_m], axis=1)
 
     def turning_radius_m(self, v_left_m_s: float, v_right_m_s: float) -> float:
         """Return R = (W/2) (v_R + v_L) / (v_R - v_L) [m]: positive left, inf if not turning."""
