@@ -132,23 +132,18 @@ def test_a_holonomic_robot_arrives_beside_itself_without_turning(name, side):
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
-def test_a_holonomic_robot_turns_less_to_pass_a_box(name):
+def test_a_holonomic_robot_slides_past_a_box(name):
     cells = np.zeros((160, 160), np.int8)
     cells[78:88, 80:88] = 100  # in the way, a little to the left
     space = PlanningMap(GridMap(cells, SIDE_M), BODY)
     plan = Plan(np.array([[2.0, 3.95, 0.0], [6.5, 3.95, 0.0]]), 4.5, 0)
-    most_rad = []
-    for model in (DRIVE, MECANUM):
-        turned_rad = []
-        for _, pose, _, motion in drive(name, space, plan, SE2(2.0, 3.95, 0.0), 20.0, model):
-            at = space.to_cells(pose)
-            assert not space.collides(np.array([[at.x_m, at.y_m, at.theta_rad]])).any()
-            turned_rad.append(abs(pose.theta_rad))
-            if motion.arrived:
-                break
-        assert motion.arrived
-        most_rad.append(max(turned_rad))
-    assert most_rad[1] < 0.8 * most_rad[0]
+    for _, pose, _, motion in drive(name, space, plan, SE2(2.0, 3.95, 0.0), 20.0, MECANUM):
+        at = space.to_cells(pose)
+        assert not space.collides(np.array([[at.x_m, at.y_m, at.theta_rad]])).any()
+        assert abs(pose.theta_rad) < 0.25 * math.pi
+        if motion.arrived:
+            break
+    assert motion.arrived
 
 
 @pytest.mark.parametrize("seed", range(3))
