@@ -1,4 +1,4 @@
-"""The kinematics of docs/extending.md drives in the simulator, sideways too, and is calibrated."""
+"""The kinematics of docs/extending.md fits that of the simulator and is calibrated."""
 
 import re
 
@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from robotctl.model.drives.h_drive import HDrive
 
-from robotctl.app.simulation.lockstep_stack import LockstepStack, make_simulation
-from robotctl.config.options import StackOptions
+from firmware_sim.config.config import load_robot as load_simulated
+from firmware_sim.config.drives.chassis import Hold
+from firmware_sim.plant.axis import Limits
+from firmware_sim.plant.plant import Plant
 from robotctl.config.robot_file import find_file, load_robot
 from robotctl.estimation.odometry.model import OdometryModel
-from robotctl.messages.control import Arm, SafetyState, VelocityCommand
 from robotctl.model.geometry.twist import Twist
-from robotctl.safety.state_machine import POWERED
+from tests.firmware_sim.plant.plants import FRICTIONLESS, OPEN, STIFF, run_wheels
 
 DRIVE = HDrive("h_drive", 0.4, 0.2, 0.076, 8192)
 
@@ -47,18 +48,24 @@ def test_calibration_asks_it_for_its_keys():
     assert model.drive(np.log([1.01, 1.02])).track_width_m == pytest.approx(0.408)
 
 
-def test_it_drives_ahead_and_sideways_in_the_simulator(robot):
-    assert load_robot(robot).drive == DRIVE
-    options = StackOptions("lockstep", str(robot), x_m=6.0, y_m=5.0, epoch_ns=0)
-    simulation = make_simulation(robot, find_file("hall", "worlds"), 1, (6.0, 5.0, 0.0), ())
-    stack = LockstepStack(options.load(), options, simulation)
-    while stack.clock.now_ns() < 20e9 and simulation.truth().y_m < 5.5:
-        now_ns, state = stack.clock.now_ns() + stack.period_ns, stack.core.machine.state
-        wish = VelocityCommand(now_ns, now_ns + 200_000_000, 0.2, 0.0, 0.3)
-        arm = Arm(now_ns, stack.ticks, arm=True)
-        stack.tick((wish,) if state in POWERED else (arm,) * (state is SafetyState.STANDBY))
-    state = stack.snapshot()
-    truth = simulation.truth()
-    assert truth.y_m > 5.49
-    assert truth.x_m - 6.0 == pytest.approx(0.5 * 0.2 / 0.3, abs=0.06)
-    assert (state.x_m, state.y_m) == pytest.approx((truth.x_m, truth.y_m), abs=0.05)
+def test_its_wheels_roll_where_the_simulators_stand_without_slipping(robot):
+    simulated = load_simulated(robot)
+    chassis = simulated.drive.chassis(simulated.simulation)
+    assert simulated.drive.wheel_names == load_robot(robot).drive.wheel_names
+    v, omega, vy = 0.3, 0.7, -0.2
+    wheels_rad_s = DRIVE.inverse(Twist(v, omega, vy)).wheels_rad_s
+    driven = [grip for grip in chassis.grips if grip.hold is not Hold.ROLLER]
+    assert [grip.wheel for grip in driven] == [0, 1, 2]
+    for grip, wheel, turns in zip(driven, chassis.wheels, wheels_rad_s, strict=True):
+        floor_m_s = np.dot(grip.along, (v - omega * grip.y_m, vy + omega * grip.x_m))
+        assert floor_m_s == pytest.approx(grip.roll * wheel.radius_m * turns)
+
+
+def test_the_simulated_robot_moves_as_its_wheels_are_told(robot):
+    p = Plant(load_simulated(robot, {**FRICTIONLESS, **STIFF}), OPEN, np.random.default_rng(1))
+    wanted = Twist(0.3, 0.5, -0.2)
+    run_wheels(
+        p, *DRIVE.inverse(wanted).wheels_rad_s, limits=Limits(kp_a_s_rad=20.0, ki_a_rad=200.0)
+    )
+    p.step(1500)
+    assert (p.v_m_s, p.omega_rad_s, p.vy_m_s) == pytest.approx(wanted, abs=5e-3)
