@@ -30,9 +30,9 @@ class Agility(NamedTuple):
     """How fast a velocity changes: forward, turning, sideways [m/s^2, rad/s^2, m/s^2]."""
 
     gain: tuple[float, float, float]
-    """At most, towards a set-point."""
+    """Greatest change towards a set-point."""
     brake: tuple[float, float, float]
-    """For sure, to a stop."""
+    """Guaranteed, to a stop."""
     reaction_s: float
     """Time for which the set-point is followed [s]."""
 

@@ -104,7 +104,7 @@ class GuardStep(NamedTuple):
 
 
 class Course(NamedTuple):
-    """Where `base` goes, per way of it; on the spot per angle."""
+    """Direction and bend of the way of `base`."""
 
     ahead: float
     """Share of the motion forwards; with `left` a unit vector, or both 0 on the spot."""

@@ -21,7 +21,7 @@ from robotctl.model.sensors.range_scan import RangeScan
 _REACH_M: Final = 1.0
 """Points are kept up to this distance from `base` [m]."""
 _LIFE_NS: Final = 20_000_000_000
-"""Somebody may have stood there [ns]."""
+"""Age from which a point is forgotten: somebody may have stood there [ns]."""
 _SAME_M: Final = 0.05
 """A beam that ends this much nearer than a point does not see it, but something before it [m]."""
 _BEAMS: Final = 1.0
@@ -31,7 +31,7 @@ _CELL_M: Final = 0.02
 
 
 class ScanMemory:
-    """What the robot has seen near by and does not see now.
+    """Points near the robot, seen before and not in view now.
 
     Parameters
     ----------

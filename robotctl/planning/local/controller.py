@@ -119,7 +119,7 @@ class LocalMotion(NamedTuple):
     arrived: bool = False
     """Whether the robot stands at the path's last pose, within the tolerances."""
     vy_m_s: float = 0.0
-    """To the left, of holonomic drives."""
+    """Velocity to the left of holonomic drives [m/s]."""
 
     @property
     def speed_m_s(self) -> float:
