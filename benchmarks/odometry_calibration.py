@@ -20,7 +20,7 @@ from benchmarks import machine
 from robotctl.config.robot_file import find_file, load_robot
 from robotctl.estimation.odometry.calibration import Calibration, calibrate
 from robotctl.estimation.odometry.fit import Reference
-from robotctl.estimation.odometry.model import OdometryModel, arcs_of
+from robotctl.estimation.odometry.model import OdometryModel
 from robotctl.estimation.odometry.runs import OdometryRun, poses_at
 from robotctl.model.drives.drives import DifferentialDrive, Drive
 from robotctl.model.drives.odometry_noise import MotionNoise
@@ -39,31 +39,32 @@ _STEP_M, _PERIOD_S = 0.02, 0.05
 
 
 def way(turns: float) -> NDArray[np.float64]:
-    """Return the arcs (n, 2) of a straight, or of a square to the left (+1) or right (-1)."""
+    """Return the moves (n, 3) of a straight, or of a square to the left (+1) or right (-1)."""
     if turns == 0.0:
         pieces = [(STRAIGHT_M, 0.0)]
     else:
         quarter = 0.5 * math.pi
         pieces = 4 * [(SIDE_M - 2.0 * RADIUS_M, 0.0), (RADIUS_M * quarter, turns * quarter)]
     steps = [(round(d / _STEP_M), d, a) for d, a in pieces]
-    return np.concatenate([np.tile([d / n, a / n], (n, 1)) for n, d, a in steps])
+    return np.concatenate([np.tile([d / n, a / n, 0.0], (n, 1)) for n, d, a in steps])
 
 
 def true_change(model: OdometryModel, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Draw how the true robot differs from its file, (3,)."""
-    if isinstance(model.nominal, DifferentialDrive):
+    """Draw how the true robot differs from its file, (size,)."""
+    if "wheel_radius_ratio" in model.keys:
         left, right = 1.0 + rng.uniform(-0.03, 0.03, 2)
         track = 1.0 + rng.uniform(-0.05, 0.05)
         return np.log([0.5 * (left + right), right / left, track])
     radius, length = 1.0 + rng.uniform([-0.03, -0.05], [0.03, 0.05])
-    return np.array([math.log(radius), math.log(length), rng.uniform(-0.03, 0.03)])
+    change = [math.log(radius), math.log(length)]
+    return np.array(change + [rng.uniform(-0.03, 0.03) for _ in model.keys[2:]])
 
 
 def driven(
-    model: OdometryModel, true: Drive, arcs: NDArray[np.float64], rng: np.random.Generator
+    model: OdometryModel, true: Drive, moves: NDArray[np.float64], rng: np.random.Generator
 ) -> OdometryRun:
-    """Return a run: wheels that turned as `arcs` ask, and where the tape says it ended."""
-    wheels = model.wheels(arcs)
+    """Return a run: wheels that turned as `moves` ask, and where the tape says it ended."""
+    wheels = model.rolled(moves)
     rolled = wheels.copy()
     for i, radius_m in enumerate(true.wheel_radii_m):
         sigma_m = np.sqrt(ROLLING_VARIANCE_M * np.abs(wheels[:, i]) * radius_m)
@@ -72,7 +73,7 @@ def driven(
     sigma = (TAPE_M, TAPE_M, PLACED_RAD)
     run = OdometryRun("run", stamps_s, wheels, stamps_s[-1:], np.zeros((1, 3)), SE2(), sigma)
     placed = SE2(*(np.array(sigma) * rng.standard_normal(3)).tolist())
-    end = poses_at(run, arcs_of(true, rolled), placed, stamps_s[-1:])
+    end = poses_at(run, true.forward_many(rolled), placed, stamps_s[-1:])
     end[0, :2] += TAPE_M * rng.standard_normal(2)
     end[0, 2] = math.nan
     return dataclasses.replace(run, reference=end)
@@ -120,7 +121,7 @@ def held(change: NDArray[np.float64], found: Calibration) -> NDArray[np.bool_]:
     """Return which intervals hold the truth: three keys of the drive, then the two diameters."""
     hits = (np.abs(found.change - change) <= found.change_half_width).tolist()
     diameters = found.wheel_diameters()
-    if diameters is not None:
+    if diameters:
         true = found.model.drive(change)
         for interval, radius_m in zip(diameters, true.wheel_radii_m, strict=True):
             hits.append(interval.low <= 2.0 * radius_m <= interval.high)

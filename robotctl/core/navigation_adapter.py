@@ -68,7 +68,7 @@ _Aside: TypeAlias = (
 )
 """Requests that are not for the navigator."""
 
-_COMMAND: Final = frozenset({"v_m_s", "omega_rad_s", "expires_ns"})
+_COMMAND: Final = frozenset({"v_m_s", "omega_rad_s", "vy_m_s", "expires_ns"})
 """What of a step is no part of the state."""
 
 _UNKNOWN: Final = SE2(math.nan, math.nan, math.nan)
@@ -182,7 +182,8 @@ class NavigationAdapter:
         if out.expires_ns is not None:
             # Control brakes in the tick in which a set-point is void, not at the next step here.
             until_ns = min(until_ns, max(now_ns, out.expires_ns))
-        twist = self._within_fence(control, inputs, Twist(out.v_m_s, out.omega_rad_s), now_ns)
+        wanted = Twist(out.v_m_s, out.omega_rad_s, out.vy_m_s)
+        twist = self._within_fence(control, inputs, wanted, now_ns)
         command = VelocityCommand(now_ns, until_ns, *twist)
         if out.message != self._message and inputs.enabled and out.held:
             self._notices.append(out.message)

@@ -90,12 +90,17 @@ def translated(message: _Simple) -> Request:
             return ModeRequest(message.mode, message.stamp_ns)
         case VelocityTarget():
             return VelocityRequest(
-                message.expires_ns, message.v_m_s, message.omega_rad_s, message.heading_rad
+                message.expires_ns,
+                message.v_m_s,
+                message.omega_rad_s,
+                message.heading_rad,
+                message.vy_m_s,
+                message.in_world,
             )
         case PositionTarget():
             return PositionRequest(message.x_m, message.y_m, message.heading_rad)
         case ManualControl():
-            return StickRequest(message.expires_ns, message.forward, message.turn)
+            return StickRequest(message.expires_ns, message.forward, message.turn, message.sideways)
         case SetReverse():
             return ReverseRequest(message.reverse)
         case SetHome():

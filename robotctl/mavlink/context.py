@@ -87,6 +87,8 @@ class TelemetryRobot:
         `base` in `world` at the start.
     plans : bool
         It plans its way to a goal; else it drives straight.
+    holonomic : bool
+        It moves sideways, too.
     """
 
     name: str = "robot"
@@ -98,6 +100,7 @@ class TelemetryRobot:
     arm_timeout_s: float = 1.0
     home: SE2 = field(default_factory=SE2)
     plans: bool = True
+    holonomic: bool = False
 
 
 class PlanStore(Protocol):

@@ -284,7 +284,8 @@ class VelocityTarget(msgspec.Struct, frozen=True, tag=True):
     """GUIDED: a body velocity from the ground station; void after `expires_ns`.
 
     With `heading_rad`, a direction of `world` (rad), the robot turns to that and drives along it,
-    and `omega_rad_s` does not matter.
+    and `omega_rad_s` does not matter. `vy_m_s` is to the left, for holonomic drives, and with
+    `in_world` `v_m_s` and `vy_m_s` are along x and y of `world`, whatever the heading.
     """
 
     stamp_ns: int
@@ -292,6 +293,8 @@ class VelocityTarget(msgspec.Struct, frozen=True, tag=True):
     v_m_s: float
     omega_rad_s: float
     heading_rad: float | None = None
+    vy_m_s: float = 0.0
+    in_world: bool = False
 
 
 class PositionTarget(msgspec.Struct, frozen=True, tag=True):
@@ -307,12 +310,16 @@ class PositionTarget(msgspec.Struct, frozen=True, tag=True):
 
 
 class ManualControl(msgspec.Struct, frozen=True, tag=True):
-    """MANUAL: sticks in [-1, 1], forward and turn to the left; void after `expires_ns`."""
+    """MANUAL: sticks in [-1, 1], forward, turn and sideways to the left.
+
+    Void after `expires_ns`; only holonomic drives move sideways.
+    """
 
     stamp_ns: int
     expires_ns: int
     forward: float
     turn: float
+    sideways: float = 0.0
 
 
 class SetReverse(msgspec.Struct, frozen=True, tag=True):

@@ -22,13 +22,20 @@ class ModeRequest(NamedTuple):
 
 
 class VelocityRequest(NamedTuple):
-    """GUIDED: drive with this velocity [m/s, rad/s] until `expires_ns`."""
+    """GUIDED: drive with this velocity [m/s, rad/s] until `expires_ns`; see `VelocityTarget`."""
 
     expires_ns: int
     v_m_s: float
     omega_rad_s: float
     heading_rad: float | None = None
     """Direction of `world` to turn to and drive along [rad], in place of `omega_rad_s`."""
+    vy_m_s: float = 0.0
+    in_world: bool = False
+
+    @property
+    def needs_place(self) -> bool:
+        """Whether it counts from directions of `world`."""
+        return self.heading_rad is not None or self.in_world
 
 
 class PositionRequest(NamedTuple):
@@ -40,11 +47,12 @@ class PositionRequest(NamedTuple):
 
 
 class StickRequest(NamedTuple):
-    """MANUAL: sticks in [-1, 1], forward and to the left, until `expires_ns`."""
+    """MANUAL: sticks in [-1, 1], forward, turn and sideways to the left, until `expires_ns`."""
 
     expires_ns: int
     forward: float
     turn: float
+    sideways: float = 0.0
 
 
 class ExploreRequest(NamedTuple):

@@ -67,7 +67,7 @@ class NavigationInputs(NamedTuple):
     @property
     def are_finite(self) -> bool:
         """Whether pose and velocity are numbers."""
-        rest = self.pose.theta_rad + self.twist.v_m_s + self.twist.omega_rad_s
+        rest = self.pose.theta_rad + math.fsum(self.twist)
         return on_earth(self.pose.x_m, self.pose.y_m) and math.isfinite(rest)
 
 
@@ -76,6 +76,7 @@ class NavigationOutputs(NamedTuple):
 
     v_m_s: float
     omega_rad_s: float
+    vy_m_s: float
     expires_ns: int | None
     """When a velocity of sticks or a set-point is void [ns]; None: it is neither."""
     mode: Mode

@@ -139,7 +139,9 @@ class Navigator:
         self._began_with = {"navigation": config, "limits": limits}
         self._drive = drive
         self._limits = limits
-        self._guard = ObstacleGuard(config.guard, mounts, has_lidar=has_lidar)
+        self._guard = ObstacleGuard(
+            config.guard, mounts, has_lidar=has_lidar, limits=limits if drive.holonomic else None
+        )
         self._crumbs = Breadcrumbs(home, steered=drive.steered)
         self._robot = NavigatedRobot(
             config, drive, mounts, self._guard, self._crumbs, sees_markers, places
@@ -281,7 +283,7 @@ class Navigator:
             self._note_way(inputs.pose)
         for request in inputs.requests:
             self._take(request, inputs.enabled, now_ns)
-        if not inputs.localised and self._velocity and self._velocity.heading_rad is not None:
+        if not inputs.localised and self._velocity and self._velocity.needs_place:
             self._velocity = None
         if not known:
             self._pause()
@@ -563,6 +565,7 @@ class Navigator:
         return NavigationOutputs(
             step.v_m_s,
             step.omega_rad_s,
+            step.vy_m_s,
             self._expires_ns(),
             self._mode,
             f"refused: {self._refused}" if self._refused else step.text,

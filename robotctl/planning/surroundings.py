@@ -15,6 +15,7 @@ from robotctl.planning.guard.behaviour import BehaviourInput
 from robotctl.planning.guard.echo_memory import EchoMemory
 from robotctl.planning.guard.echo_motion import STANDS, EchoMotion
 from robotctl.planning.guard.obstacle_guard import body_rectangle
+from robotctl.planning.guard.scan_memory import ScanMemory
 from robotctl.planning.navigation_step import NavigationInputs
 
 _SCAN_LIFE_NS = 500_000_000
@@ -35,6 +36,7 @@ class Surroundings:
         self._echo_motion = EchoMotion(robot.mounts)
         self._passed = EchoMemory(robot.mounts, body_rectangle(robot.config.guard, robot.mounts))
         self._heard_ns = (-1,) * len(robot.mounts)
+        self._hidden = ScanMemory(body_rectangle(robot.config.guard, robot.mounts))
         self._scan: tuple[SE2, RangeScan, int] | None = None
         """The last, with `base` in `odom` at its time, and when it came [ns]."""
         self._epoch: tuple[int, int] | None = None
@@ -51,10 +53,13 @@ class Surroundings:
         if inputs.epoch != self._epoch:  # all was seen from a wrong place
             self._epoch, self._scan = inputs.epoch, None
             self._passed.reset()
+            self._hidden.reset()
             if pilot is not None:
                 pilot.forget()
         for T_odom_base, scan in inputs.scans:
             self._scan = T_odom_base, scan, now_ns
+            if self._robot.drive.holonomic:
+                self._hidden.see(T_odom_base, scan, now_ns)
         points = self._scanned(inputs, now_ns)
         approaches = self._echo_motion.step(ranges, new, heard_ns, inputs.twist)
         heard = tuple(  # what moves leaves no marks
@@ -68,7 +73,9 @@ class Surroundings:
             seen = Seen(inputs.T_world_odom, inputs.scans, heard, inputs.floor_base)
             pilot.see(inputs.pose, seen, now_ns)
             approaches = self._echo_motion.expect(approaches, ranges, pilot.may_move, now_ns)
-        self._robot.guard.observe(ranges, new, inputs.floor_base, points, approaches, passed)
+        self._robot.guard.observe(
+            ranges, new, inputs.floor_base, points, approaches, passed, inputs.twist
+        )
         markers = [(number, inputs.T_world_odom @ pose) for number, pose in inputs.markers]
         return BehaviourInput(
             inputs.pose, inputs.twist, ranges, new, inputs.epoch, inputs.charge, markers
@@ -80,8 +87,15 @@ class Surroundings:
         return inputs.T_world_odom.inverse() @ inputs.pose
 
     def _scanned(self, inputs: NavigationInputs, now_ns: int) -> NDArray[np.float64] | None:
-        """Return the last scan's points in `base` now, (n, 2) [m]; None without a late scan."""
+        """Return the last scan's points in `base` now, (n, 2) [m]; None without a late scan.
+
+        With those that a holonomic robot, which may go there, has passed and does not see any more.
+        """
         if self._scan is None or now_ns - self._scan[2] > _SCAN_LIFE_NS:
             return None
         T_odom_then, scan, _ = self._scan
-        return moved(self._odometry(inputs).inverse() @ T_odom_then, scan.points_base())
+        T_base_odom = self._odometry(inputs).inverse()
+        points = moved(T_base_odom @ T_odom_then, scan.points_base())
+        if not self._robot.drive.holonomic:
+            return points
+        return np.concatenate([points, self._hidden.around(T_base_odom, now_ns)])

@@ -134,10 +134,10 @@ class FakeLinks:
 class Bench:
     """Telemetry on fake links under a clock that tests turn."""
 
-    def __init__(self, links=1, sonars=SONARS, sonar=SONAR, **config):
+    def __init__(self, links=1, sonars=SONARS, sonar=SONAR, holonomic=False, **config):
         self.config = MavlinkConfig(**config)
         self.links = FakeLinks(links)
-        self.robot = TelemetryRobot("tester", "1.2.3", sonars, sonar)
+        self.robot = TelemetryRobot("tester", "1.2.3", sonars, sonar, holonomic=holonomic)
         self.telemetry = Telemetry(self.config, self.robot, self.links)
         self.now_ns = 1_000_000_000_000
 

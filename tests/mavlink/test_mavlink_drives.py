@@ -252,3 +252,15 @@ def test_a_cruise_speed_counts_from_the_next_goal_on():
     assert robot.run(1.0).v_m_s == pytest.approx(0.4, abs=0.03)
     robot.send(goal)
     assert robot.run(2.0).v_m_s == pytest.approx(0.2, abs=0.03)
+
+
+def test_the_yaw_stick_to_the_right_moves_a_mecanum_robot_to_the_right():
+    robot = DrivenRobot(FakeLinks(), "mecanum", (6.0, 5.0, NORTH_EAST))
+    robot.arm(MANUAL)
+    ahead, left, turn = moved(robot, 1.5, sticks(r=500))
+    assert left < -0.2
+    assert abs(ahead) < 0.05
+    assert abs(turn) < 0.05
+    ahead, left, _ = moved(robot, 1.5, sticks(z=300, r=-500))
+    assert ahead > 0.1
+    assert left > 0.1

@@ -53,7 +53,7 @@ class MecanumDrive:
         contacts = tuple(side_contacts((half, -half), track))
         rolling = ((1.0, 0.0),) * 4
         radii = true_radii(self.wheel_names, (self.wheel_radius_m,) * 4, simulation)
-        return _on_rollers(contacts, rolling, _MECANUM_AXES, radii, simulation)
+        return on_rollers(contacts, rolling, _MECANUM_AXES, radii, simulation)
 
 
 @closed
@@ -85,10 +85,10 @@ class OmniDrive:
         contacts = [(distance * math.cos(a), distance * math.sin(a)) for a in angles]
         rolling = [(-math.sin(a), math.cos(a)) for a in angles]
         radii = true_radii(self.wheel_names, (self.wheel_radius_m,) * self.wheels, simulation)
-        return _on_rollers(contacts, rolling, rolling, radii, simulation)
+        return on_rollers(contacts, rolling, rolling, radii, simulation)
 
 
-def _on_rollers(
+def on_rollers(
     contacts: Sequence[Vector],
     rolling: Sequence[Vector],
     axes: Sequence[Vector],

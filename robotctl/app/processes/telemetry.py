@@ -56,6 +56,7 @@ def described(config: RobotConfig, options: StackOptions) -> TelemetryRobot:
         arm_timeout_s=config.safety.arm_timeout_ms / 1e3,
         home=SE2(options.x_m, options.y_m, options.theta_rad),
         plans=config.lidar is not None or config.localisation.method != "none",
+        holonomic=config.drive.holonomic,
     )
 
 

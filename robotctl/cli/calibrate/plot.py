@@ -20,14 +20,14 @@ def save_plot(result: OdometryCalibrateResult, file: Path) -> None:
     figure = Figure(figsize=(10.0, 5.0), dpi=120, layout="constrained")
     panels = figure.subplots(1, 2, squeeze=False)[0]
     found = result.found
-    sides = (("before", np.zeros(3)), ("after", found.change))
+    sides = (("before", found.model.nothing), ("after", found.change))
     for panel, (when, change) in zip(panels, sides, strict=True):
         for i, run in enumerate(result.runs):
             lever_m, delay_s = (
                 (found.lever_m, found.delay_s) if when == "after" else (np.zeros(2), 0.0)
             )
             seen = run.reference[:, :2]
-            at = _track(run, found.model.arcs(change, run.wheels), lever_m, delay_s)
+            at = _track(run, found.model.moves(change, run.rolled), lever_m, delay_s)
             label = "dead reckoning" if i == 0 else None
             panel.plot(*at.T, color="tab:blue", linewidth=0.8, label=label)
             panel.plot(*at[-1], "o", color="tab:blue", markersize=3)
@@ -44,10 +44,10 @@ def save_plot(result: OdometryCalibrateResult, file: Path) -> None:
     figure.savefig(file)
 
 
-def _track(run: OdometryRun, arcs: Array, lever_m: Array, delay_s: float) -> Array:
+def _track(run: OdometryRun, moves: Array, lever_m: Array, delay_s: float) -> Array:
     """Return dead reckoning at all times, laid onto the reference where the start is unknown."""
     if run.start is not None:
-        return points_at(poses_at(run, arcs, run.start, run.stamps_s), lever_m)
-    seen = points_at(poses_at(run, arcs, SE2(), run.reference_s - delay_s), lever_m)
+        return points_at(poses_at(run, moves, run.start, run.stamps_s), lever_m)
+    seen = points_at(poses_at(run, moves, SE2(), run.reference_s - delay_s), lever_m)
     T = align(seen, run.reference[:, :2])
-    return points_at(poses_at(run, arcs, T, run.stamps_s), lever_m)
+    return points_at(poses_at(run, moves, T, run.stamps_s), lever_m)

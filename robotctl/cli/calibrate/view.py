@@ -33,14 +33,12 @@ def drive_table(result: OdometryCalibrateResult) -> Table:
         else:
             ends = f"{interval.low:.5g} to {interval.high:.5g}"
             table.add_row(key, before, f"{interval.value:.5g}", ends)
-    diameters = found.wheel_diameters()
-    if diameters is not None:
-        radii_m = found.model.nominal.wheel_radii_m
-        names = ("left", "right")
-        for name, radius_m, interval in zip(names, radii_m, diameters, strict=True):
-            ends = f"{interval.low:.5g} to {interval.high:.5g}"
-            before = f"{2.0 * radius_m:.5g}"
-            table.add_row(f"diameter, {name} wheel, m", before, f"{interval.value:.5g}", ends)
+    drive = found.model.nominal
+    wheels = zip(drive.wheel_names, drive.wheel_radii_m, found.wheel_diameters(), strict=False)
+    for name, radius_m, interval in wheels:
+        ends = f"{interval.low:.5g} to {interval.high:.5g}"
+        before = f"{2.0 * radius_m:.5g}"
+        table.add_row(f"diameter, {name} wheel, m", before, f"{interval.value:.5g}", ends)
     table.add_section()
     _noise_rows(table, result)
     return table
@@ -78,8 +76,8 @@ def reference_lines(result: OdometryCalibrateResult) -> list[str]:
             f"its own noise: {1000 * found.reference.sigma_m:.1f} mm, "
             f"{1000 * found.reference.sigma_s:.0f} ms"
         )
-    probe = np.array([[1.0, 0.0], [1.0, 0.2]])
-    straight, bent = found.model.arcs(found.change, found.model.wheels(probe))
+    probe = np.array([[1.0, 0.0, 0.0], [1.0, 0.2, 0.0]])
+    straight, bent = found.model.moves(found.change, found.model.rolled(probe))
     lines.append(
         f"as factors for odometry poses: distance × {straight[0]:.4f}, rotation × "
         f"{(bent[1] - straight[1]) / 0.2:.4f}, and {math.degrees(straight[1]):+.3f}° a metre"

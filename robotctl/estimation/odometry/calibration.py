@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 
 from robotctl.estimation.odometry.fit import OdometryFit, Reference
 from robotctl.estimation.odometry.innovations import OUTLIER
-from robotctl.estimation.odometry.model import Drive, OdometryModel
+from robotctl.estimation.odometry.model import OdometryModel
 from robotctl.estimation.odometry.runs import OdometryRun
-from robotctl.model.drives.drives import DifferentialDrive
+from robotctl.model.drives.drives import Drive
 from robotctl.model.drives.odometry_noise import MotionNoise
 
 Array: TypeAlias = NDArray[np.float64]
@@ -34,6 +34,9 @@ NOT_SEEN = 0.1
 """A change whose interval is wider to one side than this is not identified by the data."""
 
 _ROUNDS = 4
+
+_SMALL = 1e-5
+"""Change by which slopes are taken."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,10 +57,10 @@ class Calibration:
     model
         The nominal drive.
     change, change_half_width
-        Change of the drive, (3,), and half the width of its 95 % interval: nan if the data do not
-        show the change, which is then 0.
+        Change of the drive, (size,), and half the width of its 95 % interval: nan if the data do
+        not show the change, which is then 0.
     covariance
-        Of the change, (3, 3); 0 if the data do not show it.
+        Of the change, (size, size); 0 if the data do not show it.
     quantile
         Of Student's distribution: half an interval in standard deviations.
     lever_m, lever_half_width_m
@@ -106,28 +109,30 @@ class Calibration:
             return None
         ends = []
         for side in (0.0, -1.0, 1.0):
-            change = np.zeros(3)
+            change = self.model.nothing
             change[i] = self.change[i] + side * self.change_half_width[i]
             ends.append(float(getattr(self.model.drive(change), key)))
         return Interval(*ends)
 
-    def wheel_diameters(self) -> tuple[Interval, Interval] | None:
-        """Return the diameters of a differential drive's wheels [m]; None: not identified."""
-        drive = self.drive
-        if not isinstance(drive, DifferentialDrive) or not self.identified("wheel_radius_m"):
-            return None
-        ratio = drive.wheel_radius_ratio
-        found = []
-        # logarithm of 2 s / (1 + ratio), and of this times the ratio, by the changes
-        for radius_m, slope in (
-            (drive.wheel_radii_m[0], -ratio / (1.0 + ratio)),
-            (drive.wheel_radii_m[1], 1.0 / (1.0 + ratio)),
-        ):
-            by = np.array([1.0, slope, 0.0])
-            width = self.quantile * math.sqrt(by @ self.covariance @ by)
-            d = 2.0 * radius_m
-            found.append(Interval(d, d * math.exp(-width), d * math.exp(width)))
-        return found[0], found[1]
+    def wheel_diameters(self) -> tuple[Interval, ...]:
+        """Return the diameters of wheels that are calibrated each [m]; empty: they are not."""
+        radii_m = np.array(self.drive.wheel_radii_m)
+        steps = _SMALL * np.eye(self.model.size)
+        slopes = [self._log_radii(step) - self._log_radii(-step) for step in steps]
+        by = np.array(slopes).T / (2.0 * _SMALL)
+        are_alike = np.allclose(by, by[0], atol=_SMALL)
+        if are_alike or not self.identified("wheel_radius_m"):
+            return ()
+        widths = self.quantile * np.sqrt(np.einsum("ij,jk,ik->i", by, self.covariance, by))
+        return tuple(
+            Interval(d, d * math.exp(-width), d * math.exp(width))
+            for d, width in zip((2.0 * radii_m).tolist(), widths.tolist(), strict=True)
+        )
+
+    def _log_radii(self, step: Array) -> Array:
+        """Return the logarithms of the wheels' radii for a change a step away."""
+        change = np.clip(self.change + step, *self.model.bounds)
+        return np.log(self.model.drive(change).wheel_radii_m)
 
 
 def widened(found: Calibration, parts: Sequence[Calibration]) -> Calibration:
@@ -180,8 +185,9 @@ def calibrate(
     while True:
         found, noises = _alternate(fit, noise)
         covariance, quantile = fit.covariance(found, noises)
-        sigma = np.sqrt(np.diag(covariance))[:3]
-        hidden = fit.free[:3] & ~(quantile * sigma < NOT_SEEN)
+        size = fit.model.size
+        sigma = np.sqrt(np.diag(covariance))[:size]
+        hidden = fit.free[:size] & ~(quantile * sigma < NOT_SEEN)
         if not np.any(hidden):
             _check(fit, found)
             return _result(fit, found, noises, noise)
@@ -191,15 +197,16 @@ def calibrate(
 
 def _check(fit: OdometryFit, values: Array) -> None:
     """Refuse a result at the limit of the search range, or a search that determined nothing."""
-    keys, reach = fit.model.keys, fit.model.reach
-    if not np.any(fit.free[:3]):
+    keys, (low, high) = fit.model.keys, fit.model.bounds
+    if not np.any(fit.free[: len(keys)]):
         raise ValueError(
             f"these data determine none of {', '.join(keys)}: the robot drives too little, or "
             "[drive] "
             "is far from the robot that made them"
         )
-    for key, change, most in zip(keys, values[:3], reach, strict=True):
-        if abs(change) > 0.99 * most:
+    changes = values[: len(keys)]
+    for key, change, least, most in zip(keys, changes, low, high, strict=True):
+        if change < 0.99 * least or change > 0.99 * most:
             present = getattr(fit.model.nominal, key)
             raise ValueError(
                 f"{key}: the true value is outside the search range around {present:g}; set it in "
@@ -227,17 +234,17 @@ def _result(fit: OdometryFit, values: Array, noises: Array, prior: MotionNoise) 
     if not reference.fixed:
         sigma_m, sigma_rad, sigma_s = np.exp(noises[3:6]).tolist()
         reference = Reference(sigma_m, sigma_rad, sigma_s, False, reference.follows_base)
-    r = fit.innovations(values, noises)[0]
+    r, size = fit.innovations(values, noises)[0], fit.model.size
     return Calibration(
         fit.model,
-        values[:3],
-        width[:3],
-        covariance[:3, :3],
+        values[:size],
+        width[:size],
+        covariance[:size, :size],
         quantile,
-        values[3:5],
-        width[3:5],
-        float(values[5]),
-        float(width[5]),
+        values[size : size + 2],
+        width[size : size + 2],
+        float(values[size + 2]),
+        float(width[size + 2]),
         MotionNoise(e, f, g),
         fold,
         reference,

@@ -21,8 +21,11 @@ Array: TypeAlias = NDArray[np.float64]
 
 CONFIDENCE = 0.95
 
-_BEFORE = np.array([0.15, 0.15, 0.15, 0.3, 0.3, 0.3])
-"""Prior standard deviations of the changes, the lever arm [m] and the delay [s]."""
+_CHANGE_SIGMA = 0.15
+"""Prior standard deviation of a change."""
+
+_REST_SIGMA = 0.3
+"""Prior standard deviation of the lever arm [m] and the delay [s]."""
 
 _NOISE_FOLD = 300.0
 """The noises are searched up to this factor above and below their initial values."""
@@ -61,7 +64,7 @@ class Reference:
 class OdometryFit:
     """The unknowns and the data that they must explain.
 
-    The numbers: 3 changes of the drive, 2 of the lever arm, the delay, 3 for each unknown start.
+    The numbers: the changes of the drive, 2 of the lever arm, the delay, 3 for each unknown start.
     """
 
     def __init__(
@@ -72,8 +75,10 @@ class OdometryFit:
         self.reference = reference
         self.references = sum(len(run.reference) for run in self.runs)
         unknown = sum(run.start is None for run in self.runs)
-        self.free = np.ones(6 + 3 * unknown, dtype=bool)
-        self.free[3:6] = not reference.follows_base
+        self._starts = model.size + 3
+        self._before = np.array([_CHANGE_SIGMA] * model.size + [_REST_SIGMA] * 3)
+        self.free = np.ones(self._starts + 3 * unknown, dtype=bool)
+        self.free[model.size : self._starts] = not reference.follows_base
         self._headings = any(np.isfinite(run.reference[:, 2]).any() for run in self.runs)
 
     @property
@@ -83,10 +88,10 @@ class OdometryFit:
 
     def begin(self) -> Array:
         """Return the start of the search."""
-        values = [0.0] * 6
+        values = [0.0] * self._starts
         for run in self.runs:
             if run.start is None:
-                pose = guess_start(run, self.model.arcs(np.zeros(3), run.wheels))
+                pose = guess_start(run, self.model.moves(self.model.nothing, run.rolled))
                 values += [pose.x_m, pose.y_m, pose.theta_rad]
         return np.array(values)
 
@@ -104,9 +109,10 @@ class OdometryFit:
             variance = np.square(self.reference.sigmas)
         else:
             variance = np.exp(2.0 * noises[3:6])
-        rows, log_det, unknown = [], 0.0, 6
+        size = self.model.size
+        rows, log_det, unknown = [], 0.0, self._starts
         for run in self.runs:
-            arcs = self.model.arcs(values[:3], run.wheels)
+            moves = self.model.moves(values[:size], run.rolled)
             if run.start is None:
                 start = values[unknown : unknown + 3]
                 unknown += 3
@@ -114,16 +120,16 @@ class OdometryFit:
                 start = np.array([run.start.x_m, run.start.y_m, run.start.theta_rad])
             out, part = whitened_innovations(
                 run.stamps_s,
-                arcs,
+                moves,
                 start,
                 np.square(np.array(run.start_sigma)),
                 growth,
                 run.reference_s,
                 run.reference,
-                run.speed_m_s(arcs),
+                run.speed_m_s(moves),
                 variance,
-                values[3:5],
-                float(values[5]),
+                values[size : size + 2],
+                float(values[size + 2]),
                 OUTLIER,
             )
             seen = np.isfinite(run.reference)
@@ -133,13 +139,15 @@ class OdometryFit:
 
     def _residuals(self, values: Array, noises: Array) -> Array:
         """Return innovations, and the deviations of the numbers from their prior."""
-        weak = values[:6] / _BEFORE
-        return np.concatenate([self.innovations(values, noises)[0], weak[self.free[:6]]])
+        weak = values[: self._starts] / self._before
+        known = weak[self.free[: self._starts]]
+        return np.concatenate([self.innovations(values, noises)[0], known])
 
     def drive_step(self, values: Array, noises: Array) -> Array:
         """Return the numbers that fit best with given noises."""
-        reach = np.full(len(values), np.inf)
-        reach[:3] = self.model.reach
+        high = np.full(len(values), np.inf)
+        low = -high
+        low[: self.model.size], high[: self.model.size] = self.model.bounds
         full = values.copy()
 
         def residuals(part: Array) -> Array:
@@ -149,7 +157,7 @@ class OdometryFit:
         solution = least_squares(
             residuals,
             values[self.free],
-            bounds=(-reach[self.free], reach[self.free]),
+            bounds=(low[self.free], high[self.free]),
             x_scale="jac",
             loss="huber",
             f_scale=OUTLIER,

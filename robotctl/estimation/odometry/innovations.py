@@ -22,7 +22,7 @@ OUTLIER = 3.0
 @compiled
 def whitened_innovations(
     stamps_s: NDArray[np.float64],
-    arcs: NDArray[np.float64],
+    moves: NDArray[np.float64],
     start: NDArray[np.float64],
     start_variance: NDArray[np.float64],
     growth: NDArray[np.float64],
@@ -40,8 +40,8 @@ def whitened_innovations(
     ----------
     stamps_s
         Times of the odometry, (n + 1,) [s], not decreasing.
-    arcs
-        Length [m] and turn [rad] between them, (n, 2).
+    moves
+        Way, turn and way sideways between them, (n, 3) [m, rad, m].
     start, start_variance
         Pose at the first time and its variances, (3,) [m, m, rad].
     growth
@@ -72,12 +72,12 @@ def whitened_innovations(
     step, done = 0, 0.0
     for i in range(len(reference_s)):
         goal = reference_s[i] - delay_s
-        while step < len(arcs) and goal > stamps_s[step]:
+        while step < len(moves) and goal > stamps_s[step]:
             share = 1.0
             if goal < stamps_s[step + 1]:
                 share = (goal - stamps_s[step]) / (stamps_s[step + 1] - stamps_s[step])
             if share > done:
-                _move(pose, P, (share - done) * arcs[step], growth)
+                _move(pose, P, (share - done) * moves[step], growth)
                 done = share
             if share < 1.0:
                 break
@@ -92,17 +92,21 @@ def whitened_innovations(
 def _move(
     pose: NDArray[np.float64],
     P: NDArray[np.float64],
-    arc: NDArray[np.float64],
+    move: NDArray[np.float64],
     growth: NDArray[np.float64],
 ) -> None:
     """Move pose and covariance along a short arc, whose noise is that of its chord."""
-    d, half = arc[0], 0.5 * arc[1]
+    d, half = move[0], 0.5 * move[1]
     shrink = math.sin(half) / half if abs(half) > 1e-4 else 1.0 - half * half / 6.0
     ux, uy = math.cos(pose[2] + half), math.sin(pose[2] + half)
+    if move[2] != 0.0:  # along the chord, wherever the robot looks
+        way = math.hypot(d, move[2])
+        ux, uy = (d * ux - move[2] * uy) / way, (d * uy + move[2] * ux) / way
+        d = way
     dx, dy = d * shrink * ux, d * shrink * uy
     pose[0] += dx
     pose[1] += dy
-    pose[2] += arc[1]
+    pose[2] += move[1]
     # F P F^T with F = I + [-dy, dx, 0]^T [0, 0, 1]
     xt, yt, tt = P[0, 2], P[1, 2], P[2, 2]
     P[0, 0] += -2.0 * dy * xt + dy * dy * tt
@@ -111,7 +115,7 @@ def _move(
     P[0, 2] -= dy * tt
     P[1, 2] += dx * tt
     along = growth[0] * abs(d)
-    turning = growth[1] * abs(d) + growth[2] * abs(arc[1])
+    turning = growth[1] * abs(d) + growth[2] * abs(move[1])
     P[0, 0] += along * ux * ux + turning * dy * dy / 3.0
     P[0, 1] += along * ux * uy - turning * dx * dy / 3.0
     P[1, 1] += along * uy * uy + turning * dx * dx / 3.0

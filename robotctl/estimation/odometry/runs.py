@@ -30,8 +30,8 @@ class OdometryRun:
         For people.
     stamps_s
         (n + 1,) [s], not decreasing, n > 0.
-    wheels
-        (n, 3), between the times: turn of wheel 1 and of wheel 2, angle of the steering [rad].
+    rolled
+        (n, wheels + joints), between the times: turns of the wheels, angles of the joints [rad].
     reference_s, reference
         Times (m,) [s] and poses (m, 3) in `world`, m > 0; a heading that is nan is not known.
     start
@@ -47,26 +47,26 @@ class OdometryRun:
 
     name: str
     stamps_s: Array
-    wheels: Array
+    rolled: Array
     reference_s: Array
     reference: Array
     start: SE2 | None = None
     start_sigma: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        n, m = len(self.wheels), len(self.reference)
-        if n == 0 or self.stamps_s.shape != (n + 1,) or self.wheels.shape != (n, 3):
+        n, m = len(self.rolled), len(self.reference)
+        if n == 0 or self.stamps_s.shape != (n + 1,) or self.rolled.ndim != 2:
             raise ValueError(f"{self.name}: found {self.stamps_s.shape} times, {n} steps of wheels")
         if m == 0 or self.reference_s.shape != (m,) or self.reference.shape != (m, 3):
             raise ValueError(f"{self.name}: found {self.reference_s.shape} times, {m} references")
         if np.any(np.diff(self.stamps_s) < 0.0) or np.any(np.diff(self.reference_s) < 0.0):
             raise ValueError(f"{self.name}: times must not decrease")
-        if not (np.all(np.isfinite(self.wheels)) and np.all(np.isfinite(self.reference[:, :2]))):
+        if not (np.all(np.isfinite(self.rolled)) and np.all(np.isfinite(self.reference[:, :2]))):
             raise ValueError(f"{self.name}: wheels and positions must be finite")
 
-    def speed_m_s(self, arcs: Array) -> Array:
-        """Return the robot's speed at each reference, over half a second, (m,) [m/s]."""
-        distance_m = np.concatenate([[0.0], np.cumsum(arcs[:, 0])])
+    def speed_m_s(self, moves: Array) -> Array:
+        """Return the speed ahead at each reference, over half a second, (m,) [m/s]."""
+        distance_m = np.concatenate([[0.0], np.cumsum(moves[:, 0])])
         ahead = np.interp(self.reference_s + _SPEED_S, self.stamps_s, distance_m)
         behind = np.interp(self.reference_s - _SPEED_S, self.stamps_s, distance_m)
         return np.asarray((ahead - behind) / (2.0 * _SPEED_S))
@@ -84,7 +84,7 @@ class OdometryRun:
         return OdometryRun(
             self.name,
             stamps_s,
-            self.wheels[first : last + 1],
+            self.rolled[first : last + 1],
             self.reference_s[seen],
             self.reference[seen],
         )
@@ -112,28 +112,30 @@ def thinned(run: OdometryRun, travel_m: Array, spacing_m: float) -> OdometryRun:
     )
 
 
-def poses_at(run: OdometryRun, arcs: Array, start: SE2, times_s: Array) -> Array:
-    """Return dead reckoning along `arcs` from `start` at given times, (k, 3), heading unwrapped.
+def poses_at(run: OdometryRun, moves: Array, start: SE2, times_s: Array) -> Array:
+    """Return dead reckoning by `moves` from `start` at given times, (k, 3), heading unwrapped.
 
-    Between two stamps the robot has made its share of the arc; outside of them it stands still.
+    Between two stamps the robot has made its share of the move; outside of them it stands still.
     """
-    d, alpha = arcs.T
+    alpha = moves[:, 1]
     theta = start.theta_rad + np.concatenate([[0.0], np.cumsum(alpha)])
-    steps = _chords(d, alpha, theta[:-1])
+    steps = _chords(moves, theta[:-1])
     at = np.array([start.x_m, start.y_m]) + np.concatenate([[[0.0, 0.0]], np.cumsum(steps, axis=0)])
-    step = np.clip(np.searchsorted(run.stamps_s, times_s, side="right") - 1, 0, len(d) - 1)
+    step = np.clip(np.searchsorted(run.stamps_s, times_s, side="right") - 1, 0, len(alpha) - 1)
     span = run.stamps_s[step + 1] - run.stamps_s[step]
     passed = np.clip(times_s - run.stamps_s[step], 0.0, span)
     share = np.divide(passed, span, out=np.ones_like(span), where=span > 0.0)
-    here = at[step] + _chords(share * d[step], share * alpha[step], theta[step])
+    here = at[step] + _chords(share[:, np.newaxis] * moves[step], theta[step])
     return np.column_stack([here, theta[step] + share * alpha[step]])
 
 
-def _chords(d: Array, alpha: Array, theta: Array) -> Array:
-    """Return the displacements of arcs that begin with headings `theta`, (n, 2)."""
-    chord = d * np.sinc(0.5 * alpha / math.pi)
-    direction = theta + 0.5 * alpha
-    return np.stack([chord * np.cos(direction), chord * np.sin(direction)], axis=1)
+def _chords(moves: Array, theta: Array) -> Array:
+    """Return the displacements of moves (n, 3) that begin with headings `theta`, (n, 2)."""
+    d, alpha, sideways = moves.T
+    shrink = np.sinc(0.5 * alpha / math.pi)
+    chord, across = d * shrink, sideways * shrink
+    c, s = np.cos(theta + 0.5 * alpha), np.sin(theta + 0.5 * alpha)
+    return np.stack([chord * c - across * s, chord * s + across * c], axis=1)
 
 
 def points_at(poses: Array, lever_m: Array) -> Array:
@@ -143,36 +145,36 @@ def points_at(poses: Array, lever_m: Array) -> Array:
     return np.stack([poses[:, 0] + c * x - s * y, poses[:, 1] + s * x + c * y], axis=1)
 
 
-def guess_start(run: OdometryRun, arcs: Array) -> SE2:
+def guess_start(run: OdometryRun, moves: Array) -> SE2:
     """Return a run's approximate start: its first metres fitted to the reference."""
     if not math.isnan(run.reference[0, 2]):
         x, y, theta = run.reference[0].tolist()
         seen = SE2(x, y, theta)
-        back = poses_at(run, arcs, SE2(), run.reference_s[:1])[0].tolist()
+        back = poses_at(run, moves, SE2(), run.reference_s[:1])[0].tolist()
         return seen @ SE2(*back).inverse()
-    poses = poses_at(run, arcs, SE2(), run.reference_s)
+    poses = poses_at(run, moves, SE2(), run.reference_s)
     distance = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))])
     first = max(3, int(np.searchsorted(distance, _ALIGNED_WAY_M)))
     return align(poses[:first, :2], run.reference[:first, :2])
 
 
-def dead_reckoning_error_m(run: OdometryRun, arcs: Array, lever_m: Array, delay_s: float) -> Array:
+def dead_reckoning_error_m(run: OdometryRun, moves: Array, lever_m: Array, delay_s: float) -> Array:
     """Return how far dead reckoning is from each reference position, (m,) [m].
 
     From the known start, or else laid onto the reference as well as it goes without bending.
     """
     times_s = run.reference_s - delay_s
     if run.start is not None:
-        points = points_at(poses_at(run, arcs, run.start, times_s), lever_m)
+        points = points_at(poses_at(run, moves, run.start, times_s), lever_m)
     else:
-        points = points_at(poses_at(run, arcs, SE2(), times_s), lever_m)
+        points = points_at(poses_at(run, moves, SE2(), times_s), lever_m)
         points = moved(align(points, run.reference[:, :2]), points)
     return np.asarray(np.hypot(*(points - run.reference[:, :2]).T))
 
 
-def end_of(run: OdometryRun, arcs: Array) -> SE2:
+def end_of(run: OdometryRun, moves: Array) -> SE2:
     """Return the end of dead reckoning from the start of the run."""
     pose = run.start or SE2()
-    for d, alpha in arcs.tolist():
-        pose = arc(pose, d, alpha)
+    for d, alpha, sideways in moves.tolist():
+        pose = arc(pose, d, alpha, sideways)
     return pose

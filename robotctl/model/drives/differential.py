@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Final, Literal
 
 from robotctl.errors import InvalidValue
-from robotctl.model.drives.wheels import ActuatorReference, require_positive
+from robotctl.model.drives.wheels import POSITIVE, ActuatorReference, require_positive
 from robotctl.model.geometry.twist import Twist
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+
+RATIOS: Final = (0.5, 2.0)
+"""Least and greatest ratio of the wheel radii."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +49,12 @@ class DifferentialDrive:
     counts_per_revolution: int
     wheel_radius_ratio: float = 1.0
 
+    calibrated: ClassVar[Mapping[str, tuple[float, float]]] = {
+        "wheel_radius_m": POSITIVE,
+        "wheel_radius_ratio": RATIOS,
+        "track_width_m": POSITIVE,
+    }
+    """Keys that calibration of the odometry sets, with the least and greatest value of each."""
     degrees_of_freedom: ClassVar[int] = 3
     """Of the pose in the plane: x, y, theta."""
     holonomic: ClassVar[bool] = False
@@ -52,7 +67,7 @@ class DifferentialDrive:
 
     def __post_init__(self) -> None:
         require_positive(self, "track_width_m", "wheel_radius_m", "counts_per_revolution")
-        if not 0.5 <= self.wheel_radius_ratio <= 2.0:
+        if not RATIOS[0] <= self.wheel_radius_ratio <= RATIOS[1]:
             raise InvalidValue(
                 "wheel_radius_ratio",
                 f"must be between 0.5 and 2, found {self.wheel_radius_ratio}",
@@ -95,6 +110,22 @@ class DifferentialDrive:
         return Twist(
             0.5 * (v_left_m_s + v_right_m_s), (v_right_m_s - v_left_m_s) / self.track_width_m
         )
+
+    def forward_many(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return `forward` of many turns of the wheels at once, (n, 3) as of a `Twist`."""
+        import numpy as np  # noqa: PLC0415 - the control process loads the drives
+
+        left_m, right_m = (r * turns for r, turns in zip(self.wheel_radii_m, rows.T, strict=True))
+        turned = (right_m - left_m) / self.track_width_m
+        return np.stack([0.5 * (left_m + right_m), turned, np.zeros_like(turned)], axis=1)
+
+    def inverse_many(self, moves: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return turns of the wheels for many moves at once, (n, 2)."""
+        import numpy as np  # noqa: PLC0415 - the control process loads the drives
+
+        way_m, half_m = moves[:, 0], 0.5 * self.track_width_m * moves[:, 1]
+        left_m, right_m = self.wheel_radii_m
+        return np.stack([(way_m - half_m) / left_m, (way_m + half_m) / right_m], axis=1)
 
     def turning_radius_m(self, v_left_m_s: float, v_right_m_s: float) -> float:
         """Return R = (W/2) (v_R + v_L) / (v_R - v_L) [m]: positive left, inf if not turning."""

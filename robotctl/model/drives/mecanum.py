@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
-from robotctl.model.drives.wheels import ActuatorReference, require_positive
+from robotctl.model.drives.linear import forward_many, inverse_many
+from robotctl.model.drives.wheels import POSITIVE, ActuatorReference, require_positive
 from robotctl.model.geometry.twist import Twist
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +50,14 @@ class MecanumDrive:
     wheel_radius_m: float
     counts_per_revolution: int
 
+    calibrated: ClassVar[Mapping[str, tuple[float, float]]] = {
+        "wheel_radius_m": POSITIVE,
+        "track_width_m": POSITIVE,
+    }
+    """Keys that calibration of the odometry sets, with the least and greatest value of each.
+
+    The track width stands for the lever, of which it is a part.
+    """
     degrees_of_freedom: ClassVar[int] = 3
     """Degrees of freedom of the pose in the plane: x, y, theta."""
     holonomic: ClassVar[bool] = True
@@ -101,3 +115,11 @@ class MecanumDrive:
             quarter_m * (front_right + rear_right - front_left - rear_left) / self.lever_m,
             quarter_m * (front_right + rear_left - front_left - rear_right),
         )
+
+    def forward_many(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return `forward` of many turns of the wheels at once, see `linear.forward_many`."""
+        return forward_many(self, rows)
+
+    def inverse_many(self, moves: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return `inverse` of many moves at once, see `linear.inverse_many`."""
+        return inverse_many(self, moves)

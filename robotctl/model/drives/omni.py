@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from robotctl.errors import InvalidValue
-from robotctl.model.drives.wheels import ActuatorReference, require_positive
+from robotctl.model.drives.linear import forward_many, inverse_many
+from robotctl.model.drives.wheels import POSITIVE, ActuatorReference, require_positive
 from robotctl.model.geometry.twist import Twist
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +54,11 @@ class OmniDrive:
     counts_per_revolution: int
     first_wheel_deg: float = 60.0
 
+    calibrated: ClassVar[Mapping[str, tuple[float, float]]] = {
+        "wheel_radius_m": POSITIVE,
+        "wheel_distance_m": POSITIVE,
+    }
+    """Keys that calibration of the odometry sets, with the least and greatest value of each."""
     degrees_of_freedom: ClassVar[int] = 3
     """Degrees of freedom of the pose in the plane: x, y, theta."""
     holonomic: ClassVar[bool] = True
@@ -110,3 +121,11 @@ class OmniDrive:
             omega += speed
         share_m = self.wheel_radius_m / self.wheels
         return Twist(2.0 * share_m * v, share_m * omega / self.wheel_distance_m, 2.0 * share_m * vy)
+
+    def forward_many(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return `forward` of many turns of the wheels at once, see `linear.forward_many`."""
+        return forward_many(self, rows)
+
+    def inverse_many(self, moves: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return `inverse` of many moves at once, see `linear.inverse_many`."""
+        return inverse_many(self, moves)

@@ -3,12 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Final, Literal
 
 from robotctl.errors import InvalidValue
-from robotctl.model.drives.wheels import ActuatorReference, require_positive
+from robotctl.model.drives.linear import forward_many, inverse_many
+from robotctl.model.drives.wheels import POSITIVE, ActuatorReference, require_positive
 from robotctl.model.geometry.twist import Twist
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+
+SLIP_FACTORS: Final = (1.0, 5.0)
+"""Least and greatest ratio of the effective and the geometric track width."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +62,11 @@ class SkidSteerDrive:
     wheels_per_side: Literal[2, 3] = 2
     slip_factor: float = 1.5
 
+    calibrated: ClassVar[Mapping[str, tuple[float, float]]] = {
+        "wheel_radius_m": POSITIVE,
+        "slip_factor": SLIP_FACTORS,
+    }
+    """Keys that calibration of the odometry sets, with the least and greatest value of each."""
     degrees_of_freedom: ClassVar[int] = 3
     """Degrees of freedom of the pose in the plane: x, y, theta."""
     holonomic: ClassVar[bool] = False
@@ -67,7 +82,7 @@ class SkidSteerDrive:
         require_positive(
             self, "track_width_m", "wheelbase_m", "wheel_radius_m", "counts_per_revolution"
         )
-        if not 1.0 <= self.slip_factor <= 5.0:
+        if not SLIP_FACTORS[0] <= self.slip_factor <= SLIP_FACTORS[1]:
             raise InvalidValue(
                 "slip_factor",
                 f"must be between 1 and 5, found {self.slip_factor}",
@@ -113,3 +128,11 @@ class SkidSteerDrive:
         return Twist(
             0.5 * (left_m_s + right_m_s), (right_m_s - left_m_s) / self.effective_track_width_m
         )
+
+    def forward_many(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return `forward` of many turns of the wheels at once, see `linear.forward_many`."""
+        return forward_many(self, rows)
+
+    def inverse_many(self, moves: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return `inverse` of many moves at once, see `linear.inverse_many`."""
+        return inverse_many(self, moves)

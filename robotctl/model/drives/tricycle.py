@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
+from robotctl.model.drives.bends import bent, pivoted, steered_rows
 from robotctl.model.drives.wheels import (
+    POSITIVE,
     ActuatorReference,
+    offsets_near,
     require_offset,
     require_positive,
     require_steering,
@@ -15,6 +19,10 @@ from robotctl.model.drives.wheels import (
     within_linkage,
 )
 from robotctl.model.geometry.twist import Twist
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +85,15 @@ class TricycleDrive:
         require_offset(self.steering_offset_rad, self.steering_max_rad)
 
     @property
+    def calibrated(self) -> Mapping[str, tuple[float, float]]:
+        """Keys that calibration of the odometry sets, with the least and greatest value of each."""
+        return {
+            "wheel_radius_m": POSITIVE,
+            "wheelbase_m": POSITIVE,
+            "steering_offset_rad": offsets_near(self.steering_offset_rad, self.steering_max_rad),
+        }
+
+    @property
     def min_turning_radius_m(self) -> float:
         """Smallest radius L / tan(s) of the path of `base` that both sides allow [m]."""
         reach_rad = self.steering_max_rad - abs(self.steering_offset_rad)
@@ -126,6 +143,20 @@ class TricycleDrive:
         if self.driven == "front":
             return Twist(v * math.cos(s), v * math.sin(s) / self.wheelbase_m)
         return Twist(v, v * math.tan(s) / self.wheelbase_m)
+
+    def forward_many(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return `forward` of many turns of the wheel and angles of the steering at once."""
+        rolled, s = self.wheel_radius_m * rows[:, 0], rows[:, 1] + self.steering_offset_rad
+        if self.driven == "front":
+            return pivoted(rolled, s, self.wheelbase_m)
+        return bent(rolled, s, self.wheelbase_m)
+
+    def inverse_many(self, moves: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return turns of the wheel and angles of the steering for many moves at once."""
+        front = self.driven == "front"
+        rows = steered_rows(moves, self.wheelbase_m, self.steering_offset_rad, front=front)
+        rows[:, 0] /= self.wheel_radius_m
+        return rows
 
     def turning_radius_m(self, steering_rad: float) -> float:
         """Return the radius L / tan(s) of the path of `base` [m]: positive left, inf at 0."""

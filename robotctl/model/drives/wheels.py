@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from robotctl.errors import InvalidValue
+
+POSITIVE: Final = (0.0, math.inf)
+"""Bounds of a value that calibration may set to anything above 0."""
 
 
 class ActuatorReference(NamedTuple):
@@ -51,6 +54,12 @@ def require_offset(steering_offset_rad: float, steering_max_rad: float) -> None:
             f"{steering_offset_rad}",
             steering_offset_rad,
         )
+
+
+def offsets_near(steering_offset_rad: float, steering_max_rad: float) -> tuple[float, float]:
+    """Return the least and greatest offset among which calibration looks for the true one [rad]."""
+    room_rad = min(steering_max_rad, 0.5 * math.pi - steering_max_rad) - abs(steering_offset_rad)
+    return steering_offset_rad - 0.9 * room_rad, steering_offset_rad + 0.9 * room_rad
 
 
 def steering_angle_rad(

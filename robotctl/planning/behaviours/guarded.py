@@ -25,13 +25,14 @@ _STANDSTILL_M_S = 0.03
 
 def limited(step: BehaviourOutput, guard: ObstacleGuard) -> tuple[BehaviourOutput, GuardStep]:
     """Return `step` slowed to what the guard allows, on the same arc, and the guard's verdict."""
-    allowed = guard.step(step.v_m_s, step.omega_rad_s)
-    speed = abs(step.v_m_s) or abs(step.omega_rad_s) * guard.reach_m
+    allowed = guard.step(*step.twist)
+    speed = step.twist.speed_m_s or abs(step.omega_rad_s) * guard.reach_m
     if speed <= allowed.v_max_m_s:
         return step, allowed
     share = allowed.v_max_m_s / speed if allowed.v_max_m_s >= _STANDSTILL_M_S else 0.0
     text = f"waiting: {allowed.obstacle}" if share == 0.0 else step.text
-    return BehaviourOutput(step.v_m_s * share, step.omega_rad_s * share, step.status, text), allowed
+    v_m_s, omega_rad_s, vy_m_s = (share * each for each in step.twist)
+    return BehaviourOutput(v_m_s, omega_rad_s, step.status, text, vy_m_s), allowed
 
 
 class Guarded(Behaviour):

@@ -65,8 +65,7 @@ class Rearwards(Behaviour):
         if not self._robot.reverse:
             return self._behaviour.step(situation, now_ns)
         twist = situation.twist
-        seen = situation._replace(
-            pose=situation.pose @ _TURNED, twist=Twist(-twist.v_m_s, twist.omega_rad_s)
-        )
+        turned = Twist(-twist.v_m_s, twist.omega_rad_s, -twist.vy_m_s)
+        seen = situation._replace(pose=situation.pose @ _TURNED, twist=turned)
         step = self._behaviour.step(seen, now_ns)
-        return step._replace(v_m_s=-step.v_m_s)
+        return step._replace(v_m_s=-step.v_m_s, vy_m_s=-step.vy_m_s)

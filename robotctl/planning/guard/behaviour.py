@@ -51,6 +51,13 @@ class BehaviourOutput(NamedTuple):
     omega_rad_s: float
     status: Status = Status.RUNNING
     text: str = ""
+    vy_m_s: float = 0.0
+    """Velocity to the left, of holonomic drives."""
+
+    @property
+    def twist(self) -> Twist:
+        """The velocity."""
+        return Twist(self.v_m_s, self.omega_rad_s, self.vy_m_s)
 
 
 def done(text: str = "") -> BehaviourOutput:

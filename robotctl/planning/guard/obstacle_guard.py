@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
 from robotctl.errors import InvalidValue
+from robotctl.model.geometry.twist import Twist
 from robotctl.model.rectangle import Rectangle
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.guard.echo_motion import STANDS, Approach
@@ -15,6 +16,8 @@ from robotctl.planning.guard.echo_motion import STANDS, Approach
 if TYPE_CHECKING:  # numpy would be slow to load for each process that reads a robot's file
     import numpy as np
     from numpy.typing import NDArray
+
+    from robotctl.control.limiter import LimitsConfig
 
 Point: TypeAlias = tuple[float, float]
 """x, y of `base` [m]."""
@@ -100,6 +103,38 @@ class GuardStep(NamedTuple):
     """What limits it, as text; empty if nothing does."""
 
 
+class Course(NamedTuple):
+    """Direction and bend of the way of `base`."""
+
+    ahead: float
+    """Share of the motion forwards; with `left` a unit vector, or both 0 on the spot."""
+    left: float
+    turn: float
+    """Change of the heading, to the left > 0 [1/m]; 1 or -1 on the spot, 0 at rest."""
+
+    @property
+    def is_on_the_spot(self) -> bool:
+        """Whether `base` stays where it is."""
+        return self.ahead == self.left == 0.0
+
+
+_STRAIGHT_ON: Final = Course(1.0, 0.0, 0.0)
+
+
+def _course(v: float, omega: float, vy: float) -> Course:
+    """Return where a velocity of `base` leads."""
+    if vy == 0.0:
+        if v == 0.0:
+            return Course(0.0, 0.0, math.copysign(1.0, omega) if omega else 0.0)
+        return Course(math.copysign(1.0, v), 0.0, omega / abs(v))
+    speed = math.hypot(v, vy)
+    return Course(v / speed, vy / speed, omega / speed)
+
+
+_SHARES: Final = (1.0, 0.5, 0.2)
+"""Shares of a velocity that are looked at."""
+_TURNS_INTO: Final = "something is where the robot would slide to"
+_REST: Final = Twist(0.0, 0.0)
 _BLIND: Final = "the lidar gives no scans"
 
 
@@ -152,10 +187,18 @@ class ObstacleGuard:
         The sonars, in the order of the ranges.
     has_lidar
         Whether the robot has a lidar, whose points are waited for.
+    limits
+        Speed limits of a holonomic robot: of what a lidar shows, it also meets nothing while it
+        changes from one course to another. None for all others.
     """
 
     def __init__(
-        self, config: GuardConfig, mounts: Sequence[SonarMount], *, has_lidar: bool = False
+        self,
+        config: GuardConfig,
+        mounts: Sequence[SonarMount],
+        *,
+        has_lidar: bool = False,
+        limits: LimitsConfig | None = None,
     ) -> None:
         self._config = config
         self._corners = _corners(mounts, config.half_width_m)
@@ -165,6 +208,7 @@ class ObstacleGuard:
         self._history: list[list[float]] = []
         self._count = len(mounts)
         self._has_lidar = has_lidar
+        self._limits = limits
         self.reset()
 
     def retune(self, config: GuardConfig) -> None:
@@ -179,6 +223,7 @@ class ObstacleGuard:
         self._points: NDArray[np.float64] | None = None
         self._approaches: Sequence[Approach] = ()
         self._passed: NDArray[np.float64] | None = None
+        self._twist = _REST
 
     @property
     def reach_m(self) -> float:
@@ -193,6 +238,7 @@ class ObstacleGuard:
         points_base: NDArray[np.float64] | None = None,
         approaches: Sequence[Approach] = (),
         passed_base: NDArray[np.float64] | None = None,
+        twist: Twist = _REST,
     ) -> None:
         """Take sonar ranges, floor points and a lidar's points; once per step.
 
@@ -211,7 +257,10 @@ class ObstacleGuard:
             What comes nearer to each sonar by itself; none: all stands.
         passed_base
             (n, 2) echoes in `base` that no sonar may hear any more [m].
+        twist
+            Present velocity of `base`; only that of a holonomic robot counts.
         """
+        self._twist = twist
         self._passed = passed_base
         self._floor = floor_base
         self._points = points_base
@@ -225,9 +274,13 @@ class ObstacleGuard:
 
     def looks(self, direction: float) -> bool:
         """Say whether a sonar looks forwards (`direction` > 0) or backwards (< 0)."""
-        return any(self._is_ahead(view, direction) for view in self._views)
+        return self._looks(Course(math.copysign(1.0, direction), 0.0, 0.0))
 
-    def step(self, v_m_s: float, omega_rad_s: float = 0.0) -> GuardStep:
+    def _looks(self, course: Course) -> bool:
+        """Say whether a sonar looks where `base` goes."""
+        return any(self._is_ahead(view, course) for view in self._views)
+
+    def step(self, v_m_s: float, omega_rad_s: float = 0.0, vy_m_s: float = 0.0) -> GuardStep:
         """Return the limit for a motion of `base`, whose arc is what counts and not its speed.
 
         Parameters
@@ -236,13 +289,23 @@ class ObstacleGuard:
             Forwards > 0, backwards < 0 [m/s].
         omega_rad_s
             With it, to the left > 0 [rad/s].
+        vy_m_s
+            With it, sideways to the left > 0 [m/s].
         """
-        if v_m_s == 0.0:
-            return self._on_the_spot(omega_rad_s)
-        direction, turn = math.copysign(1.0, v_m_s), omega_rad_s / abs(v_m_s)
-        distance_m, obstacle = self._free(direction, turn, self._views)
+        allowed = self._step(_course(v_m_s, omega_rad_s, vy_m_s))
+        if self._limits is None or self._points is None:
+            return allowed
+        wanted = Twist(v_m_s, omega_rad_s, vy_m_s)
+        change = self._while_changing(self._points, wanted, allowed.v_max_m_s, self._limits)
+        return min(allowed, change, key=lambda each: each.v_max_m_s)
+
+    def _step(self, course: Course) -> GuardStep:
+        """Return the limit on a course."""
+        if course.is_on_the_spot:
+            return self._on_the_spot(course.turn)
+        distance_m, obstacle = self._free(course, self._views)
         allowed = GuardStep(self._speed_for(distance_m), obstacle)
-        yields = self._speed_before_others(direction, turn)
+        yields = self._speed_before_others(course)
         return min(yields, allowed, key=lambda each: each.v_max_m_s)
 
     @property
@@ -255,47 +318,72 @@ class ObstacleGuard:
 
         Only sonars that look ahead count: others see walls that the robot would pass.
         """
-        views = [view for view in self._views if self._is_ahead(view, 1.0)]
-        return self._free(1.0, 0.0, views)
+        views = [view for view in self._views if self._is_ahead(view, _STRAIGHT_ON)]
+        return self._free(_STRAIGHT_ON, views)
 
-    def _free(self, direction: float, turn: float, views: Sequence[_View]) -> tuple[float, str]:
+    def _free(self, course: Course, views: Sequence[_View]) -> tuple[float, str]:
         """Return the way of `base` on an arc until an obstacle's margin [m], and which obstacle."""
-        if self._is_blind and not self.looks(direction):
+        if self._is_blind and not self._looks(course):
             return 0.0, _BLIND
-        moves = self._moves(direction, turn)
+        moves = self._moves(course)
         distance_m, obstacle = math.inf, ""
         for view in views:
             reading = _median(self._history[view.slot])
             if math.isnan(reading):
-                if self._is_ahead(view, direction):
+                if self._is_ahead(view, course):
                     # Blind ahead: stand still rather than guess.
                     return 0.0, f"sonar {view.name} gives no reading"
                 continue
             free = self._free_distance(view, reading, moves)
             if free < distance_m and not (free <= 0.0 and self._is_wall_beside(view, reading)):
                 distance_m, obstacle = free, f"{view.name} measures {reading:.2f} m"
-        on_floor = self._free_floor(direction)
+        on_floor = self._free_floor(course)
         if on_floor - self._config.margin_m < distance_m:
             distance_m = on_floor - self._config.margin_m
             obstacle = f"something lies on the floor {on_floor:.2f} m away"
-        free, place = self._free_way(direction, turn)
+        free, place = self._free_way(course)
         if free < distance_m:
             distance_m, obstacle = free, place
         return distance_m, obstacle
 
-    def _moves(self, direction: float, turn: float) -> list[Point]:
+    def _moves(self, course: Course) -> list[Point]:
         """Return the motion of each corner per distance of `base` on an arc."""
-        # (d - k y, k x) with the direction d and the curvature k.
-        return [(direction - turn * y_m, turn * x_m) for x_m, y_m in self._corners]
+        ahead, left, turn = course
+        return [(ahead - turn * y_m, left + turn * x_m) for x_m, y_m in self._corners]
 
-    def _speed_before_others(self, direction: float, turn: float) -> GuardStep:
+    def _while_changing(
+        self, points: NDArray[np.float64], wanted: Twist, v_max_m_s: float, limits: LimitsConfig
+    ) -> GuardStep:
+        """Return the limit that lets a robot stop on its way from the present velocity.
+
+        `v_max_m_s` is the limit on the wanted course.
+        """
+        from robotctl.planning.guard.change_of_course import (  # noqa: PLC0415 - see above
+            Agility,
+            is_free,
+        )
+
+        a, alpha = limits.a_max_m_s2, limits.alpha_max_rad_s2
+        sure = min(self._config.deceleration_m_s2, a)
+        agility = Agility((a, alpha, a), (sure, alpha * sure / a, sure), self._config.reaction_s)
+        speed = wanted.speed_m_s or abs(wanted.omega_rad_s) * self.reach_m
+        if speed == 0.0:
+            return GuardStep(math.inf, "")
+        most = min(v_max_m_s / speed, 1.0)
+        for share in _SHARES:
+            slower = Twist(*(most * share * each for each in wanted))
+            if is_free(self._body, points, self._twist, slower, agility):
+                return GuardStep(math.inf if share == 1.0 else most * share * speed, _TURNS_INTO)
+        return GuardStep(0.0, _TURNS_INTO)
+
+    def _speed_before_others(self, course: Course) -> GuardStep:
         """Return the speed from which `base` stands before what comes nearer is there.
 
         With w the speed of that, c the way of a corner towards it per way of `base`, a the
         deceleration and t the reaction time, it comes w (t + v / a) nearer until `base` stands,
         and the corner goes c (v t + v^2 / 2 a) towards it: at v both close the gap.
         """
-        moves = self._moves(direction, turn)
+        moves = self._moves(course)
         a, t = self._config.deceleration_m_s2, self._config.reaction_s
         v_max_m_s, who = math.inf, ""
         for view in self._views:
@@ -313,13 +401,13 @@ class ObstacleGuard:
                     v_max_m_s, who = v_m_s, f"{view.name} sees something that may come nearer"
         return GuardStep(v_max_m_s, who)
 
-    def _on_the_spot(self, omega_rad_s: float) -> GuardStep:
+    def _on_the_spot(self, turn: float) -> GuardStep:
         """Return the limit of the outermost corner, which brakes as the robot does."""
-        if omega_rad_s == 0.0:
+        if turn == 0.0:
             return GuardStep(math.inf, "")
         if self._is_blind and not self._views:
             return GuardStep(0.0, _BLIND)
-        free_rad, place = self._free_way(0.0, math.copysign(1.0, omega_rad_s))
+        free_rad, place = self._free_way(Course(0.0, 0.0, turn))
         return GuardStep(self._speed_for(free_rad * self.reach_m), place)
 
     @property
@@ -327,7 +415,7 @@ class ObstacleGuard:
         """Whether the lidar gives no points."""
         return self._has_lidar and self._points is None
 
-    def _free_way(self, direction: float, turn: float) -> tuple[float, str]:
+    def _free_way(self, course: Course) -> tuple[float, str]:
         """Return the way of `base` until the body is a margin away from a point, and which.
 
         In metres, or on the spot in radians.
@@ -341,15 +429,15 @@ class ObstacleGuard:
         ):
             if points is None:
                 continue
-            way, place = free_way(self._body, points, margin_m, direction, turn)
+            way, place = free_way(self._body, points, margin_m, course)
             if place is not None and way < free:
                 free = way
                 where = f"{what} at x {place[0]:.2f} m, y {place[1]:.2f} m of the robot"
         return free, where
 
-    def _is_ahead(self, view: _View, direction: float) -> bool:
-        """Say whether a sonar looks in the direction of travel, 1 or -1."""
-        return direction * view.normal[0] >= self._cosine
+    def _is_ahead(self, view: _View, course: Course) -> bool:
+        """Say whether a sonar looks in the direction of travel."""
+        return course.ahead * view.normal[0] + course.left * view.normal[1] >= self._cosine
 
     def _free_distance(self, view: _View, reading: float, moves: Sequence[Point]) -> float:
         """Return the distance of `base` until the first corner is `margin_m` from a wall [m].
@@ -386,11 +474,14 @@ class ObstacleGuard:
                 return True
         return False
 
-    def _free_floor(self, sign: float) -> float:
-        """Return the distance from the robot's nose to the nearest point on the floor [m]."""
-        half_m = self._config.half_width_m
-        met = (sign * x_m for x_m, y_m in self._floor if sign * x_m > 0.0 and abs(y_m) < half_m)
-        return min(met, default=math.inf) - self._config.nose_m
+    def _free_floor(self, course: Course) -> float:
+        """Return the way of `base` straight on until it meets a point on the floor [m].
+
+        The body counts from nose to nose, whatever the sonars behind say.
+        """
+        half_m, nose_m = self._config.half_width_m, self._config.nose_m
+        ways = (_way_to(point, course, nose_m, half_m) for point in self._floor)
+        return min(ways, default=math.inf)
 
     def _speed_for(self, distance_m: float) -> float:
         """Return the speed v with v reaction + v^2 / (2 a) = distance [m/s]."""
@@ -398,6 +489,23 @@ class ObstacleGuard:
             return 0.0
         delay = self._config.deceleration_m_s2 * self._config.reaction_s
         return math.sqrt(delay * delay + 2.0 * self._config.deceleration_m_s2 * distance_m) - delay
+
+
+def _way_to(point: Point, course: Course, nose_m: float, half_m: float) -> float:
+    """Return the way straight on until a body meets a point [m]; below 0: it is on it; inf: never.
+
+    A point that the body is on counts as long as more of the body is still to pass over it.
+    """
+    enters, leaves = -math.inf, math.inf
+    for at, reach_m, share in zip(point, (nose_m, half_m), course[:2], strict=True):
+        if share == 0.0:
+            if abs(at) >= reach_m:
+                return math.inf
+            continue
+        on_m = math.copysign(at, at * share)
+        enters = max(enters, (on_m - reach_m) / abs(share))
+        leaves = min(leaves, (on_m + reach_m) / abs(share))
+    return enters if enters < leaves and enters + leaves > 0.0 else math.inf
 
 
 def body_rectangle(config: GuardConfig, mounts: Sequence[SonarMount]) -> Rectangle:

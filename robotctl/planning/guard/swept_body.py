@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.model.rectangle import Rectangle
-from robotctl.planning.guard.obstacle_guard import LEAST_CLOSING, Point
+from robotctl.planning.guard.obstacle_guard import LEAST_CLOSING, Course, Point
 
 _STRAIGHT: Final = 1e-4
 """An arc of a smaller curvature is a straight line [1/m]: half a millimetre in three metres."""
@@ -29,17 +29,17 @@ def free_way(
     body: Rectangle,
     points: NDArray[np.float64],
     margin_m: float,
-    direction: float,
-    turn: float,
+    course: Course,
 ) -> tuple[float, Point | None]:
     """Return the way of `base` until the body is a margin away from a point in its way, and which.
 
     The margin is a way of the part of the body that would touch the point. The parameters and the
     unit are those of `ways_to_contact`; inf and None if there is no such point.
     """
-    points = _without_walls_beside(body, points)
-    ways = ways_to_contact(body, points, direction, turn)
-    speeds = np.hypot(direction - turn * points[:, 1], turn * points[:, 0])
+    points = without_walls_beside(body, points)
+    ways = ways_to_contact(body, points, course)
+    ahead, left = _motions(course, points)
+    speeds = np.hypot(ahead, left)
     free = ways - margin_m / np.maximum(speeds, _STANDS)
     if not np.isfinite(free).any():
         return math.inf, None
@@ -48,7 +48,7 @@ def free_way(
     return float(free[nearest]), (x_m, y_m)
 
 
-def _without_walls_beside(body: Rectangle, points: NDArray[np.float64]) -> NDArray[np.float64]:
+def without_walls_beside(body: Rectangle, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return points without those ahead and behind of a wall that reaches in at a side.
 
     The body is drawn with a little room, and a robot that stands so close beside a wall could not
@@ -67,7 +67,7 @@ def _without_walls_beside(body: Rectangle, points: NDArray[np.float64]) -> NDArr
 
 
 def ways_to_contact(
-    body: Rectangle, points: NDArray[np.float64], direction: float, turn: float
+    body: Rectangle, points: NDArray[np.float64], course: Course
 ) -> NDArray[np.float64]:
     """Return how far `base` moves until the body touches each point, (n,) [m]; inf: never.
 
@@ -78,49 +78,64 @@ def ways_to_contact(
     ----------
     points
         (n, 2) in `base` [m].
-    direction
-        1 forwards, -1 backwards; 0: the body turns on the spot, and ways are angles [rad].
-    turn
-        Change of the heading per way, to the left > 0 [1/m]; 1 or -1 on the spot.
+    course
+        Where `base` goes; on the spot ways are angles [rad].
     """
-    if abs(turn) < _STRAIGHT:
-        ways = _straight(body, points, direction)
+    if abs(course.turn) < _STRAIGHT:
+        ways = _straight(body, points, course)
     else:
-        ways = _on_arc(body, points, direction / turn, turn)
+        ways = _on_arc(body, points, course)
     x, y = points.T
     depths = np.stack(
         [body.front_m - x, x - body.rear_m, body.half_width_m - y, body.half_width_m + y]
     )
     inside = depths.min(axis=0) >= -_ROUNDING_M
     # Motion of the point in the body, towards each of the sides.
-    ahead, left = turn * y - direction, -turn * x
-    outwards = np.choose(depths.argmin(axis=0), [ahead, -ahead, left, -left])
+    ahead, left = _motions(course, points)
+    outwards = np.choose(depths.argmin(axis=0), [-ahead, ahead, -left, left])
     return np.where(inside, np.where(outwards < -LEAST_CLOSING, 0.0, math.inf), ways)
 
 
-def _straight(
-    body: Rectangle, points: NDArray[np.float64], direction: float
-) -> NDArray[np.float64]:
-    """Return the ways straight on; for a point within the body any number."""
-    ahead = direction * points[:, 0] - (body.front_m if direction > 0.0 else -body.rear_m)
-    met = (ahead >= 0.0) & (np.abs(points[:, 1]) <= body.half_width_m)
-    return np.where(met, ahead, math.inf)
+def _motions(
+    course: Course, points: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the motion of the body at each point, forwards and to the left."""
+    x, y = points.T
+    return course.ahead - course.turn * y, course.left + course.turn * x
 
 
-def _on_arc(
-    body: Rectangle, points: NDArray[np.float64], centre_m: float, turn: float
-) -> NDArray[np.float64]:
-    """Return the ways on an arc about (0, `centre_m`); for a point within the body any number.
+def _straight(body: Rectangle, points: NDArray[np.float64], course: Course) -> NDArray[np.float64]:
+    """Return the ways straight on; for a point within the body any number.
+
+    The body holds a point where both of its coordinates lie between two sides.
+    """
+    enters, leaves = np.full(len(points), -math.inf), np.full(len(points), math.inf)
+    sides = (body.rear_m, body.front_m), (-body.half_width_m, body.half_width_m)
+    for at, (low, high), share in zip(points.T, sides, course[:2], strict=True):
+        if share == 0.0:
+            enters[(at < low) | (at > high)] = math.inf
+            continue
+        near, far = (high, low) if share > 0.0 else (low, high)
+        enters = np.maximum(enters, (at - near) / share)
+        leaves = np.minimum(leaves, (at - far) / share)
+    return np.where((enters >= 0.0) & (enters <= leaves), enters, math.inf)
+
+
+def _on_arc(body: Rectangle, points: NDArray[np.float64], course: Course) -> NDArray[np.float64]:
+    """Return the ways on an arc; for a point within the body any number.
 
     Seen from the body, a point goes round that centre the other way, and meets the body where its
     circle first crosses one of the sides.
     """
-    x, y = points[:, 0], points[:, 1] - centre_m
+    turn = course.turn
+    centre_x_m, centre_y_m = -course.left / turn, course.ahead / turn
+    x, y = points[:, 0] - centre_x_m, points[:, 1] - centre_y_m
     squares = x * x + y * y
-    low, high = -body.half_width_m - centre_m, body.half_width_m - centre_m
+    rear, front = body.rear_m - centre_x_m, body.front_m - centre_x_m
+    low, high = -body.half_width_m - centre_y_m, body.half_width_m - centre_y_m
     crossings = []
     with np.errstate(invalid="ignore"):  # nan: a circle that does not reach a side
-        for side in (body.rear_m, body.front_m):
+        for side in (rear, front):
             across = np.sqrt(squares - side * side)
             for at in (across, -across):
                 meets = (at >= low) & (at <= high)
@@ -128,7 +143,7 @@ def _on_arc(
         for side in (low, high):
             along = np.sqrt(squares - side * side)
             for at in (along, -along):
-                meets = (at >= body.rear_m) & (at <= body.front_m)
+                meets = (at >= rear) & (at <= front)
                 crossings.append((at, np.full(len(x), side), meets))
     at_x, at_y, meets = (np.stack(each) for each in zip(*crossings, strict=True))
     angles = (np.arctan2(y, x) - np.arctan2(at_y, at_x)) * math.copysign(1.0, turn)

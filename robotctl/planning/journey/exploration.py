@@ -86,7 +86,7 @@ class Exploration(Behaviour):
             self._journey = None
         at = self._target.middle
         text = f"exploring at x {at[0]:.1f} m, y {at[1]:.1f} m: {step.text}"
-        return BehaviourOutput(step.v_m_s, step.omega_rad_s, text=text)
+        return BehaviourOutput(step.v_m_s, step.omega_rad_s, text=text, vy_m_s=step.vy_m_s)
 
     def _look(self, pose: SE2, now_ns: int) -> None:
         """Choose a frontier, unless the present one is still there, and the way to it."""

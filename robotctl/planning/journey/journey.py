@@ -199,7 +199,7 @@ class Journey(Behaviour):
         if self._is_stuck(situation, motion, now_ns):
             return self._in_trouble(motion.text or "the way is blocked", pose, now_ns)
         text = motion.text or f"{route.left_m:.1f} m to go{route.until}"
-        return BehaviourOutput(motion.v_m_s, motion.omega_rad_s, text=text)
+        return BehaviourOutput(motion.v_m_s, motion.omega_rad_s, text=text, vy_m_s=motion.vy_m_s)
 
     def _wait_for_sight(self, blindness: str, now_ns: int) -> BehaviourOutput:
         """Stand while nothing is seen; give up after a while."""

@@ -56,6 +56,7 @@ class ArrivalStep(NamedTuple):
     arrived: bool
     missed: bool
     """Whether it stands and cannot reach the goal from here without another path."""
+    vy_m_s: float = 0.0
 
 
 class Arrival:
@@ -108,6 +109,26 @@ class Arrival:
                 return ArrivalStep(0.0, self._turn(error), False, False)
             self._phase = _Phase.STAND
         return ArrivalStep(0.0, 0.0, True, False)
+
+    def slide(self, pose: SE2, goal: SE2, speed_m_s: float, vy_max_m_s: float) -> ArrivalStep:
+        """Return the next velocity of a robot that moves sideways: straight there, and turning."""
+        off = pose.inverse() @ goal
+        distance = math.hypot(off.x_m, off.y_m)
+        if self._phase is _Phase.STAND and not self._has_left(distance, off.theta_rad):
+            return ArrivalStep(0.0, 0.0, True, False)
+        self._phase = _Phase.DRIVE
+        tolerance, most_rad = self._config.position_tolerance_m, self._config.heading_tolerance_rad
+        v = vy = omega = 0.0
+        if distance >= _INSIDE * tolerance:
+            speed = max(self._speed(distance - 0.25 * tolerance, speed_m_s), _CREEP_M_S)
+            v, vy = speed * off.x_m / distance, speed * off.y_m / distance
+            excess = max(abs(vy) / vy_max_m_s, 1.0)
+            v, vy = v / excess, vy / excess
+        if abs(off.theta_rad) > _INSIDE * most_rad:
+            omega = self._turn(off.theta_rad)
+        if v == vy == omega == 0.0:
+            self._phase = _Phase.STAND
+        return ArrivalStep(v, omega, self._phase is _Phase.STAND, False, vy)
 
     def _has_left(self, distance_m: float, error_rad: float) -> bool:
         """Return whether the robot was carried away from where it had arrived."""

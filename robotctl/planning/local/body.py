@@ -159,17 +159,18 @@ def can_stop(
     pose: tuple[float, float, float],
     v: float,
     omega: float,
+    vy: float,
     hold_s: float,
     brake_s: float,
 ) -> bool:
     """Return whether a body may go on with a velocity for some time and then brake on that arc.
 
-    Both velocities fall to 0 evenly in `brake_s`. The way is walked in steps in which no point of
+    All velocities fall to 0 evenly in `brake_s`. The way is walked in steps in which no point of
     the outline moves by more than what is free round it, or by `SPACING`.
     """
     whole_s = hold_s + 0.5 * brake_s
     angle = omega * whole_s
-    reach = abs(v) * whole_s + abs(angle) * body.reach
+    reach = float(np.hypot(v, vy)) * whole_s + abs(angle) * body.reach
     clearance, outline, discs = space.clearance, body.outline, body.discs
     share = 0.0
     while True:
@@ -179,6 +180,12 @@ def can_stop(
             chord *= np.sin(half) / half
         x = pose[0] + chord * np.cos(pose[2] + half)
         y = pose[1] + chord * np.sin(pose[2] + half)
+        if vy != 0.0:
+            across = vy * whole_s * share
+            if abs(half) > 1e-4:
+                across *= np.sin(half) / half
+            x -= across * np.sin(pose[2] + half)
+            y += across * np.cos(pose[2] + half)
         c, s = np.cos(pose[2] + 2.0 * half), np.sin(pose[2] + 2.0 * half)
         free = gap(clearance, outline, SPACING, discs, x, y, c, s)
         if free == TOUCH:

@@ -118,6 +118,13 @@ class LocalMotion(NamedTuple):
     """Why it stands or slows down, for people; empty if nothing hinders it."""
     arrived: bool = False
     """Whether the robot stands at the path's last pose, within the tolerances."""
+    vy_m_s: float = 0.0
+    """Velocity to the left of holonomic drives [m/s]."""
+
+    @property
+    def speed_m_s(self) -> float:
+        """Speed of `base` over the floor [m/s]."""
+        return Twist(self.v_m_s, self.omega_rad_s, self.vy_m_s).speed_m_s
 
 
 class Controller(Protocol):

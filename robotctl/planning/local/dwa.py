@@ -21,6 +21,8 @@ _WINDOW_S: Final = 0.5
 """Velocities that are reached within this time are candidates."""
 _SPEEDS: Final = 0.8
 """Number of speeds over that of turns."""
+_SIDES: Final = 5
+"""Number of speeds sideways of a holonomic robot."""
 
 
 class DynamicWindow:
@@ -34,8 +36,7 @@ class DynamicWindow:
 
     def __init__(self, config: ControllerConfig) -> None:
         self.steps = 30
-        self._speeds = round(math.sqrt(_SPEEDS * config.samples))
-        self._turns = config.samples // self._speeds
+        self._samples = config.samples
 
     def reset(self) -> None:
         """Nothing is kept."""
@@ -43,25 +44,35 @@ class DynamicWindow:
     def choose(self, problem: Problem) -> Choice:
         """Return the cheapest admissible arc."""
         ahead = np.empty((self.steps, 3))
-        _, v, omega = cheapest(problem, self._targets(problem), ahead)
-        return Choice(v, omega, ahead)
+        _, v, omega, vy = cheapest(problem, self._targets(problem), ahead)
+        return Choice(v, omega, ahead, vy)
 
     def _targets(self, problem: Problem) -> NDArray[np.float64]:
-        """Return speeds in the section's gear with turn rates, or curvatures, (n, 1, 2)."""
+        """Return speeds in the section's gear, turn rates or curvatures, and slides, (n, 1, 3)."""
         motion, gear = problem.motion, problem.gear
+        sides = _SIDES if motion.vy_max > 0.0 else 1
+        fore = round(math.sqrt(_SPEEDS * self._samples / sides))
+        round_ = self._samples // sides // fore
         reach = motion.a * _WINDOW_S
         on = gear * problem.v
         most = max(min(on + reach, problem.v_most), 0.0)
-        speeds = gear * np.linspace(min(max(on - reach, 0.0), most), most, self._speeds)
+        speeds = gear * np.linspace(min(max(on - reach, 0.0), most), most, fore)
         if motion.curvature_max == math.inf:
-            reach = motion.alpha * _WINDOW_S
-            low = max(problem.omega - reach, -motion.omega_max)
-            high = min(problem.omega + reach, motion.omega_max)
-            turns = np.linspace(low, high, self._turns)
-            turns[np.argmin(np.abs(turns))] = 0.0
+            turns = _window(problem.omega, motion.alpha * _WINDOW_S, motion.omega_max, round_)
         else:
-            turns = motion.curvature_max * np.linspace(-1.0, 1.0, self._turns)
-        pairs = np.empty((self._speeds, self._turns, 1, 2))
-        pairs[..., 0, 0] = speeds[:, np.newaxis]
-        pairs[..., 0, 1] = turns
-        return pairs.reshape(-1, 1, 2)
+            turns = motion.curvature_max * np.linspace(-1.0, 1.0, round_)
+        slides = np.zeros(1)
+        if motion.vy_max > 0.0:
+            slides = _window(problem.vy, motion.a * _WINDOW_S, motion.vy_max, sides)
+        targets = np.empty((fore, round_, sides, 1, 3))
+        targets[..., 0, 0] = speeds[:, np.newaxis, np.newaxis]
+        targets[..., 0, 1] = turns[:, np.newaxis]
+        targets[..., 0, 2] = slides
+        return targets.reshape(-1, 1, 3)
+
+
+def _window(now: float, reach: float, most: float, count: int) -> NDArray[np.float64]:
+    """Return values within reach of the present one, 0 or what is nearest to it among them."""
+    values = np.linspace(max(now - reach, -most), min(now + reach, most), count)
+    values[np.argmin(np.abs(values))] = 0.0
+    return values

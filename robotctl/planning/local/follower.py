@@ -59,6 +59,7 @@ class Choice(NamedTuple):
     omega: float
     ahead: NDArray[np.float64]
     """(steps, 3) poses that it leads through [cells, cells, rad]."""
+    vy: float = 0.0
 
 
 class Search(Protocol):
@@ -99,6 +100,7 @@ class Follower:
         self._search = search
         self._radius = drive.min_turning_radius_m
         self._steered = drive.steered
+        self._vy_max = limits.vy_max_m_s if drive.holonomic else 0.0
         share = min(1.0, config.deceleration_m_s2 / limits.a_max_m_s2)
         self._turn_brake = share * limits.alpha_max_rad_s2
         self._arrival = Arrival(config, drive, limits.omega_max_rad_s, self._turn_brake)
@@ -119,7 +121,7 @@ class Follower:
     def step(self, situation: LocalSituation) -> LocalMotion:
         """Return the next velocity, from which the robot can always stop before it touches."""
         motion = self._step(situation)
-        self._last = Twist(motion.v_m_s, motion.omega_rad_s)
+        self._last = Twist(motion.v_m_s, motion.omega_rad_s, motion.vy_m_s)
         return motion
 
     def _step(self, situation: LocalSituation) -> LocalMotion:
@@ -156,7 +158,7 @@ class Follower:
             self._waited, self._backing_m, self._backs = 0, 0.0, 0
         track.advance(pose)
         at_end = track.reference(pose).way_m <= 0.5 * self._config.position_tolerance_m
-        if at_end and not track.is_last and abs(situation.twist.v_m_s) < 0.05:
+        if at_end and not track.is_last and situation.twist.speed_m_s < 0.05:
             track.next_section()
             track.advance(pose)
             self._search.reset()
@@ -207,6 +209,7 @@ class Follower:
             (soon.x_m, soon.y_m, soon.theta_rad),
             float(present.v_m_s) / side_m,
             float(present.omega_rad_s),
+            float(present.vy_m_s) / side_m,
             _path_in_cells(space, points),
             track.section.spacing_m / side_m,
             ends,
@@ -226,9 +229,13 @@ class Follower:
         if self._last is None:
             return twist
         limits, late_s = self._limits, self._config.dt_s + self._config.reaction_s
+        vy_m_s = 0.0
+        if self._vy_max > 0.0:
+            vy_m_s = towards(twist.vy_m_s, self._last.vy_m_s, limits.a_max_m_s2 * late_s)
         return Twist(
             towards(twist.v_m_s, self._last.v_m_s, limits.a_max_m_s2 * late_s),
             towards(twist.omega_rad_s, self._last.omega_rad_s, limits.alpha_max_rad_s2 * late_s),
+            vy_m_s,
         )
 
     def _soon(self, situation: LocalSituation) -> SE2:
@@ -247,6 +254,7 @@ class Follower:
         return Motion(
             v_max_m_s / side_m,
             limits.omega_max_rad_s,
+            min(self._vy_max, v_max_m_s) / side_m,
             limits.a_max_m_s2 / side_m,
             limits.alpha_max_rad_s2,
             side_m / self._radius if self._radius > 0.0 else math.inf,
@@ -279,19 +287,22 @@ class Follower:
         pose, steered = situation.pose, self._steered
         if steered:
             wanted = self._arrival.along(self._soon(situation), track, situation.speed_m_s)
+        elif self._vy_max > 0.0:
+            speed = situation.speed_m_s
+            wanted = self._arrival.slide(pose, track.goal, speed, min(self._vy_max, speed))
         else:
             wanted = self._arrival.step(pose, track.goal, situation.speed_m_s)
         problem = problem._replace(v_most=problem.motion.v_max)
         for share in (1.0, 0.5, 0.25):
             v, omega = share * wanted.v_m_s / side_m, share * wanted.omega_rad_s
             turn = omega / v if steered and v != 0.0 else omega
-            free, choice = self._only(problem, v, turn)
+            free, choice = self._only(problem, v, turn, share * wanted.vy_m_s / side_m)
             if free:
                 motion = _motion(situation, choice)
                 if not track.is_last:
                     return motion
                 text = "the goal is missed, another path leads there" if wanted.missed else ""
-                still = abs(motion.v_m_s) < _STILL and abs(motion.omega_rad_s) < _STILL
+                still = _is_still(motion)
                 return motion._replace(
                     arrived=wanted.arrived and still, blocked=wanted.missed and still, text=text
                 )
@@ -303,20 +314,22 @@ class Follower:
         speed = problem.motion.creep
         free, choice = self._only(problem._replace(v_most=speed), -problem.gear * speed, 0.0)
         motion = _motion(situation, choice)
-        self._backing_m -= self._config.dt_s * abs(motion.v_m_s) if free else math.inf
+        self._backing_m -= self._config.dt_s * motion.speed_m_s if free else math.inf
         return motion._replace(text="backs off")
 
-    def _only(self, problem: Problem, v: float, turn: float) -> tuple[bool, Choice]:
+    def _only(
+        self, problem: Problem, v: float, turn: float, vy: float = 0.0
+    ) -> tuple[bool, Choice]:
         """Return whether one velocity is admissible; and it, else that of braking."""
         ahead = np.empty((problem.steps, 3))
-        best, v, omega = cheapest(problem, np.array([[[v, turn]]]), ahead)
-        return best == 0, Choice(v, omega, ahead)
+        best, v, omega, vy = cheapest(problem, np.array([[[v, turn, vy]]]), ahead)
+        return best == 0, Choice(v, omega, ahead, vy)
 
     def _moving(self, situation: LocalSituation, problem: Problem, choice: Choice) -> LocalMotion:
         """Return a chosen velocity and say what hinders the robot."""
         side_m = situation.space.grid.resolution_m
         motion = _motion(situation, choice)
-        still = abs(motion.v_m_s) < _STILL and abs(motion.omega_rad_s) < _STILL
+        still = _is_still(motion)
         self._waited = self._waited + 1 if still else 0
         people = self._waits_for_people(problem, side_m)
         patient = people or self._waited < _PATIENCE
@@ -327,7 +340,7 @@ class Follower:
                 return away
         self._drawn_in = None
         if not still:
-            slow = abs(motion.v_m_s) < 0.5 * situation.speed_m_s
+            slow = motion.speed_m_s < 0.5 * situation.speed_m_s
             return motion._replace(text="lets somebody pass" if people and slow else "")
         if self._waited < _PATIENCE:
             return motion
@@ -380,8 +393,18 @@ class Follower:
 def _motion(situation: LocalSituation, choice: Choice) -> LocalMotion:
     """Return a choice in metres and `world`."""
     space = situation.space
-    v_m_s = float(choice.v) * space.grid.resolution_m
-    return LocalMotion(v_m_s, float(choice.omega), space.to_world(choice.ahead))
+    side_m = space.grid.resolution_m
+    return LocalMotion(
+        float(choice.v) * side_m,
+        float(choice.omega),
+        space.to_world(choice.ahead),
+        vy_m_s=float(choice.vy) * side_m,
+    )
+
+
+def _is_still(motion: LocalMotion) -> bool:
+    """Return whether a velocity is that of a robot that stands."""
+    return motion.speed_m_s < _STILL and abs(motion.omega_rad_s) < _STILL
 
 
 def _in_cells(space: PlanningMap, moving: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -34,4 +34,9 @@ def towards(heading_rad: float, v_m_s: float, theta_rad: float, *, steered: bool
     """
     error_rad = wrap_angle(heading_rad - theta_rad)
     share = max(BEND_SHARE if steered else 0.0, math.cos(error_rad))
-    return Twist(v_m_s * share, HEADING_GAIN_1_S * error_rad)
+    return Twist(v_m_s * share, turn_towards(heading_rad, theta_rad))
+
+
+def turn_towards(heading_rad: float, theta_rad: float) -> float:
+    """Return the turning rate from a heading to another one of `world` [rad/s]."""
+    return HEADING_GAIN_1_S * wrap_angle(heading_rad - theta_rad)

@@ -26,8 +26,8 @@ from robotctl.planning.local.rollout import (
 
 _KNOTS: Final = 6
 """Random values of a sample, between which it changes linearly."""
-_SPREAD: Final = (0.25, 0.25)
-"""Standard deviations of speed and turn, as shares of the largest."""
+_SPREAD: Final = (0.25, 0.25, 0.25)
+"""Standard deviations of speed, turn and speed sideways, as shares of the largest."""
 _TEMPERATURE: Final = 0.05
 _TRIES: Final = 40
 """Samples whose first velocity is looked at."""
@@ -48,6 +48,8 @@ class PathIntegral:
         self._dt_s, self._tau_s = config.dt_s, config.tau_s
         rng = np.random.default_rng(config.seed)
         knots = rng.standard_normal((config.samples, _KNOTS, 2))
+        across = rng.standard_normal((config.samples, _KNOTS, 1))
+        knots = np.concatenate([knots, across], axis=2)
         at = np.linspace(0.0, _KNOTS - 1.0, self.steps)
         before = np.minimum(at.astype(np.int64), _KNOTS - 2)
         share = (at - before)[:, np.newaxis]
@@ -57,7 +59,7 @@ class PathIntegral:
 
     def reset(self) -> None:
         """Forget the plan."""
-        self._plan = np.zeros((self.steps, 2))
+        self._plan = np.zeros((self.steps, 3))
         self._count = 0
 
     def choose(self, problem: Problem) -> Choice:
@@ -66,17 +68,21 @@ class PathIntegral:
         step_s = self._tau_s / self.steps
         now = np.arange(self.steps) + self._dt_s / step_s
         self._plan = np.stack(
-            [np.interp(now, np.arange(self.steps), self._plan[:, i]) for i in range(2)], axis=1
+            [np.interp(now, np.arange(self.steps), self._plan[:, i]) for i in range(3)], axis=1
         )
         turn_max = min(motion.curvature_max, motion.omega_max)
         if motion.curvature_max != np.inf:
             turn_max = motion.curvature_max
         mirror = _MIRRORS[self._count % len(_MIRRORS)]
-        spread = (_SPREAD[0] * motion.v_max * mirror[0], _SPREAD[1] * turn_max * mirror[1])
+        spread = (
+            _SPREAD[0] * motion.v_max * mirror[0],
+            _SPREAD[1] * turn_max * mirror[1],
+            _SPREAD[2] * motion.vy_max * mirror[1],
+        )
         self._count += 1
         ahead = np.empty((self.steps, 3))
-        v, omega = _improve(problem, self._plan, self._noise, spread, turn_max, ahead)
-        return Choice(v, omega, ahead)
+        v, omega, vy = _improve(problem, self._plan, self._noise, spread, turn_max, ahead)
+        return Choice(v, omega, ahead, vy)
 
 
 @compiled
@@ -84,7 +90,7 @@ def _vary(
     problem: Problem,
     plan: NDArray[np.float64],
     noise: NDArray[np.float64],
-    spread: tuple[float, float],
+    spread: tuple[float, float, float],
     turn_max: float,
     varied: NDArray[np.float64],
 ) -> None:
@@ -93,6 +99,10 @@ def _vary(
     for i in range(len(plan)):
         varied[i, 0] = min(max(plan[i, 0] + spread[0] * noise[i, 0], low), high)
         varied[i, 1] = min(max(plan[i, 1] + spread[1] * noise[i, 1], -turn_max), turn_max)
+    most = problem.motion.vy_max
+    if most > 0.0:
+        for i in range(len(plan)):
+            varied[i, 2] = min(max(plan[i, 2] + spread[2] * noise[i, 2], -most), most)
 
 
 @compiled
@@ -100,13 +110,13 @@ def _improve(
     problem: Problem,
     plan: NDArray[np.float64],
     noise: NDArray[np.float64],
-    spread: tuple[float, float],
+    spread: tuple[float, float, float],
     turn_max: float,
     drawn: NDArray[np.float64],
-) -> tuple[float, float]:
+) -> tuple[float, float, float]:
     """Replace the plan by a better one; return the first velocity."""
     costs = np.empty(len(noise))
-    varied, mean = np.empty_like(plan), np.zeros_like(plan)
+    varied, mean = np.zeros_like(plan), np.zeros_like(plan)
     nothing = np.empty((0, 3))
     for i in range(len(noise)):
         _vary(problem, plan, noise[i], spread, turn_max, varied)
@@ -120,18 +130,18 @@ def _improve(
             total += weight
     mean /= total
     if price(problem, mean, drawn) <= least:
-        v, omega = first_velocity(problem, mean[0, 0], mean[0, 1])
-        if is_admissible(problem, v, omega):
+        v, omega, vy = first_velocity(problem, mean[0, 0], mean[0, 1], mean[0, 2])
+        if is_admissible(problem, v, omega, vy):
             plan[:] = mean
-            return v, omega
+            return v, omega, vy
     for _ in range(_TRIES):
         best = int(np.argmin(costs))
         _vary(problem, plan, noise[best], spread, turn_max, varied)
-        v, omega = first_velocity(problem, varied[0, 0], varied[0, 1])
-        if is_admissible(problem, v, omega):
+        v, omega, vy = first_velocity(problem, varied[0, 0], varied[0, 1], varied[0, 2])
+        if is_admissible(problem, v, omega, vy):
             plan[:] = varied
             price(problem, plan, drawn)
-            return v, omega
+            return v, omega, vy
         costs[best] = np.inf
     plan[:] = 0.0
     price(problem, plan, drawn)

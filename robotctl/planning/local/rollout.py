@@ -39,6 +39,8 @@ class Motion(NamedTuple):
 
     v_max: float
     omega_max: float
+    vy_max: float
+    """Sideways; 0 of a robot that cannot move so."""
     a: float
     alpha: float
     curvature_max: float
@@ -86,6 +88,7 @@ class Problem(NamedTuple):
     """Where it is when the next velocity takes effect."""
     v: float
     omega: float
+    vy: float
     path: NDArray[np.float64]
     """(n, 4): x, y, cosine and sine of the heading there, from near the robot on."""
     spacing: float
@@ -109,16 +112,23 @@ def towards(value: float, target: float, change: float) -> float:
 
 
 @compiled
-def first_velocity(problem: Problem, v_target: float, turn: float) -> tuple[float, float]:
-    """Return the velocity after one step towards a target.
+def first_velocity(
+    problem: Problem, v_target: float, turn: float, vy_target: float
+) -> tuple[float, float, float]:
+    """Return the velocity after one step towards a target: forward, turning, sideways.
 
     `turn` is the rate, or the curvature of a robot that cannot turn on the spot.
     """
     motion = problem.motion
     target = min(max(v_target, -problem.v_most), problem.v_most)
+    vy = 0.0
+    if motion.vy_max > 0.0:
+        room = np.sqrt(max(problem.v_most * problem.v_most - target * target, 0.0))
+        most = min(motion.vy_max, room)
+        vy = towards(problem.vy, min(max(vy_target, -most), most), motion.a * motion.dt_s)
     v = towards(problem.v, target, motion.a * motion.dt_s)
     wanted = turn if motion.curvature_max == np.inf else v * turn
-    return v, _turning(motion, v, problem.omega, wanted, motion.dt_s)
+    return v, _turning(motion, v, problem.omega, wanted, motion.dt_s), vy
 
 
 @compiled
@@ -132,44 +142,46 @@ def _turning(motion: Motion, v: float, omega: float, wanted: float, time: float)
 
 
 @compiled
-def braked(problem: Problem) -> tuple[float, float]:
+def braked(problem: Problem) -> tuple[float, float, float]:
     """Return the velocity after one step of braking on the present arc."""
     motion = problem.motion
-    brake_s = max(abs(problem.v) / motion.brake, abs(problem.omega) / motion.turn_brake)
+    speed = float(np.hypot(problem.v, problem.vy))
+    brake_s = max(speed / motion.brake, abs(problem.omega) / motion.turn_brake)
     share = max(1.0 - motion.dt_s / brake_s, 0.0) if brake_s > 0.0 else 0.0
-    return problem.v * share, problem.omega * share
+    return problem.v * share, problem.omega * share, problem.vy * share
 
 
 @compiled
-def is_admissible(problem: Problem, v: float, omega: float) -> bool:
+def is_admissible(problem: Problem, v: float, omega: float, vy: float) -> bool:
     """Return whether the robot can stop after a step with a velocity.
 
     It takes effect between at once and after the reaction time: both are looked at. People who walk
     on would run into a robot that stops in their way, so it may also drive on if it gets out of it.
     """
-    if _can_stop(problem, problem.space, v, omega):
+    if _can_stop(problem, problem.space, v, omega, vy):
         return True
     space = problem.space
     if len(space.moving) == 0:
         return False
     still = Surroundings(space.blocked, space.clearance, space.moving[:0])
-    return _can_stop(problem, still, v, omega) and _is_past(problem, v, omega)
+    return _can_stop(problem, still, v, omega, vy) and _is_past(problem, v, omega, vy)
 
 
 @compiled
-def _can_stop(problem: Problem, space: Surroundings, v: float, omega: float) -> bool:
+def _can_stop(problem: Problem, space: Surroundings, v: float, omega: float, vy: float) -> bool:
     """Return whether nothing is touched before the robot stands."""
     motion = problem.motion
-    brake_s = max(abs(v) / motion.brake, abs(omega) / motion.turn_brake)
-    body = problem.tight if abs(v) <= motion.creep else problem.body
+    speed = float(np.hypot(v, vy))
+    brake_s = max(speed / motion.brake, abs(omega) / motion.turn_brake)
+    body = problem.tight if speed <= motion.creep else problem.body
     late_s = motion.dt_s + motion.reaction_s
-    return can_stop(space, body, problem.pose, v, omega, late_s, brake_s) and can_stop(
-        space, body, problem.soon, v, omega, motion.dt_s, brake_s
+    return can_stop(space, body, problem.pose, v, omega, vy, late_s, brake_s) and can_stop(
+        space, body, problem.soon, v, omega, vy, motion.dt_s, brake_s
     )
 
 
 @compiled
-def _is_past(problem: Problem, v: float, omega: float) -> bool:
+def _is_past(problem: Problem, v: float, omega: float, vy: float) -> bool:
     """Return whether the robot gets out of everybody's way if it goes on like this."""
     x, y, angle = problem.soon
     step_s = problem.tau_s / problem.steps
@@ -177,6 +189,9 @@ def _is_past(problem: Problem, v: float, omega: float) -> bool:
         half = 0.5 * omega * step_s
         x += v * step_s * np.cos(angle + half)
         y += v * step_s * np.sin(angle + half)
+        if vy != 0.0:
+            x -= vy * step_s * np.sin(angle + half)
+            y += vy * step_s * np.cos(angle + half)
         angle += 2.0 * half
         c, s = float(np.cos(angle)), float(np.sin(angle))
         if gap_to_moving(problem.space, problem.body, x, y, c, s, (i + 1) * step_s) <= 0.0:
@@ -199,7 +214,7 @@ def nearest(path: NDArray[np.float64], j: int, x: float, y: float) -> int:
 
 @compiled
 def price(problem: Problem, targets: NDArray[np.float64], drawn: NDArray[np.float64]) -> float:
-    """Return the cost of wanted velocities (n, 2), of which the last goes on.
+    """Return the cost of wanted velocities (n, 3), of which the last goes on.
 
     The places that they lead through are written to `drawn` (m, 3), as far as it has room.
     """
@@ -209,7 +224,8 @@ def price(problem: Problem, targets: NDArray[np.float64], drawn: NDArray[np.floa
     tight_outline, tight_discs = problem.tight.coarse, problem.tight.discs
     x, y, angle = problem.soon
     c, s = np.cos(angle), np.sin(angle)
-    v, omega = problem.v, problem.omega
+    v, omega, vy = problem.v, problem.omega, problem.vy
+    slide_sways = motion.omega_max / motion.vy_max if motion.vy_max > 0.0 else 0.0
     last, step_s = len(path) - 1, problem.tau_s / problem.steps
     j = nearest(path, 0, x, y)
     begin = _along(path, problem.spacing, gear, j, x, y)
@@ -217,30 +233,24 @@ def price(problem: Problem, targets: NDArray[np.float64], drawn: NDArray[np.floa
     along = begin
     for i in range(problem.steps):
         k = min(i, len(targets) - 1)
-        before = omega
+        before, slid = omega, vy
+        wanted = (targets[k, 0], targets[k, 1], targets[k, 2])
         if i == 0:
-            v, omega = first_velocity(problem, targets[0, 0], targets[0, 1])
+            v, omega, vy = first_velocity(problem, wanted[0], wanted[1], wanted[2])
         else:
-            v = towards(v, targets[k, 0], motion.a * step_s)
-            if problem.ends:
-                way = np.hypot(path[last, 0] - x, path[last, 1] - y)
-                way = max(way, last * problem.spacing - along)
-                most = np.sqrt(2.0 * motion.brake * way)
-                v = min(max(v, -most), most)
-            wanted = targets[k, 1] if motion.curvature_max == np.inf else v * targets[k, 1]
-            omega = _turning(motion, v, omega, wanted, step_s)
-        swayed += abs(omega - before)
+            v, omega, vy = _next_velocity(problem, (v, omega, vy), wanted, (x, y, along))
+        swayed += abs(omega - before) + abs(vy - slid) * slide_sways
         turn = omega * step_s
         # Cosine and sine of half the turn by series: they are right to 1e-6 up to 1 rad.
         half = 0.25 * turn * turn
         ch = 1.0 - half * (0.5 - half * (1.0 / 24.0 - half / 720.0))
         sh = 0.5 * turn * (1.0 - half * (1.0 / 6.0 - half * (1.0 / 120.0 - half / 5040.0)))
         c, s = c * ch - s * sh, s * ch + c * sh
-        x, y = x + v * step_s * c, y + v * step_s * s
+        x, y = x + v * step_s * c - vy * step_s * s, y + v * step_s * s + vy * step_s * c
         c, s = c * ch - s * sh, s * ch + c * sh
         angle += turn
-        moves = abs(v) + abs(omega) > 1e-9
-        if abs(v) <= motion.creep:
+        moves = abs(v) + abs(omega) + abs(vy) > 1e-9
+        if abs(v) <= motion.creep and abs(vy) <= motion.creep:
             near = gap(clearance, tight_outline, COARSE, tight_discs, x, y, c, s)
         else:
             near = gap(clearance, outline, COARSE, discs, x, y, c, s)
@@ -270,9 +280,40 @@ def price(problem: Problem, targets: NDArray[np.float64], drawn: NDArray[np.floa
         + weights.clearance * close / count
         + weights.heading * _looking_elsewhere(problem, j, (x, y, c, s))
         + weights.smoothness * swayed / motion.omega_max
-        + weights.people * (people / count + _in_the_way(problem, x, y, v * c, v * s))
+        + weights.people
+        * (people / count + _in_the_way(problem, x, y, v * c - vy * s, v * s + vy * c))
         + weights.blocked * missing
     )
+
+
+@compiled
+def _next_velocity(
+    problem: Problem,
+    now: tuple[float, float, float],
+    wanted: tuple[float, float, float],
+    at: tuple[float, float, float],
+) -> tuple[float, float, float]:
+    """Return the velocity after one more step towards what is wanted.
+
+    `at`: place, and length along the path, by which the robot slows down for the path's end.
+    """
+    motion, path = problem.motion, problem.path
+    v, omega, vy = now
+    step_s = problem.tau_s / problem.steps
+    v = towards(v, wanted[0], motion.a * step_s)
+    if motion.vy_max > 0.0:
+        vy = towards(vy, wanted[2], motion.a * step_s)
+    if problem.ends:
+        last = len(path) - 1
+        way = np.hypot(path[last, 0] - at[0], path[last, 1] - at[1])
+        way = max(way, last * problem.spacing - at[2])
+        most = np.sqrt(2.0 * motion.brake * way)
+        v = min(max(v, -most), most)
+        if motion.vy_max > 0.0:
+            room = np.sqrt(max(most * most - v * v, 0.0))
+            vy = min(max(vy, -room), room)
+    turn = wanted[1] if motion.curvature_max == np.inf else v * wanted[1]
+    return v, _turning(motion, v, omega, turn, step_s), vy
 
 
 @compiled
@@ -331,29 +372,29 @@ def _along(
 @compiled
 def cheapest(
     problem: Problem, targets: NDArray[np.float64], drawn: NDArray[np.float64]
-) -> tuple[int, float, float]:
-    """Return which candidate of (n, steps, 2) is the cheapest, and its first velocity.
+) -> tuple[int, float, float, float]:
+    """Return which candidate of (n, steps, 3) is the cheapest, and its first velocity.
 
     -1 if none is admissible, with the velocity of braking. Its places are written to `drawn`.
     """
     best, least = -1, np.inf
     chosen = braked(problem)
-    known, count = np.empty((_KNOWN, 3)), 0
+    known, count = np.empty((_KNOWN, 4)), 0
     nothing = np.empty((0, 3))
     for i in range(len(targets)):
-        v, omega = first_velocity(problem, targets[i, 0, 0], targets[i, 0, 1])
+        v, omega, vy = first_velocity(problem, targets[i, 0, 0], targets[i, 0, 1], targets[i, 0, 2])
         # Far targets have the same first step.
         admissible = -1.0
         for k in range(min(count, _KNOWN)):
-            if known[k, 0] == v and known[k, 1] == omega:
-                admissible = known[k, 2]
+            if known[k, 0] == v and known[k, 1] == omega and known[k, 2] == vy:
+                admissible = known[k, 3]
         if admissible < 0.0:
-            admissible = 1.0 if is_admissible(problem, v, omega) else 0.0
-            known[count % _KNOWN] = v, omega, admissible
+            admissible = 1.0 if is_admissible(problem, v, omega, vy) else 0.0
+            known[count % _KNOWN] = v, omega, vy, admissible
             count += 1
         if admissible > 0.0:
             cost = price(problem, targets[i], nothing)
             if cost < least:
-                best, least, chosen = i, cost, (v, omega)
-    price(problem, targets[best] if best >= 0 else np.zeros((1, 2)), drawn)
-    return best, chosen[0], chosen[1]
+                best, least, chosen = i, cost, (v, omega, vy)
+    price(problem, targets[best] if best >= 0 else np.zeros((1, 3)), drawn)
+    return best, chosen[0], chosen[1], chosen[2]

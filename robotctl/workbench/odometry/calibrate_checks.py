@@ -36,7 +36,7 @@ class Check:
 
 def check_way(run: OdometryRun, model: OdometryModel) -> None:
     """Refuse a nominal drive too far off for a fit."""
-    estimated = poses_at(run, model.arcs(np.zeros(3), run.wheels), SE2(), run.reference_s)
+    estimated = poses_at(run, model.moves(model.nothing, run.rolled), SE2(), run.reference_s)
     said_m, seen_m = (
         float(np.sum(np.hypot(*np.diff(poses[:, :2], axis=0).T)))
         for poses in (estimated, run.reference)
@@ -60,7 +60,7 @@ def mean_gap_m(
 
 def _gap_m(model: OdometryModel, change: Array, run: OdometryRun) -> Array:
     """Return end by reference less end by odometry, (2,) [m]."""
-    estimated = end_of(run, model.arcs(change, run.wheels))
+    estimated = end_of(run, model.moves(change, run.rolled))
     return np.asarray(run.reference[-1, :2] - [estimated.x_m, estimated.y_m])
 
 
@@ -68,14 +68,14 @@ def tape_check(found: Calibration, runs: Sequence[OdometryRun]) -> Check:
     """Return the gaps at the ends of all runs before and after."""
     rms_m = [
         math.sqrt(np.mean([np.sum(_gap_m(found.model, change, run) ** 2) for run in runs]))
-        for change in (np.zeros(3), found.change)
+        for change in (found.model.nothing, found.change)
     ]
     return Check("these drives: final gap, rms", *rms_m)
 
 
 def held_out_checks(half: Calibration, held_out: OdometryRun) -> tuple[Check, ...]:
     """Return errors on data that the fit of `half` has not seen."""
-    zero, nothing = np.zeros(2), np.zeros(3)
+    zero, nothing = np.zeros(2), half.model.nothing
     plain_m = _piecewise_rms_m(half.model, nothing, held_out, zero, 0.0)
     same_m = _piecewise_rms_m(half.model, nothing, held_out, half.lever_m, half.delay_s)
     after_m = _piecewise_rms_m(half.model, half.change, held_out, half.lever_m, half.delay_s)
@@ -90,7 +90,7 @@ def _piecewise_rms_m(
     model: OdometryModel, change: Array, run: OdometryRun, lever_m: Array, delay_s: float
 ) -> float:
     """Return the error of dead reckoning in pieces, each laid onto its reference, rms [m]."""
-    distance_m = np.cumsum(model.travel_m(run.wheels))
+    distance_m = np.cumsum(model.travel_m(run.rolled))
     pieces = max(1, round(float(distance_m[-1]) / PIECE_M))
     cuts = np.searchsorted(distance_m, np.linspace(0.0, distance_m[-1], pieces + 1)[1:-1])
     times_s = [run.stamps_s[0], *run.stamps_s[1:][cuts], run.stamps_s[-1]]
@@ -98,6 +98,6 @@ def _piecewise_rms_m(
     for begin_s, end_s in itertools.pairwise(times_s):
         part = run.part(float(begin_s), float(end_s))
         if part is not None:
-            arcs = model.arcs(change, part.wheels)
-            errors.append(dead_reckoning_error_m(part, arcs, lever_m, delay_s))
+            moves = model.moves(change, part.rolled)
+            errors.append(dead_reckoning_error_m(part, moves, lever_m, delay_s))
     return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))

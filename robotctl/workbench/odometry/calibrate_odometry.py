@@ -17,7 +17,7 @@ from robotctl.config.robot_file import RobotConfig, load_robot
 from robotctl.errors import CalibrationError, ConfigError
 from robotctl.estimation.odometry.calibration import Calibration, calibrate, widened
 from robotctl.estimation.odometry.fit import Reference
-from robotctl.estimation.odometry.model import Drive, OdometryModel
+from robotctl.estimation.odometry.model import OdometryModel
 from robotctl.estimation.odometry.runs import OdometryRun
 from robotctl.logs.formats.recorded_log import read_recording
 from robotctl.words import counted
@@ -154,21 +154,11 @@ def calibrate_odometry(
     return _from_simulation(options, config, progress)
 
 
-def _known(config: RobotConfig) -> Drive:
-    """Return the robot's drive, if its errors can be found; raises ConfigError."""
-    if not isinstance(config.drive, Drive):
-        raise ConfigError(
-            f"drive.kind: {config.drive.kind!r} found; calibration knows differential, tricycle "
-            "and ackermann"
-        )
-    return config.drive
-
-
 def _from_simulation(
     options: OdometryCalibrateOptions, config: RobotConfig, progress: Progress
 ) -> OdometryCalibrateResult:
     """Let the simulated robot drive before and after."""
-    model = OdometryModel(_known(config))
+    model = OdometryModel(config.drive)
     runs = tuple(Campaign(options.robot, options.overrides, options.seed).drives(model, progress))
     found = _fit(config, runs, _tape(runs), progress)
     settings = tuple(
@@ -178,7 +168,7 @@ def _from_simulation(
     check = Check(
         "squares: E_max,syst (greatest mean gap at the end)",
         systematic_error_m(
-            {shape: mean_gap_m(model, np.zeros(3), runs, shape) for shape in (LEFT, RIGHT)}
+            {shape: mean_gap_m(model, model.nothing, runs, shape) for shape in (LEFT, RIGHT)}
         ),
         systematic_error_m(again.gaps_m(progress)),
     )
@@ -191,7 +181,7 @@ def _from_tape(
     options: OdometryCalibrateOptions, config: RobotConfig, file: Path, progress: Progress
 ) -> OdometryCalibrateResult:
     """Fit runs that a user measured."""
-    _, runs, read = runs_of_file(file, OdometryModel(_known(config)))
+    _, runs, read = runs_of_file(file, OdometryModel(config.drive))
     found = _fit(config, runs, _tape(runs), progress)
     notes = (*read, "Before and after are computed on the same runs; drive again to prove it.")
     return OdometryCalibrateResult(
@@ -204,7 +194,7 @@ def _from_log(
 ) -> OdometryCalibrateResult:
     """Fit a log; test the result of its first half on its second."""
     progress(f"reading {log}")
-    model = OdometryModel(_known(config))
+    model = OdometryModel(config.drive)
     recording = read_recording(
         log, options.mrclam_robot, with_sonars=False, time_unit=options.time_unit
     )
@@ -238,7 +228,7 @@ def _fit(
     """Fit, or raise an error in the user's terms."""
     progress(f"fitting {counted(sum(len(run.reference_s) for run in runs), 'reference')}")
     try:
-        return calibrate(_known(config), runs, reference, config.odometry)
+        return calibrate(config.drive, runs, reference, config.odometry)
     except ValueError as error:
         raise CalibrationError(str(error)) from error
 
@@ -251,5 +241,5 @@ def _tape(runs: Sequence[OdometryRun]) -> Reference:
 
 def _middle_s(run: OdometryRun, model: OdometryModel) -> float:
     """Return when half of the distance was driven [s]."""
-    way_m = np.cumsum(model.travel_m(run.wheels))
+    way_m = np.cumsum(model.travel_m(run.rolled))
     return float(run.stamps_s[1:][np.searchsorted(way_m, 0.5 * way_m[-1])])

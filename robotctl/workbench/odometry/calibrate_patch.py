@@ -9,10 +9,12 @@ from robotctl.estimation.odometry.calibration import Interval
 from robotctl.workbench.odometry.calibrate_odometry import OdometryCalibrateResult
 
 _WORDS = {
-    "wheel_radius_m": "mean of both wheels, or of the driven one",
+    "wheel_radius_m": "mean of all wheels, or of the driven one",
     "wheel_radius_ratio": "right over left",
     "track_width_m": "effective while turning",
     "wheelbase_m": "effective while turning",
+    "slip_factor": "effective over geometric track width",
+    "wheel_distance_m": "effective while turning",
     "steering_offset_rad": "of the wheel at servo angle 0",
     "e_m_per_sqrt_m": "of the distance, after 1 m",
     "f_rad_per_sqrt_m": "of the heading, after 1 m",

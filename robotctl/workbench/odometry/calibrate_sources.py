@@ -16,7 +16,6 @@ from robotctl.estimation.odometry.model import OdometryModel
 from robotctl.estimation.odometry.runs import OdometryRun, thinned
 from robotctl.logs.formats.recorded_log import read_recording
 from robotctl.logs.formats.times import is_timeless
-from robotctl.model.drives.drives import DifferentialDrive
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.recording import Recording
 from robotctl.model.trajectory import Trajectory
@@ -25,6 +24,8 @@ SPACING_M: Final = 0.25
 """References nearer than this, as the wheels travel, are left out [m]."""
 
 _LEAST = 12
+_COUNTED = 2
+"""Wheels that a log with counts has: the left and the right one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,15 +110,15 @@ def runs_of_file(
             raise ConfigError(f"{path}: run.log: {log}: no such file or folder")
         recording = read_recording(log, with_sonars=False)
         notes += [f"{each.log}: {note}" for note in recording.notes]
-        stamps_ns, wheels = wheels_of(recording, model)
-        runs.append(measured_run(each.name or each.log, stamps_ns, wheels, each, measured))
+        stamps_ns, rolled = wheels_of(recording, model)
+        runs.append(measured_run(each.name or each.log, stamps_ns, rolled, each, measured))
     return measured, tuple(runs), tuple(notes)
 
 
 def measured_run(
     name: str,
     stamps_ns: NDArray[np.int64],
-    wheels: NDArray[np.float64],
+    rolled: NDArray[np.float64],
     end: MeasuredRun,
     measured: MeasuredRuns,
 ) -> OdometryRun:
@@ -127,7 +128,7 @@ def measured_run(
     return OdometryRun(
         name,
         stamps_s,
-        wheels,
+        rolled,
         stamps_s[-1:],
         np.array([[end.x_m, end.y_m, heading]]),
         SE2(),
@@ -148,7 +149,7 @@ def run_of_recording(recording: Recording, model: OdometryModel) -> tuple[Odomet
             f"{recording.name}: no reference poses in it, against which odometry could be "
             "calibrated; with a tape measure use --runs, see docs/calibration.md"
         )
-    stamps_ns, wheels = wheels_of(recording, model)
+    stamps_ns, rolled = wheels_of(recording, model)
     if is_timeless(stamps_ns) or is_timeless(recording.reference.stamps_ns):
         raise CalibrationError(
             f"{recording.name}: all its odometry or reference has one time, so they cannot be "
@@ -166,11 +167,11 @@ def run_of_recording(recording: Recording, model: OdometryModel) -> tuple[Odomet
             f"{recording.name}: {np.count_nonzero(inside)} references while there is odometry, at "
             f"least {_LEAST} are needed"
         )
-    full = OdometryRun(recording.name, stamps_s, wheels, reference_s[inside], reference[inside])
-    run = thinned(full, model.travel_m(wheels), SPACING_M)
+    full = OdometryRun(recording.name, stamps_s, rolled, reference_s[inside], reference[inside])
+    run = thinned(full, model.travel_m(rolled), SPACING_M)
     if len(run.reference_s) < _LEAST:
         raise CalibrationError(
-            f"{recording.name}: the robot drives {float(np.sum(model.travel_m(wheels))):.1f} m, at "
+            f"{recording.name}: the robot drives {float(np.sum(model.travel_m(rolled))):.1f} m, at "
             f"least {_LEAST * SPACING_M:g} m are needed"
         )
     return full, run
@@ -179,7 +180,7 @@ def run_of_recording(recording: Recording, model: OdometryModel) -> tuple[Odomet
 def wheels_of(
     recording: Recording, model: OdometryModel
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return times (n + 1,) [ns] and wheels (n, 3) of a recording, as `OdometryRun` has them.
+    """Return times (n + 1,) [ns] and turns of the wheels of a recording, as `OdometryRun` has them.
 
     From counts where there are any, else from odometry poses, else from velocities; these two are
     taken to be made with the nominal drive. What a gyro has turned of the odometry is taken off.
@@ -187,36 +188,42 @@ def wheels_of(
     Raises
     ------
     CalibrationError
-        If there is none of them, or counts of two wheels belong to a drive with one.
+        If there is none of them, or counts of two wheels belong to a drive with other wheels.
     """
     if len(recording.wheel_ticks) > 1:
-        if not isinstance(model.nominal, DifferentialDrive):
+        if len(model.nominal.wheel_names) != _COUNTED or model.nominal.joint_names:
             raise CalibrationError(
                 f"{recording.name}: holds counts of two wheels, but the robot is of the kind "
                 f'"{model.nominal.kind}"; name a differential one by --robot'
             )
         ticks = recording.wheel_ticks
         turns = np.diff(ticks[:, 1:], axis=0) * math.tau / model.nominal.counts_per_revolution
-        return ticks[:, 0], np.column_stack([turns, np.zeros(len(turns))])
+        return ticks[:, 0], turns
     if recording.odometry is not None and len(recording.odometry.stamps_ns) > 1:
-        arcs = _arcs(recording.odometry)
+        moves = _moves(recording.odometry)
         if len(recording.gyro_turns_rad):
-            arcs[:, 1] -= np.diff(recording.gyro_turns_rad)
-        return recording.odometry.stamps_ns, model.wheels(arcs)
+            moves[:, 1] -= np.diff(recording.gyro_turns_rad)
+        return recording.odometry.stamps_ns, model.rolled(moves)
     if len(recording.twists) > 1:
         stamps_ns = recording.twist_stamps_ns
         spans_s = 1e-9 * np.diff(stamps_ns)
-        return stamps_ns, model.wheels(recording.twists[:-1] * spans_s[:, None])
+        moves = recording.twists[:-1] * spans_s[:, None]
+        return stamps_ns, model.rolled(np.column_stack([moves, np.zeros(len(moves))]))
     raise CalibrationError(f"{recording.name}: no counts, odometry poses or velocities in it")
 
 
-def _arcs(odometry: Trajectory) -> NDArray[np.float64]:
-    """Return the arcs between poses, (n, 2) [m, rad]; see `odometry_estimate.arc_between`."""
+def _moves(odometry: Trajectory) -> NDArray[np.float64]:
+    """Return way, turn and way sideways between poses, (n, 3) [m, rad, m].
+
+    See `odometry_estimate.arc_between`.
+    """
     x, y, theta = odometry.poses.T
     turn = np.remainder(np.diff(theta) + math.pi, math.tau) - math.pi
     direction = theta[:-1] + 0.5 * turn
     chord = np.diff(x) * np.cos(direction) + np.diff(y) * np.sin(direction)
-    return np.stack([chord / np.sinc(0.5 * turn / math.pi), turn], axis=1)
+    across = np.diff(y) * np.cos(direction) - np.diff(x) * np.sin(direction)
+    shrink = np.sinc(0.5 * turn / math.pi)
+    return np.stack([chord / shrink, turn, across / shrink], axis=1)
 
 
 def _seconds(stamps_ns: NDArray[np.int64]) -> NDArray[np.float64]:

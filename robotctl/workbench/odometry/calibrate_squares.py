@@ -76,9 +76,9 @@ class Campaign:
             progress(f"drive {i + 1} of {len(shapes)}: {shape}")
             seed = 1000 * self.seed + i
             odometry, end = self.drive(shape, seed)
-            stamps_ns, wheels = wheels_of(Recording(shape, odometry=odometry), model)
+            stamps_ns, rolled = wheels_of(Recording(shape, odometry=odometry), model)
             told = _by_tape(end, np.random.default_rng(seed))
-            yield measured_run(f"{shape} {i + 1}", stamps_ns, wheels, told, _TOLD)
+            yield measured_run(f"{shape} {i + 1}", stamps_ns, rolled, told, _TOLD)
 
     def gaps_m(self, progress: Progress) -> dict[str, tuple[float, float]]:
         """Drive each square twice; return the errors of odometry at their ends, as `shape_gap`."""

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from benchmarks.odometry_calibration import calibrated, driven, held, way
 from robotctl.estimation.odometry.calibration import calibrate, widened
 from robotctl.estimation.odometry.fit import Reference
-from robotctl.estimation.odometry.model import OdometryModel, arcs_of
+from robotctl.estimation.odometry.model import OdometryModel
 from robotctl.estimation.odometry.runs import (
     OdometryRun,
     align,
@@ -20,7 +20,14 @@ from robotctl.estimation.odometry.runs import (
     poses_at,
     thinned,
 )
-from robotctl.model.drives.drives import AckermannDrive, DifferentialDrive, TricycleDrive
+from robotctl.model.drives.drives import (
+    AckermannDrive,
+    DifferentialDrive,
+    MecanumDrive,
+    OmniDrive,
+    SkidSteerDrive,
+    TricycleDrive,
+)
 from robotctl.model.drives.motion import arc
 from robotctl.model.drives.odometry_noise import MotionNoise
 from robotctl.model.geometry.se2 import SE2
@@ -30,32 +37,41 @@ DIFFERENTIAL = DifferentialDrive("differential", 0.3, 0.05, 2400, 1.01)
 FRONT = TricycleDrive("tricycle", "front", 0.35, 0.06, 0.9, 3.0, 2400, 0.02)
 REAR = dataclasses.replace(FRONT, driven="rear")
 CAR = AckermannDrive("ackermann", 0.4, 0.3, 0.05, 0.6, 3.0, 2400, -0.01)
+SKID = SkidSteerDrive("skid_steer", 0.376, 0.262, 0.098, 8192, 3, 1.4)
+MECANUM = MecanumDrive("mecanum", 0.40, 0.36, 0.076, 8192)
+OMNI = OmniDrive("omni", 3, 0.2, 0.05, 8192)
 ALL = pytest.mark.parametrize(
-    "drive", [DIFFERENTIAL, FRONT, REAR, CAR], ids=["differential", "front", "rear", "car"]
+    "drive",
+    [DIFFERENTIAL, FRONT, REAR, CAR, SKID, MECANUM, OMNI],
+    ids=["differential", "front", "rear", "car", "skid", "mecanum", "omni"],
 )
 TAPE = Reference(0.002, math.radians(0.5), fixed=True, follows_base=True)
 turns = st.floats(-5.0, 5.0)
 
 
 @ALL
-@given(first=turns, second=turns, steering=st.floats(-0.5, 0.5))
-def test_many_rows_move_as_the_drive_says_of_each(drive, first, second, steering):
-    rows = np.array([[first, second, steering], [2.0, 1.0, 0.1]])
-    n = len(drive.wheel_names)
-    expected = [drive.forward(tuple(row[:n]), (row[2],))[:2] for row in rows.tolist()]
-    np.testing.assert_allclose(arcs_of(drive, rows), expected, atol=1e-12)
+@given(rolled=st.lists(turns, min_size=6, max_size=6), steering=st.floats(-0.5, 0.5))
+def test_many_rows_move_as_the_drive_says_of_each(drive, rolled, steering):
+    n, joints = len(drive.wheel_names), (steering,) * len(drive.joint_names)
+    rows = np.array([[*rolled[:n], *joints], [2.0] * n + [0.1] * len(joints)])
+    expected = [drive.forward(tuple(row[:n]), tuple(row[n:])) for row in rows.tolist()]
+    np.testing.assert_allclose(drive.forward_many(rows), expected, atol=1e-12)
 
 
 @ALL
-@given(d=st.floats(0.01, 2.0) | st.floats(-2.0, -0.01), share=st.floats(-1.0, 1.0))
-def test_wheels_found_from_arcs_make_these_arcs_again(drive, d, share):
-    bend = share / max(drive.min_turning_radius_m, 0.3)
-    arcs = np.array([[d, d * bend], [0.0, 0.0]])
+@given(
+    d=st.floats(0.01, 2.0) | st.floats(-2.0, -0.01),
+    share=st.floats(-1.0, 1.0),
+    left=st.floats(-1.0, 1.0),
+)
+def test_wheels_found_from_moves_make_these_moves_again(drive, d, share, left):
+    bend, left = share / max(drive.min_turning_radius_m, 0.3), left * drive.holonomic
+    moves = np.array([[d, d * bend, left], [0.0, 0.0, 0.0]])
     model = OdometryModel(drive)
-    np.testing.assert_allclose(model.arcs(np.zeros(3), model.wheels(arcs)), arcs, atol=1e-12)
+    np.testing.assert_allclose(model.moves(model.nothing, model.rolled(moves)), moves, atol=1e-12)
     np.testing.assert_allclose(
-        model.wheels(arcs)[0, : len(drive.wheel_names)],
-        drive.inverse(Twist(d, d * bend)).wheels_rad_s,
+        model.rolled(moves)[0, : len(drive.wheel_names)],
+        drive.inverse(Twist(d, d * bend, left)).wheels_rad_s,
         rtol=1e-9,
         atol=1e-12,
     )
@@ -64,15 +80,36 @@ def test_wheels_found_from_arcs_make_these_arcs_again(drive, d, share):
 @ALL
 def test_a_change_is_of_the_keys_that_it_names(drive):
     model = OdometryModel(drive)
-    changed = model.drive(np.array([0.1, -0.05, 0.02]))
-    for key, step in zip(model.keys, (0.1, -0.05, 0.02), strict=True):
+    steps = np.array([0.1, -0.05, 0.02])[: model.size]
+    changed = model.drive(steps)
+    for key, step in zip(model.keys, steps.tolist(), strict=True):
         before, after = getattr(drive, key), getattr(changed, key)
         found = after - before if key.endswith("_rad") else math.log(after / before)
         assert found == pytest.approx(step)
 
 
+@ALL
+def test_each_end_of_the_search_is_a_drive(drive):
+    model = OdometryModel(drive)
+    low, high = model.bounds
+    assert np.all(low < 0.0)
+    assert np.all(high > 0.0)
+    assert np.all(np.maximum(-low, high) <= 0.3)
+    for end in (low, high):
+        for key, values in drive.calibrated.items():
+            assert values[0] <= getattr(model.drive(end), key) <= values[1] + 1e-12
+
+
+def test_no_slip_factor_below_1_is_looked_for():
+    low, high = OdometryModel(dataclasses.replace(SKID, slip_factor=1.1)).bounds
+    assert low[1] == pytest.approx(-math.log(1.1))
+    assert high[1] == pytest.approx(0.3)
+
+
 @pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("drive", [DIFFERENTIAL, FRONT, CAR], ids=lambda drive: drive.kind)
+@pytest.mark.parametrize(
+    "drive", [DIFFERENTIAL, FRONT, CAR, SKID, MECANUM, OMNI], ids=lambda drive: drive.kind
+)
 def test_squares_and_a_straight_bring_a_drive_that_is_wrong_within_its_interval(drive, seed):
     """More than 90 of 100 seeds hold each number (benchmarks/RESULTS.md); all of these three do."""
     change, found = calibrated(drive, seed)
@@ -91,7 +128,7 @@ def test_squares_alone_do_not_say_how_great_the_wheels_are():
     found = calibrate(DIFFERENTIAL, squares([1.0, -1.0] * 4), TAPE, MotionNoise())
     assert not found.identified("wheel_radius_m")
     assert found.interval("wheel_radius_m") is None
-    assert found.wheel_diameters() is None
+    assert found.wheel_diameters() == ()
     assert found.drive.wheel_radius_m == DIFFERENTIAL.wheel_radius_m
     # what squares do say is the turn of the wheels for a turn of the robot
     assert found.change[2] == pytest.approx(0.03 - 0.02, abs=0.004)
@@ -122,22 +159,22 @@ NOISE = MotionNoise(0.006, 0.012, 0.02)
 TRUE_CHANGE = np.array([0.02, -0.01, 0.04])
 
 
-def wandering(drive, seed, headings, lever=(0.0, 0.0), delay_s=0.0, sigma_m=0.01):
+def wandering(drive, seed, headings, lever=(0.0, 0.0), delay_s=0.0, sigma_m=0.01, sideways=0.0):
     """A drive of about 60 m in curves at changing speed, with a reference every second."""
     rng, model = np.random.default_rng(seed), OdometryModel(drive)
     n = 1500
     bend = np.repeat(rng.uniform(-1.2, 1.2, n // 50), 50)
     d = np.repeat(rng.uniform(0.02, 0.06, n // 30), 30)
-    arcs = np.column_stack([d, d * bend])
-    wheels = model.wheels(arcs)
-    true = arcs_of(model.drive(TRUE_CHANGE), wheels)
-    d, a = np.abs(true.T)
+    rolled = model.rolled(np.column_stack([d, d * bend, sideways * d]))
+    true = model.drive(TRUE_CHANGE[: model.size]).forward_many(rolled)
+    d, a = np.hypot(true[:, 0], true[:, 2]), np.abs(true[:, 1])
     turning = NOISE.f_rad_per_sqrt_m**2 * d + NOISE.g_rad_per_sqrt_rad**2 * a
-    true[:, 0] += NOISE.e_m_per_sqrt_m * np.sqrt(d) * rng.standard_normal(n)
+    along = NOISE.e_m_per_sqrt_m * np.sqrt(d) * rng.standard_normal(n)
+    true[:, [0, 2]] *= 1.0 + (along / d)[:, np.newaxis]
     true[:, 1] += np.sqrt(turning) * rng.standard_normal(n)
     stamps_s = 0.1 * np.arange(n + 1)
     seen_s = stamps_s[10::10]
-    run = OdometryRun("log", stamps_s, wheels, seen_s, np.zeros((len(seen_s), 3)))
+    run = OdometryRun("log", stamps_s, rolled, seen_s, np.zeros((len(seen_s), 3)))
     poses = poses_at(run, true, SE2(2.0, 1.0, 2.5), seen_s - delay_s)
     reference = np.column_stack([points_at(poses, np.array(lever)), poses[:, 2]])
     reference[:, :2] += sigma_m * rng.standard_normal((len(seen_s), 2))
@@ -162,14 +199,21 @@ def test_a_log_with_a_reference_brings_drive_lever_arm_delay_and_noise(drive, he
     assert found.reference.sigma_m == pytest.approx(0.01, rel=0.3)
 
 
+def test_a_log_of_a_robot_that_moves_sideways_brings_wheels_and_lever():
+    run = wandering(MECANUM, 4, headings=True, sideways=0.7)
+    found = calibrate(MECANUM, [run], Reference(follows_base=True), MotionNoise())
+    assert np.all(np.abs(found.change - TRUE_CHANGE[:2]) < 1.3 * found.change_half_width)
+    assert np.all(found.change_half_width < [0.01, 0.03])
+
+
 def test_dead_reckoning_is_better_with_what_was_found():
     run = wandering(DIFFERENTIAL, 2, headings=False)
     begin_s, end_s = run.stamps_s[[0, -1]]
     first, second = run.part(begin_s, end_s / 2), run.part(end_s / 2, end_s)
     found = calibrate(DIFFERENTIAL, [first], Reference(), MotionNoise())
     before, after = (
-        dead_reckoning_error_m(second, found.model.arcs(c, second.wheels), np.zeros(2), 0.0)
-        for c in (np.zeros(3), found.change)
+        dead_reckoning_error_m(second, found.model.moves(c, second.rolled), np.zeros(2), 0.0)
+        for c in (found.model.nothing, found.change)
     )
     assert np.sqrt(np.mean(after**2)) < 0.5 * np.sqrt(np.mean(before**2))
 
@@ -200,13 +244,13 @@ def test_intervals_are_widened_until_they_hold_what_the_halves_say():
 # Pieces
 
 
-@given(st.floats(-3.0, 3.0), st.floats(-2.0, 2.0), st.floats(0.0, 1.0))
-def test_poses_on_the_way_are_those_of_the_arcs(theta, bend, share):
-    arcs = np.array([[0.5, 0.5 * bend], [0.3, -0.2]])
+@given(st.floats(-3.0, 3.0), st.floats(-2.0, 2.0), st.floats(0.0, 1.0), st.floats(-0.5, 0.5))
+def test_poses_on_the_way_are_those_of_the_moves(theta, bend, share, left):
+    moves = np.array([[0.5, 0.5 * bend, left], [0.3, -0.2, 0.1]])
     run = OdometryRun("r", np.array([0.0, 1.0, 2.0]), np.zeros((2, 3)), np.ones(1), np.ones((1, 3)))
     start = SE2(1.0, 2.0, theta)
-    middle = arc(arc(start, 0.5, 0.5 * bend), 0.3 * share, -0.2 * share)
-    found = poses_at(run, arcs, start, np.array([1.0 + share]))[0]
+    middle = arc(arc(start, 0.5, 0.5 * bend, left), 0.3 * share, -0.2 * share, 0.1 * share)
+    found = poses_at(run, moves, start, np.array([1.0 + share]))[0]
     assert found[:2] == pytest.approx([middle.x_m, middle.y_m])
     assert math.remainder(found[2] - middle.theta_rad, math.tau) == pytest.approx(0.0, abs=1e-9)
 
@@ -223,7 +267,7 @@ def test_a_shape_that_was_moved_is_laid_onto_itself(theta, x):
 
 def test_thinned_there_is_one_reference_for_each_metre():
     run = wandering(DIFFERENTIAL, 1, headings=True)
-    travel_m = OdometryModel(DIFFERENTIAL).travel_m(run.wheels)
+    travel_m = OdometryModel(DIFFERENTIAL).travel_m(run.rolled)
     few = thinned(run, travel_m, 1.0)
     at_m = np.interp(few.reference_s, run.stamps_s[1:], np.cumsum(travel_m))
     assert np.all(np.diff(np.floor(at_m)) == 1.0)

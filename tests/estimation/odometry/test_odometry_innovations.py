@@ -14,7 +14,7 @@ from robotctl.model.geometry.se2 import SE2
 NOISE = MotionNoise(0.01, 0.02, 0.03)
 GROWTH = np.square([0.01, 0.02, 0.03])
 STAMPS = np.linspace(0.0, 10.0, 101)
-ARCS = np.tile([0.03, 0.004], (100, 1))
+ARCS = np.tile([0.03, 0.004, 0.0], (100, 1))
 START = np.array([1.0, -2.0, 0.4])
 START_VARIANCE = np.array([0.001, 0.002, 0.003])
 VARIANCE = np.array([4e-4, 9e-4, 0.01])
@@ -24,7 +24,7 @@ SPEED_M_S = 0.3
 def pose_after(k):
     """Dead reckoning after so many steps."""
     pose = SE2(*START)
-    for d, a in ARCS[:k]:
+    for d, a, _ in ARCS[:k]:
         pose = arc(pose, d, a)
     return pose
 
@@ -71,7 +71,7 @@ def dense(steps, lever, headings):
 
 def propagate_to(k):
     P, pose = np.diag(START_VARIANCE), SE2(*START)
-    for d, a in ARCS[:k]:
+    for d, a, _ in ARCS[:k]:
         P = propagate(P, pose, d, a, NOISE)
         pose = arc(pose, d, a)
     return P

@@ -469,3 +469,76 @@ def test_a_set_point_sent_along_with_the_request_for_guided_is_no_mistake(bench)
         guided = bench.navigation(mode=Mode.GUIDED)
         bench.step(bench.control(state=SafetyState.ARMED), guided)
     assert bench.texts() == []
+
+
+@pytest.fixture
+def strafing(make_bench):
+    """Return the bench of a robot that moves sideways, too."""
+    return make_bench(holonomic=True)
+
+
+def velocity_of(request, theta):
+    """Return a request as velocity in `world` of a robot with a heading, and its turning rate."""
+    c, s = (1.0, 0.0) if request.in_world else (math.cos(theta), math.sin(theta))
+    v, vy = request.v_m_s, request.vy_m_s
+    return c * v - s * vy, s * v + c * vy, request.omega_rad_s
+
+
+@pytest.mark.parametrize("frame", [BODY_NED, BODY_FRD, BODY_OFFSET_NED])
+def test_a_holonomic_robot_takes_a_sideways_velocity_of_its_body(strafing, frame):
+    strafing.receive(setpoint(frame, using(VELOCITY, YAW_RATE), vx=0.5, vy=0.25, yaw_rate=0.125))
+    (request,) = strafing.step()
+    assert (request.v_m_s, request.vy_m_s, request.omega_rad_s) == (0.5, -0.25, -0.125)
+    assert request.heading_rad is None
+    assert not request.in_world
+
+
+@pytest.mark.parametrize("theta", [0.0, 2.0, -3.1])
+def test_a_holonomic_robot_drives_north_and_east_whatever_its_heading(strafing, theta):
+    strafing.receive(setpoint(LOCAL, using(VELOCITY), vx=0.25, vy=-0.5))
+    (request,) = strafing.step(strafing.control(theta_rad=theta))
+    assert velocity_of(request, theta) == pytest.approx((-0.5, 0.25, 0.0))
+    assert request.heading_rad is None
+
+
+def test_a_holonomic_robot_turns_while_it_drives_on_in_a_direction(strafing):
+    strafing.receive(setpoint(LOCAL, using(VELOCITY, YAW_RATE), vx=0.5, yaw_rate=0.25))
+    (request,) = strafing.step(strafing.control(theta_rad=1.0))
+    assert velocity_of(request, 1.0) == pytest.approx((0.0, 0.5, -0.25))
+    strafing.receive(setpoint(LOCAL, using(VELOCITY, YAW), vx=0.5, yaw=0.0))
+    (request,) = strafing.step(strafing.control(theta_rad=1.0))
+    assert velocity_of(request, 1.0)[:2] == pytest.approx((0.0, 0.5))
+    assert request.heading_rad == pytest.approx(math.pi / 2)
+
+
+@pytest.mark.parametrize("vy", [math.nan, math.inf])
+def test_a_sideways_velocity_that_is_no_number_is_refused(strafing, vy):
+    strafing.receive(setpoint(mask=using(VELOCITY), vx=0.5, vy=vy))
+    assert strafing.step() == []
+    assert strafing.texts() == ["Setpoint: a number that is not finite"]
+
+
+@pytest.mark.parametrize("frame", [BODY_NED, LOCAL])
+@settings(max_examples=50)
+@given(values=st.lists(NUMBERS, min_size=11, max_size=11), mask=st.integers(0, 0xFFFF))
+def test_a_holonomic_robot_is_given_finite_numbers_or_nothing(make_bench, frame, values, mask):
+    for request in requests_of(make_bench(holonomic=True), frame, mask, values):
+        if isinstance(request, VelocityTarget):
+            assert math.isfinite(request.v_m_s + request.vy_m_s + request.omega_rad_s)
+
+
+def test_the_yaw_stick_moves_a_holonomic_robot_sideways_and_no_other(bench, strafing):
+    for each, sideways in ((bench, 0.0), (strafing, -0.5)):
+        each.receive(sticks(z=100, y=200, r=500))  # r positive: to the right
+        (request,) = each.step()
+        assert (request.forward, request.turn, request.sideways) == (0.1, -0.2, sideways)
+    strafing.receive(sticks(r=1001))
+    assert strafing.step() == []
+    assert strafing.texts() == ["Sticks: z 0, y 0, r 1001: allowed -1000 to 1000"]
+
+
+def test_channel_4_moves_a_holonomic_robot_sideways(strafing):
+    message = common.MAVLink_rc_channels_override_message(1, 1, 1500, 0, 1900, 1285, 0, 0, 0, 0)
+    strafing.receive(message)
+    (request,) = strafing.step()
+    assert (request.forward, request.turn, request.sideways) == pytest.approx((1.0, 0.0, 0.5))

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.rectangle import Rectangle
+from robotctl.planning.guard.obstacle_guard import Course
 from robotctl.planning.guard.swept_body import free_way, ways_to_contact
 
 BODY = Rectangle(-0.15, 0.25, 0.18)
@@ -28,20 +29,21 @@ def depth(point, pose):
     return depths(point, pose)[0]
 
 
-def pose_at(direction, turn, way):
+def pose_at(course, way):
     """Return the pose after a way on an arc, or on the spot."""
-    if direction == 0.0:
+    ahead, left, turn = course
+    if ahead == left == 0.0:
         return SE2(0.0, 0.0, turn * way)
     if abs(turn) < 1e-9:
-        return SE2(direction * way, 0.0, 0.0)
-    radius = direction / turn
-    return SE2(radius * math.sin(turn * way), radius * (1.0 - math.cos(turn * way)), turn * way)
+        return SE2(ahead * way, left * way, 0.0)
+    s, c = math.sin(turn * way) / turn, (1.0 - math.cos(turn * way)) / turn
+    return SE2(ahead * s - left * c, left * s + ahead * c, turn * way)
 
 
-def walk(point, direction, turn, most):
+def walk(point, course, most):
     """Return the first way at which the body holds a point, in small steps; inf: never."""
     for k in range(1, round(most / STEP)):
-        if depth(point, pose_at(direction, turn, STEP * k)) >= 0.0:
+        if depth(point, pose_at(course, STEP * k)) >= 0.0:
             return STEP * k
     return math.inf
 
@@ -49,51 +51,53 @@ def walk(point, direction, turn, most):
 @given(
     st.floats(-0.8, 0.8),
     st.floats(-0.8, 0.8),
-    st.sampled_from([-1.0, 0.0, 1.0]),
+    st.sampled_from([math.pi, None, 0.0]) | st.floats(-math.pi, math.pi),
     st.floats(-4.0, 4.0),
 )
-def test_a_point_is_met_where_the_body_comes_to_it(x, y, direction, turn):
-    turn = turn if direction else math.copysign(1.0, turn)
+def test_a_point_is_met_where_the_body_comes_to_it(x, y, bearing, turn):
+    course = Course(0.0, 0.0, math.copysign(1.0, turn))
+    if bearing is not None:
+        left = 0.0 if bearing in (0.0, math.pi) else math.sin(bearing)
+        course = Course(math.cos(bearing), left, turn)
+    turn = course.turn
     outside = depth((x, y), SE2())
     first, second, _, _ = depths((x, y), SE2())
     if abs(outside) < 0.005 or second - first < 1e-4:
         return  # on a side, or as near to two
-    way = ways_to_contact(BODY, np.array([[x, y]]), direction, turn)[0]
+    way = ways_to_contact(BODY, np.array([[x, y]]), course)[0]
     if outside > 0.0:  # at once, or never as it leaves
-        change = (depth((x, y), pose_at(direction, turn, 1e-5)) - outside) / 1e-5
+        change = (depth((x, y), pose_at(course, 1e-5)) - outside) / 1e-5
         if abs(change - 0.02) > 1e-3:
             assert way == (0.0 if change > 0.02 else math.inf)
         return
-    met = walk((x, y), direction, turn, min(way, 2.0) + 0.05)
+    met = walk((x, y), course, min(way, 2.0) + 0.05)
     if met < math.inf:
         assert way == pytest.approx(met, abs=0.03 * (1.0 + abs(turn)))
         assert way <= met
     elif way < 2.0:  # a corner goes by, deeper than a step shows
-        deepest = max(
-            depth((x, y), pose_at(direction, turn, s)) for s in np.linspace(way, way + 0.02, 200)
-        )
+        deepest = max(depth((x, y), pose_at(course, s)) for s in np.linspace(way, way + 0.02, 200))
         assert deepest > -1e-6
 
 
 def test_an_arc_that_is_nearly_straight_is_as_good_as_a_straight_line():
     points = np.random.default_rng(1).uniform(-2.0, 2.0, (200, 2))
-    straight = np.minimum(ways_to_contact(BODY, points, 1.0, 0.0), 10.0)
+    straight = np.minimum(ways_to_contact(BODY, points, Course(1.0, 0.0, 0.0)), 10.0)
     for turn in (1e-12, 0.99e-4, 1.01e-4, -1.01e-4):
-        ways = ways_to_contact(BODY, points, 1.0, turn)  # or once round a great circle
+        ways = ways_to_contact(BODY, points, Course(1.0, 0.0, turn))  # or once round a great circle
         assert np.minimum(ways, 10.0) == pytest.approx(straight, abs=2e-3)
 
 
 def test_the_margin_is_a_way_of_the_part_that_would_touch():
     turning = np.array([[0.0, 0.28]])  # the front left corner comes there
-    angle = ways_to_contact(BODY, turning, 0.0, 1.0)[0]
-    assert free_way(BODY, turning, 0.1, 0.0, 1.0) == (
+    angle = ways_to_contact(BODY, turning, Course(0.0, 0.0, 1.0))[0]
+    assert free_way(BODY, turning, 0.1, Course(0.0, 0.0, 1.0)) == (
         pytest.approx(angle - 0.1 / 0.28),
         (0.0, 0.28),
     )
     ahead = np.array([[1.0, 0.1], [0.9, 0.1], [0.3, 0.5]])
-    assert free_way(BODY, ahead, 0.1, 1.0, 0.0) == (pytest.approx(0.55), (0.9, 0.1))
-    assert free_way(BODY, ahead[2:], 0.1, 1.0, 0.0) == (math.inf, None)
-    assert free_way(BODY, np.empty((0, 2)), 0.1, 1.0, 0.5) == (math.inf, None)
+    assert free_way(BODY, ahead, 0.1, Course(1.0, 0.0, 0.0)) == (pytest.approx(0.55), (0.9, 0.1))
+    assert free_way(BODY, ahead[2:], 0.1, Course(1.0, 0.0, 0.0)) == (math.inf, None)
+    assert free_way(BODY, np.empty((0, 2)), 0.1, Course(1.0, 0.0, 0.5)) == (math.inf, None)
 
 
 def wall(y, x0=-1.0, x1=1.0):
@@ -104,25 +108,36 @@ def wall(y, x0=-1.0, x1=1.0):
 def test_a_wall_that_reaches_in_at_a_side_is_driven_along_up_to_what_sticks_out_of_it(side):
     along = wall(side * 0.165)
     for turn in (0.0, -side * 0.05):
-        assert free_way(BODY, along, 0.1, 1.0, turn) == (math.inf, None)
-        assert free_way(BODY, along, 0.1, -1.0, -turn) == (math.inf, None)
+        assert free_way(BODY, along, 0.1, Course(1.0, 0.0, turn)) == (math.inf, None)
+        assert free_way(BODY, along, 0.1, Course(-1.0, 0.0, -turn)) == (math.inf, None)
     post = np.vstack([along, [[0.9, side * 0.1]]])
-    assert free_way(BODY, post, 0.1, 1.0, 0.0) == (pytest.approx(0.55), (0.9, side * 0.1))
+    assert free_way(BODY, post, 0.1, Course(1.0, 0.0, 0.0)) == (
+        pytest.approx(0.55),
+        (0.9, side * 0.1),
+    )
 
 
 def test_turning_into_a_wall_beside_is_not_allowed():
-    free, point = free_way(BODY, wall(0.165), 0.1, 1.0, 1.0)
+    free, point = free_way(BODY, wall(0.165), 0.1, Course(1.0, 0.0, 1.0))
     assert free <= 0.0
     assert point is not None
 
 
 def test_only_what_is_beside_the_robot_makes_a_wall_of_what_is_ahead():
     ahead = wall(0.165, 0.4, 1.0)
-    assert free_way(BODY, ahead, 0.1, 1.0, 0.0)[0] == pytest.approx(0.05, abs=0.01)
+    assert free_way(BODY, ahead, 0.1, Course(1.0, 0.0, 0.0))[0] == pytest.approx(0.05, abs=0.01)
     two = np.vstack([ahead, [[0.0, 0.165], [0.05, 0.165]]])
-    assert free_way(BODY, two, 0.1, 1.0, 0.0)[0] == pytest.approx(0.05, abs=0.01)
+    assert free_way(BODY, two, 0.1, Course(1.0, 0.0, 0.0))[0] == pytest.approx(0.05, abs=0.01)
 
 
 def test_points_deep_in_the_body_hide_nothing_ahead():
     deep = np.vstack([wall(0.11, -0.05, 0.1), [[0.6, 0.12]]])
-    assert free_way(BODY, deep, 0.1, 1.0, 0.0) == (pytest.approx(0.25), (0.6, 0.12))
+    assert free_way(BODY, deep, 0.1, Course(1.0, 0.0, 0.0)) == (pytest.approx(0.25), (0.6, 0.12))
+
+
+def test_driving_sideways_into_a_wall_that_reaches_in_is_not_allowed_and_away_from_it_is():
+    assert free_way(BODY, wall(0.165), 0.1, Course(0.0, 1.0, 0.0))[0] <= 0.0
+    assert free_way(BODY, wall(0.165), 0.1, Course(0.0, -1.0, 0.0)) == (math.inf, None)
+    assert free_way(BODY, wall(0.5), 0.1, Course(0.0, 1.0, 0.0))[0] == pytest.approx(0.22)
+    aslant = Course(math.sqrt(0.5), math.sqrt(0.5), 0.0)
+    assert free_way(BODY, wall(0.5), 0.1, aslant)[0] == pytest.approx(0.32 * math.sqrt(2.0) - 0.1)

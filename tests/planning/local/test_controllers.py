@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robotctl.control.limiter import LimitsConfig, TwistLimiter
-from robotctl.model.drives.drives import AckermannDrive, DifferentialDrive
+from robotctl.model.drives.drives import AckermannDrive, DifferentialDrive, MecanumDrive
 from robotctl.model.drives.motion import integrate
 from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
@@ -20,8 +20,10 @@ from robotctl.planning.local.controllers import CONTROLLERS
 
 SIDE_M = 0.05
 BODY = Footprint(((0.2, -0.15), (0.2, 0.15), (-0.2, 0.15), (-0.2, -0.15)))
-LIMITS = LimitsConfig(0.8, 2.5, 2.5, 8.0, 30.0, 100.0)
+LIMITS = LimitsConfig(0.8, 2.5, 2.5, 8.0, 30.0, 100.0, vy_max_m_s=0.6)
 DRIVE = DifferentialDrive("differential", 0.3, 0.05, 2400)
+MECANUM = MecanumDrive("mecanum", 0.25, 0.3, 0.05, 2400)
+TURNERS = pytest.mark.parametrize("model", [DRIVE, MECANUM], ids=["differential", "mecanum"])
 CAR = AckermannDrive("ackermann", 0.35, 0.26, 0.05, 0.6, 2.0, 2400)
 CAR_BODY = Footprint(((0.43, -0.15), (0.43, 0.15), (-0.07, 0.15), (-0.07, -0.15)))
 
@@ -68,17 +70,18 @@ def drive(name, space, plan, start, seconds, model=DRIVE, seed=0, moving=nobody)
                 steering += min(max(wanted - steering, -most), most)
                 twist = Twist(twist.v_m_s, twist.v_m_s * math.tan(steering) / model.wheelbase_m)
             pose = integrate(pose, twist, 0.01)
-        late = Twist(motion.v_m_s, motion.omega_rad_s)
+        late = Twist(motion.v_m_s, motion.omega_rad_s, motion.vy_m_s)
         yield 0.05 * i, pose, twist, motion
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
 @pytest.mark.parametrize("seed", range(4))
-def test_it_arrives_in_clutter_without_touching_anything(name, seed):
+@TURNERS
+def test_it_arrives_in_clutter_without_touching_anything(name, seed, model):
     space, start, goal = cluttered(seed)
     plan = PLANNERS["astar"](PlannerConfig()).plan(space, start, goal)
     assert isinstance(plan, Plan)
-    for time_s, pose, _, motion in drive(name, space, plan, start, 30.0):
+    for time_s, pose, _, motion in drive(name, space, plan, start, 30.0, model):
         at = space.to_cells(pose)
         assert not space.collides(np.array([[at.x_m, at.y_m, at.theta_rad]])).any()
         if motion.arrived:
@@ -94,13 +97,14 @@ def empty(body):
 
 @pytest.mark.parametrize("name", CONTROLLERS)
 @pytest.mark.parametrize("seed", range(5))
-def test_it_stands_at_the_goal_and_looks_as_wanted_without_dithering(name, seed):
+@TURNERS
+def test_it_stands_at_the_goal_and_looks_as_wanted_without_dithering(name, seed, model):
     rng = np.random.default_rng(seed)
     goal = SE2(4.0, 4.0, rng.uniform(-math.pi, math.pi))
     start = SE2(*(4.0 + rng.uniform(-1.0, 1.0, 2)), rng.uniform(-math.pi, math.pi))
     plan = PLANNERS["astar"](PlannerConfig()).plan(empty(BODY), start, goal)
     signs, stood = [], 0
-    for _, pose, _, motion in drive(name, empty(BODY), plan, start, 15.0, seed=seed):
+    for _, pose, _, motion in drive(name, empty(BODY), plan, start, 15.0, model, seed):
         away_m = math.dist((pose.x_m, pose.y_m), (goal.x_m, goal.y_m))
         if away_m < 0.35 and motion.omega_rad_s != 0.0:
             signs.append(motion.omega_rad_s > 0.0)
@@ -110,6 +114,36 @@ def test_it_stands_at_the_goal_and_looks_as_wanted_without_dithering(name, seed)
     assert away_m < 0.07
     assert abs(math.remainder(pose.theta_rad - goal.theta_rad, math.tau)) < 0.13
     assert np.count_nonzero(np.diff(signs)) <= 4
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_holonomic_robot_arrives_beside_itself_without_turning(name, side):
+    start, goal = SE2(4.0, 4.0, 0.0), SE2(4.05, 4.0 + 0.3 * side, 0.0)
+    plan = PLANNERS["astar"](PlannerConfig()).plan(empty(BODY), start, goal)
+    steps = []
+    for _, pose, _, motion in drive(name, empty(BODY), plan, start, 2.5, MECANUM):
+        assert abs(pose.theta_rad) < 0.15
+        steps.append(motion)
+        if motion.arrived:
+            break
+    assert steps[-1].arrived
+    assert math.dist((pose.x_m, pose.y_m), (goal.x_m, goal.y_m)) < 0.07
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_a_holonomic_robot_slides_past_a_box(name):
+    cells = np.zeros((160, 160), np.int8)
+    cells[78:88, 80:88] = 100  # in the way, a little to the left
+    space = PlanningMap(GridMap(cells, SIDE_M), BODY)
+    plan = Plan(np.array([[2.0, 3.95, 0.0], [6.5, 3.95, 0.0]]), 4.5, 0)
+    for _, pose, _, motion in drive(name, space, plan, SE2(2.0, 3.95, 0.0), 20.0, MECANUM):
+        at = space.to_cells(pose)
+        assert not space.collides(np.array([[at.x_m, at.y_m, at.theta_rad]])).any()
+        assert abs(pose.theta_rad) < 0.25 * math.pi
+        if motion.arrived:
+            break
+    assert motion.arrived
 
 
 @pytest.mark.parametrize("seed", range(3))

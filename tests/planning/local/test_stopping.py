@@ -8,7 +8,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from robotctl.control.limiter import LimitsConfig
-from robotctl.model.drives.drives import AckermannDrive, DifferentialDrive
+from robotctl.model.drives.drives import AckermannDrive, DifferentialDrive, MecanumDrive
 from robotctl.model.drives.motion import integrate
 from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
@@ -19,7 +19,7 @@ from robotctl.planning.local.controller import ControllerConfig, LocalSituation
 from robotctl.planning.local.controllers import CONTROLLERS
 
 SIDE_M = 0.05
-LIMITS = LimitsConfig(2.0, 4.0, 4.0, 12.0, 40.0, 150.0)
+LIMITS = LimitsConfig(2.0, 4.0, 4.0, 12.0, 40.0, 150.0, vy_max_m_s=1.5)
 CONFIG = ControllerConfig(deceleration_m_s2=3.0, samples=60, tau_s=0.1, reaction_s=0.0)
 """It looks less far ahead than it brakes, and the check has no time to spare."""
 TURN_BRAKE_RAD_S2 = 9.0
@@ -27,6 +27,10 @@ TURN_BRAKE_RAD_S2 = 9.0
 ROBOTS = {
     "differential": (
         DifferentialDrive("differential", 0.37, 0.1, 2400),
+        Footprint(((0.25, -0.21), (0.25, 0.21), (-0.25, 0.21), (-0.25, -0.21))),
+    ),
+    "mecanum": (
+        MecanumDrive("mecanum", 0.4, 0.36, 0.076, 8192),
         Footprint(((0.25, -0.21), (0.25, 0.21), (-0.25, 0.21), (-0.25, -0.21))),
     ),
     "ackermann": (
@@ -59,17 +63,15 @@ def touches(footprint, cells, poses):
 def braking(pose, twist):
     """Return poses 5 ms apart of a robot that brakes on its arc."""
     whole_s = max(
-        abs(twist.v_m_s) / CONFIG.deceleration_m_s2, abs(twist.omega_rad_s) / TURN_BRAKE_RAD_S2
+        math.hypot(twist.v_m_s, twist.vy_m_s) / CONFIG.deceleration_m_s2,
+        abs(twist.omega_rad_s) / TURN_BRAKE_RAD_S2,
     )
     poses = [pose]
     count = math.ceil(whole_s / 0.005)
     for i in range(count):
         left = 1.0 - (i + 0.5) / count
-        poses.append(
-            integrate(
-                poses[-1], Twist(left * twist.v_m_s, left * twist.omega_rad_s), whole_s / count
-            )
-        )
+        slower = Twist(*(left * each for each in twist))
+        poses.append(integrate(poses[-1], slower, whole_s / count))
     return poses
 
 
@@ -87,6 +89,8 @@ def test_after_each_step_braking_ends_before_anything_is_touched(name, kind, see
     pose, v = SE2(2.0, 2.0, rng.uniform(-3.0, 3.0)), rng.uniform(-2.0, 2.0)
     reach = min(4.0, abs(v) / drive.min_turning_radius_m) if drive.steered else 4.0
     twist = Twist(v, rng.uniform(-reach, reach))
+    if drive.holonomic:
+        twist = twist._replace(vy_m_s=rng.uniform(-1.5, 1.5))
     path = np.array([[2.0, 2.0, 0.0], *rng.uniform(-1.0, 5.0, (3, 3))])
     reverse = rng.random(3) < 0.3
     assume(not touches(body, cells, braking(pose, twist)))
@@ -94,7 +98,7 @@ def test_after_each_step_braking_ends_before_anything_is_touched(name, kind, see
     for _ in range(20):
         situation = LocalSituation(pose, twist, path, reverse, space, np.empty((0, 5)), 2.0)
         motion = controller.step(situation)
-        twist = Twist(motion.v_m_s, motion.omega_rad_s)
+        twist = Twist(motion.v_m_s, motion.omega_rad_s, motion.vy_m_s)
         driven = [integrate(pose, twist, 0.005 * (i + 1)) for i in range(10)]
         pose = driven[-1]
         assert not touches(body, cells, driven + braking(pose, twist))

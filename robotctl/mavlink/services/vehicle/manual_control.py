@@ -1,14 +1,17 @@
 """MANUAL_CONTROL and RC_CHANNELS_OVERRIDE: the sticks of a ground station, as ArduRover's.
 
 z (throttle) drives, positive forward, and y turns, positive to the right; x and r are ignored, as
-ArduRover ignores them (`handle_manual_control_axes` in Rover/GCS_MAVLink_Rover.cpp). Of both axes
--1000 to 1000 is the whole travel and 0 is rest. An axis at 32767 is not given: as one at rest. A
-throttle of 500 is half ahead, as on ArduRover, whatever lever a ground station shows for it.
+ArduRover ignores them (`handle_manual_control_axes` in Rover/GCS_MAVLink_Rover.cpp). A holonomic
+robot moves sideways by r, positive to the right: the stick that is left over, since ground stations
+turn a rover by y. Of all axes -1000 to 1000 is the whole travel and 0 is rest. An axis at 32767 is
+not given: as one at rest. A throttle of 500 is half ahead, as on ArduRover, whatever lever a ground
+station shows for it.
 
-Of RC_CHANNELS_OVERRIDE channel 1 turns and channel 3 drives, by ArduPilot's default calibration:
-1100 to 1900 us with rest within 30 us of 1500. For both of them 0 releases the channel, which is at
-rest at once, and 65535 leaves it as it is, until it expires. (Channels 9 to 18, where 0 and 65535
-leave a channel and 65534 releases it, steer nothing.)
+Of RC_CHANNELS_OVERRIDE channel 1 turns, channel 3 drives and channel 4 moves a holonomic robot
+sideways, by ArduPilot's default calibration: 1100 to 1900 us with rest within 30 us of 1500. For
+each of them 0 releases the channel, which is at rest at once, and 65535 leaves it as it is, until
+it expires. (Channels 9 to 18, where 0 and 65535 leave a channel and 65534 releases it, steer
+nothing.)
 
 RC_CHANNELS tells the sticks of both in these pulses. In MANUAL it is said, once in a while, that
 they have stopped coming and the robot brakes.
@@ -36,7 +39,7 @@ FULL = 1000
 PULSES_US = range(800, 2201)
 """Pulses that a receiver gives [us]; others are mistakes."""
 REST_US, DEAD_US, TRAVEL_US = 1500, 30, 400
-CHANNELS, THROTTLE_CHANNEL = 18, 3
+CHANNELS, THROTTLE_CHANNEL, SIDEWAYS_CHANNEL = 18, 3, 4
 _RELEASED, _UNCHANGED = 0, frames.UINT16_MAX
 _OVERRIDE = common.MAVLINK_MSG_ID_RC_CHANNELS_OVERRIDE
 
@@ -60,7 +63,7 @@ class ManualControls(Microservice):
         super().__init__(context)
         self.refused = 0
         self._say_ns = self._say_lost_ns = 0
-        self._throttle = self._steering = _REST
+        self._throttle = self._steering = self._sideways = _REST
         self._expires_ns: int | None = None
         """When the first of them is void that is not [ns]."""
 
@@ -72,31 +75,41 @@ class ManualControls(Microservice):
     def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:  # noqa: ARG002
         """Take one position of the sticks."""
         if message.get_msgId() == _OVERRIDE:
-            self._take_channels(message.chan3_raw, message.chan1_raw, now_ns)
+            across_us = message.chan4_raw if self._context.robot.holonomic else _UNCHANGED
+            self._take_channels(message.chan3_raw, message.chan1_raw, across_us, now_ns)
             return
         # MANUAL_CONTROL names its target in a field of its own.
         if message.target not in (0, self._context.config.system_id):
             return
-        throttle, steering = (0 if axis == NO_AXIS else axis for axis in (message.z, message.y))
-        if max(abs(throttle), abs(steering)) > FULL:
-            found = f"z {message.z}, y {message.y}"
+        given = {"z": message.z, "y": message.y}
+        if self._context.robot.holonomic:
+            given["r"] = message.r
+        axes = [0 if axis == NO_AXIS else axis for axis in given.values()]
+        if max(map(abs, axes)) > FULL:
+            found = ", ".join(f"{name} {axis}" for name, axis in given.items())
             self._refuse(f"{found}: allowed -{FULL} to {FULL}", now_ns)
             return
         expires_ns = now_ns + self._context.setpoint_life_ns
-        self._throttle = _Stick(throttle, expires_ns)
-        self._steering = _Stick(steering, expires_ns)
+        sticks = [_Stick(axis, expires_ns) for axis in axes]
+        self._throttle, self._steering, self._sideways = (*sticks, _REST)[:3]
         self._drive(now_ns)
 
-    def _take_channels(self, throttle_us: int, steering_us: int, now_ns: int) -> None:
-        """Take the pulses of two channels [us]."""
-        given = {throttle_us, steering_us} - {_RELEASED, _UNCHANGED}
+    def _take_channels(
+        self, throttle_us: int, steering_us: int, across_us: int, now_ns: int
+    ) -> None:
+        """Take the pulses of three channels [us]."""
+        pulses_us = {throttle_us, steering_us, across_us}
+        given = pulses_us - {_RELEASED, _UNCHANGED}
         if any(each not in PULSES_US for each in given):
             found = f"channels 3 {throttle_us}, 1 {steering_us}"
+            if self._context.robot.holonomic:
+                found += f", 4 {across_us}"
             self._refuse(f"{found}: allowed {PULSES_US[0]} to {PULSES_US[-1]}", now_ns)
-        elif given or (_RELEASED in {throttle_us, steering_us} and self._expires_ns is not None):
+        elif given or (_RELEASED in pulses_us and self._expires_ns is not None):
             expires_ns = now_ns + self._context.setpoint_life_ns
             self._throttle = _channel(throttle_us, self._throttle, expires_ns)
             self._steering = _channel(steering_us, self._steering, expires_ns)
+            self._sideways = _channel(across_us, self._sideways, expires_ns)
             self._drive(now_ns)
 
     def _refuse(self, why: str, now_ns: int) -> None:
@@ -107,22 +120,26 @@ class ManualControls(Microservice):
             self._context.say(now_ns, f"Sticks: {why}")
 
     def _drive(self, now_ns: int) -> None:
-        """Ask for what both sticks say; one that is void is at rest."""
-        sticks = (self._throttle, self._steering)
-        throttle, steering = (each.axis if each.expires_ns > now_ns else 0 for each in sticks)
+        """Ask for what the sticks say; one that is void is at rest."""
+        sticks = (self._throttle, self._steering, self._sideways)
+        throttle, steering, right = (
+            each.axis if each.expires_ns > now_ns else 0 for each in sticks
+        )
         expiries = [each.expires_ns for each in sticks if each.expires_ns > now_ns]
         self._expires_ns = min(expiries, default=None)
         expires_ns = self._expires_ns or now_ns + self._context.setpoint_life_ns
         turn = frames.stick_turn(steering)
-        self._context.requests.append(ManualControl(now_ns, expires_ns, throttle / FULL, turn))
+        forward, left = frames.base_from_frd(throttle / FULL, right / FULL)
+        self._context.requests.append(ManualControl(now_ns, expires_ns, forward, turn, left))
 
     def _channels(self, now_ns: int) -> list[Message]:
-        """Return RC_CHANNELS: the sticks as pulses of channels 1 and 3 [us], while they count."""
+        """Return RC_CHANNELS: the sticks as pulses of their channels [us], while they count."""
         channels = [frames.UINT16_MAX] * CHANNELS
-        for place, stick in ((0, self._steering), (2, self._throttle)):
+        for place, stick in ((0, self._steering), (2, self._throttle), (3, self._sideways)):
             if stick.expires_ns > now_ns:
                 channels[place] = _pulse_us(stick.axis)
-        count = 0 if self._expires_ns is None else THROTTLE_CHANNEL
+        most = SIDEWAYS_CHANNEL if self._context.robot.holonomic else THROTTLE_CHANNEL
+        count = 0 if self._expires_ns is None else most
         return [
             common.MAVLink_rc_channels_message(frames.boot_ms(now_ns), count, *channels, UNKNOWN)
         ]
@@ -132,7 +149,8 @@ class ManualControls(Microservice):
         if self._expires_ns is None or now_ns < self._expires_ns:
             return
         self._expires_ns = None
-        if max(self._throttle.expires_ns, self._steering.expires_ns) > now_ns:
+        sticks = (self._throttle, self._steering, self._sideways)
+        if max(each.expires_ns for each in sticks) > now_ns:
             self._drive(now_ns)
             return
         control = self._context.fresh_control(now_ns)

@@ -13,6 +13,9 @@
 | x and y | BODY_NED, | drive so far ahead and to the right from here |
 |  | BODY_OFFSET_NED | |
 
+A holonomic robot takes velocities as they are: vy of the body, and vx and vy of LOCAL_NED whatever
+its heading, while it turns at yaw_rate or to yaw if used, and otherwise keeps its heading.
+
 The frames are those of ArduRover's `handle_set_position_target_local_ned`. Velocities and positions
 count in GUIDED alone, and positions only while the robot is armed: one that was sent before has to
 be sent again. That such a one is not followed is said, with what is missing.
@@ -25,8 +28,8 @@ more after `FAST_LIFE_NS`.
 z, vz and their bits do not matter to a rover, nor does FORCE_SET without accelerations, which many
 programs set by mistake (0x0FC7). All else (accelerations or forces, position together with
 velocity, half a vector, yaw together with yaw_rate, other frames, numbers that are not finite, a
-point 1000 km away, a sideways velocity) is refused, counted by reason, and said once in a while; so
-is SET_ATTITUDE_TARGET.
+point 1000 km away, a sideways velocity of a robot that is not holonomic) is refused, counted by
+reason, and said once in a while; so is SET_ATTITUDE_TARGET.
 
 SET_POSITION_TARGET_GLOBAL_INT counts as one in LOCAL_NED once the map has an origin on the globe.
 """
@@ -92,6 +95,9 @@ class Wanted(NamedTuple):
     omega_rad_s: float = 0.0
     heading_rad: float | None = None
     """The navigator turns to it, which knows the remaining angle at each step."""
+    vy_m_s: float = 0.0
+    in_world: bool = False
+    """Whether both velocities are along x and y of `world`."""
 
 
 class Refused(ValueError):  # noqa: N818 - says what happened to the set-point
@@ -182,7 +188,9 @@ class Setpoints(Microservice):
                 raise Refused("a position beyond the fence")
             context.requests.append(target)
             return
-        wanted = wanted_velocity(message, used, None if pose is None else pose.theta_rad)
+        theta_rad = None if pose is None else pose.theta_rad
+        holonomic = context.robot.holonomic
+        wanted = wanted_velocity(message, used, theta_rad, holonomic=holonomic)
         context.requests.append(VelocityTarget(sent_ns, sent_ns + life_ns, *wanted))
 
     def _velocity_life_ns(self, stream: tuple[Peer, Address], sent_ns: int) -> int:
@@ -276,7 +284,9 @@ def position_target(message: Message, pose: SE2 | None, sent_ns: int) -> Positio
     return PositionTarget(sent_ns, point.x_m, point.y_m)
 
 
-def wanted_velocity(message: Message, used: Used, theta_rad: float | None) -> Wanted:
+def wanted_velocity(
+    message: Message, used: Used, theta_rad: float | None, *, holonomic: bool = False
+) -> Wanted:
     """Return the request of a velocity set-point.
 
     Parameters
@@ -287,6 +297,8 @@ def wanted_velocity(message: Message, used: Used, theta_rad: float | None) -> Wa
         Its type_mask.
     theta_rad : float or None
         Present heading in `world` [rad]; only a local velocity other than zero needs it.
+    holonomic : bool
+        Whether the robot moves sideways, too.
 
     Raises
     ------
@@ -298,27 +310,29 @@ def wanted_velocity(message: Message, used: Used, theta_rad: float | None) -> Wa
     if used.yaw_rate:
         _check_finite(message.yaw_rate)
     if message.coordinate_frame in BODY_FRAMES:
-        return _body_velocity(message, used)
+        return _body_velocity(message, used, holonomic=holonomic)
     if message.coordinate_frame not in LOCAL_FRAMES:
         raise Refused(f"velocity frame {message.coordinate_frame} is not body or local")
-    return _local_velocity(message, used, theta_rad)
+    return _local_velocity(message, used, theta_rad, holonomic=holonomic)
 
 
-def _body_velocity(message: Message, used: Used) -> Wanted:
+def _body_velocity(message: Message, used: Used, *, holonomic: bool) -> Wanted:
     if used.yaw:
         raise Refused("yaw with a velocity of the body")
     if message.type_mask & common.POSITION_TARGET_TYPEMASK_VX_IGNORE:
         raise Refused("half a velocity")
-    _check_finite(message.vx)
-    if used.velocity == 2:
-        _check_finite(message.vy)
-        if message.vy != 0.0:
-            raise Refused("sideways velocity")
+    right = message.vy if used.velocity == 2 else 0.0
+    _check_finite(message.vx, right)
+    if right != 0.0 and not holonomic:
+        raise Refused("sideways velocity")
+    v_m_s, vy_m_s = frames.base_from_frd(message.vx, right)
     omega_rad_s = frames.omega_from_yaw_rate_frd(message.yaw_rate) if used.yaw_rate else 0.0
-    return Wanted(message.vx, omega_rad_s)
+    return Wanted(v_m_s, omega_rad_s, vy_m_s=vy_m_s)
 
 
-def _local_velocity(message: Message, used: Used, theta_rad: float | None) -> Wanted:
+def _local_velocity(
+    message: Message, used: Used, theta_rad: float | None, *, holonomic: bool
+) -> Wanted:
     if used.velocity != 2:
         raise Refused("half a velocity")
     _check_finite(message.vx, message.vy)
@@ -329,6 +343,13 @@ def _local_velocity(message: Message, used: Used, theta_rad: float | None) -> Wa
         )
     if theta_rad is None:
         raise Refused("local velocity, but heading not known")
+    if holonomic:
+        heading_rad = None
+        if used.yaw:
+            _check_finite(message.yaw)
+            heading_rad = frames.theta_from_yaw_ned(message.yaw)
+        omega_rad_s = frames.omega_from_yaw_rate_frd(message.yaw_rate) if used.yaw_rate else 0.0
+        return Wanted(velocity.x, omega_rad_s, heading_rad, velocity.y, in_world=True)
     if used.yaw_rate:
         along = velocity.x * math.cos(theta_rad) + velocity.y * math.sin(theta_rad)
         return Wanted(along, frames.omega_from_yaw_rate_frd(message.yaw_rate))

@@ -1,0 +1,103 @@
+"""Points of a lidar near the robot, kept while it does not see there.
+
+A lidar at the front of a robot sees little of what is beside its tail, and a robot that moves
+sideways drives there. So the points about the robot are kept in the frame of the odometry until the
+lidar sees that place again.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.model.geometry.points import moved
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.rectangle import Rectangle
+from robotctl.model.sensors.range_scan import RangeScan
+
+_REACH_M: Final = 1.0
+"""Points are kept up to this distance from `base` [m]."""
+_LIFE_NS: Final = 20_000_000_000
+"""Age from which a point is forgotten: somebody may have stood there [ns]."""
+_SAME_M: Final = 0.05
+"""A beam that ends this much nearer than a point does not see it, but something before it [m]."""
+_BEAMS: Final = 1.0
+"""Spacings of the beams within which the nearest one looks at a point."""
+_CELL_M: Final = 0.02
+"""Points are kept once for each square of this side [m]."""
+
+
+class ScanMemory:
+    """Points near the robot, seen before and not in view now.
+
+    Parameters
+    ----------
+    body
+        The robot.
+    """
+
+    def __init__(self, body: Rectangle) -> None:
+        self._body = body
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything."""
+        self._points = np.empty((0, 2))
+        """(n, 2) in the frame of the odometry [m]."""
+        self._seen_ns = np.empty(0, np.int64)
+
+    def see(self, T_odom_base: SE2, scan: RangeScan, now_ns: int) -> None:
+        """Take a scan, taken at a pose in the frame of the odometry.
+
+        Parameters
+        ----------
+        T_odom_base
+            The robot at the time of the scan.
+        scan
+            Its beams in `base`.
+        now_ns
+            Time of the step [ns].
+        """
+        base = moved(T_odom_base.inverse(), self._points)
+        kept = (np.hypot(*base.T) < _REACH_M) & (now_ns - self._seen_ns < _LIFE_NS)
+        kept &= ~self._covers(base) & ~_in_view(base, scan)
+        new = scan.points_base()
+        new = moved(T_odom_base, new[np.hypot(*new.T) < _REACH_M])
+        points = np.concatenate([new, self._points[kept]])
+        stamps_ns = np.append(np.full(len(new), now_ns), self._seen_ns[kept])
+        _, first = np.unique(np.floor(points / _CELL_M).astype(np.int64), axis=0, return_index=True)
+        self._points, self._seen_ns = points[first], stamps_ns[first]
+
+    def around(self, T_base_odom: SE2, now_ns: int) -> NDArray[np.float64]:
+        """Return the points in `base`, (n, 2) [m]."""
+        base = moved(T_base_odom, self._points[now_ns - self._seen_ns < _LIFE_NS])
+        near: NDArray[np.float64] = base[~self._covers(base)]
+        return near
+
+    def _covers(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return which points in `base` the robot stands on, (n,)."""
+        body, (x, y) = self._body, points.T
+        inside: NDArray[np.bool_] = np.abs(y) < body.half_width_m
+        inside &= (x > body.rear_m) & (x < body.front_m)
+        return inside
+
+
+def _in_view(points: NDArray[np.float64], scan: RangeScan) -> NDArray[np.bool_]:
+    """Return which points in `base` a scan would show if something were there, (n,)."""
+    if len(scan.angles_rad) < 2 or not len(points):
+        return np.zeros(len(points), np.bool_)
+    x, y = (points - (scan.x_m, scan.y_m)).T
+    directions = np.mod(scan.angles_rad, math.tau)
+    order = np.argsort(directions)
+    directions, ranges_m = directions[order], scan.ranges_m[order]
+    bearings = np.mod(np.arctan2(y, x), math.tau)
+    after = np.searchsorted(directions, bearings)
+    beside = np.stack([after - 1, after]) % len(directions)
+    off = np.abs(np.mod(bearings - directions[beside] + math.pi, math.tau) - math.pi)
+    beam = np.where(off[0] < off[1], *beside)
+    looks: NDArray[np.bool_] = off.min(axis=0) <= _BEAMS * np.median(np.diff(directions))
+    looks &= ranges_m[beam] > np.hypot(x, y) - _SAME_M  # nan: no reading, it saw nothing
+    return looks
