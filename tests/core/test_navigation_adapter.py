@@ -73,6 +73,7 @@ class Armed:
             armings=self.armings,
             v_m_s=0.0,
             omega_rad_s=0.0,
+            vy_m_s=0.0,
             sonar_m=(self.front_m, *(math.inf,) * (len(CONFIG.sonar) - 1)),
             sonar_stamp_ns=(self.stamp_ns or self.now_ns,) * len(CONFIG.sonar),
             theta_rad=self.theta_rad,
