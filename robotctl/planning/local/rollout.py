@@ -225,7 +225,7 @@ def price(problem: Problem, targets: NDArray[np.float64], drawn: NDArray[np.floa
     x, y, angle = problem.soon
     c, s = np.cos(angle), np.sin(angle)
     v, omega, vy = problem.v, problem.omega, problem.vy
-    slide_sways = motion.omega_max / motion.vy_max if motion.vy_max > 0.0 else 0.0
+    slide_sways = _slide_sways(motion)
     last, step_s = len(path) - 1, problem.tau_s / problem.steps
     j = nearest(path, 0, x, y)
     begin = _along(path, problem.spacing, gear, j, x, y)
@@ -238,7 +238,11 @@ def price(problem: Problem, targets: NDArray[np.float64], drawn: NDArray[np.floa
         if i == 0:
             v, omega, vy = first_velocity(problem, wanted[0], wanted[1], wanted[2])
         else:
-            v, omega, vy = _next_velocity(problem, (v, omega, vy), wanted, (x, y, along))
+            most = np.inf
+            if problem.ends:
+                way = np.hypot(path[last, 0] - x, path[last, 1] - y)
+                most = np.sqrt(2.0 * motion.brake * max(way, last * problem.spacing - along))
+            v, omega, vy = _next_velocity(motion, (v, omega, vy), wanted, most, step_s)
         swayed += abs(omega - before) + abs(vy - slid) * slide_sways
         turn = omega * step_s
         # Cosine and sine of half the turn by series: they are right to 1e-6 up to 1 rad.
@@ -288,32 +292,29 @@ def price(problem: Problem, targets: NDArray[np.float64], drawn: NDArray[np.floa
 
 @compiled
 def _next_velocity(
-    problem: Problem,
+    motion: Motion,
     now: tuple[float, float, float],
     wanted: tuple[float, float, float],
-    at: tuple[float, float, float],
+    most: float,
+    time: float,
 ) -> tuple[float, float, float]:
-    """Return the velocity after one more step towards what is wanted.
+    """Return the velocity after some time towards what is wanted, at `most` over the floor.
 
-    `at`: place, and length along the path, by which the robot slows down for the path's end.
+    It takes numbers alone: handing over arrays would cost as much as the rest.
     """
-    motion, path = problem.motion, problem.path
     v, omega, vy = now
-    step_s = problem.tau_s / problem.steps
-    v = towards(v, wanted[0], motion.a * step_s)
+    v = min(max(towards(v, wanted[0], motion.a * time), -most), most)
     if motion.vy_max > 0.0:
-        vy = towards(vy, wanted[2], motion.a * step_s)
-    if problem.ends:
-        last = len(path) - 1
-        way = np.hypot(path[last, 0] - at[0], path[last, 1] - at[1])
-        way = max(way, last * problem.spacing - at[2])
-        most = np.sqrt(2.0 * motion.brake * way)
-        v = min(max(v, -most), most)
-        if motion.vy_max > 0.0:
-            room = np.sqrt(max(most * most - v * v, 0.0))
-            vy = min(max(vy, -room), room)
+        room = np.sqrt(max(most * most - v * v, 0.0))
+        vy = min(max(towards(vy, wanted[2], motion.a * time), -room), room)
     turn = wanted[1] if motion.curvature_max == np.inf else v * wanted[1]
-    return v, _turning(motion, v, omega, turn, step_s), vy
+    return v, _turning(motion, v, omega, turn, time), vy
+
+
+@compiled
+def _slide_sways(motion: Motion) -> float:
+    """Return the change of the turn rate that counts as much as one of the speed sideways."""
+    return motion.omega_max / motion.vy_max if motion.vy_max > 0.0 else 0.0
 
 
 @compiled
