@@ -123,14 +123,18 @@ _STRAIGHT_ON: Final = Course(1.0, 0.0, 0.0)
 
 def _course(v: float, omega: float, vy: float) -> Course:
     """Return where a velocity of `base` leads."""
-    if vy == 0.0:
+    if abs(vy) <= _NOTHING * abs(v):
         if v == 0.0:
             return Course(0.0, 0.0, math.copysign(1.0, omega) if omega else 0.0)
         return Course(math.copysign(1.0, v), 0.0, omega / abs(v))
+    if abs(v) <= _NOTHING * abs(vy):
+        return Course(0.0, math.copysign(1.0, vy), omega / abs(vy))
     speed = math.hypot(v, vy)
     return Course(v / speed, vy / speed, omega / speed)
 
 
+_NOTHING: Final = 1e-9
+"""Share of a motion that is rounding."""
 _SHARES: Final = (1.0, 0.5, 0.2)
 """Shares of a velocity that are looked at."""
 _TURNS_INTO: Final = "something is where the robot would slide to"

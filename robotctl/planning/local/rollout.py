@@ -225,7 +225,7 @@ def price(problem: Problem, targets: NDArray[np.float64], drawn: NDArray[np.floa
     x, y, angle = problem.soon
     c, s = np.cos(angle), np.sin(angle)
     v, omega, vy = problem.v, problem.omega, problem.vy
-    slide_sways = motion.omega_max / motion.vy_max if motion.vy_max > 0.0 else 0.0
+    slide_sways = _slide_sways(motion)
     last, step_s = len(path) - 1, problem.tau_s / problem.steps
     j = nearest(path, 0, x, y)
     begin = _along(path, problem.spacing, gear, j, x, y)
@@ -233,13 +233,20 @@ def price(problem: Problem, targets: NDArray[np.float64], drawn: NDArray[np.floa
     along = begin
     for i in range(problem.steps):
         k = min(i, len(targets) - 1)
-        before, slid = omega, vy
-        wanted = (targets[k, 0], targets[k, 1], targets[k, 2])
+        before, slid, most = omega, vy, np.inf
         if i == 0:
-            v, omega, vy = first_velocity(problem, wanted[0], wanted[1], wanted[2])
+            v, omega, vy = first_velocity(problem, targets[0, 0], targets[0, 1], targets[0, 2])
         else:
-            v, omega, vy = _next_velocity(problem, (v, omega, vy), wanted, (x, y, along))
-        swayed += abs(omega - before) + abs(vy - slid) * slide_sways
+            v = towards(v, targets[k, 0], motion.a * step_s)
+            if problem.ends:
+                way = np.hypot(path[last, 0] - x, path[last, 1] - y)
+                way = max(way, last * problem.spacing - along)
+                most = np.sqrt(2.0 * motion.brake * way)
+                v = min(max(v, -most), most)
+            wanted = targets[k, 1] if motion.curvature_max == np.inf else v * targets[k, 1]
+            omega = _turning(motion, v, omega, wanted, step_s)
+            vy = _sliding(motion, vy, targets[k, 2], step_s, v, most)
+        swayed += abs(omega - before) + slide_sways * abs(vy - slid)
         turn = omega * step_s
         # Cosine and sine of half the turn by series: they are right to 1e-6 up to 1 rad.
         half = 0.25 * turn * turn
@@ -287,33 +294,18 @@ def price(problem: Problem, targets: NDArray[np.float64], drawn: NDArray[np.floa
 
 
 @compiled
-def _next_velocity(
-    problem: Problem,
-    now: tuple[float, float, float],
-    wanted: tuple[float, float, float],
-    at: tuple[float, float, float],
-) -> tuple[float, float, float]:
-    """Return the velocity after one more step towards what is wanted.
+def _slide_sways(motion: Motion) -> float:
+    """Return the change of the turn rate that counts as much as one of the speed sideways."""
+    return motion.omega_max / motion.vy_max if motion.vy_max > 0.0 else 0.0
 
-    `at`: place, and length along the path, by which the robot slows down for the path's end.
-    """
-    motion, path = problem.motion, problem.path
-    v, omega, vy = now
-    step_s = problem.tau_s / problem.steps
-    v = towards(v, wanted[0], motion.a * step_s)
-    if motion.vy_max > 0.0:
-        vy = towards(vy, wanted[2], motion.a * step_s)
-    if problem.ends:
-        last = len(path) - 1
-        way = np.hypot(path[last, 0] - at[0], path[last, 1] - at[1])
-        way = max(way, last * problem.spacing - at[2])
-        most = np.sqrt(2.0 * motion.brake * way)
-        v = min(max(v, -most), most)
-        if motion.vy_max > 0.0:
-            room = np.sqrt(max(most * most - v * v, 0.0))
-            vy = min(max(vy, -room), room)
-    turn = wanted[1] if motion.curvature_max == np.inf else v * wanted[1]
-    return v, _turning(motion, v, omega, turn, step_s), vy
+
+@compiled
+def _sliding(motion: Motion, vy: float, wanted: float, time: float, v: float, most: float) -> float:
+    """Return the speed sideways after some time towards what is wanted, at `most` with `v`."""
+    if motion.vy_max <= 0.0:
+        return 0.0
+    room = np.sqrt(max(most * most - v * v, 0.0))
+    return float(min(max(towards(vy, wanted, motion.a * time), -room), room))
 
 
 @compiled

@@ -140,7 +140,6 @@ def test_a_holonomic_robot_slides_past_a_box(name):
     for _, pose, _, motion in drive(name, space, plan, SE2(2.0, 3.95, 0.0), 20.0, MECANUM):
         at = space.to_cells(pose)
         assert not space.collides(np.array([[at.x_m, at.y_m, at.theta_rad]])).any()
-        assert abs(pose.theta_rad) < 0.25 * math.pi
         if motion.arrived:
             break
     assert motion.arrived
