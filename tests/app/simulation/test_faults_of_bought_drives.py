@@ -74,7 +74,12 @@ def rows(drive: Drive) -> tuple[Row, ...]:
         Row("bus_cut duration=0.3", CUT, 105),
         Row(f"frames_lost {feedback} duration=0.5", STALE, 350),
         Row(f"frames_lost {command} duration=0.5", STALE | {C.DRIVE_COMMAND_TIMEOUT}, 105),
-        Row(f"frames_corrupt {feedback} duration=0.5", UNREADABLE | WHEEL, 350),
+        # The field that lies may be the supply.
+        Row(
+            f"frames_corrupt {feedback} duration=0.5",
+            UNREADABLE | WHEEL | {C.DRIVE_UNDER_VOLTAGE},
+            350,
+        ),
     )
 
 
