@@ -95,6 +95,7 @@ class Looking:
             x_m=self.x_m,
             v_m_s=0.0,
             omega_rad_s=0.0,
+            vy_m_s=0.0,
             sonar_m=(math.inf,) * len(CONFIG.sonar),
             sonar_stamp_ns=(self.now_ns,) * len(CONFIG.sonar),
             odom_epoch_ns=self.odom_epoch_ns,

@@ -163,6 +163,7 @@ class World:
             odom_epoch_ns=self.odom_epoch_ns,
             v_m_s=self.v_m_s,
             omega_rad_s=self.omega_rad_s,
+            vy_m_s=0.0,
             sonar_m=(math.inf,) * len(CONFIG.sonar),
             sonar_stamp_ns=(self.now_ns,) * len(CONFIG.sonar),
         )
