@@ -61,7 +61,7 @@ def check_nodes(config: RobotConfig, clock: Clock) -> list[Finding]:
     parts = make_parts(config, make_codec())
     with ExitStack() as held:
         try:
-            ports = open_ports(config, parts, clock)
+            ports = open_ports(config, parts.identifiers, clock)
         except LinkError as error:
             fix = "fix the CAN link, or start firmware_sim if the bus is simulated"
             return [fail("CAN nodes", str(error), fix)]

@@ -8,6 +8,8 @@ from robotctl.config.robot_file import find_file
 from robotctl.messages.control import EmergencyStop, EmergencyStopSource, SafetyState
 
 MINUTE_NS = 60 * endurance.SECOND_NS
+NAMES = {"node": {"drive", "sonar", "power"}, "drive": {"drive"}}
+"""Parts of the differential robot by the fault's parameter; all others are wheels."""
 
 
 @pytest.mark.parametrize("robot", ["diff_drive", "tricycle", "ackermann"])
@@ -33,13 +35,16 @@ def test_every_number_of_every_fault_is_drawn_within_its_bounds():
         for name, parameter in kind.parameters.items():
             drawn = [kind.value(name, each[name]) for each in draws]
             if parameter.named:
-                assert set(drawn) == {"left", "right"}
+                assert set(drawn) == NAMES.get(name, {"left", "right"})
             elif parameter.words:
                 assert set(drawn) == set(parameter.words)
             elif name == endurance.DURATION:
                 assert set(drawn) == {0.1}
             elif name == "id":
                 assert set(drawn) == set(endurance.IDENTIFIERS)
+            elif name == "code":
+                assert len(set(drawn)) >= 290
+                assert 0.0 <= min(drawn) < 0x1000_0000 < 0xF000_0000 < max(drawn) <= 0xFFFF_FFFF
             else:
                 assert len(set(drawn)) >= (8 if name in {"sonar", "other"} else 290)
                 assert min(drawn) <= float(parameter.default)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 
 import robotctl
@@ -98,8 +98,19 @@ def make_parts(
     )
 
 
-def open_ports(config: RobotConfig, parts: RobotParts, clock: Clock) -> dict[str, SocketPort]:
+def open_ports(
+    config: RobotConfig, identifiers: Callable[[str], Sequence[int]], clock: Clock
+) -> dict[str, SocketPort]:
     """Return a port on each of the robot's buses, by the name of the bus.
+
+    Parameters
+    ----------
+    config
+        The robot.
+    identifiers
+        Identifiers of the frames to receive on the bus of a name.
+    clock
+        Clock that stamps the frames.
 
     Raises
     ------
@@ -109,7 +120,7 @@ def open_ports(config: RobotConfig, parts: RobotParts, clock: Clock) -> dict[str
     with ExitStack() as opened:
         ports = {}
         for bus in config.buses:
-            ports[bus.name] = port = SocketPort(bus, parts.identifiers(bus.name), clock)
+            ports[bus.name] = port = SocketPort(bus, identifiers(bus.name), clock)
             opened.callback(port.close)
         opened.pop_all()
     return ports
@@ -128,7 +139,7 @@ def make_robot(config: RobotConfig, clock: Clock) -> CanRobot:
     # What hangs on simulated buses hurts nobody.
     is_simulated = all(bus.interface == "simcan" for bus in config.buses)
     parts = make_parts(config, make_codec(), None if is_simulated else config.proof)
-    return CanRobot(open_ports(config, parts, clock), parts)
+    return CanRobot(open_ports(config, parts.identifiers, clock), parts)
 
 
 def record_header(config: RobotConfig, options: StackOptions) -> RecordHeader:

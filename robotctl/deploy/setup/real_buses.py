@@ -59,7 +59,7 @@ class RealBuses:
             for bus in config.buses:
                 held.enter_context(claim_bus(bus.interface, bus.channel))
             parts = make_parts(config, make_codec())
-            ports = open_ports(config, parts, self.clock)
+            ports = open_ports(config, parts.identifiers, self.clock)
             try:
                 driven = is_driven(CanRobot(ports, parts), self.clock)
             finally:

@@ -24,8 +24,8 @@ _LIFE_NS: Final = 20_000_000_000
 """Age from which a point is forgotten: somebody may have stood there [ns]."""
 _SAME_M: Final = 0.05
 """A beam that ends this much nearer than a point does not see it, but something before it [m]."""
-_BEAMS: Final = 1.0
-"""Spacings of the beams within which the nearest one looks at a point."""
+_BEAMS: Final = 1.5
+"""Spacings of the beams within which both beams beside a point look at it."""
 _CELL_M: Final = 0.02
 """Points are kept once for each square of this side [m]."""
 
@@ -86,7 +86,11 @@ class ScanMemory:
 
 
 def _in_view(points: NDArray[np.float64], scan: RangeScan) -> NDArray[np.bool_]:
-    """Return which points in `base` a scan would show if something were there, (n,)."""
+    """Return which points in `base` a scan would show if something were there, (n,).
+
+    The beams on both sides have to see beyond the point: what is leaving the view, and the edge of
+    what is still seen, lie beside one beam only.
+    """
     if len(scan.angles_rad) < 2 or not len(points):
         return np.zeros(len(points), np.bool_)
     x, y = (points - (scan.x_m, scan.y_m)).T
@@ -97,7 +101,7 @@ def _in_view(points: NDArray[np.float64], scan: RangeScan) -> NDArray[np.bool_]:
     after = np.searchsorted(directions, bearings)
     beside = np.stack([after - 1, after]) % len(directions)
     off = np.abs(np.mod(bearings - directions[beside] + math.pi, math.tau) - math.pi)
-    beam = np.where(off[0] < off[1], *beside)
-    looks: NDArray[np.bool_] = off.min(axis=0) <= _BEAMS * np.median(np.diff(directions))
-    looks &= ranges_m[beam] > np.hypot(x, y) - _SAME_M  # nan: no reading, it saw nothing
+    looks: NDArray[np.bool_] = off.max(axis=0) <= _BEAMS * np.median(np.diff(directions))
+    # nan: no reading, it saw nothing
+    looks &= (ranges_m[beside] > np.hypot(x, y) - _SAME_M).all(axis=0)
     return looks

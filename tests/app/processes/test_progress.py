@@ -65,6 +65,7 @@ BLANK = msgspec.structs.replace(
     make_core(CONFIG, StackOptions("x", "")).snapshot(0, LoopStatistics()),
     v_m_s=0.0,
     omega_rad_s=0.0,
+    vy_m_s=0.0,
 )
 NAVIGATION = NavigationState(0, Mode.AUTO, "out and back", 1, 3, "", False, False, "")
 

@@ -184,11 +184,11 @@ def test_without_scans_it_stands_and_gives_up(looks):
     robot = Robot(little_world(), SE2(4.0, 1.5, 0.3))
     robot.blindness = "the lidar gives no scans"
     output = robot.drive(travel(robot, looks, "study"))
-    assert output == (0.0, 0.0, Status.FAILED, "the lidar gives no scans for 10 s")
+    assert output == BehaviourOutput(0.0, 0.0, Status.FAILED, "the lidar gives no scans for 10 s")
     robot.blindness, robot.has_lidar = "", False
     output = robot.drive(travel(robot, looks, "study"))
     reason = "no echo of a lidar comes to recognise places by for 10 s"
-    assert output == (0.0, 0.0, Status.FAILED, reason)
+    assert output == BehaviourOutput(0.0, 0.0, Status.FAILED, reason)
     assert np.isclose(robot.truth.x_m, 4.0)
 
 
@@ -197,7 +197,7 @@ def test_corridors_and_the_junction_between_are_driven_as_places():
     world = corridors()
     robot = Robot(world, SE2(2.5, 1.5, -2.0))
     output = robot.drive(travel(robot, appearances(world.map), "lab"))
-    assert output == (0.0, 0.0, Status.DONE, "in lab")
+    assert output == BehaviourOutput(0.0, 0.0, Status.DONE, "in lab")
     assert robot.rooms == ["office", "west", "crossing", "north", "lab"]
     for name in ("west", "crossing", "north"):
         assert robot.says(f": {name}"), name
