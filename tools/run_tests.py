@@ -169,6 +169,10 @@ def take_full_time(pid: int) -> None:
     family = [pid]
     for each in family:
         family += [child for child, parent in parents.items() if parent == each]
+        session = Path(f"/proc/{each}/autogroup")
+        with contextlib.suppress(OSError):  # not all kernels share processors out among sessions
+            if session.read_text().endswith(" nice 19\n"):
+                session.write_text("0")
         for task in Path(f"/proc/{each}/task").glob("*"):
             with contextlib.suppress(ProcessLookupError):
                 if os.sched_getscheduler(int(task.name)) == os.SCHED_IDLE:

@@ -138,6 +138,19 @@ def test_each_guest_has_a_processor_of_its_own(own_folder):
     assert len(set.union(*processors)) == 2
 
 
+def test_a_guest_stands_back_as_its_caller_does(own_folder):
+    command = [sys.executable, TOOL, "--real-time", "sh", "-c", "echo up; sleep 1000"]
+    with subprocess.Popen(("chrt", "--idle", "0", *command), stdout=subprocess.PIPE) as process:
+        assert process.stdout.readline() == b"up\n"
+        guest = min(processes_of(own_folder))
+        session = Path(f"/proc/{guest}/autogroup")
+        policies = {os.sched_getscheduler(pid) for pid in processes_of(own_folder)}
+        nice = session.read_text() if session.exists() else " nice 19\n"
+        process.terminate()
+    assert policies == {os.SCHED_IDLE}
+    assert nice.endswith(" nice 19\n")
+
+
 def test_guests_run_side_by_side():
     command = [sys.executable, TOOL, "ip", "-brief", "link", "show", "vcan0"]
     both = [subprocess.Popen(command, stdout=subprocess.PIPE) for _ in range(2)]

@@ -125,13 +125,18 @@ def stage(name: str, *commands: tuple[str, ...], in_background: bool = False) ->
 def test_what_runs_in_the_background_has_idle_time_until_it_is_awaited(tmp_path: Path) -> None:
     begun = tmp_path / "begun"
     wait = "while os.sched_getscheduler(0) != os.SCHED_{}: time.sleep(0.01)\n"
+    # As a guest it has a session of its own, which stands back where the kernel has shares of them.
     child = (
         "import os, pathlib, time\n"
+        "session = pathlib.Path('/proc/self/autogroup')\n"
+        "if session.exists(): session.write_text('19')\n"
         f"{wait.format('IDLE')}pathlib.Path({str(begun)!r}).touch()\n{wait.format('OTHER')}"
+        "while session.exists() and 'nice 0' not in session.read_text(): time.sleep(0.01)\n"
     )
     command = (
         "import os, subprocess, sys, time\n"
-        f"child = subprocess.Popen((sys.executable, '-c', {child!r}))\n"
+        "own = {'start_new_session': True}\n"
+        f"child = subprocess.Popen((sys.executable, '-c', {child!r}), **own)\n"
         f"{wait.format('IDLE')}{wait.format('OTHER')}raise SystemExit(child.wait())"
     )
     stage = run_tests.Stage("beside", (sys.executable, "-c", command), in_background=True)
