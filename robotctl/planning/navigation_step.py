@@ -1,4 +1,4 @@
-"""What a step of the navigator depends on, and what it decides."""
+"""Inputs and outputs of a step of the navigator."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class NavigationInputs(NamedTuple):
     markers: Sequence[tuple[int, SE2]] = ()
     """Markers seen since the last step: number, and pose in `odom`, x into the marker."""
     charge: float = math.nan
-    """Of the battery, in [0, 1]; nan: unknown."""
+    """Charge of the battery, in [0, 1]; nan: unknown."""
 
     @property
     def are_finite(self) -> bool:
@@ -72,7 +72,7 @@ class NavigationInputs(NamedTuple):
 
 
 class NavigationOutputs(NamedTuple):
-    """What a step decides; `item` counts from 0 and equals `items` once all are done."""
+    """Decisions of a step; `item` counts from 0 and equals `items` once all are done."""
 
     v_m_s: float
     omega_rad_s: float
@@ -82,7 +82,7 @@ class NavigationOutputs(NamedTuple):
     mode: Mode
     message: str
     held: bool
-    """Whether `message` says why the robot went to HOLD by itself."""
+    """Whether `message` says why the robot itself went to HOLD."""
     plans: int
     """Paths taken in driving by plan, since the start."""
     recoveries: int
@@ -92,13 +92,13 @@ class NavigationOutputs(NamedTuple):
     goal_reached: bool | None
     """How the last of them ended; None: it is under way, or was given up for something else."""
     goal: Point | None
-    """Where in `world` the robot drives now [m]; None: to no place that is known."""
+    """Place in `world` that the robot drives to now [m]; None: no known place."""
     reverse: bool
     """Whether it drives to places in reverse."""
     home: tuple[float, float, float] | None
-    """Where RTL leads to in `world` [m, m, rad]; None: it was not moved."""
+    """Goal of RTL in `world` [m, m, rad]; None: it was not moved."""
     mission_runs: int
-    """How often a mission was loaded, begun anew or aborted."""
+    """Number of times that a mission was loaded, restarted or aborted."""
     mission_commands: int
     """How often something that was asked of the mission was done."""
     mission: str

@@ -158,10 +158,10 @@ class Navigator:
         self._behaviour: Rejoining | None = None
         self._ended = ""
         self._held = False
-        """Whether `_ended` says why the robot went to HOLD by itself."""
+        """Whether `_ended` says why the robot itself went to HOLD."""
         self._refused = ""
         self._goal: Point | None = None
-        """Of the last position of GUIDED."""
+        """Goal of the last position of GUIDED."""
         self._guided: PositionRequest | ExploreRequest | PlaceRequest | None = None
         """Present or last target of GUIDED."""
         self._guided_ns = 0
@@ -173,7 +173,7 @@ class Navigator:
         self._goals = 0
         self._commands = 0
         self._home: SE2 | None = None
-        """Where RTL leads to since it was moved."""
+        """Goal of RTL since it was moved."""
         self._goal_reached: bool | None = None
         self._enabled = False
         """As of the last step with a control state."""
@@ -195,7 +195,7 @@ class Navigator:
 
     @property
     def mission(self) -> Mission | None:
-        """What AUTO does."""
+        """The mission of AUTO."""
         return self._auto.mission
 
     def resume(self, item: int, s_m: float, counts: Sequence[int] = ()) -> None:
@@ -361,7 +361,7 @@ class Navigator:
             self._ended, self._held = f"hold: {reason}", True
 
     def _fall_back(self, inputs: NavigationInputs, stall: Stall | None, *, stopped: bool) -> None:
-        """Go to HOLD where a robot must not drive, or drive on, by itself, and say why."""
+        """Go to HOLD where the robot must not drive, or not without an operator, and say why."""
         if self._mode in _BY_HAND:
             return
         reason = ""

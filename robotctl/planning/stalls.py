@@ -1,4 +1,4 @@
-"""Stalls of navigation: a robot stands while it lasts, and goes on by itself after a short one.
+"""Stalls of navigation: the robot stands while one lasts, and resumes after a short one.
 
 A computer that is busy for a moment is no reason to give up a mission, but one that is busy again
 and again is none to drive with.
@@ -39,7 +39,7 @@ class Stall(NamedTuple):
 
 
 class StallWatch:
-    """Sees, by the times of the steps and what is heard of control, when navigation is held up.
+    """Detector of stalls of navigation, from the times of its steps and the messages of control.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What a robot sees around itself, handed to the obstacle guard and the pilot."""
+"""Sensor data around the robot, handed to the obstacle guard and the pilot."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Surroundings:
         self._scan: tuple[SE2, RangeScan, int] | None = None
         """The last, with `base` in `odom` at its time, and when it came [ns]."""
         self._epoch: tuple[int, int] | None = None
-        """In which all was seen that is known."""
+        """Epoch of everything seen so far."""
 
     def observe(self, inputs: NavigationInputs, now_ns: int) -> BehaviourInput:
         """Take in what is new; return it for behaviours."""

@@ -82,7 +82,7 @@ class Breadcrumbs:
 
     @property
     def home(self) -> SE2:
-        """Where the path begins."""
+        """Start of the path."""
         home = self._crumbs[0]
         return SE2(home.x_m, home.y_m, home.theta_rad)
 

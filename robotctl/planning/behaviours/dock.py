@@ -99,7 +99,7 @@ class DockAtWall(Behaviour):
         self.pause()
 
     def pause(self) -> None:
-        """Look at the wall anew, and turn square first."""
+        """Measure the wall again after the pause, and turn square to it first."""
         self._wall.reset()
         self._is_square = not self._turns
         self._stood = 0

@@ -28,11 +28,11 @@ from robotctl.planning.local.pursuit import curvature_max, reachable_curvature
 _KEPT: Final = 8
 """Views whose mean counts: one alone is uncertain by degrees from afar."""
 _LOOK_NS: Final = 5_000_000_000
-"""It waits for the marker this long [ns]."""
+"""Maximum wait for the marker [ns]."""
 _LOST_M: Final = 0.6
 """Way that a robot drives at most by where it last saw the marker [m]."""
 _AHEAD_M: Final = 0.4
-"""To the point of the marker's axis that it steers to [m]."""
+"""Distance along the marker's axis to the point that it steers to [m]."""
 _TURN_RAD: Final = math.radians(45.0)
 """A robot that turns on the spot does so where the point is farther aside."""
 _ASIDE_MAX_M: Final = 0.05

@@ -1,4 +1,4 @@
-"""What docking to a wall and docking to a marker have in common."""
+"""Parts shared by docking to a wall and docking to a marker."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SQUARE_RAD: Final = math.radians(2.0)
 SKEW_MAX_RAD: Final = math.radians(6.0)
 """A robot that ends farther off square than this has failed [rad]."""
 NEAR_M: Final = 0.01
-"""Of the distance, at which it counts as reached [m]."""
+"""Error of the distance within which the dock counts as reached [m]."""
 _TURNS: Final = PursuitConfig(omega_max_rad_s=0.3)
 """Slow turns: what it docks to is seen late."""
 _BRAKES_M_S2: Final = 0.1

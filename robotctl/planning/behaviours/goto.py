@@ -83,7 +83,7 @@ class Piloted(Behaviour):
         self._behaviour = None
 
     def pause(self) -> None:
-        """Plan anew after the pause."""
+        """Replan after the pause."""
         if self._behaviour is not None:
             self._behaviour.pause()
 

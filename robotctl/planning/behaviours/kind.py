@@ -41,7 +41,7 @@ class Goal(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """What was seen since the last step, and from where."""
+    """Observations since the last step, each with the pose it was made from."""
 
     T_world_odom: SE2 = SE2()
     """The drift of `odom` now."""
@@ -70,7 +70,7 @@ class Pilot(Protocol):
 
     @property
     def may_move(self) -> tuple[bool, ...]:
-        """Of each sonar, whether its last two echoes are of what has not stood there so far."""
+        """Whether the last two echoes of each sonar are of something that was not there before."""
 
     def see(self, pose: SE2, seen: Seen, now_ns: int) -> None:
         """Take in what was seen; `pose` is that of `base` in `world` now."""
@@ -107,7 +107,7 @@ class Pilot(Protocol):
 
 
 class Abilities(NamedTuple):
-    """What mission items ask of a robot."""
+    """Abilities that mission items require of a robot."""
 
     drive: Drive
     sides: frozenset[str]
@@ -162,7 +162,7 @@ class NavigatedRobot:
 
     @property
     def abilities(self) -> Abilities:
-        """What mission items ask of it."""
+        """Abilities that mission items ask about."""
         sides = sonar_directions(self.mounts)
         guard = self.config.guard
         return Abilities(self.drive, sides, guard, self.sees_markers, self.places)

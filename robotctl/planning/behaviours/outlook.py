@@ -1,4 +1,4 @@
-"""What a pilot is about to drive, and what it sees around: for people to look at."""
+"""View of a pilot for people: its plan, and what it sees around the robot."""
 
 from __future__ import annotations
 
@@ -23,6 +23,6 @@ class Outlook(NamedTuple):
     obstacles: NDArray[np.float64]
     """(k, 2) what the sensors have seen that is not on the map [m]."""
     moving: NDArray[np.float64]
-    """(j, 5) what moves by itself, as `LocalSituation.moving`."""
+    """Moving things, (j, 5), as `LocalSituation.moving`."""
     costs: GridMap
-    """What a place for the middle of the body costs, around the robot: see `costs_of`."""
+    """Cost of each place around the robot for the middle of its body: see `costs_of`."""

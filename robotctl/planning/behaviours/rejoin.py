@@ -96,9 +96,9 @@ class Rejoining(Behaviour):
         self._behaviour = behaviour
         self._robot = robot
         self._pose: SE2 | None = None
-        """That of the last step."""
+        """Pose of the last step."""
         self._epoch: tuple[int, int] | None = None
-        """That of the last step; None after an interruption."""
+        """Epoch of the last step; None after an interruption."""
         self._relocated = False
         self._rejoin: Guarded | None = None
 

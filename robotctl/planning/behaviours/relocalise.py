@@ -1,4 +1,4 @@
-"""Behaviour of a robot that does not know its pose: it looks around without hitting anything."""
+"""Behaviour of a robot that does not know its pose: look around without hitting anything."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class _Way(NamedTuple):
 
 
 class LookAround:
-    """Turns once, then drives wherever there is room; it never ends by itself.
+    """Turn once, then drive wherever there is room; this behaviour never ends.
 
     A drive-and-steer robot cannot turn on the spot: it begins by driving. If its path is blocked,
     it backs up with the wheels turned, so that it faces the freer side, or straight if its nose has

@@ -136,7 +136,7 @@ class PlannedReturn(Behaviour):
         (self._trail if self._failure else self._plan).join()
 
     def pause(self) -> None:
-        """Plan anew after the pause; on the breadcrumbs, replan those."""
+        """Replan after the pause; on the breadcrumbs, replan those."""
         self._plan.pause()
         self._trail.pause()
 

@@ -80,7 +80,7 @@ class WaitFor(Behaviour):
         self.pause()
 
     def pause(self) -> None:
-        """Keep an operator's word; look at the way anew."""
+        """Keep an operator's word; check again whether the way is free."""
         self._clear_ns: int | None = None
 
     def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:

@@ -13,7 +13,7 @@ from robotctl.planning.guard.behaviour import BehaviourInput
 from robotctl.planning.guard.sonars import sonar_towards
 
 SONARS: Final = ("front", "front_left", "front_right")
-"""Where they look."""
+"""Sonars that see the wall."""
 
 _KEPT: Final = 3
 _HALF_BEAM_RAD: Final = math.radians(12.0)
@@ -32,13 +32,13 @@ class _Reading(NamedTuple):
 
 
 class _Aside(NamedTuple):
-    """What a sonar beside the front one says of the wall."""
+    """Range and angle of the wall as a sonar beside the front one measures it."""
 
     sees: bool
     is_hidden: bool
     """Something nearer hides the wall from it."""
     skew_rad: float
-    """Where the wall's normal lies, to the left of ahead [rad]."""
+    """Angle of the wall's normal, left of forward [rad]."""
 
 
 class WallAhead:

@@ -1,4 +1,4 @@
-"""What a place costs a robot, for people."""
+"""Cost of a place to a robot, for people to look at."""
 
 from __future__ import annotations
 

@@ -37,18 +37,18 @@ _BEYOND_M: Final = 1.0
 """Clearance is known up to this beyond the circle in which the robot turns [m]: more than any
 planner's margin and comfort."""
 FARTHEST_M: Final = 10.0
-"""What a lidar sees beyond is left for later [m]."""
+"""Maximum range at which a lidar's points are marked [m]."""
 _AGREE_M: Final = 0.1
 """A point this near to an obstacle of the map is that [m], and farther away as the heading errs:"""
 _AGREE_PER_M: Final = 0.015
 _SONAR_FREE_M: Final = 2.5
 """A sonar's cone is wide beyond this: it clears nothing there [m]."""
 _NO_ECHO_M: Final = 1.0
-"""What a sonar without echo clears [m]: smooth walls at an angle return none."""
+"""Range that a sonar without an echo clears [m]: smooth walls at an angle return none."""
 _SONAR_BAND_M: Final = 0.05
 """Half the depth of the arc that a sonar's echo marks [m]."""
 _STOOD_NS: Final = 1_000_000_000
-"""What a sonar has seen in one place for so long stands [ns]."""
+"""Time after which an echo from one place counts as a standing thing [ns]."""
 _FLOOR_REACH_M: Final = 1.5
 """`FloorMemory` has all points within this of the robot [m]."""
 _REMEMBERS_S: Final = 86400.0

@@ -22,7 +22,7 @@ class Cells(NamedTuple):
     """The map that all layers share, (rows, columns) each."""
 
     base: NDArray[np.int8]
-    """What the map and its zones say; 0 where a beam has passed what they do not know."""
+    """State by the map and its zones; 0 where a beam has passed unknown cells."""
     live: NDArray[np.int8]
     """The same with all that is marked."""
     obstacle: NDArray[np.bool_]
@@ -30,7 +30,7 @@ class Cells(NamedTuple):
     marks: NDArray[np.uint8]
     """A bit for each layer that has marked the cell."""
     from_static: NDArray[np.float32]
-    """From the cell's centre to that of the nearest obstacle in the map itself [cells]."""
+    """Distance from the cell's centre to that of the nearest obstacle in the map itself [cells]."""
     stale: NDArray[np.bool_]
     """Tiles whose clearance is out of date."""
     reach: int
@@ -41,7 +41,7 @@ class Cells(NamedTuple):
 
 
 class Layer(NamedTuple):
-    """What one kind of sensor has seen."""
+    """Marks of one kind of sensor."""
 
     bit: int
     """In `Cells.marks`."""

@@ -20,7 +20,7 @@ from robotctl.model.grid_map import GridMap
 from robotctl.planning.costmap.zones import Closed
 
 _EDGE: float = 0.5
-"""From a cell's centre to its edge [cells]: what a wall beside it is nearer than its centre."""
+"""Distance from a cell's centre to its edge [cells], by which a wall beside it is nearer."""
 
 
 APART: float = 0.93
@@ -57,7 +57,7 @@ class PlanningMap:
         self.obstacle = grid.occupied(occupied_percent)
         self.blocked = self.obstacle if through_unknown else self.obstacle | (grid.cells < 0)
         self.clearance = clearance_of(self.blocked)
-        """From each cell's centre to the nearest edge of a blocked cell, (rows, columns) [cells];
+        """Distance from a cell's centre to the nearest edge of a blocked one, (rows, columns) [cells];
         up to 0.21 more than it is where that is a corner. A live map does not look farther than a
         metre beyond the robot's circle: there it says that much."""
         self.slowness: NDArray[np.float32] | None = None

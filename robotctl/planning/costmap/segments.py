@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 from robotctl.compiled import compiled
 
 DIRECTIONS: Final = 1440
-"""In which an earlier scan is kept."""
+"""Number of directions in which an earlier scan is kept."""
 _PER_RAD: Final = DIRECTIONS / math.tau
 _MARGIN_M: Final = 0.1
 """A range must differ by this to be another one [m]: more than noise, less than a slow person goes
 in half a second."""
 _BESIDE_M: Final = 0.03
-"""What an earlier scan saw may be so much wider, by noise of either [m]."""
+"""Width by which the noise of both scans may widen what the earlier one saw [m]."""
 _NEAR_M: Final = 0.1
 _FREE: Final = 2
 """A place was free if so many earlier scans saw through it, before any saw something there."""
@@ -35,7 +35,7 @@ _LEG_M: Final = 0.25
 _STRIDE_M: Final = 0.6
 """Two legs of a person are no farther apart [m]."""
 MEAN: Final = math.pi / 4.0
-"""From the middle of a disc, on the sensor's side, to the mean of what is seen of it [radii]."""
+"""Distance from a disc's middle to the mean of its visible side, towards the sensor [radii]."""
 
 _SIGMA_M: Final = 0.02
 """Standard deviation of a segment's middle by noise [m]."""

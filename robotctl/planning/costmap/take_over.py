@@ -1,4 +1,4 @@
-"""What another map knows, taken into a live one."""
+"""Taking over into a live map what another map knows."""
 
 from __future__ import annotations
 

@@ -29,13 +29,13 @@ from robotctl.planning.costmap.segments import (
 )
 
 _FARTHEST_M: Final = 8.0
-"""Beyond, beams are too far apart to say what moves [m]."""
+"""Maximum range at which motion is judged [m]: farther out, beams lie too far apart."""
 _HISTORY_S: Final = 1.1
 """How long earlier scans are kept [s]."""
 _APART_S: Final = 0.08
 """At least between two that are kept [s]."""
 _EARLIER_S: Final = 0.3
-"""So much older are those that a scan is compared with [s]: a slow person goes far enough."""
+"""Age of the scan that a new one is compared with [s]: a slow person has moved by then."""
 _MOST_SCANS: Final = 16
 _MOST: Final = 100
 """Tracks."""
@@ -52,7 +52,7 @@ _GATE_M: Final = 0.25
 _LOST_S: Final = 0.5
 """A track that is not seen for this long ends [s]."""
 _SLOWEST_M_S: Final = 0.15
-"""What is slower stands [m/s]."""
+"""Minimum speed of a moving thing [m/s]."""
 _CERTAIN: Final = 2.0
 """A velocity is certain if it is so many standard deviations from 0."""
 _VAGUE_M_S: Final = 0.35
@@ -70,7 +70,7 @@ _COLUMNS: Final = 11
 
 
 class MovingObstacles:
-    """What moves by itself around the robot.
+    """Tracks of moving things around the robot.
 
     Places are in a frame that does not jump, that of the odometry. It is right for obstacles up to
     a metre wide that are not hidden most of the time.

@@ -20,7 +20,7 @@ _SLOWEST: Final = 10.0
 
 
 class Closed(NamedTuple):
-    """What bounds where the robot may be, beside the map."""
+    """Bounds of where the robot may be, in addition to the map."""
 
     zones: tuple[Zone, ...] = ()
     fence: Fence = Fence()

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from robotctl.compiled import compiled
 
 LEFT, STRAIGHT, RIGHT = 1, 0, -1
-"""What a piece does, by the sign of its curvature when driven forward."""
+"""Turn of a piece, by the sign of its curvature when driven forward."""
 PIECES: Final = 5
 _HALF_PI: Final = 0.5 * math.pi
 _EPSILON: Final = 1e-10

@@ -14,16 +14,16 @@ from robotctl.planning.global_planning.plan import Point
 
 _EIGHT: Final = np.ones((3, 3), np.bool_)
 _SEES_M: Final = 1.0
-"""From a place this near to a frontier its beyond is seen [m]."""
+"""Distance from which the far side of a frontier is visible [m]."""
 
 
 class Frontier(NamedTuple):
     """An opening to the unknown."""
 
     middle: Point
-    """Of `world` [m], on it."""
+    """Middle of the frontier in `world` [m]."""
     place: Point
-    """Of `world` [m], where the robot has room to turn and sees it."""
+    """Place in `world` [m] from which the robot sees the frontier and has room to turn."""
     length_m: float
 
 

@@ -42,7 +42,7 @@ _CAPACITY: Final = 2_000_000
 _PIECE: Final = 2000
 """Nodes expanded between two looks at the time: some 10 ms."""
 _SPACING: Final = 1.0
-"""Between two poses of a path [cells]."""
+"""Spacing of the poses of a path [cells]."""
 
 
 class HybridPlanner:

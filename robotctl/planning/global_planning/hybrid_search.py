@@ -58,9 +58,9 @@ class HybridMap(NamedTuple):
     to_go: NDArray[np.float64]
     """(rows, columns) of coarse cells: least cost from there to the goal; inf: no way."""
     side: float
-    """Of a coarse cell."""
+    """Side of a coarse cell."""
     radius: float
-    """Of the smallest turning circle."""
+    """Radius of the smallest turning circle."""
 
 
 class Nodes(NamedTuple):
@@ -71,7 +71,7 @@ class Nodes(NamedTuple):
     cost: NDArray[np.float64]
     parent: NDArray[np.int32]
     steering: NDArray[np.float32]
-    """Of the arc that led there, a share of the largest curvature."""
+    """Curvature of the arc that led there, as a share of the maximum."""
     gear: NDArray[np.int8]
     """1, or -1 in reverse; 0 at the start."""
     best: NDArray[np.int32]

@@ -15,7 +15,7 @@ from robotctl.planning.costmap.planning_map import PlanningMap, body_hits
 _STEP: Final = 0.25
 """The greatest distance that a corner of the body moves between two checks [cells]."""
 _CIRCLES: Final = 4
-"""Between that in which the body can turn and that in which it fits."""
+"""Number of circles between the one in which the body can turn and the one in which it fits."""
 
 
 def radii(space: PlanningMap, margin: float) -> list[float]:

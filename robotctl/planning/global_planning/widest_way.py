@@ -11,7 +11,7 @@ from robotctl.compiled import compiled
 from robotctl.planning.global_planning.heap import pop, push
 
 _STEP: Final = 1e-7
-"""Of ways as wide the shorter comes first: less than any two rooms differ by [cells a step]."""
+"""Cost of a step [cells], below any difference in width: of equally wide ways the shorter wins."""
 
 
 def widest_way(

@@ -29,7 +29,7 @@ class BehaviourInput(NamedTuple):
     epoch: tuple[int, int] = (0, 0)
     """Changes when the pose jumps, since the robot was found elsewhere."""
     charge: float = math.nan
-    """Of the battery, in [0, 1]; nan: unknown."""
+    """Charge of the battery, in [0, 1]; nan: unknown."""
     markers: Sequence[tuple[int, SE2]] = ()
     """Markers seen since the last step: number, and pose in `world`, x into the marker."""
     go_ahead: bool = False
@@ -71,7 +71,7 @@ def failed(reason: str) -> BehaviourOutput:
 
 
 class Anchor(NamedTuple):
-    """Where a behaviour continues after an interruption, in `world`; perhaps a heading."""
+    """Place in `world`, perhaps a heading, where a behaviour continues after an interruption."""
 
     x_m: float
     y_m: float

@@ -21,11 +21,11 @@ from robotctl.model.rectangle import Rectangle
 from robotctl.model.sensors.sonar import SonarMount
 
 _REACH_M: Final = 0.8
-"""From the sonar; the axis of one that is farther away lies too far off."""
+"""Maximum range of a remembered echo [m]: farther out the sonar's axis lies too far off."""
 _KEPT_M: Final = 1.2
-"""From `base`."""
+"""Maximum distance of a remembered echo from `base` [m]."""
 _LIFE_NS: Final = 20_000_000_000
-"""Somebody may have stood there [ns]."""
+"""Age at which an echo is forgotten [ns]: it may have been a person."""
 _SAME_M: Final = 0.08
 """Two echoes in a row that are nearer to each other are of one thing."""
 _AXIS_RAD: Final = math.radians(6.0)
@@ -37,7 +37,7 @@ _CELL_M: Final = 0.04
 
 
 class EchoMemory:
-    """Where the robot has heard something that stands.
+    """Places where the robot has heard something that stands.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class EchoMemory:
         self._points = np.empty((0, 2))
         self._heard_ns = np.empty(0, np.int64)
         self._last: list[tuple[float, float] | None] = [None] * len(self._mounts)
-        """Of each sonar its last echo, in the frame of the odometry."""
+        """Last echo of each sonar, in the frame of the odometry."""
 
     def hear(
         self, T_odom_base: SE2, readings_m: Sequence[float], now_ns: int

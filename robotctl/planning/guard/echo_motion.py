@@ -1,4 +1,4 @@
-"""How fast what a sonar sees comes nearer by itself: a person who walks towards the robot.
+"""Closing speed of what a sonar sees: a person who walks towards the robot.
 
 Each sonar's range is carried along by the robot's own motion and by the speed of what it sees, and
 both are corrected by each reading: a critically damped observer of second order (Benedict, Bordner,
@@ -24,16 +24,16 @@ _LONGEST_S: Final = 0.3
 _SURE: Final = 4
 """Readings after which a speed counts."""
 _STANDS_M_S: Final = 0.2
-"""What comes nearer more slowly stands [m/s]: the readings are noisy."""
+"""Minimum closing speed of a moving thing [m/s]: the readings are noisy."""
 _SLANT: Final = 0.7
 """A wall may be so slanted that it comes nearer by this per way across the beam: the tangent of the
 greatest incidence that gives an echo, 35 degrees."""
 _WALKS_M_S: Final = 0.8
 """How fast what may move is assumed to come nearer [m/s]."""
 _HIDDEN_NS: Final = 1_000_000_000
-"""Who came nearer and left the beam may be between two beams for so long [ns]."""
+"""Time for which a person who came nearer and left the beam may stand between two beams [ns]."""
 _HIDDEN_M: Final = 1.5
-"""Who leaves the beam farther away is seen again [m]."""
+"""Range beyond which a person who leaves one beam enters another [m]."""
 
 
 class Approach(NamedTuple):
@@ -42,7 +42,7 @@ class Approach(NamedTuple):
     range_m: float
     """How far away it is [m]."""
     speed_m_s: float
-    """How fast it comes nearer by itself [m/s]; below 0 it goes away."""
+    """Closing speed of the thing itself [m/s]; < 0: it goes away."""
 
 
 STANDS: Final = Approach(math.inf, 0.0)
@@ -61,7 +61,7 @@ class EchoMotion:
     def __init__(self, mounts: Sequence[SonarMount]) -> None:
         self._sights = [_Sight(mount) for mount in mounts]
         self._strangers: list[tuple[float, int]] = [(math.inf, -_HIDDEN_NS)] * len(mounts)
-        """Of each sonar how far away the last thing was that may move [m], and when [ns]."""
+        """Range [m] and time [ns] at which each sonar last saw something that may move."""
 
     def step(
         self,
@@ -122,7 +122,7 @@ class EchoMotion:
 
 
 class _Sight:
-    """What one sonar sees."""
+    """Filter of one sonar's readings."""
 
     def __init__(self, mount: SonarMount) -> None:
         self._x_m, self._y_m = mount.x_m, mount.y_m

@@ -40,7 +40,7 @@ _PASSING: Final = 0.2
 """One that approaches what comes nearer by less than this passes it, if it does so slowly: standing
 would not keep the two apart."""
 _GRAZE_M_S: Final = 0.04
-"""Nobody is run into by a corner that moves towards them as slowly as this [m/s]."""
+"""Maximum speed of a corner that cannot hurt anybody it moves towards [m/s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +100,7 @@ class GuardStep(NamedTuple):
     """Maximum speed in the requested direction [m/s], >= 0; inf with nothing near. On the spot,
     that of the body's outermost corner, which is `ObstacleGuard.reach_m` from `base`."""
     obstacle: str
-    """What limits it, as text; empty if nothing does."""
+    """Obstacle that limits the speed, as text; empty if there is none."""
 
 
 class Course(NamedTuple):
@@ -150,7 +150,7 @@ class _View(NamedTuple):
     place: Point
     """In `base` [m]."""
     normal: Point
-    """Where it looks, a unit vector of `base`."""
+    """Axis of the sonar, a unit vector of `base`."""
     reaches_m: tuple[float, ...]
     """How far each corner of the body reaches beyond the sonar, to where that looks [m]."""
 
@@ -231,7 +231,7 @@ class ObstacleGuard:
 
     @property
     def reach_m(self) -> float:
-        """From `base` to the outermost corner of the body [m]."""
+        """Distance from `base` to the outermost corner of the body [m]."""
         return self._body.reach_m
 
     def observe(

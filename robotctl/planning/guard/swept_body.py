@@ -22,7 +22,7 @@ _DEEPEST_M: Final = 0.05
 _ROUNDING_M: Final = 1e-6
 """A point this near to a side lies on it [m]: it may leave there."""
 _STANDS: Final = 1e-9
-"""Where the body moves by less than this per way of `base`, it stands."""
+"""Motion per way of `base` below which a part of the body stands."""
 
 
 def free_way(

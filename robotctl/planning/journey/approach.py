@@ -17,13 +17,13 @@ if TYPE_CHECKING:
     from robotctl.planning.journey.pilot import MapPilot
 
 _SHIFTED_M: Final = 0.2
-"""It plans anew where the spot turns out to be so far from where it seemed to be [m]."""
+"""Shift of the spot, against where it was seen first, that calls for a new plan [m]."""
 _LOOK_NS: Final = 1_000_000_000
-"""Between two looks whether the spot is free [ns]."""
+"""Interval between two checks that the spot is free [ns]."""
 _CHANGES: Final = 6
-"""Times that it takes another spot: somebody may walk to and fro there."""
+"""Maximum changes to another spot: a person may walk to and fro there."""
 _SEEN_M: Final = 5.0
-"""What is farther away is not chosen by what stands there [m]."""
+"""Maximum distance at which a thing that stands there counts in the choice of a spot [m]."""
 _HEADINGS: Final = (0.0, math.pi / 3.0, 2.0 * math.pi / 3.0)
 """A body with room in these is taken to have room in any."""
 
@@ -45,7 +45,7 @@ class Approach:
         self.reset()
 
     def reset(self) -> None:
-        """Choose and plan anew in the next step."""
+        """Choose a spot and plan again in the next step."""
         self._name = ""
         self._journey: Journey | None = None
         self._spot = 0

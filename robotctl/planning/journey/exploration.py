@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from robotctl.planning.journey.pilot import MapPilot
 
 _LOOK_NS: Final = 1_000_000_000
-"""Between two looks at the frontiers [ns]."""
+"""Interval between two searches for frontiers [ns]."""
 _COMPARED: Final = 4
-"""Of the nearest frontiers, whose paths are compared."""
+"""Number of nearest frontiers whose paths are compared."""
 _SAME_M: Final = 0.5
 """Frontiers this near to each other are one [m]."""
 _PATIENT_NS: Final = 20_000_000_000

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from robotctl.planning.journey.pilot import MapPilot
 
 _REPLAN_NS: Final = 1_000_000_000
-"""Between two looks for a better path [ns]."""
+"""Interval between two searches for a better path [ns]."""
 _REDIRECTED_NS: Final = 500_000_000
 """Shortest time between two plans while the goal moves [ns]."""
 _ELSEWHERE_M: Final = 0.5
@@ -38,24 +38,24 @@ _ELSEWHERE_M: Final = 0.5
 _BETTER: Final = 0.9
 """A path that costs less than this share of the present one replaces it."""
 _OFF_PATH_M: Final = 0.6
-"""Farther off, the robot plans from where it is [m]."""
+"""Distance from the path beyond which the robot plans from where it is [m]."""
 _STUCK_NS: Final = 1_500_000_000
 """A robot that wants to drive and stands for this long is in trouble [ns]."""
 _PATIENT_NS: Final = 6_000_000_000
-"""The same where somebody is near, who is likely to go on [ns]."""
+"""The same near a person, who is likely to move on [ns]."""
 _AGAIN_NS: Final = 500_000_000
-"""Between two looks for a path past somebody who is in the way [ns]."""
+"""Interval between two searches for a path past a person who stands in the way [ns]."""
 _STANDS_M_S: Final = 0.02
 _STANDS_RAD_S: Final = 0.05
 _LEFT_M: Final = 0.03
 _LEFT_RAD: Final = 0.05
 """A robot that only sways where it came to stand, since the guard holds it, still stands."""
 _PROGRESS_M: Final = 0.5
-"""Of way driven in which a robot counts as having got on [m]."""
+"""Distance driven that counts as progress [m]."""
 _BLIND_NS: Final = 10_000_000_000
 """A robot that sees nothing for this long gives up [ns]."""
 _CHORD_M: Final = 0.25
-"""Of a path, by which its direction is told [m]."""
+"""Length of path by which its direction is told [m]."""
 _SOON_S: Final = 1.0
 """Time of a motion backwards that must be on known floor [s]; turns on the spot creep back."""
 _TURNS_RAD_S: Final = 0.3
@@ -138,7 +138,7 @@ class Journey(Behaviour):
             self._ladder.restart()
 
     def pause(self) -> None:
-        """Plan anew after the pause."""
+        """Replan after the pause."""
         self._route: Route | None = None
         self._is_redirected = False
         """Whether the goal has moved away from the end of the path."""
@@ -407,7 +407,7 @@ class Journey(Behaviour):
         return now_ns - closed.since_ns < round(1e9 * self._pilot.recovery.wait_s)
 
     def _is_patient(self, pose: SE2, now_ns: int) -> bool:
-        """Return whether it waits for somebody who is near and whom it has waited for a while."""
+        """Return whether the robot, having waited for a person nearby, goes on waiting."""
         if self._stuck_ns is None or not self._pilot.is_somebody_near(pose):
             return False
         return now_ns - self._stuck_ns <= _PATIENT_NS

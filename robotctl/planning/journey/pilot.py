@@ -53,7 +53,7 @@ from robotctl.planning.local.controllers import CONTROLLERS
 from robotctl.planning.topological.graph import TopologicalMap
 
 _BLIND_NS: Final = 500_000_000
-"""Without a scan for this long, a robot that has a lidar stands [ns]."""
+"""Maximum age of the last scan with which a robot that has a lidar drives [ns]."""
 _AGREE: Final = 2
 """One echo alone may have nothing to do with the world."""
 _SOMEBODY_M: Final = 2.0
@@ -63,14 +63,14 @@ _LOOK_M: Final = 4.0
 _WIDER: Final = 1.3
 """Planned over minimum turning radius: leaves room for corrections."""
 _STAGE_M: Final = 25.0
-"""So far a robot without a map plans towards a goal that lies beyond what it has seen [m]."""
+"""Maximum length of a plan towards a goal beyond what a robot without a map has seen [m]."""
 _LOOKS_M: Final = 5.0
 """Range within which the robot sees most of what stands there [m]."""
 _CELL_M: Final = 0.05
-"""Of a map that the robot makes itself."""
+"""Cell of a map that the robot makes itself [m]."""
 _TURNED: Final = SE2(0.0, 0.0, math.pi)
 _AROUND_M: Final = 20.0
-"""Such a map reaches this far beyond where it was when it came near the edge, and goals [m]."""
+"""Margin of such a map around goals, and around the robot whenever it comes near the edge [m]."""
 
 
 class MapPilot:
@@ -168,7 +168,7 @@ class MapPilot:
         self._new_echoes = [0] * len(mounts)
         self._map = self._around(home) if grid is None else self._with_map(grid)
         self._given = self._map.space()
-        """Before anything was seen."""
+        """The map as given, with nothing seen yet."""
         self._tracks = MovingObstacles()
         self._scan_ns = -1
         self.last_scan: tuple[SE2, RangeScan] | None = None
@@ -243,7 +243,7 @@ class MapPilot:
 
     @property
     def may_move(self) -> tuple[bool, ...]:
-        """Of each sonar, whether its last two echoes are of what has not stood there so far."""
+        """Whether the last two echoes of each sonar are of something that was not there before."""
         return tuple(count >= _AGREE for count in self._new_echoes)
 
     def is_somebody_near(self, pose: SE2) -> bool:
@@ -252,7 +252,7 @@ class MapPilot:
         return any(self.may_move) or bool((away_m < _SOMEBODY_M).any())
 
     def _take(self, T_world_odom: SE2, T_odom_base: SE2, scan: RangeScan) -> None:
-        """Take a scan: what moves by itself is tracked, the rest marked in the map."""
+        """Take a scan: moving things are tracked, the rest is marked in the map."""
         where = T_world_odom @ T_odom_base
         self.last_scan = where, scan
         angles = where.theta_rad + scan.angles_rad

@@ -1,4 +1,4 @@
-"""What a robot does where it cannot go on: a bounded ladder, one rung after the other."""
+"""Recovery of a robot that cannot go on: a bounded ladder, one rung after the other."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.global_planning.plan import Plan, dense
 
 _STEP_M: Final = 0.05
-"""Between two places that are looked at [m]."""
+"""Spacing of the places that are checked [m]."""
 _AHEAD_M: Final = 2.0
 """Along the path, in which the nearest place is looked for [m]."""
 

@@ -41,18 +41,18 @@ if TYPE_CHECKING:
     from robotctl.planning.journey.pilot import MapPilot
 
 _LOOK_NS: Final = 400_000_000
-"""Between two comparisons with the present place [ns]."""
+"""Interval between two comparisons with the present place [ns]."""
 _DOUBT: Final = 0.1
-"""Of the way driven since the last scan that fitted."""
+"""Error of the place per distance driven since the last scan that fitted."""
 _WRONG_M: Final = 2.5
-"""Of way without a scan that fits, after which the robot looks for its place anew [m]."""
+"""Distance driven without a fitting scan after which the robot searches for its place again [m]."""
 _LOOKS: Final = 8
 """Times that it looks for its place on one travel."""
 _WINDOWS: Final = 4
 """Searched in a step, if there is time."""
 _ROAM_M: Final = 2.5
 _ROAM_NS: Final = 20_000_000_000
-"""Where it recognises nothing it drives on so far, and for so long, before it looks again."""
+"""Distance and time that a robot that recognises nothing drives before it looks again."""
 _BEYOND: Final = tuple(
     SE2(x_m, y_m)
     for x_m, y_m in (
@@ -72,7 +72,7 @@ _MIDDLE: Final = (
 """One who arrives, to one of these in the frame of the place."""
 _CROSSED_M, _LEFT_M = 0.25, 2.0
 _BESIDE_M: Final = 0.4
-"""So far beyond a passage, and no farther beside it, it is in the next place [m]."""
+"""Distances beyond a passage, and at most to its side, at which it counts as passed [m]."""
 _TRIES: Final = 2
 """Times that it fails to get through a passage until it takes another way."""
 _STANDS_M_S, _STANDS_RAD_S = 0.02, 0.05
@@ -82,7 +82,7 @@ _BLIND_NS: Final = 10_000_000_000
 
 @dataclass(slots=True)
 class _Belief:
-    """Where the robot is.
+    """Belief of where the robot is.
 
     Parameters
     ----------
@@ -240,7 +240,7 @@ class Travel(Behaviour):
             self._forget(f"this does not look like {belief.place}")
 
     def _forget(self, reason: str) -> None:
-        """Look for the place anew."""
+        """Search for the place again."""
         self._belief, self._reason = None, reason
         self.pause()
 
@@ -353,7 +353,7 @@ class Travel(Behaviour):
             self._closed[passage.name] = reason
 
     def _fail(self, passage: Passage, reason: str) -> BehaviourOutput:
-        """Look anew after a passage was not reached; take another way if that happens again."""
+        """Look again after a passage was not reached; take another way if that repeats."""
         self._count(passage, reason)
         self._forget(f"{passage.name} was not reached: {reason}")
         return BehaviourOutput(0.0, 0.0, text=self._reason)

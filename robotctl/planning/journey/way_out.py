@@ -28,7 +28,7 @@ _WAYS_OUT_M: Final = (
     *((0.3, 0.2), (0.3, -0.2), (-0.3, 0.2), (-0.3, -0.2)),
     *((0.3, 0.4), (0.3, -0.4), (-0.3, 0.4), (-0.3, -0.4)),
 )
-"""From a place without room to one with: on and to the left [m]."""
+"""Steps from a place without room to one with room, forward and to the left [m]."""
 _SECTORS: Final = 16
 """Directions in each of which the nearest exit is looked for."""
 

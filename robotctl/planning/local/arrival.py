@@ -21,7 +21,7 @@ from robotctl.planning.local.controller import ControllerConfig
 from robotctl.planning.local.track import Track
 
 NEAR_M: Final = 0.35
-"""From here on a robot that turns on the spot arrives."""
+"""Distance within which a robot that turns on the spot arrives [m]."""
 NEAR_STEERED_M: Final = 1.0
 _TURN_FIRST: Final = 0.6
 """A bearing beyond this is turned to on the spot [rad]."""
@@ -49,7 +49,7 @@ class _Phase(enum.Enum):
 
 
 class ArrivalStep(NamedTuple):
-    """What the robot is to do."""
+    """Decision of one step: where the robot is to go."""
 
     v_m_s: float
     omega_rad_s: float
@@ -85,7 +85,7 @@ class Arrival:
         self._omega_max = omega_max_rad_s
         self._alpha = alpha_rad_s2
         self._curvature = 0.0
-        """To which the wheels are turned by now."""
+        """Curvature to which the wheels are turned by now."""
         self.near_m = NEAR_STEERED_M if drive.steered else NEAR_M
         self.reset()
 
@@ -131,7 +131,7 @@ class Arrival:
         return ArrivalStep(v, omega, self._phase is _Phase.STAND, False, vy)
 
     def _has_left(self, distance_m: float, error_rad: float) -> bool:
-        """Return whether the robot was carried away from where it had arrived."""
+        """Return whether something moved the robot away from where it had arrived."""
         config = self._config
         turned = self._phase is _Phase.STAND
         return distance_m > _LEAVES * config.position_tolerance_m or (

@@ -1,4 +1,4 @@
-"""Where a body may be: its exact outline among the cells of a map and things that move.
+"""Exact outline of a body among the cells of a map and things that move.
 
 All lengths are in cells of the map, times in seconds.
 """
@@ -17,7 +17,7 @@ from robotctl.model.footprint import Footprint
 from robotctl.planning.costmap.planning_map import APART
 
 SPACING: Final = 0.25
-"""Between two points of the outline."""
+"""Spacing of the points of the outline."""
 COARSE: Final = 1.0
 """The same where a miss by half a cell does not matter."""
 TOUCH: Final = -1e9
@@ -36,11 +36,11 @@ class Body(NamedTuple):
     sides: NDArray[np.float64]
     """(m, 3): unit normals that point outwards, and the distance of the sides from `base`."""
     reach: float
-    """From `base` to its farthest point."""
+    """Distance from `base` to its farthest point."""
 
 
 class Surroundings(NamedTuple):
-    """What a body must not touch."""
+    """Things that a body must not touch."""
 
     blocked: NDArray[np.bool_]
     clearance: NDArray[np.float32]

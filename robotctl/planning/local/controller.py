@@ -97,9 +97,9 @@ class LocalSituation(NamedTuple):
     reverse: NDArray[np.bool_]
     """(n - 1,): whether the piece from each pose to the next is driven backwards."""
     space: PlanningMap
-    """What the robot must not touch, around it; beyond the map's edge everything is blocked."""
+    """Space around the robot; beyond the map's edge everything is blocked."""
     moving: NDArray[np.float64]
-    """(k, 5) what moves by itself: x, y, vx, vy in `world` and its radius [m, m/s]."""
+    """Moving things, (k, 5): x, y, vx, vy in `world` and radius [m, m/s]."""
     speed_m_s: float
     """Largest speed here [m/s], > 0."""
 

@@ -53,7 +53,7 @@ PEOPLE: Final = 2.0
 
 
 class Choice(NamedTuple):
-    """What a search decided."""
+    """Result of a search."""
 
     v: float
     omega: float

@@ -1,4 +1,4 @@
-"""What velocities lead to: all candidates are driven ahead and priced at once.
+"""Consequences of velocities: all candidates are rolled out and priced at once.
 
 A candidate is a sequence of wanted velocities; the robot follows them within its accelerations. It
 is admissible if the robot, after one step with its first velocity, can still stop before it
@@ -29,9 +29,9 @@ _AHEAD: Final = 2
 _KNOWN: Final = 16
 """First velocities that are remembered."""
 _LET_PASS_S: Final = 0.8
-"""What moves claims the place where it is so long after."""
+"""Time ahead for which a moving thing claims the places that it is going to [s]."""
 _LATER_S: Final = 2.0
-"""So long beyond the time ahead the robot had better not be in somebody's way."""
+"""Time beyond the horizon in which the robot should not be in anybody's way."""
 
 
 class Motion(NamedTuple):
@@ -44,19 +44,19 @@ class Motion(NamedTuple):
     a: float
     alpha: float
     curvature_max: float
-    """Of its path: 1 / the smallest turning radius; inf if it turns on the spot."""
+    """Maximum curvature of its path: 1 / smallest turning radius; inf if it turns on the spot."""
     brake: float
     """Deceleration that it manages for sure."""
     turn_brake: float
     """The same of turning [rad/s^2]."""
     reaction_s: float
     creep: float
-    """Up to this speed the margin is not needed."""
+    """Maximum speed that needs no margin."""
     dt_s: float
 
 
 class Weights(NamedTuple):
-    """What counts how much; lengths in cells."""
+    """Weights of the costs; lengths in cells."""
 
     goal: float
     path: float
@@ -83,16 +83,16 @@ class Problem(NamedTuple):
     motion: Motion
     weights: Weights
     pose: tuple[float, float, float]
-    """Where the robot is seen."""
+    """Pose at which the robot is seen."""
     soon: tuple[float, float, float]
-    """Where it is when the next velocity takes effect."""
+    """Pose at which the next velocity takes effect."""
     v: float
     omega: float
     vy: float
     path: NDArray[np.float64]
     """(n, 4): x, y, cosine and sine of the heading there, from near the robot on."""
     spacing: float
-    """Between two points of the path."""
+    """Spacing of the points of the path."""
     ends: bool
     """Whether the robot is to stop at the last point."""
     gear: float
@@ -325,7 +325,7 @@ def _crowded(
 
 @compiled
 def _in_the_way(problem: Problem, x: float, y: float, on_x: float, on_y: float) -> float:
-    """Return 0 to 1, the nearer somebody will come to a robot that goes on from x, y like that."""
+    """Return 0 to 1, the closer people will come to a robot that goes on from x, y like that."""
     most, comfort = 0.0, problem.weights.people_comfort
     for i in range(len(problem.space.moving)):
         mx, my, vx, vy, radius = problem.space.moving[i]

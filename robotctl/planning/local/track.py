@@ -13,7 +13,7 @@ from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 
 _SPACING_M: Final = 0.05
-"""Between two points, about."""
+"""Approximate spacing of the points [m]."""
 _SHORTEST_M: Final = 1e-3
 """A piece of a path that is shorter is a turn on the spot."""
 _BENT_RAD: Final = 0.5
@@ -32,17 +32,17 @@ class Section(NamedTuple):
     bends_per_m: NDArray[np.float64]
     """(n,) change of that direction per length of the path [rad/m]."""
     spacing_m: float
-    """Between two points along the path [m]."""
+    """Spacing of the points along the path [m]."""
     reverse: bool
 
 
 class Reference(NamedTuple):
-    """Where the robot should be now, as seen from the path."""
+    """Nominal place of the robot, as seen from the path."""
 
     beside_m: float
     """How far the robot is to the left of the path, as it is to look there [m]."""
     turned_rad: float
-    """By how much it looks to the left of that direction [rad]."""
+    """Heading to the left of that direction [rad]."""
     bend_per_m: float
     """Change of that direction per length of the path [rad/m]."""
     way_m: float

@@ -1,4 +1,4 @@
-"""What mode AUTO does: the mission, if there is one, and what operators ask of it."""
+"""Mode AUTO: the mission, if there is one, and what operators ask of it."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Auto:
 
     @property
     def goal(self) -> tuple[float, float] | None:
-        """Where in `world` it drives now [m]; None: to no place that its item names."""
+        """Place in `world` that it drives to now [m]; None: its item names none."""
         runner = self._runner
         return runner.goal if runner is not None and self.is_under_way else None
 

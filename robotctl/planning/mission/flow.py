@@ -12,7 +12,7 @@ from robotctl.toml_source import nearest
 
 
 class Problem(NamedTuple):
-    """What is wrong with an item: its index, the key to blame, and why."""
+    """Error in an item: its index, the key to blame, and the reason."""
 
     item: int
     key: str
@@ -27,7 +27,7 @@ class Loop(NamedTuple):
     most: int | None
     """How often it leads there; None: always."""
     anew: bool
-    """Whether it counts anew once it was passed."""
+    """Whether its count starts again once it was passed."""
     passes: bool
     """Whether people count how often its block was driven, not how often it led back."""
 

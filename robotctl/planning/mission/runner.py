@@ -77,7 +77,7 @@ class MissionRunner:
 
     @property
     def goal(self) -> tuple[float, float] | None:
-        """Where in `world` the present item leads [m]; None: to no place that it names."""
+        """Place in `world` that the present item leads to [m]; None: it names none."""
         item = None if self.completed else self.mission.item[self.index]
         if isinstance(item, GotoItem | StraightToItem):
             return item.x_m, item.y_m

@@ -1,4 +1,4 @@
-"""What a place of a map looks like, and where its passages are, in a frame of its own."""
+"""Appearance of a place of a map, and its passages, in a frame of its own."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from robotctl.planning.topological.graph import Exit, Passage, TopologicalPlace,
 
 BEARINGS: Final = 180
 REACH_M: Final = 12.0
-"""Nobody looks farther."""
+"""Maximum depth of a view [m]."""
 SPACING_M: Final = 2.5
-"""From any spot of a place there is a view no farther away."""
+"""Maximum distance from any spot of a place to the nearest view [m]."""
 _ROOM_M: Final = 0.4
 """Around the spot of a view, if the place has so much: a robot comes by there."""
 _THROUGH_M: Final = 0.75

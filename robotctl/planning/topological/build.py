@@ -37,13 +37,13 @@ from robotctl.planning.topological.regions import (
 )
 
 LEAST_AREA_M2: Final = 1.0
-"""Of a place; what is smaller joins the place beside it, or is left out."""
+"""Minimum area of a place; a smaller one joins its neighbour, or is left out."""
 FURNITURE_M: Final = 3.5
 """Things that stand free and are no longer than this do not divide a room."""
 _HOLE_M: Final = 0.1
-"""Between parts of one thing: a wall that was seen from far away has holes."""
+"""Maximum gap between parts of one thing: a wall seen from far away has holes."""
 _POST_M, _WALL_M = 0.5, 0.4
-"""What is longer than the first and thinner than the second is a wall between two doors."""
+"""Minimum length and maximum thickness of a wall between two doors."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

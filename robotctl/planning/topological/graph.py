@@ -22,7 +22,7 @@ PlaceKind = Literal["room", "corridor", "junction"]
 
 @dataclass(frozen=True, slots=True)
 class Exit:
-    """Where a passage is, in the frame of a place.
+    """Passage as seen in the frame of a place.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class Exit:
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """What a place looks like from another spot than its middle, in the frame of the place.
+    """Appearance of a place from a spot other than its middle, in the frame of the place.
 
     Parameters
     ----------

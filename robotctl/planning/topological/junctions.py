@@ -1,4 +1,4 @@
-"""Where corridors meet, branch or turn.
+"""Junctions: places where corridors meet, branch or turn.
 
 Floor is corridor where it runs straight on for longer than `LONG` times its width, which is that of
 the largest free circle over a spot (local thickness: Hildebrand and Rüegsegger, Journal of
@@ -28,12 +28,12 @@ _CORE: Final = 0.2
 _DOOR_M: Final = 1.2
 """A corridor ends at a passage that is narrower; a thing that stands in it does not end it."""
 _SHARE: Final = 1.0 / 3.0
-"""Of a region beside a junction that runs straight on, from which on it is a corridor."""
+"""Share of a region beside a junction that has to run straight on for it to be a corridor."""
 _SMOOTH_M: Final = 0.15
 """Smaller gaps where corridors meet are filled, smaller parts left out."""
 _DIRECTIONS: Final = 36
 _FINER: Final = 1.1
-"""Between the circles that widths are measured with."""
+"""Ratio of the circles that widths are measured with."""
 _EIGHT: Final = np.ones((3, 3), np.bool_)
 
 Mask = NDArray[np.bool_]

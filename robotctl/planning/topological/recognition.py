@@ -1,4 +1,4 @@
-"""Where a scan was taken: in which place of a topological map, and where in its frame.
+"""Recognition of the place of a topological map in which a scan was taken, and of the pose in it.
 
 What the views of a place show together is its appearance. A scan is laid over it by correlative
 search (Olson, ICRA 2009) and judged by the nearest views: what one sees, the other must not have
@@ -27,12 +27,12 @@ from robotctl.planning.topological.appearance import REACH_M, SPACING_M
 from robotctl.planning.topological.graph import TopologicalMap, TopologicalPlace, spot
 
 POINTS: Final = 120
-"""Of a scan that are compared."""
+"""Number of points of a scan that are compared."""
 _ASKED: Final = 2
 """Views near a pose that judge it."""
 _LEAST_SCORE: Final = 0.5
 _LEAST_AGREES: Final = 0.85
-"""Of a place that a scan may be from."""
+"""Minimum score, and share of the scan that agrees, of a place that the scan may be from."""
 _ALIKE: Final = 0.9
 """Another place with this share of the score, and of what agrees, leaves it open which it is."""
 _FOLLOW_SCORE: Final = 0.5
@@ -88,7 +88,7 @@ def look_of(scan: RangeScan) -> Look | None:
 
 
 class Appearance:
-    """What a place looks like, in its frame.
+    """Appearance of a place, in its frame.
 
     Parameters
     ----------

@@ -57,11 +57,11 @@ from robotctl.planning.global_planning.trees.sampling import cells_around, narro
 _CAPACITY: Final = 50_000
 """Poses of a tree at most: 8 MB."""
 _ROUNDS: Final = 100
-"""Between two looks at the time: some milliseconds."""
+"""Rounds between two checks of the time limit: a few milliseconds."""
 _SAMPLES: Final = 20_000
-"""For a first path."""
+"""Maximum samples for a first path."""
 _OPTIMAL_SAMPLES: Final = 4000
-"""Of RRT*, once a path is known."""
+"""Maximum samples of RRT* once a path is known."""
 _BUCKET: Final = 8.0
 """Side of a bucket [cells]."""
 _LONGEST: Final = 60.0

@@ -36,7 +36,7 @@ class Course(NamedTuple):
     discs: NDArray[np.float64]
     """Circles that cover it, (n, 3)."""
     radius: float
-    """Of the smallest turning circle."""
+    """Radius of the smallest turning circle."""
 
 
 @compiled

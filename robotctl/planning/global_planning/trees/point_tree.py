@@ -23,7 +23,7 @@ _LEAST_STEP: Final = 0.25
 _FEW: Final = 1000
 """Points that are compared one by one faster than buckets are looked through."""
 _ROOM: Final = 0.93
-"""From a point to the centre of its cell and from there, at most, beyond the clearance [cells]."""
+"""Maximum distance from a point to its cell's centre, plus the error of the clearance [cells]."""
 
 
 class Tree(NamedTuple):

@@ -37,7 +37,7 @@ from robotctl.planning.global_planning.trees.pose_tree import (
 _LEAST_STEP: Final = 1.0
 """A shorter motion brings nothing [cells]."""
 _BACK_OFF: Final = 0.8
-"""Of the free part of a motion, so much is driven: at an obstacle no curve leads on."""
+"""Share of the free part of a motion that is driven: no curve leads on from an obstacle."""
 _NARROW_SHARE: Final = 0.3
 _GOAL_SHARE: Final = 0.05
 _TRIES: Final = 100

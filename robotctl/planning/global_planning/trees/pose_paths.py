@@ -22,7 +22,7 @@ from robotctl.planning.global_planning.trees.motions import (
 from robotctl.planning.global_planning.trees.pose_tree import PoseTree
 
 _SPACING: Final = 1.0
-"""Between two poses of a path [cells]."""
+"""Spacing of the poses of a path [cells]."""
 
 
 class PosePath(NamedTuple):

@@ -28,7 +28,7 @@ class PoseTree(NamedTuple):
     curve: NDArray[np.float64]
     """(n, 2, 5): from the parent to here, in radii of the smallest turning circle."""
     cost: NDArray[np.float64]
-    """Of that curve alone."""
+    """Cost of that curve alone."""
     links: NDArray[np.int32]
     """The next pose of the same bucket, -1: none."""
     heads: NDArray[np.int32]
@@ -36,7 +36,7 @@ class PoseTree(NamedTuple):
     size: NDArray[np.int64]
     """(1,): how many poses there are."""
     side: float
-    """Of a bucket [cells]."""
+    """Side of a bucket [cells]."""
 
 
 def make_pose_tree(

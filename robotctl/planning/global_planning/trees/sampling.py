@@ -1,4 +1,4 @@
-"""Where a tree may grow: the cells around its start, and those of narrow passages among them."""
+"""Regions in which a tree may grow: the cells around its start, narrow passages among them."""
 
 from __future__ import annotations
 

@@ -48,15 +48,15 @@ Point = tuple[float, float]
 _CAPACITY: Final = 200_000
 """Points of a tree at most: 6 MB."""
 _ROUNDS: Final = 1000
-"""Between two looks at the time: some milliseconds."""
+"""Rounds between two checks of the time limit: a few milliseconds."""
 _BUCKET: Final = 8.0
 """Side of a bucket [cells]."""
 _LONGEST: Final = 60.0
 """A tree grows by this at most [cells]: 3 m at 5 cm."""
 _OPTIMAL_ROUNDS: Final = 20_000
-"""Of RRT*, once a path is known."""
+"""Maximum rounds of RRT* once a path is known."""
 _NEIGHBOURS: Final = 30
-"""Of a point, as many may be joined to it when the shortest path over all points is found."""
+"""Maximum neighbours of a point when the shortest path over all points is searched."""
 _SHORTENINGS: Final = 400
 _TRIES: Final = 30
 """Trees with one circle: the body may not pass on the path of the first."""
