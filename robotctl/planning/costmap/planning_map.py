@@ -57,9 +57,9 @@ class PlanningMap:
         self.obstacle = grid.occupied(occupied_percent)
         self.blocked = self.obstacle if through_unknown else self.obstacle | (grid.cells < 0)
         self.clearance = clearance_of(self.blocked)
-        """Distance from a cell's centre to the nearest edge of a blocked one, (rows, columns) [cells];
-        up to 0.21 more than it is where that is a corner. A live map does not look farther than a
-        metre beyond the robot's circle: there it says that much."""
+        """Distance of each cell's centre from the nearest edge of a blocked one [cells], (rows,
+        columns); up to 0.21 more than it is where that is a corner. A live map does not look
+        farther than a metre beyond the robot's circle: there it says that much."""
         self.slowness: NDArray[np.float32] | None = None
         """How many times longer than elsewhere the robot takes, (rows, columns); None: nowhere."""
         self.closed = Closed()
