@@ -30,5 +30,5 @@ class Grown:
 
     @property
     def view(self) -> NDArray[Any]:
-        """What is in it."""
+        """View of the entries so far."""
         return self.array[: self.size]

@@ -1,4 +1,4 @@
-"""Where in each column of the strip the floor ends: found coarsely, then to parts of a pixel."""
+"""Floor boundary in each column of the strip: found coarsely, then to a fraction of a pixel."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from robotctl.model.sensors.camera_geometry import CameraGeometry
 from robotctl.model.sensors.camera_lens import camera_matrix
 
 _UPRIGHT: Final = 0.35
-"""Of a marker's normal at most this share points up or down."""
+"""Maximum share of a marker's normal that may point up or down."""
 
 
 class MarkerDetector:

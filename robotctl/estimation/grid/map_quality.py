@@ -26,7 +26,7 @@ _AWAY = np.ones((3, 3), np.bool_)
 _FAR_M: Final = 0.5
 _ROUNDS: Final = 40
 _FINE: Final = 0.2
-"""Of a cell: how finely walls are drawn to lay a map over them."""
+"""Spacing of the points of a wall, as a share of a cell, for laying a map over it."""
 
 
 @dataclass(frozen=True, slots=True)

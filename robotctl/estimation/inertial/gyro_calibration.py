@@ -1,4 +1,4 @@
-"""The bias of a gyro, measured anew while the robot stands."""
+"""Calibration of a gyro's bias whenever the robot stands."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ TAKES_NS: Final = 3_000_000_000
 
 
 LEAST_READINGS: Final = 50
-"""Fewer are no measurement."""
+"""Minimum readings of a measurement."""
 
 
 class GyroCalibration:

@@ -87,7 +87,7 @@ class InertialTracker:
         self._readings_at_rest = 0
         self._at_rest = False
         self._gravity_m_s2 = GRAVITY_M_S2
-        """What the accelerometer reads at rest."""
+        """Reading of the accelerometer at rest [m/s^2]."""
         self._up: Vector | None = None
         self._ahead_rad = self._rise_m_s = self._slip_rad = self._corrected_rad = 0.0
         self._apart_rad = 0.0

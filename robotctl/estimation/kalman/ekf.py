@@ -41,7 +41,7 @@ from robotctl.model.wall_map import WallMap
 
 Array: TypeAlias = NDArray[np.float64]
 _Expectation: TypeAlias = Callable[[Array], tuple[Array, Array] | None]
-"""From a state to the expected measurement (m,) and its Jacobian (m, k) by the first k states."""
+"""Function from a state to the expected measurement (m,) and its Jacobian (m, first k states)."""
 
 
 @dataclass(frozen=True, slots=True)

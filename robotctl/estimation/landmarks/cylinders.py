@@ -17,7 +17,7 @@ from robotctl.model.sensors.range_scan import RangeScan
 
 @dataclass(frozen=True, slots=True)
 class CylinderConfig:
-    """What counts as a cylinder.
+    """Criteria for a cylinder.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ Array: TypeAlias = NDArray[np.float64]
 _APART_M = 1.0
 """Minimum distance between landmarks that determine a heading."""
 _SIGMA_M = 0.2
-"""Of one sighting, with motion in between and a camera not yet calibrated."""
+"""Standard deviation of one sighting, moving and with a camera not yet calibrated [m]."""
 
 
 class SeenLandmark:

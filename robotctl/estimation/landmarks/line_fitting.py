@@ -178,7 +178,7 @@ def _fitted(points: Array, weights: Array) -> tuple[float, float, Array]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Corner:
-    """Where two lines meet.
+    """Corner: the point where two lines meet.
 
     Parameters
     ----------

@@ -110,7 +110,7 @@ class Segment:
 
     @property
     def length_m(self) -> float:
-        """From end to end [m]."""
+        """Length from end to end [m]."""
         return float(np.hypot(*(self.ends[1] - self.ends[0])))
 
 

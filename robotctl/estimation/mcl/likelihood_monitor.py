@@ -36,10 +36,10 @@ _ALARM: Final = 8.0
 _ALARM_ALONE: Final = 40.0
 """The same for the evidence alone. On public lidar logs the sum of a tracked robot reaches 22."""
 _CALM: Final = 1.0
-"""Sum of the advantage below which a sensor has nothing against the belief: a robot that was
-carried away exceeds it with the first measurement. The evidence alone falls for a crowd, so"""
+"""Sum of the advantage below which a sensor has nothing against the belief: a robot that was moved
+by hand exceeds it with the first measurement."""
 _CALM_EVIDENCE: Final = 4.0
-"""its sum may be greater."""
+"""The same of the evidence alone, which falls in a crowd."""
 _SAYS_MORE: Final = 1.5
 """A sensor says more than another one if its measurements usually favour the belief by this factor
 more."""

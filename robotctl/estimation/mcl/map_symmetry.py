@@ -21,7 +21,7 @@ _CELL_M: Final = 0.2
 _CELLS: Final = 512
 """Cells of a side at most; those of a large map are larger."""
 _PEAKS: Final = 6
-"""For each turn."""
+"""Number of peaks that are kept for each turn."""
 _ALIKE: Final = 0.35
 """Share of the walls that fall on walls at a peak, at least."""
 _APART_M: Final = 1.0

@@ -30,7 +30,7 @@ _CLUSTERS = 8
 
 
 class ParticleBelief:
-    """Where the robot may be.
+    """Belief of the robot's pose, as particles.
 
     Parameters
     ----------

@@ -63,12 +63,12 @@ class OdometrySegment:
     def reset(self) -> None:
         """Start a new path."""
         self.motion = SE2()
-        """From the start of the path to its end, in `base` at the start."""
+        """Motion from the start of the path to its end, in `base` at the start."""
         self.distance_m = 0.0
         self.angle_rad = 0.0
         """Sum of the turns' amounts [rad]."""
         self.covariance = np.zeros((3, 3))
-        """Of the motion's noise, in `base` at the start, without the floor, (3, 3)."""
+        """Covariance of the motion's noise, in `base` at the start, without the floor, (3, 3)."""
 
     def add(self, delta: SE2) -> None:
         """Add a motion in the present `base`.

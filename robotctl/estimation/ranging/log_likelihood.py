@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 LogLikelihood: TypeAlias = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-"""From poses of `base` in `world`, (n, 3) [m, m, rad], to the log-likelihood of one measurement at
+"""Maps poses of `base` in `world`, (n, 3) [m, m, rad], to the log-likelihood of one measurement at
 each, (n,), up to a constant that is the same for all poses. The constant makes a perfect fit about
 0, so that the localiser can detect a bad fit from the first measurement on."""
 

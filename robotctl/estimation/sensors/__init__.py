@@ -1,1 +1,1 @@
-"""What each kind of sensor gives to the localisers and the map."""
+"""Measurements of each kind of sensor for the localisers and the map."""

@@ -1,4 +1,4 @@
-"""What a sensor gives to the localisers and to the map."""
+"""Measurements of a sensor for the localisers and the map."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from robotctl.model.wall_map import WallMap
 
 
 class SensedRobot(NamedTuple):
-    """What sensors need to know of their robot."""
+    """Parts of the robot that its sensors depend on."""
 
     mounts: Sequence[SonarMount]
     """Its sonars, in the order of the ranges."""
@@ -44,7 +44,7 @@ class SensedMap(Protocol):
 
 
 class Measured(Protocol):
-    """What a sensor measured at one time."""
+    """Measurement of a sensor at one time."""
 
     @property
     def stamp_ns(self) -> int:
@@ -59,7 +59,7 @@ CellUpdate: TypeAlias = Callable[[OccupancyGrid, SE2], None]
 
 
 class Detail(enum.Enum):
-    """How finely a sensor draws: with a fine one, the map is begun anew without the coarse ones."""
+    """Resolution of a sensor's drawing: a fine one starts the map again without the coarse ones."""
 
     FINE = enum.auto()
     MEDIUM = enum.auto()

@@ -14,7 +14,7 @@ from robotctl.model.sensors.camera_geometry import CameraGeometry
 GRID = (200, 160, 0)
 """Colour of a grid of the floor, blue, green, red."""
 GRID_M = 0.5
-"""Between its lines [m]."""
+"""Spacing of the grid's lines [m]."""
 _MARK = (0, 0, 230)
 _NOTHING = (60, 60, 60)
 _MAX_SIDE_PX = 8000

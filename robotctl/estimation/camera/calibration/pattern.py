@@ -24,7 +24,7 @@ MARKERS: Final[dict[str, int]] = {
 """The families of markers that are known: ArUco (Garrido-Jurado 2014) and AprilTag (Olson 2011)."""
 PX_PER_MM: Final = 10
 MOST_CORNERS: Final = 50
-"""Of a board, on a side."""
+"""Maximum corners along a side of a board."""
 _BORDER_MM = 10
 _ENLARGED = 2
 _LEAST_WINDOW_PX = 2

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from robotctl.compiled import compiled
 
 BITS = 256
-"""Of a descriptor."""
+"""Bits of a descriptor."""
 
 
 @compiled

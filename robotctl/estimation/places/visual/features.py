@@ -1,4 +1,4 @@
-"""What describes an image: corners with binary descriptors."""
+"""Features of an image: corners with binary descriptors."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Descriptors: TypeAlias = NDArray[np.uint64]
 
 @dataclass(frozen=True, slots=True)
 class Features:
-    """What describes an image.
+    """Features of an image.
 
     Parameters
     ----------

@@ -229,7 +229,7 @@ def _turn_alike(a: NDArray[np.float64], b: NDArray[np.float64], chosen: NDArray[
 def _best_plane(
     a: NDArray[np.float64], b: NDArray[np.float64], drawn: NDArray[np.float64], tolerance: float
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Return the homography of most inliers, fitted to these anew, and them."""
+    """Return the homography with most inliers, refitted to them, and the inliers."""
     n = len(a)
     best_H = np.zeros((3, 3))
     best = np.zeros(n, np.bool_)

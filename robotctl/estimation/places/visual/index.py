@@ -25,7 +25,7 @@ class InvertedIndex:
         self._last = np.full(words, -1, np.int64)
         """The newest entry of each word."""
         self._before = Grown((), np.int64)
-        """Of each entry the one before with its word, its image, and the word's weight there."""
+        """Previous entry with the same word, its image, and the word's weight there."""
         self._image, self._weight = Grown((), np.int64), Grown((), np.float64)
         self.images = 0
 

@@ -13,7 +13,7 @@ from robotctl.estimation.places.visual.bits import BITS, differing_bits
 MOST_BITS: Final = 64
 """Bits by which two sights of a corner differ at most: a quarter of all."""
 RATIO: Final = 0.8
-"""Of the best match to the next best, at most (Lowe, IJCV 60(2), 2004)."""
+"""Maximum ratio of the best match to the next best (Lowe, IJCV 60(2), 2004)."""
 
 
 @compiled

@@ -24,21 +24,21 @@ from robotctl.estimation.places.visual.vocabulary import Vocabulary
 CANDIDATES: Final = 5
 """Images whose geometry is looked at, those of most score."""
 LEAST_FEATURES: Final = 50
-"""Of an image that can be recognised; a plain wall has fewer."""
+"""Minimum features of an image that can be recognised; a plain wall has fewer."""
 LEAST_LOG10_CHANCE: Final = -6.0
-"""Of a fit that is no chance: one in a million."""
+"""Maximum log10 of the probability that a fit is chance: one in a million."""
 LEAST_SHARE: Final = 0.1
 """Share of an image's features that must fit; alike doors and lamps elsewhere are fewer."""
 ALONE_SHARE: Final = 0.2
 """Share that counts without another image's word."""
 RIVAL: Final = 0.6
-"""Of the best fit: with more, another place makes it ambiguous."""
+"""Share of the best fit from which another place makes it ambiguous."""
 NEAR: Final = 3
 """Images before and after one that show the same place, at least."""
 REMEMBERED: Final = 3
 """Images before the last whose candidates confirm its own."""
 _SCORE: Final = 0.5
-"""Of the best score: an image with less is no candidate."""
+"""Minimum share of the best score for an image to be a candidate."""
 _FEW: Final = 100
 """Features below which shares are of this many."""
 _ALIKE: Final = 0.4
@@ -76,7 +76,7 @@ class VisualCandidate:
 
 @dataclass(frozen=True, slots=True)
 class VisualRecognition:
-    """What an image is recognised as.
+    """Result of recognising an image.
 
     Parameters
     ----------

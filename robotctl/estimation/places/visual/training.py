@@ -18,7 +18,7 @@ BRANCHES: Final = 10
 LEVELS: Final = 4
 """10 000 words at most, 0.4 MB."""
 _ROUNDS: Final = 20
-"""Of assignment to the nearest centre, at most."""
+"""Maximum rounds of assignment to the nearest centre."""
 
 
 def train(

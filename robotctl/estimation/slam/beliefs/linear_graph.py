@@ -45,7 +45,7 @@ class Means(NamedTuple):
 
 
 class Schedule(Protocol):
-    """In which order messages are sent."""
+    """Order in which messages are sent."""
 
     most_rounds: int
     """About one linearisation."""
@@ -86,7 +86,7 @@ class LinearGraph:
     def __init__(self, graph: FactorGraph, fixed: Ints, schedule: Schedule, share: float) -> None:
         self.graph = graph
         self.rounds = 0
-        """So far."""
+        """Number of rounds so far."""
         self.left = 0.0
         """How far the last means may be off at most: standard deviations."""
         self.is_settled = True

@@ -1,4 +1,4 @@
-"""In which order messages are sent: on a tree and back, all at once, or the most urgent first.
+"""Orders of messages: on a tree and back, all at once, or the most urgent first.
 
 On trees all of them are exact. Around loops, where messages settle, the means of `Synchronous` and
 `Residual` are exact and the precisions too large, since a belief counts the same factors more than

@@ -25,7 +25,7 @@ Indices: TypeAlias = NDArray[np.int64]
 
 NONE: Final = -1
 _MOST_NODES: Final = 20_000
-"""Of a search; where more would be needed the best of these is taken."""
+"""Maximum nodes of a search; one that would need more returns the best so far."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,7 +22,7 @@ _DEPTH, _AXIS = int(S.DEPTH_SHARE), int(S.AXIS)
 _TURNED, _TURN_SCALE = int(S.BEARING_OFFSET), int(S.BEARING_SCALE)
 _ARM_X, _ARM_Y, _WANDER = int(S.ARM_X), int(S.ARM_Y), int(S.WANDER)
 _STEPS: Final = 10
-"""Of Newton's method to invert the camera's model; each doubles the digits."""
+"""Steps of Newton's method that invert the camera's model; each doubles the digits."""
 
 
 @compiled

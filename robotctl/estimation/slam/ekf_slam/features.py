@@ -22,7 +22,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class FeatureKind:
-    """What EKF-SLAM needs to know of a kind of feature.
+    """Model of a kind of feature for EKF-SLAM.
 
     Parameters
     ----------

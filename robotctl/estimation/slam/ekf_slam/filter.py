@@ -53,7 +53,7 @@ Array: TypeAlias = NDArray[np.float64]
 Indices: TypeAlias = NDArray[np.int64]
 
 NEW: Final = -2
-"""What `associate` says of a measurement that is of no feature of the map."""
+"""Association of a measurement with no feature of the map."""
 _POSE: Final = 3
 
 
@@ -86,9 +86,9 @@ class EkfSlam:
         self.belief = JointGaussian(x_v, P_xx)
         """State and covariance of all."""
         self.names: list[int | str] = []
-        """Of each feature."""
+        """Name of each feature."""
         self.kinds: list[FeatureKind] = []
-        """Of each feature."""
+        """Kind of each feature."""
         self.gates = gates or Gates()
         self._considered = np.ix_(considered, considered) if considered else None
         self._turns = np.ones(1 if invariant else 0, np.bool_)

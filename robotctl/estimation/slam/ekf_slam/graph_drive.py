@@ -59,7 +59,7 @@ class GraphDrive:
                 raise ValueError(f"information between {graph.names(ends)} is singular")
         count = len(graph.ids.get(POSES, ()))
         self.deltas = np.full((count, 3), math.nan)
-        """Of each pose in the frame of the one before, (n, 3); the first is nan."""
+        """Pose of each in the frame of the one before, (n, 3); the first is nan."""
         self._noises = np.zeros((count, 3, 3))
         for block in blocks_of(graph, BETWEEN_2D):
             first, second = block.variables

@@ -35,7 +35,7 @@ from robotctl.model.geometry.se2 import SE2
 Array: TypeAlias = NDArray[np.float64]
 
 MOST_FEATURES: Final = 30
-"""Of a local map."""
+"""Maximum features of a local map."""
 _POSE: Final = 3
 _NOISE_M2: Final = 1e-12
 
@@ -56,13 +56,13 @@ class JoinedMaps:
         self.P = np.zeros((_POSE, _POSE))
         """Its covariance (n, n)."""
         self.names: list[int | str] = []
-        """Of the features."""
+        """Names of the features."""
         self._turns = np.empty(0, np.bool_)
         self._index: dict[int | str, int] = {}
 
     @property
     def base(self) -> SE2:
-        """Where the present local map begins, in `world`."""
+        """Origin of the present local map, in `world`."""
         x, y, theta = self.x[:_POSE].tolist()
         return SE2(x, y, wrap_angle(theta))
 

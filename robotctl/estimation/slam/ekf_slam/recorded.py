@@ -87,7 +87,7 @@ class RecordedSlam:
         self.run = CalibratedSlam(config, start)
         """The filter."""
         self.book = LandmarkBook(association)
-        """What was seen how often."""
+        """Count of the sightings of each landmark."""
         self.past_ns: list[int] = []
         """Times of the poses that are kept [ns]."""
         self.seen: list[tuple[int, int | str, Sighting]] = []

@@ -1,4 +1,4 @@
-"""What is known of one variable by itself: a prior, or an absolute position as of a GNSS."""
+"""Knowledge of a single variable: a prior, or an absolute position as of a GNSS."""
 
 from __future__ import annotations
 

@@ -72,7 +72,7 @@ def _fill(angles: Floats, ranges: Floats, reach: float, nearest: Floats, farthes
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """What a view says of points, as shares of all of them.
+    """Agreement of a view with points, as shares of all of them.
 
     Parameters
     ----------

@@ -32,7 +32,7 @@ _SAME_RAD: Final = 0.2
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """Where to search: around a pose, so far to each side.
+    """Search window around a pose.
 
     Parameters
     ----------
@@ -235,7 +235,7 @@ def _is_excluded(
 
 
 class _Kept(NamedTuple):
-    """Where the points are over turns: of 2^h turns at level h, group by group, level by level.
+    """Places of the points over turns: of 2^h turns at level h, group by group, level by level.
 
     Parameters
     ----------

@@ -21,9 +21,9 @@ from robotctl.estimation.slam.front_end.surface import Floats, Surface
 from robotctl.model.geometry.se2 import SE2
 
 SIGMA_M: Final = 0.03
-"""Of a point from a wall: range noise, and what is not quite a wall."""
+"""Standard deviation of a point from a wall [m]: range noise, and walls not quite straight."""
 SHARED: Final = 4.0
-"""So many points share their error: the walls are not quite straight, nor the ranges unbiased."""
+"""Number of points that share their error: walls are not quite straight, nor ranges unbiased."""
 WIDE_M: Final = 0.30
 NARROW_M: Final = 0.06
 """Residuals beyond which a point loses its weight, at first and in the end."""

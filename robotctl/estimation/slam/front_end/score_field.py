@@ -13,7 +13,7 @@ from robotctl.estimation.slam.front_end.surface import Floats
 
 RESOLUTION_M: Final = 0.05
 SIGMA_M: Final = 0.07
-"""Of the score of a point by its distance to a wall: the width of the peak of the search."""
+"""Standard deviation in a point's score by its distance to a wall [m]: the width of the peak."""
 LEVELS: Final = 6
 """The last has the greatest scores of blocks of 2^5 x 2^5 cells."""
 _REACH: Final = 3

@@ -14,7 +14,7 @@ from robotctl.estimation.slam.graph.factor import FactorBlock, FactorKind, Ints
 from robotctl.estimation.slam.graph.variables import SE2, SE3, Floats, VariableKind
 
 Values: TypeAlias = dict[VariableKind, Floats]
-"""Of each kind in a graph, the values (n, size), in the order of its ids."""
+"""Values of each kind in a graph, (n, size), in the order of its ids."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

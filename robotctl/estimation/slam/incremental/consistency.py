@@ -41,7 +41,7 @@ _NEAR: Final = 12
 _PRIOR: Final = 10
 """Innovations as stated that the scale of the noise begins with."""
 _STRAINED: Final = 0.05
-"""Of the gate, beyond which a closure may be in conflict with others."""
+"""Share of the gate beyond which a closure may be in conflict with others."""
 _ROUNDS: Final = 8
 
 

@@ -1,4 +1,4 @@
-"""Where variables are, that move with a pose."""
+"""Places of variables that move with a pose."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Taking apart the cliques that new factors reach, and eliminating their variables anew."""
+"""Taking apart the cliques that new factors reach, and eliminating their variables again."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _MOST_DAMPING = 1e9
 
 @compiled
 def _affected(cliques: Cliques, clique_of: Ints, touched: Ints, owner: Ints) -> tuple[Ints, Ints]:  # noqa: C901 - one compiled loop
-    """Return the variables to be eliminated anew, and the subtrees that are cut off.
+    """Return the variables to eliminate again, and the subtrees that are cut off.
 
     The cliques that go are marked as gone.
     """
@@ -272,7 +272,7 @@ def _add_any(
 def renew(  # noqa: C901 - one compiled loop
     cliques: Cliques, links: Links, clique_of: Ints, touched: Ints, is_new: NDArray[np.bool_]
 ) -> tuple[Cliques, int]:
-    """Eliminate anew all that factors of some variables reach.
+    """Eliminate again all that factors of some variables reach.
 
     Parameters
     ----------

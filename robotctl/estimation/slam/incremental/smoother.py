@@ -284,7 +284,7 @@ class IncrementalSmoother:
         self._cliques = compact(self._cliques, self._clique_of.view)
 
     def refine(self, most: int = 10) -> None:
-        """Linearise anew until nothing changes that matters, in so many updates at most."""
+        """Relinearise until nothing changes that matters, in at most so many updates."""
         config, self.config = self.config, SmootherConfig(_EXACT, 0.0)
         for _ in range(most):
             if not self.update():

@@ -20,7 +20,7 @@ from robotctl.model.geometry.se2 import SE2
 
 DRIFT_M: Final = 0.02
 DRIFT_RAD: Final = 0.01
-"""Of matched scans, after 1 m: what their covariances do not say."""
+"""Drift of matched scans per metre that their covariances do not contain [m, rad]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,7 +112,7 @@ class BackEnd:
         self.poses = self._smoother.estimates(POSES)
 
     def refine(self) -> None:
-        """Linearise anew until the estimate is that of a batch."""
+        """Relinearise until the estimate is that of a batch."""
         self._smoother.refine()
         self.poses = self._smoother.estimates(POSES)
 

@@ -1,4 +1,4 @@
-"""What SLAM by scans takes for granted."""
+"""Settings of SLAM by scans."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True, slots=True)
 class WheelNoise:
-    """What odometry is worth; by default of wheels that slip: a tenth and more of the motion.
+    """Noise of odometry; by default of wheels that slip by a tenth of the motion and more.
 
     Parameters
     ----------

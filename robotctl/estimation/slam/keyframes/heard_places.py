@@ -36,7 +36,7 @@ class HeardPlaces:
         self._book = PlaceBook()
         self._collector = TurnCollector(mounts, self._book.signatures)
         self._places: dict[str, Place] = {}
-        """Where the turns of the book ended."""
+        """Places where the turns of the book ended."""
         self._waiting: deque[Turn] = deque(maxlen=_KEPT)
 
     def begin_odometry(self) -> None:

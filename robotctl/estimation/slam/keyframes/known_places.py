@@ -25,7 +25,7 @@ LOOSE_RAD: Final = 0.08
 """With less doubt between, old keyframes are where they are; others are loops to close."""
 _TRIES: Final = 3
 CHANGED: Final = 0.04
-"""Of what two scans say of each other: with more contradicting, something was moved."""
+"""Share of two scans that may contradict: beyond it, something was moved."""
 _YOUNG_M: Final = 5.0
 """Way after which a scan may be replaced: people walk about."""
 _WIDE_M: Final = 0.15

@@ -1,4 +1,4 @@
-"""What a new keyframe is linked with: those passed last, and old ones beside it."""
+"""Links of a new keyframe: with those passed last, and with old ones beside it."""
 
 from __future__ import annotations
 

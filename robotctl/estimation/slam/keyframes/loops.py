@@ -47,9 +47,9 @@ NEAR_M: Final = 3.0
 _GATE: Final = 3.0
 """Standard deviations of the map's doubt within which a place is looked for."""
 _BEYOND: Final = 2.0
-"""So many times as far off may places be that look alike: the doubt is a guess."""
+"""Factor on the uncertainty within which places may look alike: the covariance is a guess."""
 _SLIPS: Final = 0.2
-"""Of the way: without odometry, scans slip along bare walls unnoticed."""
+"""Slip as a share of the way: without odometry, scans slip along bare walls unnoticed."""
 _APART_ALIKE_M: Final = 2.0
 """Least way between two that confirm each other by appearance alone: rooms look alike."""
 _ALIKE: Final = 2

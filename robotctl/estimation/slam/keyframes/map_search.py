@@ -99,7 +99,7 @@ class MapSearch:
         return True
 
     def _has_best(self) -> bool:
-        """Return whether the best candidate is a place that is borne out; list its rivals."""
+        """Return whether the best candidate is confirmed as a place; list its rivals."""
         if not self._candidates:
             return False
         best = max(self._candidates, key=lambda each: each.score)

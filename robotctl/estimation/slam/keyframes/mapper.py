@@ -42,11 +42,11 @@ from robotctl.model.sensors.range_scan import RangeScan
 LEAST_ECHOES: Final = 10
 """Scans with fewer are not matched."""
 LOST: Final = 10
-"""So many scans in a row that fit nowhere: the robot does not know its place."""
+"""Number of consecutive scans that fit nowhere after which the robot is lost."""
 _UNKNOWN: Final = np.diag(1.0 / np.array([0.3, 0.3, 0.2]) ** 2)
 """Information on a motion without odometry, beside that of scans."""
 _RESUMED: Final = Expected(SE2(), 0.5, 0.17)
-"""Where a robot is that goes on: it may have rolled on before it came to rest."""
+"""Expected pose of a robot that resumes: it may have rolled on before it came to rest."""
 _ASKED: Final = 4
 _UNSURE_M: Final = 5.0
 """Way after a slip, or after the robot was found, on which the map's keyframes keep their scans."""
@@ -105,7 +105,7 @@ class SlamMapper:
 
     @property
     def place(self) -> Place:
-        """Where the last scan was taken; before the first, the origin."""
+        """Place of the last scan; before the first, the origin."""
         return self._place or Place(0, 0, SE2())
 
     @property
@@ -133,7 +133,7 @@ class SlamMapper:
             self._resumed, self.lost_in_a_row = is_there, LOST
 
     def go_on(self, place: Place, odometry: SE2, *, is_another: bool) -> None:
-        """Have stretches begin anew in the last keyframe: no match would tell where the robot is.
+        """Start stretches again in the last keyframe: no match would tell where the robot is.
 
         Parameters
         ----------
@@ -307,7 +307,7 @@ class SlamMapper:
         self._kept = Kept(pose, self._odometry, doubt)
 
     def begin_odometry(self) -> None:
-        """Take the odometry of the next scan for another one, which begins anew."""
+        """Start with another odometry at the next scan."""
         self._odometry = self._search = None
         self._kept = Kept()
 

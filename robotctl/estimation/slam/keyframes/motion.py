@@ -1,4 +1,4 @@
-"""Where the robot is expected: by odometry, or as it moved before."""
+"""Prediction of the robot's pose: by odometry, or by its motion so far."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def by_odometry(motion: SE2, noise: WheelNoise) -> Expected:
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a scan was taken: a pose of `base` in a keyframe."""
+    """Place of a scan: a pose of `base` in a keyframe."""
 
     stamp_ns: int
     keyframe: int
@@ -68,7 +68,7 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Kept:
-    """Where the robot was in a keyframe, from which odometry tells where it is.
+    """Pose in a keyframe from which odometry leads on.
 
     Parameters
     ----------

@@ -76,7 +76,7 @@ class SavedOdometry(msgspec.Struct, frozen=True, array_like=True):
 
 
 class Change(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What is new about a map.
+    """Change of a map since it was saved last.
 
     Parameters
     ----------
@@ -271,7 +271,7 @@ def _link(row: Floats) -> Link:
 
 
 class Mapped(Protocol):
-    """What a `SlamMapper` has."""
+    """The part of a `SlamMapper` that is saved."""
 
     keyframes: list[Keyframe]
     images: dict[int, Features]

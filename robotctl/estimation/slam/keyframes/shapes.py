@@ -20,14 +20,14 @@ from robotctl.model.geometry.points import moved
 from robotctl.model.geometry.se2 import SE2
 
 REACH_M: Final = 6.0
-"""What is farther away from a keyframe is not of its surroundings, nor are keyframes there."""
+"""Radius of a keyframe's surroundings [m], for points and other keyframes."""
 AROUND: Final = 20
 """Keyframes before one, at most, that saw its surroundings."""
 _RINGS: Final = 16
 _SECTORS: Final = 60
 _CELL_M: Final = 0.1
 _CELLS: Final = round(REACH_M / _CELL_M)
-"""To each side of a keyframe."""
+"""Cells to each side of a keyframe."""
 _MOST: Final = 3.0
 """Cells of a bin that count: a wall along the line of sight is no more than one across it."""
 _COMPARED: Final = 1000

@@ -30,7 +30,7 @@ the refinement by all points."""
 _SURE: Final = 0.6
 """A match with a lower score is compared with those of a wider search."""
 _BETTER: Final = 0.2
-"""Of the score of one farther from the prior that replaces it."""
+"""Lead in score that a match farther from the prior needs to replace a nearer one."""
 _WIDER: Final = 2.5
 _LOST_M: Final = 0.5
 _LOST_RAD: Final = 0.5

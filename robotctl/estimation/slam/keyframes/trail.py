@@ -45,7 +45,7 @@ class Trail:
         return self._local
 
     def redraw(self) -> None:
-        """Have the map be drawn anew: keyframes moved, or have other scans."""
+        """Draw the map again: keyframes moved, or have other scans."""
         self._local = None
 
     def add(self, number: int) -> None:

@@ -1,4 +1,4 @@
-"""What of a Cholesky factor follows from the structure alone: supernodes and their fronts.
+"""Symbolic Cholesky factor: supernodes and their fronts, which follow from the structure alone.
 
 A front is a dense matrix over the columns of one supernode and the rows below them; factors are
 computed front by front, from the leaves of the elimination tree to its roots (the multifrontal

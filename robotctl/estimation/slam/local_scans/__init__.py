@@ -1,1 +1,1 @@
-"""What SLAM matches: lidar scans, or local scans made of what other sensors see on some way."""
+"""Scans that SLAM matches: of a lidar, or local ones made of what other sensors see on some way."""

@@ -32,7 +32,7 @@ _NEAR_M: Final = 0.2
 """Readings on the way up to here before and after bear each other out."""
 _STEP_M: Final = 0.01
 _STEP_RAD: Final = 0.015
-"""Between directions of walls that are tried."""
+"""Spacing of readings along the way [m], and of the directions of walls that are tried [rad]."""
 _FITS_M: Final = 0.03
 _LEAST: Final = 4
 _SHARE: Final = 0.65
@@ -111,7 +111,7 @@ class SonarScans:
         self._max_range_m = config.max_range_m
         self._gathered = GatheredScans(STRETCH_M, config.max_range_m)
         self._rows: list[list[tuple[float, NDArray[np.float64]]]] = [[] for _ in mounts]
-        """Of each sonar the last readings: place of the way; x, y, direction, range."""
+        """Last readings of each sonar: place on the way; x, y, direction, range."""
         self._next = [0] * len(mounts)
         """The first of those whose echo has not been placed yet."""
 

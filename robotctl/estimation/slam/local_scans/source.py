@@ -1,4 +1,4 @@
-"""What SLAM needs of a kind of sensor: scans that it can match, and what these are worth."""
+"""Source of scans that SLAM can match, with their noise, for each kind of sensor."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from robotctl.model.recording import RecordedScan, Recording
 M_contra = TypeVar("M_contra", contravariant=True)
 
 CALIBRATED = WheelNoise((0.01, 0.05, 0.02), (0.003, 0.02, 0.03))
-"""Of wheels that alone hold scans which are made along their odometry."""
+"""Noise of calibrated wheels, along whose odometry local scans are made."""
 
 
 class ScanMaker(Protocol[M_contra]):

@@ -20,9 +20,9 @@ from robotctl.estimation.slam.robust.robust_cost import MARGIN, scale
 
 GROWTH: Final = 1.4
 _LEAST: Final = 1e-6
-"""Of the scale of the noise: simulated loops may fit to the last digit."""
+"""Minimum scale of the noise: simulated loops may fit to the last digit."""
 _SHARP: Final = 1e4
-"""Of mu: from here on all weights but those at the very edge are 0 or 1."""
+"""Value of mu from which on all weights but those at the very edge are 0 or 1."""
 
 
 @dataclass(slots=True, eq=False)

@@ -83,5 +83,5 @@ KERNELS: Final[dict[str, RobustKernel]] = {
     "gnc": RobustKernel(_truncated_cost, _truncated_weight),
     "consistent": RobustKernel(_truncated_cost, _truncated_weight),
 }
-"""By name. Truncated least squares get nowhere by themselves: `gnc` is for graduated non-convexity,
-`consistent` for what `ConsistentClosures` leaves on."""
+"""Kernels by name. Truncated least squares get nowhere alone: `gnc` is for graduated non-convexity,
+`consistent` for the closures that `ConsistentClosures` leaves on."""

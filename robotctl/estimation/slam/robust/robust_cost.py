@@ -17,7 +17,7 @@ from robotctl.estimation.slam.robust.kernels import RobustKernel
 _BEYOND: Final = 0.01
 """Share of right measurements that lies beyond the scale of a kernel."""
 MARGIN: Final = 3.0
-"""Of gates at the scale of the noise, on squares: real noise has longer tails than a Gaussian."""
+"""Factor on gates at the noise's scale, on squares: real noise has longer tails than a Gaussian."""
 OFF: Final = 0.25
 """A factor of which a kernel leaves less than that counts as switched off."""
 

@@ -10,7 +10,7 @@ from robotctl.estimation.slam.solvers.batch import Descent, LevenbergMarquardt, 
 from robotctl.estimation.slam.solvers.problem import Problem, Solution, Tell, solver
 
 SHARE: Final = 0.1
-"""Of the whole increment by which means may be off, about each linearisation."""
+"""Maximum error of the means as a share of the whole increment, about each linearisation."""
 
 
 class _Settling(LevenbergMarquardt):

@@ -1,4 +1,4 @@
-"""What a solver is given, and what it returns."""
+"""Input and result of a solver."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ class Problem:
 
 @dataclass(slots=True, eq=False)
 class Solution:
-    """What a solver found.
+    """Result of a solver.
 
     Parameters
     ----------

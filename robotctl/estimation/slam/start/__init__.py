@@ -1,1 +1,1 @@
-"""Where an optimisation begins: odometry, a spanning tree, or relaxed rotations."""
+"""Initial values of an optimisation: odometry, a spanning tree, or relaxed rotations."""

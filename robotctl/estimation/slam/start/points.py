@@ -1,4 +1,4 @@
-"""Where points begin, once poses are given: where they were seen, or where sightings meet."""
+"""Initial values of points, given the poses: where they were seen, or where sightings meet."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ _SEEN: Final[dict[FactorKind, Callable[[Floats, Floats], Floats]]] = {
     RANGE_BEARING: _polar,
     SEEN_3D: _in_space,
 }
-"""Where a pose sees a point, of the factors that say so."""
+"""Functions of the place at which a pose sees a point, by kind of factor."""
 
 
 def sightings(
