@@ -1,4 +1,4 @@
-"""From a motor voltage to the duty of the bridge.
+"""Duty of the bridge from a motor voltage.
 
 The motor sees `bus_voltage * e`, where the bridge with a dead-band b turns a duty d into the
 effective duty ``e = sign(d) max(0, |d| - b) / (1 - b)``. This module applies the inverse,

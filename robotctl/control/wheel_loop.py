@@ -59,7 +59,7 @@ class WheelLoop:
         self._stand_rad = self.estimator.position_rad
         """Middle of the band: where rest began, or where the wheel left the last one."""
         self._still_s = _REST_S
-        """For how long it has stayed in the band [s], up to `_REST_S`."""
+        """Time for which it has stayed in the band [s], up to `_REST_S`."""
         self._holds = False
         """Whether it rolled away from rest, and needs the integral."""
 

@@ -132,7 +132,7 @@ class ControlCore:
         self._powerless = control.powerless(self._duty_wheels)
         """Reasons against arming that a file cannot be refused for: it may be one to be tuned."""
         self._began_with = {"control": control, "limits": limits}
-        """What can be tuned, as it was at the start."""
+        """Settings that can be tuned, as they were at the start."""
         self._tuning = 0
         """Number of the tuning in force."""
         self.motion = EncoderMotion(drive, self._wheels, pose_odom_base, imu)
@@ -157,7 +157,7 @@ class ControlCore:
         )
         self._health = self._supervision.health
         self._command_before = self._command
-        """What the bridges did when the newest feedback was taken, one period ago."""
+        """Command of the bridges when the newest feedback was taken, one period ago."""
         self._node_events = NodeEvents({each.drive for each in actuators})
         self._ticks = 0
         self._arming = ArmRequests()

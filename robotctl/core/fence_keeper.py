@@ -15,9 +15,9 @@ from robotctl.safety.fence.fence_guard import FenceGuard
 from robotctl.safety.fence.prediction import MotionNow
 
 LATENCY_NS: Final = 20_000_000
-"""From a step of navigation until control follows its command [ns]."""
+"""Delay from a step of navigation until control follows its command [ns]."""
 _CLEAR_NS: Final = 1_000_000_000
-"""Held back again within this, nothing is said anew [ns]."""
+"""Time after being held back within which no new notice is given [ns]."""
 _STANDS: Final = Twist(0.0, 0.0)
 LOST: Final = "fence: the robot does not know where it is, and stands"
 DAMAGED: Final = (
@@ -80,7 +80,7 @@ class FenceKeeper:
 
     @property
     def planned(self) -> Fence:
-        """What planning keeps to: nothing while the fence is disabled."""
+        """Fence that planning keeps to: none while it is disabled."""
         return self.fence if self.state.enabled else Fence()
 
     def take(self, request: FenceRequest) -> None:

@@ -28,7 +28,7 @@ CLEAR_M: Final = 0.15
 """An obstacle that sonars see nearer than this ends the test [m]: the robot may swing round."""
 
 CLEAR_NS: Final = 200_000_000
-"""For so long they must see it [ns]: a single echo may be another sonar's."""
+"""Time for which they must see it [ns]: a single echo may be another sonar's."""
 
 _TOO_FAST_SHARE: Final = 1.5
 _TOO_FAST_RAD_S: Final = 2.0

@@ -47,8 +47,8 @@ STATE_MAX_AGE_NS: Final = 200_000_000
 """An older control state is not acted on [ns]."""
 
 _VIEW_LIFE_NS: Final = 500_000_000
-"""The robot does not drive by itself on an older view of its camera [ns]: one metre a second is
-half of what it remembers ahead; or on one older than `_MISSED` periods of the camera."""
+"""Maximum age of the camera's view for driving without an operator [ns]: at 1 m/s half of what the
+view shows ahead; `_MISSED` periods of the camera bound it, too."""
 
 _MISSED: Final = 2.5
 
@@ -69,10 +69,10 @@ _Aside: TypeAlias = (
 """Requests that are not for the navigator."""
 
 _COMMAND: Final = frozenset({"v_m_s", "omega_rad_s", "vy_m_s", "expires_ns"})
-"""What of a step is no part of the state."""
+"""Fields of a step that are no part of the state."""
 
 _UNKNOWN: Final = SE2(math.nan, math.nan, math.nan)
-"""Before the first control state; the navigator then stands still and drops no breadcrumb."""
+"""Pose before the first control state: the navigator stands still and drops no breadcrumb."""
 
 
 class _Offer(NamedTuple):
@@ -139,7 +139,7 @@ class NavigationAdapter:
         self._guard = config.guard
         self._world = WorldPose(has_localiser=has_localiser)
         self._odom_epoch_ns: int | None = None
-        """Of the last state."""
+        """Epoch of the last state."""
         self._notices: list[str] = []
         self._message = ""
         self._armings: int | None = None

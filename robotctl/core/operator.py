@@ -13,7 +13,7 @@ Request = TypeVar("Request")
 
 @dataclass(frozen=True, slots=True)
 class Operator(Generic[Request]):
-    """Where the requests of a tick come from and where its messages go; all else is the tick's.
+    """Source of a tick's requests and destination of its messages; all else is the tick's.
 
     Parameters
     ----------

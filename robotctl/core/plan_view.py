@@ -1,4 +1,4 @@
-"""What a pilot is about to drive as a message, a few times a second."""
+"""View of a pilot's plan as a message, a few times a second."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from robotctl.planning.behaviours.outlook import Outlook
 
 _VIEW_NS: Final = 200_000_000
-"""Between two views [ns]."""
+"""Interval between two views [ns]."""
 _MOST: Final = 2000
 """Obstacles of a view; of more, every second or third is shown."""
 

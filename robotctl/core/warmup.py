@@ -28,7 +28,7 @@ from robotctl.messages.control import (
 from robotctl.safety.state_machine import POWERED
 
 TICKS: Final = 200
-"""Of driving; the interpreter specialises a function after a few calls, a loop after some tens."""
+"""Ticks of driving; the interpreter specialises a function after a few calls, a loop after tens."""
 
 _BUS_V: Final = 12.0
 

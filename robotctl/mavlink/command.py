@@ -60,7 +60,7 @@ class Command(NamedTuple):
 
     @property
     def key(self) -> tuple[Address, int, Peer]:
-        """What tells it from others that wait."""
+        """Key that identifies it among those that wait."""
         return self.sender, self.number, self.peer
 
     def whole(self, index: int) -> int | None:

@@ -47,10 +47,10 @@ FRESH_NS = 1_000_000_000
 MAX_TEXTS = 64
 
 UNKNOWN = 255
-"""`progress` of COMMAND_ACK that nobody knows."""
+"""Unknown `progress` of COMMAND_ACK."""
 
 TRANSPORT_NS = 20_000_000
-"""What a set-point may wait for this process, and its end for control [ns]: it is void so much
+"""Delay of a set-point on its way through this process and to control [ns]: it expires that much
 earlier, so that the robot brakes in time."""
 
 LOCALISER_NOT_READY = "the localiser is not ready"
@@ -104,7 +104,7 @@ class TelemetryRobot:
 
 
 class PlanStore(Protocol):
-    """Where a plan of one kind that came over MAVLink outlives a power cut."""
+    """Storage in which a plan of one kind that came over MAVLink outlives a power cut."""
 
     def load(self) -> bytes:
         """Return what was saved; empty: nothing."""
@@ -171,7 +171,7 @@ def _take_no_key(key: bytes, stamp: int) -> str:  # noqa: ARG001
 
 
 def _have_no_supervisor(request: SupervisorRequest) -> bool:  # noqa: ARG001
-    """Return that nobody takes a request."""
+    """Return that a request has no receiver."""
     return False
 
 
@@ -185,7 +185,7 @@ class GroundStation:
 
     @property
     def links(self) -> tuple[int, ...]:
-        """The links on which it is heard."""
+        """Links on which it is heard."""
         return tuple(sorted(self.heard_ns))
 
 
@@ -411,7 +411,7 @@ class Context:
 
     @property
     def home(self) -> SE2:
-        """Where in `world` RTL leads to, as navigation last said."""
+        """Goal of RTL in `world`, as navigation last said."""
         moved = None if self.navigation is None else self.navigation.home
         return self.robot.home if moved is None else SE2(*moved)
 

@@ -17,7 +17,7 @@ from robotctl.messages.mavlink_port import MavlinkPort, Message, Peer, Received,
 MOST_ROUTES: Final = 128
 """Components that are remembered, the longest silent go first."""
 MOST_IN_A_STEP: Final = 100
-"""Of a flood no more is passed on, so that it leaves time for the robot's own messages."""
+"""Maximum messages passed on in a step, so that a flood leaves time for the robot's own."""
 REPEATED_NS: Final = 500_000_000
 """The same frame that comes again this soon has gone in a circle [ns]."""
 _MOST_FRAMES: Final = 512
@@ -28,8 +28,8 @@ _OURS_ALONE: Final = frozenset(
         common.MAVLINK_MSG_ID_TIMESYNC,
     }
 )
-"""A radio speaks of its own link, a key is for nobody else, and two answers to a question for the
-time would mislead."""
+"""Messages that are not passed on: a radio speaks of its own link, a key is for its receiver alone,
+and two answers to a question for the time would mislead."""
 
 
 class Forwarder:

@@ -22,7 +22,7 @@ INT16_MAX = 0x7FFF
 UINT32_MAX = 0xFFFF_FFFF
 STANDARD_GRAVITY_M_S2 = 9.80665
 LARGEST_FLOAT = 3.0e38
-"""Beyond it a value does not fit the 32 bit floats of MAVLink."""
+"""Largest value that fits the 32 bit floats of MAVLink."""
 
 ROTATION_CUSTOM = 100
 """MAV_SENSOR_ROTATION_CUSTOM."""

@@ -10,9 +10,9 @@ from robotctl.errors import InvalidValue
 
 _EQUATOR_M: Final = 6_378_137.0
 _ECCENTRICITY_2: Final = 6.694_379_990_14e-3
-"""Of the ellipsoid of WGS 84: half its longer axis [m], and its first eccentricity squared."""
+"""Ellipsoid of WGS 84: half its longer axis [m], and its first eccentricity squared."""
 STEEPEST_DEG: Final = 89.0
-"""Nearer to a pole, east is not the same direction across a building."""
+"""Maximum latitude [deg]: nearer to a pole, east is not the same direction across a building."""
 FARTHEST_UP_M: Final = 100_000.0
 SCALE: Final = 1e7
 """MAVLink counts latitude and longitude in 1e-7 degrees."""
@@ -20,7 +20,7 @@ SCALE: Final = 1e7
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """Where the origin of `world` lies; x points east and y north there.
+    """Origin of `world` on the globe; x points east and y north there.
 
     Parameters
     ----------

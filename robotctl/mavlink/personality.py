@@ -1,4 +1,4 @@
-"""What the robot claims to be, and what ground stations conclude from that.
+"""Personality: the autopilot that the robot claims to be, and what stations conclude from it.
 
 Stations know by the MAV_AUTOPILOT of the HEARTBEAT how modes are numbered, how integers are packed
 into PARAM_VALUE, whether item 0 of a mission is home, and what stands in fields without a value.
@@ -138,5 +138,5 @@ PERSONALITIES: Final[Mapping[str, Personality]] = {
         unused=math.nan,
     ),
 }
-"""By the name of `[mavlink] personality`. PX4's modes are MANUAL, AUTO with the sub modes LOITER,
-MISSION and RTL, and OFFBOARD."""
+"""Personalities by the name of `[mavlink] personality`. PX4's modes are MANUAL, AUTO with the sub
+modes LOITER, MISSION and RTL, and OFFBOARD."""

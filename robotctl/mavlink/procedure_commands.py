@@ -1,4 +1,4 @@
-"""What PREFLIGHT_CALIBRATION and DO_MOTOR_TEST ask for."""
+"""Procedures that PREFLIGHT_CALIBRATION and DO_MOTOR_TEST ask for."""
 
 from __future__ import annotations
 

@@ -330,7 +330,7 @@ class SetReverse(msgspec.Struct, frozen=True, tag=True):
 
 
 class SetHome(msgspec.Struct, frozen=True, tag=True):
-    """Where in `world` RTL leads to from now on (m, rad)."""
+    """Goal of RTL in `world` from now on (m, rad)."""
 
     stamp_ns: int
     x_m: float

@@ -90,7 +90,7 @@ class CameraView(msgspec.Struct, frozen=True, tag=True):
 
 
 SensorMessage: TypeAlias = LidarScan | CameraView
-"""What sensors that are on no CAN bus send to the navigation process."""
+"""Messages to the navigation process from sensors that are on no CAN bus."""
 
 
 class ClosedLoop(msgspec.Struct, frozen=True):
@@ -160,7 +160,7 @@ class LiveMap(msgspec.Struct, frozen=True, tag=True):
 
 
 class PlanView(msgspec.Struct, frozen=True, tag=True):
-    """What the robot drives by and sees around, for people; all of it in `world`.
+    """Plan of the robot and its surroundings, for people; all of it in `world`.
 
     `path` holds the rest of the planned path and `arc` what the present velocity leads through:
     poses of `base`, x, y and heading as little-endian float32 [m, m, rad]; both are empty while it

@@ -55,13 +55,13 @@ class FenceState(msgspec.Struct, frozen=True):
 
 
 class FenceFile(msgspec.Struct, frozen=True):
-    """What navigation reads of the file that a fence is kept in."""
+    """Part of the file that a fence is kept in that navigation reads."""
 
     fence: Fence
 
 
 class RallyFile(msgspec.Struct, frozen=True):
-    """What navigation reads of the file that rally points are kept in."""
+    """Part of the file that rally points are kept in that navigation reads."""
 
     places: tuple[Point, ...]
 

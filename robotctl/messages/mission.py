@@ -33,7 +33,7 @@ class JumpToItem(msgspec.Struct, frozen=True, tag=True):
 
 
 class AbortMission(msgspec.Struct, frozen=True, tag=True):
-    """Give up the mission: the robot stands, and AUTO would begin anew."""
+    """Give up the mission: the robot stands, and AUTO would start it again."""
 
     stamp_ns: int
 

@@ -1,4 +1,4 @@
-"""What control carries out for people while the robot is disarmed, and how it gets on."""
+"""Procedures that control carries out while the robot is disarmed, and their progress."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ class Outcome(enum.IntEnum):
     RUNNING = 1
     DONE = 2
     REFUSED = 3
-    """It never began."""
+    """Refused: never started."""
     FAILED = 4
     CANCELLED = 5
 
 
 class CalibrateGyro(msgspec.Struct, frozen=True, tag=True):
-    """Request to measure the gyro's bias anew."""
+    """Request to measure the gyro's bias again."""
 
     stamp_ns: int
     request_id: int

@@ -64,7 +64,7 @@ class PlaceRequest(NamedTuple):
 
     place: str
     start: str = ""
-    """Where the robot is; empty: it recognises that."""
+    """Present place of the robot; empty: it recognises that."""
 
 
 class GoAheadRequest(NamedTuple):
@@ -92,7 +92,7 @@ class JumpRequest(NamedTuple):
 
 
 class AbortRequest(NamedTuple):
-    """Give up the mission: stand, and begin anew with the next AUTO."""
+    """Give up the mission: stand, and start it again with the next AUTO."""
 
 
 Request: TypeAlias = (

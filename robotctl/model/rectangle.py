@@ -15,7 +15,7 @@ class Rectangle(NamedTuple):
 
     @property
     def reach_m(self) -> float:
-        """From `base` to the outermost corner [m]."""
+        """Distance from `base` to the outermost corner [m]."""
         return math.hypot(max(self.front_m, -self.rear_m), self.half_width_m)
 
     @property

@@ -56,7 +56,7 @@ class Loop:
         self.overruns = 0
         self.blame = dict.fromkeys((*STAGES, SCHEDULER), 0)
         self.lag_ns = self.step_ns = 0
-        """Of the present tick: wake-up behind the deadline; from waking to having sent [ns]."""
+        """Times of this tick: wake-up behind the deadline; from waking to having sent [ns]."""
         self.lag = Histogram()
         self.step = Histogram()
         self.stages = {stage: Histogram() for stage in STAGES}

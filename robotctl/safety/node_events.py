@@ -1,4 +1,4 @@
-"""What nodes report besides feedback: restarts and errors."""
+"""Reports of nodes besides feedback: restarts and errors."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _NOT_IN_THE_POSE: Final = (
 
 
 class Events(NamedTuple):
-    """What is new."""
+    """New events."""
 
     drive_booted: bool
     """The counts of the drive restart."""

@@ -23,7 +23,7 @@ class OpenFile(Protocol):
 
     @property
     def size(self) -> int:
-        """Of it now [B]."""
+        """Present size [B]."""
 
     def read(self, offset: int, size: int) -> bytes:
         """Return bytes; fewer only at its end."""
@@ -65,7 +65,7 @@ class Content:
 
     @property
     def size(self) -> int:
-        """Of it [B]."""
+        """Size [B]."""
         return len(self._data)
 
     def read(self, offset: int, size: int) -> bytes:

@@ -13,7 +13,7 @@ _PAYLOAD_BYTES: Final = _HEADER.size + MOST_BYTES
 
 
 class Opcode(enum.IntEnum):
-    """What is asked for, and the two kinds of replies."""
+    """Requests, and the two kinds of replies."""
 
     NONE = 0
     TERMINATE_SESSION = 1

@@ -21,9 +21,9 @@ from robotctl.mavlink.ftp.payload import (
 from robotctl.messages.mavlink_port import Peer
 
 SESSIONS_EACH: Final = 2
-"""Of one sender at the same time,"""
+"""Maximum sessions of one sender at the same time."""
 MOST_SESSIONS: Final = 8
-"""and of all."""
+"""Maximum sessions of all senders."""
 IDLE_NS: Final = 20_000_000_000
 """A session that is not used any more is closed after this [ns]."""
 REPEATED_NS: Final = 5_000_000_000
@@ -39,7 +39,7 @@ MOST_SENDERS: Final = 16
 
 
 class Sender(NamedTuple):
-    """Who asks, and where the answer goes."""
+    """Sender of a request, and where the answer goes."""
 
     system: int
     component: int
@@ -160,7 +160,7 @@ class FtpServer:
             return _nak(asked, refusal)
 
     def step(self, now_ns: int) -> None:
-        """Send the next parts of bursts, sum up files, close what nobody uses."""
+        """Send the next parts of bursts, sum up files, close unused ones."""
         for (sender, number), session in list(self._sessions.items()):
             if session.burst is not None:
                 session.used_ns = now_ns

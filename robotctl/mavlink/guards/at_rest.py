@@ -1,4 +1,4 @@
-"""What only a disarmed robot at rest does: restarts, calibrations, tests of its motors."""
+"""Actions that only a disarmed robot at rest carries out: restarts, calibrations, motor tests."""
 
 from __future__ import annotations
 

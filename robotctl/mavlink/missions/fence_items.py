@@ -43,10 +43,10 @@ class FencePlan:
     """A fence that came over MAVLink."""
 
     items: tuple[MissionItem, ...] = ()
-    """As they came."""
+    """Items as they came."""
     fence: Fence = Fence()  # noqa: RUF009 - it does not change
     origin: Origin | None = None
-    """By which places on the globe were turned into those of `world`; None: there are none."""
+    """Origin by which places on the globe became those of `world`; None: there are none."""
     content: bytes = b""
     """The file that was made of it."""
 
@@ -73,7 +73,7 @@ def read_fence(content: bytes) -> FencePlan:
 
 
 def check_fence_item(item: MissionItem, seq: int, origin: Origin | None) -> None:
-    """Check one item by itself.
+    """Check a single item.
 
     Raises
     ------

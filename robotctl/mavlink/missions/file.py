@@ -21,13 +21,13 @@ _MARK: Final = "# MAVLink: "
 
 
 class Kept(NamedTuple):
-    """What the first line says."""
+    """Content of the first line."""
 
     items: tuple[MissionItem, ...]
     sources: tuple[int, ...]
-    """Of each item of ours, the number of the one that it is from."""
+    """Number of the uploaded item that each item of ours comes from."""
     origin: Origin | None
-    """By which places on the globe were turned into those of `world`; None: there are none."""
+    """Origin by which places on the globe became those of `world`; None: there are none."""
 
 
 NOTHING: Final = Kept((), (), None)
@@ -43,17 +43,17 @@ class MissionPlan:
 
     @property
     def items(self) -> tuple[MissionItem, ...]:
-        """As they came."""
+        """Items as they came."""
         return self.kept.items
 
     @property
     def origin(self) -> Origin | None:
-        """By which places on the globe were turned into those of `world`; None: there are none."""
+        """Origin by which places on the globe became those of `world`; None: there are none."""
         return self.kept.origin
 
     @property
     def sources(self) -> tuple[int, ...]:
-        """Of each item of ours, the number of the one that it is from."""
+        """Number of the uploaded item that each item of ours comes from."""
         return self.kept.sources
 
     @property

@@ -99,7 +99,7 @@ class Transfer(Microservice, Generic[P]):
         raise NotImplementedError
 
     def check(self, item: MissionItem, seq: int) -> None:
-        """Check one item by itself; `BadItem`: it cannot be taken."""
+        """Check a single item; `BadItem`: it cannot be taken."""
         raise NotImplementedError
 
     def plan_of(self, items: list[MissionItem]) -> tuple[P, list[str]]:
@@ -200,7 +200,7 @@ class Transfer(Microservice, Generic[P]):
     # Upload.
 
     def _begin(self, message: Message, peer: Peer, now_ns: int) -> None:
-        """Begin an upload, or begin it anew."""
+        """Begin an upload, or restart it."""
         partner = source(message)
         if not self._yields(partner):
             self._acknowledge(partner, peer, DENIED)

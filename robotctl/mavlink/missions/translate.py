@@ -29,7 +29,7 @@ _LOOKS: Final = frozenset(
         common.MAV_CMD_DO_SET_ROI_NONE,
     }
 )
-"""Where to point a camera: the robot's does not turn."""
+"""Commands that point a camera: the robot's does not turn."""
 _LONGEST_S: Final = 86_400.0
 _FASTEST_M_S: Final = 100.0
 _MOST_TIMES: Final = 32_767
@@ -55,12 +55,12 @@ class BadItem(Exception):  # noqa: N818 - what it is, not that it went wrong
 
 
 class Surroundings(NamedTuple):
-    """What the meaning of an item depends on."""
+    """Context on which the meaning of an item depends."""
 
     home: SE2
-    """Where the robot started, in `world`."""
+    """Start of the robot, in `world`."""
     origin: Origin | None
-    """Of `world` on the globe; None: global frames mean nothing."""
+    """Origin of `world` on the globe; None: global frames mean nothing."""
     plans: bool
     """Whether the robot plans its way; else it drives straight to a place."""
     hidden: int = 0
@@ -92,7 +92,7 @@ def first_from(sources: Sequence[int], seq: int) -> int | None:
 
 
 def check_item(item: MissionItem, seq: int, around: Surroundings) -> None:
-    """Check one item by itself. Home is not driven: only its numbers count.
+    """Check a single item. Home is not driven: only its numbers count.
 
     Raises
     ------
@@ -166,7 +166,7 @@ class _Translator:
     def __init__(self, around: Surroundings) -> None:
         self.done = Translation()
         self.jumps: list[tuple[int, int, int]] = []
-        """Of each jump its number, its index among the items of ours, and its target's number."""
+        """Number of each jump, its index among the items of ours, and its target's number."""
         self._around = around
         self._speed_m_s: float | None = None
 

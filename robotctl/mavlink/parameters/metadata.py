@@ -1,4 +1,4 @@
-"""What ground stations should know of the robot: MAVLink's component metadata, JSON.
+"""MAVLink's component metadata for ground stations, JSON.
 
 https://mavlink.io/en/services/component_information.html; the schemas are general.schema.json and
 parameter.schema.json of the MAVLink repository.

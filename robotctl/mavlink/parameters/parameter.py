@@ -15,7 +15,7 @@ MOST_LETTERS: Final = 16
 REAL32: Final[int] = common.MAV_PARAM_TYPE_REAL32
 INT32: Final[int] = common.MAV_PARAM_TYPE_INT32
 _FIGURES: Final = range(6, 10)
-"""Of a 32 bit number; 9 tell all of them apart."""
+"""Significant digits of a 32 bit number; 9 distinguish all of them."""
 
 
 class Change(enum.Enum):

@@ -44,7 +44,7 @@ class ParameterRefused(Exception):  # noqa: N818 - is answered, no defect
 
 
 class Facts(NamedTuple):
-    """What people should know of a parameter."""
+    """Description of a parameter for people."""
 
     parameter: Parameter
     default: Value

@@ -1,4 +1,4 @@
-"""Where parameters outlive a power cut."""
+"""Storage in which parameters outlive a power cut."""
 
 from __future__ import annotations
 

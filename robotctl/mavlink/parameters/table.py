@@ -122,4 +122,4 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     Parameter("CTL_RATE", "runtime.rate_hz", 1, 10_000, Change.NEVER),
     Parameter("NAV_RATE", "navigation.rate_hz", 1.0, 1000.0, Change.NEVER),
 )
-"""In the order of their indices; a robot has those that its file has keys for, numbered anew."""
+"""Parameters in the order of their indices; a robot has those that its file has keys for."""

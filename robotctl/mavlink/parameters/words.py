@@ -12,7 +12,7 @@ _UNITS: Final = {
     "_ms": "ms", "_hz": "Hz", "_v": "V", "_ohm": "ohm", "_per_s": "1/s", "_v_s_rad": "V s/rad",
     "_share": "",
 }  # fmt: skip
-"""By the end of the key, the longest that fits."""
+"""Unit by the end of the key, the longest that fits."""
 _UNIT: Final = re.compile(r"\[([A-Za-z][^\],]*)\]")
 _NAMES: Final = re.compile(r"(\w+(?:, \w+)*)(?: : .*)?")
 

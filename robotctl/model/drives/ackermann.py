@@ -71,9 +71,9 @@ class AckermannDrive:
     steering_offset_rad: float = 0.0
 
     degrees_of_freedom: ClassVar[int] = 3
-    """Of the pose in the plane: x, y, theta."""
+    """Degrees of freedom of the pose in the plane: x, y, theta."""
     holonomic: ClassVar[bool] = False
-    """It can neither move sideways nor turn on the spot."""
+    """Whether it moves sideways at once: it can neither do that nor turn on the spot."""
     steered: ClassVar[bool] = True
     wheel_names: ClassVar[tuple[str, ...]] = ("drive",)
     joint_names: ClassVar[tuple[str, ...]] = ("steering",)

@@ -56,9 +56,9 @@ class DifferentialDrive:
     }
     """Keys that calibration of the odometry sets, with the least and greatest value of each."""
     degrees_of_freedom: ClassVar[int] = 3
-    """Of the pose in the plane: x, y, theta."""
+    """Degrees of freedom of the pose in the plane: x, y, theta."""
     holonomic: ClassVar[bool] = False
-    """It cannot move sideways at once: dy cos(theta) = dx sin(theta)."""
+    """Whether it moves sideways at once: no, dy cos(theta) = dx sin(theta)."""
     steered: ClassVar[bool] = False
     wheel_names: ClassVar[tuple[str, ...]] = ("left", "right")
     joint_names: ClassVar[tuple[str, ...]] = ()

@@ -27,7 +27,7 @@ Matrix: TypeAlias = NDArray[np.float64]
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 _QUADRATURE = tuple(zip((0.5 * (_NODES + 1.0)).tolist(), _WEIGHTS.tolist(), strict=True))
-"""Where along a piece, and with which weight of 2 in all."""
+"""Places along a piece, each with its weight; the weights sum to 2."""
 _MAX_PIECE_RAD = 1.0
 """Turn of one quadrature piece: 8 nodes integrate it to rounding."""
 

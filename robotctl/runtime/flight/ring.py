@@ -173,7 +173,7 @@ class Part(NamedTuple):
 
     sequence: int
     offset: int
-    """Where in the segment they begin [bytes]."""
+    """Start in the segment [bytes]."""
     data: bytes
 
     @property

@@ -1,1 +1,1 @@
-"""Between processes: topics, heartbeats and locks."""
+"""Communication between processes: topics, heartbeats and locks."""

@@ -24,7 +24,7 @@ T = TypeVar("T")
 
 _QUEUE = 256
 _PATH_BYTES = 107
-"""Of the path of a Unix socket: `sun_path` of unix(7) without its end."""
+"""Maximum length of the path of a Unix socket: `sun_path` of unix(7) without its end."""
 
 _LONGEST = "navigation.requests"
 _MEMORY = Path("/dev/shm")  # noqa: S108 - a private directory in it
@@ -147,7 +147,7 @@ class Endpoints:
         self.telemetry_notices = f"ipc://{directory}/telemetry.notices"
         self.recorder_notices = f"ipc://{directory}/recorder.notices"
         self.supervisor_notices = f"ipc://{directory}/supervisor.notices"
-        """Not among `published`: the supervisor has reported it."""
+        """Address of the supervisor's notices; not in `published`: it has reported them."""
         self.supervisor_requests = f"ipc://{directory}/supervisor.requests"
         self.truth = f"ipc://{directory}/truth"
         self.lidar = f"ipc://{directory}/lidar"
@@ -156,7 +156,7 @@ class Endpoints:
 
     @property
     def published(self) -> tuple[str, ...]:
-        """Where states, notices, scans and views of all processes come from."""
+        """Sources of the states, notices, scans and views of all processes."""
         return (
             self.control_state,
             self.navigation_state,

@@ -202,7 +202,7 @@ class LogFolder:
 
 
 def is_gone(file: IO[Any]) -> bool:
-    """Return whether a log being written was deleted: nobody would read it."""
+    """Return whether a log being written was deleted, so that writing on is useless."""
     return not leads_to(Path(file.name), file.fileno())
 
 

@@ -1,4 +1,4 @@
-"""A file of records that only grows, for state too large to be written anew at each change.
+"""A file of records that only grows, for state too large to be rewritten at each change.
 
 Each record has its length and a CRC-32 of both; whenever the writer is killed or the power is cut,
 all whole records are read again, and a last one that is not whole is left out. Anything else that
@@ -29,7 +29,7 @@ _RECORD: Final = struct.Struct("<III")
 """Length of a record [B], its CRC-32, and that of these eight bytes."""
 _PERIOD_S: Final = 0.5
 _AGAIN_S: Final = 5.0
-"""Between tries on a disk that refuses."""
+"""Interval between tries on a disk that refuses."""
 _GROWTH_BYTES: Final = 16 << 20
 """A file is compacted when it is twice as long as after the last time, and so much longer."""
 
@@ -170,7 +170,7 @@ class RecordLog:
         self._file.close()
 
     def _written(self, records: Sequence[bytes]) -> io.FileIO:
-        """Write the file anew; return it open at its end, locked."""
+        """Rewrite the file; return it open at its end, locked."""
         write_whole(self._path, self._heading + packed(records))
         file = io.FileIO(self._path, "a")
         hold(file)
@@ -208,7 +208,7 @@ class RecordLog:
         self._size += len(content)
 
     def _compact(self) -> None:
-        """Write the file anew if it has become long."""
+        """Rewrite the file if it has become long."""
         if self._size <= 2 * self._least + _GROWTH_BYTES:
             return
         records = unpacked(self._path.read_bytes()[len(self._heading) :])

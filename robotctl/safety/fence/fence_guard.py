@@ -16,23 +16,23 @@ from robotctl.model.rectangle import Rectangle
 from robotctl.safety.fence.prediction import MotionNow, longest_way, predict
 
 MARGIN_M: Final = 0.05
-"""Between body and fence where the robot stands [m]: for how well wheels follow a set-point."""
+"""Distance between body and fence at rest [m]: for how well wheels follow a set-point."""
 _SHARES: Final = (0.8, 0.6, 0.4, 0.25, 0.15, 0.07)
-"""What is tried of a velocity that would lead too far."""
+"""Shares that are tried of a velocity that would lead too far."""
 _TURNS: Final = (1.0, 0.3)
-"""What is tried of its turn alone, on the spot."""
+"""Shares that are tried of its turn alone, on the spot."""
 _FARTHEST_STEP_M: Final = 0.02
-"""Between two predicted poses no point of the body moves farther [m]."""
+"""Maximum motion of a point of the body between two predicted poses [m]."""
 _LONGEST_STEP_S: Final = 0.02
 _STANDS: Final = Twist(0.0, 0.0)
 
 
 class Held(NamedTuple):
-    """What the fence leaves of a velocity."""
+    """Velocity that the fence allows."""
 
     twist: Twist
     clearance_m: float
-    """Of the body now [m], negative: beyond; at most what matters for the motion."""
+    """Clearance of the body now [m], negative: beyond; at most what matters for the motion."""
     limits: bool
     """Whether it is less than what was wanted."""
 

@@ -1,4 +1,4 @@
-"""Where a robot goes that follows a velocity for a while and then brakes."""
+"""Path of a robot that follows a velocity for a while and then brakes."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class MotionNow(NamedTuple):
     before: Twist
     """The velocity last commanded."""
     lag_s: float
-    """So long it is followed still, until a new one reaches the wheels [s]."""
+    """Time for which it is still followed, until a new one reaches the wheels [s]."""
 
 
 def predict(

@@ -20,7 +20,7 @@ from robotctl.messages.ports import FD_FLAG
 
 FORWARD: Final[int] = common.MAV_CMD_CAN_FORWARD
 LASTS_NS: Final = 5_000_000_000
-"""So long after the last request frames go out [ns]."""
+"""Time after the last request for which frames go out [ns]."""
 PER_STEP: Final = 32
 """Frames passed on in a step of 10 ms; of a flood the rest is left out."""
 FIRST_SDO, LAST_SDO = 0x601, 0x67F
@@ -43,7 +43,7 @@ class _Listener:
 
 
 class CanForward(Microservice):
-    """Passes frames on; the bus is open only while somebody listens."""
+    """Passes frames on; the bus is open only while a station listens."""
 
     handles = frozenset({common.MAVLINK_MSG_ID_CAN_FRAME, common.MAVLINK_MSG_ID_CAN_FILTER_MODIFY})
     commands = frozenset({FORWARD})
@@ -97,7 +97,7 @@ class CanForward(Microservice):
             self._context.can.send(message.id, bytes(message.data[: message.len]))
 
     def step(self, now_ns: int) -> None:
-        """Pass on what came; close the bus once nobody listens any more."""
+        """Pass on new frames; close the bus once no station listens any more."""
         if not self._listeners:
             return
         for peer, listener in list(self._listeners.items()):

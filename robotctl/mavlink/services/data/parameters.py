@@ -40,9 +40,9 @@ SAVES_NS: Final = 500_000_000
 FRESH_NS: Final = 1_000_000_000
 """A value set again within this time after all were told it is told to its sender alone [ns]."""
 AGAIN_NS: Final = 500_000_000
-"""What control or navigation has not taken is sent again after this [ns]."""
+"""Interval after which values that control or navigation has not taken are sent again [ns]."""
 LATE_NS: Final = 1_200_000_000
-"""After this people should know [ns]."""
+"""Delay after which people are told [ns]."""
 NO_INDEX: Final = -1
 STORAGE: Final[int] = common.MAV_CMD_PREFLIGHT_STORAGE
 CHANGE_SPEED: Final[int] = common.MAV_CMD_DO_CHANGE_SPEED
@@ -68,7 +68,7 @@ class Parameters(Microservice):
         super().__init__(context)
         self._set = context.parameters
         self._lists: dict[Peer, int] = {}
-        """Who is sent the list, and the next index."""
+        """Peers that are being sent the list, and the next index of each."""
         self._taken: list[Parameter] = []
         self._said: list[str] = []
         """Parameters that were set since the last save, and what is to be said of them."""
@@ -79,7 +79,7 @@ class Parameters(Microservice):
         self._told_ns: dict[str, int] = {}
         """When all were told the value of each parameter [ns]."""
         self._live = Tuning(0, {}, 0)
-        """What control and navigation shall have."""
+        """Settings that control and navigation are to have."""
         self._speed: dict[str, Value] = {}
         """The speed of DO_CHANGE_SPEED, by its key: it is not kept."""
         self._sent_ns = self._changed_ns = 0

@@ -1,1 +1,1 @@
-"""Who is there, and what they ask for."""
+"""Stations on the links, and their requests."""

@@ -13,8 +13,8 @@ PRESENCE_NS = 200_000_000
 """Period of reporting to navigation that a ground station is connected [ns]."""
 
 SETTLE_NS = 1_000_000_000
-"""So long after the loss of the operator's station that of the others does not count yet, that
-navigation hears of it [ns]."""
+"""Time after the loss of the operator's station for which the loss of others does not count, so
+that navigation hears of it [ns]."""
 
 MAX_STATIONS = 32
 """Invented stations must not fill the memory."""

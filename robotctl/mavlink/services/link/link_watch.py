@@ -10,7 +10,7 @@ from robotctl.messages.control import Severity
 from robotctl.messages.mavlink_port import LinkStatus
 
 PATIENCE_NS = 1_000_000_000
-"""Shorter drop-outs of a link are not reported [ns]."""
+"""Maximum drop-out of a link that is not reported [ns]."""
 
 
 @dataclass

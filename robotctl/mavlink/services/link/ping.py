@@ -9,7 +9,7 @@ from robotctl.messages.mavlink_port import Message, Peer, source
 
 
 class Ping(Microservice):
-    """Answers requests, which have no target; a PING with one is somebody's answer."""
+    """Answers requests, which have no target; a PING with one is the answer of another."""
 
     handles = frozenset({common.MAVLINK_MSG_ID_PING})
 

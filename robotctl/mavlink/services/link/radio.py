@@ -16,11 +16,11 @@ from robotctl.mavlink.service import Microservice
 from robotctl.messages.mavlink_port import Message, Peer
 
 SILENT_NS: Final = 10_000_000_000
-"""Without a word of the radio for as long, there is none any more [ns]."""
+"""Silence of the radio after which there is none any more [ns]."""
 MOST: Final = 20.0
 """Intervals are stretched so much at most."""
 _CHANGES: Final = ((20, 1.5), (50, 1.15), (90, 1.0), (95, 0.95), (100, 0.8))
-"""Up to so much free room [%], and what intervals are multiplied with at each word."""
+"""Upper bounds of the free room [%], and the factor on intervals at each report."""
 
 
 class Radios(Microservice):

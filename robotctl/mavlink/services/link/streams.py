@@ -58,7 +58,7 @@ class _Rate:
 
 @dataclass(slots=True)
 class _Plan:
-    """What one peer gets: the rates by message, and whether it has asked for other ones.
+    """Plan for one peer: the rates by message, and whether it has asked for other ones.
 
     Those that outlast silence hold though nothing comes from it.
     """

@@ -61,7 +61,7 @@ class Fences(Transfer[FencePlan]):
         return read_fence(content)
 
     def check(self, item: MissionItem, seq: int) -> None:
-        """Check one item by itself."""
+        """Check a single item."""
         check_fence_item(item, seq, self._context.origin)
 
     def plan_of(self, items: list[MissionItem]) -> tuple[FencePlan, list[str]]:

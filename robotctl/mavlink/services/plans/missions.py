@@ -85,7 +85,7 @@ class Missions(Transfer[MissionPlan]):
         return MissionPlan(NOTHING) if kept is None else MissionPlan(kept, content)
 
     def check(self, item: MissionItem, seq: int) -> None:
-        """Check one item by itself."""
+        """Check a single item."""
         check_item(item, seq, self._around)
 
     def plan_of(self, items: list[MissionItem]) -> tuple[MissionPlan, list[str]]:

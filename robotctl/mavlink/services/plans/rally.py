@@ -26,11 +26,11 @@ class RallyPlan:
     """Rally points that came over MAVLink."""
 
     items: tuple[MissionItem, ...] = ()
-    """As they came."""
+    """Items as they came."""
     places: tuple[tuple[float, float], ...] = ()
     """In `world` [m]."""
     origin: Origin | None = None
-    """By which places on the globe were turned into those of `world`; None: there are none."""
+    """Origin by which places on the globe became those of `world`; None: there are none."""
     content: bytes = b""
     """The file that was made of them."""
 
@@ -63,7 +63,7 @@ class RallyPoints(Transfer[RallyPlan]):
         return RallyPlan(kept.items, kept.places, kept.origin, content)
 
     def check(self, item: MissionItem, seq: int) -> None:
-        """Check one item by itself."""
+        """Check a single item."""
         if item.command != _POINT:
             why = f"command {item.command} is no rally point"
             raise BadItem(seq, common.MAV_MISSION_UNSUPPORTED, why)

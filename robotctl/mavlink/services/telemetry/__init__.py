@@ -1,1 +1,1 @@
-"""What the robot tells."""
+"""Telemetry: the robot's state for its stations."""

@@ -29,9 +29,9 @@ KEPT: Final = 64
 RATE_HZ: Final = 0.5
 _ARGUMENTS: Final = 40
 _COUNT: Final = 0x1_0000
-"""Numbers begin anew after so many."""
+"""Count after which numbers start again."""
 _NEW_NS: Final = 10_000_000_000
-"""So long after its start the robot says that its numbers have begun anew [ns]."""
+"""Time after its start for which the robot says that its numbers have started again [ns]."""
 _STOPS: Final = frozenset({SafetyState.FAULT, SafetyState.EMERGENCY_STOP})
 
 

@@ -21,7 +21,7 @@ from robotctl.safety.state_machine import ENABLED
 INTERVAL_NS = 1_000_000_000
 
 SILENT_NS: Final = 500_000_000
-"""Silence of the control process after which nobody can say how the robot is [ns]."""
+"""Silence of the control process after which the robot's state is unknown [ns]."""
 
 MAV_STATES = {
     SafetyState.BOOT: common.MAV_STATE_BOOT,
@@ -43,7 +43,7 @@ MODE_FLAGS = {
 
 
 class Condition(NamedTuple):
-    """What a HEARTBEAT says: MAV_MODE_FLAG bits, mode, MAV_STATE."""
+    """Content of a HEARTBEAT: MAV_MODE_FLAG bits, mode, MAV_STATE."""
 
     flags: int
     mode: Mode

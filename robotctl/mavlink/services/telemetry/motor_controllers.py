@@ -21,7 +21,7 @@ T = TypeVar("T")
 A_MESSAGE: Final = 4
 """Controllers in one message."""
 MOST_VALUES: Final = 58
-"""Of DEBUG_FLOAT_ARRAY."""
+"""Maximum values of DEBUG_FLOAT_ARRAY."""
 OUTPUTS: Final = 8
 """Outputs of SERVO_OUTPUT_RAW; those that drive nothing are 0."""
 _RPM: Final = 60.0 / math.tau
@@ -50,7 +50,7 @@ class MotorControllers(Microservice):
         )
 
     def _info(self, now_ns: int) -> list[Message]:
-        """Return ESC_INFO: who is heard, and how warm it is [cdegC]."""
+        """Return ESC_INFO: which controllers are heard, and how warm they are [cdegC]."""
         control = self._context.fresh_control(now_ns)
         if control is None:
             return []

@@ -28,7 +28,7 @@ class Obstacles(Microservice):
     """Sends the nearest distance in each sector of 5 degrees, clockwise from ahead."""
 
     def streams(self) -> tuple[Stream, ...]:
-        """Return the message, off until somebody asks for it."""
+        """Return the message, off until a station asks for it."""
         return (Stream(common.MAVLINK_MSG_ID_OBSTACLE_DISTANCE, self._build, 0.0),)
 
     def _build(self, now_ns: int) -> list[Message]:

@@ -67,7 +67,7 @@ class SystemStatus(Microservice):
 
 
 class Found(NamedTuple):
-    """What the other processes' states say together."""
+    """Summary of the other processes' states."""
 
     knows_pose: bool
     can_arm: bool

@@ -1,1 +1,1 @@
-"""What makes the robot move, or stop."""
+"""Services that make the robot move, or stop."""

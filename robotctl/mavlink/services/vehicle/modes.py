@@ -70,7 +70,7 @@ class Modes(Microservice):
     def __init__(self, context: Context) -> None:
         super().__init__(context)
         self._pending: dict[Address, _Pending] = {}
-        """By sender, all for the same mode: a request for another one ends them."""
+        """Pending requests by sender, all for the same mode: one for another mode ends them."""
         self._copies = LateCopies()
 
     def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:

@@ -36,11 +36,11 @@ ANSWER_NS: Final = 1_000_000_000
 """Control begins or refuses within this time [ns]."""
 
 SILENT_NS: Final = 1_500_000_000
-"""Who has asked for a motor test and is silent for longer is gone [ns]: heartbeats come each
-second."""
+"""Silence after which a station that asked for a motor test counts as gone [ns]: heartbeats come
+each second."""
 
 LIFE_NS: Final = 200_000_000
-"""So long a wheel turns on without this process [ns]."""
+"""Time for which a wheel turns on without this process [ns]."""
 
 _RENEWED_NS: Final = 50_000_000
 _STEP_PERCENT: Final = 10

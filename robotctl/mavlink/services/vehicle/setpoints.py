@@ -75,7 +75,7 @@ FAST_LIFE_NS = 300_000_000
 SAY_AGAIN_NS = 30_000_000_000
 
 UNHEEDED_NS = 300_000_000
-"""Who sends a set-point along with the request for GUIDED, or to arm, is told nothing [ns]."""
+"""Time for which set-points sent along with a request for GUIDED, or to arm, go unanswered [ns]."""
 
 
 class Used(NamedTuple):
