@@ -41,7 +41,7 @@ time."""
 
 _OFFSET, _LIMIT, _WRITTEN, _HELD, _LONGEST = range(5)
 PACERS: Final = ((6, 400_000_000), (8, 2_000_000_000))
-"""Where pid and deadline of control and navigation are, and the longest stall of each that time
+"""Index of pid and deadline of control and of navigation, and the longest stall of each that time
 waits for [ns]; a longer one counts as a hang. A step of navigation computes for longer."""
 
 

@@ -208,7 +208,7 @@ class Simulation:
 
     @property
     def nodes(self) -> tuple[Node, ...]:
-        """Those that the robot has of `firmware_sim.nodes.kinds.NODES`, in that order."""
+        """Nodes of `firmware_sim.nodes.kinds.NODES` that the robot has, in that order."""
         has_sonars = self.config.sonar or self.drive is not None
         nodes = self.drive, self.sonar if has_sonars else None, self.power, self.imu
         return tuple(node for node in nodes if node is not None)
@@ -326,7 +326,7 @@ class Simulation:
 
     @property
     def people_m(self) -> tuple[tuple[float, float], ...]:
-        """Where people are at the present time: x, y in world [m]."""
+        """Present places of the people: x, y in world [m]."""
         if self._people is None:
             return ()
         self.run_to(self.bus.now_ns)

@@ -43,7 +43,7 @@ def cache_is_cold() -> bool:
 
 
 class _Locator(_SOURCE_FILE, _LOCATOR):  # type: ignore[misc] # numba has no types
-    """Where the code of a function is, by its module."""
+    """Place of the code of a function, by its module."""
 
     def __init__(self, function: Any, file: str) -> None:
         self._py_file, self._lineno = file, function.__code__.co_firstlineno
@@ -66,7 +66,7 @@ class _Files(_RESULTS):  # type: ignore[misc]
 
 
 class _Cache(_FUNCTION_CACHE):  # type: ignore[misc]
-    """What is compiled of one function; a file that is cut or a full disk only costs time."""
+    """Compiled code of one function; a file that is cut or a full disk only costs time."""
 
     _impl_class = _Files
 

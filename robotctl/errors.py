@@ -6,7 +6,7 @@ import errno
 from typing import Final
 
 DISK: Final = frozenset((errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO))
-"""What a disk says that cannot take or give any more."""
+"""Errors of a disk that cannot take or give any more."""
 
 
 class RobotctlError(Exception):

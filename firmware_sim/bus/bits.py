@@ -26,7 +26,7 @@ CRC15_POLYNOMIAL = 0x4599
 TRAILER_BITS = 10
 """CRC delimiter, acknowledge slot and delimiter, end of frame (7): never stuffed."""
 ACK_SLOT_TO_END_BITS = 8
-"""From the end of the acknowledge slot to the end of the frame."""
+"""Bits from the end of the acknowledge slot to the end of the frame."""
 INTERMISSION_BITS = 3
 """Recessive bits between the end of a frame and the next start of frame."""
 
@@ -148,7 +148,7 @@ _CRC16 = array("H", (high ^ low for high in _CRC8_HIGH for low in _CRC8))
 
 _UNPACK_WORDS = struct.Struct(">4H").unpack
 _headers: dict[int, tuple[int, int, int]] = {}
-"""By the id, shifted by four bits, and the length."""
+"""Headers by the id, shifted by four bits, and the length."""
 
 
 def _header(arbitration_id: int, length: int) -> tuple[int, int, int]:

@@ -1,4 +1,4 @@
-"""From bus-off back to the bus: 128 sequences of 11 recessive bits.
+"""Recovery from bus-off: 128 sequences of 11 recessive bits.
 
 Source: ISO 11898-1:2015, clause 12.1.4.4; the waiting time before it is Linux's `restart-ms`.
 """

@@ -40,7 +40,7 @@ class FdSupport(enum.Enum):
 
 
 class Route(NamedTuple):
-    """Where frames of one sender and one id go; made once, thrown away when the bus changes."""
+    """Route of the frames of one sender and one id; made once, discarded when the bus changes."""
 
     receivers: tuple[Receive, ...]
     ports: tuple[PortState, ...]

@@ -1,4 +1,4 @@
-"""Where each pixel looks: the lens turned round, once for all pictures.
+"""Directions of the pixels: the lens inverted, once for all pictures.
 
 Directions are in the fan's frame: x forward along `yaw_deg` of the mount, y left, z up, level, its
 origin below the optical centre on the floor.

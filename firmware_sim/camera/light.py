@@ -16,7 +16,7 @@ CEILING_M = 2.4
 SPACING_M = 3.6
 REACH_M = 8.0
 RADIUS_M = 0.12
-"""Of a lamp: what makes its shadows soft."""
+"""Radius of a lamp [m]: it makes the shadows soft."""
 POINTS = 6
 """A lamp is that many points."""
 EVEN = 0.95

@@ -16,16 +16,16 @@ from firmware_sim.camera.floor import PERIOD_M
 
 SLOT_M: Final = 0.9
 SHARE: Final = 0.6
-"""Of the slots, those with a print."""
+"""Share of the slots that have a print."""
 _LEAST_SLOT_M: Final = 0.3
 _MARGIN_M: Final = 0.05
-"""Between a print and the end of its slot, or the top of its thing."""
+"""Margin between a print and the end of its slot, or the top of its thing [m]."""
 _WIDTH_M: Final = (0.2, 0.4)
 _FOOT_M: Final = (0.4, 0.6)
 """Height of the lower edge: below it walls are plain, so it is as plain where they end."""
 _HEIGHT_M: Final = (0.25, 0.7)
 _HUE: Final = (0.25, 0.9)
-"""From green over blue to violet: other hues are those of floors."""
+"""Hues of prints, from green over blue to violet: other hues are those of floors."""
 _SATURATION: Final = (0.5, 0.9)
 _BRIGHTNESS: Final = 1.2
 

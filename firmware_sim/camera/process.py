@@ -68,7 +68,7 @@ class CameraProcess:
 
     @property
     def pid(self) -> int:
-        """Of the process that draws."""
+        """Id of the process that draws."""
         return self._child.pid
 
     def expose(self, sequence: int, stamp_ns: int, pose: tuple[float, float, float]) -> None:

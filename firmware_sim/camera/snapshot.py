@@ -30,7 +30,7 @@ from firmware_sim.world.world import World, load_world
 BEAMS = 121
 _HALF_FAN_RAD = math.radians(60.0)
 _TRIALS = 10_000
-"""For each pose."""
+"""Maximum trials for each pose."""
 
 
 def parser() -> argparse.ArgumentParser:

@@ -28,7 +28,7 @@ OVERLOAD_IDS: Final = {"low": 0x7FF, "high": 0x002}
 PLACES_TRIED: Final = 1000
 
 TEC_LOW, TEC_HIGH = PASSIVE_LIMIT + 8, PASSIVE_LIMIT + 40
-"""Between these a transmit error counter is held for error-passive: bus-off begins at 256."""
+"""Range in which a transmit error counter is held for error-passive; bus-off begins at 256."""
 
 MAJOR_REVISION: Final = 0x0001_0000
 OTHER_WIRE_VERSION: Final = wire.PROTOCOL_VERSION ^ 0xFFFF_FFFF

@@ -44,7 +44,7 @@ PLACES: Final = {"left": 0, "right": 1, "drive": 0}
 """Wheels by place, on a robot that has none of that name."""
 
 FULL_CELL_V: Final = 4.2
-"""Of `firmware_sim.plant.battery`, which loads numba."""
+"""Voltage of a full cell, as in `firmware_sim.plant.battery`, which loads numba."""
 
 
 def anything(_robot: RobotConfig, _arguments: Arguments) -> Misfits:

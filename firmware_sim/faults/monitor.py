@@ -30,7 +30,7 @@ from firmware_sim.nodes import wire
 from firmware_sim.nodes.e2e import COUNTER_INVALID, crc8, data_id_crc
 
 PERIOD_NS: Final = 5_000_000
-"""Between two looks at the robot [ns]."""
+"""Interval between two checks of the robot [ns]."""
 
 TIMEOUT_MARGIN_NS: Final = 10_000_000
 """Extra time-out of a drive whose clock is as slow as allowed [ns]."""
@@ -80,7 +80,7 @@ class Allowed(NamedTuple):
 
 
 class Kind(enum.Enum):
-    """What the robot did."""
+    """Kinds of unsafe motion."""
 
     POWER = enum.auto()
     STEERING = enum.auto()
@@ -89,7 +89,7 @@ class Kind(enum.Enum):
 
 
 class Since(enum.Enum):
-    """What ended the permission to have power, in words that follow "behind"."""
+    """End of the permission to have power, in words that follow "behind"."""
 
     NOTHING = ""
     LAST_COMMAND = "the last command"

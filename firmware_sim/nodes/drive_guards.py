@@ -24,10 +24,10 @@ TEMPERATURE_HYSTERESIS_C: Final = 10.0
 VOLTAGE_HYSTERESIS_V: Final = 0.2
 
 TURNING_RAD_S: Final = 3.0
-"""From this estimated wheel speed on counts are expected."""
+"""Estimated wheel speed from which counts are expected."""
 REVERSED_RAD_S: Final = 1.0
 CHOPPING_SHARE: Final = 0.9
-"""From this share of the bridge's current limit on, the applied voltage is not known."""
+"""Share of the bridge's current limit from which the applied voltage is not known."""
 COPPER_PER_K: Final = 0.0039
 REFERENCE_C: Final = 25.0
 

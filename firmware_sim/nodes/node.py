@@ -23,7 +23,7 @@ NEVER_NS = 1 << 62
 """A time that does not come (146 years)."""
 
 BOOT_NS = 5 * MILLISECOND_NS
-"""From power-up to the boot-up message of node 1; each further node takes 1 ms longer."""
+"""Time from power-up to the boot-up message of node 1; each further node takes 1 ms longer."""
 
 COMMANDED_NS = 500 * MILLISECOND_NS
 """Time after a command that enables the motors during which nodes refuse writes."""

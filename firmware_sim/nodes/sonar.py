@@ -30,7 +30,7 @@ EVENT_DRIVEN: Final = 254
 
 SPEED_OF_SOUND_M_S: Final = 343.0
 PROCESSING_NS: Final = 500_000
-"""From the last echo to the frame."""
+"""Time from the last echo to the frame [ns]."""
 
 Ranges: TypeAlias = tuple[float, float, float, float]
 

@@ -1,4 +1,4 @@
-"""Where the robot's outline may touch discs that move: people."""
+"""Contacts of the robot's outline with discs that move: people."""
 
 from __future__ import annotations
 

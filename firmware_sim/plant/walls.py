@@ -1,4 +1,4 @@
-"""Where the robot's outline may touch a wall: a grid for the far walls, exact gaps for the near.
+"""Contacts of the robot's outline with walls: a grid for the far ones, exact gaps for the near.
 
 The grid lists for each cell the walls that the outline can reach while its base is in that cell;
 most cells list none, so that driving in the open costs one look-up.

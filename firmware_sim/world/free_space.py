@@ -1,4 +1,4 @@
-"""Where a round body can be in a room, and the ways from place to place there."""
+"""Free space of a round body in a room, and the ways from place to place there."""
 
 from __future__ import annotations
 

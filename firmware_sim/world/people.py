@@ -13,15 +13,15 @@ from firmware_sim.world.free_space import FreeSpace
 from firmware_sim.world.world import World
 
 Contact: TypeAlias = Callable[[np.ndarray, float], tuple[float, float]]
-"""Of a disc's middle in world and radius [m]: the robot's gap to it [m], and how fast the robot
-moved towards it before the step [m/s]."""
+"""Maps a disc's middle in world and radius [m] to the robot's gap to it [m], and the robot's speed
+towards it before the step [m/s]."""
 
 RADIUS_M = 0.22
 ROOM_M = 0.08
 """Room that they keep to walls [m]."""
 SLOWEST_M_S, FASTEST_M_S = 0.5, 1.2
 FROM_START_M = 1.5
-"""Nobody begins nearer to the robot, where there is a place farther away [m]."""
+"""Minimum distance of a person from the robot at the start, where there is room for it [m]."""
 CREEP_M_S = 0.05
 """A robot that moves towards a person faster than this runs into them."""
 TOUCH_M = 2.0e-3
@@ -55,7 +55,7 @@ class _Person:
 
     @property
     def place(self) -> np.ndarray:
-        """Where they are, (2,) [m]."""
+        """Place, (2,) [m]."""
         return self.along(self.at_m)
 
     def along(self, at_m: float) -> np.ndarray:
@@ -117,12 +117,12 @@ class People:
 
     @property
     def places_m(self) -> tuple[tuple[float, float], ...]:
-        """Where they are: x, y [m]."""
+        """Places: x, y [m]."""
         return tuple((float(each.place[0]), float(each.place[1])) for each in self._people)
 
     @property
     def sides(self) -> np.ndarray:
-        """What sensors see of them, (12 n, 4): sides from x, y to x, y [m]."""
+        """Sides that sensors see of them, (12 n, 4): from x, y to x, y [m]."""
         return np.vstack([self._sides + np.tile(each.place, 2) for each in self._people])
 
     def step(self, now_ns: int, contact: Contact) -> None:

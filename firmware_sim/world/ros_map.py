@@ -21,7 +21,7 @@ SUFFIXES = (".yaml", ".yml")
 _DEFAULTS = {"mode": "trinary", "negate": "0", "occupied_thresh": "0.65", "free_thresh": "0.25"}
 _FORMATS = ("PPM", "PNG", "BMP", "JPEG", "GIF", "TIFF", "WEBP", "TGA")
 _MODES = {(False, False): "RGB", (False, True): "RGBA", (True, False): "L", (True, True): "LA"}
-"""Of Pillow, by whether an image is grey and has alpha."""
+"""Modes of Pillow, by whether an image is grey and has alpha."""
 _FALSE, _TRUE = ("0", "false"), ("1", "true")
 
 

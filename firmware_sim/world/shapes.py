@@ -189,7 +189,7 @@ class Marker:
 @closed
 @dataclass(frozen=True, slots=True)
 class Person:
-    """Somebody who walks a closed way of `points` at a steady speed, over and over."""
+    """Person who walks a closed way of `points` at a steady speed, over and over."""
 
     points: Annotated[tuple[Point, ...], Field(min_length=2)]
     speed_m_s: Positive = 0.8

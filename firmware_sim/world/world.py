@@ -54,7 +54,7 @@ from firmware_sim.world.shapes import (
 
 OBSTACLE = "obstacle"
 FARTHEST_M = 500.0
-"""Of anything from the origin: collisions are found in a grid over all that stands there."""
+"""Maximum distance of anything from the origin: a grid over all of it finds collisions."""
 _TOUCHING_M = 1.0e-6
 _PLACES_M = 0.1
 _MOST_PLACES = 250_000
@@ -64,7 +64,7 @@ _CELLS_COLOUR = "#d6d2ca"
 @closed
 @dataclass(frozen=True, slots=True)
 class StartPose:
-    """Where the robot starts."""
+    """Start pose of the robot."""
 
     x_m: Real
     y_m: Real

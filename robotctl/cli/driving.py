@@ -1,4 +1,4 @@
-"""What commands have in common that let a running robot drive: progress, Ctrl-C, the status."""
+"""Parts shared by commands that let a running robot drive: progress, Ctrl-C, the status."""
 
 from __future__ import annotations
 

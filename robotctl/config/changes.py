@@ -1,4 +1,4 @@
-"""What parameters change in a robot's configuration, kept over restarts."""
+"""Changes of parameters in a robot's configuration, kept over restarts."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ from robotctl.runtime.simulated_clock import Pacer, SimulatedClock
 from robotctl.toml_source import is_utf_8
 
 _MOST_BYTES: Final = 128 * 1024 - 1
-"""Of one argument, by execve(2): 32 pages, the zero byte at its end included."""
+"""Maximum size of one argument, by execve(2): 32 pages, the zero byte at its end included."""
 
 
 class StackOptions(msgspec.Struct, frozen=True):

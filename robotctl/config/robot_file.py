@@ -361,7 +361,7 @@ def _wrong_loops(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
 
 
 def _wrong_buses(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
-    """Yield buses that cannot be told apart, and nodes on unknown buses."""
+    """Yield buses that are the same, and nodes on unknown buses."""
     buses = config.buses
     if not buses:
         yield ("can",), "must be a table or a list of tables, one for each bus, found []"

@@ -172,7 +172,7 @@ def check_key(config: MavlinkConfig) -> Finding:
 
 
 class _Listener(NamedTuple):
-    """Where a link listens."""
+    """Address at which a link listens."""
 
     url: str
     socket_kind: int

@@ -119,7 +119,7 @@ def _check_controller(
 
 
 def _check_restart(restart_ms: int, fix: str) -> Finding:
-    """Check that the controller comes back by itself after bus-off."""
+    """Check that the controller returns from bus-off."""
     check = "CAN restart-ms"
     if restart_ms > 0:
         return ok(check, f"{restart_ms} ms")

@@ -1,4 +1,4 @@
-"""Where the robot was in a recorded drive, by the best that the log has."""
+"""Poses of the robot in a recorded drive, by the best that the log has."""
 
 from __future__ import annotations
 

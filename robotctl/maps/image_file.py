@@ -23,7 +23,7 @@ from PIL import Image, UnidentifiedImageError
 from robotctl.errors import ConfigError
 
 _FORMATS: Final = ("PNG", "JPEG", "PPM", "BMP", "WEBP", "TIFF", "GIF", "TGA", "JPEG2000", "AVIF")
-"""Of Pillow's formats, those with pixels: some others start programs (Ghostscript)."""
+"""Formats of Pillow with pixels: some others start programs (Ghostscript)."""
 _CUT_SHORT: Final = ("truncated", "Truncated", "EOF", "not enough", "requires a buffer of")
 """Errors by which Pillow and struct report that a file ends too soon."""
 _ORIENTATION: Final = 0x0112

@@ -16,9 +16,9 @@ from robotctl.model.wall_map import WallMap
 
 _NEAR_M: Final = 0.3
 _APART_M: Final = 0.1
-"""Between the points of a wall that are looked for."""
+"""Spacing of the points of a wall that are searched for [m]."""
 _FITS: Final = 0.6
-"""Of a map of part of the world, or of more than it, one of both shares is high."""
+"""Minimum of the larger share: a map of part of the world, or of more, has one high share."""
 
 
 def misfit(config: RobotConfig, robot: Path, world: Path, walls: WallMap) -> str:

@@ -24,7 +24,7 @@ from robotctl.runtime.storage.atomic_file import write_whole
 
 VERSION: Final = 2
 _READ: Final = (1, VERSION)
-"""Those of version 1 say nothing of exits and views: ways are found, but not driven."""
+"""Readable versions. Version 1 has no exits and views: ways are found, but not driven."""
 _HEAD: Final = """\
 # Places and passages, from `robotctl topology`; see docs/planning.md. A place lists its passages
 # counter-clockwise. Bearings are from its middle, counter-clockwise from its first passage. x_m and

@@ -24,7 +24,7 @@ from robotctl.maps.map_file import refuse_image
 from robotctl.model.wall_map import WallMap
 
 FARTHEST_M: Final = 500.0
-"""Of any wall from the origin: a map has cells for everything between."""
+"""Maximum distance of any wall from the origin: a map has cells for everything between."""
 _TOUCHING_M: Final = 1.0e-6
 
 Point: TypeAlias = tuple[float, float]

@@ -53,7 +53,7 @@ class EkfLocaliser:
         self._walls = walls
         self._odometry: SE2 | None = None
         self._imu: ImuFeedback | None = None
-        """Of the step before."""
+        """Odometry of the step before."""
         self._innovation: Innovation | None = None
 
     @property

@@ -49,7 +49,7 @@ ESTIMATORS: Final[dict[str, Callable[[LocaliserBegin], Localiser]]] = {
     "ekf": make_ekf,
     "mcl": make_mcl,
 }
-"""By `localisation.method`: a new localiser is one file, and one line here."""
+"""Localisers by `localisation.method`: a new one is one file, and one line here."""
 
 Picture: TypeAlias = ParticleCloud | LiveMap
 Stamped = TypeVar("Stamped", bound=SensorMessage | ExternalPose)
@@ -63,7 +63,7 @@ _JUMP_RAD: Final = 0.25
 _SHOWN: Final = 300
 """Particles in a picture."""
 _OLDEST_NS: Final = 2_000_000_000
-"""Where the robot was before is not known any more [ns]."""
+"""Age beyond which a past pose of the robot is unknown [ns]."""
 
 _WORDS: Final = {
     LocalisationStatus.SEARCHING: "the robot does not know where it is; it looks around",
@@ -123,7 +123,7 @@ class Estimators:
         self._pictured_ns = 0
         self._status: LocalisationStatus | None = None
         self._odom_epoch_ns: int | None = None
-        """Of the last control state."""
+        """Epoch of the odometry in the last control state."""
         self._said_rejected = False
         self._said_untimely = False
         self._notices = list(notices)

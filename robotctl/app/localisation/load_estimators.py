@@ -15,7 +15,7 @@ from robotctl.model.geometry.se2 import SE2
 
 AGAIN_SIGMA_M: Final = 0.5
 AGAIN_SIGMA_DEG: Final = 10.0
-"""Of a start in the middle of a run: 0.3 s until the pose is saved, and the braking distance."""
+"""Uncertainty of a restart in a run: 0.3 s until the pose is saved, and the braking distance."""
 
 _STILL_M, _STILL_RAD = 1e-3, 1e-3
 

@@ -20,10 +20,10 @@ from robotctl.model.geometry.se2 import SE2
 
 _EXTERNAL_SIGMA_M: Final = 0.1
 _EXTERNAL_SIGMA_RAD: Final = 0.1
-"""Of an external pose without covariance."""
+"""Standard deviations of an external pose without covariance."""
 
 _LEAST_VARIANCE: Final = 1e-6
-"""Nobody measures better than 1 mm and 1 mrad [m^2, rad^2]."""
+"""Minimum variance: nothing measures better than 1 mm and 1 mrad [m^2, rad^2]."""
 _MOST_VARIANCE: Final = 1e6
 """An accuracy of 1 km and 1000 rad carries no information; larger variances are clipped [m^2,
 rad^2]."""
@@ -40,7 +40,7 @@ class LocaliserBegin(NamedTuple):
     start: SE2
     """`base` in `world`, where that is known."""
     history: OdometryHistory
-    """Of the odometry; whoever steps the localiser keeps it up to date."""
+    """History of the odometry; its owner, who steps the localiser, keeps it up to date."""
     beside: Path
     """Folder of the robot's file, where other files may lie."""
 
@@ -54,7 +54,7 @@ class LocaliserInput(NamedTuple):
     """Sensor data since the last step, each with its own time."""
 
     measured: Mapping[str, Sequence[Any]] = {}
-    """By each sensor of `SENSORS`."""
+    """Measurements by each sensor of `SENSORS`."""
     poses: Sequence[ExternalPose] = ()
     images: Sequence[CameraView] = ()
     """Views with features, to recognise places by."""

@@ -43,7 +43,7 @@ class Mapper:
         self._sensors = load_sensors()
         self._history = history
         self._last: dict[Hashable, SE2] = {}
-        """Where the odometry was when something was last added, by the keys of `Sensor.cells`."""
+        """Odometry when something was last added, by the keys of `Sensor.cells`."""
         self._is_fine = False
         """Whether a sensor that draws finely has been there."""
 

@@ -227,7 +227,7 @@ def make_mcl(begin: LocaliserBegin) -> MclLocaliser:
 
 
 def _rehearse(mcl: MonteCarloLocaliser, measurements: Sequence[LogLikelihood], start: SE2) -> None:
-    """Let particles that nobody needs afterwards search and track once with each sensor."""
+    """Compile by letting unused particles search and track once with each sensor."""
     for measurement in measurements:
         mcl.measure(measurement)
     mcl.start_at(start, 0.1, 0.1)

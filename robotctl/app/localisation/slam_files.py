@@ -32,11 +32,11 @@ if TYPE_CHECKING:
 NAME: Final = "slam.keyframes"
 """In the folder of what survives restarts."""
 _PLACE_NS: Final = 500_000_000
-"""Between two saved places of the robot [ns]."""
+"""Interval between two saved places of the robot [ns]."""
 
 
 class MapPlaces(NamedTuple):
-    """Where the map of a robot is kept.
+    """Files in which the map of a robot is kept.
 
     Parameters
     ----------

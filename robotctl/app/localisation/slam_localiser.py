@@ -45,13 +45,13 @@ _LEAST_M: Final = 0.05
 _LEAST_RAD: Final = 0.05
 """A robot at rest sees the same again."""
 _REST_NS: Final = 1_000_000_000
-"""But it may have been carried away: a scan is looked at after this time [ns]."""
+"""Time at rest after which a scan is matched, since the robot may have been moved by hand [ns]."""
 _AT_ONCE: Final = 40
-"""Keyframes that are drawn in one step, when the map is drawn anew."""
+"""Keyframes that are drawn in one step when the map is redrawn."""
 _SHIFT_M: Final = 0.03
-"""A keyframe that moved farther since it was drawn has the map drawn anew."""
+"""Motion of a keyframe since it was drawn from which the map is redrawn [m]."""
 _REDRAW_NS: Final = 2_000_000_000
-"""Not more often [ns]."""
+"""Minimum interval between two redrawings [ns]."""
 
 
 class SlamLocaliser:
@@ -101,15 +101,15 @@ class SlamLocaliser:
         if mounts and SONAR in allowed:
             self._heard = HeardPlaces(mounts, mapper.loops)
         self._links = len(mapper.back_end.links)
-        """So many links of the graph have been reported."""
+        """Number of links of the graph that have been reported."""
         self._born_ns: list[int | None] = [None] * len(mapper.keyframes)
         """When `base` was where each keyframe is, in this run; one may get another scan later."""
         self._begun = self._pose = start
         """Pose in `world` where the odometry began, and now."""
         self.odometry = None if saved is None else saved.odometry
-        """Of the pose of now, or of that when the map was saved; None: not known for sure."""
+        """Odometry at the present pose, or when the map was saved; None: not known for sure."""
         self._doubted = -1
-        """So many keyframes there were when the odometry became another one."""
+        """Number of keyframes when the odometry changed."""
         self._T_world_odom: SE2 | None = None
         self._last: SE2 | None = None
         """Odometry at the last scan that was taken."""

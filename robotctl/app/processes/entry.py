@@ -13,7 +13,7 @@ from robotctl.runtime.ipc.run_folder import hold_folder
 
 _AGAIN = 1
 _BAD_INPUT = 2
-"""Who started the process tries again after the first, at its first start not after the second."""
+"""Exit statuses: the first is tried again, the second is not at the process's first start."""
 
 
 def enter(

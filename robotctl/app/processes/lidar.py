@@ -24,7 +24,7 @@ from robotctl.runtime.ipc.topics import Endpoints, endpoint_directory
 LIDAR_DRIVERS: Final[dict[str, Callable[[LidarConfig, Clock], LidarPort]]] = {
     "rplidar": lambda config, clock: Rplidar(config.device, config.baud, clock),
 }
-"""By `lidar.driver`."""
+"""Drivers by `lidar.driver`."""
 
 
 def run(config: RobotConfig, options: StackOptions) -> None:

@@ -1,4 +1,4 @@
-"""From the revolutions of a lidar to scans: as seen from one place, in even steps."""
+"""Scans from the revolutions of a lidar: as seen from one place, in even steps."""
 
 from __future__ import annotations
 

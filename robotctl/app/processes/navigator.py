@@ -1,4 +1,4 @@
-"""From a configuration to the objects that navigate a robot."""
+"""Objects that navigate a robot, from its configuration."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where plans that came over MAVLink outlive a power cut."""
+"""Files in which plans that came over MAVLink outlive a power cut."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from robotctl.runtime.storage.atomic_file import write_whole
 F = TypeVar("F", FenceFile, RallyFile)
 
 ENDINGS: Final = {"mission": "toml", "fence": "json", "rally points": "json"}
-"""Of the files of each kind."""
+"""Endings of the files of each kind."""
 
 
 class PlanFiles:

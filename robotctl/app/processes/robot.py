@@ -1,4 +1,4 @@
-"""From a configuration to the objects of a robot."""
+"""Objects of a robot, from its configuration."""
 
 from __future__ import annotations
 

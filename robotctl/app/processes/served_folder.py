@@ -15,9 +15,9 @@ from robotctl.mavlink.ftp.files import Entry, Files
 from robotctl.mavlink.ftp.payload import FtpError, FtpRefused
 
 MOST_BYTES: Final = 64 << 20
-"""Of all that ground stations may keep on the robot's disk."""
+"""Maximum size of all that ground stations keep on the robot's disk [B]."""
 MOST_FILES: Final = 1000
-"""Of them; no file takes less than a block."""
+"""Maximum number of their files; no file takes less than a block."""
 FOLDER: Final = "files"
 """In the folder of what survives restarts; all else there is none of theirs."""
 LOGS: Final = "@LOGS"
@@ -58,7 +58,7 @@ class _DiskFile:
 
     @property
     def size(self) -> int:
-        """Of it now [B]."""
+        """Present size [B]."""
         return os.fstat(self._descriptor).st_size
 
     def read(self, offset: int, size: int) -> bytes:

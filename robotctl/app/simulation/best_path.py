@@ -1,4 +1,4 @@
-"""What a simulated robot could do at best: the shortest path at the speed that is allowed."""
+"""Best possible run of a simulated robot: the shortest path at the speed that is allowed."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from robotctl.messages.ports import Clock
 from robotctl.runtime.simulated_clock import SimulatedClock
 
 SAY_MS: Final = 20.0
-"""Shorter stalls are not reported [ms]."""
+"""Minimum length of a stall that is reported [ms]."""
 
 _GROWTH: Final = 2.0
 """Growth after which it is reported again."""

@@ -24,9 +24,9 @@ _NEAR_MISS_M: Final = 0.05
 _CLEAR_M: Final = 0.10
 """A near miss is over with this much room [m]."""
 _NEARS_M_S: Final = 0.01
-"""A robot that stands, or is passed by somebody, does not come nearer as fast as this [m/s]."""
+"""Closing speed of a robot that drives at a person [m/s]: standing, or being passed, is slower."""
 _LOOK_M: Final = 2.0
-"""Farther away from the body nothing is looked at [m]."""
+"""Maximum distance from the body that is checked [m]."""
 
 
 class JourneyScore:

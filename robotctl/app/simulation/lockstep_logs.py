@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class TickLog:
-    """Every tick, in `control-0001.rec` and so on; each file can be replayed by itself.
+    """Log of every tick, in `control-0001.rec` and so on; each file can be replayed alone.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What of a world a robot could map, against which its map is scored.
+"""Part of a world that a robot could map, against which its map is scored.
 
 A piece of a wall, or of another thing that stands there, counts if the sensor has a line of sight
 to it, within its range, from a spot that the robot can reach. So the backs of things and the
@@ -32,10 +32,10 @@ from robotctl.planning.guard.body import body_outline
 PIECE_M: Final = 0.05
 """Walls are cut into pieces no longer than this."""
 SPACING_M: Final = 0.2
-"""Between spots from which the robot looks, but for worlds of more than `_MOST_SPOTS`."""
+"""Spacing of spots from which the robot looks, except in worlds of more than `_MOST_SPOTS`."""
 _MOST_SPOTS: Final = 10_000
 _SIDE_M: Final = 0.05
-"""Of the cells in which it moves."""
+"""Side of the cells in which it moves [m]."""
 _RAYS: Final = 720
 _TILE_M: Final = 2.0
 """Spots in one tile see the same sides at most."""

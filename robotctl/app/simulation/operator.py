@@ -9,7 +9,7 @@ from robotctl.messages.control import Arm, ControlState, Mode, NavigationState, 
 from robotctl.safety.state_machine import POWERED
 
 _AGAIN_NS: Final = 500_000_000
-"""Between two requests for the same thing [ns]."""
+"""Interval between two requests for the same thing [ns]."""
 
 
 class MissionOperator:

@@ -1,4 +1,4 @@
-"""What is known of a simulated run while it goes on, and the settings that all such runs have."""
+"""State of a simulated run while it goes on, and the settings that all such runs have."""
 
 from __future__ import annotations
 

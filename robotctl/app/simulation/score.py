@@ -209,7 +209,7 @@ class Report(msgspec.Struct, frozen=True):
 
     @property
     def failed_faults(self) -> tuple[str, ...]:
-        """Those of `faults` that did not begin: the run has not tested them."""
+        """Faults of `faults` that did not begin: the run has not tested them."""
         return tuple(each for each in self.faults if FAILED in each)
 
     @property

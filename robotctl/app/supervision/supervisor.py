@@ -15,7 +15,7 @@ from robotctl.messages.control import ControlState, NavigationState, Notice
 Message: TypeAlias = ControlState | NavigationState | Notice
 
 POLL_S: Final = 0.1
-"""Between two steps of the supervisor [s]."""
+"""Interval between two steps of the supervisor [s]."""
 
 _POLL_NS: Final = round(POLL_S * 1e9)
 """States are read as often as this [ns], more seldom than they are published."""

@@ -30,7 +30,7 @@ BLIND = 1
 
 @dataclass(frozen=True, slots=True)
 class _Kind:
-    """What is measured: its name, and the headings of the table with what stands below them."""
+    """Kind of measurement: its name, and the headings of the table with their columns."""
 
     name: str
     cells: dict[str, str]

@@ -14,7 +14,7 @@ _PATIENCE_S: Final = 2.0
 """A shorter run is its own progress [s]."""
 _RENEW_S: Final = 0.2
 _LINE_S: Final = 5.0
-"""Between two lines if there is no terminal [s]."""
+"""Interval between two lines if there is no terminal [s]."""
 
 
 class LockstepProgress:

@@ -21,7 +21,7 @@ HELP: Final = (
 )
 
 AGAIN: Final = "a arms it again, m then resumes the mission, Ctrl-C ends"
-"""What to do after a stop."""
+"""Advice after a stop."""
 
 _SEQUENCE: Final = re.compile(r"\x1b(\[[0-?]*[ -/]*[@-~]?|O.?|.?)", re.DOTALL)
 """A terminal's codes for other keys (ECMA-48): arrow up is `ESC [ A`."""
@@ -64,7 +64,7 @@ def obey(pressed: str, robot: Robot, view: Helpful) -> None:
 
 
 def what_now(control: ControlState, *, keys: bool) -> str:
-    """Return what to do about a robot at rest; empty if it may drive by itself."""
+    """Return advice on a robot at rest; empty if it may drive."""
     if control.state in (SafetyState.FAULT, SafetyState.EMERGENCY_STOP):
         return AGAIN if keys else "a ground station can arm it again"
     if control.state is SafetyState.STANDBY:

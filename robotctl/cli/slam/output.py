@@ -1,4 +1,4 @@
-"""What the kinds of `robotctl slam` write alike."""
+"""Output shared by the kinds of `robotctl slam`."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ _SAMPLES: Final = (5, 1, 0x81)
 
 _SAMPLE_BYTES: Final = 5
 _PWM: Final = 660
-"""Of the motor of an A2 or A3, out of 1023: the value that the maker's own software sets."""
+"""Duty of the motor of an A2 or A3, out of 1023: the value that the maker's own software sets."""
 
 _ANSWER_NS: Final = 1_000_000_000
 _RESET_NS: Final = 2_000_000_000
@@ -50,7 +50,7 @@ _SILENT_NS: Final = 3_000_000_000
 """The motor of one that was at rest is up to speed by then [ns]."""
 _READ_S: Final = 0.05
 _MOST_SAMPLES: Final = 20_000
-"""Of a revolution; one without a beginning would fill the memory."""
+"""Maximum samples of a revolution; one without a beginning would fill the memory."""
 _BROKEN: Final = 2
 
 _OPEN_ERRORS: Final = (OSError, ValueError, termios.error)

@@ -1,4 +1,4 @@
-"""Who is served where a server's room ends: operators first, then who stays in touch.
+"""Admission of peers when a server is full: operators first, then those that stay in touch.
 
 A server serves `MAX_PEERS`. Where all places are taken, whoever sends a heartbeat gets that of a
 peer that
@@ -33,13 +33,13 @@ _Key = TypeVar("_Key", bound=Hashable)
 
 @dataclass(slots=True)
 class Standing:
-    """What a peer has done for its place; times are monotonic [ns], None: never."""
+    """Standing of a peer; times are monotonic [ns], None: never."""
 
     heard_ns: int | None = None
     first_beat_ns: int | None = None
     beat_ns: int | None = None
     is_operator: bool = False
-    """It has sent the heartbeat of a ground station."""
+    """Whether it has sent the heartbeat of a ground station."""
 
     def hear(self, messages: Sequence[Message], now_ns: int) -> None:
         """Take what the peer sends."""

@@ -92,7 +92,7 @@ class Channel:
         return frame
 
     def takes(self, frame: bytes) -> bool:
-        """Say whether the peer understands a frame of somebody else; record it then."""
+        """Say whether the peer understands a forwarded frame; record it then."""
         if self.reader.is_v1 and frame[0] == common.PROTOCOL_MARKER_V2:
             return False
         self._record(frame)
@@ -261,7 +261,7 @@ class Link(ABC):
 
     @abstractmethod
     def forward(self, frame: bytes, number: int) -> None:
-        """Queue a frame of somebody else for the peer of this number, if it is there."""
+        """Queue a forwarded frame for the peer of this number, if it is there."""
 
     @abstractmethod
     def flush(self) -> None:

@@ -55,7 +55,7 @@ class SerialLink(Link):
             self._stream.send(message, answer=True)
 
     def forward(self, frame: bytes, number: int) -> None:  # noqa: ARG002
-        """Queue a frame of somebody else."""
+        """Queue a forwarded frame."""
         if self._stream is not None:
             self._stream.forward(frame)
 

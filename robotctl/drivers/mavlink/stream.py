@@ -92,7 +92,7 @@ class Stream:
             self._push(frame, answer=answer or message.get_msgId() in KEPT)
 
     def forward(self, frame: bytes) -> None:
-        """Queue a frame of somebody else."""
+        """Queue a forwarded frame."""
         if self.channel.takes(frame):
             self._push(frame, answer=False)
 

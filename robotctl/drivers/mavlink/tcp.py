@@ -33,7 +33,7 @@ class TcpServer(Link):
         self._lookup: HostLookup | None = None
         self._clients: dict[Stream, socket.socket] = {}
         self._served: dict[int, Stream] = {}
-        """By the number of the peer."""
+        """Clients by the number of the peer."""
 
     def is_open(self) -> bool:
         """Return whether the server listens."""
@@ -137,7 +137,7 @@ class TcpServer(Link):
             stream.send(message, answer=True)
 
     def forward(self, frame: bytes, number: int) -> None:
-        """Queue a frame of somebody else for one client."""
+        """Queue a forwarded frame for one client."""
         if (stream := self._served.get(number)) is not None:
             stream.forward(frame)
 
@@ -230,7 +230,7 @@ class TcpClient(Link):
             self._stream.send(message, answer=True)
 
     def forward(self, frame: bytes, number: int) -> None:
-        """Queue a frame of somebody else for the server."""
+        """Queue a forwarded frame for the server."""
         if self._stream is not None and self._stream.channel.peer.number == number:
             self._stream.forward(frame)
 

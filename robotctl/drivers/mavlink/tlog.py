@@ -15,7 +15,7 @@ from typing import BinaryIO, Final
 MOST_BYTES: Final = 64_000_000
 """A longer file is followed by another one [B]."""
 MOST_FILES: Final = 32
-"""Of one link; then the oldest goes."""
+"""Maximum files of one link; beyond it the oldest goes."""
 _FLUSH_NS: Final = 1_000_000_000
 _BUFFER: Final = 1 << 16
 

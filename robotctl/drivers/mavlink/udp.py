@@ -179,7 +179,7 @@ class UdpLink(Link):
                 self._send(channel.encode(message), sender)
 
     def forward(self, frame: bytes, number: int) -> None:
-        """Send a frame of somebody else."""
+        """Send a forwarded frame."""
         for sender, channel in self._peers.items():
             if channel.peer.number == number and channel.takes(frame):
                 self._send(frame, sender)

@@ -20,7 +20,7 @@ from robotctl.logs.formats.times import FIRST_S, LAST_S
 IMAGE_SUFFIXES: Final = (
     ".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".tif", ".tiff", ".webp",
 )  # fmt: skip
-"""Of the images of a folder."""
+"""Endings of the images of a folder."""
 LISTS: Final = ("times.txt", "rgb.txt", "images.txt", "data.csv")
 """Names of a list of times, besides that of the folder with `.txt`."""
 

@@ -17,7 +17,7 @@ from robotctl.model.trajectory import Trajectory
 from robotctl.runtime.storage.record_log import DamagedLogError, read_records
 
 _PERIOD_NS: Final = 1_000_000_000
-"""Between two scans of a map, whose own times are of several starts [ns]."""
+"""Interval between two scans of a map, whose own times are of several starts [ns]."""
 
 
 def load_keyframes(path: Path) -> KeyframeMap | None:

@@ -1,4 +1,4 @@
-"""What each format of recorded logs declares; `recorded_log.LOG_FORMATS` lists them."""
+"""Declaration of a format of recorded logs; `recorded_log.LOG_FORMATS` lists them."""
 
 from __future__ import annotations
 

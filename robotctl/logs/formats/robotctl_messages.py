@@ -54,7 +54,7 @@ class LoggedBelief:
 
 @dataclass(frozen=True, slots=True)
 class LoggedScan:
-    """What is needed of a scan of the lidar, which stands at `x_m`, `y_m` of `base` [m, rad]."""
+    """Scan of the lidar, which stands at `x_m`, `y_m` of `base` [m, rad]."""
 
     x_m: float
     y_m: float
@@ -66,7 +66,7 @@ class LoggedScan:
 
 @dataclass(frozen=True, slots=True)
 class LoggedView:
-    """What is needed of a camera's view: of each beam angle [rad], range and its sigma [m]."""
+    """View of the camera: angle [rad], range and its sigma [m] of each beam."""
 
     x_m: float
     y_m: float

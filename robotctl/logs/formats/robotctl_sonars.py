@@ -35,7 +35,7 @@ _IN_FRAME: Final = 4
 """Sonars of one frame."""
 
 _Frames: TypeAlias = dict[tuple[int, int], SonarFeedback]
-"""By time of arrival [ns] and index of the first sonar."""
+"""Frames by time of arrival [ns] and index of the first sonar."""
 
 
 class _Robot(msgspec.Struct):

@@ -1,4 +1,4 @@
-"""What each format of graph files declares, and what is read; `graph_files.GRAPH_FORMATS` lists."""
+"""Declaration of a format of graph files, and its content; `GRAPH_FORMATS` lists them all."""
 
 from __future__ import annotations
 

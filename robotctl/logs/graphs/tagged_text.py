@@ -65,7 +65,7 @@ class Rows:
 
 @dataclass(frozen=True, slots=True)
 class Tag:
-    """What lines of one tag mean.
+    """Meaning of the lines of one tag.
 
     Parameters
     ----------

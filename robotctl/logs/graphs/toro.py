@@ -40,7 +40,7 @@ from robotctl.logs.graphs.tagged_text import (
 _SE2: Final = ("x", "y", "theta")
 _SE3: Final = ("x", "y", "z", "roll", "pitch", "yaw")
 _ORDER: Final = [0, 1, 3, 5, 2, 4]
-"""Of the upper triangle by rows, in EDGE2; its inverse is `_BACK`."""
+"""Order of the upper triangle by rows, in EDGE2; its inverse is `_BACK`."""
 _BACK: Final = [0, 1, 4, 2, 5, 3]
 
 

@@ -109,7 +109,7 @@ class LogEntries:
         self._is_begun = False
         self._framed_ns = -FRAMES_NS
         self._maps: dict[str, LiveMap] = {}
-        """Those that are in the file."""
+        """Maps that are in the file."""
 
     def of(self, message: Published) -> Iterator[Entry]:
         """Yield the entries of a message, the first with those for the whole file."""

@@ -92,7 +92,7 @@ class PoseInFrame(msgspec.Struct, frozen=True, gc=False):
 
 
 class PackedElementField(msgspec.Struct, frozen=True, gc=False):
-    """What stands at `offset` of each element of `data`."""
+    """Field at `offset` of each element of `data`."""
 
     name: str
     offset: int
@@ -173,7 +173,7 @@ _UNKNOWN: Final = 205
 """Grey of an unknown cell, as in ROS maps."""
 
 _GREYS: Final = bytes(254 - 254 * cell // 100 if cell <= 100 else _UNKNOWN for cell in range(256))
-"""By the cell as an unsigned byte."""
+"""Grey by the cell as an unsigned byte."""
 
 
 def time_of(wall_ns: int) -> Time:

@@ -57,7 +57,7 @@ _LENGTHS: Final[dict[int, tuple[struct.Struct, ...]]] = {
     Opcode.CHUNK: (_CHUNK, struct.Struct("<Q")),
     Opcode.MESSAGE_INDEX: (struct.Struct("<HI"),),
 }
-"""What stands before each part of a record whose length varies, that length last."""
+"""Fields before each part of a record whose length varies, that length last."""
 
 _BLOCK: Final = 1 << 20
 _KINDS: Final[dict[int, type[Header | Schema | Channel | Attachment | Metadata]]] = {

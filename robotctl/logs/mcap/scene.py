@@ -1,4 +1,4 @@
-"""Data of a run that every log file needs, so that a viewer can show each by itself."""
+"""Data of a run that every log file contains, so that a viewer can show each alone."""
 
 from __future__ import annotations
 

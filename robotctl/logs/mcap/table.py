@@ -49,7 +49,7 @@ _FOXGLOVE: Final = {
     "start_angle": "rad",
     "end_angle": "rad",
 }
-"""Of the names that are not ours."""
+"""Units of the names that are not ours."""
 
 _ROTATIONS: Final = ("orientation", "rotation")
 _FIGURE: Final = re.compile(r"_(p\d+|max)$")

@@ -1,4 +1,4 @@
-"""Where pictures come from and go to."""
+"""Reading and writing of pictures."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from robotctl.runtime.clock import RealClock
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".webp", ".tif", ".tiff")
 _AFTER_IHDR = 33
-"""Where the second chunk of a PNG begins: 8 bytes of signature, 25 of the first chunk."""
+"""Start of the second chunk of a PNG: 8 bytes of signature, 25 of the first chunk."""
 
 
 LIVE = "live:"

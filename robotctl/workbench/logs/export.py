@@ -24,7 +24,7 @@ from robotctl.workbench.logs.rows import (
 )
 
 TIMES: Final = ("time_s", "run_s")
-"""By the wall clock, as in all logs, and since the first entry of the recording."""
+"""Columns of time: by the wall clock, as in all logs, and since the first entry."""
 
 
 @dataclass(frozen=True, slots=True)

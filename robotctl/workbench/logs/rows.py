@@ -24,7 +24,7 @@ KINDS: Final = (
     "a folder of --record, a robot-*.mcap, or a record of the control loop (fault-*.rec, "
     "crash-*.rec, control-*.rec, or what `robotctl record dump` wrote)"
 )
-"""What is read, for messages."""
+"""Readable files, for messages."""
 
 
 TOLD: Final = 5_000

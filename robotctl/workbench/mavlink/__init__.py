@@ -1,1 +1,1 @@
-"""What is done with a running robot over MAVLink, behind `robotctl mavlink`."""
+"""Work with a running robot over MAVLink, behind `robotctl mavlink`."""

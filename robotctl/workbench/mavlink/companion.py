@@ -13,7 +13,7 @@ from robotctl.errors import LinkError
 from robotctl.messages.mavlink_port import MavlinkPort, Message, Peer, Received, source
 
 SYSTEM, COMPONENT = 254, 190
-"""Of the program: no ground station, so its end stops no robot."""
+"""Ids of the program: it is no ground station, so its end stops no robot."""
 BEAT_S: Final = 1.0
 POLL_S: Final = 0.05
 FIND_S: Final = 10.0
@@ -47,7 +47,7 @@ class Companion:
         self.is_ardupilot = True
         """Whether the robot claims to be of ArduPilot, which packs parameters in its own way."""
         self._heard: deque[Message] = deque()
-        """What has come and nobody has taken yet."""
+        """Messages that have come and were not taken yet."""
         self.texts: list[str] = []
         """STATUSTEXT of the robot since the last request."""
 

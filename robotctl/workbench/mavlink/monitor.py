@@ -1,4 +1,4 @@
-"""What comes over a MAVLink link: rates of messages, loss, and the quality of the link."""
+"""Watch over a MAVLink link: rates of messages, loss, and the quality of the link."""
 
 from __future__ import annotations
 

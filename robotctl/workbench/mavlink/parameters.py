@@ -18,9 +18,9 @@ from robotctl.toml_source import nearest
 from robotctl.workbench.mavlink.companion import Companion
 
 AGAIN_S: Final = 0.4
-"""What is not answered is asked again after this [s],"""
+"""Interval between tries of an unanswered request [s]."""
 TRIES: Final = 12
-"""so often."""
+"""Maximum tries of a request."""
 MOST_GAPS: Final = 100
 """Asked for at a time."""
 _REASON_S: Final = 0.3

@@ -1,4 +1,4 @@
-"""From logs and tape measures to the runs that calibration works on."""
+"""Runs that calibration works on, from logs and tape measures."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True, slots=True)
 class MatchedImages:
-    """What images were recognised as.
+    """Result of recognising images.
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ _ONE_PLACE_M: Final = 0.3
 
 @dataclass(frozen=True, slots=True)
 class PlaceSource:
-    """Where the robot turns, and which robot; exactly one of `log`, `world` and `live` is given.
+    """Source of turns, and the robot; exactly one of `log`, `world` and `live` is given.
 
     Parameters
     ----------

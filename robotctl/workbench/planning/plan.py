@@ -37,7 +37,7 @@ from robotctl.toml_source import nearest
 
 DEFAULT_ROBOT: Final = "diff_drive"
 _STEP: Final = 0.5
-"""Between two places of a path at which its clearance is taken [cells]."""
+"""Spacing of the places of a path at which its clearance is taken [cells]."""
 
 
 @dataclass(frozen=True, slots=True)

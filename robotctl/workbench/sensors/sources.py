@@ -1,4 +1,4 @@
-"""From recordings and simulated drives to readings at known poses in a known room."""
+"""Readings at known poses in a known room, from recordings and simulated drives."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ MISSION: Final = "patrol"
 
 _TELL_EVERY_NS: Final = 20_000_000_000
 _DENSE_NS: Final = 100_000_000
-"""Between poses no farther apart the robot moves evenly."""
+"""Maximum interval between poses within which the robot moves evenly [ns]."""
 _SURE: Final = (0.02, 0.02, 0.02)
 """Maximum standard deviations that odometry adds to a pose [m, m, rad]."""
 

@@ -73,7 +73,7 @@ class ShownPictures:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What to tell of pictures that were left out."""
+        """Notes on pictures that were left out."""
         if not self._unreadable:
             return ()
         count, first = len(self._unreadable), self._unreadable[0]
@@ -81,7 +81,7 @@ class ShownPictures:
 
     @property
     def matched(self) -> MatchedImages:
-        """What each picture that was shown was recognised as."""
+        """Result for each picture that was shown."""
         shown, looked_at = tuple(self._shown), self._seen.recognitions
         before = self._seen.keyframes[: len(self._seen.keyframes) - len(looked_at)]
         known = (*(Path(f"keyframe-{each}") for each in before), *shown)

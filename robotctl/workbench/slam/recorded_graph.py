@@ -21,7 +21,7 @@ from robotctl.model.geometry.points import rotation
 from robotctl.model.geometry.pose_estimate import PoseEstimate
 
 _LEAST = 1e-10 * np.eye(3)
-"""Of a robot that stands."""
+"""Minimum covariance of the motion: that of a robot that stands."""
 
 
 def graph_of_recording(

@@ -1,4 +1,4 @@
-"""What SLAM made of a drive, and how good it is."""
+"""Result of SLAM on a drive, and its quality."""
 
 from __future__ import annotations
 

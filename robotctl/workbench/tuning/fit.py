@@ -1,4 +1,4 @@
-"""From the records of the experiments to models, feed-forward and gains of each wheel."""
+"""Models, feed-forward and gains of each wheel, from the records of the experiments."""
 
 from __future__ import annotations
 

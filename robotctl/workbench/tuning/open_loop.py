@@ -56,7 +56,7 @@ class OpenLoopRecord:
 
 
 Law: TypeAlias = Callable[[float, float], float]
-"""From the wheels' mean speed [rad/s] and the supply [V] to the duty of all wheels."""
+"""Function of the wheels' mean speed [rad/s] and the supply [V]: the duty of all wheels."""
 
 
 class OpenLoop:
