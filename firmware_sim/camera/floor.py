@@ -75,7 +75,7 @@ def floor_laying(name: str, seed: int) -> Laying:
 
 @lru_cache(maxsize=8)
 def print_texture(seed: int) -> Texture:
-    """Draw the texture that prints are windows of: rectangles upon rectangles, channel by channel."""
+    """Draw the texture whose windows prints are: rectangles upon rectangles, channel by channel."""
     rng = np.random.default_rng([seed, 6])
     picture = np.full((SIDE, SIDE, 3), 128.0)
     for most_m, count in ((0.3, 300), (0.12, 1200), (0.05, 3000)):
