@@ -11,7 +11,7 @@ PY := $(BIN)/python
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup sim test check lint types layers format soak reactions endurance mutants bench guest clean
+.PHONY: help setup sim test check lint types layers format soak reactions endurance mutants bench guest site clean
 
 help: ## list the targets
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -65,6 +65,9 @@ reactions: $(STAMP) ## how soon the wheels are without power after each fault, i
 
 endurance: $(STAMP) ## a simulated mission of many hours with random faults; ARGS="--hours 24"
 	@$(PY) tools/endurance.py $(ARGS)
+
+site: $(STAMP) ## the documents as a site, into build/site
+	@$(BIN)/zensical build --clean --strict --config-file zensical.toml
 
 mutants: $(STAMP) ## change the safety modules in small ways: do the tests notice? ARGS="'robotctl.safety.health*'"
 	@$(PY) tools/mutants.py $(ARGS)

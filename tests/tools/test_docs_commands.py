@@ -15,8 +15,7 @@ from robotctl.cli.commands import COMMANDS, load
 from tests.cli.command import status_of
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "benchmarks" / "RESULTS.md"]
-PAGES += sorted((ROOT / "docs").glob("*.md"))
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 BLOCK = re.compile(r"^```(\w*)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 SPAN = re.compile(r"`([^`\n]+)`")
 ROBOTCTL = re.compile(r"(?:^|[\s/])robotctl ((?:[^\s`]+ ?)+)")
@@ -163,7 +162,7 @@ def test_a_command_in_a_sentence_has_the_options_named(words: list[str]) -> None
     assert given <= options_of(command)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_a_file_that_a_page_names_comes_along_or_is_made_or_is_called_the_readers_own(
     page: Path,
 ) -> None:

@@ -14,7 +14,7 @@ heuristic: which beams count is decided by the poses, so it must not hide from t
 is wrong. It therefore stays off while the poses are spread, and where it would leave out most
 beams: then not the beams are wrong, but the poses. It is not on by default: beams that few poses
 agree with are often those that say most, and the models forgive a share of wrong beams by
-themselves (benchmarks/RESULTS.md).
+themselves (docs/results/localisation.md).
 """
 
 from __future__ import annotations
