@@ -1,4 +1,4 @@
-"""The commands of the README and of the tutorial run as they stand, with files that are there."""
+"""The commands of README, tutorial and command page run as they stand, with files that are there."""
 
 import gzip
 import json
@@ -16,6 +16,7 @@ from robotctl.logs.formats.recorded_log import read_recording
 ROOT = Path(__file__).parents[2]
 README = ROOT / "README.md"
 TUTORIAL = ROOT / "docs" / "tutorial.md"
+COMMANDS = ROOT / "docs" / "commands.md"
 LIVE = "robotctl sim --robot rover/rover --mission rover/rounds\n"
 """The one command of the tutorial that takes half a minute whatever the computer."""
 BY_HAND = ("make setup\n", LIVE)
@@ -64,10 +65,10 @@ def test_the_tutorial_leads_to_a_driven_mission_a_log_and_a_plot(checkout: Path)
     assert "[control.left]" in (rover / "gains.toml").read_text()
 
 
-def test_the_readme_localises_on_a_log_that_comes_along(checkout: Path) -> None:
+def test_the_documents_localise_on_a_log_that_comes_along(checkout: Path) -> None:
     offline = [
         line
-        for block in blocks(README)
+        for block in blocks(COMMANDS)
         for line in block.splitlines()
         if re.match(r"\S*robotctl (map|localize) ", line)
     ]
@@ -83,7 +84,7 @@ FILE = re.compile(r"[\w./-]+\.(?:gz|toml|yaml|pgm|log|rec|dbc|json|tum|csv|png|m
 MAKES = re.compile(r"(?:--out|--report|--record|--csv|-f|>) *([\w./-]+)")
 
 
-@pytest.mark.parametrize("page", [README, TUTORIAL], ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", [README, TUTORIAL, COMMANDS], ids=lambda page: page.stem)
 def test_no_command_needs_a_file_that_is_not_there(page: Path) -> None:
     made: set[str] = set()
     for line in "".join(blocks(page)).splitlines():
