@@ -55,6 +55,10 @@ COMMANDS: Final = {
         "logs.replay:replay",
         "Recompute every output of a record; status 1 and the first tick that differs.",
     ),
+    "report": (
+        "logs.report:report",
+        "Show a recording on one page: map, paths, figures over time, states and notices.",
+    ),
     "plot": (
         "logs.plot:plot",
         "Plot fields of a recording over time, with the robot's states, restarts and gaps.",

@@ -86,20 +86,52 @@ def export(
             help="Folder of --record, a robot-*.mcap of it, or a record: fault-*.rec, a dump."
         ),
     ],
-    csv: Annotated[Path, typer.Option(metavar="FOLDER", help="Output folder, one file per topic.")],
+    csv: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Folder for tables, one file per topic.")
+    ] = None,
+    tum: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Folder for paths: odometry, believed, truth."),
+    ] = None,
 ) -> None:
-    """Write a recording as tables: CSV for spreadsheets and pandas, the units in the headings."""
-    if csv.exists() and not csv.is_dir():
-        raise ConfigError(f"--csv {csv}: is a file, a folder is needed")
+    """Write a recording as tables (CSV, the units in the headings), or its paths (TUM).
+
+    CSV is for spreadsheets and pandas, TUM for evo and other tools for trajectories.
+    """
+    if csv is None and tum is None:
+        raise ConfigError("nothing to write: give --csv FOLDER, --tum FOLDER or both")
+    for option, folder in (("--csv", csv), ("--tum", tum)):
+        if folder is not None and folder.exists() and not folder.is_dir():
+            raise ConfigError(f"{option} {folder}: is a file, a folder is needed")
+    if csv is not None:
+        _export_tables(run, csv)
+    if tum is not None:
+        _export_paths(run, tum)
+
+
+def _export_tables(run: Path, folder: Path) -> None:
+    """Write a table for each topic, and say so."""
     console = plain_console(stderr=True)
     with progress_bar(console, run.name, "writing") as tell:
         from robotctl.workbench.logs.export import export_csv  # noqa: PLC0415 - loads zstd
 
-        exported = export_csv(run, csv, tell)
+        exported = export_csv(run, folder, tell)
     for note in exported.notes:
         console.print(f"note: {note}", soft_wrap=True)
     for each in exported.files:
         print(f"{each.path}: {counted(each.rows, 'row')}, {counted(each.columns, 'column')}")
+
+
+def _export_paths(run: Path, folder: Path) -> None:
+    """Write the paths, and say so."""
+    from robotctl.workbench.logs.trajectories import export_tum  # noqa: PLC0415 - loads zstd
+
+    files, notes = export_tum(run, folder)
+    console = plain_console(stderr=True)
+    for note in notes:
+        console.print(f"note: {note}", soft_wrap=True)
+    for each in files:
+        print(f"{each.path}: {counted(each.poses, 'pose')}")
 
 
 def _check_target(file: Path) -> None:
