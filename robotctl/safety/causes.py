@@ -186,7 +186,7 @@ class Causes:
 
     @staticmethod
     def explain_return(symptom: Fault, returned: Fault) -> Explained | None:
-        """Return a symptom with its cause, if that is a node which is back: silent, or restarted."""
+        """Return a symptom with its cause, if that is a node that is back after a silence."""
         if symptom.part != returned.part or symptom.code not in _UNHEARD:
             return None
         return Explained(_RETURN_RANK, because(returned, symptom))
