@@ -59,6 +59,7 @@ def extended(tmp_path_factory):
         path = folder / block.path
         if block.kind == "python":
             assert not path.exists(), f"{block.path} is there already"
+            path.parent.mkdir(exist_ok=True)  # a drive is a folder of its own
             path.write_text(block.code, encoding="utf-8")
         else:
             path.write_text(patched(path.read_text("utf-8"), block.code), encoding="utf-8")

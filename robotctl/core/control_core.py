@@ -166,6 +166,8 @@ class ControlCore:
         self._cleared_ns = 0
         self._stopped_ns = 0
         """Time of the last emergency stop or fault [ns]."""
+        self._restarts: tuple[Fault, ...] = ()
+        """Nodes that are back in this tick."""
         self._notices: list[Notice] = []
         self._armings = 0
 
@@ -188,6 +190,7 @@ class ControlCore:
     def _begin_tick(self, now_ns: int) -> None:
         """Note that time has passed."""
         self._notices = []
+        self._restarts = ()
         self._ticks += 1
         if self._ticks == 1:
             self.motion.epoch_ns = now_ns
@@ -216,6 +219,7 @@ class ControlCore:
         if events.drive_booted:
             self.motion.restart(now_ns)
         self._notices += events.notices
+        self._restarts = events.restarts
         if events.restarts and self.machine.powered:
             fault = self._supervision.explained(events.restarts[0], now_ns)
             self._on(Event.FAULT, fault, now_ns)
@@ -358,7 +362,7 @@ class ControlCore:
 
     def _explain_stop(self, now_ns: int) -> None:
         """Tell the cause of a stop that shows up only now."""
-        cause = self._supervision.later_cause(now_ns)
+        cause = self._supervision.later_cause(now_ns, self._restarts)
         if cause is not None:
             self.machine.explain(cause)
             text = f"cause of the stop: {cause}"

@@ -22,6 +22,9 @@ BEFORE_NS: Final = 500_000_000
 AFTER_NS: Final = 250_000_000
 """Time after a symptom in which its cause may yet show up [ns]."""
 
+RETURN_NS: Final = 3_000_000_000
+"""Time after a symptom in which a node that restarts may be back [ns]: drives boot for a second."""
+
 SILENT_NS: Final = 150_000_000
 """Silence in which a heartbeat of every node is missing [ns]: all of them are silent."""
 
@@ -53,10 +56,14 @@ _SYMPTOMS: Final = frozenset(
 )
 """Faults that say what is missing, not why."""
 
+_UNHEARD: Final = _SYMPTOMS - {FaultCode.COMMAND_LOSS, FaultCode.DRIVE_COMMAND_TIMEOUT}
+"""Those that a node which restarts brings about."""
+
 _DRIVE: Final = "drive"
 _DRIVE_NODE: Final = 1
 STRANGER_RANK: Final = -1
 """Rank of another sender that is told by its frames: nothing else explains those."""
+_BLOCKED_RANK, _RETURN_RANK, _SILENT_RANK, _UNEXPLAINED_RANK = 3, 4, 5, 6
 
 _EMERGENCIES: Final = {
     0x2310: FaultCode.DRIVE_OVER_CURRENT,
@@ -173,8 +180,16 @@ class Causes:
             cause = self._no_traffic(now_ns)
             if cause is not None:
                 blocked = cause.code is FaultCode.BUS_BLOCKED
-                return Explained(3 if blocked else 4, because(cause, symptom))
-        return Explained(5, symptom)
+                rank = _BLOCKED_RANK if blocked else _SILENT_RANK
+                return Explained(rank, because(cause, symptom))
+        return Explained(_UNEXPLAINED_RANK, symptom)
+
+    @staticmethod
+    def explain_return(symptom: Fault, returned: Fault) -> Explained | None:
+        """Return a symptom with its cause, if that is a node that is back after a silence."""
+        if symptom.part != returned.part or symptom.code not in _UNHEARD:
+            return None
+        return Explained(_RETURN_RANK, because(returned, symptom))
 
     def _dead_bus(self, _: Fault, since_ns: int) -> Fault | None:
         """Return that the bus was off or down."""

@@ -21,6 +21,12 @@ _ENABLE_NS: Final = 100_000_000
 """Time for the drive to report enabled after arming: three commands and a status take 50 ms at 100
 Hz; the rest allows for lost frames."""
 
+_GAP_NS: Final = 100_000_000
+"""A silence that is longer may leave old frames in the drive's queue [ns]."""
+
+_LATE_NS: Final = 50_000_000
+"""Time behind it in which those come, and say what was [ns]."""
+
 _NOTHING: Final = ActuatorFeedback()
 
 
@@ -58,6 +64,8 @@ class DriveHealth:
         self._note_ages()
         self._idle_ns = -NEVER_NS
         """When the drive was last enabled, or not commanded to be [ns]."""
+        self._back_ns = NEVER_NS
+        """End of the last `_GAP_NS` in which nothing came of it [ns]."""
         self._loss = _NOTHING
         """The last report that told of an old newest command."""
 
@@ -71,7 +79,10 @@ class DriveHealth:
             if report.latch_us < 0 or report.latch_us != latches_us[place]:
                 latches_us[place] = report.latch_us
                 motions_ns[place] = report.motion_ns
+        before_ns = self._newest_ns
         self._note_ages()
+        if self._newest_ns - before_ns > _GAP_NS and before_ns != NEVER_NS:
+            self._back_ns = self._newest_ns
         for report in reports:
             if report.state is DriveState.ENABLED:
                 self._idle_ns = report.report_ns
@@ -84,6 +95,7 @@ class DriveHealth:
         self._motion_span = span_ns(self._motions_ns)
         self._report_span = span_ns([report.report_ns for report in reports])
         self._supply_span = span_ns([report.supply_ns for report in reports])
+        self._newest_ns = max(self._motion_span[1], self._report_span[1])
 
     def armed(self, now_ns: int) -> None:
         """Take note that the robot is armed: from now on the drive is to be enabled."""
@@ -154,8 +166,15 @@ class DriveHealth:
 
     @property
     def enabled_ns(self) -> int | None:
-        """When it reported that it gives power [ns]; None: its newest report says it does not."""
-        stamps = [each.report_ns for each in self.reports if each.state is DriveState.ENABLED]
+        """When it reported that it gives power [ns]; None: its newest report says it does not.
+
+        None also right behind a silence, whose reports may be old.
+        """
+        stamps = [
+            each.report_ns
+            for each in self.reports
+            if each.state is DriveState.ENABLED and each.report_ns - self._back_ns > _LATE_NS
+        ]
         return max(stamps, default=None)
 
 

@@ -23,7 +23,7 @@ class Events(NamedTuple):
     drive_booted: bool
     """The counts of the drive restart."""
     restarts: tuple[Fault, ...]
-    """Nodes that had been up before: a powered robot stops."""
+    """Nodes that had been up before, as reasons to stop."""
     notices: tuple[Notice, ...]
 
 
@@ -48,13 +48,13 @@ class NodeEvents:
         if nodes is self._nodes and not feedback.emergencies:
             return None
         booted = [] if nodes is self._nodes else self._booted(nodes)
-        restarted = [node for node, was_up in booted if was_up]
+        restarted = [(node, before) for node, before in booted if before is not None]
         texts = [self._error(emergency) for emergency in feedback.emergencies]
-        if any(node.name in self._drives for node in restarted):
+        if any(node.name in self._drives for node, _ in restarted):
             texts.insert(0, _NOT_IN_THE_POSE)
         return Events(
             any(node.name in self._drives for node, _ in booted),
-            tuple(_restart(node) for node in restarted),
+            tuple(_restart(node, before) for node, before in restarted),
             tuple(Notice(now_ns, Severity.WARNING, text) for text in texts if text),
         )
 
@@ -62,15 +62,18 @@ class NodeEvents:
         """Let each error be reported again."""
         self._told.clear()
 
-    def _booted(self, nodes: tuple[NodeStatus, ...]) -> list[tuple[NodeStatus, bool]]:
-        """Return the nodes that have booted since last asked; whether they had been up before."""
+    def _booted(self, nodes: tuple[NodeStatus, ...]) -> list[tuple[NodeStatus, NodeStatus | None]]:
+        """Return the nodes that have booted since last asked, as they are and as they were.
+
+        None for a node that is there for the first time.
+        """
+        before = {node.name: node for node in self._nodes if node.boots}
         self._nodes = nodes
         booted = []
         for node in nodes:
-            before = self._boots.get(node.name)
-            if before != node.boots:
+            if self._boots.get(node.name) != node.boots:
                 self._boots[node.name] = node.boots
-                booted.append((node, bool(before)))
+                booted.append((node, before.get(node.name)))
         return booted
 
     def _error(self, emergency: EmergencyMessage) -> str:
@@ -83,6 +86,9 @@ class NodeEvents:
         return f"{name} (node {number}) reports error 0x{code:04X}: {emergency_words(code)}"
 
 
-def _restart(node: NodeStatus) -> Fault:
-    text = f"{node.name} (node {node.node_id}) restarted"
-    return Fault(FaultCode.NODE_RESTARTED, text, node.name)
+def _restart(node: NodeStatus, before: NodeStatus) -> Fault:
+    name = f"{node.name} (node {node.node_id})"
+    if before.fault is FaultCode.NODE_SILENT:
+        text = f"{name} was silent and is back: it restarted, or was cut off"
+        return Fault(FaultCode.NODE_SILENT, text, node.name)
+    return Fault(FaultCode.NODE_RESTARTED, f"{name} restarted", node.name)

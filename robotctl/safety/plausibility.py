@@ -36,6 +36,9 @@ from robotctl.safety.speed_wheel_monitor import SpeedWheelMonitor
 JUMPS: Final = 3
 """Impossible jumps of a count within a second that make a fault: one glitch makes two."""
 
+APART: Final = 1.5
+"""Multiple of the tolerance by which both wheels with swapped encoders leave their commands."""
+
 _SECOND_NS: Final = 1_000_000_000
 _NOTHING: Final = ActuatorFeedback()
 
@@ -76,6 +79,7 @@ class Plausibility:
                 monitor.reset()
         self._joints = {i: PersistenceTimer() for i, _ in _taking(Takes.ANGLE, self._actuators)}
         self._apart = [PersistenceTimer() for _ in self._pairs]
+        self._swapped = PersistenceTimer()
         self._seen: tuple[ActuatorFeedback, ...] = (_NOTHING,) * len(self._actuators)
         self._jumps = -1
         self._jumped_ns: deque[int] = deque(maxlen=JUMPS)
@@ -154,7 +158,25 @@ class Plausibility:
                 )
                 self._say(found)
         if self._speed_wheels:
-            self._check_jumps(inputs.motion.jumps, max(each.motion_ns for each in self._seen))
+            newest_ns = max(each.motion_ns for each in self._seen)
+            self._check_swapped(newest_ns)
+            self._check_jumps(inputs.motion.jumps, newest_ns)
+
+    def _check_swapped(self, now_ns: int) -> None:
+        """Report two loops that drive each other's wheel: one runs ahead, one backwards.
+
+        A loop that sees the wrong wheel too slow accelerates its own, which the other loop sees too
+        fast: they part, faster than one wheel alone runs away.
+        """
+        far = [each for each in self._speed_wheels.values() if abs(each.excess) > APART]
+        parts = (
+            len(far) == 2
+            and far[0].excess * far[1].excess < 0.0
+            and (far[0].is_against or far[1].is_against)
+        )
+        if self._swapped.lasts_ns(parts, now_ns) > 0:
+            text = f"{far[0].name} and {far[1].name} encoders are swapped, or both reversed"
+            self._say(Fault(FaultCode.ENCODERS_SWAPPED, text))
 
     def _effective(self, duty: float) -> float:
         """Return the share of the supply that a duty gives to the motor."""

@@ -32,6 +32,13 @@ class SpeedWheelMonitor:
         Name of the wheel.
     config
         Tolerances.
+
+    Attributes
+    ----------
+    excess
+        Speed minus its command, as a multiple of the tolerance.
+    is_against
+        Whether the wheel turns against its command.
     """
 
     def __init__(self, name: str, config: PlausibilityConfig) -> None:
@@ -43,6 +50,7 @@ class SpeedWheelMonitor:
 
     def reset(self) -> None:
         """Reset the timers."""
+        self.excess, self.is_against = 0.0, False
         self._astray, self._stands, self._runs_away = (PersistenceTimer() for _ in range(3))
         self._has_followed = False
         """Whether it turned as commanded since it was last commanded to rest."""
@@ -77,15 +85,16 @@ class SpeedWheelMonitor:
         config = self._config
         faster_rad_s = max(abs(wanted_rad_s), abs(speed_rad_s))
         allowed_rad_s = config.speed_tolerance_rad_s + config.speed_tolerance_share * faster_rad_s
+        self.excess = excess = (speed_rad_s - wanted_rad_s) / allowed_rad_s
         # False for nan, which counts as astray.
-        near = abs(wanted_rad_s - speed_rad_s) <= allowed_rad_s
+        near = abs(excess) <= 1.0
         turns = abs(speed_rad_s) >= REST_RAD_S
         if abs(wanted_rad_s) < REST_RAD_S:
             self._has_followed = False
         elif near and turns:
             self._has_followed = True
         # A loop that is told a wrong speed accelerates: that cannot wait for slow starts.
-        against = wanted_rad_s * speed_rad_s < 0.0
+        self.is_against = against = turns and wanted_rad_s * speed_rad_s < 0.0
         runs_away = not near and turns and (against or abs(speed_rad_s) > abs(wanted_rad_s))
         stands = not near and not turns and self._has_followed
         lasting = (
@@ -96,7 +105,7 @@ class SpeedWheelMonitor:
         if all(lasts_ns <= most_ns for lasts_ns, most_ns in lasting):
             return None
         found = f"{speed_rad_s:.1f} rad/s measured, {wanted_rad_s:.1f} rad/s commanded"
-        if against and turns:
+        if against:
             text = f"{self.name} wheel turns the wrong way: {found}: check encoder and motor leads"
         elif runs_away:
             text = f"{self.name} wheel runs away: {found}"

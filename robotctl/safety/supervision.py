@@ -9,7 +9,7 @@ from robotctl.messages.actuators import ActuatorCommand
 from robotctl.messages.control import Feedback, ImuFeedback
 from robotctl.messages.faults import Fault, FaultCode
 from robotctl.safety.ages import AgeLimit
-from robotctl.safety.causes import AFTER_NS, STRANGER_RANK, Causes, because
+from robotctl.safety.causes import AFTER_NS, RETURN_NS, STRANGER_RANK, Causes, Explained, because
 from robotctl.safety.health import Health
 from robotctl.safety.monitor import Monitor, Monitored, MonitorInputs, Motion
 from robotctl.safety.plausibility import Plausibility
@@ -103,22 +103,39 @@ class Supervision:
         self._rank, fault = self._causes.explain(symptom, now_ns, now_ns)
         return fault
 
-    def later_cause(self, now_ns: int) -> Fault | None:
-        """Return a cause of the last stop that is nearer to the root than what is known so far."""
-        if self._symptom is None:
+    def later_cause(self, now_ns: int, restarts: tuple[Fault, ...] = ()) -> Fault | None:
+        """Return a cause of the last stop that is nearer to the root than what is known so far.
+
+        Parameters
+        ----------
+        now_ns
+            Present time [ns].
+        restarts
+            Nodes that are back in this tick.
+        """
+        symptom = self._symptom
+        if symptom is None:
             return None
-        if now_ns - self._stopped_ns > AFTER_NS:
+        if now_ns - self._stopped_ns > RETURN_NS:
             self._symptom = None
             return None
-        rank, fault = self._causes.explain(self._symptom, self._stopped_ns, now_ns)
-        stranger = self.strangers.fault(now_ns)
-        if stranger is not None and self._causes.is_symptom(self._symptom):
-            rank, fault = STRANGER_RANK, because(stranger, self._symptom)
-            self.strangers.told()
-        if rank >= self._rank:
+        returns = [self._causes.explain_return(symptom, each) for each in restarts]
+        found = [each for each in (*returns, self._late_cause(symptom, now_ns)) if each is not None]
+        nearest = min(found, key=lambda each: each.rank, default=None)
+        if nearest is None or nearest.rank >= self._rank:
             return None
-        self._rank = rank
-        return fault
+        self._rank = nearest.rank
+        return nearest.fault
+
+    def _late_cause(self, symptom: Fault, now_ns: int) -> Explained | None:
+        """Return a symptom with the cause that its inputs prove; None when it is too late."""
+        if now_ns - self._stopped_ns > AFTER_NS:
+            return None
+        stranger = self.strangers.fault(now_ns)
+        if stranger is not None and self._causes.is_symptom(symptom):
+            self.strangers.told()
+            return Explained(STRANGER_RANK, because(stranger, symptom))
+        return self._causes.explain(symptom, self._stopped_ns, now_ns)
 
     def unasked(self) -> Fault | None:
         """Return a fault if a drive reports power long after its last command to."""
@@ -143,7 +160,7 @@ class Supervision:
         """
         self._watching = self._monitors[:1] if wheels_alone else self._monitors
         self.health.armed(now_ns)
-        self._contradiction = None
+        self._contradiction = self._symptom = None
         for monitor in self._monitors:
             monitor.reset()
 

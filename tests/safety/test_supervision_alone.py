@@ -21,7 +21,7 @@ from robotctl.messages.faults import Fault, FaultCode
 from robotctl.model.sensors.imu import ImuConfig
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.safety import supervision
-from robotctl.safety.causes import AFTER_NS
+from robotctl.safety.causes import AFTER_NS, RETURN_NS
 from robotctl.safety.monitor import Monitored, MonitorInputs
 from robotctl.safety.plausibility_config import PlausibilityConfig
 from robotctl.safety.supervision import Supervision
@@ -244,7 +244,43 @@ def test_what_shows_up_later_is_another_matter(
     heard(alone, later_ns, LATE_NS, bus=BusStatus(state=BusState.BUS_OFF))
     cause = alone.later_cause(later_ns)
     assert (cause is not None) == counts
-    assert alone.later_cause(NOW + MS) is None, "the stop is not judged again"
+    assert alone.later_cause(later_ns + MS) is None, "the stop is not judged again"
+
+
+BACK = Fault(FaultCode.NODE_SILENT, "drive (node 1) was silent and is back", "drive")
+
+
+@pytest.mark.parametrize(
+    ("after_ns", "back", "counts"),
+    [
+        (MS, BACK, True),
+        (RETURN_NS, BACK, True),
+        (RETURN_NS + 1, BACK, False),
+        (MS, Fault(BACK.code, BACK.text, "power"), False),
+    ],
+)
+def test_a_node_that_is_back_is_the_cause_of_its_silence(
+    alone: Supervision, after_ns: int, back: Fault, counts: bool
+) -> None:
+    symptom = Fault(FaultCode.WHEELS_STALE, "nothing heard", "drive")
+    heard(alone)
+    alone.explained(symptom, NOW)
+    cause = alone.later_cause(NOW + after_ns, (back,))
+    assert (cause is not None) == counts
+    assert cause is None or cause == Fault(back.code, f"{back.text}: {symptom}", "drive")
+    alone.armed(NOW + after_ns)
+    assert alone.later_cause(NOW + after_ns + MS, (back,)) is None
+
+
+def test_frames_that_waited_out_a_silence_are_no_power_without_a_command(
+    alone: Supervision,
+) -> None:
+    back_ns = NOW + 1000 * MS
+    alone.powered(NOW)
+    alone.health.update(enabled(NOW))
+    for late_ns, is_fault in ((0, False), (50 * MS, False), (50 * MS + 1, True)):
+        alone.health.update(enabled(back_ns + late_ns))
+        assert (alone.unasked() is not None) == is_fault
 
 
 def test_a_second_sender_that_is_told_behind_the_silence_it_made_is_its_cause(

@@ -61,7 +61,7 @@ def rows(drive: Drive) -> tuple[Row, ...]:
     return (
         Row("encoder_stuck wheel=left", WHEEL, 250),
         Row("encoder_reversed wheel=left", RUNS_AWAY, 250),
-        Row("wheels_swapped", RUNS_AWAY, 250),
+        Row("wheels_swapped", frozenset({C.ENCODERS_SWAPPED}), 250),
         Row("wheel_blocked wheel=left", WHEEL, 250),
         Row("feedback_frozen", frozenset({C.ENCODER_STUCK}), 500),
         Row("over_current amperes=30", frozenset({C.DRIVE_OVER_CURRENT}), 200),

@@ -15,8 +15,9 @@ from robotctl.drivers.can.drives.cia402.device import (
     Silence,
 )
 from robotctl.drivers.can.drives.cia402.dialects import DIALECTS
-from robotctl.drivers.can.drives.cia402.drive import BEATS, POLL_NS, Cia402Drive
+from robotctl.drivers.can.drives.cia402.drive import BEATS, Cia402Drive
 from robotctl.drivers.can.drives.cia402.eds import find_eds, load_eds
+from robotctl.drivers.can.drives.cia402.readings import READ_NS
 from robotctl.drivers.can.drives.cia402.scan import cia402_probe
 from robotctl.drivers.can.drives.cia402.settings import Plan
 from robotctl.drivers.can.drives.cia402.wire import (
@@ -221,7 +222,7 @@ class Cia402Motor:
         name, node_id, device = self.name, self.node_id, self._device()
         layout = self._layout(device)
         beat_hz = min(1000.0 * BEATS / safety.command_timeout_ms, rate_hz)
-        read_hz = 1e9 / POLL_NS
+        read_hz = 1e9 / READ_NS
         frames = [
             Cyclic(
                 f"{name} heartbeat", HEARTBEAT_BASE + node_id, 1, 1000.0 / self._beat_ms(safety)

@@ -9,7 +9,8 @@ from typing import Final
 from robotctl.drivers.can.drives.axis import Axis
 from robotctl.drivers.can.drives.cia402.axis_side import AxisSide, drive_state
 from robotctl.drivers.can.drives.cia402.device import VELOCITY, Silence
-from robotctl.drivers.can.drives.cia402.dialects import I32_MAX, Polled
+from robotctl.drivers.can.drives.cia402.dialects import I32_MAX
+from robotctl.drivers.can.drives.cia402.readings import Readings
 from robotctl.drivers.can.drives.cia402.settings import Found, Plan, heartbeat_of, script_of
 from robotctl.drivers.can.drives.cia402.state import QUICK_STOP_WORD, RAMP_BITS, PowerSwitch
 from robotctl.drivers.can.drives.cia402.wire import (
@@ -22,27 +23,29 @@ from robotctl.drivers.can.drives.cia402.wire import (
     UNKNOWN,
     Command,
     Received,
-    Role,
 )
 from robotctl.drivers.can.drives.motor_drive import DriveNeeds, Handler, Send
 from robotctl.drivers.can.nodes.node import (
     HEARTBEAT_BASE,
     NMT_ID,
     NMT_OPERATIONAL,
+    NMT_RESET_NODE,
     Node,
     NodePhase,
 )
-from robotctl.drivers.can.nodes.sdo import REQUEST_BASE, RESPONSE_BASE, Request, SdoResponse
-from robotctl.messages.actuators import NEVER_NS, ActuatorCommand, ActuatorFeedback
+from robotctl.drivers.can.nodes.sdo import REQUEST_BASE, RESPONSE_BASE
+from robotctl.messages.actuators import (
+    NEVER_NS,
+    ActuatorCommand,
+    ActuatorFeedback,
+    DriveState,
+)
 from robotctl.messages.control import EmergencyMessage, EmergencyStopSource, NodeStatus
 from robotctl.messages.faults import Fault, FaultCode
 from robotctl.messages.ports import REMOTE_FLAG
 
 SYNC_ID: Final = 0x080
 EMERGENCY_BASE: Final = 0x080
-
-POLL_NS: Final = 50_000_000
-"""Period of reading by SDO: in turn a setting, and a value that no PDO carries [ns]."""
 
 STOP_MAX_S: Final = 0.5
 """A quick stop that takes longer ends without power [s]."""
@@ -123,11 +126,9 @@ class Cia402Drive:
         self._is_fresh = False
         self._was_in_service = False
         self._emergency_code = 0
-        self._voltage_v: float | None = None
-        self._supply_ns = NEVER_NS
-        self._polled = tuple(_polled_of(dialect.polled, plan, len(axes)))
-        self._next_poll = 0
-        self._poll_ns = 0
+        self._readings = Readings(
+            node, plan, self._sides, places, needs.rate_hz, self._latch_command_loss
+        )
         self._beat = _beat(plan)
         self._beat_ns = NEVER_NS
         self._beat_period_ns = plan.timeout_ms * 1_000_000 // BEATS
@@ -189,6 +190,10 @@ class Cia402Drive:
         self._switch.latch(Fault(FaultCode.DRIVE_UNREADABLE, text, self._name))
         self._is_fresh = True
 
+    def _latch_command_loss(self, text: str) -> None:
+        self._switch.interlock.hold(DriveState.STOPPED, FaultCode.COMMAND_LOSS, text)
+        self._is_fresh = True
+
     def _on_foreign_nmt(self, data: bytes, _: int) -> None:
         if len(data) == 2 and data[1] in (0, self._node.node_id):
             self._node.on_foreign_nmt(data[0])
@@ -200,7 +205,7 @@ class Cia402Drive:
             self._notes.emergencies.append(message)
 
     def check(self, now_ns: int) -> None:
-        """Judge what was received up to now; from time to time read something by SDO."""
+        """Judge what was received up to now; now and then read something by SDO."""
         self._node.check(now_ns)
         in_service = self._node.phase is _READY
         if self._was_in_service and not in_service:
@@ -210,9 +215,7 @@ class Cia402Drive:
             self._is_fresh = False
             self._judge()
             self._report()
-        if now_ns >= self._poll_ns:
-            self._poll_ns = now_ns + POLL_NS
-            self._poll(now_ns)
+        self._readings.step(now_ns)
 
     def _forget_states(self) -> None:
         """Know nothing of the states of a drive that is out of service."""
@@ -222,15 +225,16 @@ class Cia402Drive:
         self._is_fresh = True
 
     def _judge(self) -> None:
-        """Find the axis that is farthest from power, and the fault of the drive."""
+        """Find the axes farthest from power and nearest to it, and the fault of the drive."""
         values = self._received.values
-        lowest, worst = OPERATION_ENABLED, self._sides[0]
+        lowest, highest, worst = OPERATION_ENABLED, UNKNOWN, self._sides[0]
         for side in self._sides:
             state = STATES[values[side.status_place] & STATUS_MASK]
+            highest = max(highest, state)
             if state < lowest:
                 lowest, worst = state, side
         switch = self._switch
-        switch.observe(lowest)
+        switch.observe(lowest, highest)
         if lowest <= FAULT_REACTION:
             switch.latch(self._fault_of(worst, lowest))
 
@@ -254,7 +258,7 @@ class Cia402Drive:
         values, stamps_ns = received.values, received.stamps_ns
         interlock = self._switch.interlock
         amps = self._found.rated_a
-        voltage_v, supply_ns = self._voltage_v, self._supply_ns
+        voltage_v, supply_ns = self._readings.voltage_v, self._readings.supply_ns
         reports = []
         for number, side in enumerate(self._sides):
             state = STATES[values[side.status_place] & STATUS_MASK]
@@ -288,36 +292,6 @@ class Cia402Drive:
             )
         self.reports = tuple(reports)
 
-    # Reading by SDO -----------------------------------------------------------------------------
-
-    def _poll(self, now_ns: int) -> None:
-        """Read the next value, or the next setting."""
-        turn = self._next_poll
-        self._next_poll = (turn + 1) % (2 * max(1, len(self._polled)))
-        if turn % 2 == 0 or not self._polled:
-            self._node.read_back(now_ns)
-            return
-        request, keep = self._polled[turn // 2]
-        self._node.request(request, lambda response: self._take(keep, response, now_ns))
-
-    def _take(self, polled: Polled, response: SdoResponse, now_ns: int) -> None:
-        """Keep a value that was read."""
-        if response.value is None:
-            return
-        bits = abs(polled.bits)
-        raw = response.value & (1 << bits) - 1
-        if polled.bits < 0 and raw >> bits - 1:
-            raw -= 1 << bits
-        value = raw * polled.scale
-        if polled.role is Role.VOLTAGE:
-            self._voltage_v, self._supply_ns = value, now_ns
-        for place, side in zip(self._places, self._sides, strict=True):
-            if polled.axis in (None, place):
-                if polled.role is Role.CURRENT:
-                    side.current_a = side.axis.current_a(value)
-                elif polled.role is None:
-                    side.temperature_c = value
-
     # Sending ------------------------------------------------------------------------------------
 
     def command(self, send: Send, command: ActuatorCommand, now_ns: int) -> None:
@@ -336,12 +310,17 @@ class Cia402Drive:
                 wants = switch.wants(command.enable, in_service)
                 break
             targets[place] = round(min(max(units, -top), top))
+        self._readings.note(targets if wants else ())
         if not wants:
             targets = [0] * len(targets)
         if in_service or (self._found.is_mapped and node.status.nmt_state == NMT_OPERATIONAL):
             word = switch.word(command.brake, 0.0 if wants else self._fastest())
             for arbitration_id, data in self._frames(word, targets):
                 send(arbitration_id, data)
+            if switch.is_deaf:
+                # Its heartbeat would let it drive on; this is another frame than its commands.
+                send(NMT_ID, bytes((NMT_RESET_NODE, node.node_id)))
+                self._is_fresh = True
         if self._beat is not None and now_ns - self._beat_ns >= self._beat_period_ns:
             self._beat_ns = now_ns
             send(*self._beat)
@@ -388,16 +367,6 @@ def _places(axes: tuple[Axis, ...], plan: Plan) -> list[int]:
     if plan.device.dialect.layout is None:
         return list(range(len(axes)))
     return [axis.number - 1 for axis in axes]
-
-
-def _polled_of(values: tuple[Polled, ...], plan: Plan, axes: int) -> list[tuple[Request, Polled]]:
-    """Return what is read now and then, of what the drive has."""
-    return [
-        (Request(each.index, each.subindex, "value"), each)
-        for each in values
-        if (each.axis is None or each.axis < max(axes, 1))
-        and (plan.device.eds is None or plan.device.has(each.index, each.subindex))
-    ]
 
 
 def _beat(plan: Plan) -> tuple[int, bytes] | None:

@@ -31,6 +31,9 @@ _RESET_TICKS: Final = 64
 _RESET_PERIOD: Final = 8
 """Ticks from one rising edge of the reset bit to the next: a frame of one may be lost."""
 
+_DEAF_SHARE: Final = 5
+"""A drive still enabled after this part of the time of a quick stop does not hear the host."""
+
 FASTER_RAD_S: Final = 1.0
 """A wheel faster by this than when its quick stop began is not being stopped: a loop with a wrong
 encoder accelerates."""
@@ -57,10 +60,14 @@ class PowerSwitch:
         Latches.
     lowest
         State of the axis that is farthest from power.
+    is_deaf
+        Whether an axis has stayed enabled against the control word.
     """
 
     __slots__ = (
         "_clear_ticks",
+        "_highest",
+        "_name",
         "_off_rad_s",
         "_off_ticks",
         "_on_words",
@@ -68,12 +75,15 @@ class PowerSwitch:
         "_wants",
         "_was_on",
         "interlock",
+        "is_deaf",
         "lowest",
     )
 
     def __init__(self, name: str, run_bits: int, stop_ticks: int) -> None:
+        self._name = name
         self.interlock = Interlock(name)
-        self.lowest = UNKNOWN
+        self.lowest = self._highest = UNKNOWN
+        self.is_deaf = False
         enabled = ENABLE_OPERATION | run_bits
         # By state: from quick stop, and as long as it is not ready, without voltage.
         self._on_words = (0x00, 0x00, 0x00, 0x00, 0x06, 0x07, enabled, enabled, 0x00)
@@ -84,9 +94,10 @@ class PowerSwitch:
         self._wants = False
         self._was_on = False
 
-    def observe(self, lowest: int) -> None:
-        """Take the state of the axis that is farthest from power, as just received."""
+    def observe(self, lowest: int, highest: int) -> None:
+        """Take the states of the axes that are farthest from power and nearest to it."""
         self.lowest = lowest
+        self._highest = highest
         if self._clear_ticks and lowest > FAULT_REACTION:
             self._clear_ticks = 0
             self.interlock.clear()
@@ -142,6 +153,7 @@ class PowerSwitch:
         speed_rad_s
             Speed of the fastest wheel [rad/s].
         """
+        self.is_deaf = False
         if self._wants:
             self._off_ticks = 0
             return self._on_words[self.lowest]
@@ -153,8 +165,17 @@ class PowerSwitch:
         self._off_ticks += 1
         if self._off_ticks == 1:
             self._off_rad_s = speed_rad_s
-        elif speed_rad_s > self._off_rad_s + FASTER_RAD_S:
+        elif self._off_ticks % (self._stop_ticks // _DEAF_SHARE) == 0:
+            self._note_effect()
+        if speed_rad_s > self._off_rad_s + FASTER_RAD_S:
             self._off_ticks += self._stop_ticks
         if brake and self._off_ticks <= self._stop_ticks:
             return QUICK_STOP_WORD
         return DISABLE_VOLTAGE
+
+    def _note_effect(self) -> None:
+        """Note whether control words without power have taken it."""
+        self.is_deaf = self._highest == OPERATION_ENABLED
+        if self.is_deaf:
+            text = f"{self._name} stays enabled although told to stop: no command reaches it"
+            self.interlock.explain(Fault(FaultCode.COMMAND_LOSS, text, self._name))
