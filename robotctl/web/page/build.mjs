@@ -6,15 +6,14 @@ import { fileURLToPath } from "node:url";
 
 const page = dirname(fileURLToPath(import.meta.url));
 const out = resolve(process.argv[2] ?? join(page, "..", "static"));
-const assets = join(out, "assets");
 
 rmSync(out, { recursive: true, force: true });
-mkdirSync(assets, { recursive: true });
+mkdirSync(out, { recursive: true });
 
 await build({
   absWorkingDir: page,
   entryPoints: { page: "src/main.tsx" },
-  outdir: assets,
+  outdir: out,
   bundle: true,
   minify: true,
   format: "esm",
@@ -25,7 +24,7 @@ await build({
 });
 
 cpSync(join(page, "src", "index.html"), join(out, "index.html"));
-cpSync(join(page, "src", "icon.svg"), join(assets, "icon.svg"));
+cpSync(join(page, "src", "icon.svg"), join(out, "icon.svg"));
 
 const lock = JSON.parse(readFileSync(join(page, "package-lock.json"), "utf8"));
 const shipped = Object.entries(lock.packages)
@@ -34,4 +33,4 @@ const shipped = Object.entries(lock.packages)
     const licence = readFileSync(join(page, path, "LICENSE"), "utf8").trim();
     return `${path.replace(/^.*node_modules\//, "")} ${entry.version}\n\n${licence}\n`;
   });
-writeFileSync(join(assets, "licences.txt"), shipped.join(`\n${"-".repeat(80)}\n\n`));
+writeFileSync(join(out, "licences.txt"), shipped.join(`\n${"-".repeat(80)}\n\n`));
