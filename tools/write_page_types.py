@@ -227,7 +227,7 @@ def union(name: str, members: Iterable[type]) -> str:
 def text() -> str:
     """Return the content of the file."""
     sent = typing.get_args(wire.LiveMessage)
-    received = (*ROBOT, *wire.Downward.__subclasses__())
+    received = (*ROBOT, wire.Hello, *wire.Downward.__subclasses__())
     roots = (*received, *sent, *typing.get_args(wire.StopMessage))
     structs = structs_of(dict.fromkeys(roots))
     positional = positional_structs(structs)

@@ -21,7 +21,7 @@ export async function openSession(): Promise<void> {
 /** Ask why a connection was refused: a browser does not tell. */
 export async function checkAccess(): Promise<void> {
   try {
-    access.value = (await fetch("/session")).status !== 401;
+    access.value = (await fetch("/session")).status !== 403;
   } catch {
     access.value = true; // nobody is there: that is another trouble
   }

@@ -450,9 +450,6 @@ export interface SonarOutline {
 
 export interface Hello {
   readonly type: "Hello";
-  readonly protocol: number;
-  readonly client: number;
-  readonly role: string;
   readonly name: string;
   readonly version: string;
   readonly simulated: boolean;
@@ -465,6 +462,9 @@ export interface Hello {
   readonly v_max_m_s: number;
   readonly omega_max_rad_s: number;
   readonly vy_max_m_s: number;
+  readonly protocol: number;
+  readonly client: number;
+  readonly role: string;
   readonly server_ns: number;
   readonly robot_ns: number;
 }
