@@ -8,6 +8,7 @@ import "./page.css";
 
 import { startDriving } from "./driving/driving";
 import { Map } from "./map/map";
+import { Notices } from "./panels/notices";
 import { RefusalToast } from "./panels/refusal";
 import { StateBar } from "./panels/state_bar";
 import { Stop } from "./panels/stop";
@@ -30,7 +31,10 @@ function Page() {
       <Why />
       <main>
         <Map />
-        <Tabs />
+        <div class="side">
+          <Tabs />
+          <Notices />
+        </div>
       </main>
       <RefusalToast />
     </>

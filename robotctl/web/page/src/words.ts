@@ -198,7 +198,7 @@ export const words = {
     robot: "Robot",
   },
 
-  tabs: { name: "Panels", drive: "Drive", plots: "Plots", notices: "Notices", nodes: "Nodes" },
+  tabs: { name: "Panels", drive: "Drive", plots: "Plots", nodes: "Nodes" },
 
   drive: {
     arm: "Arm",
@@ -256,7 +256,7 @@ export const words = {
     },
   },
 
-  notices: { none: "No notices yet.", severities: { critical: "critical", warning: "warning", notice: "notice", information: "info" } },
+  notices: { name: "Notices", none: "No notices yet.", severities: { critical: "critical", warning: "warning", notice: "notice", information: "info" } },
   refusals: {
     unsent: "not sent: no connection",
     title: (what: string, reason: string) => (what === "" ? reason : `${what}: ${reason}`),

@@ -18,6 +18,7 @@ export class Painter {
   private palette: Palette = readPalette();
   private drawnMs = -Infinity;
   private isAwaited = false;
+  private isMeasured = false;
   private isPlaced = false;
 
   constructor(private readonly canvas: HTMLCanvasElement) {
@@ -36,6 +37,7 @@ export class Painter {
     view.height = Math.max(1, height);
     this.canvas.width = Math.round(view.width * devicePixelRatio);
     this.canvas.height = Math.round(view.height * devicePixelRatio);
+    this.isMeasured = width > 0 && height > 0;
     this.paint();
   }
 
@@ -63,6 +65,7 @@ export class Painter {
   }
 
   private paint(): void {
+    if (!this.isMeasured) return;
     const { context } = this;
     const here = pose();
     this.placeFirst();

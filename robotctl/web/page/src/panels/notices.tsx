@@ -1,7 +1,10 @@
 // The history of notices, the newest first.
 
+import { useComputed } from "@preact/signals";
+
 import { clock } from "../robot/clock";
 import { notices } from "../robot/robot";
+import { tripMs } from "../wire/live";
 import { words } from "../words";
 
 const text = words.notices;
@@ -14,9 +17,18 @@ const NOTICE = 5;
 const SIGNS = { critical: "✖", warning: "▲", notice: "●", information: "·" } as const;
 
 export function Notices() {
-  if (notices.value.length === 0) return <p class="empty">{text.none}</p>;
   return (
-    <ol class="notices">
+    <section class="card notices" aria-labelledby="notices">
+      <h2 id="notices">{text.name}</h2>
+      {notices.value.length === 0 ? <p class="empty">{text.none}</p> : <History />}
+    </section>
+  );
+}
+
+function History() {
+  void useComputed(() => tripMs.value !== null).value; // times are known once the clock is
+  return (
+    <ol tabIndex={0} aria-labelledby="notices">
       {[...notices.value].reverse().map((notice) => {
         const severity = severityOf(notice.severity);
         return (

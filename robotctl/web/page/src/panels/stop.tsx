@@ -2,6 +2,7 @@
 
 import { useEffect } from "preact/hooks";
 
+import { now } from "../robot/clock";
 import { SafetyState } from "../wire/messages";
 import { nameOf } from "../wire/names";
 import { readiness, stop } from "../wire/stop_line";
@@ -9,6 +10,7 @@ import { outcome, type StopOutcome } from "../wire/stop_outcome";
 import { words } from "../words";
 
 const text = words.stop;
+const SHOWN_MS = 8000;
 
 export function Stop() {
   useEffect(listenToSpace, []);
@@ -22,7 +24,7 @@ export function Stop() {
           {ready.works ? text.works(ready.tripMs) : text.doesNot}
         </span>
       </button>
-      {last !== null && (
+      {last !== null && !isPast(last) && (
         <p class={`stop-outcome stop-${last.kind}`} role="alert">
           {say(last)}
         </p>
@@ -53,6 +55,11 @@ function listenToSpace(): () => void {
     removeEventListener("keydown", down, { capture: true });
     removeEventListener("keyup", up, { capture: true });
   };
+}
+
+/** Whether an answer has been shown for long enough; what went wrong stays. */
+function isPast(last: StopOutcome): boolean {
+  return last.kind === "seen" && now.value - last.atMs > SHOWN_MS;
 }
 
 function say(last: StopOutcome): string {

@@ -6,14 +6,12 @@ import type { FunctionComponent } from "preact";
 import { words } from "../words";
 import { Drive } from "./drive";
 import { Nodes } from "./nodes";
-import { Notices } from "./notices";
 import { Plots } from "./plots";
 
 /** To add a panel: its file and its line here, its name in words.ts. */
 const PANELS: Readonly<Record<Exclude<keyof typeof words.tabs, "name">, FunctionComponent>> = {
   drive: Drive,
   plots: Plots,
-  notices: Notices,
   nodes: Nodes,
 };
 
@@ -25,7 +23,7 @@ const open = signal<PanelName>("drive");
 export function Tabs() {
   const Panel = PANELS[open.value];
   return (
-    <section class="side">
+    <section class="card tabs">
       <div role="tablist" aria-label={words.tabs.name} onKeyDown={onArrow}>
         {NAMES.map((name) => (
           <button

@@ -27,7 +27,10 @@ export function makeChart(element: HTMLElement, fields: readonly string[], ink: 
     {
       width: element.clientWidth,
       height: HEIGHT,
-      scales: { x: { time: false } },
+      scales: {
+        x: { time: false },
+        ...Object.fromEntries(scales.map((scale) => [scale, { range: spread }])),
+      },
       cursor: { drag: { x: true, y: false } },
       legend: { live: true },
       series: [
@@ -60,6 +63,13 @@ export function makeChart(element: HTMLElement, fields: readonly string[], ink: 
     [[], ...fields.map(() => [])],
     element,
   );
+}
+
+/** Range of an axis: room above and below, also around a value that stands still. */
+function spread(_: uPlot, low: number | null, high: number | null): [number, number] {
+  if (low === null || high === null) return [0, 1];
+  const room = Math.max(0.1 * (high - low), 0.02 * Math.max(Math.abs(low), Math.abs(high)), 0.01);
+  return [low - room, high + room];
 }
 
 export function resizeChart(chart: uPlot, width: number): void {

@@ -6,7 +6,7 @@ import type { StopSeen } from "./messages";
 
 export type StopOutcome =
   | { readonly kind: "sent" }
-  | { readonly kind: "seen"; readonly state: number; readonly reason: string; readonly afterMs: number }
+  | { readonly kind: "seen"; readonly state: number; readonly afterMs: number; readonly atMs: number }
   | { readonly kind: "unanswered" }
   | { readonly kind: "unsent" };
 
@@ -37,10 +37,11 @@ export function noteSent(id: number): void {
 /** Take the server's answer, from whichever connection the stop went over. */
 export function takeAnswer(seen: StopSeen): void {
   if (seen.id !== lastId) return;
+  const nowMs = performance.now();
   outcome.value =
     seen.state === null
       ? { kind: "unanswered" }
-      : { kind: "seen", state: seen.state, reason: seen.reason, afterMs: performance.now() - askedMs };
+      : { kind: "seen", state: seen.state, afterMs: nowMs - askedMs, atMs: nowMs };
 }
 
 /** Whether a stop is still the newest that was asked for. */

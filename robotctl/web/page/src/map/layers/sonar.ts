@@ -5,7 +5,7 @@ import type { Layer } from "./layer";
 
 /** Half of the angle that is drawn for a cone [rad]. */
 const HALF_CONE = 0.26;
-const ALPHA = 0.25;
+const ALPHA = 0.12;
 
 /** Cones of the sonars, up to the echo. */
 export const sonar: Layer = {
