@@ -131,13 +131,14 @@ class Access:
         """Return whether a name in Host is one of this computer."""
         if name in self._allowed:
             return True
-        address = _address(server)
+        address = address_of(server)
         if name in LOOPBACK_NAMES:
             return address is not None and address.is_loopback
-        return address is not None and _address(name) == address
+        return address is not None and address_of(name) == address
 
 
-def _address(text: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
+def address_of(text: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
+    """Return an address of IP; None: the text is a name."""
     try:
         return ipaddress.ip_address(text)
     except ValueError:

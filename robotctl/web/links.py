@@ -17,6 +17,8 @@ class WebLinks(msgspec.Struct, frozen=True):
         Links for those who may drive and for those who may only look, tokens included.
     port
         Port of the server.
+    is_remote
+        Whether other computers reach it.
     fingerprint
         SHA-256 of the certificate; empty: there is none.
     remarks
@@ -26,8 +28,14 @@ class WebLinks(msgspec.Struct, frozen=True):
     drive: str
     look: str
     port: int
+    is_remote: bool = False
     fingerprint: str = ""
     remarks: tuple[str, ...] = ()
+
+    @property
+    def address(self) -> str:
+        """Link without a token, for what may end in a log."""
+        return self.drive.partition("#")[0]
 
 
 def write_links(path: Path, links: WebLinks) -> None:

@@ -42,7 +42,20 @@ MESSAGES_PER_S: Final = 200
 _NOTICES: Final = 50
 """Notices that a new client is told, the newest."""
 _POLICY: Final = 1008
-_STATIC: Final = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
+LINK_NEEDED: Final = "a token is needed: open the link that the robot prints, or `robotctl web`"
+_BODY_S: Final = 5.0
+"""Time for the body of a POST [s]."""
+_STATIC: Final = {
+    ".css": "text/css",
+    ".html": "text/html",
+    ".ico": "image/vnd.microsoft.icon",
+    ".js": "text/javascript",
+    ".json": "application/json",
+    ".png": "image/png",
+    ".svg": "image/svg+xml",
+    ".webmanifest": "application/manifest+json",
+    ".woff2": "font/woff2",
+}
 
 
 class Session(msgspec.Struct, forbid_unknown_fields=True):
@@ -82,12 +95,15 @@ class RobotSide:
         The present by both clocks.
     to_control, to_navigation
         Hand on a request; whether a process was there to take it.
+    say
+        Tell logs and ground stations.
     """
 
     outline: RobotOutline
     now: Callable[[], Now]
     to_control: Callable[[ControlRequest], bool]
     to_navigation: Callable[[NavigationRequest], bool]
+    say: Callable[[str], None]
 
 
 class PageServer:
@@ -125,6 +141,7 @@ class PageServer:
         self.app: ASGIApp = Starlette(
             routes=[
                 Route("/", self._page),
+                Route("/session", self._rights, methods=["GET"]),
                 Route("/session", self._session, methods=["POST"]),
                 Route("/assets/{name}", self._asset),
                 WebSocketRoute("/live", self._live_socket),
@@ -181,6 +198,8 @@ class PageServer:
             if isinstance(connection, Connection):
                 self._answer(connection, message)
         if (driver := self._desk.driver) != self._driver:
+            if driver.client != self._driver.client:
+                self._robot.say(f"{driver.name} drives" if driver.name else driver.why)
             self._driver = driver
             for each in self._live.values():
                 self._answer(each, driver)
@@ -239,7 +258,7 @@ class PageServer:
         role = self._access.role(asker)
         if objection or role is None:
             await socket.send_denial_response(
-                PlainTextResponse(objection or "a token is needed", 403, HEADERS)
+                PlainTextResponse(objection or LINK_NEEDED, 403, HEADERS)
             )
             return None
         await socket.accept()
@@ -341,16 +360,29 @@ class PageServer:
             return PlainTextResponse("no such page", 404, HEADERS)
         return FileResponse(path, headers=HEADERS, media_type=kind)
 
+    async def _rights(self, request: Request) -> Response:
+        """Return the role of a browser."""
+        asker = _asker(request)
+        objection = self._access.objection(asker, needs_origin=False)
+        role = self._access.role(asker)
+        if objection or role is None:
+            return PlainTextResponse(objection or LINK_NEEDED, 403, HEADERS)
+        return PlainTextResponse(role, 200, HEADERS)
+
     async def _session(self, request: Request) -> Response:
         """Exchange a token for a cookie."""
         asker = _asker(request)
         if objection := self._access.objection(asker, needs_origin=True):
             return PlainTextResponse(objection, 403, HEADERS)
         body = b""
-        async for part in request.stream():
-            body += part
-            if len(body) > MAX_MESSAGE_BYTES:
-                return PlainTextResponse("too long", 413, HEADERS)
+        try:
+            async with asyncio.timeout(_BODY_S):
+                async for part in request.stream():
+                    body += part
+                    if len(body) > MAX_MESSAGE_BYTES:
+                        return PlainTextResponse("too long", 413, HEADERS)
+        except TimeoutError:
+            return PlainTextResponse("too slow", 408, HEADERS)
         try:
             token = self._decode_session(body).token
         except (msgspec.DecodeError, UnicodeError):

@@ -9,12 +9,11 @@ import os
 import socket
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-import uvicorn
 import zmq
 
 import robotctl
@@ -22,30 +21,29 @@ from robotctl.app.processes.entry import enter
 from robotctl.app.supervision.signals import StopFlag
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig
-from robotctl.errors import LinkError
+from robotctl.messages.control import Notice, Severity
 from robotctl.planning.guard.obstacle_guard import body_rectangle
 from robotctl.runtime.ipc.heartbeat import ProcessHeartbeat
 from robotctl.runtime.ipc.topics import (
     Endpoints,
+    Publisher,
     RawSubscriber,
     RequestSender,
     endpoint_directory,
 )
-from robotctl.web.access import Access
-from robotctl.web.config import WebConfig
+from robotctl.web.access import Access, Role
+from robotctl.web.config import LOOPBACK_NAMES, WebConfig
 from robotctl.web.desk import Desk, Now
 from robotctl.web.links import WebLinks, read_links, write_links
-from robotctl.web.server import MAX_MESSAGE_BYTES, PageServer, RobotSide
+from robotctl.web.listening import PageHost, address_towards_others, listen
+from robotctl.web.secret_files import certificate_of, fingerprint_of, tokens_of
+from robotctl.web.server import PageServer, RobotSide
 from robotctl.web.wire import RobotOutline, SonarOutline
 
 PERIOD_S: Final = 0.02
 """Period at which published messages are taken [s]."""
-_PORTS: Final = 100
-"""Ports that are tried, from the configured one on."""
 _ARM_NS: Final = 1_000_000_000
 """Time for control's answer after it has given up arming [ns]."""
-_SENT_BYTES: Final = 64 * 1024
-"""Buffer of the kernel for a client, which it doubles: pictures that lie there are late."""
 
 
 def outline_of(config: RobotConfig, *, simulated: bool) -> RobotOutline:
@@ -72,55 +70,70 @@ def outline_of(config: RobotConfig, *, simulated: bool) -> RobotOutline:
     )
 
 
-def listen(config: WebConfig, before: WebLinks | None) -> tuple[socket.socket, tuple[str, ...]]:
-    """Return a listening socket at the configured port, or the next free one, and remarks.
+@dataclass(frozen=True, slots=True)
+class Secrets:
+    """What others than this computer's programs need to know.
 
     Parameters
     ----------
-    config
-        The address.
-    before
-        Links of this process's previous life, whose port is tried first.
+    tokens
+        Of each role; empty: none are needed.
+    certificate, key
+        Files for TLS; None: plain HTTP.
+    """
+
+    tokens: Mapping[Role, str]
+    certificate: Path | None = None
+    key: Path | None = None
+
+
+def secrets_of(config: WebConfig, state: Path) -> Secrets:
+    """Return the secrets of a page, made where they are missing.
 
     Raises
     ------
-    LinkError
-        If there is no free one.
+    DiskError
+        If they cannot be kept, or a given certificate is none.
     """
-    host = "127.0.0.1" if config.host == "localhost" else config.host
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    ports = [config.port, *range(config.port + 1, min(config.port + _PORTS, 65536))]
-    ports = ports if config.port else [0]
-    for port in ports if before is None else [before.port, *ports]:
-        listener = socket.socket(family, socket.SOCK_STREAM)
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SENT_BYTES)
-        try:
-            listener.bind((host, port))
-            listener.listen(64)
-        except OSError as error:
-            listener.close()
-            last = error
-            continue
-        found = listener.getsockname()[1]
-        taken = config.port not in (0, found)
-        return listener, (f"port {config.port} is taken, so it is {found}",) * taken
-    raise LinkError(
-        f"web: no page at {config.host}, ports {ports[0]} to {ports[-1]}: {last.strerror}"
+    tokens = {} if config.is_loopback else tokens_of(state)
+    if not config.tls:
+        return Secrets(tokens)
+    if config.certificate:
+        return Secrets(tokens, Path(config.certificate), Path(config.key))
+    names = {*LOOPBACK_NAMES, address_towards_others(config.host), *config.allowed_hosts}
+    own = certificate_of(state, sorted({*names, socket.gethostname()}))
+    return Secrets(tokens, own, own)
+
+
+def links_of(config: WebConfig, secrets: Secrets, port: int) -> WebLinks:
+    """Return the links of a page that is served at `port`."""
+    host = address_towards_others(config.host)
+    host = f"[{host}]" if ":" in host else host
+    base = f"{'https' if config.tls else 'http'}://{host}:{port}/"
+    links = {role: f"{base}#token={token}" for role, token in secrets.tokens.items()}
+    remarks = []
+    if config.port not in (0, port):
+        remarks.append(f"port {config.port} is taken, so it is {port}")
+    if not config.is_loopback:
+        remarks.append("whoever has this link may drive the robot; `robotctl web` has one to look")
+        if not config.tls:
+            remarks.append(
+                "it is not encrypted: who listens on this network reads it; web.tls = true encrypts"
+            )
+    drive, look = links.get(Role.DRIVE, base), links.get(Role.LOOK, base)
+    return WebLinks(
+        drive=drive,
+        look=look,
+        port=port,
+        is_remote=not config.is_loopback,
+        fingerprint="" if secrets.certificate is None else fingerprint_of(secrets.certificate),
+        remarks=tuple(remarks),
     )
-
-
-class _Server(uvicorn.Server):
-    """Server whose process takes signals itself."""
-
-    @contextmanager
-    def capture_signals(self) -> Iterator[None]:
-        """Leave signals alone."""
-        yield
 
 
 async def _serve(
     page: PageServer,
+    server: PageHost,
     listener: socket.socket,
     states: RawSubscriber,
     truths: RawSubscriber | None,
@@ -128,31 +141,13 @@ async def _serve(
     heartbeat: ProcessHeartbeat,
 ) -> None:
     """Serve until asked to end."""
-    server = _Server(
-        uvicorn.Config(
-            page.app,
-            http="h11",
-            ws="websockets-sansio",
-            ws_max_size=MAX_MESSAGE_BYTES,
-            ws_per_message_deflate=False,
-            ws_ping_interval=5.0,
-            ws_ping_timeout=10.0,
-            lifespan="off",
-            log_config=None,
-            access_log=False,
-            server_header=False,
-            date_header=False,
-            proxy_headers=False,
-            timeout_graceful_shutdown=1,
-        )
-    )
     serving = asyncio.create_task(server.serve([listener]))
     deadline_s = time.monotonic()
     while not stopped() and not serving.done():
         page.relay(states.receive(), [] if truths is None else truths.receive())
         heartbeat.beat()
         deadline_s = max(deadline_s + PERIOD_S, time.monotonic())
-        await asyncio.sleep(deadline_s - time.monotonic())
+        await asyncio.sleep(max(0.0, deadline_s - time.monotonic()))
     server.should_exit = True
     await serving
 
@@ -162,11 +157,11 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     stopped = StopFlag()
     clock = options.open_clock()
     endpoints = Endpoints(endpoint_directory(options.instance))
-    listener, remarks = listen(config.web, read_links(endpoints.web_links))
+    before = read_links(endpoints.web_links)
+    listener = listen(config.web, None if before is None else before.port)
     port = listener.getsockname()[1]
-    access = Access({}, config.web.allowed_hosts, port)
-    link = f"http://{config.web.host}:{port}/"
-    write_links(endpoints.web_links, WebLinks(link, link, port, remarks=remarks))
+    secrets = secrets_of(config.web, Path(options.state or endpoints.web_links.parent))
+    access = Access(secrets.tokens, config.web.allowed_hosts, port, is_https=config.web.tls)
     context: zmq.Context[Any] = zmq.Context()
     states = RawSubscriber(context, (*endpoints.published, endpoints.supervisor_notices))
     simulated = Path(endpoints.truth.removeprefix("ipc://")).exists()
@@ -174,11 +169,13 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     to_control = RequestSender(context, endpoints.control_requests)
     to_navigation = RequestSender(context, endpoints.navigation_requests)
     heartbeat = ProcessHeartbeat(os.environ)
+    notices = Publisher(context, endpoints.web_notices)
     robot = RobotSide(
         outline_of(config, simulated=simulated),
         lambda: Now(time.monotonic_ns(), clock.now_ns()),
         to_control.send,
         to_navigation.send,
+        lambda text: notices.send(Notice(clock.now_ns(), Severity.NOTICE, f"web page: {text}")),
     )
     desk = Desk(
         has_localiser=config.localisation.method != "none",
@@ -186,10 +183,12 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     )
     static = Path(robotctl.__file__).parent / "web" / "static"
     page = PageServer(robot, desk, access, static)
+    server = PageHost(page.app, secrets.certificate, secrets.key)
+    write_links(endpoints.web_links, links_of(config.web, secrets, port))
     gc.collect()
     gc.freeze()
     try:
-        asyncio.run(_serve(page, listener, states, truths, stopped, heartbeat))
+        asyncio.run(_serve(page, server, listener, states, truths, stopped, heartbeat))
     finally:
         context.destroy(linger=0)
 

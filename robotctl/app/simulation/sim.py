@@ -348,7 +348,7 @@ class SimRun:
             return
         if (links := read_links(self._endpoints.web_links)) is not None:
             progress.page = links.drive
-            progress.lines += [f"web page: {each}" for each in (links.drive, *links.remarks)]
+            progress.lines += [f"web page: {each}" for each in (links.address, *links.remarks)]
 
     def _note_silence(self, progress: RunStatus) -> None:
         """Note what is silent, and say so where nobody else does."""

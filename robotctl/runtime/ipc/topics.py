@@ -153,6 +153,7 @@ class Endpoints:
         self.lidar = f"ipc://{directory}/lidar"
         self.camera = f"ipc://{directory}/camera"
         self.camera_frames = f"ipc://{directory}/camera.frames"
+        self.web_notices = f"ipc://{directory}/web.notices"
         self.web_links = directory / "web.links"
         """File in which the web process says where its page is, tokens included."""
 
@@ -164,6 +165,7 @@ class Endpoints:
             self.navigation_state,
             self.telemetry_notices,
             self.recorder_notices,
+            self.web_notices,
             self.lidar,
             self.camera,
         )
