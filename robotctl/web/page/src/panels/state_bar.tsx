@@ -1,7 +1,5 @@
 // The bar with the state of the robot: what counts, always in sight.
 
-import { useComputed } from "@preact/signals";
-
 import { now } from "../robot/clock";
 import { driver, hello, topics } from "../robot/robot";
 import { toggleTheme } from "../theme";
@@ -16,7 +14,7 @@ const FULL_BUS = 0.8;
 
 export function StateBar() {
   const control = topics.ControlState.newest.value;
-  const isOld = useComputed(() => control !== null && topics.ControlState.isStale(now.value)).value;
+  const isOld = control !== null && topics.ControlState.isStale(now.value);
   const state = control === null ? null : nameOf(SafetyState, control.state);
   return (
     <header class={isOld ? "bar stale" : "bar"} aria-label={text.name}>

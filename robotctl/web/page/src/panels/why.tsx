@@ -18,8 +18,8 @@ interface Finding {
 export function Why() {
   const { kind, advice } = find();
   return (
-    <section class={`why why-${kind}`} aria-label={text.name}>
-      <ul role="status">
+    <section class={`why why-${kind}`} aria-label={text.name} aria-live="polite">
+      <ul>
         {advice.map(({ what, remedy }) => (
           <li key={what}>
             <span class="what">{sentence(what)}</span> <span class="remedy">{remedy}</span>
