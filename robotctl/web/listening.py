@@ -21,6 +21,8 @@ PORTS: Final = 100
 """Ports that are tried, from the configured one on."""
 SENT_BYTES: Final = 64 * 1024
 """Buffer of the kernel for a client, which it doubles: pictures that lie there are late."""
+UNHEARD_MS: Final = 10_000
+"""Time after which the kernel ends a connection that takes no data [ms]."""
 MAX_CONNECTIONS: Final = 128
 MAX_CONNECTIONS_OF_ONE: Final = 48
 """Most connections of one address."""
@@ -60,6 +62,7 @@ def _bound(host: str, port: int) -> socket.socket:
     try:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SENT_BYTES)
+        listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, UNHEARD_MS)
         if is_v6:
             listener.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
         listener.bind((host, port))

@@ -70,15 +70,21 @@ class Connection:
 
     outbox: Outbox = field(default_factory=Outbox)
     woken: asyncio.Event = field(default_factory=asyncio.Event)
+    ended: asyncio.Event = field(default_factory=asyncio.Event)
     end: str = ""
     """Why it is to be closed."""
+
+    def close(self, why: str) -> None:
+        """Let the connection end, also where its sender waits for a client that does not read."""
+        self.end = why
+        self.ended.set()
 
     def put(self, topic: str, data: bytes, *, keep: bool) -> None:
         """Add a message."""
         if keep:
             self.outbox.keep(topic, data)
             if self.outbox.is_hopeless:
-                self.end = "too far behind: this connection takes less than the robot must tell"
+                self.close("too far behind: this connection takes less than the robot must tell")
         else:
             self.outbox.show(topic, data)
 
@@ -294,14 +300,15 @@ class PageServer:
         limit: RateLimit,
     ) -> None:
         """Receive and send until the connection ends."""
-        sender = asyncio.create_task(self._send(socket, connection))
+        sender: asyncio.Task[object] = asyncio.create_task(self._send(socket, connection))
         receiver = asyncio.create_task(self._receive(socket, connection, take, limit))
+        tasks = {sender, receiver, asyncio.create_task(connection.ended.wait())}
         try:
-            await asyncio.wait({sender, receiver}, return_when=asyncio.FIRST_COMPLETED)
+            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
         finally:
-            sender.cancel()
-            receiver.cancel()
-            await asyncio.gather(sender, receiver, return_exceptions=True)
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
         if connection.end:
             await _close(socket, connection.end)
 
@@ -319,18 +326,18 @@ class PageServer:
                 return
             now = self._robot.now()
             if not limit.allows(now.server_ns):
-                connection.end = f"too fast: at most {MESSAGES_PER_S} messages a second"
+                connection.close(f"too fast: at most {MESSAGES_PER_S} messages a second")
                 return
             try:
                 take(message.get("text") or "", now)
             except (msgspec.DecodeError, UnicodeError, OverflowError) as error:
-                connection.end = f"no such message: {error}"
+                connection.close(f"no such message: {error}")
                 return
             self._hand_on()
 
     async def _send(self, socket: WebSocket, connection: Connection) -> None:
         """Send what there is; a client that does not read holds up nobody else."""
-        while not connection.end:
+        while True:
             data = connection.outbox.next(self._robot.now().server_ns)
             if data is None:
                 connection.woken.clear()
