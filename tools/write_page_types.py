@@ -9,7 +9,7 @@ import enum
 import typing
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import msgspec
 from msgspec import inspect
@@ -27,9 +27,7 @@ from robotctl.messages.estimation import (
 )
 from robotctl.web import wire
 
-TARGET: Final = (
-    Path(__file__).resolve().parent.parent / "robotctl/web/page/src/wire/messages.ts"
-)
+TARGET: Final = Path(__file__).resolve().parent.parent / "robotctl/web/page/src/wire/messages.ts"
 
 Truth: Final = msgspec.defstruct(
     "Truth", [(each.name, each.type) for each in msgspec.structs.fields(truth.Truth)], tag=True
@@ -103,12 +101,22 @@ def _parts(kind: inspect.Type) -> Iterator[inspect.Type]:
             yield from (each.type for each in fields)
         case inspect.UnionType(types=types) | inspect.TupleType(item_types=types):
             yield from types
-        case inspect.VarTupleType(item_type=item) | inspect.ListType(item_type=item):
+        case inspect.VarTupleType(item_type=item):
             yield item
         case inspect.DictType(value_type=value):
             yield value
         case _:
             pass
+
+
+_PLAIN: Final[dict[type[inspect.Type], str]] = {
+    inspect.BoolType: "boolean",
+    inspect.IntType: "number",
+    inspect.FloatType: "number",
+    inspect.StrType: "string",
+    inspect.BytesType: "Uint8Array",
+    inspect.NoneType: "null",
+}
 
 
 def typescript(kind: inspect.Type) -> str:
@@ -119,28 +127,16 @@ def typescript(kind: inspect.Type) -> str:
     ValueError
         For a type that no message of the page has had so far.
     """
+    if (plain := _PLAIN.get(type(kind))) is not None:
+        return plain
     match kind:
-        case inspect.BoolType():
-            return "boolean"
-        case inspect.IntType() | inspect.FloatType():
-            return "number"
-        case inspect.StrType():
-            return "string"
-        case inspect.BytesType():
-            return "Uint8Array"
-        case inspect.NoneType():
-            return "null"
-        case inspect.AnyType() | inspect.RawType():
-            return "unknown"
         case inspect.EnumType(cls=cls) | inspect.StructType(cls=cls):
             return cls.__name__
-        case inspect.LiteralType(values=values):
-            return " | ".join(f'"{value}"' for value in values)
         case inspect.UnionType(types=types):
             return " | ".join(dict.fromkeys(map(typescript, types)))
         case inspect.TupleType(item_types=types):
             return f"readonly [{', '.join(map(typescript, types))}]"
-        case inspect.VarTupleType(item_type=item) | inspect.ListType(item_type=item):
+        case inspect.VarTupleType(item_type=item):
             inner = typescript(item)
             return f"readonly ({inner})[]" if " " in inner else f"readonly {inner}[]"
         case inspect.DictType(value_type=value):
@@ -159,13 +155,9 @@ def interface(struct: inspect.StructType) -> str:
 def enumeration(kind: type[enum.Enum]) -> str:
     """Return an enumeration as a table and the type of its values."""
     name = kind.__name__
-    members = [f"  {member.name}: {_literal(member.value)}," for member in kind]
+    members = [f"  {member.name}: {member.value}," for member in kind]
     values = f"export type {name} = (typeof {name})[keyof typeof {name}];\n"
     return "\n".join((f"export const {name} = {{", *members, "} as const;", values))
-
-
-def _literal(value: Any) -> str:
-    return f'"{value}"' if isinstance(value, str) else str(value)
 
 
 def shape(struct: inspect.StructType, positional: frozenset[type]) -> str:

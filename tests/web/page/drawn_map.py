@@ -7,7 +7,8 @@ from typing import NamedTuple
 from tests.web.page.served_robot import MAP_M
 
 _FIND = """name => {
-  const wanted = getComputedStyle(document.documentElement).getPropertyValue(`--map-${name}`).trim();
+  const style = getComputedStyle(document.documentElement);
+  const wanted = style.getPropertyValue(`--map-${name}`).trim();
   const canvas = document.querySelector(".map canvas");
   const { width, height } = canvas;
   const { data } = canvas.getContext("2d").getImageData(0, 0, width, height);
