@@ -5,7 +5,7 @@ import { useSignalEffect } from "@preact/signals";
 
 import { mayDrive } from "../driving/driving";
 import { now } from "../robot/clock";
-import { topics, watch } from "../robot/robot";
+import { topics, watch, type TopicName } from "../robot/robot";
 import { theme } from "../theme";
 import { LocalisationStatus } from "../wire/messages";
 import { nameOf } from "../wire/names";
@@ -16,6 +16,8 @@ import { Painter } from "./painter";
 import { draft, follows, shown, toggleLayer, tool, TOOLS, view } from "./tools";
 
 const BUTTON_ZOOM = 1.5;
+/** Messages that are drawn with the next of another kind: they come with those, and just before. */
+const LATER = new Set<TopicName>(["LocalisationState", "NavigationState"]);
 
 export function Map() {
   const canvas = useRef<HTMLCanvasElement>(null);
@@ -27,7 +29,9 @@ export function Map() {
     painter.current = made;
     new Gestures(element, () => made.request());
     new ResizeObserver(() => made.resize(element.clientWidth, element.clientHeight)).observe(element);
-    watch(() => made.request());
+    watch((name) => {
+      if (!LATER.has(name)) made.request();
+    });
     document.addEventListener("visibilitychange", () => made.request());
   }, []);
   useSignalEffect(() => {

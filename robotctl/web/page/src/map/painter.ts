@@ -1,4 +1,4 @@
-// Draws the map, soon after there is something new, and not more often than a screen shows it.
+// Draws the map, as soon as there is something new.
 
 import { pose, topics } from "../robot/robot";
 import type { LiveMap } from "../wire/messages";
@@ -8,8 +8,8 @@ import { LAYERS } from "./layers/registry";
 import { readPalette, type Palette } from "./palette";
 import { draft, draftPose, follows, shown, view } from "./tools";
 
-/** Shortest time between drawings [ms]: a frame of a usual screen. */
-const FRAME_MS = 16;
+/** Shortest time between drawings [ms]: what comes together is drawn together. */
+const PAUSE_MS = 8;
 const DRAFT_PX = 12;
 const FIRST_SIZE_M = 8;
 
@@ -41,11 +41,11 @@ export class Painter {
     this.paint();
   }
 
-  /** Draw soon: at once if the last drawing was a frame ago. */
+  /** Draw soon: at once if the last drawing was a while ago. */
   request(): void {
     if (this.isAwaited || document.hidden) return;
     this.isAwaited = true;
-    const wait = FRAME_MS - (performance.now() - this.drawnMs);
+    const wait = PAUSE_MS - (performance.now() - this.drawnMs);
     setTimeout(() => {
       this.isAwaited = false;
       this.paint();
