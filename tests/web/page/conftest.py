@@ -1,4 +1,4 @@
-"""A browser, and a robot behind the page in it."""
+"""A browser, and a robot behind the page in it; tests are left out by name where there is none."""
 
 from __future__ import annotations
 
@@ -8,7 +8,23 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.web.page.served_robot import ServedRobot
+from tests.web.page.served_robot import STATIC, ServedRobot
+
+CHROMIUM = shutil.which(os.environ.get("ROBOTCTL_CHROMIUM") or "chromium")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Leave out tests marked `browser` or `node` where they cannot run."""
+    for item in items:
+        if item.get_closest_marker("browser") and CHROMIUM is None:
+            reason = "browser missing: chromium (Debian's package, or ROBOTCTL_CHROMIUM)"
+            item.add_marker(pytest.mark.skip(reason=reason))
+        if item.get_closest_marker("node"):
+            packages = STATIC.parent / "page" / "node_modules"
+            if shutil.which("node") is None:
+                item.add_marker(pytest.mark.skip(reason="node missing: see make page"))
+            elif not packages.is_dir():
+                item.add_marker(pytest.mark.skip(reason=f"packages missing: {packages}; make page"))
 
 
 @pytest.fixture(scope="session")
@@ -16,9 +32,8 @@ def browser() -> Iterator[object]:
     """Chromium without a screen; tests that need it are marked `browser`."""
     from playwright.sync_api import sync_playwright
 
-    chromium = os.environ.get("ROBOTCTL_CHROMIUM") or shutil.which("chromium")
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         yield browser
         browser.close()
 

@@ -19,7 +19,8 @@ export class Painter {
   private drawnMs = -Infinity;
   private isAwaited = false;
   private isMeasured = false;
-  private isPlaced = false;
+  /** What the first view showed; nothing so far. */
+  private firstShown: "nothing" | "robot" | "map" = "nothing";
 
   constructor(private readonly canvas: HTMLCanvasElement) {
     this.context = canvas.getContext("2d") as CanvasRenderingContext2D;
@@ -86,12 +87,12 @@ export class Painter {
     );
   }
 
-  /** Choose what to show first, as soon as anything is there. */
+  /** Choose what to show first: the robot, then the map once there is one, unless somebody has chosen. */
   private placeFirst(): void {
-    if (this.isPlaced) return;
     const isMapped = topics.GivenMap.newest.peek() !== null || topics.LiveMap.newest.peek() !== null;
-    if (!isMapped && pose() === null) return;
-    this.isPlaced = isMapped;
+    const wanted = isMapped ? "map" : pose() === null ? "nothing" : "robot";
+    if (view.isChosen || this.firstShown === "map" || wanted === this.firstShown) return;
+    this.firstShown = wanted;
     this.fit();
   }
 }

@@ -13,6 +13,8 @@ export class View {
   /** Size of the canvas, in pixels of the page. */
   width = 1;
   height = 1;
+  /** Whether somebody has moved or zoomed it. */
+  isChosen = false;
 
   toWorld(x: number, y: number): Point {
     return [this.x_m + (x - this.width / 2) / this.scale, this.y_m - (y - this.height / 2) / this.scale];
@@ -23,12 +25,14 @@ export class View {
   }
 
   pan(dx: number, dy: number): void {
+    this.isChosen = true;
     this.x_m -= dx / this.scale;
     this.y_m += dy / this.scale;
   }
 
   /** Zoom by a factor, so that what is at a point of the screen stays there. */
   zoom(factor: number, x = this.width / 2, y = this.height / 2): void {
+    this.isChosen = true;
     const [x_m, y_m] = this.toWorld(x, y);
     this.scale = Math.min(Math.max(this.scale * factor, SMALLEST), LARGEST);
     const [newX, newY] = this.toWorld(x, y);
