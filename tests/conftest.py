@@ -15,7 +15,8 @@ from robotctl.messages.mavlink_port import LinkConfig
 TESTS = Path(__file__).resolve().parent
 # Run by `make test` where they can be: on a kernel with vcan0, and on a host that boots guests.
 ONLY_WHEN_NAMED = {TESTS / "vcan", TESTS / "guest"}
-RECORDINGS_MISSING = "recordings missing: "
+MISSING = " missing: "
+RECORDINGS_MISSING = f"recordings{MISSING}"
 
 # A busy machine makes single examples slow; pytest's time-out still ends a test that hangs.
 # In CI the same commit tries the same examples.
@@ -86,9 +87,9 @@ def pytest_collection_finish() -> None:
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Name each test that did not run for want of recordings."""
+    """Name each test that did not run for want of recordings or programs."""
     for report in terminalreporter.stats.get("skipped", []):
         reason = str(report.longrepr[2]) if isinstance(report.longrepr, tuple) else ""
-        if RECORDINGS_MISSING in reason:
+        if MISSING in reason:
             what = reason.removeprefix("Skipped: ")
             terminalreporter.write_line(f"not run, {what}: {report.nodeid}")

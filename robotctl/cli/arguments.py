@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from typing import Annotated
 
@@ -33,6 +34,37 @@ Overrides = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Override one key, e.g. control.left.kp=2."),
 ]
+
+
+Web = Annotated[
+    str | None,
+    typer.Option(
+        "--web",
+        metavar="HOST:PORT",
+        help="Serve the web page there, such as 127.0.0.1:8080, or 0.0.0.0:8080 for a phone.",
+    ),
+]
+
+
+def web_settings(address: str) -> tuple[str, ...]:
+    """Return the settings of a web page at HOST:PORT, which the robot's file checks.
+
+    None for an empty one.
+
+    Raises
+    ------
+    ConfigError
+        If there is no port.
+    """
+    if not address:
+        return ()
+    host, _, port = address.rpartition(":")
+    if not host or not port.isascii() or not port.isdecimal():
+        raise ConfigError(
+            f"--web {address}: HOST:PORT is needed, such as 127.0.0.1:8080 or 0.0.0.0:8080"
+        )
+    host = json.dumps(host.removeprefix("[").removesuffix("]"))
+    return "web.enabled=true", f"web.host={host}", f"web.port={int(port)}"
 
 
 def place(option: str, text: str) -> tuple[float, ...]:

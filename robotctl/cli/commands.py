@@ -25,6 +25,10 @@ COMMANDS: Final = {
         "goto:explore",
         "Let a robot that runs on this computer, and is armed, explore until its map is complete.",
     ),
+    "web": (
+        "web:web",
+        "Print the link to the web page of a robot that runs on this computer, as a QR code too.",
+    ),
     "mavlink": ("mavlink.mavlink:app", "MAVLink: parameters of a robot, its messages, keys."),
     "mission": ("mission:app", "Missions of a robot that runs on this computer."),
     "tune": (

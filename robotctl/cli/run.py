@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import sys
 import time
 import uuid
 from pathlib import Path
@@ -20,10 +21,11 @@ from robotctl.app.supervision.service import ServiceNotifier
 from robotctl.app.supervision.signals import StopFlag, on_emergency_signal
 from robotctl.app.supervision.stack import Stack
 from robotctl.app.supervision.supervisor import POLL_S, Supervisor
-from robotctl.cli.arguments import Overrides, RobotName
+from robotctl.cli.arguments import Overrides, RobotName, Web, web_settings
 from robotctl.cli.compile import compile_missing
 from robotctl.cli.live.keys import AFTERWARDS, HINT, Keys
 from robotctl.cli.live.voice import Voice
+from robotctl.cli.web import words
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig, find_file
 from robotctl.drivers.mavlink.listening import busy_links
@@ -31,6 +33,7 @@ from robotctl.messages.control import ControlState, NavigationState, Notice
 from robotctl.runtime.ipc.topics import Endpoints, Subscriber, endpoint_directory
 from robotctl.runtime.open_files import need_open_files
 from robotctl.runtime.storage.log_folder import refusal
+from robotctl.web.links import read_links
 
 
 def place_of(saved: StoredProgress, items: int) -> str:
@@ -78,6 +81,7 @@ def run(
             "--resume", help="Continue with the pose and mission item of the previous run."
         ),
     ] = False,
+    web: Web = None,
     overrides: Overrides = None,
 ) -> None:
     """Run control, navigation and telemetry until Ctrl-C; arm from a ground station.
@@ -93,7 +97,7 @@ def run(
     options = StackOptions(
         instance="robot",
         robot=str(path.resolve()),
-        overrides=tuple(overrides or ()),
+        overrides=(*web_settings(web or ""), *(overrides or ())),
         mission=str(mission_path.resolve()) if mission_path else "",
         x_m=start.x_m if start else 0.0,
         y_m=start.y_m if start else 0.0,
@@ -126,7 +130,12 @@ def run(
         with Voice() as voice, Supervisor(stack, notifier, log) as supervisor, Keys() as keys:
             if keys.usable:
                 voice.say(f"{HINT}; {AFTERWARDS}")
+            has_page = not config.web.enabled
             while not stopped() and not stack.shut_down:
+                if not has_page and (links := read_links(endpoints.web_links)) is not None:
+                    has_page = True
+                    # What is no terminal may be a log, where no token belongs.
+                    voice.say(words(links) if sys.stdout.isatty() else f"web page: {links.address}")
                 if keys.emergency():
                     stack.emergency_stop()
                 for line in supervisor.step(messages.receive(), time.monotonic()):

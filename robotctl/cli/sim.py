@@ -13,7 +13,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from robotctl.cli.arguments import Overrides, RobotName, place, refuse_unused
+from robotctl.cli.arguments import (
+    Overrides,
+    RobotName,
+    Web,
+    place,
+    refuse_unused,
+    web_settings,
+)
 from robotctl.cli.compile import compile_missing
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
@@ -37,6 +44,8 @@ GOAL_WORLD = "flat"
 """Where a goal lies unless the user says."""
 OWN_BUS = "simcan"
 """The default bus."""
+OWN_PAGE = "127.0.0.1:8080"
+"""Where the web page is, unless the run is headless or the user says."""
 
 
 def sim(
@@ -148,6 +157,7 @@ def sim(
             help="Simulated time runs on when this computer stalls; default: it pauses.",
         ),
     ] = False,
+    web: Web = None,
     overrides: Overrides = None,
 ) -> None:
     """Drive a mission in simulation and score it.
@@ -191,6 +201,7 @@ def sim(
             *_origin(robot, overrides or ()),
             *(["camera.enabled=true"] if camera else []),
             *_places(topological),
+            *web_settings(web if web is not None else "" if headless or lockstep else OWN_PAGE),
             *(overrides or ()),
         ),
         record=record,
@@ -247,7 +258,7 @@ def _refuse_what_has_no_effect(
     if lockstep and not until_done:
         raise ConfigError("--stay: has no effect with --lockstep: no ground station can reach it")
     if lockstep:
-        refuse_unused(ctx, "with --lockstep, whose time is virtual", "hard_real_time")
+        refuse_unused(ctx, "with --lockstep, whose time is virtual", "hard_real_time", "web")
     settings = options.settings(Path("the mission's own"))
     if load_robot(options.robot, settings).localisation.method == "none":
         why = "without a localiser; add --localiser mcl or ekf"

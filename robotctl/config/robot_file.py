@@ -40,6 +40,7 @@ from robotctl.runtime.realtime import LoopConfig
 from robotctl.runtime.storage.log_folder import LogConfig
 from robotctl.safety.plausibility_config import OF_DUTY_WHEELS, PlausibilityConfig
 from robotctl.safety.state_machine import SafetyConfig
+from robotctl.web.config import WebConfig
 
 MAX_SONARS = 16
 
@@ -126,6 +127,7 @@ class RobotConfig:
     runtime: LoopConfig = field(default_factory=LoopConfig)
     safety: SafetyConfig = field(default_factory=SafetyConfig)
     mavlink: MavlinkConfig = field(default_factory=MavlinkConfig)
+    web: WebConfig = field(default_factory=WebConfig)
     navigation: NavigationConfig = field(default_factory=NavigationConfig)
     localisation: LocalisationConfig = field(default_factory=LocalisationConfig)
     log: LogConfig = field(default_factory=LogConfig)

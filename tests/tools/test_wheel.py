@@ -86,3 +86,9 @@ def test_the_command_needs_no_checkout(site: Path, tmp_path: Path, command: str)
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (0, "")
     assert str(ROOT) not in done.stdout
+
+
+def test_the_page_is_in_it_as_it_is_served_without_its_source(site: Path) -> None:
+    (web,) = site.glob("lib/python*/site-packages/robotctl/web")
+    assert {"index.html", "page.js", "page.css"} <= {path.name for path in web.glob("static/*")}
+    assert not (web / "page").exists()

@@ -66,6 +66,8 @@ class RunStatus:
     control_phase: str = ""
     """Phase of the control process, unless it runs."""
     navigation_period_ns: int = 50_000_000
+    page: str = ""
+    """Link of the web page; empty: there is none, or not yet."""
     camera_period_ns: int = 200_000_000
     """Twice that of the camera, whose views are stamped by their exposure [ns]."""
 

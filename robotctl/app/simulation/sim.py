@@ -78,6 +78,7 @@ from robotctl.runtime.ipc.topics import (
     ring_path,
 )
 from robotctl.runtime.storage.log_folder import LogFolder
+from robotctl.web.links import read_links
 
 _READY_S = 180.0
 _BELOW_CONTROL = 10
@@ -179,8 +180,9 @@ class SimRun:
         self._firmware_silent = False
         self._truth_s = 0.0
         """When the truth was last heard, monotonic [s]."""
-        self._attended = False
-        """Whether the robot was stopped from the keyboard, which may arm it again."""
+        self._attended = self.config.web.enabled
+        """Whether a robot that was stopped may be armed again: from the page, or the keyboard that
+        stopped it."""
         self._score = RunScore(
             map_truth(options, room, self.mission, self.config),
             journey_score(options, room, self.mission, self.config),
@@ -311,6 +313,7 @@ class SimRun:
         while True:
             self._listen()
             progress = self.progress
+            self._note_page(progress)
             self._note_silence(progress)
             progress.elapsed_s = now_s = (progress.now_ns - begin_ns) / 1e9
             real_ns = time.monotonic_ns() - real_begin_ns
@@ -338,6 +341,14 @@ class SimRun:
                     self._stack.tell(ended, Severity.CRITICAL)
                 raise SimulatorError(ended)
             time.sleep(_POLL_S)
+
+    def _note_page(self, progress: RunStatus) -> None:
+        """Note where the web page is, once its process has said so."""
+        if not self.config.web.enabled or progress.page:
+            return
+        if (links := read_links(self._endpoints.web_links)) is not None:
+            progress.page = links.drive
+            progress.lines += [f"web page: {each}" for each in (links.address, *links.remarks)]
 
     def _note_silence(self, progress: RunStatus) -> None:
         """Note what is silent, and say so where nobody else does."""

@@ -34,6 +34,7 @@ TELEMETRY = "robotctl.app.processes.telemetry"
 RECORDER = "robotctl.app.processes.recorder"
 CAMERA = "robotctl.app.processes.camera"
 LIDAR = "robotctl.app.processes.lidar"
+WEB = "robotctl.app.processes.web"
 
 ROLES: Final = (
     Role(CONTROL, RestartPolicy(crashes=3), stall_s=1.0, held_s=0.3, vital=True),
@@ -50,6 +51,9 @@ CAMERA_ROLE: Final = Role(CAMERA, RestartPolicy(crashes=5), stall_s=5.0, start_s
 LIDAR_ROLE: Final = Role(LIDAR, RestartPolicy(crashes=5), stall_s=5.0, held_s=1.0)
 """Of robots with a lidar that is read by a driver of ours."""
 
+WEB_ROLE: Final = Role(WEB, RestartPolicy(crashes=5), stall_s=5.0, held_s=1.0)
+"""Of robots with a web page."""
+
 _BAD_INPUT = 2
 _END_S = 3.0
 HELD_S: Final = 1.0
@@ -63,7 +67,7 @@ class StackError(RobotctlError):
 
 
 class Stack:
-    """Control, navigation, telemetry, recorder and, if there are any, camera and lidar.
+    """Control, navigation, telemetry, recorder and, if there are any, camera, lidar and web page.
 
     Parameters
     ----------
@@ -86,6 +90,8 @@ class Stack:
             roles += (CAMERA_ROLE,)
         if config.lidar is not None and config.lidar.driver != SOCKET:
             roles += (LIDAR_ROLE,)
+        if config.web.enabled:
+            roles += (WEB_ROLE,)
         self._processes = {
             role.module: Supervised(role, options.command(role.module)) for role in roles
         }

@@ -238,7 +238,9 @@ class LiveView:
         control = progress.control
         top = [*self._head(progress)]
         most = _NOTICES if height >= _LOW else _NOTICES_LOW
-        connect = [_line(each, "dim") for each in _packed("connect:", self._connections, width)]
+        page = (f"page {progress.page}",) if progress.page else ()
+        connections = (*page, *self._connections)
+        connect = [_line(each, "dim") for each in _packed("connect:", connections, width)]
         bottom = [*connect, *(_line(each) for each in [*self._notices][-most:])]
         rows = height - 1 - len(top) - len(connect) - most
         parts: list[object] = [*top]

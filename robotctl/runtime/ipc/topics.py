@@ -153,6 +153,9 @@ class Endpoints:
         self.lidar = f"ipc://{directory}/lidar"
         self.camera = f"ipc://{directory}/camera"
         self.camera_frames = f"ipc://{directory}/camera.frames"
+        self.web_notices = f"ipc://{directory}/web.notices"
+        self.web_links = directory / "web.links"
+        """File in which the web process says where its page is, tokens included."""
 
     @property
     def published(self) -> tuple[str, ...]:
@@ -162,6 +165,7 @@ class Endpoints:
             self.navigation_state,
             self.telemetry_notices,
             self.recorder_notices,
+            self.web_notices,
             self.lidar,
             self.camera,
         )
@@ -259,6 +263,23 @@ class Subscriber(_Receiver[T]):
         for address in addresses:
             socket.connect(address)
         super().__init__(socket, kind)
+
+
+class RawSubscriber:
+    """Listens to publishers, and hands on what they send as it is."""
+
+    def __init__(self, context: zmq.Context[Any], addresses: tuple[str, ...]) -> None:
+        self._socket = _socket(context, zmq.SUB)
+        self._socket.setsockopt(zmq.SUBSCRIBE, b"")
+        for address in addresses:
+            self._socket.connect(address)
+
+    def receive(self) -> list[bytes]:
+        """Return all waiting messages, oldest first, without waiting."""
+        messages = []
+        while _readable(self._socket):
+            messages.append(self._socket.recv(zmq.NOBLOCK))
+        return messages
 
 
 class RequestReceiver(_Receiver[T]):

@@ -1,0 +1,97 @@
+"""Bring-up, with eyes: a person at the page in a browser sends the robot to a place and stops it."""
+
+from __future__ import annotations
+
+import math
+import os
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from hil_tests.rig import PATIENT_S, Rig, is_exact
+from robotctl.app.supervision.stack import NAVIGATION, WEB
+from robotctl.messages.control import Mode, SafetyState
+from robotctl.web.links import read_links
+from tests.web.page.drawn_map import pixels, show_only
+
+React = Callable[[str, float], None]
+
+CHROMIUM = shutil.which(os.environ.get("ROBOTCTL_CHROMIUM") or "chromium")
+
+pytestmark = pytest.mark.skipif(
+    CHROMIUM is None, reason="not run, no Chromium (Debian's package, or ROBOTCTL_CHROMIUM)"
+)
+
+AHEAD_PX, ASIDE_PX = 120, 60
+"""Where the goal is from the robot, which looks to the right."""
+NEAR_PX = 15
+STOP_MS = 250.0
+"""From the press of a key in the browser, which shares the processors with the robot and all else."""
+
+@pytest.fixture
+def rig(make_rig: Callable[..., Rig], bus: str) -> Rig:
+    """Firmware, control, navigation and the web page, disarmed."""
+    if is_exact(bus):
+        pytest.skip("not run, a browser knows no virtual time")
+    rig = make_rig(override="web={enabled=true,port=0}")
+    rig.start_firmware()
+    rig.start()
+    rig.start(NAVIGATION)
+    rig.start(WEB)
+    rig.wait_for_state(SafetyState.STANDBY)
+    rig.wait(lambda: rig.navigation, PATIENT_S, "navigation works")
+    rig.prefer(NAVIGATION, WEB)
+    return rig
+
+
+@pytest.fixture
+def page(rig: Rig) -> Iterator[Any]:
+    """The page in a browser, with nothing on its map but the robot."""
+    from playwright.sync_api import sync_playwright
+
+    rig.wait(lambda: read_links(rig.endpoints.web_links), PATIENT_S, "the page is served")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 1280, "height": 800})
+        page.goto(read_links(rig.endpoints.web_links).address)
+        show_only(page, "Robot")
+        yield page
+        browser.close()
+
+
+def place(page: Any) -> tuple[float, float]:
+    """Return where on the page the robot is drawn [px]."""
+    seen = pixels(page, "robot")
+    return seen.x, seen.y
+
+
+def test_a_click_on_the_map_brings_the_robot_there_and_stop_cuts_its_power(
+    rig: Rig, page: Any, reaction: React
+) -> None:
+    page.get_by_role("button", name="Arm", exact=True).click()
+    rig.wait_for_state(SafetyState.ARMED)
+    x, y = place(page)
+    wanted = (x + AHEAD_PX, y - ASIDE_PX)
+    page.get_by_role("button", name="Go to").click()
+    page.mouse.click(*wanted)
+    rig.wait(lambda: rig.navigation.goal_reached, 30.0, "the goal is reached")
+    assert rig.navigation.mode == Mode.GUIDED
+    seen = place(page)
+    assert math.dist(seen, wanted) < NEAR_PX
+    truth, goal = rig.fresh_truth(), (rig.control.x_m, rig.control.y_m)
+    assert truth.distance_m > 0.5
+    assert goal[1] > 0.2 * goal[0] > 0.0  # to the left of where it looked: up on the page
+
+    page.mouse.click(x, y)
+    rig.wait(lambda: rig.control.v_m_s > 0.2, PATIENT_S, "the robot drives back")
+    asked_ns = time.monotonic_ns()
+    page.keyboard.press("Space")
+    rig.wait(lambda: rig.truth.power_off_ns > asked_ns, 2.0, "the wheels lose their power")
+    taken_ms = (rig.truth.power_off_ns - asked_ns) / 1e6
+    reaction("page in a browser, space bar: wheels without power", taken_ms)
+    assert taken_ms < STOP_MS
+    page.get_by_text("Emergency stop after").wait_for()
+    rig.wait_for_state(SafetyState.EMERGENCY_STOP, 1.0)

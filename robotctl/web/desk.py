@@ -1,0 +1,343 @@
+"""Everything that clients may ask of the robot: judged, handed on, answered.
+
+Pure: messages and times go in, requests to the robot's processes and answers to clients come out.
+What could move the robot is refused where it comes late, where its client may only look, and where
+another client drives. Stops, HOLD and disarming are always carried out for those who may drive, an
+emergency stop for everybody.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
+
+from robotctl.messages.control import (
+    Arm,
+    ControlRequest,
+    EmergencyStop,
+    EmergencyStopSource,
+    ExternalPose,
+    ManualControl,
+    NavigationRequest,
+    PositionTarget,
+    SetMode,
+)
+from robotctl.messages.mode import Mode
+from robotctl.messages.requests import REQUEST_LIFE_NS
+from robotctl.safety.state_machine import POWERED
+from robotctl.web.driving import AHEAD_NS, Driving
+from robotctl.web.published import ControlState, LocalisationState, NavigationState, Published
+from robotctl.web.stops import Stops
+from robotctl.web.wire import (
+    ArmRequest,
+    Dated,
+    Downward,
+    Driver,
+    GiveDriving,
+    GoTo,
+    LiveMessage,
+    ModeRequest,
+    Ping,
+    PlaceRobot,
+    Pong,
+    Refused,
+    Sticks,
+    Stop,
+    StopMessage,
+    StopRequest,
+    TakeDriving,
+)
+
+ANSWER_NS: Final = 1_500_000_000
+"""Time that navigation has to be in a mode that was asked for [ns]."""
+MANUAL_NS: Final = 1_000_000_000
+"""Time from the first stick to MANUAL [ns]."""
+SILENT_NS: Final = 500_000_000
+"""Age of a state of the robot that says nothing of the present [ns]."""
+PLACED_COVARIANCE: Final = (0.25**2, 0.0, 0.0, 0.25**2, 0.0, 0.2**2)
+"""Of a pose that a person points at: 0.25 m, 0.2 rad."""
+
+
+class Now(NamedTuple):
+    """The present by the server's monotonic clock, and by the robot's, which may pause [ns]."""
+
+    server_ns: int
+    robot_ns: int
+
+
+class Answer(NamedTuple):
+    """Message for one connection."""
+
+    connection: object
+    message: Downward
+
+
+@dataclass(slots=True)
+class _Client:
+    """One browser page."""
+
+    connection: object
+    may_drive: bool
+
+
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """Request that waits for its answer."""
+
+    client: int
+    number: int
+    deadline_ns: int
+
+
+@dataclass(slots=True)
+class _Robot:
+    """Newest states of the robot."""
+
+    control: ControlState | None = None
+    navigation: NavigationState | None = None
+    localisation: LocalisationState | None = None
+
+
+@dataclass(slots=True)
+class Outcome:
+    """What is to be sent since the last call."""
+
+    to_control: list[ControlRequest] = field(default_factory=list)
+    to_navigation: list[NavigationRequest] = field(default_factory=list)
+    answers: list[Answer] = field(default_factory=list)
+
+
+class Desk:
+    """Judges what clients ask for.
+
+    Parameters
+    ----------
+    has_localiser
+        Whether the robot estimates its place.
+    arm_timeout_ns
+        Time that control has to arm [ns].
+    """
+
+    def __init__(self, *, has_localiser: bool, arm_timeout_ns: int) -> None:
+        self._has_localiser = has_localiser
+        self._arm_timeout_ns = arm_timeout_ns
+        self._robot = _Robot()
+        self._clients: dict[int, _Client] = {}
+        self._driving = Driving()
+        self._stops = Stops()
+        self._arming: dict[int, _Asked] = {}
+        self._modes: dict[int, tuple[_Asked, Mode]] = {}
+        self._last_request = 0
+        self._begun_ns: int | None = None
+        """When MANUAL was asked for, until navigation is in it [ns]."""
+        self._out = Outcome()
+
+    @property
+    def driver(self) -> Driver:
+        """Who drives."""
+        return self._driving.state
+
+    def take(self) -> Outcome:
+        """Return what is to be sent since the last call."""
+        for denial in self._driving.take_denials():
+            self._tell(denial.client, Refused(denial.number, denial.reason))
+        out, self._out = self._out, Outcome()
+        return out
+
+    def join(self, client: int, connection: object, *, may_drive: bool) -> None:
+        """Take up a client."""
+        self._clients[client] = _Client(connection, may_drive)
+
+    def name(self, client: int, name: str) -> None:
+        """Give a client that may drive the name that others see."""
+        self._driving.join(client, name)
+
+    def leave(self, client: int, now: Now) -> None:
+        """Forget a client, and stop the robot if that drove it."""
+        self._driving.leave(client, now.server_ns)
+        self._clients.pop(client, None)
+        self._drive(now)
+
+    def hear(self, message: Published, now: Now) -> None:
+        """Take note of how the robot is."""
+        if isinstance(message, ControlState):
+            self._robot.control = message
+            self._stops.hear(message, now.server_ns)
+            self._answer_stops()
+            self._answer_arming(message)
+            if message.state not in POWERED and self._driving.is_held:
+                self._driving.interrupt(message.reason or "the robot is not armed")
+        elif isinstance(message, NavigationState):
+            self._robot.navigation = message
+            self._watch_mode(message, now)
+        elif isinstance(message, LocalisationState):
+            self._robot.localisation = message
+        self._drive(now)
+
+    def step(self, now: Now) -> None:
+        """Notice what does not come."""
+        self._driving.step(now.server_ns)
+        if self._driving.is_held and (objection := self._objection_to_motion(now)):
+            self._driving.interrupt(objection)
+        if self._stops.step(now.server_ns):
+            self._send_stop(now)
+        self._answer_stops()
+        for number, asked in list(self._arming.items()):
+            if now.server_ns > asked.deadline_ns:
+                del self._arming[number]
+                self._tell(asked.client, Refused(asked.number, "control does not answer"))
+        for client, (asked, mode) in list(self._modes.items()):
+            if now.server_ns > asked.deadline_ns:
+                del self._modes[client]
+                self._tell(client, Refused(asked.number, self._why_not(mode)))
+        self._drive(now)
+
+    def stop(self, connection: object, message: StopMessage, now: Now) -> None:
+        """Take a message of a connection that is for stops only."""
+        if isinstance(message, Ping):
+            pong = Pong(message.t, now.server_ns, now.robot_ns)
+            self._out.answers.append(Answer(connection, pong))
+        else:
+            self._stop(connection, message, now)
+
+    def take_message(self, client: int, message: LiveMessage, now: Now) -> None:
+        """Take a message of a page."""
+        me = self._clients[client]
+        match message:
+            case Ping():
+                self._tell(client, Pong(message.t, now.server_ns, now.robot_ns))
+            case StopRequest():
+                self._stop(me.connection, message, now)
+            case GiveDriving():
+                self._driving.give(client, now.server_ns)
+            case Sticks():
+                self._driving.sticks(client, message, now.server_ns, self._objection_to_motion(now))
+            case _:
+                objection = self._objection(client, message, now)
+                if objection:
+                    self._tell(client, Refused(message.id, objection))
+                else:
+                    self._carry_out(client, message, now)
+        self._drive(now)
+
+    def _objection(self, client: int, message: Dated, now: Now) -> str:
+        """Return why a request is not carried out; empty: it is."""
+        if not self._clients[client].may_drive:
+            return "this link may look only; open the page by the link with which one may drive"
+        if _stops(message):
+            return ""
+        age_ns = now.server_ns - round(message.at_ms * 1e6)
+        if age_ns > REQUEST_LIFE_NS:
+            return f"it came {age_ns / 1e9:.1f} s late: ask again"
+        if age_ns < -AHEAD_NS:
+            return f"it is dated {-age_ns / 1e9:.1f} s ahead of the robot's clock"
+        return "" if isinstance(message, TakeDriving) else self._conflict(client, message, now)
+
+    def _conflict(self, client: int, message: Dated, now: Now) -> str:
+        """Return what of the robot, or of other clients, speaks against a request."""
+        if self._driving.driver not in (None, client):
+            return f"{self.driver.name} drives: take over first"
+        if self._driving.is_held:
+            return "let the sticks go first"
+        match message:
+            case ArmRequest() if self._has_localiser and self._robot.localisation is None:
+                return "the localiser is not ready"
+            case GoTo():
+                return self._objection_to_motion(now)
+            case PlaceRobot() if not self._has_localiser:
+                return "this robot has no localiser: its place is where its odometry says"
+        return ""
+
+    def _objection_to_motion(self, now: Now) -> str:
+        """Return why the robot cannot move now; empty: it can."""
+        control = self._robot.control
+        if control is None or now.robot_ns - control.stamp_ns > SILENT_NS:
+            return "control is silent"
+        if control.state not in POWERED:
+            return f"{control.reason}: arm first" if control.reason else "arm first"
+        return ""
+
+    def _carry_out(self, client: int, message: Dated, now: Now) -> None:
+        """Hand on a request."""
+        stamp_ns, out = now.robot_ns, self._out.to_navigation
+        match message:
+            case ArmRequest():
+                self._last_request = max(self._last_request + 1, stamp_ns)
+                self._out.to_control.append(Arm(stamp_ns, self._last_request, message.arm))
+                deadline_ns = now.server_ns + self._arm_timeout_ns
+                self._arming[self._last_request] = _Asked(client, message.id, deadline_ns)
+            case ModeRequest():
+                out.append(SetMode(stamp_ns, message.mode))
+                asked = _Asked(client, message.id, now.server_ns + ANSWER_NS)
+                self._modes = {client: (asked, message.mode)}
+            case GoTo():
+                out.append(SetMode(stamp_ns, Mode.GUIDED))
+                out.append(PositionTarget(stamp_ns, message.x_m, message.y_m, message.heading_rad))
+                asked = _Asked(client, message.id, now.server_ns + ANSWER_NS)
+                self._modes = {client: (asked, Mode.GUIDED)}
+            case PlaceRobot():
+                pose = message.x_m, message.y_m, message.theta_rad
+                out.append(ExternalPose(stamp_ns, *pose, PLACED_COVARIANCE))
+            case TakeDriving():
+                self._driving.take(client, message.id, now.server_ns)
+
+    def _stop(self, connection: object, message: Stop | StopRequest, now: Now) -> None:
+        self._send_stop(now)
+        self._stops.ask(connection, message.id, now.server_ns, now.robot_ns)
+
+    def _send_stop(self, now: Now) -> None:
+        stop = EmergencyStop(now.robot_ns, EmergencyStopSource.OPERATOR)
+        self._out.to_control.insert(0, stop)
+
+    def _answer_stops(self) -> None:
+        self._out.answers += [Answer(*each) for each in self._stops.take_answers()]
+
+    def _answer_arming(self, control: ControlState) -> None:
+        """Tell clients why control did not arm."""
+        for ack in control.acks:
+            asked = self._arming.pop(ack.request_id, None)
+            if asked is not None and not ack.accepted:
+                reasons = "; ".join(str(each) for each in ack.reasons) or "refused"
+                self._tell(asked.client, Refused(asked.number, reasons))
+
+    def _watch_mode(self, navigation: NavigationState, now: Now) -> None:
+        """Follow which mode the robot is in."""
+        self._modes = {
+            client: each for client, each in self._modes.items() if each[1] != navigation.mode
+        }
+        if navigation.mode is Mode.MANUAL:
+            self._begun_ns = None
+        elif self._driving.is_held:
+            if self._begun_ns is None:
+                self._driving.interrupt(f"the robot is in mode {navigation.mode.name} now")
+            elif now.server_ns - self._begun_ns > MANUAL_NS:
+                self._driving.interrupt(self._why_not(Mode.MANUAL))
+
+    def _why_not(self, mode: Mode) -> str:
+        """Return why the robot is not in a mode that was asked for."""
+        navigation = self._robot.navigation
+        if navigation is None:
+            return "navigation does not answer"
+        why = f": {navigation.message}" if navigation.message else ""
+        return f"{mode.name} was asked for, the robot is in {navigation.mode.name}{why}"
+
+    def _drive(self, now: Now) -> None:
+        """Hand on sticks."""
+        for drive in self._driving.take_drives():
+            stamp_ns, out = now.robot_ns, self._out.to_navigation
+            if drive.begins:
+                out.append(SetMode(stamp_ns, Mode.MANUAL))
+                self._begun_ns = now.server_ns
+            axes = drive.forward, drive.turn, drive.sideways
+            out.append(ManualControl(stamp_ns, stamp_ns + drive.life_ns, *axes))
+
+    def _tell(self, client: int, message: Downward) -> None:
+        if client in self._clients:
+            self._out.answers.append(Answer(self._clients[client].connection, message))
+
+
+def _stops(message: Dated) -> bool:
+    """Return whether a request lets the robot stand."""
+    if isinstance(message, ArmRequest):
+        return not message.arm
+    return isinstance(message, ModeRequest) and message.mode is Mode.HOLD

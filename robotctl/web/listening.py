@@ -1,0 +1,146 @@
+"""Where the server listens, and how many may connect."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final
+
+import uvicorn
+from starlette.types import ASGIApp
+from uvicorn.protocols.http.h11_impl import H11Protocol
+
+from robotctl.errors import LinkError
+from robotctl.web.config import LAST_PORT, WebConfig
+from robotctl.web.server import MAX_MESSAGE_BYTES
+
+PORTS: Final = 100
+"""Ports that are tried, from the configured one on."""
+SENT_BYTES: Final = 64 * 1024
+"""Buffer of the kernel for a client, which it doubles: pictures that lie there are late."""
+UNHEARD_MS: Final = 10_000
+"""Time after which the kernel ends a connection that takes no data [ms]."""
+MAX_CONNECTIONS: Final = 128
+MAX_CONNECTIONS_OF_ONE: Final = 48
+"""Most connections of one address."""
+HEAD_S: Final = 5.0
+"""Time that a connection has to ask for something [s]."""
+
+
+def listen(config: WebConfig, first: int | None = None) -> socket.socket:
+    """Return a listening socket at the configured port, or the next free one.
+
+    Parameters
+    ----------
+    config
+        The address.
+    first
+        Port that is tried before; None: none.
+
+    Raises
+    ------
+    LinkError
+        If there is no free one.
+    """
+    host = "127.0.0.1" if config.host == "localhost" else config.host
+    ports = range(config.port, min(config.port + PORTS, LAST_PORT + 1)) if config.port else (0,)
+    why = ""
+    for port in ports if first is None else (first, *ports):
+        try:
+            return _bound(host, port)
+        except OSError as error:
+            why = error.strerror or str(error)
+    raise LinkError(f"web page: not at {config.host}, ports {ports[0]} to {ports[-1]}: {why}")
+
+
+def _bound(host: str, port: int) -> socket.socket:
+    is_v6 = ":" in host
+    listener = socket.socket(socket.AF_INET6 if is_v6 else socket.AF_INET, socket.SOCK_STREAM)
+    try:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SENT_BYTES)
+        listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, UNHEARD_MS)
+        if is_v6:
+            listener.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
+        listener.bind((host, port))
+        listener.listen(MAX_CONNECTIONS)
+    except OSError:
+        listener.close()
+        raise
+    return listener
+
+
+def address_towards_others(host: str) -> str:
+    """Return the address under which others reach a server that listens at `host`."""
+    if host not in ("0.0.0.0", "::"):  # noqa: S104 - compared, not bound
+        return host
+    family, far = (socket.AF_INET, "192.0.2.1") if host != "::" else (socket.AF_INET6, "2001:db8::")
+    with socket.socket(family, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect((far, 9))  # sends nothing: the kernel only looks up the route
+        except OSError:
+            return "127.0.0.1" if host != "::" else "::1"
+        return str(probe.getsockname()[0])
+
+
+class _BoundedHttp(H11Protocol):
+    """HTTP with an end to connections that are too many, or ask for nothing."""
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Take a connection, or drop it."""
+        super().connection_made(transport)
+        hosts = [(getattr(each, "client", None) or ("",))[0] for each in self.connections]
+        of_one = hosts.count(self.client[0] if self.client else "")
+        if len(hosts) > MAX_CONNECTIONS or of_one > MAX_CONNECTIONS_OF_ONE:
+            transport.abort()
+        else:
+            self.loop.call_later(HEAD_S, self._end_if_idle)
+
+    def _end_if_idle(self) -> None:
+        """Close a connection that has asked for nothing."""
+        if self.scope is None:
+            self.transport.close()
+
+
+class PageHost(uvicorn.Server):
+    """Uvicorn for one application, in a process that takes signals itself.
+
+    Parameters
+    ----------
+    app
+        The application.
+    certificate, key
+        Files for TLS; None: plain HTTP.
+    """
+
+    def __init__(
+        self, app: ASGIApp, certificate: Path | None = None, key: Path | None = None
+    ) -> None:
+        config = uvicorn.Config(
+            app,
+            http=_BoundedHttp,
+            ws="websockets-sansio",
+            ws_max_size=MAX_MESSAGE_BYTES,
+            ws_per_message_deflate=False,
+            ws_ping_interval=5.0,
+            ws_ping_timeout=10.0,
+            lifespan="off",
+            log_config=None,
+            log_level="error",
+            access_log=False,
+            server_header=False,
+            date_header=False,
+            proxy_headers=False,
+            timeout_graceful_shutdown=1,
+            ssl_certfile=certificate,
+            ssl_keyfile=key,
+        )
+        super().__init__(config)
+
+    @contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        """Leave signals alone."""
+        yield

@@ -1,0 +1,54 @@
+// The page: what is on it, and what begins with it.
+
+import { effect } from "@preact/signals";
+import { render } from "preact";
+
+import "uplot/dist/uPlot.min.css";
+import "./page.css";
+
+import { startDriving } from "./driving/driving";
+import { Map } from "./map/map";
+import { Notices } from "./panels/notices";
+import { RefusalToast } from "./panels/refusal";
+import { StateBar } from "./panels/state_bar";
+import { Stop } from "./panels/stop";
+import { Tabs } from "./panels/tabs";
+import { Why } from "./panels/why";
+import { startHistory } from "./plots/history";
+import { startTicking } from "./robot/clock";
+import { hello } from "./robot/robot";
+import { startTheme } from "./theme";
+import { openSession } from "./wire/access";
+import { startLive } from "./wire/live";
+import { startStopLine } from "./wire/stop_line";
+import { words } from "./words";
+
+function Page() {
+  return (
+    <>
+      <Stop />
+      <StateBar />
+      <Why />
+      <main>
+        <Map />
+        <div class="side">
+          <Tabs />
+          <Notices />
+        </div>
+      </main>
+      <RefusalToast />
+    </>
+  );
+}
+
+startTheme();
+startTicking();
+startHistory();
+effect(() => {
+  document.title = words.title(hello.value?.name ?? null);
+});
+render(<Page />, document.getElementById("page") as HTMLElement);
+startDriving();
+await openSession();
+startStopLine();
+startLive();

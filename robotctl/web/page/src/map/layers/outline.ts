@@ -1,0 +1,16 @@
+import type { Point, Pose } from "../../robot/se2";
+import type { Scene } from "./layer";
+
+/** Trace and stroke the robot's body at a pose; the path stays, to be filled. */
+export function outline({ context, pixel }: Scene, pose: Pose, corners: readonly Point[], colour: string): void {
+  context.save();
+  context.translate(pose.x_m, pose.y_m);
+  context.rotate(pose.theta_rad);
+  context.beginPath();
+  for (const [x, y] of corners) context.lineTo(x, y);
+  context.closePath();
+  context.restore();
+  context.strokeStyle = colour;
+  context.lineWidth = 2 * pixel;
+  context.stroke();
+}

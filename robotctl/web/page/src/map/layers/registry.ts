@@ -1,0 +1,40 @@
+// All layers of the map, those beneath first.
+
+import { arc } from "./arc";
+import { costs } from "./costs";
+import { covariance } from "./covariance";
+import { floor } from "./floor";
+import { givenMap } from "./given_map";
+import { goal } from "./goal";
+import type { Layer } from "./layer";
+import { lines } from "./lines";
+import { liveMap } from "./live_map";
+import { obstacles } from "./obstacles";
+import { particles } from "./particles";
+import { people } from "./people";
+import { plan } from "./plan";
+import { robot } from "./robot";
+import { scan } from "./scan";
+import { sonar } from "./sonar";
+import { trail } from "./trail";
+import { truth } from "./truth";
+
+export const LAYERS: readonly Layer[] = [
+  givenMap,
+  liveMap,
+  lines,
+  costs,
+  trail,
+  sonar,
+  particles,
+  scan,
+  floor,
+  obstacles,
+  people,
+  plan,
+  arc,
+  goal,
+  truth,
+  covariance,
+  robot,
+];

@@ -1,0 +1,133 @@
+// Plots of any published fields.
+
+import { useEffect, useRef } from "preact/hooks";
+import { signal } from "@preact/signals";
+
+import { now } from "../robot/clock";
+import { makeChart, resizeChart } from "../plots/chart";
+import { fieldNames } from "../plots/fields";
+import { choose, chosen, dismiss } from "../plots/history";
+import { csv, rows } from "../plots/rows";
+import { theme } from "../theme";
+import { words } from "../words";
+
+const text = words.plots;
+const REFRESH_MS = 100;
+const MOST_FOUND = 40;
+const WINDOWS_S = [10, 30, 120, 600] as const;
+
+const isPaused = signal(false);
+const windowS = signal<number>(30);
+const wanted = signal("");
+
+export function Plots() {
+  return (
+    <div class="plots">
+      <div class="row">
+        <button
+          type="button"
+          aria-pressed={isPaused.value}
+          onClick={() => {
+            isPaused.value = !isPaused.value;
+          }}
+        >
+          {isPaused.value ? text.live : text.pause}
+        </button>
+        <span role="group" aria-label={text.window} class="row">
+          {WINDOWS_S.map((seconds) => (
+            <button
+              key={seconds}
+              type="button"
+              aria-pressed={windowS.value === seconds}
+              onClick={() => {
+                windowS.value = seconds;
+              }}
+            >
+              {text.seconds(seconds)}
+            </button>
+          ))}
+        </span>
+        <button type="button" disabled={chosen.value.length === 0} onClick={save}>
+          {text.export}
+        </button>
+      </div>
+      {chosen.value.length === 0 ? <p class="empty">{text.none}</p> : <Chart />}
+      <ul class="chips">
+        {chosen.value.map((field) => (
+          <li key={field}>
+            {field}
+            <button type="button" aria-label={text.remove(field)} onClick={() => dismiss(field)}>
+              ×
+            </button>
+          </li>
+        ))}
+      </ul>
+      <Finder />
+    </div>
+  );
+}
+
+function Chart() {
+  const element = useRef<HTMLDivElement>(null);
+  const fields = chosen.value;
+  const colours = theme.value;
+  useEffect(() => {
+    const parent = element.current as HTMLDivElement;
+    const style = getComputedStyle(parent);
+    const chart = makeChart(parent, fields, style.color, style.getPropertyValue("--line"));
+    const resized = new ResizeObserver(() => resizeChart(chart, parent.clientWidth));
+    resized.observe(parent);
+    const refresh = () => chart.setData(rows(fields, windowS.peek()));
+    refresh();
+    const timer = setInterval(() => {
+      if (!isPaused.peek() && !document.hidden) refresh();
+    }, REFRESH_MS);
+    return () => {
+      clearInterval(timer);
+      resized.disconnect();
+      chart.destroy();
+    };
+  }, [fields, colours]);
+  return <div ref={element} class="chart" role="img" aria-label={text.chart(fields.join(", "))} />;
+}
+
+function Finder() {
+  void now.value; // fields of messages that came meanwhile
+  const part = wanted.value.toLowerCase();
+  const found = fieldNames().filter(
+    (field) => !chosen.value.includes(field) && field.toLowerCase().includes(part),
+  );
+  return (
+    <div class="finder">
+      <label>
+        {text.find}
+        <input
+          type="search"
+          placeholder={text.placeholder}
+          value={wanted.value}
+          onInput={(event) => {
+            wanted.value = event.currentTarget.value;
+          }}
+        />
+      </label>
+      <ul>
+        {found.slice(0, MOST_FOUND).map((field) => (
+          <li key={field}>
+            <button type="button" aria-label={text.add(field)} onClick={() => choose(field)}>
+              {field}
+            </button>
+          </li>
+        ))}
+      </ul>
+      {found.length > MOST_FOUND && <p class="hint">{text.more(found.length - MOST_FOUND)}</p>}
+    </div>
+  );
+}
+
+function save(): void {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(new Blob([csv(chosen.peek())], { type: "text/csv" }));
+  link.download = "robotctl.csv";
+  link.click();
+  URL.revokeObjectURL(link.href);
+}

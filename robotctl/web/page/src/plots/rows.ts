@@ -1,0 +1,33 @@
+// The chosen fields on one axis of time.
+
+import uPlot from "uplot";
+
+import { series } from "./history";
+
+/** Times [s] and a column a field, from `sinceS` seconds before the newest on; null where a field has no value. */
+export function rows(fields: readonly string[], sinceS: number): uPlot.AlignedData {
+  const all = fields.map(series);
+  const newest = Math.max(...all.map(([times]) => times.at(-1) ?? -Infinity));
+  const tables = all.map(([times, values]): uPlot.AlignedData => {
+    const begin = firstAfter(times, newest - sinceS);
+    return [times.slice(begin), values.slice(begin)];
+  });
+  return tables.length === 0 ? [[]] : uPlot.join(tables);
+}
+
+function firstAfter(times: readonly number[], wanted: number): number {
+  let [low, high] = [0, times.length];
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if ((times[middle] ?? 0) < wanted) low = middle + 1;
+    else high = middle;
+  }
+  return low;
+}
+
+/** Comma-separated values (RFC 4180) of all that is kept of the fields. */
+export function csv(fields: readonly string[]): string {
+  const [times, ...columns] = rows(fields, Infinity);
+  const lines = [...times].map((time, i) => [time.toFixed(6), ...columns.map((column) => column[i] ?? "")].join(","));
+  return [["robot_s", ...fields].join(","), ...lines, ""].join("\r\n");
+}

@@ -1,0 +1,114 @@
+// What the page knows of the robot: the newest of each kind of message.
+
+import { signal } from "@preact/signals";
+
+import type {
+  CameraView,
+  ControlState,
+  Driver,
+  GivenMap,
+  Hello,
+  LidarScan,
+  LiveMap,
+  LocalisationState,
+  NavigationState,
+  Notice,
+  ParticleCloud,
+  PlanView,
+  Pong,
+  Received,
+  Refused,
+  StopSeen,
+  Truth,
+} from "../wire/messages";
+import { Topic, type Stamped } from "./topic";
+import { Trail } from "./trail";
+import { WorldPose } from "./world_pose";
+import type { Pose } from "./se2";
+
+const MOST_NOTICES = 500;
+
+export const topics = {
+  ControlState: new Topic<ControlState>(),
+  NavigationState: new Topic<NavigationState>(),
+  LocalisationState: new Topic<LocalisationState>(),
+  LidarScan: new Topic<LidarScan>(),
+  CameraView: new Topic<CameraView>(),
+  ParticleCloud: new Topic<ParticleCloud>(),
+  PlanView: new Topic<PlanView>(),
+  LiveMap: new Topic<LiveMap>(),
+  GivenMap: new Topic<GivenMap>(),
+  Truth: new Topic<Truth>(),
+};
+
+export type TopicName = keyof typeof topics;
+
+export const hello = signal<Hello | null>(null);
+export const driver = signal<Driver | null>(null);
+/** Newest last. */
+export const notices = signal<readonly Notice[]>([]);
+
+export const worldPose = new WorldPose();
+export const trail = new Trail();
+
+type News = Exclude<Received, Pong | Refused | StopSeen>;
+type Watcher = (name: TopicName, message: Stamped) => void;
+const watchers: Watcher[] = [];
+
+/** Call back with each message of a topic. */
+export function watch(watcher: Watcher): void {
+  watchers.push(watcher);
+}
+
+/** `base` in `world` now; null if that is unknown. */
+export function pose(): Pose | null {
+  const control = topics.ControlState.newest.peek();
+  return control === null ? null : worldPose.pose(control);
+}
+
+/** Take one message of the robot, or of the server about it. */
+export function take(message: News): void {
+  switch (message.type) {
+    case "Hello":
+      greet(message);
+      break;
+    case "Driver":
+      driver.value = message;
+      break;
+    case "Notice":
+      notices.value = [...notices.peek(), message].slice(-MOST_NOTICES);
+      break;
+    case "ControlState":
+      publish("ControlState", message);
+      follow(message);
+      break;
+    case "LocalisationState":
+      worldPose.localise(message);
+      publish("LocalisationState", message);
+      break;
+    default:
+      publish(message.type, message);
+  }
+}
+
+/** Begin with a connection: what was known of another robot, or before a restart, does not count. */
+function greet(message: Hello): void {
+  const before = hello.peek();
+  hello.value = message;
+  worldPose.reset(message.has_localiser);
+  if (before !== null && before.name !== message.name) {
+    trail.clear();
+    notices.value = [];
+    for (const topic of Object.values(topics)) topic.forget();
+  }
+}
+
+function publish<Name extends TopicName>(name: Name, message: Stamped): void {
+  (topics[name] as Topic<Stamped>).take(message, performance.now());
+  for (const watcher of watchers) watcher(name, message);
+}
+
+function follow(control: ControlState): void {
+  const here = worldPose.pose(control);
+  if (here !== null) trail.add(here, worldPose.epoch(control));
+}

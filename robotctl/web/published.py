@@ -1,0 +1,140 @@
+"""Messages of the robot that go to the page unchanged, and the parts that the server reads.
+
+A class a message: its name is the message's, its fields are what the server needs. What it says in
+`told` people must know: a message whose `told` differs from the last one's reaches every client.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar, Final, TypeAlias
+
+import msgspec
+
+from robotctl.messages.control import Ack, SafetyState
+from robotctl.messages.faults import Fault
+from robotctl.messages.mode import Mode
+from robotctl.model.geometry.localisation import LocalisationStatus
+
+
+class Published(msgspec.Struct, frozen=True, tag=True):
+    """Any message: a picture of the present, which the next one replaces."""
+
+    is_event: ClassVar[bool] = False
+    """Whether each of them reaches every client."""
+
+    @property
+    def told(self) -> object:
+        """What people must know of it."""
+        return None
+
+
+class ControlState(Published, frozen=True):
+    """State of the control process."""
+
+    stamp_ns: int
+    state: SafetyState
+    reason: str
+    acks: tuple[Ack, ...] = ()
+    armings: int = 0
+    against_arming: tuple[Fault, ...] = ()
+
+    @property
+    def told(self) -> object:
+        """State, reasons, and answers."""
+        acks = [ack.request_id for ack in self.acks]
+        return self.state, self.reason, acks, self.armings, self.against_arming
+
+
+class NavigationState(Published, frozen=True):
+    """State of the navigation process."""
+
+    stamp_ns: int
+    mode: Mode
+    item: int
+    mission_completed: bool
+    mission_failed: bool
+    message: str
+    goals: int = 0
+    goal_reached: bool | None = None
+    waits: bool = False
+    trouble: str = ""
+    held: bool = False
+
+    @property
+    def told(self) -> object:
+        """All but its time."""
+        return msgspec.structs.astuple(self)[1:]
+
+
+class LocalisationState(Published, frozen=True):
+    """State of the localiser."""
+
+    status: LocalisationStatus
+    epoch_ns: int = 0
+
+    @property
+    def told(self) -> object:
+        """Whether the place is known, and jumps."""
+        return self.status, self.epoch_ns
+
+
+class Notice(Published, frozen=True):
+    """Lines of text for people."""
+
+    is_event: ClassVar[bool] = True
+
+
+class LidarScan(Published, frozen=True):
+    """One scan."""
+
+
+class CameraView(Published, frozen=True):
+    """Result of one picture of the camera."""
+
+
+class ParticleCloud(Published, frozen=True):
+    """Some of the particles."""
+
+
+class PlanView(Published, frozen=True):
+    """What the robot drives by."""
+
+
+class LiveMap(Published, frozen=True):
+    """The map as it grows."""
+
+
+class GivenMap(Published, frozen=True):
+    """The localiser's map, repeated for late subscribers."""
+
+    map: msgspec.Raw
+
+
+AnyPublished: TypeAlias = (
+    ControlState
+    | NavigationState
+    | LocalisationState
+    | Notice
+    | LidarScan
+    | CameraView
+    | ParticleCloud
+    | PlanView
+    | LiveMap
+    | GivenMap
+)
+
+_decoder: Final = msgspec.msgpack.Decoder(AnyPublished)
+
+
+def read(data: bytes) -> AnyPublished | None:
+    """Return what the server needs of a message; None: it is none for the page."""
+    try:
+        message: AnyPublished = _decoder.decode(data)
+    except (msgspec.DecodeError, UnicodeDecodeError):
+        return None
+    return message
+
+
+def with_tag(data: bytes, tag: str) -> bytes:
+    """Return a message without one with a tag."""
+    return msgspec.msgpack.encode({"type": tag, **msgspec.msgpack.decode(data)})

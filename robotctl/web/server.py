@@ -1,0 +1,425 @@
+"""HTTP and WebSocket side of the page: connections, and what each of them is sent."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+from collections import deque
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+import msgspec
+from starlette.applications import Starlette
+from starlette.requests import HTTPConnection, Request
+from starlette.responses import FileResponse, PlainTextResponse, Response
+from starlette.routing import Route, WebSocketRoute
+from starlette.types import ASGIApp
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from robotctl.messages.control import ControlRequest, NavigationRequest
+from robotctl.web.access import HEADERS, Access, Asker, Role
+from robotctl.web.desk import Desk, Now
+from robotctl.web.outbox import Outbox
+from robotctl.web.published import GivenMap, Published, read, with_tag
+from robotctl.web.rate import RateLimit
+from robotctl.web.wire import (
+    PROTOCOL,
+    Downward,
+    Hello,
+    LiveMessage,
+    RobotOutline,
+    StopMessage,
+    encode,
+)
+
+MAX_MESSAGE_BYTES: Final = 4096
+"""Longest message from a page, and longest body of a POST."""
+MAX_CLIENTS: Final = 16
+"""Most connections of each kind, of which a page has one."""
+MESSAGES_PER_S: Final = 200
+_NOTICES: Final = 50
+"""Notices that a new client is told, the newest."""
+_POLICY: Final = 1008
+LINK_NEEDED: Final = "a token is needed: open the link that the robot prints, or `robotctl web`"
+_BODY_S: Final = 5.0
+"""Time for the body of a POST [s]."""
+_STATIC: Final = {
+    ".css": "text/css",
+    ".html": "text/html",
+    ".ico": "image/vnd.microsoft.icon",
+    ".js": "text/javascript",
+    ".json": "application/json",
+    ".png": "image/png",
+    ".svg": "image/svg+xml",
+    ".webmanifest": "application/manifest+json",
+    ".woff2": "font/woff2",
+}
+
+
+class Session(msgspec.Struct, forbid_unknown_fields=True):
+    """Body of POST /session."""
+
+    token: str
+
+
+@dataclass(eq=False, slots=True)
+class Connection:
+    """One socket: what it is to be sent, and what wakes its sender."""
+
+    outbox: Outbox = field(default_factory=Outbox)
+    woken: asyncio.Event = field(default_factory=asyncio.Event)
+    ended: asyncio.Event = field(default_factory=asyncio.Event)
+    end: str = ""
+    """Why it is to be closed."""
+
+    def close(self, why: str) -> None:
+        """Let the connection end, also where its sender waits for a client that does not read."""
+        self.end = why
+        self.ended.set()
+
+    def put(self, topic: str, data: bytes, *, keep: bool) -> None:
+        """Add a message."""
+        if keep:
+            self.outbox.keep(topic, data)
+            if self.outbox.is_hopeless:
+                self.close("too far behind: this connection takes less than the robot must tell")
+        else:
+            self.outbox.show(topic, data)
+
+
+@dataclass(slots=True)
+class RobotSide:
+    """The robot as the server reaches it.
+
+    Parameters
+    ----------
+    outline
+        What does not change.
+    now
+        The present by both clocks.
+    to_control, to_navigation
+        Hand on a request; whether a process was there to take it.
+    say
+        Tell logs and ground stations.
+    """
+
+    outline: RobotOutline
+    now: Callable[[], Now]
+    to_control: Callable[[ControlRequest], bool]
+    to_navigation: Callable[[NavigationRequest], bool]
+    say: Callable[[str], None]
+
+
+class PageServer:
+    """The application: pages, sockets, and the desk behind them.
+
+    Parameters
+    ----------
+    robot
+        The robot.
+    desk
+        Judges requests.
+    access
+        Who may do what.
+    static
+        Folder of the page.
+    """
+
+    def __init__(self, robot: RobotSide, desk: Desk, access: Access, static: Path) -> None:
+        self._robot = robot
+        self._desk = desk
+        self._access = access
+        self._static = static
+        self._live: dict[int, Connection] = {}
+        self._stops: set[Connection] = set()
+        self._numbers = itertools.count(1)
+        self._latest: dict[str, bytes] = {}
+        """Newest message of each topic, for new clients."""
+        self._told: dict[str, object] = {}
+        self._notices: deque[bytes] = deque(maxlen=_NOTICES)
+        self._given_map: msgspec.Raw | None = None
+        self._driver = desk.driver
+        self._decode_live = msgspec.json.Decoder(LiveMessage).decode
+        self._decode_stop = msgspec.json.Decoder(StopMessage).decode
+        self._decode_session = msgspec.json.Decoder(Session).decode
+        self.app: ASGIApp = Starlette(
+            routes=[
+                Route("/", self._page),
+                Route("/session", self._rights, methods=["GET"]),
+                Route("/session", self._session, methods=["POST"]),
+                Route("/assets/{name}", self._asset),
+                WebSocketRoute("/live", self._live_socket),
+                WebSocketRoute("/stop", self._stop_socket),
+            ]
+        )
+
+    # The robot's side
+
+    def relay(self, messages: Iterable[bytes], truths: Iterable[bytes] = ()) -> None:
+        """Take what the robot has published, and wake those who are to be sent something."""
+        now = self._robot.now()
+        for data in messages:
+            message = read(data)
+            if message is not None:
+                self._desk.hear(message, now)
+                self._show(message, data)
+        for data in list(truths)[-1:]:
+            self._put("Truth", with_tag(data, "Truth"), keep=False)
+        self._desk.step(now)
+        self._hand_on()
+        for connection in self._live.values():
+            connection.woken.set()
+
+    def _show(self, message: Published, data: bytes) -> None:
+        """Let all clients see a message."""
+        topic = type(message).__name__
+        if message.is_event:
+            self._notices.append(data)
+            self._put(topic, data, keep=True)
+            return
+        if isinstance(message, GivenMap):
+            if message.map == self._given_map:
+                return
+            self._given_map = message.map.copy()
+        told = message.told
+        is_news = told != self._told.get(topic)
+        self._told[topic] = told
+        self._latest[topic] = data
+        self._put(topic, data, keep=is_news)
+
+    def _put(self, topic: str, data: bytes, *, keep: bool) -> None:
+        for connection in self._live.values():
+            connection.put(topic, data, keep=keep)
+
+    def _hand_on(self) -> None:
+        """Send what the desk decided."""
+        out = self._desk.take()
+        for to_control in out.to_control:
+            self._robot.to_control(to_control)
+        for to_navigation in out.to_navigation:
+            self._robot.to_navigation(to_navigation)
+        for connection, message in out.answers:
+            if isinstance(connection, Connection):
+                self._answer(connection, message)
+        if (driver := self._desk.driver) != self._driver:
+            if driver.client != self._driver.client:
+                self._robot.say(f"{driver.name} drives" if driver.name else driver.why)
+            self._driver = driver
+            for each in self._live.values():
+                self._answer(each, driver)
+
+    def _answer(self, connection: Connection, message: Downward | Hello) -> None:
+        connection.put(type(message).__name__, encode(message), keep=True)
+        connection.woken.set()
+
+    # Sockets
+
+    async def _live_socket(self, socket: WebSocket) -> None:
+        """Serve one page."""
+        role = await self._admit(socket, len(self._live))
+        if role is None:
+            return
+        client, connection = next(self._numbers), Connection()
+        may_drive = role is Role.DRIVE
+        self._live[client] = connection
+        self._desk.join(client, connection, may_drive=may_drive)
+        if may_drive:
+            address = socket.client.host if socket.client else "?"
+            self._desk.name(client, f"client {client} ({address})")
+        self._greet(connection, client, role)
+        limit = RateLimit(MESSAGES_PER_S)
+
+        def take(text: str, now: Now) -> None:
+            self._desk.take_message(client, self._decode_live(text), now)
+
+        try:
+            await self._serve(socket, connection, take, limit)
+        finally:
+            del self._live[client]
+            self._desk.leave(client, self._robot.now())
+            self._hand_on()
+
+    async def _stop_socket(self, socket: WebSocket) -> None:
+        """Serve one connection for stops."""
+        if await self._admit(socket, len(self._stops)) is None:
+            return
+        connection = Connection()
+        self._stops.add(connection)
+        limit = RateLimit(MESSAGES_PER_S)
+
+        def take(text: str, now: Now) -> None:
+            self._desk.stop(connection, self._decode_stop(text), now)
+
+        try:
+            await self._serve(socket, connection, take, limit)
+        finally:
+            self._stops.discard(connection)
+
+    async def _admit(self, socket: WebSocket, others: int) -> Role | None:
+        """Accept a socket and return its role; None: it is refused."""
+        asker = _asker(socket)
+        objection = self._access.objection(asker, needs_origin=True)
+        role = self._access.role(asker)
+        if objection or role is None:
+            await socket.send_denial_response(
+                PlainTextResponse(objection or LINK_NEEDED, 403, HEADERS)
+            )
+            return None
+        await socket.accept()
+        if others >= MAX_CLIENTS:
+            await socket.close(_POLICY, f"{MAX_CLIENTS} clients are connected, no more allowed")
+            return None
+        return role
+
+    def _greet(self, connection: Connection, client: int, role: Role) -> None:
+        """Tell a new client who it is, and all that is known."""
+        now = self._robot.now()
+        outline = msgspec.structs.asdict(self._robot.outline)
+        hello = Hello(
+            **outline,
+            protocol=PROTOCOL,
+            client=client,
+            role=role,
+            server_ns=now.server_ns,
+            robot_ns=now.robot_ns,
+        )
+        self._answer(connection, hello)
+        self._answer(connection, self._desk.driver)
+        for notice in self._notices:
+            connection.put("Notice", notice, keep=True)
+        for topic, data in self._latest.items():
+            connection.put(topic, data, keep=True)
+
+    async def _serve(
+        self,
+        socket: WebSocket,
+        connection: Connection,
+        take: Callable[[str, Now], None],
+        limit: RateLimit,
+    ) -> None:
+        """Receive and send until the connection ends."""
+        sender: asyncio.Task[object] = asyncio.create_task(self._send(socket, connection))
+        receiver = asyncio.create_task(self._receive(socket, connection, take, limit))
+        tasks = {sender, receiver, asyncio.create_task(connection.ended.wait())}
+        try:
+            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+        if connection.end:
+            await _close(socket, connection.end)
+
+    async def _receive(
+        self,
+        socket: WebSocket,
+        connection: Connection,
+        take: Callable[[str, Now], None],
+        limit: RateLimit,
+    ) -> None:
+        """Take messages until the connection ends, or one of them is none."""
+        while True:
+            message = await socket.receive()
+            if message["type"] == "websocket.disconnect":
+                return
+            now = self._robot.now()
+            if not limit.allows(now.server_ns):
+                connection.close(f"too fast: at most {MESSAGES_PER_S} messages a second")
+                return
+            try:
+                take(message.get("text") or "", now)
+            except (msgspec.DecodeError, UnicodeError, OverflowError) as error:
+                connection.close(f"no such message: {error}")
+                return
+            self._hand_on()
+
+    async def _send(self, socket: WebSocket, connection: Connection) -> None:
+        """Send what there is; a client that does not read holds up nobody else."""
+        while True:
+            data = connection.outbox.next(self._robot.now().server_ns)
+            if data is None:
+                connection.woken.clear()
+                await connection.woken.wait()
+                continue
+            try:
+                await socket.send_bytes(data)
+            except (WebSocketDisconnect, RuntimeError):
+                return
+
+    # Pages
+
+    async def _page(self, request: Request) -> Response:
+        """Return the page itself, which says nothing of the robot."""
+        return self._file(request, "index.html")
+
+    async def _asset(self, request: Request) -> Response:
+        """Return a part of the page."""
+        return self._file(request, request.path_params["name"])
+
+    def _file(self, request: Request, name: str) -> Response:
+        if objection := self._access.objection(_asker(request), needs_origin=False):
+            return PlainTextResponse(objection, 403, HEADERS)
+        path = self._static / name
+        kind = _STATIC.get(path.suffix)
+        if path.parent != self._static or kind is None or not path.is_file():
+            return PlainTextResponse("no such page", 404, HEADERS)
+        return FileResponse(path, headers=HEADERS, media_type=kind)
+
+    async def _rights(self, request: Request) -> Response:
+        """Return the role of a browser."""
+        asker = _asker(request)
+        objection = self._access.objection(asker, needs_origin=False)
+        role = self._access.role(asker)
+        if objection or role is None:
+            return PlainTextResponse(objection or LINK_NEEDED, 403, HEADERS)
+        return PlainTextResponse(role, 200, HEADERS)
+
+    async def _session(self, request: Request) -> Response:
+        """Exchange a token for a cookie."""
+        asker = _asker(request)
+        if objection := self._access.objection(asker, needs_origin=True):
+            return PlainTextResponse(objection, 403, HEADERS)
+        body = b""
+        try:
+            async with asyncio.timeout(_BODY_S):
+                async for part in request.stream():
+                    body += part
+                    if len(body) > MAX_MESSAGE_BYTES:
+                        return PlainTextResponse("too long", 413, HEADERS)
+        except TimeoutError:
+            return PlainTextResponse("too slow", 408, HEADERS)
+        try:
+            token = self._decode_session(body).token
+        except (msgspec.DecodeError, UnicodeError):
+            return PlainTextResponse('{"token": "..."} is expected', 400, HEADERS)
+        given = self._access.exchange(token)
+        if given is None:
+            return PlainTextResponse("this token is none of this robot", 403, HEADERS)
+        response = PlainTextResponse(given[0], 200, HEADERS)
+        response.set_cookie(
+            self._access.cookie,
+            given[1],
+            max_age=30 * 86400,
+            httponly=True,
+            secure=request.url.scheme == "https",
+            samesite="strict",
+        )
+        return response
+
+
+def _asker(connection: HTTPConnection) -> Asker:
+    """Return where a request came to, and what it says of itself."""
+    server = connection.scope.get("server") or ("", 0)
+    headers = connection.headers
+    return Asker(str(server[0]), headers.get("host"), headers.get("origin"), connection.cookies)
+
+
+async def _close(socket: WebSocket, reason: str) -> None:
+    """Close a socket with a reason of at most 123 bytes (RFC 6455, 5.5.1)."""
+    short = reason.encode()[:120].decode(errors="ignore")
+    try:
+        await asyncio.wait_for(socket.close(_POLICY, short), 1.0)
+    except (RuntimeError, WebSocketDisconnect, TimeoutError):
+        return

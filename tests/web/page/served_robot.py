@@ -1,0 +1,292 @@
+"""A robot that is only what it publishes, behind the real server of the page.
+
+It obeys as control and navigation do, as far as a page can see that, and keeps what it was asked.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import socket
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import msgspec
+import numpy as np
+import uvicorn
+
+import robotctl
+from robotctl.messages.control import (
+    Ack,
+    Arm,
+    BatteryFeedback,
+    BusStatus,
+    ControlState,
+    EmergencyStop,
+    LoopStatistics,
+    ManualControl,
+    NavigationState,
+    NodeStatus,
+    Notice,
+    PositionTarget,
+    SafetyState,
+    SetMode,
+)
+from robotctl.messages.estimation import (
+    GivenMap,
+    LidarScan,
+    LiveMap,
+    LocalisationState,
+    ParticleCloud,
+    PlanView,
+)
+from robotctl.messages.faults import Fault, FaultCode
+from robotctl.messages.mode import Mode
+from robotctl.model.geometry.localisation import LocalisationStatus
+from robotctl.web.access import Access, Role
+from robotctl.web.desk import Desk, Now
+from robotctl.web.server import PageServer, RobotSide
+from robotctl.web.wire import RobotOutline, SonarOutline
+
+T = TypeVar("T")
+
+STATIC = Path(robotctl.__file__).parent / "web" / "static"
+PERIOD_S = 0.05
+MAP_M = (8.0, 6.0)
+RESOLUTION_M = 0.1
+OUTLINE = RobotOutline(
+    name="tester",
+    version="0",
+    simulated=True,
+    drive="diff",
+    holonomic=False,
+    has_lidar=True,
+    has_localiser=True,
+    outline=((0.3, -0.2), (0.3, 0.2), (-0.1, 0.2), (-0.1, -0.2)),
+    sonars=(SonarOutline("front", 0.3, 0.0, 0.0),),
+    v_max_m_s=1.0,
+    omega_max_rad_s=2.0,
+    vy_max_m_s=0.0,
+)
+
+
+def walled_map() -> LiveMap:
+    """Return a room, 8 m by 6 m, with its lower left corner in the origin."""
+    cells = np.zeros((round(MAP_M[1] / RESOLUTION_M), round(MAP_M[0] / RESOLUTION_M)), np.int8)
+    cells[[0, -1], :] = 100
+    cells[:, [0, -1]] = 100
+    return LiveMap(0, *cells.shape, RESOLUTION_M, 0.0, 0.0, cells.tobytes())
+
+
+class ServedRobot:
+    """The robot, its server, and a thread in which both run.
+
+    Attributes
+    ----------
+    pose
+        x, y, heading of `base` in `odom`, which is `world` [m, m, rad].
+    is_silent
+        Whether control and navigation publish nothing.
+    is_deaf
+        Whether control takes requests, but does nothing.
+    asked
+        All requests to control and navigation, oldest first.
+    particles
+        x, y, heading of particles, (n, 3) float32.
+    """
+
+    def __init__(self, tokens: dict[Role, str] | None = None) -> None:
+        self.pose = (2.0, 3.0, 0.0)
+        self.state, self.reason, self.fault = SafetyState.ARMED, "", FaultCode.NONE
+        self.against_arming: tuple[Fault, ...] = ()
+        self.mode, self.message = Mode.HOLD, ""
+        self.goal: tuple[float, float] | None = None
+        self.is_silent = self.is_deaf = False
+        self.asked: list[Any] = []
+        self.particles = np.empty((0, 3), np.float32)
+        self.published_ns: dict[int, int] = {}
+        """Wall clock at which the server was given each state, by its stamp [ns]."""
+        self.remarks: list[str] = []
+        self._tokens = tokens or {}
+        self._acks: tuple[Ack, ...] = ()
+        self._encode = msgspec.msgpack.Encoder().encode
+        self._extra: list[bytes] = []
+        self.port = 0
+        self.start()
+
+    # The server's life
+
+    def start(self) -> None:
+        """Begin to serve; at the same port as before."""
+        listener = socket.socket()
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind(("127.0.0.1", self.port))
+        self.port = listener.getsockname()[1]
+        side = RobotSide(OUTLINE, self._now, self._take, self._take, self.remarks.append)
+        desk = Desk(has_localiser=True, arm_timeout_ns=1_000_000_000)
+        self._page = PageServer(side, desk, Access(self._tokens, (), self.port), STATIC)
+        self._server = uvicorn.Server(
+            uvicorn.Config(
+                self._page.app,
+                ws="websockets-sansio",
+                ws_per_message_deflate=False,
+                lifespan="off",
+                log_config=None,
+                timeout_graceful_shutdown=1,
+            )
+        )
+        self._thread = threading.Thread(target=asyncio.run, args=(self._serve(listener),))
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the server, and with it all connections."""
+        self._server.should_exit = True
+        self._thread.join()
+
+    @property
+    def url(self) -> str:
+        """Address of the page."""
+        return f"http://127.0.0.1:{self.port}/"
+
+    async def _serve(self, listener: socket.socket) -> None:
+        self._loop = asyncio.get_running_loop()
+        serving = asyncio.create_task(self._server.serve([listener]))
+        await asyncio.sleep(0)
+        deadline_s = time.monotonic()
+        while not serving.done():
+            self._page.relay(self._published())
+            deadline_s = max(deadline_s + PERIOD_S, time.monotonic())
+            await asyncio.wait({serving}, timeout=deadline_s - time.monotonic())
+        listener.close()
+
+    # What it says
+
+    def notice(self, severity: int, text: str) -> None:
+        """Publish a notice."""
+        self._extra.append(self._encode(Notice(time.monotonic_ns(), severity, text)))
+
+    def _published(self) -> list[bytes]:
+        messages, self._extra = self._extra, []
+        if self.is_silent:
+            return messages
+        now_ns = time.monotonic_ns()
+        self.published_ns[now_ns] = time.time_ns()
+        pictures = (
+            GivenMap(now_ns, walled_map()),
+            self._localisation(now_ns),
+            self._scan(now_ns),
+            ParticleCloud(now_ns, self.particles.tobytes()),
+            self._plan(now_ns),
+            self._navigation(now_ns),
+            self._control(now_ns),
+        )
+        return messages + [self._encode(each) for each in pictures]
+
+    def _control(self, now_ns: int) -> ControlState:
+        x_m, y_m, theta_rad = self.pose
+        return ControlState(
+            stamp_ns=now_ns,
+            state=self.state,
+            reason=self.reason,
+            x_m=x_m,
+            y_m=y_m,
+            theta_rad=theta_rad,
+            v_m_s=0.5 * math.sin(now_ns / 1e9),
+            omega_rad_s=0.0,
+            v_ref_m_s=0.5,
+            omega_ref_rad_s=0.0,
+            distance_m=0.0,
+            wheel_rad_s=(1.0, 2.0),
+            wheel_ref_rad_s=(1.0, 2.0),
+            wheel_distance_m=(0.0, 0.0),
+            duty=(0.1, 0.2),
+            current_a=(0.5, math.nan),
+            temperature_c=(30.0, 31.0),
+            steering_rad=math.nan,
+            bus_voltage_v=12.0,
+            battery=BatteryFeedback(now_ns, 12.1, 1.0, 0.8, 25.0, low=False, critical=False),
+            sonar_m=(1.0,),
+            sonar_stamp_ns=(now_ns,),
+            nodes=(NodeStatus(1, "drive", 5, now_ns, 1, ""),),
+            bus=BusStatus(load=0.12),
+            loop=LoopStatistics(rate_hz=200.0, lag_us_p99=150.0),
+            acks=self._acks,
+            fault=self.fault,
+            against_arming=self.against_arming,
+        )
+
+    def _navigation(self, now_ns: int) -> NavigationState:
+        return NavigationState(
+            now_ns, self.mode, "", 0, 0, "", False, False, self.message, goal=self.goal
+        )
+
+    def _localisation(self, now_ns: int) -> LocalisationState:
+        covariance = (0.01, 0.0, 0.0, 0.04, 0.0, 0.01)
+        status = LocalisationStatus.LOCALISED
+        count = len(self.particles)
+        return LocalisationState(now_ns, "mcl", status, 0.0, 0.0, 0.0, covariance, count)
+
+    def _scan(self, now_ns: int) -> LidarScan:
+        ranges = np.full(360, 1.5, np.float32).tobytes()
+        return LidarScan(now_ns, 0.0, 0.0, 0.0, 2 * math.pi / 360, 8.0, ranges)
+
+    def _plan(self, now_ns: int) -> PlanView:
+        x_m, y_m, theta_rad = self.pose
+        path = np.array([[x_m, y_m, theta_rad], [6.0, 4.0, 0.0]], np.float32).tobytes()
+        costs = LiveMap(now_ns, 1, 1, 0.5, 5.0, 1.0, bytes([50]))
+        moving = ((5.0, 4.5, 0.3, 0.0, 0.3),)
+        return PlanView(now_ns, path, b"", b"", moving, costs)
+
+    # What it does
+
+    def _now(self) -> Now:
+        now_ns = time.monotonic_ns()
+        return Now(now_ns, now_ns)
+
+    def _take(self, request: Any) -> bool:
+        self.asked.append(request)
+        if self.is_deaf:
+            return True
+        match request:
+            case EmergencyStop():
+                self.state, self.reason = SafetyState.EMERGENCY_STOP, "emergency stop (operator)"
+                self.fault = FaultCode.EMERGENCY_STOP
+            case Arm(request_id=request_id, arm=arm):
+                accepted = not (arm and self.against_arming)
+                reasons = () if accepted else self.against_arming
+                self._acks = (Ack(request_id, accepted, reasons),)
+                if accepted:
+                    self.state = SafetyState.ARMED if arm else SafetyState.STANDBY
+                    self.reason, self.fault = "", FaultCode.NONE
+            case SetMode(mode=mode):
+                self.mode = mode
+            case PositionTarget(x_m=x_m, y_m=y_m):
+                self.goal = (x_m, y_m)
+        return True
+
+    # What tests ask
+
+    def requests(self, kind: type[T]) -> list[T]:
+        """Return the requests of one kind so far."""
+        return [each for each in self.asked if isinstance(each, kind)]
+
+    @property
+    def sticks(self) -> tuple[float, float] | None:
+        """Forward and turn of the newest sticks in force; None: the robot stands."""
+        drives = self.requests(ManualControl)
+        if not drives or drives[-1].expires_ns < time.monotonic_ns():
+            return None
+        newest = drives[-1]
+        return None if (newest.forward, newest.turn) == (0, 0) else (newest.forward, newest.turn)
+
+
+def wait_for(condition: Callable[[], T], page: Any, limit_s: float = 5.0) -> T:
+    """Let a page run until a condition holds, and return what it gave."""
+    end_s = time.monotonic() + limit_s
+    while not (found := condition()):
+        assert time.monotonic() < end_s, "did not happen in time"
+        page.wait_for_timeout(10)
+    return found
