@@ -25,6 +25,7 @@ from robotctl.cli.compile import compile_missing
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
 from robotctl.cli.live.keys import Keys
+from robotctl.cli.logs.report import check_page, write_report
 from robotctl.drivers.mavlink.listening import busy_links
 from robotctl.errors import ConfigError, DiskError
 from robotctl.estimation.sensors.registry import SENSORS
@@ -71,6 +72,10 @@ def sim(
         float, typer.Option(min=1.0, help="Time limit from arming on, in the robot's time.")
     ] = 300.0,
     report: Annotated[Path | None, typer.Option(help="Write the score here as JSON.")] = None,
+    html: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write a page about the run: score, map, figures."),
+    ] = None,
     record: Annotated[
         Path | None,
         typer.Option(metavar="FOLDER", help="Folder for the control record and the CAN log."),
@@ -172,13 +177,9 @@ def sim(
     from robotctl.cli.live.lockstep_progress import LockstepProgress  # noqa: PLC0415
     from robotctl.cli.live.score_view import score_table  # noqa: PLC0415
     from robotctl.config.robot_file import find_file  # noqa: PLC0415
-    from robotctl.runtime.storage.log_folder import LogError, make_folder, refusal  # noqa: PLC0415
 
     check_files(report)
-    if record is not None:
-        make_folder(record)
-        if reason := refusal(record):
-            raise LogError(reason)
+    record = _checked_record(record, html)
     if slam and (localiser is not None or world_map or start == "unknown"):
         raise ConfigError("--slam: not allowed with --localiser, --map and --start unknown")
     if not (mission or goal or world or slam):
@@ -229,14 +230,35 @@ def sim(
         result = _run(options, stopped, headless=headless, until_done=until_done)
         stayed = stopped() and not until_done
     try:
-        if report is not None:
-            write_file(report, lambda path: path.write_bytes(result.json()))
+        _keep(result, report, html, record)
     finally:
         plain_console().print(score_table(result))
     if not (result.passed or (stayed and not result.failed_faults)):
         sys.exit(NOT_COMPLETED)
     if result.log_trouble:
         raise DiskError(result.log_trouble)
+
+
+def _checked_record(record: Path | None, html: Path | None) -> Path | None:
+    """Return the folder of the record, made where it is missing; a page needs one, too."""
+    from robotctl.runtime.storage.log_folder import LogError, make_folder, refusal  # noqa: PLC0415
+
+    if html is not None:
+        check_page(html, "--html")
+        record = record or _own_folder()
+    if record is not None:
+        make_folder(record)
+        if reason := refusal(record):
+            raise LogError(reason)
+    return record
+
+
+def _keep(result: Report, report: Path | None, html: Path | None, record: Path | None) -> None:
+    """Write the files that were asked for."""
+    if report is not None:
+        write_file(report, lambda path: path.write_bytes(result.json()))
+    if html is not None and record is not None:
+        write_report(record, html, json.loads(result.json()))
 
 
 def _refuse_what_has_no_effect(
@@ -328,11 +350,16 @@ def _places(topological: str) -> list[str]:
 
 def _written(name: str, text: str) -> Path:
     """Return a file of this run with a mission."""
-    folder = tempfile.mkdtemp(prefix="robotctl-mission-")
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    mission = Path(folder) / f"{name}.toml"
+    mission = _own_folder() / f"{name}.toml"
     mission.write_text(text, encoding="utf-8")
     return mission
+
+
+def _own_folder() -> Path:
+    """Return a new folder of this run, which goes with it."""
+    folder = tempfile.mkdtemp(prefix="robotctl-sim-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Path(folder)
 
 
 def _localisation(

@@ -25,6 +25,7 @@ def report(
 
     The page is a single file that loads nothing else, to be sent or kept.
     """
+    check_page(out, "--out")
     write_report(run, out, None if score is None else read_score(score))
     print(f"page: {out}")
 
@@ -45,9 +46,13 @@ def read_score(file: Path) -> dict[str, object]:
         raise ConfigError(f"--score {file}: not a file of `sim --report`: {error}") from error
 
 
+def check_page(out: Path, option: str) -> None:
+    """Refuse a page that could not be written, before any work; see `check_files`."""
+    check_files(plot=out, option=option, suffixes=(".html", ".htm"))
+
+
 def write_report(run: Path, out: Path, score: dict[str, object] | None) -> None:
     """Write the page about a recording; see `report`."""
-    check_files(plot=out, option="--out", suffixes=(".html", ".htm"))
     console = plain_console(stderr=True)
     with progress_bar(console, run.name, "reading") as tell:
         from robotctl.workbench.logs.run_report import report_of  # noqa: PLC0415 - loads numpy

@@ -181,3 +181,15 @@ def test_bad_input_is_said(run: Path, tmp_path: Path, capsys: pytest.CaptureFixt
     assert "not a file of `sim --report`" in capsys.readouterr().err
     with pytest.raises(RecordingError, match="no such file"):
         report_of(tmp_path / "no", None, lambda done, total: None)
+
+
+def test_a_simulated_run_leaves_its_page_and_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    options = ("sim", "--lockstep", "--headless", "--mission", str(PATROL), "--max-seconds", "2")
+    assert status_of(*options, "--html", "run.html") == 3
+    assert "patrol in flat" in capsys.readouterr().out
+    words = Page((tmp_path / "run.html").read_text("utf-8")).words
+    assert {"Score", "diff_drive", "Path", "States", "armed"} <= set(words)
+    assert [path.name for path in tmp_path.iterdir()] == ["run.html"]
