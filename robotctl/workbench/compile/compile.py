@@ -80,7 +80,10 @@ class Kernels:
         for each in self._caches():
             _check_folder(each.FOLDER)
         total = self.total
-        _run([*_ROBOT, *([_SIMULATION] if self.simulated else [])], lambda: tell(self.done, total))
+        _run(
+            [*_ROBOT, *([_SIMULATION] if self.simulated else [])],
+            lambda: tell(min(self.done, total), total),
+        )
         try:
             for each in self._caches():
                 each.mark_complete(kernel_cache.processor())
