@@ -17,7 +17,7 @@ import numpy as np
 from robotctl.estimation.slam.factors.between import BETWEEN_2D
 from robotctl.estimation.slam.factors.landmarks import RANGE_BEARING, SEEN_2D
 from robotctl.estimation.slam.graph.factor import FactorBlock, inverses, is_definite
-from robotctl.estimation.slam.graph.variables import LARGEST, SE2, Floats
+from robotctl.estimation.slam.graph.variables import LARGEST, SE2, Floats, VariableKind
 from robotctl.logs.graphs.graph_format import (
     GraphFile,
     GraphFormat,
@@ -102,6 +102,17 @@ def _lines(path: Path, file: GraphFile, block: FactorBlock) -> list[str] | None:
     return lines_of(tag, ids, np.hstack([z, upper(covariance)]))
 
 
+def _seen(file: GraphFile, kind: VariableKind) -> set[int]:
+    """Return the rows of a kind that factors speak of."""
+    return {
+        row
+        for block in file.graph.blocks
+        for own, rows in zip(block.kind.variables, block.variables, strict=True)
+        if own is kind
+        for row in rows.tolist()
+    }
+
+
 def _write(path: Path, file: GraphFile) -> None:
     text = []
     for kind, ids in file.graph.ids.items():
@@ -109,6 +120,13 @@ def _write(path: Path, file: GraphFile) -> None:
             text += lines_of("VERTEX2", ids[:, None], file.values[kind])
         elif kind.is_pose:
             raise GraphFormatError(f"{path}: GTSAM's text has no poses in space")
+        else:
+            unseen = len(ids) - len(_seen(file, kind))
+            if unseen:
+                raise GraphFormatError(
+                    f"{path}: GTSAM's text has points only where something sees them, and nothing "
+                    f"sees {unseen} of the graph's"
+                )
     text += factor_lines(path, file, "GTSAM's text", lambda block: _lines(path, file, block))
     path.write_text("\n".join(text) + "\n", encoding="ascii")
 

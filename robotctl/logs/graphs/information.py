@@ -14,6 +14,7 @@ from robotctl.estimation.slam.graph.factor import (
     is_semidefinite,
 )
 from robotctl.estimation.slam.graph.factor_graph import FactorGraph
+from robotctl.estimation.slam.graph.variables import LARGEST
 from robotctl.logs.graphs.graph_format import GraphFile, GraphFormatError
 
 _CLIP = "robotctl optimize --clip-indefinite puts 0 in their place"
@@ -48,6 +49,11 @@ def judged(path: Path, file: GraphFile, *, clip: bool) -> GraphFile:
             indefinite.add(index, bad, least)
             information = block.information.copy()
             information[bad] = clipped(information[bad])
+            if np.abs(information).max() > LARGEST:
+                raise GraphFormatError(
+                    f"{indefinite.first}: the information matrix with 0 in place of its negative "
+                    f"eigenvalues has a number above {LARGEST:g}"
+                )
             blocks[index] = replace(block, information=information)
         nothing = ~np.any(block.information, axis=(1, 2))
         empty.add(index, nothing)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robotctl.errors import ConfigError
+from robotctl.errors import ConfigError, RobotctlError
 from robotctl.estimation.slam.factors.registry import FACTORS
 from robotctl.estimation.slam.graph.builder import GraphBuilder
 from robotctl.estimation.slam.graph.factor_graph import chi2_of
@@ -15,6 +15,7 @@ from robotctl.estimation.slam.graph.variables import POINT2, SE2, SE3
 from robotctl.logs.graphs.graph_files import GRAPH_FORMATS, format_of, read_graph
 from robotctl.logs.graphs.graph_format import GraphFile, GraphFormatError
 from robotctl.logs.graphs.gtsam_text import GTSAM
+from robotctl.workbench.graphs.optimize import OptimizeOptions, optimize, write_graph
 from tests.logs.graphs.fuzzing import LONGEST, TARGETS, corpus, mutate, solve
 
 FACTORS_OF = {
@@ -333,3 +334,19 @@ def test_a_changed_graph_is_refused_or_solved(seed):
     for step in range(3):
         data = mutate(data, LONGEST, seed + step)
     solve(data)
+
+
+def test_gtsams_text_refuses_points_that_nothing_sees(tmp_path):
+    graph = tmp_path / "graph.g2o"
+    graph.write_text("VERTEX_SE2 0 0 0 0\nVERTEX_XY 1 2 3\n")
+    result = optimize(OptimizeOptions(graph))
+    with pytest.raises(RobotctlError, match="nothing sees 1 of the graph's"):
+        write_graph(result, tmp_path / "graph.txt")
+    assert not (tmp_path / "graph.txt").exists()
+
+
+def test_an_information_that_is_clipped_beyond_all_bounds_is_refused_with_its_line(tmp_path):
+    graph = tmp_path / "graph.g2o"
+    graph.write_text("\nEDGE_SE3_TRACKXYZ 1 2 1 0 1 1 0.901 0.001 1e30 0.01 0 0.001\n")
+    with pytest.raises(RobotctlError, match=r"graph.g2o:2: the information matrix with 0 in place"):
+        read_graph(graph, clip_indefinite=True)

@@ -12,7 +12,12 @@ from robotctl.estimation.slam.start.spanning import compose_3d
 def carried(
     kind: VariableKind, value: Floats, anchor: VariableKind, before: Floats, now: Floats
 ) -> Floats:
-    """Return a value (size,) as seen from a pose `before`, at where that pose is `now`."""
+    """Return a value (size,) as seen from a pose `before`, at where that pose is `now`.
+
+    A value of the plane does not move with a pose in space, nor the other way round.
+    """
+    if kind.positions != anchor.positions:
+        return value
     if anchor is SE2:
         turn = now[2] - before[2]
         c, s = np.cos(turn), np.sin(turn)
