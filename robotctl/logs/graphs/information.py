@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.estimation.slam.graph.factor import (
+    FactorBlock,
     clipped,
     is_definite,
     is_semidefinite,
@@ -37,9 +38,9 @@ def judged(path: Path, file: GraphFile, *, clip: bool) -> GraphFile:
     GraphFormatError
         If an information matrix has a negative eigenvalue; it names the line.
     """
-    blocks = list(file.graph.blocks)
+    blocks = [_without_specks(block) for block in file.graph.blocks]
     empty, singular, indefinite = _Found(path, file), _Found(path, file), _Found(path, file)
-    for index, block in enumerate(file.graph.blocks):
+    for index, block in enumerate(list(blocks)):
         good = is_definite(block.information)
         if np.all(good):
             continue
@@ -73,8 +74,17 @@ def judged(path: Path, file: GraphFile, *, clip: bool) -> GraphFile:
         )
         if found.count
     ]
-    graph = FactorGraph(file.graph.ids, tuple(blocks)) if indefinite.count else file.graph
-    return replace(file, graph=graph, notes=(*file.notes, *notes))
+    if any(block is not given for block, given in zip(blocks, file.graph.blocks, strict=True)):
+        file = replace(file, graph=FactorGraph(file.graph.ids, tuple(blocks)))
+    return replace(file, notes=(*file.notes, *notes))
+
+
+def _without_specks(block: FactorBlock) -> FactorBlock:
+    """Return a block with 0 for information whose inverse would be beyond all bounds."""
+    specks = (block.information != 0.0) & (np.abs(block.information) < 1.0 / LARGEST)
+    if not np.any(specks):
+        return block
+    return replace(block, information=np.where(specks, 0.0, block.information))
 
 
 class _Found:

@@ -14,7 +14,7 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.estimation.slam.graph.variables import LARGEST, Floats, VariableKind
+from robotctl.estimation.slam.graph.variables import Floats, VariableKind
 
 Ints: TypeAlias = NDArray[np.int64]
 _STEP: Final = 1e-6
@@ -166,11 +166,7 @@ def scaled(matrices: Floats) -> tuple[Floats, Floats]:
 
 
 def is_definite(matrices: Floats) -> NDArray[np.bool_]:
-    """Return which symmetric matrices (n, size, size) are positive definite beyond rounding.
-
-    One whose inverse would have numbers above `LARGEST` is not.
-    """
-    diagonals = np.diagonal(matrices, axis1=1, axis2=2)
+    """Return which symmetric matrices (n, size, size) are positive definite beyond rounding."""
     try:
         # One Cholesky factor each is a tenth of the work of eigenvalues.
         factors = np.linalg.cholesky(matrices)
@@ -178,8 +174,8 @@ def is_definite(matrices: Floats) -> NDArray[np.bool_]:
         good: NDArray[np.bool_] = np.linalg.eigvalsh(scaled(matrices)[0])[:, 0] > ROUNDING
     else:
         pivots = np.diagonal(factors, axis1=1, axis2=2) ** 2
-        good = np.all(pivots > ROUNDING * diagonals, axis=1)
-    return good & np.all(diagonals >= 1.0 / LARGEST, axis=1)
+        good = np.all(pivots > ROUNDING * np.diagonal(matrices, axis1=1, axis2=2), axis=1)
+    return good
 
 
 def is_semidefinite(matrices: Floats) -> NDArray[np.bool_]:
