@@ -21,7 +21,7 @@ from robotctl.model.sensors.range_scan import RangeScan
 _REACH_M: Final = 1.0
 """Points are kept up to this distance from `base` [m]."""
 _LIFE_NS: Final = 20_000_000_000
-"""Age from which a point is forgotten: somebody may have stood there [ns]."""
+"""Maximum age of a remembered point [ns]: it may have been a person."""
 _SAME_M: Final = 0.05
 """A beam that ends this much nearer than a point does not see it, but something before it [m]."""
 _BEAMS: Final = 1.5
