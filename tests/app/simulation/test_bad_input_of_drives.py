@@ -41,6 +41,8 @@ MS: Final = 1_000_000
 MIDDLE: Final = (3.0, 2.0, 0.0)
 NAN: Final = struct.pack("<f", math.nan)
 FLAGS: Final = EXTENDED_FLAG | FD_FLAG
+MOTEUS, STATUS_BYTES = 0x100, 32
+"""Identifier of all answers of moteus number 1, and the length of those to commands."""
 
 Frames: TypeAlias = Sequence[tuple[int, bytes]]
 
@@ -113,10 +115,11 @@ Act: TypeAlias = Callable[[Robot], None]
 
 
 def changed(number: int, change: Callable[[bytes], bytes]) -> Act:
-    """Change the data of one of the drive's frames; moteus has longer and shorter answers, too."""
+    """Change the data of one of the drive's frames."""
 
     def bend(arbitration_id: int, data: bytes) -> Frames:
-        is_it = arbitration_id & ~FLAGS & 0x1FFF_FFFF == number and len(data) in (8, 32)
+        is_it = arbitration_id & ~FLAGS & 0x1FFF_FFFF == number
+        is_it &= number != MOTEUS or len(data) == STATUS_BYTES
         return ((arbitration_id, change(data) if is_it else data),)
 
     return lambda robot: robot.bend(bend)

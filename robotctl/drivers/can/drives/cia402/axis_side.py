@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from robotctl.drivers.can.drives.axis import Axis, Unwrapped
 from robotctl.drivers.can.drives.cia402.dialects import Dialect
 from robotctl.drivers.can.drives.cia402.wire import (
@@ -18,6 +20,9 @@ from robotctl.drivers.can.drives.cia402.wire import (
 from robotctl.drivers.can.drives.interlock import Interlock
 from robotctl.messages.actuators import NEVER_NS, ActuatorFeedback, DriveState
 from robotctl.messages.faults import Fault, FaultCode
+
+_NEW_NS: Final = 20_000_000
+"""Age of a state that is still one of now [ns]."""
 
 
 class AxisSide:
@@ -94,6 +99,11 @@ class AxisSide:
     def state(self) -> int:
         """State that it told last."""
         return STATES[self._received.values[self.status_place] & STATUS_MASK]
+
+    def is_enabled(self, now_ns: int) -> bool:
+        """Return whether it tells, and not only told, that it is enabled."""
+        told_ns = self._received.stamps_ns[self.status_pdo]
+        return self.state == OPERATION_ENABLED and now_ns - told_ns <= _NEW_NS
 
     def forget_state(self) -> None:
         """Know nothing of its state: the drive is out of service."""

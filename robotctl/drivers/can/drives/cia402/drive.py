@@ -18,7 +18,6 @@ from robotctl.drivers.can.drives.cia402.wire import (
     OPERATION_ENABLED,
     RPDO_BASES,
     TPDO_BASES,
-    UNKNOWN,
     Command,
     Received,
 )
@@ -217,15 +216,14 @@ class Cia402Drive:
         self._readings.step(now_ns)
 
     def _judge(self) -> None:
-        """Find the axes farthest from power and nearest to it, and the fault of the drive."""
-        lowest, highest, worst = OPERATION_ENABLED, UNKNOWN, self._sides[0]
+        """Find the axis that is farthest from power, and the fault of the drive."""
+        lowest, worst = OPERATION_ENABLED, self._sides[0]
         for side in self._sides:
             state = side.state
-            highest = max(highest, state)
             if state < lowest:
                 lowest, worst = state, side
         switch = self._switch
-        switch.observe(lowest, highest)
+        switch.observe(lowest)
         if lowest <= FAULT_REACTION:
             switch.latch(worst.fault(self._name, self._emergency_code))
 
@@ -265,13 +263,18 @@ class Cia402Drive:
             word = switch.word(command.brake, 0.0 if wants else self._fastest())
             for arbitration_id, data in self._frames(word, targets):
                 send(arbitration_id, data)
-            if switch.is_deaf:
-                # Its heartbeat would let it drive on; this is another frame than its commands.
-                send(NMT_ID, bytes((NMT_RESET_NODE, node.node_id)))
-                self._is_fresh = True
+            if switch.must_rest and any(side.is_enabled(now_ns) for side in self._sides):
+                self._reset(send)
         if self._beat is not None and now_ns - self._beat_ns >= self._beat_period_ns:
             self._beat_ns = now_ns
             send(*self._beat)
+
+    def _reset(self, send: Send) -> None:
+        """Reset a drive that commands do not reach: the host's heartbeat would let it drive on."""
+        text = f"{self._name} stays enabled although told to stop: no command reaches it"
+        self._switch.interlock.explain(Fault(FaultCode.COMMAND_LOSS, text, self._name))
+        self._is_fresh = True
+        send(NMT_ID, bytes((NMT_RESET_NODE, self._node.node_id)))
 
     def _fastest(self) -> float:
         """Return the speed of the fastest wheel [rad/s]; 0 where none is told."""
