@@ -11,6 +11,7 @@ from benchmarks import (
     camera_render,
     camera_step,
     control_quality,
+    drive_missions,
     drives,
     ekf_cost,
     ekf_slam,
@@ -49,6 +50,7 @@ from benchmarks import (
 SUBJECTS = {
     "tick": tick_cost.run,
     "drives": drives.run,
+    "drive-missions": drive_missions.run,
     "lag": loop_lag.run,
     "lockstep": lockstep_speed.run,
     "maps": map_worlds.run,

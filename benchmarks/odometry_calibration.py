@@ -22,7 +22,7 @@ from robotctl.estimation.odometry.calibration import Calibration, calibrate
 from robotctl.estimation.odometry.fit import Reference
 from robotctl.estimation.odometry.model import OdometryModel
 from robotctl.estimation.odometry.runs import OdometryRun, poses_at
-from robotctl.model.drives.drives import DifferentialDrive, Drive
+from robotctl.model.drives.drives import Drive
 from robotctl.model.drives.odometry_noise import MotionNoise
 from robotctl.model.geometry.se2 import SE2
 from robotctl.workbench.odometry.calibrate_squares import Campaign
@@ -107,13 +107,13 @@ def _disturbed(nominal: Drive, true: Drive) -> tuple[str, ...]:
     pairs = zip(true.wheel_radii_m, nominal.wheel_radii_m, strict=True)
     radii = [float(is_m / should_m - 1.0) for is_m, should_m in pairs]
     errors = [f"wheel_radius={radii}"]
-    if isinstance(true, DifferentialDrive) and isinstance(nominal, DifferentialDrive):
-        errors.append(f"track_width={true.track_width_m / nominal.track_width_m - 1.0}")
-    elif not (isinstance(true, DifferentialDrive) or isinstance(nominal, DifferentialDrive)):
-        errors.append(f"wheelbase={true.wheelbase_m / nominal.wheelbase_m - 1.0}")
-        errors.append(
-            f"steering_offset_rad={true.steering_offset_rad - nominal.steering_offset_rad}"
-        )
+    # Each key of the drive's own is an error of the simulator by the same name: relative, or [rad].
+    for key in nominal.calibrated:
+        if key.startswith("wheel_radius"):
+            continue
+        should, is_so = getattr(nominal, key), getattr(true, key)
+        error = is_so - should if key.endswith("_rad") else is_so / should - 1.0
+        errors.append(f"{key.removesuffix('_m')}={error}")
     return tuple(f"simulation.errors.{error}" for error in errors)
 
 

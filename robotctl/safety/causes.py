@@ -57,7 +57,7 @@ _SYMPTOMS: Final = frozenset(
 """Faults that say what is missing, not why."""
 
 _UNHEARD: Final = _SYMPTOMS - {FaultCode.COMMAND_LOSS, FaultCode.DRIVE_COMMAND_TIMEOUT}
-"""Those that a node which restarts brings about."""
+"""Symptoms of a node that restarts."""
 
 _DRIVE: Final = "drive"
 _DRIVE_NODE: Final = 1

@@ -9,6 +9,7 @@ from typing import ClassVar, Literal
 
 from firmware_sim.config.motors import AxisSection
 from firmware_sim.config.quantities import closed
+from firmware_sim.drives.cia402.axes import Units
 from firmware_sim.drives.cia402.objects import RPDO_BASES, TPDO_BASES
 from firmware_sim.drives.cia402.settings import Cia402Settings, Counts, NodeId
 from firmware_sim.drives.cia402.twin import (
@@ -17,7 +18,6 @@ from firmware_sim.drives.cia402.twin import (
     SDO_REQUEST_BASE,
     SDO_RESPONSE_BASE,
     Cia402Twin,
-    Units,
 )
 from firmware_sim.drives.config import Guard
 from firmware_sim.drives.twin import Motor, Twin

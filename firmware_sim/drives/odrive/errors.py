@@ -6,7 +6,7 @@ from typing import Final
 
 
 class Errors05:
-    """Bits that the twin of firmware 0.5 sets by itself."""
+    """Error bits of firmware 0.5 that the twin detects."""
 
     AXIS_INVALID_STATE: Final = 0x00001
     AXIS_WATCHDOG: Final = 0x00800
@@ -18,7 +18,7 @@ class Errors05:
 
 
 class Errors06:
-    """Bits that the twin of firmware 0.6 sets by itself."""
+    """Error bits of firmware 0.6 that the twin detects."""
 
     OVER_VOLTAGE: Final = 0x00000100
     UNDER_VOLTAGE: Final = 0x00000200

@@ -14,6 +14,7 @@ from firmware_sim.bus.frame import REMOTE_FLAG
 from firmware_sim.drives.odrive import wire
 from firmware_sim.drives.odrive.errors import Errors, Errors05, Errors06
 from firmware_sim.drives.odrive.settings import ODriveSettings
+from firmware_sim.drives.odrive.values import Values
 from firmware_sim.drives.odrive.watchdog import Watchdog
 from firmware_sim.drives.twin import NEVER_NS, Motor, Twin
 from firmware_sim.nodes.parameter_store import ParameterStore
@@ -22,8 +23,6 @@ from firmware_sim.plant.axis import BrakeResistor, Limits, Mode
 
 _MS: Final = 1_000_000
 _TURN: Final = 2.0 * math.pi
-_COUNTS_PER_TURN: Final = 8192
-"""Resolution of the encoder: a CUI AMT102 with its default switches."""
 
 
 class ODriveTwin(Twin):
@@ -62,6 +61,7 @@ class ODriveTwin(Twin):
         self._settings = settings
         self._motor = motor
         self._stage = stage
+        self._values = Values(settings, motor, stage)
         self._is_old = settings.firmware < wire.FIRST_06
         self.watchdog = Watchdog(settings, store)
         self._id = node_id << wire.NODE_SHIFT
@@ -120,7 +120,7 @@ class ODriveTwin(Twin):
             self._send_heartbeat()
         if now_ns >= self._encoder_ns:
             self._encoder_ns += self._settings.encoder_ms * _MS
-            self._send_estimates()
+            self._tell(wire.ENCODER_ESTIMATES, self._values.estimates)
 
     # State --------------------------------------------------------------------------------------
 
@@ -224,7 +224,7 @@ class ODriveTwin(Twin):
 
     def _data_handler(self, command: int) -> Callable[[bytes, int], None]:
         takes = self._takes().get(command)
-        answers = self._answers().get(command)
+        content = self._contents().get(command)
 
         def handle(data: bytes, now_ns: int) -> None:
             if now_ns < self._ready_ns:
@@ -232,21 +232,21 @@ class ODriveTwin(Twin):
             self.watchdog.feed(command, self._now_ns)
             if takes is not None:
                 takes(data.ljust(8, b"\0"))
-            elif answers is not None and not data:
-                answers()  # as if it were a remote request
+            elif content is not None and not data:
+                self._tell(command, content)  # as if it were a remote request
             self._check()
 
         return handle
 
     def _request_handler(self, command: int) -> Callable[[bytes, int], None]:
-        answers = self._answers().get(command)
+        content = self._contents().get(command)
 
         def handle(_: bytes, now_ns: int) -> None:
             if now_ns < self._ready_ns:
                 return
             self.watchdog.feed(command, self._now_ns)
-            if answers is not None:
-                answers()
+            if content is not None:
+                self._tell(command, content)
             self._check()
 
         return handle
@@ -322,36 +322,33 @@ class ODriveTwin(Twin):
     def _send(self, command: int, data: bytes) -> None:
         self.send(self._id | command, data)
 
-    def _answers(self) -> dict[int, Callable[[], None]]:
-        """Return what answers a request for each message."""
-        answers: dict[int, Callable[[], None]] = {
-            wire.ENCODER_ESTIMATES: self._send_estimates,
-            wire.IQ: self._send_current,
-            wire.BUS_VOLTAGE_CURRENT: self._send_supply,
+    def _tell(self, command: int, content: Callable[[], bytes]) -> None:
+        """Send a message with what is so now."""
+        self._run_to(self._now_ns)
+        self._send(command, content())
+
+    def _contents(self) -> dict[int, Callable[[], bytes]]:
+        """Return the content of each message that can be asked for."""
+        values = self._values
+        contents: dict[int, Callable[[], bytes]] = {
+            wire.ENCODER_ESTIMATES: values.estimates,
+            wire.IQ: lambda: values.current(is_armed=self.is_armed),
+            wire.BUS_VOLTAGE_CURRENT: values.supply,
         }
         if self._is_old:
-            answers |= {
-                wire.MOTOR_ERROR: lambda: self._send(
-                    wire.MOTOR_ERROR, wire.UINT64.pack(self.errors.motor)
-                ),
-                wire.ENCODER_ERROR: lambda: self._send(
-                    wire.ENCODER_ERROR, wire.TWO_UINT32.pack(self.errors.encoder, 0)
-                ),
-                wire.SENSORLESS_ERROR: lambda: self._send(wire.SENSORLESS_ERROR, bytes(8)),
-                wire.ENCODER_COUNT: self._send_count,
-                wire.CONTROLLER_ERROR: lambda: self._send(
-                    wire.CONTROLLER_ERROR, wire.TWO_UINT32.pack(self.errors.controller, 0)
-                ),
+            pack = wire.TWO_UINT32.pack
+            return contents | {
+                wire.MOTOR_ERROR: lambda: wire.UINT64.pack(self.errors.motor),
+                wire.ENCODER_ERROR: lambda: pack(self.errors.encoder, 0),
+                wire.SENSORLESS_ERROR: lambda: bytes(8),
+                wire.ENCODER_COUNT: values.count,
+                wire.CONTROLLER_ERROR: lambda: pack(self.errors.controller, 0),
             }
-        else:
-            answers |= {
-                wire.VERSION: self._send_version,
-                wire.ERROR: lambda: self._send(
-                    wire.ERROR, wire.TWO_UINT32.pack(self.errors.active, self.errors.reason)
-                ),
-                wire.TEMPERATURE: self._send_temperature,
-            }
-        return answers
+        return contents | {
+            wire.VERSION: values.version,
+            wire.ERROR: lambda: wire.TWO_UINT32.pack(self.errors.active, self.errors.reason),
+            wire.TEMPERATURE: values.temperature,
+        }
 
     def _send_heartbeat(self) -> None:
         if self._is_old:
@@ -366,37 +363,3 @@ class ODriveTwin(Twin):
             errors = self.errors.active | self.errors.reason
             data = wire.HEARTBEATS.pack(errors, self.state, self._result, 0, 0)
         self._send(wire.HEARTBEAT, data)
-
-    def _send_version(self) -> None:
-        settings = self._settings
-        versions = (*settings.hardware, *settings.firmware, settings.unreleased)
-        self._send(wire.VERSION, bytes((wire.PROTOCOL_VERSION, *versions)))
-
-    def _send_estimates(self) -> None:
-        self._run_to(self._now_ns)
-        turns = self._motor.encoder_count(_COUNTS_PER_TURN) / _COUNTS_PER_TURN
-        data = wire.TWO_FLOATS.pack(turns, self._motor.speed_rad_s / _TURN)
-        self._send(wire.ENCODER_ESTIMATES, data)
-
-    def _send_count(self) -> None:
-        self._run_to(self._now_ns)
-        count = self._motor.encoder_count(_COUNTS_PER_TURN)
-        shadow = (count + 2**31) % 2**32 - 2**31
-        self._send(wire.ENCODER_COUNT, wire.TWO_INT32.pack(shadow, count % _COUNTS_PER_TURN))
-
-    def _send_current(self) -> None:
-        self._run_to(self._now_ns)
-        current_a = self._motor.current_a
-        data = wire.TWO_FLOATS.pack(current_a if self.is_armed else 0.0, current_a)
-        self._send(wire.IQ, data)
-
-    def _send_supply(self) -> None:
-        self._run_to(self._now_ns)
-        supply = self._stage.bus_voltage_v, self._motor.axis.supply_current_a
-        self._send(wire.BUS_VOLTAGE_CURRENT, wire.TWO_FLOATS.pack(*supply))
-
-    def _send_temperature(self) -> None:
-        self._run_to(self._now_ns)
-        settings = self._settings
-        motor_c = self._motor.axis.temperature_c if settings.motor_thermistor else math.nan
-        self._send(wire.TEMPERATURE, wire.TWO_FLOATS.pack(settings.inverter_c, motor_c))

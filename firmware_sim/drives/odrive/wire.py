@@ -40,7 +40,7 @@ EXCHANGED: Final = (
     SET_CONTROLLER_MODE, SET_INPUT_VEL, SET_LIMITS, IQ, TEMPERATURE, BUS_VOLTAGE_CURRENT,
     CLEAR_ERRORS,
 )  # fmt: skip
-"""Those that an axis and its host send each other."""
+"""Commands between an axis and its host."""
 
 PROTOCOL_VERSION: Final = 2
 

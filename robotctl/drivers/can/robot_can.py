@@ -255,7 +255,7 @@ def _each(handlers: list[Handler]) -> Handler:
 
 
 def _stop_handler(parts: RobotParts) -> Handler:
-    """Return the handler of an emergency stop that somebody else on the bus sends."""
+    """Return the handler of an emergency stop sent by another device on the bus."""
     values = parts.values
 
     def handle(data: bytes, _: int) -> None:

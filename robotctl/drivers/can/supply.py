@@ -30,7 +30,7 @@ class DriveSupply:
         """When the voltage was last above each limit [ns]."""
 
     def update(self, reports: Sequence[ActuatorFeedback]) -> BatteryFeedback | None:
-        """Return the report of the supply, if every drive that tells it has told it anew."""
+        """Return the supply report once every drive that has one has renewed it."""
         told = [(each.supply_ns, each.voltage_v) for each in reports if each.voltage_v is not None]
         stamp_ns = min((stamp_ns for stamp_ns, _ in told), default=NEVER_NS)
         if not told or stamp_ns == self._stamp_ns:

@@ -23,7 +23,14 @@ from robotctl.cli.live.view import LineView
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file
 from robotctl.core.control_core import Outputs
-from robotctl.messages.control import Arm, Notice, SafetyState, VelocityCommand
+from robotctl.messages.control import (
+    Arm,
+    EmergencyStop,
+    EmergencyStopSource,
+    Notice,
+    SafetyState,
+    VelocityCommand,
+)
 from robotctl.messages.faults import FaultCode as C
 from robotctl.runtime.flight.recorder import Recorder, Tick, read_record
 from robotctl.safety.state_machine import POWERED
@@ -34,6 +41,8 @@ MS: Final = 1_000_000
 MIDDLE: Final = (3.0, 2.0, 0.0)
 NAN: Final = struct.pack("<f", math.nan)
 FLAGS: Final = EXTENDED_FLAG | FD_FLAG
+MOTEUS, STATUS_BYTES = 0x100, 32
+"""Identifier of all answers of moteus number 1, and the length of those to commands."""
 
 Frames: TypeAlias = Sequence[tuple[int, bytes]]
 
@@ -106,10 +115,11 @@ Act: TypeAlias = Callable[[Robot], None]
 
 
 def changed(number: int, change: Callable[[bytes], bytes]) -> Act:
-    """Change the data of one of the drive's frames; moteus has longer and shorter answers, too."""
+    """Change the data of one of the drive's frames."""
 
     def bend(arbitration_id: int, data: bytes) -> Frames:
-        is_it = arbitration_id & ~FLAGS & 0x1FFF_FFFF == number and len(data) in (8, 32)
+        is_it = arbitration_id & ~FLAGS & 0x1FFF_FFFF == number
+        is_it &= number != MOTEUS or len(data) == STATUS_BYTES
         return ((arbitration_id, change(data) if is_it else data),)
 
     return lambda robot: robot.bend(bend)
@@ -341,3 +351,44 @@ def in_the_log(robot: Robot) -> str:
     robot.file.seek(0)
     ticks = [each for each in read_record(robot.file, "bad.rec")[1] if isinstance(each, Tick)]
     return "\n".join(notice.text for tick in ticks for notice in tick.outputs.notices)
+
+
+LOST: Final = "frames_lost id=0x20a duration=30"
+"""Commands to a drive of CiA 402 are lost, the host's heartbeat is not."""
+OF_CIA402: Final = ("cia402", "zlac8015d", "roboteq")
+
+
+def power_ends_ms(robot: Robot, v_m_s: float, limit_ms: float) -> float:
+    """Command a velocity until no wheel has power; return how long that took [ms]."""
+    began_ns = robot.now_ns
+    while robot.simulation.plant.powered and robot.now_ns - began_ns < limit_ms * MS:
+        robot.drive(0.005, v_m_s)
+    return (robot.now_ns - began_ns) / MS
+
+
+@pytest.mark.parametrize("name", OF_CIA402)
+def test_a_change_of_speed_that_does_not_reach_a_drive_stops_the_robot(name: str) -> None:
+    robot = Robot(name)
+    assert robot.arm()
+    robot.drive(0.8)
+    robot.simulation.faults.inject(LOST)
+    robot.drive(0.5)
+    assert robot.state in POWERED, "it does what is commanded"
+    assert power_ends_ms(robot, 0.2, 1000.0) <= 500.0
+    control = robot.stack.snapshot()
+    assert control.fault is C.COMMAND_LOSS
+    assert "commands do not reach it" in control.reason
+    assert not robot.drive(1.5, 0.2)
+
+
+@pytest.mark.parametrize("name", OF_CIA402)
+def test_an_emergency_stop_reaches_a_drive_whose_commands_are_lost(name: str) -> None:
+    robot = Robot(name)
+    assert robot.arm()
+    robot.drive(0.8)
+    robot.simulation.faults.inject(LOST)
+    robot.drive(0.3)
+    robot.tick(EmergencyStop(robot.now_ns, EmergencyStopSource.OPERATOR))
+    assert power_ends_ms(robot, 0.4, 1000.0) <= 120.0
+    assert robot.stack.snapshot().fault is C.EMERGENCY_STOP
+    assert not robot.drive(2.0)

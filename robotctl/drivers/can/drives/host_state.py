@@ -35,6 +35,7 @@ class HostState:
         "_commanded_ns",
         "_make",
         "_name",
+        "_since_ns",
         "_timeout_ns",
         "confirmed",
         "driving",
@@ -47,20 +48,26 @@ class HostState:
         self._make = make
         self._timeout_ns = timeout_ms * 1_000_000
         self._commanded_ns = NEVER_NS
+        self._since_ns = NEVER_NS
+        """When commands began to give power [ns]."""
         self.interlock = Interlock(name)
         self.state = DriveState.BOOT
         self.driving = self.confirmed = False
 
     def admit(self, enable: bool, in_service: bool, now_ns: int) -> bool:
         """Return whether the command of this tick may give power, and note that it is sent."""
-        if self.driving and now_ns - self._commanded_ns > self._timeout_ns:
+        was_driving = self.driving
+        if was_driving and now_ns - self._commanded_ns > self._timeout_ns:
             silence = f"no command for {(now_ns - self._commanded_ns) / 1e6:.0f} ms"
             text = f"{silence}: the time-out of the {self._make} has passed"
             self.interlock.hold(DriveState.STOPPED, FaultCode.DRIVE_COMMAND_TIMEOUT, text)
-        self.driving = self.interlock.admits(enable, in_service)
-        self.confirmed = self.confirmed and self.driving
+        self.driving = driving = self.interlock.admits(enable, in_service)
+        if not driving:
+            self.confirmed = False
+        elif not was_driving:
+            self._since_ns = now_ns
         self._commanded_ns = now_ns
-        return self.driving
+        return driving
 
     def refuse(self) -> None:
         """Note that the command of this tick gives no power after all."""

@@ -164,7 +164,7 @@ class MotorConfig(Protocol):
 
     @property
     def accept_timeout_ms(self) -> int:
-        """Longer time without a command that the file accepts [ms]; 0: the robot's own."""
+        """Accepted longer command time-out of the drive [ms]; 0: the robot's own."""
 
     def ages(self, safety: SafetyConfig, period_ns: int) -> tuple[AgeLimit, ...]:
         """Return how old what it tells may be: "motion", "report" and "supply"."""

@@ -104,6 +104,8 @@ class Session:
     ----------
     status
         Present state; another object only where it changed.
+    boots
+        How often the drive came, the first time included.
     in_service
         Whether the drive may be used.
     fault
@@ -112,7 +114,6 @@ class Session:
 
     __slots__ = (
         "_attempts",
-        "_boots",
         "_call",
         "_exchange",
         "_heard_ns",
@@ -130,6 +131,7 @@ class Session:
         "_timeout_ns",
         "_unread",
         "_wait_until_ns",
+        "boots",
         "fault",
         "in_service",
         "status",
@@ -162,17 +164,12 @@ class Session:
         self._reading_due_ns = 0
         self._unread = 0
         self._heard_ns = self._renew_ns = 0
-        self._boots = 0
+        self.boots = 0
         rate = "" if call else " (its heartbeat rate must not be 0)"
         self.fault: Fault | None = Fault(FaultCode.NODE_NOT_HEARD, f"not heard on the bus{rate}")
         self.in_service = False
         self.status: NodeStatus
         self._refresh()
-
-    @property
-    def boots(self) -> int:
-        """How often the drive came, the first time included."""
-        return self._boots
 
     @property
     def silent(self) -> bool:
@@ -190,7 +187,7 @@ class Session:
 
     def restart(self) -> None:
         """Restart commissioning: the drive has booted, or its past is unknown."""
-        self._boots += 1
+        self.boots += 1
         self._begin(Fault(FaultCode.NODE_STARTING, "is being identified"))
 
     def answer(self, data: bytes, now_ns: int) -> None:
@@ -328,7 +325,7 @@ class Session:
             self._name,
             _IN_SERVICE if self.in_service else silent,
             self._heard_ns,
-            self._boots,
+            self.boots,
             f"{self._name} (node {self._node_id}): {fault}" if fault else "",
             fault.code if fault else FaultCode.NONE,
         )

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from robotctl.drivers.can.drives.axis import Axis
-from robotctl.drivers.can.drives.cia402.axis_side import AxisSide, drive_state
+from robotctl.drivers.can.drives.cia402.axis_side import AxisSide
 from robotctl.drivers.can.drives.cia402.device import VELOCITY, Silence
 from robotctl.drivers.can.drives.cia402.dialects import I32_MAX
 from robotctl.drivers.can.drives.cia402.readings import Readings
@@ -17,10 +17,7 @@ from robotctl.drivers.can.drives.cia402.wire import (
     FAULT_REACTION,
     OPERATION_ENABLED,
     RPDO_BASES,
-    STATES,
-    STATUS_MASK,
     TPDO_BASES,
-    UNKNOWN,
     Command,
     Received,
 )
@@ -91,7 +88,6 @@ class Cia402Drive:
         node_id, dialect = plan.node_id, plan.device.dialect
         heartbeat = heartbeat_of(plan)
         self._name = name
-        self._dialect = dialect
         self._notes = needs.notes
         self._found = Found()
         self._node = node = Node(
@@ -115,11 +111,10 @@ class Cia402Drive:
         self._frames = Command(plan.layout.receive, node_id, mode).frames
         self._received = received = Received(plan.layout.transmit)
         self._sides = [
-            AxisSide(axis, place, received) for axis, place in zip(axes, places, strict=True)
+            AxisSide(axis, place, received, dialect, rad_per_unit, counts_per_turn)
+            for axis, place in zip(axes, places, strict=True)
         ]
         self._units_per_rad = units_per_rad
-        self._rad_per_unit = rad_per_unit
-        self._turns_per_count = 1.0 / counts_per_turn
         is_short = mode == VELOCITY or dialect.layout is not None
         self._wire_max = _I16_MAX if is_short else I32_MAX
         self._target_max = min(dialect.target_max, self._wire_max)
@@ -209,7 +204,10 @@ class Cia402Drive:
         self._node.check(now_ns)
         in_service = self._node.phase is _READY
         if self._was_in_service and not in_service:
-            self._forget_states()
+            for side in self._sides:
+                side.forget_state()
+            self._switch.refuse()
+            self._is_fresh = True
         self._was_in_service = in_service
         if self._is_fresh:
             self._is_fresh = False
@@ -217,80 +215,28 @@ class Cia402Drive:
             self._report()
         self._readings.step(now_ns)
 
-    def _forget_states(self) -> None:
-        """Know nothing of the states of a drive that is out of service."""
-        for side in self._sides:
-            self._received.values[side.status_place] = 0
-        self._switch.refuse()
-        self._is_fresh = True
-
     def _judge(self) -> None:
-        """Find the axes farthest from power and nearest to it, and the fault of the drive."""
-        values = self._received.values
-        lowest, highest, worst = OPERATION_ENABLED, UNKNOWN, self._sides[0]
+        """Find the axis that is farthest from power, and the fault of the drive."""
+        lowest, worst = OPERATION_ENABLED, self._sides[0]
         for side in self._sides:
-            state = STATES[values[side.status_place] & STATUS_MASK]
-            highest = max(highest, state)
+            state = side.state
             if state < lowest:
                 lowest, worst = state, side
         switch = self._switch
-        switch.observe(lowest, highest)
+        switch.observe(lowest)
         if lowest <= FAULT_REACTION:
-            switch.latch(self._fault_of(worst, lowest))
-
-    def _fault_of(self, side: AxisSide, state: int) -> Fault:
-        """Return the fault that an axis reports."""
-        values = self._received.values
-        if state == UNKNOWN:
-            word = values[side.status_place]
-            text = f"status word 0x{word:04X} is none of CiA 402"
-            return Fault(FaultCode.DRIVE_UNREADABLE, text, self._name)
-        place = side.error_place
-        code = self._emergency_code if place is None else values[place] or self._emergency_code
-        if not code:
-            return Fault(FaultCode.DRIVE_FAULT, "the drive is in fault, without a code", self._name)
-        meaning = self._dialect.decode_error(code)
-        return Fault(meaning.code, f"{side.axis.name}: {meaning.words}", self._name)
+            switch.latch(worst.fault(self._name, self._emergency_code))
 
     def _report(self) -> None:
         """Make the reports of all axes."""
-        received = self._received
-        values, stamps_ns = received.values, received.stamps_ns
-        interlock = self._switch.interlock
-        amps = self._found.rated_a
-        voltage_v, supply_ns = self._readings.voltage_v, self._readings.supply_ns
-        reports = []
-        for number, side in enumerate(self._sides):
-            state = STATES[values[side.status_place] & STATUS_MASK]
-            axis = side.axis
-            report_ns = stamps_ns[side.status_pdo]
-            motion_ns = min([stamps_ns[pdo] for pdo in side.motion_pdos])
-            turns = side.counter.update(values[side.position_place]) * self._turns_per_count
-            if side.volts_place is not None:
-                voltage_v = values[side.volts_place] * self._dialect.voltage_v
-                supply_ns = report_ns
-            current_a = side.current_a
-            if side.amps_place is not None and amps[number]:
-                current_a = axis.current_a(values[side.amps_place] * amps[number] / 1000.0)
-            reports.append(
-                ActuatorFeedback(
-                    motion_ns or NEVER_NS,
-                    -1,
-                    axis.ticks(turns),
-                    None
-                    if side.speed_place is None
-                    else axis.to_wheel(values[side.speed_place] * self._rad_per_unit),
-                    None,
-                    report_ns or NEVER_NS,
-                    drive_state(state, interlock.state),
-                    interlock.fault,
-                    current_a,
-                    side.temperature_c,
-                    report_ns or NEVER_NS if voltage_v is None else supply_ns,
-                    voltage_v,
-                )
-            )
-        self.reports = tuple(reports)
+        interlock, amps, readings = self._switch.interlock, self._found.rated_a, self._readings
+        voltage_v, supply_ns = readings.voltage_v, readings.supply_ns
+        self.reports = tuple(
+            [
+                side.report(interlock, amps[place] if amps else 0.0, voltage_v, supply_ns)
+                for place, side in enumerate(self._sides)
+            ]
+        )
 
     # Sending ------------------------------------------------------------------------------------
 
@@ -317,13 +263,18 @@ class Cia402Drive:
             word = switch.word(command.brake, 0.0 if wants else self._fastest())
             for arbitration_id, data in self._frames(word, targets):
                 send(arbitration_id, data)
-            if switch.is_deaf:
-                # Its heartbeat would let it drive on; this is another frame than its commands.
-                send(NMT_ID, bytes((NMT_RESET_NODE, node.node_id)))
-                self._is_fresh = True
+            if switch.must_rest and any(side.is_enabled(now_ns) for side in self._sides):
+                self._reset(send)
         if self._beat is not None and now_ns - self._beat_ns >= self._beat_period_ns:
             self._beat_ns = now_ns
             send(*self._beat)
+
+    def _reset(self, send: Send) -> None:
+        """Reset a drive that commands do not reach: the host's heartbeat would let it drive on."""
+        text = f"{self._name} stays enabled although told to stop: no command reaches it"
+        self._switch.interlock.explain(Fault(FaultCode.COMMAND_LOSS, text, self._name))
+        self._is_fresh = True
+        send(NMT_ID, bytes((NMT_RESET_NODE, self._node.node_id)))
 
     def _fastest(self) -> float:
         """Return the speed of the fastest wheel [rad/s]; 0 where none is told."""

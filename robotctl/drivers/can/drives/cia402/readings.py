@@ -1,4 +1,4 @@
-"""What is read of a drive by SDO in turn: its settings, values that no PDO carries, its target.
+"""Cyclic SDO readings of a drive: its settings, values that no PDO carries, its target.
 
 No process data of CiA 402 tells that a command was lost: the drive goes on with the last, which the
 host's heartbeat lets it. The target velocity that it has tells.

@@ -60,14 +60,13 @@ class PowerSwitch:
         Latches.
     lowest
         State of the axis that is farthest from power.
-    is_deaf
-        Whether an axis has stayed enabled against the control word.
+    must_rest
+        Whether by now no axis may be enabled any more: true again and again as long as the control
+        word gives no power.
     """
 
     __slots__ = (
         "_clear_ticks",
-        "_highest",
-        "_name",
         "_off_rad_s",
         "_off_ticks",
         "_on_words",
@@ -75,15 +74,14 @@ class PowerSwitch:
         "_wants",
         "_was_on",
         "interlock",
-        "is_deaf",
         "lowest",
+        "must_rest",
     )
 
     def __init__(self, name: str, run_bits: int, stop_ticks: int) -> None:
-        self._name = name
         self.interlock = Interlock(name)
-        self.lowest = self._highest = UNKNOWN
-        self.is_deaf = False
+        self.lowest = UNKNOWN
+        self.must_rest = False
         enabled = ENABLE_OPERATION | run_bits
         # By state: from quick stop, and as long as it is not ready, without voltage.
         self._on_words = (0x00, 0x00, 0x00, 0x00, 0x06, 0x07, enabled, enabled, 0x00)
@@ -94,10 +92,9 @@ class PowerSwitch:
         self._wants = False
         self._was_on = False
 
-    def observe(self, lowest: int, highest: int) -> None:
-        """Take the states of the axes that are farthest from power and nearest to it."""
+    def observe(self, lowest: int) -> None:
+        """Take the state of the axis that is farthest from power, as just received."""
         self.lowest = lowest
-        self._highest = highest
         if self._clear_ticks and lowest > FAULT_REACTION:
             self._clear_ticks = 0
             self.interlock.clear()
@@ -153,7 +150,7 @@ class PowerSwitch:
         speed_rad_s
             Speed of the fastest wheel [rad/s].
         """
-        self.is_deaf = False
+        self.must_rest = False
         if self._wants:
             self._off_ticks = 0
             return self._on_words[self.lowest]
@@ -165,17 +162,9 @@ class PowerSwitch:
         self._off_ticks += 1
         if self._off_ticks == 1:
             self._off_rad_s = speed_rad_s
-        elif self._off_ticks % (self._stop_ticks // _DEAF_SHARE) == 0:
-            self._note_effect()
+        self.must_rest = self._off_ticks % (self._stop_ticks // _DEAF_SHARE) == 0
         if speed_rad_s > self._off_rad_s + FASTER_RAD_S:
             self._off_ticks += self._stop_ticks
         if brake and self._off_ticks <= self._stop_ticks:
             return QUICK_STOP_WORD
         return DISABLE_VOLTAGE
-
-    def _note_effect(self) -> None:
-        """Note whether control words without power have taken it."""
-        self.is_deaf = self._highest == OPERATION_ENABLED
-        if self.is_deaf:
-            text = f"{self._name} stays enabled although told to stop: no command reaches it"
-            self.interlock.explain(Fault(FaultCode.COMMAND_LOSS, text, self._name))

@@ -9,20 +9,18 @@ from typing import Final
 from robotctl.drivers.can.drives.axis import Axis
 from robotctl.drivers.can.drives.motor_drive import DriveNeeds, Handler, Send
 from robotctl.drivers.can.drives.odrive import faults, wire
+from robotctl.drivers.can.drives.odrive.errors import Errors
 from robotctl.drivers.can.drives.odrive.feedback import Feedback
 from robotctl.drivers.can.drives.odrive.settings import READING_NS, ODriveSettings, answer_of
 from robotctl.drivers.can.drives.odrive.state import DRIVE, ENTER, STOP, AxisMachine
 from robotctl.drivers.can.drives.session import Session
-from robotctl.messages.actuators import NEVER_NS, ActuatorCommand, ActuatorFeedback, DriveState
+from robotctl.messages.actuators import ActuatorCommand, ActuatorFeedback, DriveState
 from robotctl.messages.control import EmergencyStopSource, NodeStatus
-from robotctl.messages.faults import FaultCode
+from robotctl.messages.faults import Fault, FaultCode
 
 _TURN: Final = 2.0 * math.pi
 _VELOCITY_MAX: Final = wire.VELOCITY_MAX
 _EIGHT: Final = bytes(8)
-
-STALE_NS: Final = 10_000_000
-"""Time after clearing in which an error may have been on its way before [ns]."""
 
 _TURNS_06: Final = (
     *(wire.ERROR, wire.IQ, wire.TEMPERATURE),
@@ -75,11 +73,8 @@ class ODrive:
         self._turn = 0
         self._machine = AxisMachine(name)
         self._interlock = self._machine.interlock
-        self._errors = faults.Errors(name)
+        self._errors = Errors(name, self._interlock, self._unreadable, self._explain)
         self._clear_asked = False
-        self._is_clearing = False
-        """Whether the next heartbeat decides about the latch."""
-        self._cleared_ns = NEVER_NS
         self._feedback = Feedback(axis, self._unreadable)
         self._settings = ODriveSettings(node_id, needs.command_timeout_ms, endpoints)
         self._session = Session(
@@ -92,8 +87,6 @@ class ODrive:
             needs.heartbeat_timeout_ms * 1_000_000,
         )
         self._in_service = False
-        self._is_old: bool | None = None
-        """Whether its firmware is 0.5; None: it is not in service."""
         self.proof: str | None = None
         self.wants_sync = False
         self.host_frames: Mapping[int, str] = {
@@ -113,9 +106,9 @@ class ODrive:
             wire.IQ: self._feedback.on_current,
             wire.BUS_VOLTAGE_CURRENT: self._feedback.on_voltage,
             wire.TEMPERATURE: self._on_temperature,
-            wire.ERROR: self._on_error,
-            wire.ENCODER_ERROR: self._on_encoder_error,
-            wire.CONTROLLER_ERROR: self._on_controller_error,
+            wire.ERROR: self._errors.on_error,
+            wire.ENCODER_ERROR: self._errors.on_encoder_error,
+            wire.CONTROLLER_ERROR: self._errors.on_controller_error,
             wire.VERSION: self._answers(wire.VERSION),
             wire.ENCODER_COUNT: self._answers(wire.ENCODER_COUNT),
             wire.TX_SDO: self._answers(wire.TX_SDO),
@@ -126,7 +119,7 @@ class ODrive:
 
     def _on_heartbeat(self, data: bytes, stamp_ns: int) -> None:
         """Take state and errors of the axis."""
-        is_old = self._is_old
+        is_old = self._errors.is_old
         if why := wire.strange_heartbeat(data, is_old=is_old):
             self._unreadable("heartbeat", data, why)
             return
@@ -135,46 +128,18 @@ class ODrive:
         left = self._machine.heard(axis_state)
         self._session.hear(stamp_ns)
         if is_old:
-            self._judge(error, stamp_ns, flagged=bool(result | more | last & 1))
+            self._errors.judge(error, stamp_ns, flagged=bool(result | more | last & 1))
         elif is_old is False:
             if result >= faults.FIRST_REFUSAL and self._machine.is_refusal(stamp_ns):
                 text = faults.refusal(result)
                 self._interlock.hold(DriveState.FAULT, FaultCode.DRIVE_FAULT, text)
-            self._judge(error & ~faults.INITIALIZING, stamp_ns)
+            self._errors.judge(error & ~faults.INITIALIZING, stamp_ns)
             if error & faults.INITIALIZING:
                 self._restart(FaultCode.NODE_RESTARTED, "the ODrive restarted")
         if left and self._interlock.state is None:
             text = "the ODrive left closed-loop control without an error: it restarted, or another "
             self._restart(FaultCode.DRIVE_STOPPED, text + "device on the bus stopped it")
         self._refresh()
-
-    def _judge(self, error: int, stamp_ns: int, *, flagged: bool = False) -> None:
-        """Latch the errors in a heartbeat; with none, unlatch after a clearing.
-
-        Parameters
-        ----------
-        error
-            Errors of the axis.
-        stamp_ns
-            Reception [ns].
-        flagged
-            Whether 0.5 has an error of motor, encoder or controller: which one is asked for.
-        """
-        if self._is_stale(stamp_ns):
-            return
-        if error:
-            self._add(axis=error)
-        elif flagged and not self._errors:
-            text = "the ODrive reports an error of motor, encoder or controller"
-            self._interlock.hold(DriveState.FAULT, FaultCode.DRIVE_FAULT, text)
-        if self._is_clearing:
-            self._is_clearing = False
-            if not (error or flagged or self._errors):
-                self._interlock.clear()
-
-    def _is_stale(self, stamp_ns: int) -> bool:
-        """Return whether a message received at a time [ns] may be older than the clearing."""
-        return stamp_ns - self._cleared_ns <= STALE_NS
 
     def _restart(self, code: FaultCode, text: str) -> None:
         """Commission the drive again, which may have restarted."""
@@ -183,49 +148,8 @@ class ODrive:
 
     def _on_temperature(self, data: bytes, stamp_ns: int) -> None:
         """Take the temperatures of 0.6; in 0.5 the message is another."""
-        if self._is_old is False:
+        if self._errors.is_old is False:
             self._feedback.on_temperature(data, stamp_ns)
-
-    def _on_error(self, data: bytes, stamp_ns: int) -> None:
-        """Take the errors of 0.6, or of the motor of 0.5."""
-        is_old = self._is_old
-        if is_old is None or not self._is_whole("error", data, stamp_ns):
-            return
-        if is_old:
-            self._add(motor=wire.LONG_ERRORS.unpack(data)[0])
-        else:
-            active, reason = wire.ERRORS.unpack(data)
-            self._add(axis=(active | reason) & ~faults.INITIALIZING)
-
-    def _on_encoder_error(self, data: bytes, stamp_ns: int) -> None:
-        """Take the errors of the encoder of 0.5."""
-        if self._is_old and self._is_whole("encoder error", data, stamp_ns):
-            self._add(encoder=wire.ERRORS.unpack(data)[0])
-
-    def _on_controller_error(self, data: bytes, stamp_ns: int) -> None:
-        """Take the errors of the controller of 0.5."""
-        if self._is_old and self._is_whole("controller error", data, stamp_ns):
-            self._add(controller=wire.ERRORS.unpack(data)[0])
-
-    def _is_whole(self, name: str, data: bytes, stamp_ns: int) -> bool:
-        """Return whether a message about errors is to be judged."""
-        if len(data) != 8:
-            self._unreadable(name, data, "it has 8 bytes")
-            return False
-        return not self._is_stale(stamp_ns)
-
-    def _add(self, *, axis: int = 0, motor: int = 0, encoder: int = 0, controller: int = 0) -> None:
-        """Latch errors of the drive: nearer to the cause than what the host found."""
-        fault = self._errors.add(
-            is_old=bool(self._is_old),
-            axis=axis,
-            motor=motor,
-            encoder=encoder,
-            controller=controller,
-        )
-        if fault is not None:
-            self._interlock.explain(fault)
-            self._refresh()
 
     def _answers(self, command: int) -> Handler:
         """Return what takes a message that only comes as an answer."""
@@ -240,6 +164,11 @@ class ODrive:
         """Latch that a message says nothing."""
         text = f"the ODrive's {name} is unreadable: {data.hex(' ') or 'no bytes'} ({why})"
         self._interlock.hold(DriveState.FAULT, FaultCode.DRIVE_UNREADABLE, text)
+        self._refresh()
+
+    def _explain(self, fault: Fault) -> None:
+        """Latch what the drive says of itself."""
+        self._interlock.explain(fault)
         self._refresh()
 
     # The port -----------------------------------------------------------------------------------
@@ -257,14 +186,14 @@ class ODrive:
             return
         self._in_service = in_service
         settings, fault = self._settings, self._session.fault
-        self._is_old, self.proof, self._turns = None, None, ()
+        self._errors.is_old, self.proof, self._turns = None, None, ()
         if fault is None:
-            self._is_old, self.proof = settings.is_old, settings.proof
+            self._errors.is_old, self.proof = settings.is_old, settings.proof
             self._turns, self._turn = self._turns_05 if settings.is_old else self._turns_06, 0
         else:
             text = f"the ODrive is out of service: {fault}"
             self._interlock.hold(DriveState.STOPPED, fault.code, text)
-            self._is_clearing = False
+            self._errors.keep()
 
     def check(self, now_ns: int) -> None:
         """Judge what was received up to now."""
@@ -316,12 +245,11 @@ class ODrive:
     def serve(self, send: Send, now_ns: int) -> bool:
         """Send at most one frame of clearing, identification or settings."""
         if self._clear_asked and self._in_service:
-            data = b"" if self._is_old else b"\0"
+            data = b"" if self._errors.is_old else b"\0"
             if not send(wire.can_id(self._node_id, wire.CLEAR_ERRORS), data):
                 return False
             self._clear_asked = False
-            self._errors.clear()
-            self._is_clearing, self._cleared_ns = True, now_ns
+            self._errors.clear(now_ns)
             return True
         # A drive that is not in service has a cause that is not gone.
         self._clear_asked = False
@@ -329,7 +257,8 @@ class ODrive:
 
     def emergency_stop(self, send: Send, source: EmergencyStopSource) -> bool:
         """Take the power at once; the drive latches it, too."""
-        self._clear_asked = self._is_clearing = False
+        self._clear_asked = False
+        self._errors.keep()
         self._interlock.stop(source)
         self._refresh()
         return send(wire.can_id(self._node_id, wire.ESTOP), b"")

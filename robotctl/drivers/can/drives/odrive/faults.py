@@ -7,7 +7,7 @@ REQUESTED_CURRENT_TOO_HIGH from the package odrive 0.6.11.
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeAlias
 
 from robotctl.messages.faults import Fault, FaultCode
 
@@ -160,56 +160,12 @@ def refusal(result: int) -> str:
     return f"the ODrive refused closed-loop control: {name}"
 
 
-class Errors:
-    """All errors that a drive told since they were cleared.
-
-    Parameters
-    ----------
-    part
-        Name of the drive.
-    """
-
-    __slots__ = ("_part", "_told")
-
-    def __init__(self, part: str) -> None:
-        self._part = part
-        self.clear()
-
-    def clear(self) -> None:
-        """Forget them."""
-        self._told = (0, 0, 0, 0)
-        """Errors of axis, motor, encoder and controller; with 0.6 only the first."""
-
-    def __bool__(self) -> bool:
-        """Return whether there are some."""
-        return self._told != (0, 0, 0, 0)
-
-    def add(
-        self, *, is_old: bool, axis: int = 0, motor: int = 0, encoder: int = 0, controller: int = 0
-    ) -> Fault | None:
-        """Take errors; return the fault of all, or None if none of them is new.
-
-        With 0.6, `axis` are the active errors and the reason of disarming. With 0.5 those of motor,
-        encoder and controller are nearer to the cause than the axis's.
-        """
-        known = self._told
-        told = (known[0] | axis, known[1] | motor, known[2] | encoder, known[3] | controller)
-        if told == known:
-            return None
-        self._told = told
-        if not is_old:
-            return _fault((("", told[0], ERRORS_06),), self._part)
-        sections = (
-            ("motor ", told[1], MOTOR_05),
-            ("encoder ", told[2], ENCODER_05),
-            ("controller ", told[3], CONTROLLER_05),
-            ("axis ", told[0], AXIS_05),
-        )
-        return _fault(sections, self._part)
+Section: TypeAlias = tuple[str, int, tuple[Error, ...]]
+"""Part of the drive, its errors, and what they mean."""
 
 
-def _fault(sections: tuple[tuple[str, int, tuple[Error, ...]], ...], part: str) -> Fault:
-    """Say which errors are set, and what to do about the first."""
+def reported_fault(sections: tuple[Section, ...], part: str) -> Fault:
+    """Return the fault of the errors that are set, with what to do about the first."""
     names = []
     first: Error | None = None
     for where, errors, table in sections:

@@ -113,7 +113,7 @@ class ODriveSettings:
     is_old: bool = False
     """Whether its firmware is 0.5, once it is in service."""
     proof: str = ""
-    """What was found, in words, once it is in service."""
+    """Settings found, in words, once it is in service."""
     kept: tuple[Setting, ...] = ()
     """Settings to read back; the first is next."""
 

@@ -133,7 +133,10 @@ class VescDrive:
             self._hold = _of_current(wire.SET_CURRENT_HANDBRAKE, number, currents.handbrake_a)
         self._query = wire.query(number, reply_to)
         self._query_ns = 0
-        self._servo = servo
+        self._servo_centre = servo.centre
+        self._servo_at = -1
+        """Position last sent to the servo [0.001], and the data of that."""
+        self._servo_data = b""
         self._angle_rad = 0.0
         """Angle that the joint is taken to have, by its commands and the servo's rate [rad]."""
         self._angle_ns = 0
@@ -274,7 +277,7 @@ class VescDrive:
             self._boots = session.boots
             self._since_ns = now_ns
             self._state.restart()
-        if session.silent:
+        if not session.in_service and session.silent:
             self._tachometer = None
             self._pause_ns = _NEVER_COMES_NS
         if self._state.update(session.in_service) or self._is_new:
@@ -357,15 +360,19 @@ class VescDrive:
         """Move the servo, where there is one; False if it cannot reach the angle."""
         if self._joint < 0:
             return True
-        servo = self._servo
-        position = servo.centre + angle_rad * self._position_per_rad
+        position = self._servo_centre + angle_rad * self._position_per_rad
         if not -0.0005 < position < 1.0005:
             return False
-        send(self._servo_id, wire.pack_servo(self._reply_to, round(1000.0 * position)))
-        step = self._joint_rate_rad_s * min(now_ns - self._angle_ns, QUERY_NS) * 1e-9
+        thousandths = round(1000.0 * position)
+        if thousandths != self._servo_at:
+            self._servo_at = thousandths
+            self._servo_data = wire.pack_servo(self._reply_to, thousandths)
+        send(self._servo_id, self._servo_data)
+        off_rad = angle_rad - self._angle_rad
+        if off_rad:
+            step_rad = self._joint_rate_rad_s * min(now_ns - self._angle_ns, QUERY_NS) * 1e-9
+            self._angle_rad += min(max(off_rad, -step_rad), step_rad)
         self._angle_ns = now_ns
-        off = angle_rad - self._angle_rad
-        self._angle_rad += min(max(off, -step), step)
         return True
 
     def _stop(self, send: Send) -> bool:

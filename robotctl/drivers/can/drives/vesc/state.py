@@ -27,25 +27,17 @@ class VescState(HostState):
         Its time-out [ms].
     """
 
-    __slots__ = ("_asked_ns", "_drive_fault", "_since_ns")
+    __slots__ = ("_asked_ns", "_drive_fault")
 
     def __init__(self, name: str, timeout_ms: int) -> None:
         super().__init__(name, "VESC", timeout_ms)
         self._drive_fault = 0
-        self._since_ns = self._asked_ns = NEVER_NS
+        self._asked_ns = NEVER_NS
 
     def restart(self) -> None:
         """Follow a drive that has booted."""
         self.interlock.withhold()
         self._drive_fault = 0
-
-    def admit(self, enable: bool, in_service: bool, now_ns: int) -> bool:
-        """Return whether the command of this tick may give power, and note that it is sent."""
-        was_driving = self.driving
-        admitted = super().admit(enable, in_service, now_ns)
-        if admitted and not was_driving:
-            self._since_ns = now_ns
-        return admitted
 
     def ask(self, now_ns: int) -> None:
         """Note that the drive is asked for faults and flags, after the command of this tick."""
