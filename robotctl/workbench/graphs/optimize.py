@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtri  # type: ignore[import-untyped]
 
 from robotctl.errors import ConfigError
+from robotctl.estimation.slam.equations import GraphError
 from robotctl.estimation.slam.graph.factor_graph import FactorGraph, Values, chi2_of, chosen
 from robotctl.estimation.slam.marginals import factored, marginals
 from robotctl.estimation.slam.robust.kernels import KERNELS
@@ -230,7 +231,10 @@ def optimize(
     start = start_values(file.graph, file.values, file.known, fixed, options.init)
     clock.lap("start")
     kernel = KERNELS[options.robust] if options.robust else None
-    problem = Problem(file.graph, start, fixed, kernel, options.robust == GRADUATED)
+    try:
+        problem = Problem(file.graph, start, fixed, kernel, options.robust == GRADUATED)
+    except ValueError as error:  # far motions, one upon the other
+        raise GraphError(f"{options.graph}: --init {options.init}: {error}") from error
     course: list[Values] = []
     if options.keeps_course:
         problem = replace(problem, watch=lambda values: course.append(_copy(values)))

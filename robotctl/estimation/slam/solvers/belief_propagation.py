@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from robotctl.estimation.slam.beliefs.linear_graph import LinearGraph, Schedule
 from robotctl.estimation.slam.beliefs.schedules import EmbeddedTree
+from robotctl.estimation.slam.equations import GraphError
 from robotctl.estimation.slam.solvers.batch import Descent, LevenbergMarquardt, descend
 from robotctl.estimation.slam.solvers.problem import Problem, Solution, Tell, solver
 
@@ -42,10 +44,14 @@ def belief_propagation(problem: Problem, tell: Tell, schedule: Schedule | None =
     Raises
     ------
     GraphError
-        If the factors do not determine all variables; it names them.
+        If the factors do not determine all variables.
     """
     graph = LinearGraph(problem.graph, problem.fixed, schedule or EmbeddedTree(), SHARE)
     solution = descend(problem, tell, graph, lambda: _Settling(graph))
+    if not math.isfinite(graph.left):
+        raise GraphError(
+            "the messages have no finite solution: the factors do not determine all variables"
+        )
     solution.is_converged &= graph.is_settled
     solution.rounds, solution.left_sigma = graph.rounds, graph.left
     return solution
