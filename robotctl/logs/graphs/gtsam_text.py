@@ -87,12 +87,10 @@ def _lines(path: Path, file: GraphFile, block: FactorBlock) -> list[str] | None:
     ids, z, information = ids_of(file, block), block.measurements, block.information
     if block.kind not in (BETWEEN_2D, SEEN_2D, RANGE_BEARING):
         return None
-    # Rounding must not bring a number beyond what is read.
-    covariance = (
-        np.clip(_inverse(information), -LARGEST, LARGEST)
-        if np.all(is_definite(information))
-        else -information
-    )
+    covariance = _inverse(information) if np.all(is_definite(information)) else -information
+    covariance = np.clip(
+        covariance, -LARGEST, LARGEST
+    )  # rounding may bring one beyond what is read
     if not np.all(is_definite(covariance)):
         raise GraphFormatError(
             f"{path}: GTSAM's text has covariances, and none for {block.kind.name!r} whose "

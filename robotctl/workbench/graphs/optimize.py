@@ -230,11 +230,7 @@ def optimize(
     fixed = gauge(file.graph, file.fixed)
     start = start_values(file.graph, file.values, file.known, fixed, options.init)
     clock.lap("start")
-    kernel = KERNELS[options.robust] if options.robust else None
-    try:
-        problem = Problem(file.graph, start, fixed, kernel, options.robust == GRADUATED)
-    except ValueError as error:  # far motions, one upon the other
-        raise GraphError(f"{options.graph}: --init {options.init}: {error}") from error
+    problem = _problem(options, file.graph, start, fixed)
     course: list[Values] = []
     if options.keeps_course:
         problem = replace(problem, watch=lambda values: course.append(_copy(values)))
@@ -257,6 +253,23 @@ def optimize(
     return OptimizeResult(
         options, file, start, fixed, solution, times, clock.steps, covariances, course
     )
+
+
+def _problem(
+    options: OptimizeOptions, graph: FactorGraph, start: Values, fixed: NDArray[np.int64]
+) -> Problem:
+    """Return the problem to solve.
+
+    Raises
+    ------
+    GraphError
+        If the start is beyond all bounds: far motions, one upon the other.
+    """
+    kernel = KERNELS[options.robust] if options.robust else None
+    try:
+        return Problem(graph, start, fixed, kernel, options.robust == GRADUATED)
+    except ValueError as error:
+        raise GraphError(f"{options.graph}: --init {options.init}: {error}") from error
 
 
 def _copy(values: Values) -> Values:
