@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import time
+
+import msgspec
 import pytest
 
-from robotctl.messages.control import Arm, SafetyState, SetMode
+from robotctl.messages.control import Arm, Notice, SafetyState, SetMode
 from robotctl.messages.faults import Fault, FaultCode
 from robotctl.messages.mode import Mode
 from robotctl.web.access import Role
@@ -54,6 +57,13 @@ def test_old_data_goes_grey_with_its_age_and_comes_back(robot, open_page):
     wait_for(lambda: page.locator(".bar.stale").count() == 0, page)
 
 
+def test_a_robot_whose_clock_has_paused_is_not_old(robot, open_page):
+    page = open_page()
+    robot.paused_ns = 3_000_000_000
+    page.wait_for_timeout(1000)
+    assert page.locator(".bar.stale").count() == 0
+
+
 def test_it_connects_again_by_itself_and_shows_the_new_state(robot, open_page):
     page = open_page()
     page.evaluate("() => { window.sameDocument = true; }")
@@ -63,6 +73,29 @@ def test_it_connects_again_by_itself_and_shows_the_new_state(robot, open_page):
     robot.start()
     page.locator(".pill.state-FAULT").wait_for()
     assert page.evaluate("() => window.sameDocument")
+
+
+def test_another_version_of_the_server_brings_its_own_page(robot, open_page):
+    page = open_page()
+    page.evaluate("() => { window.sameDocument = true; }")
+    robot.stop()
+    robot.outline = msgspec.structs.replace(robot.outline, version="1")
+    robot.start()
+    page.wait_for_function("() => window.sameDocument === undefined")
+
+
+def test_notices_that_come_again_with_a_connection_are_listed_once(robot, open_page):
+    page = open_page()
+    notice = Notice(time.monotonic_ns(), 5, "only once")
+    robot.publish(notice)
+    page.get_by_text("only once").wait_for()
+    robot.stop()
+    wait_for(lambda: "No connection to the robot." in why(page), page)
+    robot.start()
+    robot.publish(notice)
+    robot.notice(5, "another")
+    page.get_by_text("another").wait_for()
+    assert page.get_by_text("only once").count() == 1
 
 
 def test_what_is_asked_without_a_connection_is_refused_at_once_and_never_done_later(

@@ -25,6 +25,13 @@ function firstAfter(times: readonly number[], wanted: number): number {
   return low;
 }
 
+/** The same with times before the newest, for a chart that stands still while time goes on. */
+export function recent(fields: readonly string[], sinceS: number): uPlot.AlignedData {
+  const [times, ...columns] = rows(fields, sinceS);
+  const newest = times.at(-1) ?? 0;
+  return [Array.from(times, (time) => time - newest), ...columns];
+}
+
 /** Comma-separated values (RFC 4180) of all that is kept of the fields. */
 export function csv(fields: readonly string[]): string {
   const [times, ...columns] = rows(fields, Infinity);
