@@ -1,4 +1,4 @@
-"""Bring-up, with eyes: somebody at the page in a browser sends the robot to a place and stops it."""
+"""Bring-up, with eyes: a browser at the page sends the robot to a place and stops it."""
 
 from __future__ import annotations
 
