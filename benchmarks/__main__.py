@@ -44,6 +44,7 @@ from benchmarks import (
     topological_driving,
     visual_places,
     wall_following,
+    web,
 )
 
 SUBJECTS = {
@@ -84,6 +85,7 @@ SUBJECTS = {
     "mavlink": mavlink_parameters.run,
     "stations": mavlink_stations.run,
     "camera-homography": camera_homography.run,
+    "web": web.run,
 }
 
 

@@ -590,3 +590,32 @@ def test_connections_that_ask_for_nothing_are_closed_or_never_taken(served):
         assert idle[0].recv(1) == b"", "the first one was kept though it asked for nothing"
     with served.client() as client:
         client.read("Hello")
+
+
+def test_a_client_that_floods_with_what_the_application_never_sees_is_dropped(served):
+    with served.client() as flooding, served.client("/stop") as stopping:
+        with contextlib.suppress(ConnectionClosed, OSError):
+            for _ in range(20_000):
+                flooding.ws.ping(ack_on_close=False)
+        flooding.ended()
+        stopping.send("Ping", t=1.0)
+        stopping.read("Pong")
+
+
+def test_an_address_that_connects_again_and_again_is_slowed_down_and_not_locked_out(served):
+    page = httpx.Client(trust_env=False, headers={"Connection": "close"})
+    dropped = 0
+    for _ in range(150):
+        try:
+            page.get(served.url)
+        except httpx.TransportError:
+            dropped += 1
+    assert dropped > 50
+    time.sleep(0.6)
+    assert get(served).status_code == 200
+
+
+def test_a_part_of_the_page_that_is_known_is_not_sent_again(served):
+    tag = get(served, "/assets/page.js").headers["etag"]
+    again = get(served, "/assets/page.js", **{"If-None-Match": tag})
+    assert (again.status_code, again.content) == (304, b"")
