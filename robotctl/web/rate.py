@@ -21,10 +21,12 @@ class RateLimit:
         self._seen_ns: int | None = None
 
     def allows(self, now_ns: int, count: int = 1) -> bool:
-        """Count one, or several; return whether they are within the limit."""
+        """Count one, or several, if they are within the limit; return whether they are."""
         if self._seen_ns is not None:
             gained = (now_ns - self._seen_ns) * 1e-9 * self._per_s
             self._left = min(self._most, self._left + gained)
         self._seen_ns = now_ns
-        self._left = max(self._left - count, -self._most)
-        return self._left >= 0.0
+        if count > self._left:
+            return False
+        self._left -= count
+        return True
