@@ -310,7 +310,7 @@ class PageServer:
         for notice in self._notices:
             connection.put("Notice", notice, keep=True)
         for topic, data in self._latest.items():
-            connection.put(topic, data, keep=True)
+            connection.put(topic, data, keep=False)
 
     async def _serve(
         self,

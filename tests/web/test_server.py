@@ -28,7 +28,7 @@ from robotctl.messages.control import (
     SafetyState,
     SetMode,
 )
-from robotctl.messages.estimation import LidarScan
+from robotctl.messages.estimation import GivenMap, LidarScan, LiveMap
 from robotctl.messages.faults import Fault, FaultCode
 from robotctl.web.access import Role
 from robotctl.web.secret_files import certificate_of, fingerprint_of, tokens_of
@@ -279,6 +279,30 @@ def test_a_change_of_state_reaches_a_client_though_the_next_state_follows_at_onc
             fault = control_state(SafetyState.FAULT, "something")
             served.robot.publish(fault, control_state(SafetyState.ARMED))
             client.read("ControlState", where=lambda message: message["state"] == SafetyState.FAULT)
+
+
+def test_a_message_that_counts_down_is_a_picture_and_a_new_one_is_news(served):
+    with served.client() as client:
+        client.read("Driver")
+        begin_s = time.monotonic()
+        for number in range(100):
+            served.robot.publish(navigation_state(Mode.AUTO, f"{number / 10} m to go"))
+            time.sleep(0.01)
+        served.robot.publish(navigation_state(Mode.AUTO, "waits: somebody is in the way"))
+        served.robot.publish(navigation_state(Mode.AUTO, "0.1 m to go"))
+        client.read("NavigationState", where=lambda message: "waits" in message["message"])
+        took_s = time.monotonic() - begin_s
+    count = sum(each["type"] == "NavigationState" for each in client.seen)
+    assert count <= 20 * took_s + 3
+
+
+def test_a_map_of_many_megabytes_cuts_nobody_off(served):
+    cells = bytes(4000 * 4000)
+    served.robot.publish(GivenMap(1, LiveMap(1, 4000, 4000, 0.05, 0.0, 0.0, cells)))
+    time.sleep(0.1)
+    with served.client(max_size=None) as client:
+        assert client.read("GivenMap", 20.0)["map"]["cells"] == cells
+        client.synchronise()
 
 
 def test_a_client_that_does_not_read_costs_only_itself(served):
