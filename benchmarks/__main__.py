@@ -44,6 +44,7 @@ from benchmarks import (
     topological_driving,
     visual_places,
     wall_following,
+    web,
     web_page,
 )
 
@@ -86,6 +87,7 @@ SUBJECTS = {
     "stations": mavlink_stations.run,
     "camera-homography": camera_homography.run,
     "page": web_page.run,
+    "web": web.run,
 }
 
 

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import asyncio
+import hashlib
 import itertools
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import msgspec
 from starlette.applications import Starlette
 from starlette.requests import HTTPConnection, Request
-from starlette.responses import FileResponse, PlainTextResponse, Response
+from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp
 from starlette.websockets import WebSocket, WebSocketDisconnect
@@ -62,6 +63,25 @@ class Session(msgspec.Struct, forbid_unknown_fields=True):
     """Body of POST /session."""
 
     token: str
+
+
+class _Asset(NamedTuple):
+    """Part of the page."""
+
+    content: bytes
+    kind: str
+    tag: str
+
+    @classmethod
+    def of(cls, file: Path) -> _Asset:
+        """Read a file."""
+        content = file.read_bytes()
+        tag = f'"{hashlib.sha256(content).hexdigest()[:16]}"'
+        return cls(content, _STATIC[file.suffix], tag)
+
+
+def _is_asset(file: Path) -> bool:
+    return file.is_file() and file.suffix in _STATIC
 
 
 @dataclass(eq=False, slots=True)
@@ -131,7 +151,7 @@ class PageServer:
         self._robot = robot
         self._desk = desk
         self._access = access
-        self._static = static
+        self._files = {file.name: _Asset.of(file) for file in static.iterdir() if _is_asset(file)}
         self._live: dict[int, Connection] = {}
         self._stops: set[Connection] = set()
         self._numbers = itertools.count(1)
@@ -290,7 +310,7 @@ class PageServer:
         for notice in self._notices:
             connection.put("Notice", notice, keep=True)
         for topic, data in self._latest.items():
-            connection.put(topic, data, keep=True)
+            connection.put(topic, data, keep=False)
 
     async def _serve(
         self,
@@ -361,11 +381,12 @@ class PageServer:
     def _file(self, request: Request, name: str) -> Response:
         if objection := self._access.objection(_asker(request), needs_origin=False):
             return PlainTextResponse(objection, 403, HEADERS)
-        path = self._static / name
-        kind = _STATIC.get(path.suffix)
-        if path.parent != self._static or kind is None or not path.is_file():
+        file = self._files.get(name)
+        if file is None:
             return PlainTextResponse("no such page", 404, HEADERS)
-        return FileResponse(path, headers=HEADERS, media_type=kind)
+        if request.headers.get("if-none-match") == file.tag:
+            return Response(b"", 304, {**HEADERS, "ETag": file.tag})
+        return Response(file.content, 200, {**HEADERS, "ETag": file.tag}, file.kind)
 
     async def _rights(self, request: Request) -> Response:
         """Return the role of a browser."""
