@@ -126,7 +126,7 @@ export const words = {
     noAccess: "This page has no access to the robot.",
     noAccessRemedy: "Open the link with the token that the robot's terminal shows.",
     tooMany: "The robot closed the connection:",
-    silent: (seconds: number) => `Nothing has come from control for ${seconds.toFixed(1)} s.`,
+    silent: (seconds: number) => `Nothing has come from control for ${Math.max(1, Math.round(seconds))} s.`,
     silentRemedy: "Driving is locked until it is heard again. See the notices.",
     noControl: "Control has not been heard yet.",
     noControlRemedy: "Wait until the robot has started.",

@@ -12,7 +12,10 @@ export function rows(fields: readonly string[], sinceS: number): uPlot.AlignedDa
     const begin = firstAfter(times, newest - sinceS);
     return [times.slice(begin), values.slice(begin)];
   });
-  return tables.length === 0 ? [[]] : uPlot.join(tables);
+  const [first] = tables;
+  if (first === undefined) return [[]];
+  const isOneTopic = all.every(([times]) => times === all[0]?.[0]);
+  return isOneTopic ? [first[0], ...tables.map(([, values]) => values as (number | null)[])] : uPlot.join(tables);
 }
 
 function firstAfter(times: readonly number[], wanted: number): number {

@@ -98,16 +98,16 @@ function note(notice: Notice): void {
   notices.value = [...known, notice].slice(-MOST_NOTICES);
 }
 
-/** Begin with a connection: what was known of another robot does not count. */
+/** Begin with a connection: the server says all that is known now, and nothing else counts. */
 function greet(message: Hello): void {
   const before = hello.peek();
   if (before !== null && before.version !== message.version) location.reload(); // to that version's page
   hello.value = message;
   worldPose.reset(message.has_localiser);
+  for (const topic of Object.values(topics)) topic.forget();
   if (before !== null && before.name !== message.name) {
     trail.clear();
     notices.value = [];
-    for (const topic of Object.values(topics)) topic.forget();
   }
 }
 
