@@ -31,6 +31,7 @@ NEAR_PX = 15
 STOP_MS = 250.0
 """From the press of a key in the browser, which shares the processors with the robot."""
 
+
 @pytest.fixture
 def rig(make_rig: Callable[..., Rig], bus: str) -> Rig:
     """Firmware, control, navigation and the web page, disarmed."""

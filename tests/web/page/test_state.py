@@ -112,6 +112,16 @@ def test_what_is_asked_without_a_connection_is_refused_at_once_and_never_done_la
     assert robot.asked == []
 
 
+def test_nothing_is_added_to_what_waits_in_a_slow_connection(robot, open_page):
+    page = open_page()
+    page.evaluate(
+        "() => Object.defineProperty(WebSocket.prototype, 'bufferedAmount', { get: () => 1e5 })"
+    )
+    page.get_by_role("button", name="Auto", exact=True).click()
+    page.get_by_role("alert").get_by_text("Auto: not sent").wait_for()
+    assert robot.asked == []
+
+
 def test_notices_are_kept_with_their_time_the_newest_first(robot, open_page):
     page = open_page()
     robot.notice(5, "an old notice")
