@@ -299,6 +299,7 @@ def _stops() -> Iterator[tuple[str, str, str, str]]:
             links = read_links(rig.endpoints.web_links)
             assert links is not None
             url = links.address
+            yield _clicks("no page: a request of a process", rig, url, _nobody, by_page=False)
             yield _clicks("1 client", rig, url, _nobody)
             yield _clicks("3 clients", rig, url, _two_more)
             yield _clicks("3 clients and one that floods", rig, url, _flood)
@@ -307,7 +308,12 @@ def _stops() -> Iterator[tuple[str, str, str, str]]:
 
 
 def _clicks(
-    name: str, rig: Rig, url: str, beside: Callable[[str], contextlib.AbstractContextManager[None]]
+    name: str,
+    rig: Rig,
+    url: str,
+    beside: Callable[[str], contextlib.AbstractContextManager[None]],
+    *,
+    by_page: bool = True,
 ) -> tuple[str, str, str, str]:
     times = []
     with Page(url), Page(url, "/stop") as stop, beside(url):
@@ -317,7 +323,10 @@ def _clicks(
                 rig.drive(0.0, 1.0, 0.15)
             rig.at_any_moment()
             asked_ns = time.monotonic_ns()
-            stop.send("Stop", id=number)
+            if by_page:
+                stop.send("Stop", id=number)
+            else:
+                rig.emergency_stop()
             rig.wait(
                 lambda since_ns=asked_ns: rig.truth and rig.truth.power_off_ns > since_ns,
                 5.0,

@@ -13,7 +13,9 @@ from typing import Final
 
 import uvicorn
 from starlette.types import ASGIApp
+from uvicorn._types import ASGISendEvent
 from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.protocols.utils import ClientDisconnected
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 from robotctl.errors import LinkError
@@ -158,6 +160,7 @@ class _BoundedSocket(WebSocketsSansIOProtocol):
         super().connection_made(transport)
         self.close_timeout = CLOSING_S
         self._limit = RateLimit(BYTES_PER_S)
+        self._will_write = False
 
     def data_received(self, data: bytes) -> None:
         """Take what came; drop a client that sends too much."""
@@ -165,6 +168,27 @@ class _BoundedSocket(WebSocketsSansIOProtocol):
             super().data_received(data)
         else:
             self.transport.abort()
+
+    async def send(self, message: ASGISendEvent) -> None:
+        """Send a message; all of one round of the loop go to the kernel at once."""
+        data = message.get("bytes")
+        if message["type"] != "websocket.send" or not isinstance(data, bytes) or self.close_sent:
+            await super().send(message)
+            return
+        await self.writable.wait()
+        if self.disconnected:
+            raise ClientDisconnected
+        self.conn.send_binary(data)
+        if not self._will_write:
+            self._will_write = True
+            self.loop.call_soon(self._write)
+
+    def _write(self) -> None:
+        """Hand all frames to the kernel."""
+        self._will_write = False
+        output = self.conn.data_to_send()
+        if output and not self.transport.is_closing():
+            self.transport.write(b"".join(output))
 
 
 class PageHost(uvicorn.Server):

@@ -40,6 +40,9 @@ MAX_MESSAGE_BYTES: Final = 4096
 MAX_CLIENTS: Final = 16
 """Most connections of each kind, of which a page has one."""
 MESSAGES_PER_S: Final = 200
+IDLE_S, WATCHED_S, BUSY_S = 0.1, 0.04, 0.02
+"""Period at which published messages are taken: without clients, with some, and while one of them
+drives or waits for the answer to a stop [s]. Waking up costs more than all else."""
 _NOTICES: Final = 50
 """Notices that a new client is told, the newest."""
 _POLICY: Final = 1008
@@ -176,6 +179,13 @@ class PageServer:
         )
 
     # The robot's side
+
+    @property
+    def period_s(self) -> float:
+        """Time until `relay` is to be called again [s]."""
+        if self._desk.is_busy:
+            return BUSY_S
+        return WATCHED_S if self._live else IDLE_S
 
     def relay(self, messages: Iterable[bytes], truths: Iterable[bytes] = ()) -> None:
         """Take what the robot has published, and wake those who are to be sent something."""
