@@ -29,7 +29,7 @@ AHEAD_PX, ASIDE_PX = 120, 60
 """Where the goal is from the robot, which looks to the right."""
 NEAR_PX = 15
 STOP_MS = 250.0
-"""From the press of a key in the browser, which shares the processors with the robot."""
+"""Time from the press of a key in the browser, which shares the processors with the robot."""
 
 
 @pytest.fixture

@@ -146,7 +146,7 @@ export const words = {
     describe: "Emergency stop. The space bar does the same, everywhere on this page.",
     works: (ms: number) => `works, ${Math.max(1, Math.round(ms))} ms`,
     doesNot: "NO CONTACT",
-    unsent: "Stop NOT sent: no connection. Trying again …",
+    unsent: "Stop NOT sent: no connection; the page keeps trying for 10 s. Use the red button on the robot!",
     sent: "Stop sent …",
     unanswered: "Stop sent, but control has not answered. It is repeated. Use the red button on the robot!",
     seen: (state: string, ms: number) => `${state} after ${Math.round(ms)} ms`,
