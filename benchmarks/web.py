@@ -352,7 +352,10 @@ def _two_more(url: str) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _flood(url: str) -> Iterator[None]:
-    """Let a client send as fast as it can, and come back whenever it is cut off."""
+    """Let a client send as fast as it can, and come back whenever it is cut off.
+
+    It is nice: a client elsewhere takes no time of this computer.
+    """
     command = [sys.executable, "-m", "benchmarks.web", "flood", url]
     with _two_more(url), subprocess.Popen(command) as flooding:
         try:
@@ -378,6 +381,7 @@ def main() -> None:
     if what == PEER:
         serve_as_peer(words[0], int(words[1]))
     elif what == "flood":
+        os.nice(19)
         asyncio.run(_flood_for_ever(words[0]))
     else:
         read_all(words[0], int(words[1]), float(words[2]), of_peer=words[3] == "1")

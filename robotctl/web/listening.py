@@ -36,9 +36,9 @@ HEAD_S: Final = 5.0
 """Time that a connection has to ask for something [s]."""
 RECEIVED_BYTES: Final = 8 * 1024
 """Buffer of the kernel for what a client sends, which it doubles: all of it may be read at once."""
-BYTES_PER_S: Final = 16 * 1024
+BYTES_PER_S, BYTES_AT_ONCE = 16 * 1024, 8 * 1024
 """Most that a client sends; a page sends a fifth of that while it drives."""
-NEW_PER_S, NEW_AT_ONCE = 4, 64
+NEW_PER_S, NEW_AT_ONCE = 2, 64
 """Most new connections of one address."""
 CLOSING_S: Final = 2.0
 """Time that a client has to close a socket that the server closed [s]."""
@@ -125,7 +125,7 @@ class _BoundedHttp(H11Protocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Take a connection, or drop it."""
         super().connection_made(transport)
-        self._limit = RateLimit(BYTES_PER_S)
+        self._limit = RateLimit(BYTES_PER_S, BYTES_AT_ONCE)
         hosts = [(getattr(each, "client", None) or ("",))[0] for each in self.connections]
         host = self.client[0] if self.client else ""
         of_one = hosts.count(host)
@@ -159,7 +159,7 @@ class _BoundedSocket(WebSocketsSansIOProtocol):
         """Take a connection."""
         super().connection_made(transport)
         self.close_timeout = CLOSING_S
-        self._limit = RateLimit(BYTES_PER_S)
+        self._limit = RateLimit(BYTES_PER_S, BYTES_AT_ONCE)
         self._will_write = False
 
     def data_received(self, data: bytes) -> None:

@@ -39,7 +39,8 @@ MAX_MESSAGE_BYTES: Final = 4096
 """Longest message from a page, and longest body of a POST."""
 MAX_CLIENTS: Final = 16
 """Most connections of each kind, of which a page has one."""
-MESSAGES_PER_S: Final = 200
+MESSAGES_PER_S, MESSAGES_AT_ONCE = 200, 60
+"""Most messages of a page, which sends 21 a second: a network that stalls delivers some at once."""
 IDLE_S, WATCHED_S, BUSY_S = 0.1, 0.04, 0.02
 """Period at which published messages are taken: without clients, with some, and while one of them
 drives or waits for the answer to a stop [s]. Waking up costs more than all else."""
@@ -57,6 +58,7 @@ _STATIC: Final = {
     ".json": "application/json",
     ".png": "image/png",
     ".svg": "image/svg+xml",
+    ".txt": "text/plain",
     ".webmanifest": "application/manifest+json",
     ".woff2": "font/woff2",
 }
@@ -259,7 +261,7 @@ class PageServer:
             address = socket.client.host if socket.client else "?"
             self._desk.name(client, f"client {client} ({address})")
         self._greet(connection, client, role)
-        limit = RateLimit(MESSAGES_PER_S)
+        limit = RateLimit(MESSAGES_PER_S, MESSAGES_AT_ONCE)
 
         def take(text: str, now: Now) -> None:
             self._desk.take_message(client, self._decode_live(text), now)
@@ -277,7 +279,7 @@ class PageServer:
             return
         connection = Connection()
         self._stops.add(connection)
-        limit = RateLimit(MESSAGES_PER_S)
+        limit = RateLimit(MESSAGES_PER_S, MESSAGES_AT_ONCE)
 
         def take(text: str, now: Now) -> None:
             self._desk.stop(connection, self._decode_stop(text), now)

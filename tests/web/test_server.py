@@ -214,6 +214,17 @@ def test_who_may_look_sees_all_and_may_only_stop(guarded):
         wait(lambda: of(guarded.robot.control, EmergencyStop))
 
 
+def test_no_log_tells_a_token_or_a_cookie(guarded, caplog):
+    caplog.set_level("DEBUG")
+    cookie = cookie_of(guarded, Role.DRIVE)
+    with guarded.client(cookie=cookie) as client:
+        client.read("Hello")
+    refused(guarded, cookie=cookie + "0")
+    told = [each.getMessage() for each in caplog.records if each.name.startswith("uvicorn")]
+    for secret in (*TOKENS.values(), cookie.partition("=")[2]):
+        assert not any(secret in each for each in told)
+
+
 def test_tokens_are_kept_for_their_user_alone_and_made_once(tmp_path):
     tokens = tokens_of(tmp_path)
     assert tokens_of(tmp_path) == tokens
