@@ -45,6 +45,8 @@ from benchmarks import (
     topological_driving,
     visual_places,
     wall_following,
+    web,
+    web_page,
 )
 
 SUBJECTS = {
@@ -86,6 +88,8 @@ SUBJECTS = {
     "mavlink": mavlink_parameters.run,
     "stations": mavlink_stations.run,
     "camera-homography": camera_homography.run,
+    "page": web_page.run,
+    "web": web.run,
 }
 
 

@@ -28,7 +28,7 @@ from hil_tests.firmware import Firmware
 from hil_tests.processes import children_of
 from robotctl.app.simulation.run_status import BEST_EFFORT, PATIENCE, Truth
 from robotctl.app.supervision.child_process import start_child
-from robotctl.app.supervision.stack import CONTROL, NAVIGATION, RECORDER, TELEMETRY
+from robotctl.app.supervision.stack import CONTROL, NAVIGATION, RECORDER, TELEMETRY, WEB
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import config_directory, find_file
 from robotctl.drivers.can.dbc import load_dbc
@@ -317,7 +317,7 @@ class Rig:
         """End all but the firmware; return how each of them ended."""
         return {
             name: self.kill(name, signal.SIGTERM)
-            for name in (SUPERVISOR, TELEMETRY, NAVIGATION, CONTROL, RECORDER)
+            for name in (SUPERVISOR, WEB, TELEMETRY, NAVIGATION, CONTROL, RECORDER)
             if name in self._processes
         }
 

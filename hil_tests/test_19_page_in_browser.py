@@ -1,4 +1,4 @@
-"""Bring-up, with eyes: a person at the page in a browser sends the robot to a place and stops it."""
+"""Bring-up, with eyes: a browser at the page sends the robot to a place and stops it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,8 @@ AHEAD_PX, ASIDE_PX = 120, 60
 """Where the goal is from the robot, which looks to the right."""
 NEAR_PX = 15
 STOP_MS = 250.0
-"""From the press of a key in the browser, which shares the processors with the robot and all else."""
+"""Time from the press of a key in the browser, which shares the processors with the robot."""
+
 
 @pytest.fixture
 def rig(make_rig: Callable[..., Rig], bus: str) -> Rig:

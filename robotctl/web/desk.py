@@ -137,6 +137,11 @@ class Desk:
         """Who drives."""
         return self._driving.state
 
+    @property
+    def is_busy(self) -> bool:
+        """Whether a client drives the robot, or a stop is not answered yet."""
+        return self._driving.is_held or self._stops.is_pending
+
     def take(self) -> Outcome:
         """Return what is to be sent since the last call."""
         for denial in self._driving.take_denials():

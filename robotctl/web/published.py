@@ -6,6 +6,7 @@ A class a message: its name is the message's, its fields are what the server nee
 
 from __future__ import annotations
 
+import re
 from typing import ClassVar, Final, TypeAlias
 
 import msgspec
@@ -42,7 +43,8 @@ class ControlState(Published, frozen=True):
     def told(self) -> object:
         """State, reasons, and answers."""
         acks = [ack.request_id for ack in self.acks]
-        return self.state, self.reason, acks, self.armings, self.against_arming
+        against = [fault.code for fault in self.against_arming]
+        return self.state, _words(self.reason), acks, self.armings, against
 
 
 class NavigationState(Published, frozen=True):
@@ -50,10 +52,10 @@ class NavigationState(Published, frozen=True):
 
     stamp_ns: int
     mode: Mode
+    message: str
     item: int
     mission_completed: bool
     mission_failed: bool
-    message: str
     goals: int = 0
     goal_reached: bool | None = None
     waits: bool = False
@@ -62,20 +64,20 @@ class NavigationState(Published, frozen=True):
 
     @property
     def told(self) -> object:
-        """All but its time."""
-        return msgspec.structs.astuple(self)[1:]
+        """All but its time, and the figures of its messages, which count down."""
+        _stamp_ns, mode, message, *rest = msgspec.structs.astuple(self)
+        return mode, _words(message), rest
 
 
 class LocalisationState(Published, frozen=True):
     """State of the localiser."""
 
     status: LocalisationStatus
-    epoch_ns: int = 0
 
     @property
     def told(self) -> object:
-        """Whether the place is known, and jumps."""
-        return self.status, self.epoch_ns
+        """Whether the place is known."""
+        return self.status
 
 
 class Notice(Published, frozen=True):
@@ -122,6 +124,14 @@ AnyPublished: TypeAlias = (
     | LiveMap
     | GivenMap
 )
+
+_FIGURES: Final = re.compile(r"[\d.]+")
+
+
+def _words(text: str) -> str:
+    """Return a text without its figures."""
+    return _FIGURES.sub("", text)
+
 
 _decoder: Final = msgspec.msgpack.Decoder(AnyPublished)
 

@@ -4,24 +4,29 @@ from __future__ import annotations
 
 
 class RateLimit:
-    """Token bucket: so many a second, and as many at once.
+    """Token bucket.
 
     Parameters
     ----------
     per_s
         Allowed rate [Hz].
+    burst
+        Allowed at once; None: as many as in a second.
     """
 
-    def __init__(self, per_s: int) -> None:
+    def __init__(self, per_s: int, burst: int | None = None) -> None:
         self._per_s = per_s
-        self._left = float(per_s)
+        self._most = float(per_s if burst is None else burst)
+        self._left = self._most
         self._seen_ns: int | None = None
 
-    def allows(self, now_ns: int) -> bool:
-        """Count one; return whether it is within the limit."""
+    def allows(self, now_ns: int, count: int = 1) -> bool:
+        """Count one, or several, if they are within the limit; return whether they are."""
         if self._seen_ns is not None:
             gained = (now_ns - self._seen_ns) * 1e-9 * self._per_s
-            self._left = min(float(self._per_s), self._left + gained)
+            self._left = min(self._most, self._left + gained)
         self._seen_ns = now_ns
-        self._left -= 1.0
-        return self._left >= 0.0
+        if count > self._left:
+            return False
+        self._left -= count
+        return True

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import asyncio
+import hashlib
 import itertools
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import msgspec
 from starlette.applications import Starlette
 from starlette.requests import HTTPConnection, Request
-from starlette.responses import FileResponse, PlainTextResponse, Response
+from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp
 from starlette.websockets import WebSocket, WebSocketDisconnect
@@ -38,7 +39,11 @@ MAX_MESSAGE_BYTES: Final = 4096
 """Longest message from a page, and longest body of a POST."""
 MAX_CLIENTS: Final = 16
 """Most connections of each kind, of which a page has one."""
-MESSAGES_PER_S: Final = 200
+MESSAGES_PER_S, MESSAGES_AT_ONCE = 200, 60
+"""Most messages of a page, which sends 21 a second: a network that stalls delivers some at once."""
+IDLE_S, WATCHED_S, BUSY_S = 0.1, 0.04, 0.02
+"""Period at which published messages are taken: without clients, with some, and while one of them
+drives or waits for the answer to a stop [s]. Waking up costs more than all else."""
 _NOTICES: Final = 50
 """Notices that a new client is told, the newest."""
 _POLICY: Final = 1008
@@ -53,6 +58,7 @@ _STATIC: Final = {
     ".json": "application/json",
     ".png": "image/png",
     ".svg": "image/svg+xml",
+    ".txt": "text/plain",
     ".webmanifest": "application/manifest+json",
     ".woff2": "font/woff2",
 }
@@ -62,6 +68,25 @@ class Session(msgspec.Struct, forbid_unknown_fields=True):
     """Body of POST /session."""
 
     token: str
+
+
+class _Asset(NamedTuple):
+    """Part of the page."""
+
+    content: bytes
+    kind: str
+    tag: str
+
+    @classmethod
+    def of(cls, file: Path) -> _Asset:
+        """Read a file."""
+        content = file.read_bytes()
+        tag = f'"{hashlib.sha256(content).hexdigest()[:16]}"'
+        return cls(content, _STATIC[file.suffix], tag)
+
+
+def _is_asset(file: Path) -> bool:
+    return file.is_file() and file.suffix in _STATIC
 
 
 @dataclass(eq=False, slots=True)
@@ -131,7 +156,7 @@ class PageServer:
         self._robot = robot
         self._desk = desk
         self._access = access
-        self._static = static
+        self._files = {file.name: _Asset.of(file) for file in static.iterdir() if _is_asset(file)}
         self._live: dict[int, Connection] = {}
         self._stops: set[Connection] = set()
         self._numbers = itertools.count(1)
@@ -156,6 +181,13 @@ class PageServer:
         )
 
     # The robot's side
+
+    @property
+    def period_s(self) -> float:
+        """Time until `relay` is to be called again [s]."""
+        if self._desk.is_busy:
+            return BUSY_S
+        return WATCHED_S if self._live else IDLE_S
 
     def relay(self, messages: Iterable[bytes], truths: Iterable[bytes] = ()) -> None:
         """Take what the robot has published, and wake those who are to be sent something."""
@@ -229,7 +261,7 @@ class PageServer:
             address = socket.client.host if socket.client else "?"
             self._desk.name(client, f"client {client} ({address})")
         self._greet(connection, client, role)
-        limit = RateLimit(MESSAGES_PER_S)
+        limit = RateLimit(MESSAGES_PER_S, MESSAGES_AT_ONCE)
 
         def take(text: str, now: Now) -> None:
             self._desk.take_message(client, self._decode_live(text), now)
@@ -247,7 +279,7 @@ class PageServer:
             return
         connection = Connection()
         self._stops.add(connection)
-        limit = RateLimit(MESSAGES_PER_S)
+        limit = RateLimit(MESSAGES_PER_S, MESSAGES_AT_ONCE)
 
         def take(text: str, now: Now) -> None:
             self._desk.stop(connection, self._decode_stop(text), now)
@@ -290,7 +322,7 @@ class PageServer:
         for notice in self._notices:
             connection.put("Notice", notice, keep=True)
         for topic, data in self._latest.items():
-            connection.put(topic, data, keep=True)
+            connection.put(topic, data, keep=False)
 
     async def _serve(
         self,
@@ -361,11 +393,12 @@ class PageServer:
     def _file(self, request: Request, name: str) -> Response:
         if objection := self._access.objection(_asker(request), needs_origin=False):
             return PlainTextResponse(objection, 403, HEADERS)
-        path = self._static / name
-        kind = _STATIC.get(path.suffix)
-        if path.parent != self._static or kind is None or not path.is_file():
+        file = self._files.get(name)
+        if file is None:
             return PlainTextResponse("no such page", 404, HEADERS)
-        return FileResponse(path, headers=HEADERS, media_type=kind)
+        if request.headers.get("if-none-match") == file.tag:
+            return Response(b"", 304, {**HEADERS, "ETag": file.tag})
+        return Response(file.content, 200, {**HEADERS, "ETag": file.tag}, file.kind)
 
     async def _rights(self, request: Request) -> Response:
         """Return the role of a browser."""

@@ -37,6 +37,11 @@ class Stops:
         self._pending: list[_Pending] = []
         self._answers: list[tuple[object, StopSeen]] = []
 
+    @property
+    def is_pending(self) -> bool:
+        """Whether a stop is not answered yet."""
+        return bool(self._pending)
+
     def take_answers(self) -> list[tuple[object, StopSeen]]:
         """Return what connections are to be told, since the last call."""
         answers, self._answers = self._answers, []

@@ -28,7 +28,7 @@ from robotctl.messages.control import (
     SafetyState,
     SetMode,
 )
-from robotctl.messages.estimation import LidarScan
+from robotctl.messages.estimation import GivenMap, LidarScan, LiveMap
 from robotctl.messages.faults import Fault, FaultCode
 from robotctl.web.access import Role
 from robotctl.web.secret_files import certificate_of, fingerprint_of, tokens_of
@@ -214,6 +214,17 @@ def test_who_may_look_sees_all_and_may_only_stop(guarded):
         wait(lambda: of(guarded.robot.control, EmergencyStop))
 
 
+def test_no_log_tells_a_token_or_a_cookie(guarded, caplog):
+    caplog.set_level("DEBUG")
+    cookie = cookie_of(guarded, Role.DRIVE)
+    with guarded.client(cookie=cookie) as client:
+        client.read("Hello")
+    refused(guarded, cookie=cookie + "0")
+    told = [each.getMessage() for each in caplog.records if each.name.startswith("uvicorn")]
+    for secret in (*TOKENS.values(), cookie.partition("=")[2]):
+        assert not any(secret in each for each in told)
+
+
 def test_tokens_are_kept_for_their_user_alone_and_made_once(tmp_path):
     tokens = tokens_of(tmp_path)
     assert tokens_of(tmp_path) == tokens
@@ -279,6 +290,30 @@ def test_a_change_of_state_reaches_a_client_though_the_next_state_follows_at_onc
             fault = control_state(SafetyState.FAULT, "something")
             served.robot.publish(fault, control_state(SafetyState.ARMED))
             client.read("ControlState", where=lambda message: message["state"] == SafetyState.FAULT)
+
+
+def test_a_message_that_counts_down_is_a_picture_and_a_new_one_is_news(served):
+    with served.client() as client:
+        client.read("Driver")
+        begin_s = time.monotonic()
+        for number in range(100):
+            served.robot.publish(navigation_state(Mode.AUTO, f"{number / 10} m to go"))
+            time.sleep(0.01)
+        served.robot.publish(navigation_state(Mode.AUTO, "waits: somebody is in the way"))
+        served.robot.publish(navigation_state(Mode.AUTO, "0.1 m to go"))
+        client.read("NavigationState", where=lambda message: "waits" in message["message"])
+        took_s = time.monotonic() - begin_s
+    count = sum(each["type"] == "NavigationState" for each in client.seen)
+    assert count <= 20 * took_s + 3
+
+
+def test_a_map_of_many_megabytes_cuts_nobody_off(served):
+    cells = bytes(4000 * 4000)
+    served.robot.publish(GivenMap(1, LiveMap(1, 4000, 4000, 0.05, 0.0, 0.0, cells)))
+    time.sleep(0.1)
+    with served.client(max_size=None) as client:
+        assert client.read("GivenMap", 20.0)["map"]["cells"] == cells
+        client.synchronise()
 
 
 def test_a_client_that_does_not_read_costs_only_itself(served):
@@ -590,3 +625,32 @@ def test_connections_that_ask_for_nothing_are_closed_or_never_taken(served):
         assert idle[0].recv(1) == b"", "the first one was kept though it asked for nothing"
     with served.client() as client:
         client.read("Hello")
+
+
+def test_a_client_that_floods_with_what_the_application_never_sees_is_dropped(served):
+    with served.client() as flooding, served.client("/stop") as stopping:
+        with contextlib.suppress(ConnectionClosed, OSError):
+            for _ in range(20_000):
+                flooding.ws.ping(ack_on_close=False)
+        flooding.ended()
+        stopping.send("Ping", t=1.0)
+        stopping.read("Pong")
+
+
+def test_an_address_that_connects_again_and_again_is_slowed_down_and_not_locked_out(served):
+    page = httpx.Client(trust_env=False, headers={"Connection": "close"})
+    dropped = 0
+    for _ in range(150):
+        try:
+            page.get(served.url)
+        except httpx.TransportError:
+            dropped += 1
+    assert dropped > 50
+    time.sleep(0.6)
+    assert get(served).status_code == 200
+
+
+def test_a_part_of_the_page_that_is_known_is_not_sent_again(served):
+    tag = get(served, "/assets/page.js").headers["etag"]
+    again = get(served, "/assets/page.js", **{"If-None-Match": tag})
+    assert (again.status_code, again.content) == (304, b"")

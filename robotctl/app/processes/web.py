@@ -40,8 +40,6 @@ from robotctl.web.secret_files import certificate_of, fingerprint_of, tokens_of
 from robotctl.web.server import PageServer, RobotSide
 from robotctl.web.wire import RobotOutline, SonarOutline
 
-PERIOD_S: Final = 0.02
-"""Period at which published messages are taken [s]."""
 _ARM_NS: Final = 1_000_000_000
 """Time for control's answer after it has given up arming [ns]."""
 
@@ -146,7 +144,7 @@ async def _serve(
     while not stopped() and not serving.done():
         page.relay(states.receive(), [] if truths is None else truths.receive())
         heartbeat.beat()
-        deadline_s = max(deadline_s + PERIOD_S, time.monotonic())
+        deadline_s = max(deadline_s + page.period_s, time.monotonic())
         await asyncio.sleep(max(0.0, deadline_s - time.monotonic()))
     server.should_exit = True
     await serving

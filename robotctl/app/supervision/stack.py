@@ -26,6 +26,7 @@ from robotctl.errors import ConfigError, RobotctlError
 from robotctl.messages.control import Severity
 from robotctl.messages.supervision import LIFE_NS, Restart
 from robotctl.model.sensors.lidar import SOCKET
+from robotctl.runtime.ipc.topics import Endpoints, endpoint_directory
 from robotctl.words import counted
 
 CONTROL = "robotctl.app.processes.control"
@@ -104,6 +105,8 @@ class Stack:
         self.exits: list[Exit | Pause] = []
         """Ends and pauses seen by the last `watch`, its own included."""
         self._announcer = Announcer(options.instance)
+        # Of a robot that ran before; a web process that starts again keeps its own.
+        Endpoints(endpoint_directory(options.instance)).web_links.unlink(missing_ok=True)
         self._clock = options.open_clock()
         self._watched_s: float | None = None
         for note in notes:

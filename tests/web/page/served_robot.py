@@ -88,6 +88,10 @@ class ServedRobot:
     ----------
     pose
         x, y, heading of `base` in `odom`, which is `world` [m, m, rad].
+    outline
+        What the server says of it from its next start on.
+    paused_ns
+        How long the robot's clock has stood so far, as that of a simulation may.
     is_silent
         Whether control and navigation publish nothing.
     is_deaf
@@ -104,6 +108,8 @@ class ServedRobot:
         self.against_arming: tuple[Fault, ...] = ()
         self.mode, self.message = Mode.HOLD, ""
         self.goal: tuple[float, float] | None = None
+        self.outline = OUTLINE
+        self.paused_ns = 0
         self.is_silent = self.is_deaf = False
         self.asked: list[Any] = []
         self.particles = np.empty((0, 3), np.float32)
@@ -125,7 +131,7 @@ class ServedRobot:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listener.bind(("127.0.0.1", self.port))
         self.port = listener.getsockname()[1]
-        side = RobotSide(OUTLINE, self._now, self._take, self._take, self.remarks.append)
+        side = RobotSide(self.outline, self._now, self._take, self._take, self.remarks.append)
         desk = Desk(has_localiser=True, arm_timeout_ns=1_000_000_000)
         self._page = PageServer(side, desk, Access(self._tokens, (), self.port), STATIC)
         self._server = uvicorn.Server(
@@ -166,13 +172,17 @@ class ServedRobot:
 
     def notice(self, severity: int, text: str) -> None:
         """Publish a notice."""
-        self._extra.append(self._encode(Notice(time.monotonic_ns(), severity, text)))
+        self.publish(Notice(time.monotonic_ns(), severity, text))
+
+    def publish(self, message: msgspec.Struct) -> None:
+        """Publish a message besides all others, once."""
+        self._extra.append(self._encode(message))
 
     def _published(self) -> list[bytes]:
         messages, self._extra = self._extra, []
         if self.is_silent:
             return messages
-        now_ns = time.monotonic_ns()
+        now_ns = time.monotonic_ns() - self.paused_ns
         self.published_ns[now_ns] = time.time_ns()
         pictures = (
             GivenMap(now_ns, walled_map()),
@@ -244,7 +254,7 @@ class ServedRobot:
 
     def _now(self) -> Now:
         now_ns = time.monotonic_ns()
-        return Now(now_ns, now_ns)
+        return Now(now_ns, now_ns - self.paused_ns)
 
     def _take(self, request: Any) -> bool:
         self.asked.append(request)

@@ -22,7 +22,7 @@ def test_the_first_load_is_small_and_asks_no_other_host(browser, robot):
     asked, bodies = [], []
     page.on("request", lambda request: asked.append(request.url))
     page.on("websocket", lambda socket: asked.append(socket.url))
-    page.on("response", bodies.append)
+    page.on("response", lambda response: bodies.append(response))  # noqa: PLW0108 - it is marked
     page.goto(robot.url)
     page.get_by_text("works,").wait_for()
     page.get_by_role("tab", name="Plots").click()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import json
 import subprocess
 from pathlib import Path
 
@@ -13,16 +12,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import write_page_types
+from tests.web.page.node_program import SOURCE, node_program
 from tests.web.page.served_robot import STATIC
 
-SOURCE = STATIC.parent / "page"
-
-DECODE = """
-import { createInterface } from "node:readline";
-import { decode } from "./msgpack.mjs";
+ANSWER = """
 const plain = (key, value) => (value instanceof Uint8Array ? { bytes: [...value] } : value);
-for await (const line of createInterface({ input: process.stdin })) {
-  console.log(JSON.stringify(decode(new Uint8Array(Buffer.from(line, "base64"))), plain));
+function answer(line) {
+  return JSON.stringify(part.decode(new Uint8Array(Buffer.from(line, "base64"))), plain);
 }
 """
 
@@ -55,18 +51,11 @@ def test_a_rebuild_gives_the_same_bytes(tmp_path):
 
 @pytest.fixture(scope="module")
 def decoder(tmp_path_factory):
-    """The page's decoder of MessagePack, as a process that turns lines of base64 into JSON."""
-    folder = tmp_path_factory.mktemp("decoder")
-    esbuild = SOURCE / "node_modules" / "esbuild" / "bin" / "esbuild"
-    module = folder / "msgpack.mjs"
-    source = SOURCE / "src" / "wire" / "msgpack.ts"
-    subprocess.run([esbuild, source, f"--outfile={module}"], check=True, capture_output=True)
-    (folder / "decode.mjs").write_text(DECODE)
-    with subprocess.Popen(
-        ["node", folder / "decode.mjs"], stdin=subprocess.PIPE, stdout=subprocess.PIPE
-    ) as process:
-        yield process
-        process.stdin.close()
+    """The page's decoder of MessagePack, which is asked in base64."""
+    with node_program("wire/msgpack.ts", ANSWER, tmp_path_factory.mktemp("node")) as program:
+        yield lambda value, **parsing: program.ask(
+            base64.b64encode(msgspec.msgpack.encode(value)).decode(), **parsing
+        )
 
 
 VALUES = st.recursive(
@@ -87,9 +76,6 @@ VALUES = st.recursive(
 @pytest.mark.node
 @given(VALUES)
 def test_the_page_decodes_what_msgspec_encodes(decoder, value):
-    decoder.stdin.write(base64.b64encode(msgspec.msgpack.encode(value)) + b"\n")
-    decoder.stdin.flush()
-
     def plain(found):
         if isinstance(found, bytes):
             return {"bytes": list(found)}
@@ -100,14 +86,12 @@ def test_the_page_decodes_what_msgspec_encodes(decoder, value):
         return found
 
     # JSON of a page has no whole numbers apart from others.
-    assert json.loads(decoder.stdout.readline(), parse_int=float) == plain(value)
+    assert decoder(value, parse_int=float) == plain(value)
 
 
 @pytest.mark.node
 @pytest.mark.parametrize("count", [15, 16, 65535, 65536])
 def test_the_page_decodes_long_arrays_texts_and_binaries(decoder, count):
     value = [[1] * count, "é" * count, count.to_bytes(4, "little") * count, {"a": -count}]
-    decoder.stdin.write(base64.b64encode(msgspec.msgpack.encode(value)) + b"\n")
-    decoder.stdin.flush()
-    numbers, text, binary, entries = json.loads(decoder.stdout.readline())
+    numbers, text, binary, entries = decoder(value)
     assert (numbers, text, bytes(binary["bytes"]), entries) == tuple(value)

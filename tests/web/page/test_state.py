@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import time
+
+import msgspec
 import pytest
 
-from robotctl.messages.control import Arm, SafetyState, SetMode
+from robotctl.messages.control import Arm, Notice, SafetyState, SetMode
 from robotctl.messages.faults import Fault, FaultCode
 from robotctl.messages.mode import Mode
 from robotctl.web.access import Role
@@ -54,6 +57,13 @@ def test_old_data_goes_grey_with_its_age_and_comes_back(robot, open_page):
     wait_for(lambda: page.locator(".bar.stale").count() == 0, page)
 
 
+def test_a_robot_whose_clock_has_paused_is_not_old(robot, open_page):
+    page = open_page()
+    robot.paused_ns = 3_000_000_000
+    page.wait_for_timeout(700)  # a pong tells
+    wait_for(lambda: page.locator(".bar.stale").count() == 0, page, 2.0)
+
+
 def test_it_connects_again_by_itself_and_shows_the_new_state(robot, open_page):
     page = open_page()
     page.evaluate("() => { window.sameDocument = true; }")
@@ -63,6 +73,29 @@ def test_it_connects_again_by_itself_and_shows_the_new_state(robot, open_page):
     robot.start()
     page.locator(".pill.state-FAULT").wait_for()
     assert page.evaluate("() => window.sameDocument")
+
+
+def test_another_version_of_the_server_brings_its_own_page(robot, open_page):
+    page = open_page()
+    page.evaluate("() => { window.sameDocument = true; }")
+    robot.stop()
+    robot.outline = msgspec.structs.replace(robot.outline, version="1")
+    robot.start()
+    page.wait_for_function("() => window.sameDocument === undefined")
+
+
+def test_notices_that_come_again_with_a_connection_are_listed_once(robot, open_page):
+    page = open_page()
+    notice = Notice(time.monotonic_ns(), 5, "only once")
+    robot.publish(notice)
+    page.get_by_text("only once").wait_for()
+    robot.stop()
+    wait_for(lambda: "No connection to the robot." in why(page), page)
+    robot.start()
+    robot.publish(notice)
+    robot.notice(5, "another")
+    page.get_by_text("another").wait_for()
+    assert page.get_by_text("only once").count() == 1
 
 
 def test_what_is_asked_without_a_connection_is_refused_at_once_and_never_done_later(
@@ -76,6 +109,16 @@ def test_what_is_asked_without_a_connection_is_refused_at_once_and_never_done_la
     robot.start()
     page.locator(".figure", has_text="Link").get_by_text("ms").wait_for()
     page.wait_for_timeout(300)
+    assert robot.asked == []
+
+
+def test_nothing_is_added_to_what_waits_in_a_slow_connection(robot, open_page):
+    page = open_page()
+    page.evaluate(
+        "() => Object.defineProperty(WebSocket.prototype, 'bufferedAmount', { get: () => 1e5 })"
+    )
+    page.get_by_role("button", name="Auto", exact=True).click()
+    page.get_by_role("alert").get_by_text("Auto: not sent").wait_for()
     assert robot.asked == []
 
 

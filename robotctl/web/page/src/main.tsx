@@ -1,7 +1,7 @@
 // The page: what is on it, and what begins with it.
 
 import { effect } from "@preact/signals";
-import { render } from "preact";
+import { options, render } from "preact";
 
 import "uplot/dist/uPlot.min.css";
 import "./page.css";
@@ -40,6 +40,9 @@ function Page() {
     </>
   );
 }
+
+// Panels wait for the next frame: the map is drawn first, and once for all that comes until then.
+options.debounceRendering = requestAnimationFrame;
 
 startTheme();
 startTicking();

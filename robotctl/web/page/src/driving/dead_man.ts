@@ -48,12 +48,12 @@ export class DeadMan {
     if (isCentred(driving)) {
       this.sampledMs = nowMs; // sticks at rest give no samples, and do no harm
       this.sample++;
+    } else if (nowMs - driving.sampledMs > FROZEN_MS) {
+      this.interrupt("frozen");
+      return this.idle(nowMs);
     } else if (driving.sampledMs > this.sampledMs) {
       this.sampledMs = driving.sampledMs;
       this.sample++;
-    } else if (nowMs - this.sampledMs > FROZEN_MS) {
-      this.interrupt("frozen");
-      return this.idle(nowMs);
     }
     const { forward, turn, sideways } = driving;
     return { held: true, source: this.active, sample: this.sample, takenMs: this.sampledMs, forward, turn, sideways };

@@ -8,16 +8,18 @@ import { LAYERS } from "./layers/registry";
 import { readPalette, type Palette } from "./palette";
 import { draft, draftPose, follows, shown, view } from "./tools";
 
-/** Shortest time between drawings [ms]: what comes together is drawn together. */
-const PAUSE_MS = 8;
+/** Pause behind a message in which another may come, which is then drawn together with it [ms]. */
+const PAUSE_MS = 1;
+/** Longest time that a drawing waits for more [ms]. */
+const PATIENCE_MS = 8;
 const DRAFT_PX = 12;
 const FIRST_SIZE_M = 8;
 
 export class Painter {
   private readonly context: CanvasRenderingContext2D;
   private palette: Palette = readPalette();
-  private drawnMs = -Infinity;
-  private isAwaited = false;
+  /** The drawing that is due, and when it was first asked for; null: none is. */
+  private due: { readonly timer: number; readonly sinceMs: number } | null = null;
   private isMeasured = false;
   /** What the first view showed; nothing so far. */
   private firstShown: "nothing" | "robot" | "map" = "nothing";
@@ -42,15 +44,19 @@ export class Painter {
     this.paint();
   }
 
-  /** Draw soon: at once if the last drawing was a while ago. */
+  /** Draw soon, as soon as no more comes. */
   request(): void {
-    if (this.isAwaited || document.hidden) return;
-    this.isAwaited = true;
-    const wait = PAUSE_MS - (performance.now() - this.drawnMs);
-    setTimeout(() => {
-      this.isAwaited = false;
+    if (document.hidden) return;
+    const sinceMs = this.due?.sinceMs ?? performance.now();
+    if (this.due !== null) {
+      if (performance.now() - sinceMs > PATIENCE_MS) return;
+      clearTimeout(this.due.timer);
+    }
+    const timer = setTimeout(() => {
+      this.due = null;
       this.paint();
-    }, Math.max(0, wait));
+    }, PAUSE_MS);
+    this.due = { timer, sinceMs };
   }
 
   /** Show all of the map, or the robot where there is none. */
@@ -81,7 +87,6 @@ export class Painter {
       if (shown.peek()[layer.name] === true) layer.draw(scene);
     }
     drawDraft(scene);
-    this.drawnMs = performance.now();
     this.canvas.dispatchEvent(
       new CustomEvent("drawn", { detail: topics.ControlState.newest.peek()?.stamp_ns ?? 0 }),
     );

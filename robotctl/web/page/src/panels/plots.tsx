@@ -7,7 +7,7 @@ import { now } from "../robot/clock";
 import { makeChart, resizeChart } from "../plots/chart";
 import { fieldNames } from "../plots/fields";
 import { choose, chosen, dismiss } from "../plots/history";
-import { csv, rows } from "../plots/rows";
+import { csv, recent } from "../plots/rows";
 import { theme } from "../theme";
 import { words } from "../words";
 
@@ -71,13 +71,14 @@ function Chart() {
   const element = useRef<HTMLDivElement>(null);
   const fields = chosen.value;
   const colours = theme.value;
+  const seconds = windowS.value;
   useEffect(() => {
     const parent = element.current as HTMLDivElement;
     const style = getComputedStyle(parent);
-    const chart = makeChart(parent, fields, style.color, style.getPropertyValue("--line"));
+    const chart = makeChart(parent, fields, seconds, style.color, style.getPropertyValue("--line"));
     const resized = new ResizeObserver(() => resizeChart(chart, parent.clientWidth));
     resized.observe(parent);
-    const refresh = () => chart.setData(rows(fields, windowS.peek()));
+    const refresh = () => chart.setData(recent(fields, seconds));
     refresh();
     const timer = setInterval(() => {
       if (!isPaused.peek() && !document.hidden) refresh();
@@ -87,7 +88,7 @@ function Chart() {
       resized.disconnect();
       chart.destroy();
     };
-  }, [fields, colours]);
+  }, [fields, seconds, colours]);
   return <div ref={element} class="chart" role="img" aria-label={text.chart(fields.join(", "))} />;
 }
 

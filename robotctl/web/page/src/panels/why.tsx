@@ -18,7 +18,7 @@ interface Finding {
 export function Why() {
   const { kind, advice } = find();
   return (
-    <section class={`why why-${kind}`} aria-label={text.name} aria-live="polite">
+    <section class={`why why-${kind}`} aria-label={text.name} aria-live={kind === "good" ? "off" : "polite"}>
       <ul>
         {advice.map(({ what, remedy }) => (
           <li key={what}>

@@ -9,7 +9,7 @@ const COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9
 const DASHES: readonly number[][] = [[], [8, 4], [2, 3]];
 const HEIGHT = 260;
 
-export function makeChart(element: HTMLElement, fields: readonly string[], ink: string, grid: string): uPlot {
+export function makeChart(element: HTMLElement, fields: readonly string[], seconds: number, ink: string, grid: string): uPlot {
   const scaleOf = (field: string) => unitOf(field) || "1";
   const scales = [...new Set(fields.map(scaleOf))];
   const axis = (scale: string, side: uPlot.Axis.Side): uPlot.Axis => ({
@@ -28,10 +28,10 @@ export function makeChart(element: HTMLElement, fields: readonly string[], ink: 
       width: element.clientWidth,
       height: HEIGHT,
       scales: {
-        x: { time: false },
+        x: { time: false, range: [-seconds, 0] },
         ...Object.fromEntries(scales.map((scale) => [scale, { range: spread }])),
       },
-      cursor: { drag: { x: true, y: false } },
+      cursor: { drag: { x: false, y: false } },
       legend: { live: true },
       series: [
         { label: "t", value: (_, value) => (value === null ? "–" : `${value.toFixed(2)} s`) },
@@ -51,10 +51,6 @@ export function makeChart(element: HTMLElement, fields: readonly string[], ink: 
           stroke: ink,
           grid: { stroke: grid, width: 1 },
           ticks: { stroke: grid, width: 1 },
-          values: (chart, ticks) => {
-            const newest = chart.data[0].at(-1) ?? 0;
-            return ticks.map((tick) => `${Math.round(10 * (tick - newest)) / 10}`);
-          },
         },
         ...(left === undefined ? [] : [axis(left, 3)]),
         ...(right === undefined ? [] : [axis(right, 1)]),

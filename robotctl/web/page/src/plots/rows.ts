@@ -12,7 +12,10 @@ export function rows(fields: readonly string[], sinceS: number): uPlot.AlignedDa
     const begin = firstAfter(times, newest - sinceS);
     return [times.slice(begin), values.slice(begin)];
   });
-  return tables.length === 0 ? [[]] : uPlot.join(tables);
+  const [first] = tables;
+  if (first === undefined) return [[]];
+  const isOneTopic = all.every(([times]) => times === all[0]?.[0]);
+  return isOneTopic ? [first[0], ...tables.map(([, values]) => values as (number | null)[])] : uPlot.join(tables);
 }
 
 function firstAfter(times: readonly number[], wanted: number): number {
@@ -23,6 +26,13 @@ function firstAfter(times: readonly number[], wanted: number): number {
     else high = middle;
   }
   return low;
+}
+
+/** The same with times before the newest, for a chart that stands still while time goes on. */
+export function recent(fields: readonly string[], sinceS: number): uPlot.AlignedData {
+  const [times, ...columns] = rows(fields, sinceS);
+  const newest = times.at(-1) ?? 0;
+  return [Array.from(times, (time) => time - newest), ...columns];
 }
 
 /** Comma-separated values (RFC 4180) of all that is kept of the fields. */

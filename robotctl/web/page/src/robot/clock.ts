@@ -2,11 +2,11 @@
 
 import { signal } from "@preact/signals";
 
-import { RemoteClock } from "../wire/clock";
+import { RobotClock } from "../wire/clock";
 
 const TICK_MS = 200;
 
-export const clock = new RemoteClock();
+export const clock = new RobotClock();
 
 /** Page's time [ms], a few times a second. */
 export const now = signal(performance.now());

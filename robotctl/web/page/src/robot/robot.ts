@@ -76,7 +76,7 @@ export function take(message: News): void {
       driver.value = message;
       break;
     case "Notice":
-      notices.value = [...notices.peek(), message].slice(-MOST_NOTICES);
+      note(message);
       break;
     case "ControlState":
       publish("ControlState", message);
@@ -91,15 +91,23 @@ export function take(message: News): void {
   }
 }
 
-/** Begin with a connection: what was known of another robot, or before a restart, does not count. */
+/** Keep a notice; with a connection some come that are known already. */
+function note(notice: Notice): void {
+  const known = notices.peek();
+  if (known.some(({ stamp_ns, text }) => stamp_ns === notice.stamp_ns && text === notice.text)) return;
+  notices.value = [...known, notice].slice(-MOST_NOTICES);
+}
+
+/** Begin with a connection: the server says all that is known now, and nothing else counts. */
 function greet(message: Hello): void {
   const before = hello.peek();
+  if (before !== null && before.version !== message.version) location.reload(); // to that version's page
   hello.value = message;
   worldPose.reset(message.has_localiser);
+  for (const topic of Object.values(topics)) topic.forget();
   if (before !== null && before.name !== message.name) {
     trail.clear();
     notices.value = [];
-    for (const topic of Object.values(topics)) topic.forget();
   }
 }
 

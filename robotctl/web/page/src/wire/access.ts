@@ -2,6 +2,8 @@
 
 import { signal } from "@preact/signals";
 
+const RETRY_MS = 1000;
+
 /** false: the server asks for a token that this browser does not have. */
 export const access = signal(true);
 
@@ -10,12 +12,22 @@ export async function openSession(): Promise<void> {
   const token = new URLSearchParams(location.hash.slice(1)).get("token");
   if (token === null) return;
   history.replaceState(null, "", location.pathname + location.search);
-  const answer = await fetch("/session", {
+  for (;;) {
+    try {
+      access.value = (await post(token)).ok;
+      return;
+    } catch {
+      await new Promise((resolve) => setTimeout(resolve, RETRY_MS)); // nobody is there: the token must not be lost
+    }
+  }
+}
+
+function post(token: string): Promise<Response> {
+  return fetch("/session", {
     method: "POST",
     headers: { "Content-Type": "application/json" },
     body: JSON.stringify({ token }),
   });
-  access.value = answer.ok;
 }
 
 /** Ask why a connection was refused: a browser does not tell. */

@@ -29,35 +29,40 @@ export class ProvenClock {
   }
 }
 
-/** Offset between two clocks, by the pong of the last few that was back soonest. */
-export class RemoteClock {
+/**
+ * The robot's clock. It is the server's, but for the pauses that a simulated robot makes: the server's
+ * is known by the pong that was back soonest, the pauses so far by the newest one.
+ */
+export class RobotClock {
   private samples: { tripMs: number; offsetMs: number }[] = [];
+  private pausedMs = 0;
 
   take(pong: Pong, nowMs: number): void {
     const tripMs = nowMs - pong.t;
-    this.samples.push({ tripMs, offsetMs: pong.robot_ns / 1e6 - (pong.t + tripMs / 2) });
+    this.samples.push({ tripMs, offsetMs: pong.server_ns / 1e6 - (pong.t + tripMs / 2) });
     if (this.samples.length > KEPT) this.samples.shift();
+    this.pausedMs = (pong.server_ns - pong.robot_ns) / 1e6;
   }
 
-  /** Forget everything: another robot, or another run of it, may be behind the next connection. */
   reset(): void {
     this.samples = [];
   }
 
   /** Robot's time [ms] at a time of the page; null until it is known. */
   at(pageMs: number): number | null {
-    const best = this.best();
-    return best === null ? null : pageMs + best.offsetMs;
+    const offset = this.offsetMs();
+    return offset === null ? null : pageMs + offset;
   }
 
   /** Page's time [ms] at a time of the robot [ns]; null until it is known. */
   pageMs(stampNs: number): number | null {
-    const best = this.best();
-    return best === null ? null : stampNs / 1e6 - best.offsetMs;
+    const offset = this.offsetMs();
+    return offset === null ? null : stampNs / 1e6 - offset;
   }
 
-  private best(): { tripMs: number; offsetMs: number } | null {
+  private offsetMs(): number | null {
     const first = this.samples[0];
-    return first === undefined ? null : this.samples.reduce((a, b) => (b.tripMs < a.tripMs ? b : a), first);
+    if (first === undefined) return null;
+    return this.samples.reduce((a, b) => (b.tripMs < a.tripMs ? b : a), first).offsetMs - this.pausedMs;
   }
 }

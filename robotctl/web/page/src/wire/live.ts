@@ -61,6 +61,7 @@ type Body<T> = T extends Timed ? Omit<T, "id" | "at_ms"> : never;
 
 /** Ask for something that the user wants now; `what` it is, in words, if it has to be said that it failed. */
 export function ask(what: string, body: Body<Timed>): void {
+  refusal.value = null;
   const at_ms = serverClock.at(performance.now());
   const id = ++lastId;
   if (at_ms === null || !live.send({ ...body, id, at_ms } as Timed)) {

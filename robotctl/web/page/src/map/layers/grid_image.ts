@@ -37,13 +37,13 @@ function paint(map: LiveMap, shade: Shade): HTMLCanvasElement {
   const context = image.getContext("2d") as CanvasRenderingContext2D;
   const pixels = context.createImageData(map.columns, map.rows);
   const words = new Uint32Array(pixels.data.buffer);
-  const shades = new Map<number, number>();
+  const shades = new Uint32Array(256);
   for (let value = UNKNOWN; value <= 100; value++) {
     const [red, green, blue, alpha] = shade(value);
-    shades.set(value & 0xff, (alpha << 24) | (blue << 16) | (green << 8) | red);
+    shades[value & 0xff] = (alpha << 24) | (blue << 16) | (green << 8) | red;
   }
   map.cells.forEach((cell, i) => {
-    words[i] = shades.get(cell) ?? 0;
+    words[i] = shades[cell] as number;
   });
   context.putImageData(pixels, 0, 0);
   return image;
