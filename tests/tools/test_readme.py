@@ -1,4 +1,4 @@
-"""The commands of README, tutorial and command page run as they stand, with files that are there."""
+"""The commands of README, tutorial and command page run as they stand, with their files."""
 
 import gzip
 import json

@@ -1,6 +1,6 @@
 """Monte Carlo localisation on a public lidar log and in a simulated flat: short runs, one seed.
 
-`python -m benchmarks mcl mcl-sonar` runs many seeds in full; docs/results/localisation.md has the results.
+`python -m benchmarks mcl mcl-sonar` runs many seeds in full: docs/results/localisation.md.
 """
 
 import numpy as np

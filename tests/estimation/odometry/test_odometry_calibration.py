@@ -111,7 +111,7 @@ def test_no_slip_factor_below_1_is_looked_for():
     "drive", [DIFFERENTIAL, FRONT, CAR, SKID, MECANUM, OMNI], ids=lambda drive: drive.kind
 )
 def test_squares_and_a_straight_bring_a_drive_that_is_wrong_within_its_interval(drive, seed):
-    """More than 90 of 100 seeds hold each number (docs/results/control.md); all of these three do."""
+    """More than 90 of 100 seeds hold each number (docs/results/control.md); all these three do."""
     change, found = calibrated(drive, seed)
     assert np.all(held(change, found))
     assert np.all(found.change_half_width < 0.006)
