@@ -170,8 +170,6 @@ class Desk:
             self._stops.hear(message, now.server_ns)
             self._answer_stops()
             self._answer_arming(message)
-            if message.state not in POWERED and self._driving.is_held:
-                self._driving.interrupt(message.reason or "the robot is not armed")
         elif isinstance(message, NavigationState):
             self._robot.navigation = message
             self._watch_mode(message, now)

@@ -32,7 +32,7 @@ from robotctl.messages.estimation import GivenMap, LidarScan, LiveMap
 from robotctl.messages.faults import Fault, FaultCode
 from robotctl.web.access import Role
 from robotctl.web.secret_files import certificate_of, fingerprint_of, tokens_of
-from robotctl.web.server import MAX_CLIENTS, MESSAGES_PER_S
+from robotctl.web.server import MAX_CLIENTS, MESSAGES_AT_ONCE, MESSAGES_PER_S
 from tests.web.conftest import Served, control_state, navigation_state
 
 TOKENS = {Role.LOOK: "look" * 11, Role.DRIVE: "drive" * 9}
@@ -333,7 +333,7 @@ def test_a_client_that_does_not_read_costs_only_itself(served):
             begin_s = time.monotonic()
             quick.read("Notice", where=lambda m, n=number: m["text"].startswith(f"n{n}x"))
             assert time.monotonic() - begin_s < 1.0
-        wait(lambda: len(served.page._live) == 1, 10.0, "the slow client was not cut off")
+        wait(lambda: len(served.page._live) == 1, 2.0, "the slow client was not cut off")
 
 
 # What is asked
@@ -625,6 +625,14 @@ def test_connections_that_ask_for_nothing_are_closed_or_never_taken(served):
         assert idle[0].recv(1) == b"", "the first one was kept though it asked for nothing"
     with served.client() as client:
         client.read("Hello")
+
+
+def test_a_page_that_sends_more_than_a_page_does_is_told_that_it_is_too_fast(served):
+    with served.client() as client:
+        with contextlib.suppress(ConnectionClosed):
+            for _ in range(2 * MESSAGES_AT_ONCE):
+                client.send("Ping", t=1.0)
+        assert "too fast" in client.ended().rcvd.reason
 
 
 def test_a_client_that_floods_with_what_the_application_never_sees_is_dropped(served):
