@@ -46,7 +46,7 @@ GOAL_WORLD = "flat"
 OWN_BUS = "simcan"
 """The default bus."""
 OWN_PAGE = "127.0.0.1:8080"
-"""Where the web page is, unless the run is headless or the user says."""
+"""Address of the web page, unless the run is headless or the user names one."""
 
 
 def sim(

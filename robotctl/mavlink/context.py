@@ -185,7 +185,7 @@ class GroundStation:
 
     @property
     def links(self) -> tuple[int, ...]:
-        """Links on which it is heard."""
+        """Links on which it was heard."""
         return tuple(sorted(self.heard_ns))
 
 

@@ -1,4 +1,4 @@
-"""Who may open the page: names of this computer, origins, tokens and roles.
+"""Access to the page: names of this computer, origins, tokens and roles.
 
 A browser is a friend with bad company: any page it shows may send requests to any address. So only
 requests whose Host names this computer are answered (DNS rebinding), and only pages of our own
@@ -47,7 +47,7 @@ class Role(enum.StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Asker:
-    """Where a request came to, and what it says of itself.
+    """Address and headers of a request.
 
     Parameters
     ----------

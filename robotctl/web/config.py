@@ -21,8 +21,8 @@ class WebConfig:
         Whether the robot serves the page.
     host : str
         Address that is listened at: 127.0.0.1, for browsers of the same computer only, another of
-        its addresses, or 0.0.0.0 for all of them. Anything but the first needs a token, which is
-        made by itself.
+        its addresses, or 0.0.0.0 for all of them. Anything but the first needs a token, which
+        robotctl makes.
     port : int
         Port of TCP, 0 to 65535; 0: any. Where it is taken, the next free one.
     allowed_hosts : tuple of str

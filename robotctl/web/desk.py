@@ -55,7 +55,7 @@ MANUAL_NS: Final = 1_000_000_000
 SILENT_NS: Final = 500_000_000
 """Age of a state of the robot that says nothing of the present [ns]."""
 PLACED_COVARIANCE: Final = (0.25**2, 0.0, 0.0, 0.25**2, 0.0, 0.2**2)
-"""Of a pose that a person points at: 0.25 m, 0.2 rad."""
+"""Standard deviation of a pose that a person points at: 0.25 m, 0.2 rad."""
 
 
 class Now(NamedTuple):
@@ -100,7 +100,7 @@ class _Robot:
 
 @dataclass(slots=True)
 class Outcome:
-    """What is to be sent since the last call."""
+    """Messages to send since the last call."""
 
     to_control: list[ControlRequest] = field(default_factory=list)
     to_navigation: list[NavigationRequest] = field(default_factory=list)
@@ -134,7 +134,7 @@ class Desk:
 
     @property
     def driver(self) -> Driver:
-        """Who drives."""
+        """Present driver."""
         return self._driving.state
 
     @property

@@ -1,4 +1,4 @@
-"""Who drives by sticks, and whether what comes from there still counts: dead man by design.
+"""Driving by sticks: one driver at a time, and a dead-man key by design.
 
 One client is the driver. Another one takes over by asking: at once where nobody drives or the
 driver has been idle for `IDLE_NS`, else if the driver gives.
@@ -61,7 +61,7 @@ class _Key(enum.Enum):
     """The dead-man key of the driver."""
 
     LOCKED = enum.auto()
-    """It must be seen released."""
+    """Held, or never seen released: it must be released first."""
     RELEASED = enum.auto()
     HELD = enum.auto()
     """The robot follows the sticks."""
@@ -92,7 +92,7 @@ class Driving:
 
     @property
     def driver(self) -> int | None:
-        """The client that drives; None: nobody."""
+        """Client that drives; None: there is none."""
         return self._driver
 
     @property
@@ -102,7 +102,7 @@ class Driving:
 
     @property
     def state(self) -> Driver:
-        """What all clients are told."""
+        """State of driving, for all clients."""
         asking = None if self._asking is None else self._asking.client
         return Driver(
             self._driver,
@@ -155,7 +155,7 @@ class Driving:
             self._end(f"{self._name(client)} gave it", now_ns)
 
     def interrupt(self, why: str) -> None:
-        """Let the robot follow the sticks no more until the key is held anew."""
+        """Stop following the sticks until the key is released and held again."""
         if self._driver is not None and self._key is not _Key.LOCKED:
             self._let_go()
             self._key, self._locked = _Key.LOCKED, f"{why}: {_AGAIN}"

@@ -1,4 +1,4 @@
-"""Where the page of a running robot is, as its web process says in a private file."""
+"""Links to the page of a running robot, in a private file of its web process."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the server listens, and how many may connect."""
+"""Listening socket of the server, and the limits on connections."""
 
 from __future__ import annotations
 

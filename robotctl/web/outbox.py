@@ -1,4 +1,4 @@
-"""What is sent to one client next.
+"""Queue of messages for one client.
 
 Pictures of the present (poses, scans, particles, maps) replace each other: a client that is slow
 sees fewer of them and none late. What people must know, notices and changes of state, is kept and
@@ -25,7 +25,7 @@ class Outbox:
         self._kept: deque[tuple[str, bytes]] = deque()
         self._kept_bytes = 0
         self._pictures: dict[str, bytes] = {}
-        """By topic, the one that has waited longest first."""
+        """Waiting messages by topic, the oldest first."""
         self._due_ns: dict[str, int] = {}
 
     @property

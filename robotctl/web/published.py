@@ -25,7 +25,7 @@ class Published(msgspec.Struct, frozen=True, tag=True):
 
     @property
     def told(self) -> object:
-        """What people must know of it."""
+        """The part of it that people must not miss."""
         return None
 
 
@@ -99,7 +99,7 @@ class ParticleCloud(Published, frozen=True):
 
 
 class PlanView(Published, frozen=True):
-    """What the robot drives by."""
+    """Plan that the robot drives by."""
 
 
 class LiveMap(Published, frozen=True):

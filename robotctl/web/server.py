@@ -368,7 +368,7 @@ class PageServer:
             self._hand_on()
 
     async def _send(self, socket: WebSocket, connection: Connection) -> None:
-        """Send what there is; a client that does not read holds up nobody else."""
+        """Send waiting messages; a client that does not read delays no other."""
         while True:
             data = connection.outbox.next(self._robot.now().server_ns)
             if data is None:

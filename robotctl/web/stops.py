@@ -23,7 +23,7 @@ class _Pending:
     number: int
     asked_ns: int
     stamp_ns: int
-    """By the robot's clock; only a later state is an answer."""
+    """Time of the stop by the robot's clock; only a later state answers it."""
     sent_ns: int
 
 

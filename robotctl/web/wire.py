@@ -129,7 +129,7 @@ class SonarOutline(msgspec.Struct, frozen=True):
 
 
 class RobotOutline(msgspec.Struct, frozen=True):
-    """What does not change while the robot runs; `outline` are the corners of its body [m]."""
+    """Constants of the robot while it runs; `outline` are the corners of its body [m]."""
 
     name: str
     version: str
@@ -164,7 +164,7 @@ class Pong(Downward, frozen=True):
 
 
 class Driver(Downward, frozen=True):
-    """Who drives by sticks, if anybody does.
+    """Present driver by sticks, if there is one.
 
     `why` says why the one before lost it. `asking` is who wants to be the driver. `driving`: the
     sticks go to the robot now; `locked` says why not, though the key is held.

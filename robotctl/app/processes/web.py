@@ -70,7 +70,7 @@ def outline_of(config: RobotConfig, *, simulated: bool) -> RobotOutline:
 
 @dataclass(frozen=True, slots=True)
 class Secrets:
-    """What others than this computer's programs need to know.
+    """Secrets of the page: tokens and a certificate.
 
     Parameters
     ----------

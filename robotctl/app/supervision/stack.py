@@ -47,13 +47,13 @@ ROLES: Final = (
 minute on a small computer; the recorder waits for the disk, which may take its time."""
 
 CAMERA_ROLE: Final = Role(CAMERA, RestartPolicy(crashes=5), stall_s=5.0, start_s=300.0, held_s=1.0)
-"""Of robots that look. It compiles as navigation does."""
+"""Camera process of robots that look. It compiles as navigation does."""
 
 LIDAR_ROLE: Final = Role(LIDAR, RestartPolicy(crashes=5), stall_s=5.0, held_s=1.0)
-"""Of robots with a lidar that is read by a driver of ours."""
+"""Lidar process of robots whose lidar is read by a driver of ours."""
 
 WEB_ROLE: Final = Role(WEB, RestartPolicy(crashes=5), stall_s=5.0, held_s=1.0)
-"""Of robots with a web page."""
+"""Web process of robots with a page."""
 
 _BAD_INPUT = 2
 _END_S = 3.0

@@ -1,4 +1,4 @@
-"""Behaviour of a robot that does not know its pose: look around without hitting anything."""
+"""Behaviour of a robot that does not know its pose: search for it without hitting anything."""
 
 from __future__ import annotations
 

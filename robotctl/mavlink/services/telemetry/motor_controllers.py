@@ -50,7 +50,7 @@ class MotorControllers(Microservice):
         )
 
     def _info(self, now_ns: int) -> list[Message]:
-        """Return ESC_INFO: which controllers are heard, and how warm they are [cdegC]."""
+        """Return ESC_INFO: the controllers that answer, and their temperatures [cdegC]."""
         control = self._context.fresh_control(now_ns)
         if control is None:
             return []
