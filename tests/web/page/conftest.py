@@ -27,9 +27,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
                 item.add_marker(pytest.mark.skip(reason=f"packages missing: {packages}; make page"))
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser() -> Iterator[object]:
-    """Chromium without a screen; tests that need it are marked `browser`."""
+    """Chromium without a screen; tests that need it are marked `browser`.
+
+    Playwright has an event loop that runs until it ends: no test that needs one of its own may run
+    meanwhile.
+    """
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
