@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import importlib.util
 import json
 import os
 import statistics
@@ -205,8 +206,12 @@ def run(_rounds: int, seconds: float) -> None:
     """Measure load and memory beside the peer, then stops."""
     name = f"bench-web-{os.getpid()}"
     rows = []
+    servers = {"robotctl": _served, "foxglove-sdk": _served_by_peer}
+    if importlib.util.find_spec("foxglove") is None:
+        machine.note("foxglove-sdk: not run: it is not installed")
+        del servers["foxglove-sdk"]
     with Published(name):
-        for kind, serve in (("robotctl", _served), ("foxglove-sdk", _served_by_peer)):
+        for kind, serve in servers.items():
             with serve(name) as (pid, url):
                 time.sleep(3.0)
                 for count, goal in SHARES.items():
