@@ -88,9 +88,8 @@ def _lines(path: Path, file: GraphFile, block: FactorBlock) -> list[str] | None:
     if block.kind not in (BETWEEN_2D, SEEN_2D, RANGE_BEARING):
         return None
     covariance = _inverse(information) if np.all(is_definite(information)) else -information
-    covariance = np.clip(
-        covariance, -LARGEST, LARGEST
-    )  # rounding may bring one beyond what is read
+    # Rounding may bring a number beyond what is read.
+    covariance = np.clip(covariance, -LARGEST, LARGEST)
     if not np.all(is_definite(covariance)):
         raise GraphFormatError(
             f"{path}: GTSAM's text has covariances, and none for {block.kind.name!r} whose "

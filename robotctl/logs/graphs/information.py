@@ -40,7 +40,7 @@ def judged(path: Path, file: GraphFile, *, clip: bool) -> GraphFile:
     """
     blocks = [_without_specks(block) for block in file.graph.blocks]
     empty, singular, indefinite = _Found(path, file), _Found(path, file), _Found(path, file)
-    for index, block in enumerate(list(blocks)):
+    for index, block in enumerate(blocks):
         good = is_definite(block.information)
         if np.all(good):
             continue

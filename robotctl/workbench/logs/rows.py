@@ -127,6 +127,23 @@ def log_files(run: Path) -> list[Path]:
     return files
 
 
+def state_logs(run: Path) -> list[Path]:
+    """Return the logs of states of a recording, in their order.
+
+    Raises
+    ------
+    RecordingError
+        If it is none, or a record of the control loop.
+    """
+    files = log_files(run)
+    for file in files:
+        if not is_mcap(file):
+            raise RecordingError(
+                f"{file}: no log of states; give a folder of --record, or a robot-*.mcap of it"
+            )
+    return files
+
+
 def log_rows(
     file: Path, notes: list[str], topics: Collection[str] | None = None
 ) -> Iterator[TopicRow]:

@@ -13,11 +13,11 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.logs.formats.robotctl_log import is_mcap, json_messages, read_own
+from robotctl.logs.formats.robotctl_log import json_messages, read_own
 from robotctl.messages.control import SafetyState
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.trajectory import Trajectory
-from robotctl.workbench.logs.rows import RecordingError, log_files
+from robotctl.workbench.logs.rows import state_logs
 from robotctl.workbench.logs.series import Selection, select
 from robotctl.workbench.logs.trajectories import trajectories_of
 
@@ -112,10 +112,7 @@ def report_of(
     OSError
         If it cannot be read.
     """
-    files = log_files(run)
-    for file in files:
-        if not is_mcap(file):
-            raise RecordingError(f"{file}: no log of states; give a folder of --record")
+    files = state_logs(run)
     selection = select(run, FIELDS, tell)
     recording = read_own(run, with_sonars=False)
     reasons: list[tuple[float, str, str]] = []

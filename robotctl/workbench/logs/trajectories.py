@@ -9,7 +9,7 @@ from robotctl.logs.formats.robotctl_log import read_own
 from robotctl.logs.formats.tum import write_tum
 from robotctl.model.recording import Recording
 from robotctl.model.trajectory import Trajectory
-from robotctl.workbench.logs.rows import RecordingError, log_files
+from robotctl.workbench.logs.rows import state_logs
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,9 +58,7 @@ def export_tum(run: Path, folder: Path) -> tuple[list[PathFile], tuple[str, ...]
     OSError
         If a file cannot be read or written.
     """
-    for file in log_files(run):
-        if file.suffix == ".rec":
-            raise RecordingError(f"{file}: a record of the control loop; paths are in robot-*.mcap")
+    state_logs(run)
     recording = read_own(run, with_sonars=False)
     folder.mkdir(parents=True, exist_ok=True)
     files = []

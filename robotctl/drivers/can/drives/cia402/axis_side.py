@@ -154,7 +154,7 @@ class AxisSide:
             speed_rad_s,
             None,
             report_ns or NEVER_NS,
-            drive_state(STATES[values[self.status_place] & STATUS_MASK], interlock.state),
+            drive_state(self.state, interlock.state),
             interlock.fault,
             current_a,
             self.temperature_c,
