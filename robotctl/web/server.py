@@ -38,7 +38,7 @@ from robotctl.web.wire import (
 MAX_MESSAGE_BYTES: Final = 4096
 """Longest message from a page, and longest body of a POST."""
 MAX_CLIENTS: Final = 16
-"""Most connections of each kind, of which a page has one."""
+"""Most connections of each kind and role: who may only look keeps nobody from driving or a stop."""
 MESSAGES_PER_S, MESSAGES_AT_ONCE = 200, 60
 """Most messages of a page, which sends 21 a second: a network that stalls delivers some at once."""
 IDLE_S, WATCHED_S, BUSY_S = 0.1, 0.04, 0.02
@@ -91,8 +91,9 @@ def _is_asset(file: Path) -> bool:
 
 @dataclass(eq=False, slots=True)
 class Connection:
-    """One socket: what it is to be sent, and what wakes its sender."""
+    """One socket: its client's role, what it is to be sent, and what wakes its sender."""
 
+    role: Role
     outbox: Outbox = field(default_factory=Outbox)
     woken: asyncio.Event = field(default_factory=asyncio.Event)
     ended: asyncio.Event = field(default_factory=asyncio.Event)
@@ -250,10 +251,10 @@ class PageServer:
 
     async def _live_socket(self, socket: WebSocket) -> None:
         """Serve one page."""
-        role = await self._admit(socket, len(self._live))
+        role = await self._admit(socket, self._live.values())
         if role is None:
             return
-        client, connection = next(self._numbers), Connection()
+        client, connection = next(self._numbers), Connection(role)
         may_drive = role is Role.DRIVE
         self._live[client] = connection
         self._desk.join(client, connection, may_drive=may_drive)
@@ -275,9 +276,10 @@ class PageServer:
 
     async def _stop_socket(self, socket: WebSocket) -> None:
         """Serve one connection for stops."""
-        if await self._admit(socket, len(self._stops)) is None:
+        role = await self._admit(socket, self._stops)
+        if role is None:
             return
-        connection = Connection()
+        connection = Connection(role)
         self._stops.add(connection)
         limit = RateLimit(MESSAGES_PER_S, MESSAGES_AT_ONCE)
 
@@ -289,7 +291,7 @@ class PageServer:
         finally:
             self._stops.discard(connection)
 
-    async def _admit(self, socket: WebSocket, others: int) -> Role | None:
+    async def _admit(self, socket: WebSocket, others: Iterable[Connection]) -> Role | None:
         """Accept a socket and return its role; None: it is refused."""
         asker = _asker(socket)
         objection = self._access.objection(asker, needs_origin=True)
@@ -300,7 +302,7 @@ class PageServer:
             )
             return None
         await socket.accept()
-        if others >= MAX_CLIENTS:
+        if sum(each.role is role for each in others) >= MAX_CLIENTS:
             await socket.close(_POLICY, f"{MAX_CLIENTS} clients are connected, no more allowed")
             return None
         return role

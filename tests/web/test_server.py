@@ -612,6 +612,20 @@ def test_at_most_16_clients_are_connected(served):
             stopping.read("Pong")
 
 
+@pytest.mark.parametrize("path", ["/live", "/stop"])
+def test_those_who_may_only_look_keep_nobody_from_driving_or_the_stop(guarded, path):
+    look, own = (cookie_of(guarded, role) for role in (Role.LOOK, Role.DRIVE))
+    with contextlib.ExitStack() as stack:
+        for _ in range(MAX_CLIENTS):
+            looking = stack.enter_context(guarded.client(path, cookie=look))
+            looking.send("Ping", t=1.0)
+            looking.read("Pong")
+        assert stack.enter_context(guarded.client(path, cookie=look)).ended().rcvd.code == 1008
+        driver = stack.enter_context(guarded.client(path, cookie=own))
+        driver.send("Ping", t=2.0)
+        assert driver.read("Pong")["t"] == 2.0
+
+
 def test_connections_that_ask_for_nothing_are_closed_or_never_taken(served):
     with contextlib.ExitStack() as stack:
         idle = [
