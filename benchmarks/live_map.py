@@ -17,10 +17,11 @@ from benchmarks import machine
 from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
+from robotctl.planning.config import GuardConfig
 from robotctl.planning.costmap.layered_map import LayeredMap
 from robotctl.planning.costmap.planning_map import clearance_of
 from robotctl.planning.costmap.tracks import MovingObstacles
-from robotctl.planning.guard.obstacle_guard import GuardConfig, ObstacleGuard
+from robotctl.planning.guard.obstacle_guard import ObstacleGuard
 
 SIDE_M = 0.05
 LOW, HIGH = (-25.0, -20.0), (25.0, 20.0)

@@ -1,16 +1,197 @@
-"""Settings of the navigator."""
+"""Settings of planning, as they stand in a robot's file."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from typing import Final
 
 from robotctl.errors import InvalidValue
-from robotctl.planning.behaviours.follow_wall import WallConfig
 from robotctl.planning.costmap.zone import Zone
-from robotctl.planning.guard.obstacle_guard import GuardConfig
-from robotctl.planning.journey.recovery import RecoveryConfig
-from robotctl.planning.local.pursuit import PursuitConfig
+
+MOST_BLOCKED_S: Final = 1e6
+LONGEST_WAIT_S: Final = 86400.0
+MOST_RETRIES: Final = 1000
+FARTHEST_BACK_M: Final = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class GuardConfig:
+    """When the guard brakes.
+
+    Parameters
+    ----------
+    margin_m
+        Way that each corner of the body keeps to an obstacle ahead of it [m], > 0.
+    deceleration_m_s2
+        Braking that the robot manages for sure [m/s^2], > 0.
+    reaction_s
+        Time from an echo to the brakes, with the median filter and the ring's refresh [s], > 0.
+    nose_m
+        How far the robot reaches ahead of `base` [m], > 0: from there the gap to what the camera
+        sees is counted; as far behind `base`, driving backwards.
+    half_width_m
+        Half the robot's width plus a little room [m], > 0: lateral position of its corners.
+    cone_deg
+        Sonars within this angle of the direction of travel look ahead [deg], > 0: without their
+        readings the robot stands.
+    blocked_max_s
+        A robot blocked for this long gives up [s], > 0, at most 1e6.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range.
+    """
+
+    margin_m: float = 0.12
+    deceleration_m_s2: float = 0.8
+    reaction_s: float = 0.2
+    nose_m: float = 0.2
+    half_width_m: float = 0.18
+    cone_deg: float = 30.0
+    blocked_max_s: float = 10.0
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            value = getattr(self, each.name)
+            if not 0.0 < value < math.inf:
+                raise InvalidValue(each.name, f"{value} found, a finite number > 0 allowed", value)
+        if self.blocked_max_s > MOST_BLOCKED_S:
+            raise InvalidValue(
+                "blocked_max_s",
+                f"{self.blocked_max_s} found, at most {MOST_BLOCKED_S:.0f} allowed",
+                self.blocked_max_s,
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class PursuitConfig:
+    """How paths are followed.
+
+    Parameters
+    ----------
+    lookahead_s
+        The target point lies as far ahead as the robot drives in this time [s], > 0,
+    lookahead_min_m, lookahead_max_m
+        but within these lengths [m], > 0.
+    acceleration_m_s2
+        Deceleration planned for the goal and for corners [m/s^2], > 0; below the limiter's.
+    lateral_acceleration_m_s2
+        Largest v^2 / R in a bend [m/s^2], > 0.
+    omega_max_rad_s
+        Fastest turn [rad/s], > 0.
+    alpha_rad_s2
+        Angular deceleration planned for the end of a turn on the spot [rad/s^2], > 0.
+    creep_m_s
+        Slowest speed while the goal is not reached [m/s], > 0; a slower wanted speed holds.
+    goal_tolerance_m
+        The end is reached this far before it, along the path [m], > 0.
+    off_path_max_m
+        A robot further from its path gives up [m], > 0.
+    turn_on_spot_deg, turned_deg
+        A robot that can turn on the spot does so when the point lies further aside than the first
+        [deg], until it lies within the second.
+
+    Raises
+    ------
+    ValueError
+        If a value is not positive and finite.
+    """
+
+    lookahead_s: float = 0.8
+    lookahead_min_m: float = 0.25
+    lookahead_max_m: float = 0.6
+    acceleration_m_s2: float = 0.4
+    lateral_acceleration_m_s2: float = 0.5
+    omega_max_rad_s: float = 1.2
+    alpha_rad_s2: float = 1.5
+    creep_m_s: float = 0.06
+    goal_tolerance_m: float = 0.05
+    off_path_max_m: float = 0.5
+    turn_on_spot_deg: float = 60.0
+    turned_deg: float = 8.0
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            value = getattr(self, each.name)
+            if not 0.0 < value < math.inf:
+                raise InvalidValue(each.name, f"{value} found, a finite number > 0 allowed", value)
+
+
+@dataclass(frozen=True, slots=True)
+class WallConfig:
+    """How walls are followed.
+
+    Parameters
+    ----------
+    length_m
+        Way over which a wrong distance is corrected [m], > 0.
+    omega_max_rad_s
+        Fastest turn [rad/s], > 0.
+    approach_max_deg
+        Steepest approach to the wall [deg], in (0, 90).
+    lost_max_m
+        Distance driven straight on without a wall before giving up [m], > 0.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range.
+    """
+
+    length_m: float = 0.5
+    omega_max_rad_s: float = 0.8
+    approach_max_deg: float = 20.0
+    lost_max_m: float = 0.8
+
+    def __post_init__(self) -> None:
+        for key in ("length_m", "omega_max_rad_s", "lost_max_m"):
+            if not 0.0 < getattr(self, key) < math.inf:
+                raise InvalidValue(
+                    key, f"{getattr(self, key)} found, a number > 0 allowed", getattr(self, key)
+                )
+        if not 0.0 < self.approach_max_deg < 90.0:
+            raise InvalidValue(
+                "approach_max_deg",
+                f"{self.approach_max_deg} found, (0, 90) allowed",
+                self.approach_max_deg,
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class RecoveryConfig:
+    """How patient journeys are.
+
+    Parameters
+    ----------
+    wait_s
+        Longest wait before a place where something that is on no map closes the way [s], 0 to
+        86400; then it begins to recover.
+    retries
+        Times in one journey that it begins to recover, 0 to 1000; 0: it gives up at once.
+    back_off_m
+        Distance that it backs off [m], 0 to 5; 0: it does not.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range.
+    """
+
+    wait_s: float = 30.0
+    retries: int = 4
+    back_off_m: float = 0.3
+
+    def __post_init__(self) -> None:
+        for key, most in (
+            ("wait_s", LONGEST_WAIT_S),
+            ("retries", MOST_RETRIES),
+            ("back_off_m", FARTHEST_BACK_M),
+        ):
+            value = getattr(self, key)
+            if not 0 <= value <= most:
+                raise InvalidValue(key, f"{value} found, 0 to {most:g} allowed", value)
 
 
 @dataclass(frozen=True, slots=True)

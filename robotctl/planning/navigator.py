@@ -31,18 +31,19 @@ from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.model.sensors.sonar import SonarMount
+from robotctl.planning.behaviours.behaviour import BehaviourInput, BehaviourOutput, Status
 from robotctl.planning.behaviours.breadcrumbs import Breadcrumbs
 from robotctl.planning.behaviours.goto import NO_PILOT
 from robotctl.planning.behaviours.goto_place import place_problems
-from robotctl.planning.behaviours.kind import Goal, NavigatedRobot, Paths, Pilot
-from robotctl.planning.behaviours.mission import Mission
+from robotctl.planning.behaviours.kind import NavigatedRobot, Paths, Pilot
 from robotctl.planning.behaviours.registry import behaviour_for
 from robotctl.planning.behaviours.rejoin import Rejoining
 from robotctl.planning.behaviours.relocalise import LookAround
 from robotctl.planning.config import NavigationConfig
-from robotctl.planning.guard.behaviour import BehaviourInput, BehaviourOutput, Status
+from robotctl.planning.global_planning.goal import Goal
 from robotctl.planning.guard.obstacle_guard import ObstacleGuard
 from robotctl.planning.mission.auto import Auto, needs_pilot
+from robotctl.planning.mission.mission_file import Mission
 from robotctl.planning.navigation_step import (
     LoadRequest,
     NavigationInputs,

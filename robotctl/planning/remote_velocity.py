@@ -8,8 +8,8 @@ from robotctl.control.limiter import LimitsConfig
 from robotctl.messages.requests import StickRequest, VelocityRequest
 from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.twist import Twist
+from robotctl.planning.behaviours.behaviour import BehaviourOutput
 from robotctl.planning.behaviours.guarded import limited
-from robotctl.planning.guard.behaviour import BehaviourOutput
 from robotctl.planning.guard.obstacle_guard import ObstacleGuard
 from robotctl.planning.local.heading_control import towards, turn_towards
 

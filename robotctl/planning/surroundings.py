@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from robotctl.model.geometry.points import moved
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
+from robotctl.planning.behaviours.behaviour import BehaviourInput
 from robotctl.planning.behaviours.kind import NavigatedRobot, Seen
-from robotctl.planning.guard.behaviour import BehaviourInput
 from robotctl.planning.guard.echo_memory import EchoMemory
 from robotctl.planning.guard.echo_motion import STANDS, EchoMotion
 from robotctl.planning.guard.obstacle_guard import body_rectangle

@@ -1,7 +1,7 @@
 """The controller of docs/extending.md drives to a goal, round a box that is on no map."""
 
+from robotctl.planning.behaviours.behaviour import Status
 from robotctl.planning.config import NavigationConfig, PilotConfig
-from robotctl.planning.guard.behaviour import Status
 from tests.planning.journey.bench import Bench, room
 
 

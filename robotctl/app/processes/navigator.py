@@ -18,10 +18,10 @@ from robotctl.maps.topology_file import load_places
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.planning.behaviours.kind import Abilities, Pilot
-from robotctl.planning.behaviours.mission import Mission, mission_rules
 from robotctl.planning.guard.body import body_outline
 from robotctl.planning.guard.obstacle_guard import body_rectangle
 from robotctl.planning.guard.sonars import sonar_directions
+from robotctl.planning.mission.mission_file import Mission, mission_rules
 from robotctl.planning.navigator import Navigator
 from robotctl.planning.topological.graph import TopologicalMap
 

@@ -13,9 +13,9 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import FREE, OCCUPIED, GridMap
 from robotctl.model.wall_map import WallMap
 from robotctl.planning.behaviours.goto import GotoItem
-from robotctl.planning.behaviours.mission import Mission
 from robotctl.planning.behaviours.wait import WaitItem
 from robotctl.planning.guard.body import body_outline
+from robotctl.planning.mission.mission_file import Mission
 
 
 class Best(NamedTuple):

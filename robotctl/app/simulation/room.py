@@ -16,8 +16,8 @@ from robotctl.errors import ConfigError
 from robotctl.messages.control import NavigationState
 from robotctl.planning.behaviours.goto import GotoItem
 from robotctl.planning.behaviours.goto_place import GotoPlaceItem
-from robotctl.planning.behaviours.mission import Mission, StartPose
 from robotctl.planning.behaviours.straight_to import StraightToItem
+from robotctl.planning.mission.mission_file import Mission, StartPose
 
 _SHORTEST_M = 0.5
 

@@ -10,6 +10,14 @@ from typing import Final, Literal
 from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.sensors.sonar import SonarMount
+from robotctl.planning.behaviours.behaviour import (
+    Behaviour,
+    BehaviourInput,
+    BehaviourOutput,
+    Stopwatch,
+    done,
+    failed,
+)
 from robotctl.planning.behaviours.dock_marker import DockAtMarker
 from robotctl.planning.behaviours.docking import (
     NEAR_M,
@@ -21,14 +29,6 @@ from robotctl.planning.behaviours.docking import (
 from robotctl.planning.behaviours.item import require_positive
 from robotctl.planning.behaviours.kind import Abilities, Kind, NavigatedRobot
 from robotctl.planning.behaviours.wall_ahead import SONARS, WallAhead
-from robotctl.planning.guard.behaviour import (
-    Behaviour,
-    BehaviourInput,
-    BehaviourOutput,
-    Stopwatch,
-    done,
-    failed,
-)
 from robotctl.planning.guard.obstacle_guard import body_rectangle
 from robotctl.planning.local.pursuit import curvature_max
 

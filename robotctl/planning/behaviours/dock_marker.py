@@ -8,20 +8,20 @@ from typing import Final
 
 from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.se2 import SE2
-from robotctl.planning.behaviours.docking import (
-    NEAR_M,
-    SKEW_MAX_RAD,
-    SQUARE_RAD,
-    approach_speed,
-    turn,
-)
-from robotctl.planning.guard.behaviour import (
+from robotctl.planning.behaviours.behaviour import (
     Behaviour,
     BehaviourInput,
     BehaviourOutput,
     Stopwatch,
     done,
     failed,
+)
+from robotctl.planning.behaviours.docking import (
+    NEAR_M,
+    SKEW_MAX_RAD,
+    SQUARE_RAD,
+    approach_speed,
+    turn,
 )
 from robotctl.planning.local.pursuit import curvature_max, reachable_curvature
 

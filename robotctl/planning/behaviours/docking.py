@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from robotctl.planning.guard.behaviour import BehaviourOutput
-from robotctl.planning.local.pursuit import PursuitConfig, turn_rate
+from robotctl.planning.behaviours.behaviour import BehaviourOutput
+from robotctl.planning.config import PursuitConfig
+from robotctl.planning.local.pursuit import turn_rate
 
 SQUARE_RAD: Final = math.radians(2.0)
 """A robot that can turn on the spot does so until it is that square [rad]."""

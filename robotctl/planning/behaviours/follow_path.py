@@ -10,10 +10,7 @@ from typing import Literal
 from robotctl.errors import InvalidValue
 from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.se2 import SE2
-from robotctl.planning.behaviours.item import LARGEST, require_points, require_positive, time_for
-from robotctl.planning.behaviours.kind import Abilities, Kind, NavigatedRobot
-from robotctl.planning.behaviours.rearwards import Rearwards
-from robotctl.planning.guard.behaviour import (
+from robotctl.planning.behaviours.behaviour import (
     Anchor,
     Behaviour,
     BehaviourInput,
@@ -21,8 +18,12 @@ from robotctl.planning.guard.behaviour import (
     done,
     failed,
 )
+from robotctl.planning.behaviours.item import LARGEST, require_points, require_positive, time_for
+from robotctl.planning.behaviours.kind import Abilities, Kind, NavigatedRobot
+from robotctl.planning.behaviours.rearwards import Rearwards
+from robotctl.planning.config import PursuitConfig
 from robotctl.planning.local.path import Path, Point, rounded
-from robotctl.planning.local.pursuit import Pursuit, PursuitConfig
+from robotctl.planning.local.pursuit import Pursuit
 
 _TURN_IN_CIRCLES = 1.5
 """A robot that joins its path is aligned with it after this many turning circles of travel."""

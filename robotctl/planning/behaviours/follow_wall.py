@@ -12,18 +12,10 @@ from robotctl.control.wall_following import (
     WallFollower,
     critically_damped,
 )
-from robotctl.errors import InvalidValue
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarMount
-from robotctl.planning.behaviours.item import (
-    NO_LENGTH_S,
-    require_points,
-    require_positive,
-    time_for,
-)
-from robotctl.planning.behaviours.kind import Abilities, Kind, NavigatedRobot
-from robotctl.planning.guard.behaviour import (
+from robotctl.planning.behaviours.behaviour import (
     Anchor,
     Behaviour,
     BehaviourInput,
@@ -31,6 +23,14 @@ from robotctl.planning.guard.behaviour import (
     done,
     failed,
 )
+from robotctl.planning.behaviours.item import (
+    NO_LENGTH_S,
+    require_points,
+    require_positive,
+    time_for,
+)
+from robotctl.planning.behaviours.kind import Abilities, Kind, NavigatedRobot
+from robotctl.planning.config import WallConfig
 from robotctl.planning.guard.sonars import sonar_towards
 from robotctl.planning.local.path import Point
 
@@ -38,46 +38,6 @@ Side: TypeAlias = Literal["left", "right"]
 
 _TURNED_MAX_RAD = math.radians(30.0)
 """Turned by more in another mode, the robot would follow a different wall."""
-
-
-@dataclass(frozen=True, slots=True)
-class WallConfig:
-    """How walls are followed.
-
-    Parameters
-    ----------
-    length_m
-        Way over which a wrong distance is corrected [m], > 0.
-    omega_max_rad_s
-        Fastest turn [rad/s], > 0.
-    approach_max_deg
-        Steepest approach to the wall [deg], in (0, 90).
-    lost_max_m
-        Distance driven straight on without a wall before giving up [m], > 0.
-
-    Raises
-    ------
-    ValueError
-        If a value is out of its range.
-    """
-
-    length_m: float = 0.5
-    omega_max_rad_s: float = 0.8
-    approach_max_deg: float = 20.0
-    lost_max_m: float = 0.8
-
-    def __post_init__(self) -> None:
-        for key in ("length_m", "omega_max_rad_s", "lost_max_m"):
-            if not 0.0 < getattr(self, key) < math.inf:
-                raise InvalidValue(
-                    key, f"{getattr(self, key)} found, a number > 0 allowed", getattr(self, key)
-                )
-        if not 0.0 < self.approach_max_deg < 90.0:
-            raise InvalidValue(
-                "approach_max_deg",
-                f"{self.approach_max_deg} found, (0, 90) allowed",
-                self.approach_max_deg,
-            )
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,16 +9,17 @@ from typing import Literal
 
 from robotctl.messages.requests import PositionRequest
 from robotctl.model.geometry.se2 import SE2
-from robotctl.planning.behaviours.item import require_bounded, require_positive
-from robotctl.planning.behaviours.kind import Goal, Kind, NavigatedRobot, Pilot
-from robotctl.planning.behaviours.straight_to import straight_to
-from robotctl.planning.guard.behaviour import (
+from robotctl.planning.behaviours.behaviour import (
     Anchor,
     Behaviour,
     BehaviourInput,
     BehaviourOutput,
     failed,
 )
+from robotctl.planning.behaviours.item import require_bounded, require_positive
+from robotctl.planning.behaviours.kind import Kind, NavigatedRobot, Pilot
+from robotctl.planning.behaviours.straight_to import straight_to
+from robotctl.planning.global_planning.goal import Goal
 
 NO_PILOT = "this robot has neither a map nor a lidar to plan by"
 

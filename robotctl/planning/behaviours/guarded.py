@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from robotctl.model.geometry.se2 import SE2
-from robotctl.planning.guard.behaviour import (
+from robotctl.planning.behaviours.behaviour import (
     Anchor,
     Behaviour,
     BehaviourInput,
@@ -14,10 +14,11 @@ from robotctl.planning.guard.behaviour import (
     Stopwatch,
     failed,
 )
-from robotctl.planning.guard.obstacle_guard import GuardConfig, GuardStep, ObstacleGuard
+from robotctl.planning.config import GuardConfig
+from robotctl.planning.guard.obstacle_guard import GuardStep, ObstacleGuard
 
 if TYPE_CHECKING:
-    from robotctl.planning.behaviours.kind import Goal
+    from robotctl.planning.global_planning.goal import Goal
 
 _STANDSTILL_M_S = 0.03
 """Below this allowed speed the robot stands still."""

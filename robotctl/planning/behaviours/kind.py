@@ -10,9 +10,12 @@ from robotctl.model.drives.drives import Drive
 from robotctl.model.fence import Fence
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarMount
+from robotctl.planning.behaviours.behaviour import Behaviour
 from robotctl.planning.behaviours.breadcrumbs import Breadcrumbs
-from robotctl.planning.guard.behaviour import Behaviour
-from robotctl.planning.guard.obstacle_guard import GuardConfig, ObstacleGuard
+from robotctl.planning.config import GuardConfig, NavigationConfig, RecoveryConfig
+from robotctl.planning.costmap.zone import Zone
+from robotctl.planning.global_planning.goal import Goal
+from robotctl.planning.guard.obstacle_guard import ObstacleGuard
 from robotctl.planning.guard.sonars import sonar_directions
 from robotctl.planning.local.path import Point
 
@@ -20,9 +23,6 @@ if TYPE_CHECKING:
     from robotctl.model.grid_map import GridMap  # which loads numpy
     from robotctl.model.sensors.range_scan import RangeScan  # which loads numpy
     from robotctl.planning.behaviours.outlook import Outlook  # which loads numpy
-    from robotctl.planning.config import NavigationConfig  # which has settings of behaviours
-    from robotctl.planning.costmap.zone import Zone
-    from robotctl.planning.journey.recovery import RecoveryConfig
 
 
 class Paths(Protocol):
@@ -30,14 +30,6 @@ class Paths(Protocol):
 
     def way(self, start: Point, goal: Point) -> list[Point]:
         """Return the corners after `start`, `goal` the last; none if there is no path."""
-
-
-class Goal(NamedTuple):
-    """A place of `world` to drive to [m], and the heading there [rad]; None: any."""
-
-    x_m: float
-    y_m: float
-    heading_rad: float | None = None
 
 
 class Seen(NamedTuple):

@@ -7,8 +7,14 @@ from typing import Final
 
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
-from robotctl.planning.behaviours.kind import Goal, NavigatedRobot
-from robotctl.planning.guard.behaviour import Anchor, Behaviour, BehaviourInput, BehaviourOutput
+from robotctl.planning.behaviours.behaviour import (
+    Anchor,
+    Behaviour,
+    BehaviourInput,
+    BehaviourOutput,
+)
+from robotctl.planning.behaviours.kind import NavigatedRobot
+from robotctl.planning.global_planning.goal import Goal
 
 _TURNED: Final = SE2(0.0, 0.0, math.pi)
 

@@ -8,11 +8,7 @@ from dataclasses import replace
 from typing import Final
 
 from robotctl.model.geometry.se2 import SE2
-from robotctl.planning.behaviours.guarded import Guarded
-from robotctl.planning.behaviours.kind import Goal, NavigatedRobot
-from robotctl.planning.behaviours.straight_to import StraightTo
-from robotctl.planning.behaviours.turn_to import TurnTo
-from robotctl.planning.guard.behaviour import (
+from robotctl.planning.behaviours.behaviour import (
     Anchor,
     Behaviour,
     BehaviourInput,
@@ -20,6 +16,11 @@ from robotctl.planning.guard.behaviour import (
     Status,
     done,
 )
+from robotctl.planning.behaviours.guarded import Guarded
+from robotctl.planning.behaviours.kind import NavigatedRobot
+from robotctl.planning.behaviours.straight_to import StraightTo
+from robotctl.planning.behaviours.turn_to import TurnTo
+from robotctl.planning.global_planning.goal import Goal
 from robotctl.planning.local.path import Point
 
 _NEAR_M: Final = 0.2

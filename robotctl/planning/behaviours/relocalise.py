@@ -11,7 +11,7 @@ from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarMount
-from robotctl.planning.guard.behaviour import BehaviourInput, BehaviourOutput
+from robotctl.planning.behaviours.behaviour import BehaviourInput, BehaviourOutput
 from robotctl.planning.guard.obstacle_guard import ObstacleGuard
 
 _BLOCKED_M_S: Final = 0.1

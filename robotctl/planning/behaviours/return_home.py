@@ -8,11 +8,7 @@ from robotctl.messages.mode import Mode
 from robotctl.model.drives.drives import Drive
 from robotctl.model.fence import Point
 from robotctl.model.geometry.se2 import SE2
-from robotctl.planning.behaviours.breadcrumbs import Breadcrumbs, Leg
-from robotctl.planning.behaviours.follow_path import FollowPath
-from robotctl.planning.behaviours.goto import Piloted
-from robotctl.planning.behaviours.kind import Goal, Kind, NavigatedRobot
-from robotctl.planning.guard.behaviour import (
+from robotctl.planning.behaviours.behaviour import (
     Anchor,
     Behaviour,
     BehaviourInput,
@@ -21,8 +17,13 @@ from robotctl.planning.guard.behaviour import (
     done,
     failed,
 )
+from robotctl.planning.behaviours.breadcrumbs import Breadcrumbs, Leg
+from robotctl.planning.behaviours.follow_path import FollowPath
+from robotctl.planning.behaviours.goto import Piloted
+from robotctl.planning.behaviours.kind import Kind, NavigatedRobot
+from robotctl.planning.config import PursuitConfig
+from robotctl.planning.global_planning.goal import Goal
 from robotctl.planning.local.path import Path
-from robotctl.planning.local.pursuit import PursuitConfig
 
 
 class ReturnHome(Behaviour):

@@ -8,10 +8,7 @@ from typing import Literal
 
 from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.se2 import SE2
-from robotctl.planning.behaviours.item import NO_LENGTH_S, require_bounded, require_positive
-from robotctl.planning.behaviours.kind import Goal, Kind, NavigatedRobot
-from robotctl.planning.behaviours.rearwards import Rearwards
-from robotctl.planning.guard.behaviour import (
+from robotctl.planning.behaviours.behaviour import (
     Anchor,
     Behaviour,
     BehaviourInput,
@@ -19,9 +16,13 @@ from robotctl.planning.guard.behaviour import (
     done,
     failed,
 )
+from robotctl.planning.behaviours.item import NO_LENGTH_S, require_bounded, require_positive
+from robotctl.planning.behaviours.kind import Kind, NavigatedRobot
+from robotctl.planning.behaviours.rearwards import Rearwards
+from robotctl.planning.config import PursuitConfig
+from robotctl.planning.global_planning.goal import Goal
 from robotctl.planning.guard.obstacle_guard import ObstacleGuard
 from robotctl.planning.local.pursuit import (
-    PursuitConfig,
     bend_speed,
     heading_error_rad,
     in_base,

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 from robotctl.model.geometry.angles import wrap_angle
+from robotctl.planning.behaviours.behaviour import Behaviour, BehaviourInput, BehaviourOutput, done
 from robotctl.planning.behaviours.item import NO_LENGTH_S, require_bounded, require_positive
 from robotctl.planning.behaviours.kind import Abilities, Kind, NavigatedRobot
-from robotctl.planning.guard.behaviour import Behaviour, BehaviourInput, BehaviourOutput, done
-from robotctl.planning.local.pursuit import PursuitConfig, turn_rate
+from robotctl.planning.config import PursuitConfig
+from robotctl.planning.local.pursuit import turn_rate
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from robotctl.planning.behaviours.item import require_positive
-from robotctl.planning.behaviours.kind import Kind, NavigatedRobot
-from robotctl.planning.guard.behaviour import (
+from robotctl.planning.behaviours.behaviour import (
     Behaviour,
     BehaviourInput,
     BehaviourOutput,
     Stopwatch,
     done,
 )
+from robotctl.planning.behaviours.item import require_positive
+from robotctl.planning.behaviours.kind import Kind, NavigatedRobot
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from robotctl.errors import InvalidValue
-from robotctl.planning.behaviours.item import require_positive
-from robotctl.planning.behaviours.kind import Kind, NavigatedRobot
-from robotctl.planning.guard.behaviour import (
+from robotctl.planning.behaviours.behaviour import (
     Behaviour,
     BehaviourInput,
     BehaviourOutput,
     done,
     failed,
 )
+from robotctl.planning.behaviours.item import require_positive
+from robotctl.planning.behaviours.kind import Kind, NavigatedRobot
 from robotctl.planning.guard.obstacle_guard import ObstacleGuard
 
 _CLEAR_NS: Final = 1_000_000_000

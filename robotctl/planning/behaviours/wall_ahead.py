@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarMount
-from robotctl.planning.guard.behaviour import BehaviourInput
+from robotctl.planning.behaviours.behaviour import BehaviourInput
 from robotctl.planning.guard.sonars import sonar_towards
 
 SONARS: Final = ("front", "front_left", "front_right")

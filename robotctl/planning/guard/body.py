@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 from robotctl.model.footprint import Footprint
 from robotctl.model.sensors.sonar import SonarMount
-from robotctl.planning.guard.obstacle_guard import GuardConfig, body_rectangle
+from robotctl.planning.config import GuardConfig
+from robotctl.planning.guard.obstacle_guard import body_rectangle
 
 
 def body_outline(guard: GuardConfig, mounts: Sequence[SonarMount]) -> Footprint:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.model.geometry.se2 import SE2
-from robotctl.planning.guard.obstacle_guard import Point
+from robotctl.planning.guard.course import Point
 
 _REACH_M: Final = 1.5
 """Points further away are ignored [m]."""

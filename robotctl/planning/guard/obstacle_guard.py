@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Final, NamedTuple
 
-from robotctl.errors import InvalidValue
 from robotctl.model.geometry.twist import Twist
 from robotctl.model.rectangle import Rectangle
 from robotctl.model.sensors.sonar import SonarMount
+from robotctl.planning.config import GuardConfig
+from robotctl.planning.guard.course import LEAST_CLOSING, Course, Point
 from robotctl.planning.guard.echo_motion import STANDS, Approach
 
 if TYPE_CHECKING:  # numpy would be slow to load for each process that reads a robot's file
@@ -19,16 +19,8 @@ if TYPE_CHECKING:  # numpy would be slow to load for each process that reads a r
 
     from robotctl.control.limiter import LimitsConfig
 
-Point: TypeAlias = tuple[float, float]
-"""x, y of `base` [m]."""
-
-MOST_BLOCKED_S: Final = 1e6
-
 _ECHO_MARGIN_M: Final = 0.03
 """Way that the body keeps to an echo that it has passed."""
-LEAST_CLOSING: Final = 0.02
-"""A corner that approaches a wall by less than this, per distance of `base`, moves along it; else a
-robot close beside one could hardly turn away."""
 _SIDEWAYS: Final = 0.1
 """A sonar looks to the side if its axis has less than this ahead, or behind."""
 _HALF_CONE_RAD: Final = math.radians(12.5)
@@ -43,56 +35,6 @@ _GRAZE_M_S: Final = 0.04
 """Maximum speed of a corner that cannot hurt anybody it moves towards [m/s]."""
 
 
-@dataclass(frozen=True, slots=True)
-class GuardConfig:
-    """When the guard brakes.
-
-    Parameters
-    ----------
-    margin_m
-        Way that each corner of the body keeps to an obstacle ahead of it [m], > 0.
-    deceleration_m_s2
-        Braking that the robot manages for sure [m/s^2], > 0.
-    reaction_s
-        Time from an echo to the brakes, with the median filter and the ring's refresh [s], > 0.
-    nose_m
-        How far the robot reaches ahead of `base` [m], > 0: from there the gap to what the camera
-        sees is counted; as far behind `base`, driving backwards.
-    half_width_m
-        Half the robot's width plus a little room [m], > 0: lateral position of its corners.
-    cone_deg
-        Sonars within this angle of the direction of travel look ahead [deg], > 0: without their
-        readings the robot stands.
-    blocked_max_s
-        A robot blocked for this long gives up [s], > 0, at most 1e6.
-
-    Raises
-    ------
-    ValueError
-        If a value is out of its range.
-    """
-
-    margin_m: float = 0.12
-    deceleration_m_s2: float = 0.8
-    reaction_s: float = 0.2
-    nose_m: float = 0.2
-    half_width_m: float = 0.18
-    cone_deg: float = 30.0
-    blocked_max_s: float = 10.0
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if not 0.0 < value < math.inf:
-                raise InvalidValue(field.name, f"{value} found, a finite number > 0 allowed", value)
-        if self.blocked_max_s > MOST_BLOCKED_S:
-            raise InvalidValue(
-                "blocked_max_s",
-                f"{self.blocked_max_s} found, at most {MOST_BLOCKED_S:.0f} allowed",
-                self.blocked_max_s,
-            )
-
-
 class GuardStep(NamedTuple):
     """The guard's limit."""
 
@@ -103,38 +45,9 @@ class GuardStep(NamedTuple):
     """Obstacle that limits the speed, as text; empty if there is none."""
 
 
-class Course(NamedTuple):
-    """Direction and bend of the way of `base`."""
-
-    ahead: float
-    """Share of the motion forwards; with `left` a unit vector, or both 0 on the spot."""
-    left: float
-    turn: float
-    """Change of the heading, to the left > 0 [1/m]; 1 or -1 on the spot, 0 at rest."""
-
-    @property
-    def is_on_the_spot(self) -> bool:
-        """Whether `base` stays where it is."""
-        return self.ahead == self.left == 0.0
-
-
 _STRAIGHT_ON: Final = Course(1.0, 0.0, 0.0)
 
 
-def _course(v: float, omega: float, vy: float) -> Course:
-    """Return where a velocity of `base` leads."""
-    if abs(vy) <= _NOTHING * abs(v):
-        if v == 0.0:
-            return Course(0.0, 0.0, math.copysign(1.0, omega) if omega else 0.0)
-        return Course(math.copysign(1.0, v), 0.0, omega / abs(v))
-    if abs(v) <= _NOTHING * abs(vy):
-        return Course(0.0, math.copysign(1.0, vy), omega / abs(vy))
-    speed = math.hypot(v, vy)
-    return Course(v / speed, vy / speed, omega / speed)
-
-
-_NOTHING: Final = 1e-9
-"""Share of a motion that is rounding."""
 _SHARES: Final = (1.0, 0.5, 0.2)
 """Shares of a velocity that are looked at."""
 _TURNS_INTO: Final = "something is where the robot would slide to"
@@ -296,7 +209,7 @@ class ObstacleGuard:
         vy_m_s
             With it, sideways to the left > 0 [m/s].
         """
-        allowed = self._step(_course(v_m_s, omega_rad_s, vy_m_s))
+        allowed = self._step(Course.of(v_m_s, omega_rad_s, vy_m_s))
         if self._limits is None or self._points is None:
             return allowed
         wanted = Twist(v_m_s, omega_rad_s, vy_m_s)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.model.rectangle import Rectangle
-from robotctl.planning.guard.obstacle_guard import LEAST_CLOSING, Course, Point
+from robotctl.planning.guard.course import LEAST_CLOSING, Course, Point
 
 _STRAIGHT: Final = 1e-4
 """An arc of a smaller curvature is a straight line [1/m]: half a millimetre in three metres."""

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from robotctl.model.geometry.se2 import SE2
-from robotctl.planning.behaviours.kind import Goal
-from robotctl.planning.guard.behaviour import BehaviourInput, BehaviourOutput
+from robotctl.planning.behaviours.behaviour import BehaviourInput, BehaviourOutput
+from robotctl.planning.global_planning.goal import Goal
 
 if TYPE_CHECKING:
     from robotctl.planning.journey.journey import Journey

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from robotctl.model.geometry.se2 import SE2
-from robotctl.planning.behaviours.kind import Goal
+from robotctl.planning.global_planning.goal import Goal
 from robotctl.planning.global_planning.plan import Plan
 
 _STEP_M: Final = 0.05

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
-from robotctl.planning.guard.behaviour import BehaviourOutput
-from robotctl.planning.journey.recovery import Rung
+from robotctl.planning.behaviours.behaviour import BehaviourOutput
+from robotctl.planning.behaviours.recovery import Rung
 
 if TYPE_CHECKING:
     from robotctl.planning.journey.pilot import MapPilot

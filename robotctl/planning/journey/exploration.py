@@ -6,10 +6,7 @@ import math
 from typing import TYPE_CHECKING, Final
 
 from robotctl.model.geometry.se2 import SE2
-from robotctl.planning.behaviours.kind import Goal
-from robotctl.planning.global_planning.frontiers import Frontier, frontiers, known_area_m2
-from robotctl.planning.global_planning.plan import Plan, Point
-from robotctl.planning.guard.behaviour import (
+from robotctl.planning.behaviours.behaviour import (
     Anchor,
     Behaviour,
     BehaviourInput,
@@ -17,6 +14,9 @@ from robotctl.planning.guard.behaviour import (
     Status,
     done,
 )
+from robotctl.planning.global_planning.frontiers import Frontier, frontiers, known_area_m2
+from robotctl.planning.global_planning.goal import Goal
+from robotctl.planning.global_planning.plan import Plan, Point
 
 if TYPE_CHECKING:
     from robotctl.planning.journey.journey import Journey

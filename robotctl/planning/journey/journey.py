@@ -9,9 +9,7 @@ import numpy as np
 
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
-from robotctl.planning.behaviours.kind import Goal
-from robotctl.planning.global_planning.plan import PlanFailure, Reason
-from robotctl.planning.guard.behaviour import (
+from robotctl.planning.behaviours.behaviour import (
     Anchor,
     Behaviour,
     BehaviourInput,
@@ -19,9 +17,11 @@ from robotctl.planning.guard.behaviour import (
     done,
     failed,
 )
+from robotctl.planning.behaviours.recovery import Ladder, Rung
+from robotctl.planning.global_planning.goal import Goal
+from robotctl.planning.global_planning.plan import PlanFailure, Reason
 from robotctl.planning.journey.attempt import BEHIND_M, TURN_RAD_S, TURNS_RAD, Attempt, poses_after
 from robotctl.planning.journey.closed_way import ClosedWay
-from robotctl.planning.journey.recovery import Ladder, Rung
 from robotctl.planning.journey.route import Route
 from robotctl.planning.local.controller import LocalMotion, LocalSituation
 from robotctl.words import counted

@@ -19,9 +19,9 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.model.sensors.sonar import SonarMount
-from robotctl.planning.behaviours.kind import Goal, Seen
+from robotctl.planning.behaviours.kind import Seen
 from robotctl.planning.behaviours.outlook import NOWHERE, Outlook
-from robotctl.planning.config import NavigationConfig
+from robotctl.planning.config import NavigationConfig, RecoveryConfig
 from robotctl.planning.costmap.costs import costs_of
 from robotctl.planning.costmap.layered_map import FARTHEST_M, NOTHING_MOVES, LayeredMap
 from robotctl.planning.costmap.layers_config import LayersConfig
@@ -30,6 +30,7 @@ from robotctl.planning.costmap.tracks import MovingObstacles
 from robotctl.planning.costmap.zone import Zone
 from robotctl.planning.costmap.zones import Closed
 from robotctl.planning.global_planning.frontiers import connected
+from robotctl.planning.global_planning.goal import Goal
 from robotctl.planning.global_planning.obstructions import blocked_goal, nearest
 from robotctl.planning.global_planning.plan import (
     GoesOn,
@@ -44,7 +45,6 @@ from robotctl.planning.journey.arc import arc_to
 from robotctl.planning.journey.closed_way import ClosedWay, priced, until_closed
 from robotctl.planning.journey.exploration import Exploration
 from robotctl.planning.journey.journey import Journey
-from robotctl.planning.journey.recovery import RecoveryConfig
 from robotctl.planning.journey.rehearsal import rehearse
 from robotctl.planning.journey.travel import KnownPlaces, Travel
 from robotctl.planning.journey.way_out import find_way, lead_out

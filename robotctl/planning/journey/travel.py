@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from robotctl.model.geometry.se2 import SE2
-from robotctl.planning.guard.behaviour import (
+from robotctl.planning.behaviours.behaviour import (
     Anchor,
     Behaviour,
     BehaviourInput,

@@ -10,69 +10,14 @@ their reach.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
 from typing import NamedTuple
 
-from robotctl.errors import InvalidValue
 from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
+from robotctl.planning.config import PursuitConfig
 from robotctl.planning.local.path import Path
-
-
-@dataclass(frozen=True, slots=True)
-class PursuitConfig:
-    """How paths are followed.
-
-    Parameters
-    ----------
-    lookahead_s
-        The target point lies as far ahead as the robot drives in this time [s], > 0,
-    lookahead_min_m, lookahead_max_m
-        but within these lengths [m], > 0.
-    acceleration_m_s2
-        Deceleration planned for the goal and for corners [m/s^2], > 0; below the limiter's.
-    lateral_acceleration_m_s2
-        Largest v^2 / R in a bend [m/s^2], > 0.
-    omega_max_rad_s
-        Fastest turn [rad/s], > 0.
-    alpha_rad_s2
-        Angular deceleration planned for the end of a turn on the spot [rad/s^2], > 0.
-    creep_m_s
-        Slowest speed while the goal is not reached [m/s], > 0; a slower wanted speed holds.
-    goal_tolerance_m
-        The end is reached this far before it, along the path [m], > 0.
-    off_path_max_m
-        A robot further from its path gives up [m], > 0.
-    turn_on_spot_deg, turned_deg
-        A robot that can turn on the spot does so when the point lies further aside than the first
-        [deg], until it lies within the second.
-
-    Raises
-    ------
-    ValueError
-        If a value is not positive and finite.
-    """
-
-    lookahead_s: float = 0.8
-    lookahead_min_m: float = 0.25
-    lookahead_max_m: float = 0.6
-    acceleration_m_s2: float = 0.4
-    lateral_acceleration_m_s2: float = 0.5
-    omega_max_rad_s: float = 1.2
-    alpha_rad_s2: float = 1.5
-    creep_m_s: float = 0.06
-    goal_tolerance_m: float = 0.05
-    off_path_max_m: float = 0.5
-    turn_on_spot_deg: float = 60.0
-    turned_deg: float = 8.0
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if not 0.0 < value < math.inf:
-                raise InvalidValue(field.name, f"{value} found, a finite number > 0 allowed", value)
 
 
 class PursuitStep(NamedTuple):

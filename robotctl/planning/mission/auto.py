@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 from robotctl.errors import MissionError
 from robotctl.messages.requests import AbortRequest, GoAheadRequest, JumpRequest
+from robotctl.planning.behaviours.behaviour import BehaviourInput, BehaviourOutput
 from robotctl.planning.behaviours.kind import NavigatedRobot
-from robotctl.planning.behaviours.mission import Mission
 from robotctl.planning.behaviours.registry import kind_of
-from robotctl.planning.guard.behaviour import BehaviourInput, BehaviourOutput
+from robotctl.planning.mission.mission_file import Mission
 from robotctl.planning.mission.runner import MissionRunner
 
 

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 from robotctl.errors import MissionError
 from robotctl.planning.behaviours.kind import Abilities
-from robotctl.planning.behaviours.mission import Mission
 from robotctl.planning.behaviours.registry import kind_of
 from robotctl.planning.mission.flow import flow_problems
+from robotctl.planning.mission.mission_file import Mission
 
 
 def item_title(mission: Mission, index: int) -> str:

@@ -4,24 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from robotctl.planning.behaviours.flow import Target
-from robotctl.planning.behaviours.follow_path import DriveItem
-from robotctl.planning.behaviours.goto import GotoItem
-from robotctl.planning.behaviours.kind import NavigatedRobot
-from robotctl.planning.behaviours.mission import Mission
-from robotctl.planning.behaviours.registry import behaviour_for
-from robotctl.planning.behaviours.rejoin import Rejoining
-from robotctl.planning.behaviours.straight_to import StraightToItem
-from robotctl.planning.behaviours.wait_for import WaitForItem
-from robotctl.planning.guard.behaviour import (
+from robotctl.planning.behaviours.behaviour import (
     BehaviourInput,
     BehaviourOutput,
     Status,
     done,
     failed,
 )
+from robotctl.planning.behaviours.flow import Target
+from robotctl.planning.behaviours.follow_path import DriveItem
+from robotctl.planning.behaviours.goto import GotoItem
+from robotctl.planning.behaviours.kind import NavigatedRobot
+from robotctl.planning.behaviours.registry import behaviour_for
+from robotctl.planning.behaviours.rejoin import Rejoining
+from robotctl.planning.behaviours.straight_to import StraightToItem
+from robotctl.planning.behaviours.wait_for import WaitForItem
 from robotctl.planning.mission.check import check_mission, item_title
 from robotctl.planning.mission.flow import MissionFlow, item_index
+from robotctl.planning.mission.mission_file import Mission
 
 
 class MissionRunner:

@@ -12,9 +12,9 @@ from robotctl.messages.requests import ModeRequest
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behaviours.dock import DockItem
 from robotctl.planning.behaviours.kind import Abilities
-from robotctl.planning.behaviours.mission import Mission, StartPose
-from robotctl.planning.guard.obstacle_guard import GuardConfig
+from robotctl.planning.config import GuardConfig
 from robotctl.planning.mission.check import check_mission
+from robotctl.planning.mission.mission_file import Mission, StartPose
 
 AUTO, HOLD = ModeRequest(Mode.AUTO), ModeRequest(Mode.HOLD)
 WALL_X_M = 4.95

@@ -9,7 +9,7 @@ from robotctl.messages.mode import Mode
 from robotctl.messages.requests import ModeRequest
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behaviours.dock import DockItem
-from robotctl.planning.behaviours.mission import Mission, StartPose
+from robotctl.planning.mission.mission_file import Mission, StartPose
 
 AUTO, HOLD = ModeRequest(Mode.AUTO), ModeRequest(Mode.HOLD)
 MARKER = SE2(4.95, 1.0, 0.0)

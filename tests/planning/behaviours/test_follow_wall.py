@@ -8,9 +8,10 @@ from robotctl.messages.mode import Mode
 from robotctl.messages.requests import ModeRequest
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
-from robotctl.planning.behaviours.follow_wall import FollowWall, FollowWallItem, Until, WallConfig
-from robotctl.planning.behaviours.mission import Mission, StartPose
-from robotctl.planning.guard.behaviour import BehaviourInput, Status
+from robotctl.planning.behaviours.behaviour import BehaviourInput, Status
+from robotctl.planning.behaviours.follow_wall import FollowWall, FollowWallItem, Until
+from robotctl.planning.config import WallConfig
+from robotctl.planning.mission.mission_file import Mission, StartPose
 
 
 def follow(make_run, robot, start, item, **world):

@@ -6,11 +6,11 @@ from robotctl.errors import ConfigError, MissionError
 from robotctl.planning.behaviours.follow_path import DriveItem
 from robotctl.planning.behaviours.follow_wall import FollowWallItem, Until
 from robotctl.planning.behaviours.kind import Abilities
-from robotctl.planning.behaviours.mission import Mission, StartPose, parse_mission
 from robotctl.planning.behaviours.turn_to import TurnToItem
 from robotctl.planning.behaviours.wait import WaitItem
-from robotctl.planning.guard.obstacle_guard import GuardConfig
+from robotctl.planning.config import GuardConfig
 from robotctl.planning.mission.check import check_mission, item_title
+from robotctl.planning.mission.mission_file import Mission, StartPose, parse_mission
 
 TEXT = """
 name = "demo"

@@ -12,6 +12,7 @@ from robotctl.messages.requests import ExploreRequest, PlaceRequest, PositionReq
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
 from robotctl.model.sensors.range_scan import RangeScan
+from robotctl.planning.behaviours.behaviour import BehaviourInput, Status
 from robotctl.planning.behaviours.breadcrumbs import Breadcrumbs
 from robotctl.planning.behaviours.dock import DockItem
 from robotctl.planning.behaviours.explore import ExploreItem
@@ -26,7 +27,6 @@ from robotctl.planning.behaviours.turn_to import TurnToItem
 from robotctl.planning.behaviours.wait import WaitItem
 from robotctl.planning.behaviours.wait_for import WaitForItem
 from robotctl.planning.config import NavigationConfig
-from robotctl.planning.guard.behaviour import BehaviourInput, Status
 from robotctl.planning.guard.obstacle_guard import ObstacleGuard
 from robotctl.planning.journey.pilot import MapPilot
 from tests.planning.journey.bench import BODY, LIMITS

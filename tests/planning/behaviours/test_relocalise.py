@@ -18,8 +18,8 @@ from robotctl.messages.requests import (
 from robotctl.model.drives.drives import TricycleDrive
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
-from robotctl.planning.behaviours.mission import Mission, StartPose
 from robotctl.planning.behaviours.straight_to import StraightToItem
+from robotctl.planning.mission.mission_file import Mission, StartPose
 from robotctl.planning.navigation_step import NavigationInputs
 
 PLACES = (SE2(1.0, 1.0, 0.0), SE2(2.5, 3.0, 2.0), SE2(6.5, 3.5, -1.0), SE2(4.0, 2.5, 0.0))

@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from robotctl.model.geometry.twist import Twist
 from robotctl.model.sensors.sonar import SonarMount
+from robotctl.planning.config import GuardConfig
 from robotctl.planning.guard.echo_motion import STANDS, Approach, EchoMotion
-from robotctl.planning.guard.obstacle_guard import GuardConfig, ObstacleGuard
+from robotctl.planning.guard.obstacle_guard import ObstacleGuard
 
 DT_S = 0.05
 FRONT = SonarMount("front", 0.2, 0.0, 0.0)

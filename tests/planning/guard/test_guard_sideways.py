@@ -18,8 +18,8 @@ from robotctl.model.drives.drives import DifferentialDrive, MecanumDrive
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
 from robotctl.model.sensors.range_scan import RangeScan
-from robotctl.planning.config import NavigationConfig
-from robotctl.planning.guard.obstacle_guard import GuardConfig, ObstacleGuard
+from robotctl.planning.config import GuardConfig, NavigationConfig
+from robotctl.planning.guard.obstacle_guard import ObstacleGuard
 from robotctl.planning.navigation_step import NavigationInputs
 from robotctl.planning.navigator import Navigator
 from robotctl.planning.remote_velocity import guided_velocity, stick_velocity

@@ -14,9 +14,10 @@ from robotctl.messages.requests import VelocityRequest
 from robotctl.model.drives.drives import DifferentialDrive
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarMount
+from robotctl.planning.behaviours.behaviour import BehaviourOutput
 from robotctl.planning.behaviours.guarded import limited
-from robotctl.planning.guard.behaviour import BehaviourOutput
-from robotctl.planning.guard.obstacle_guard import GuardConfig, GuardStep, ObstacleGuard
+from robotctl.planning.config import GuardConfig
+from robotctl.planning.guard.obstacle_guard import GuardStep, ObstacleGuard
 from robotctl.planning.remote_velocity import guided_velocity
 from tests.planning.costmap.rays import box, ranges
 

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from robotctl.errors import InvalidValue
 from robotctl.model.sensors.sonar import SonarMount
-from robotctl.planning.guard.obstacle_guard import GuardConfig, ObstacleGuard, body_rectangle
+from robotctl.planning.config import GuardConfig
+from robotctl.planning.guard.obstacle_guard import ObstacleGuard, body_rectangle
 
 CONFIG = GuardConfig()
 MOUNTS = (

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.rectangle import Rectangle
-from robotctl.planning.guard.obstacle_guard import Course
+from robotctl.planning.guard.course import Course
 from robotctl.planning.guard.swept_body import free_way, ways_to_contact
 
 BODY = Rectangle(-0.15, 0.25, 0.18)

@@ -13,10 +13,11 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
 from robotctl.model.grid_map import GridMap
 from robotctl.model.sensors.range_scan import RangeScan
-from robotctl.planning.behaviours.kind import Goal, Seen
+from robotctl.planning.behaviours.behaviour import BehaviourInput, Status
+from robotctl.planning.behaviours.kind import Seen
 from robotctl.planning.config import NavigationConfig
 from robotctl.planning.costmap.planning_map import PlanningMap
-from robotctl.planning.guard.behaviour import BehaviourInput, Status
+from robotctl.planning.global_planning.goal import Goal
 from robotctl.planning.journey.pilot import MapPilot
 
 SIDE_M = 0.05

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
-from robotctl.planning.behaviours.kind import Goal
+from robotctl.planning.global_planning.goal import Goal
 from robotctl.planning.journey.arc import arc_to
 
 RADIUS_M = 0.5

@@ -7,11 +7,11 @@ import pytest
 
 from robotctl.errors import InvalidValue
 from robotctl.model.geometry.se2 import SE2
-from robotctl.planning.behaviours.kind import Goal
-from robotctl.planning.behaviours.mission import parse_mission
-from robotctl.planning.config import NavigationConfig
-from robotctl.planning.guard.behaviour import Status
-from robotctl.planning.journey.recovery import Ladder, RecoveryConfig, Rung
+from robotctl.planning.behaviours.behaviour import Status
+from robotctl.planning.behaviours.recovery import Ladder, Rung
+from robotctl.planning.config import NavigationConfig, RecoveryConfig
+from robotctl.planning.global_planning.goal import Goal
+from robotctl.planning.mission.mission_file import parse_mission
 from tests.planning.journey.bench import BODY, SIDE_M, Bench, room, two_rooms
 
 START = SE2(1.0, 0.6, 0.0)

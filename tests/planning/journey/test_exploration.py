@@ -7,9 +7,9 @@ from scipy import ndimage
 from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
+from robotctl.planning.behaviours.behaviour import BehaviourInput, Status
 from robotctl.planning.costmap.planning_map import PlanningMap
 from robotctl.planning.global_planning.frontiers import frontiers
-from robotctl.planning.guard.behaviour import BehaviourInput, Status
 from tests.planning.journey.bench import BODY, Bench, room, two_rooms
 
 

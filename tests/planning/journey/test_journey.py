@@ -7,12 +7,13 @@ import pytest
 
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
-from robotctl.planning.behaviours.kind import Goal, Seen
+from robotctl.planning.behaviours.behaviour import Status
+from robotctl.planning.behaviours.kind import Seen
+from robotctl.planning.behaviours.recovery import LADDER, Ladder, Rung
 from robotctl.planning.config import NavigationConfig, PilotConfig
 from robotctl.planning.costmap.zone import Zone
+from robotctl.planning.global_planning.goal import Goal
 from robotctl.planning.global_planning.plan import Plan, PlanFailure, Reason
-from robotctl.planning.guard.behaviour import Status
-from robotctl.planning.journey.recovery import LADDER, Ladder, Rung
 from robotctl.planning.local.controller import LocalMotion
 from tests.planning.journey.bench import BODY, SIDE_M, Bench, room, two_rooms
 

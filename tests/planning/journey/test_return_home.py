@@ -6,11 +6,11 @@ import pytest
 
 from robotctl.messages.mode import Mode
 from robotctl.model.geometry.se2 import SE2
+from robotctl.planning.behaviours.behaviour import BehaviourInput, Status
 from robotctl.planning.behaviours.breadcrumbs import Breadcrumbs
 from robotctl.planning.behaviours.kind import NavigatedRobot
 from robotctl.planning.behaviours.return_home import RETURN_HOME, PlannedReturn, ReturnHome
 from robotctl.planning.config import NavigationConfig
-from robotctl.planning.guard.behaviour import BehaviourInput, Status
 from robotctl.planning.guard.obstacle_guard import ObstacleGuard
 from tests.planning.journey.bench import DRIVE, Bench, room
 

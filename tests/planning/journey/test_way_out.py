@@ -8,11 +8,11 @@ import pytest
 
 from robotctl.model.fence import Fence, FenceCircle, FencePolygon
 from robotctl.model.geometry.se2 import SE2
-from robotctl.planning.behaviours.kind import Goal
+from robotctl.planning.behaviours.behaviour import Status
 from robotctl.planning.config import NavigationConfig, PilotConfig
 from robotctl.planning.costmap.zone import Zone
+from robotctl.planning.global_planning.goal import Goal
 from robotctl.planning.global_planning.plan import Plan
-from robotctl.planning.guard.behaviour import Status
 from tests.planning.journey.bench import BODY, SIDE_M, Bench, room
 
 PEN = Zone("pen", ((0.5, 1.2), (2.0, 1.2), (2.0, 2.8), (0.5, 2.8)))

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from robotctl.model.drives.motion import arc, integrate
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
+from robotctl.planning.config import PursuitConfig
 from robotctl.planning.local.path import Path, rounded
-from robotctl.planning.local.pursuit import Pursuit, PursuitConfig, miss_m, turn_rate
+from robotctl.planning.local.pursuit import Pursuit, miss_m, turn_rate
 
 CONFIG = PursuitConfig()
 STRAIGHT = Path([(0.0, 0.0), (5.0, 0.0)])

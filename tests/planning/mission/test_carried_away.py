@@ -15,12 +15,12 @@ from robotctl.model.grid_map import GridMap
 from robotctl.model.wall_map import WallMap
 from robotctl.planning.behaviours.follow_path import DriveItem
 from robotctl.planning.behaviours.follow_wall import FollowWallItem, Until
-from robotctl.planning.behaviours.mission import Mission, StartPose
 from robotctl.planning.behaviours.straight_to import StraightToItem
 from robotctl.planning.behaviours.turn_to import TurnToItem
 from robotctl.planning.behaviours.wait import WaitItem
+from robotctl.planning.config import GuardConfig
 from robotctl.planning.global_planning.free_path import FreePaths
-from robotctl.planning.guard.obstacle_guard import GuardConfig
+from robotctl.planning.mission.mission_file import Mission, StartPose
 from tests.planning.behaviours.test_relocalise import lost_step
 from tests.planning.conftest import FLAT
 

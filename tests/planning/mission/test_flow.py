@@ -15,11 +15,11 @@ from robotctl.messages.requests import (
 )
 from robotctl.planning.behaviours.flow import JumpItem, RepeatItem
 from robotctl.planning.behaviours.goto import GotoItem
-from robotctl.planning.behaviours.mission import Mission, StartPose, parse_mission
 from robotctl.planning.behaviours.straight_to import StraightToItem
 from robotctl.planning.behaviours.wait import WaitItem
 from robotctl.planning.behaviours.wait_for import WaitForItem
 from robotctl.planning.mission.flow import MissionFlow, flow_problems
+from robotctl.planning.mission.mission_file import Mission, StartPose, parse_mission
 from robotctl.planning.navigation_step import LoadRequest
 
 AUTO, HOLD = ModeRequest(Mode.AUTO), ModeRequest(Mode.HOLD)

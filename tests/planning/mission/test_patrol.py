@@ -7,7 +7,7 @@ import pytest
 
 from robotctl.messages.mode import Mode
 from robotctl.messages.requests import ModeRequest
-from robotctl.planning.behaviours.mission import parse_mission
+from robotctl.planning.mission.mission_file import parse_mission
 
 FILE = FilePath(__file__).parents[3] / "configs" / "missions" / "patrol.toml"
 

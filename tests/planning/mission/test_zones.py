@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from robotctl.errors import ConfigError
 from robotctl.model.geometry.se2 import SE2
-from robotctl.planning.behaviours.mission import parse_mission
+from robotctl.planning.behaviours.behaviour import Status
 from robotctl.planning.config import NavigationConfig
 from robotctl.planning.costmap.zone import Zone
-from robotctl.planning.guard.behaviour import Status
+from robotctl.planning.mission.mission_file import parse_mission
 from tests.planning.journey.bench import SIDE_M, Bench, room
 
 WHOLE = st.integers(-20, 20)

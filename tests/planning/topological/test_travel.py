@@ -9,7 +9,7 @@ import pytest
 
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
-from robotctl.planning.guard.behaviour import BehaviourInput, BehaviourOutput, Status
+from robotctl.planning.behaviours.behaviour import BehaviourInput, BehaviourOutput, Status
 from robotctl.planning.journey.travel import Travel
 from robotctl.planning.topological.recognition import appearances
 from tests.planning.topological.little_world import LittleWorld, corridors, little_world

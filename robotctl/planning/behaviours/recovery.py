@@ -3,49 +3,9 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
 from typing import Final
 
-from robotctl.errors import InvalidValue
-
-LONGEST_WAIT_S: Final = 86400.0
-MOST_RETRIES: Final = 1000
-FARTHEST_BACK_M: Final = 5.0
-
-
-@dataclass(frozen=True, slots=True)
-class RecoveryConfig:
-    """How patient journeys are.
-
-    Parameters
-    ----------
-    wait_s
-        Longest wait before a place where something that is on no map closes the way [s], 0 to
-        86400; then it begins to recover.
-    retries
-        Times in one journey that it begins to recover, 0 to 1000; 0: it gives up at once.
-    back_off_m
-        Distance that it backs off [m], 0 to 5; 0: it does not.
-
-    Raises
-    ------
-    ValueError
-        If a value is out of its range.
-    """
-
-    wait_s: float = 30.0
-    retries: int = 4
-    back_off_m: float = 0.3
-
-    def __post_init__(self) -> None:
-        for key, most in (
-            ("wait_s", LONGEST_WAIT_S),
-            ("retries", MOST_RETRIES),
-            ("back_off_m", FARTHEST_BACK_M),
-        ):
-            value = getattr(self, key)
-            if not 0 <= value <= most:
-                raise InvalidValue(key, f"{value} found, 0 to {most:g} allowed", value)
+from robotctl.planning.config import RecoveryConfig
 
 
 class Rung(enum.Enum):

@@ -14,8 +14,8 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behaviours.flow import FlowItem
 from robotctl.planning.behaviours.item import require_bounded
 from robotctl.planning.behaviours.registry import BEHAVIOURS
+from robotctl.planning.config import RecoveryConfig
 from robotctl.planning.costmap.zone import Zone
-from robotctl.planning.journey.recovery import RecoveryConfig
 from robotctl.planning.mission.flow import flow_problems
 from robotctl.planning.mission.zones import zone_problems
 

@@ -6,13 +6,11 @@ import enum
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
-
-if TYPE_CHECKING:
-    from robotctl.planning.behaviours.kind import Goal
+from robotctl.planning.global_planning.goal import Goal
 
 
 class BehaviourInput(NamedTuple):
