@@ -11,7 +11,8 @@ from robotctl.model.geometry.points import moved
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.planning.behaviours.behaviour import BehaviourInput
-from robotctl.planning.behaviours.kind import NavigatedRobot, Seen
+from robotctl.planning.behaviours.kind import NavigatedRobot
+from robotctl.planning.costmap.seen import Seen
 from robotctl.planning.guard.echo_memory import EchoMemory
 from robotctl.planning.guard.echo_motion import STANDS, EchoMotion
 from robotctl.planning.guard.obstacle_guard import body_rectangle

@@ -125,8 +125,8 @@ def test_a_journey_under_way_turns_round_when_it_is_asked_to():
     driven = {True: 0.0, False: 0.0}
 
     def watch(bench):
-        bench.pilot.use_reverse(reverse=bench.pose.x_m > 3.5 or bench.pilot.reverse)
-        driven[bench.pilot.reverse] += bench.twist.v_m_s * 0.05
+        bench.pilot.use_reverse(reverse=bench.pose.x_m > 3.5 or bench.pilot.tools.paths.reverse)
+        driven[bench.pilot.tools.paths.reverse] += bench.twist.v_m_s * 0.05
 
     assert bench.drive(7.0, 2.0, each=watch).status is Status.DONE
     assert driven[False] == pytest.approx(2.5, abs=0.1)

@@ -27,13 +27,13 @@ class Streamed:
         self.navigator = Navigator(config, DRIVE, limits, (), None, START, has_lidar=True)
         self.navigator.take_pilot(self.bench.pilot)
         self.planned_ns = []
-        plan = self.bench.pilot.plan
+        plan = self.bench.pilot.tools.paths.plan
 
         def counted(pose, goal):
             self.planned_ns.append(self.bench.now_ns)
             return plan(pose, goal)
 
-        self.bench.pilot.plan = counted
+        self.bench.pilot.tools.paths.plan = counted
         self.out = self.step(GUIDED)
 
     def step(self, *requests):

@@ -39,11 +39,8 @@ def best_path(robot: RobotConfig, room: World, start: SE2, mission: Mission) -> 
         return None
     # numba and scipy take a while to load.
     from robotctl.planning.costmap.planning_map import PlanningMap  # noqa: PLC0415
-    from robotctl.planning.global_planning.plan import (  # noqa: PLC0415
-        Plan,
-        PlannerConfig,
-        facing,
-    )
+    from robotctl.planning.global_planning.goal import facing  # noqa: PLC0415
+    from robotctl.planning.global_planning.plan import Plan, PlannerConfig  # noqa: PLC0415
     from robotctl.planning.global_planning.planners import PLANNERS  # noqa: PLC0415
 
     outline = body_outline(robot.navigation.guard, robot.sonar)

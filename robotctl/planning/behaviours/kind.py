@@ -13,6 +13,7 @@ from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.behaviours.behaviour import Behaviour
 from robotctl.planning.behaviours.breadcrumbs import Breadcrumbs
 from robotctl.planning.config import GuardConfig, NavigationConfig, RecoveryConfig
+from robotctl.planning.costmap.seen import Seen
 from robotctl.planning.costmap.zone import Zone
 from robotctl.planning.global_planning.goal import Goal
 from robotctl.planning.guard.obstacle_guard import ObstacleGuard
@@ -21,7 +22,6 @@ from robotctl.planning.local.path import Point
 
 if TYPE_CHECKING:
     from robotctl.model.grid_map import GridMap  # which loads numpy
-    from robotctl.model.sensors.range_scan import RangeScan  # which loads numpy
     from robotctl.planning.behaviours.outlook import Outlook  # which loads numpy
 
 
@@ -30,19 +30,6 @@ class Paths(Protocol):
 
     def way(self, start: Point, goal: Point) -> list[Point]:
         """Return the corners after `start`, `goal` the last; none if there is no path."""
-
-
-class Seen(NamedTuple):
-    """Observations since the last step, each with the pose it was made from."""
-
-    T_world_odom: SE2 = SE2()
-    """The drift of `odom` now."""
-    scans: Sequence[tuple[SE2, RangeScan]] = ()
-    """Scans of a lidar, each with `base` in `odom` at its time."""
-    ranges_m: tuple[float, ...] = ()
-    """New sonar ranges, nan for those that are not new, in the order of the mounts [m]."""
-    floor_base: Sequence[Point] = ()
-    """Points on the floor in `base` [m], not to be driven over."""
 
 
 class Pilot(Protocol):

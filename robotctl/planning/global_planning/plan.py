@@ -138,11 +138,6 @@ class Plan:
         return float(np.hypot(*np.diff(self.poses[:, :2], axis=0).T).sum())
 
 
-def facing(start: SE2, x_m: float, y_m: float) -> SE2:
-    """Return a place with the heading in which a straight path would come to it."""
-    return SE2(x_m, y_m, math.atan2(y_m - start.y_m, x_m - start.x_m))
-
-
 def dense(poses: NDArray[np.float64], step_m: float) -> NDArray[np.float64]:
     """Return a path with poses in between, (n, 3), a step or 0.1 rad apart at most."""
     ways = np.diff(poses, axis=0)

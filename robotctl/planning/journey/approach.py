@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behaviours.behaviour import BehaviourInput, BehaviourOutput
+from robotctl.planning.costmap.live_world import LiveWorld
 from robotctl.planning.global_planning.goal import Goal
-
-if TYPE_CHECKING:
-    from robotctl.planning.journey.journey import Journey
-    from robotctl.planning.journey.pilot import MapPilot
+from robotctl.planning.journey.journey import DriveTo, Journey
 
 _SHIFTED_M: Final = 0.2
 """Shift of the spot, against where it was seen first, that calls for a new plan [m]."""
@@ -33,14 +31,17 @@ class Approach:
 
     Parameters
     ----------
-    pilot
-        Drives, and knows what is free.
+    world
+        Knows what is free.
+    drive_to
+        Makes the journey to a spot.
     speed_m_s
         Largest speed [m/s].
     """
 
-    def __init__(self, pilot: MapPilot, speed_m_s: float) -> None:
-        self._pilot = pilot
+    def __init__(self, world: LiveWorld, drive_to: DriveTo, speed_m_s: float) -> None:
+        self._world = world
+        self._drive_to = drive_to
         self._speed_m_s = speed_m_s
         self.reset()
 
@@ -71,7 +72,7 @@ class Approach:
         off_m = math.hypot(wanted.x_m - self._target.x_m, wanted.y_m - self._target.y_m)
         if self._journey is None or off_m >= _SHIFTED_M:
             self._target = wanted
-            self._journey = self._pilot.journey(Goal(wanted.x_m, wanted.y_m), self._speed_m_s)
+            self._journey = self._drive_to(Goal(wanted.x_m, wanted.y_m), self._speed_m_s)
         return self._journey.step(situation, now_ns)
 
     def _choose(self, spots: Sequence[SE2], pose: SE2) -> None:
@@ -88,4 +89,4 @@ class Approach:
         if math.hypot(spot.x_m - pose.x_m, spot.y_m - pose.y_m) > _SEEN_M:
             return True
         turned = [(spot.x_m, spot.y_m, heading_rad) for heading_rad in _HEADINGS]
-        return not self._pilot.touches(np.array(turned))
+        return not self._world.touches(np.array(turned))

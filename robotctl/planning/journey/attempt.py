@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +12,7 @@ from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behaviours.behaviour import BehaviourOutput
 from robotctl.planning.behaviours.recovery import Rung
-
-if TYPE_CHECKING:
-    from robotctl.planning.journey.pilot import MapPilot
+from robotctl.planning.journey.tools import JourneyTools
 
 BEHIND_M: Final = (0.05, 0.1, 0.2)
 """Distances behind the robot at which the floor has to be known for it to drive backwards [m]."""
@@ -51,7 +49,7 @@ class Attempt:
         self._last_rad = pose.theta_rad
         self._turned_rad = 0.0
 
-    def step(self, pilot: MapPilot, pose: SE2, now_ns: int) -> BehaviourOutput | None:
+    def step(self, tools: JourneyTools, pose: SE2, now_ns: int) -> BehaviourOutput | None:
         """Return the next velocity; None once it has ended."""
         spent_ns = now_ns - self._begin_ns
         v, omega = 0.0, 0.0
@@ -60,14 +58,14 @@ class Attempt:
         elif self.rung is Rung.BACK_OFF:
             v = -_BACK_M_S
             behind = poses_after(pose, [SE2(-x_m, 0.0, 0.0) for x_m in BEHIND_M])
-            goes_on = math.dist((pose.x_m, pose.y_m), self._begin) < pilot.recovery.back_off_m
-            goes_on &= pilot.is_known(behind) and not pilot.touches(behind)
+            goes_on = math.dist((pose.x_m, pose.y_m), self._begin) < tools.recovery.back_off_m
+            goes_on &= tools.world.map.is_known(behind) and not tools.world.touches(behind)
         elif self.rung is Rung.LOOK_AROUND:
             omega = TURN_RAD_S
             self._turned_rad += abs(wrap_angle(pose.theta_rad - self._last_rad))
             self._last_rad = pose.theta_rad
             turned = poses_after(pose, [SE2(0.0, 0.0, turn_rad) for turn_rad in TURNS_RAD])
-            goes_on = self._turned_rad < math.tau and not pilot.touches(turned)
+            goes_on = self._turned_rad < math.tau and not tools.world.touches(turned)
         else:
             goes_on = spent_ns < _PAUSE_NS
         if not goes_on or spent_ns > _LONGEST_NS:

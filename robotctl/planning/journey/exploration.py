@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behaviours.behaviour import (
@@ -17,10 +17,8 @@ from robotctl.planning.behaviours.behaviour import (
 from robotctl.planning.global_planning.frontiers import Frontier, frontiers, known_area_m2
 from robotctl.planning.global_planning.goal import Goal
 from robotctl.planning.global_planning.plan import Plan, Point
-
-if TYPE_CHECKING:
-    from robotctl.planning.journey.journey import Journey
-    from robotctl.planning.journey.pilot import MapPilot
+from robotctl.planning.journey.journey import DriveTo, Journey
+from robotctl.planning.journey.tools import JourneyTools
 
 _LOOK_NS: Final = 1_000_000_000
 """Interval between two searches for frontiers [ns]."""
@@ -42,12 +40,15 @@ class Exploration(Behaviour):
 
     Parameters
     ----------
-    pilot, speed_m_s
+    tools, speed_m_s
         As for `Journey`.
+    drive_to
+        Makes the journey to a frontier.
     """
 
-    def __init__(self, pilot: MapPilot, speed_m_s: float) -> None:
-        self._pilot = pilot
+    def __init__(self, tools: JourneyTools, drive_to: DriveTo, speed_m_s: float) -> None:
+        self._tools = tools
+        self._drive_to = drive_to
         self._speed_m_s = speed_m_s
         self.reset()
 
@@ -70,12 +71,12 @@ class Exploration(Behaviour):
 
     def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
         """Return the next velocity; done when the map is complete."""
-        if blindness := self._pilot.blindness:
+        if blindness := self._tools.world.blindness:
             return BehaviourOutput(0.0, 0.0, text=f"waiting: {blindness}")
         if self._journey is None or now_ns - self._looked_ns >= _LOOK_NS:
             self._look(situation.pose, now_ns)
         if self._journey is None or self._target is None:
-            area_m2 = known_area_m2(self._pilot.space())
+            area_m2 = known_area_m2(self._tools.world.map.space())
             return done(f"the map is complete: {area_m2:.1f} m2 of free floor")
         was_in_trouble = self._journey.is_in_trouble
         step = self._journey.step(situation, now_ns)
@@ -91,7 +92,7 @@ class Exploration(Behaviour):
     def _look(self, pose: SE2, now_ns: int) -> None:
         """Choose a frontier, unless the present one is still there, and the way to it."""
         self._looked_ns = now_ns
-        space, margin_m = self._pilot.space(), self._pilot.config.margin_m
+        space, margin_m = self._tools.world.map.space(), self._tools.config.margin_m
         there = [
             each
             for each in frontiers(space, (pose.x_m, pose.y_m), margin_m)
@@ -115,7 +116,7 @@ class Exploration(Behaviour):
                 path_m = math.dist(here, target.place)
         self._target, self._journey = target, None
         if target is not None:
-            self._journey = self._pilot.journey(Goal(*target.place), self._speed_m_s)
+            self._journey = self._drive_to(Goal(*target.place), self._speed_m_s)
             self._end_ns = now_ns + _PATIENT_NS + round(1e9 * _SLOWER * path_m / self._speed_m_s)
 
     def _nearest(self, pose: SE2, found: list[Frontier]) -> tuple[Frontier | None, float]:
@@ -128,7 +129,7 @@ class Exploration(Behaviour):
         for each in sorted(found, key=lambda each: math.dist(here, each.place))[:_COMPARED]:
             if math.dist(here, each.place) >= best_m:
                 break
-            plan = self._pilot.plan(pose, Goal(*each.place))
+            plan = self._tools.paths.plan(pose, Goal(*each.place))
             if isinstance(plan, Plan) and plan.length_m < best_m:
                 best, best_m = each, plan.length_m
         return best, best_m

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final, NamedTuple
+from collections.abc import Callable
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -18,16 +19,14 @@ from robotctl.planning.behaviours.behaviour import (
     failed,
 )
 from robotctl.planning.behaviours.recovery import Ladder, Rung
+from robotctl.planning.global_planning.closed_way import ClosedWay
 from robotctl.planning.global_planning.goal import Goal
 from robotctl.planning.global_planning.plan import PlanFailure, Reason
+from robotctl.planning.global_planning.route import Route
 from robotctl.planning.journey.attempt import BEHIND_M, TURN_RAD_S, TURNS_RAD, Attempt, poses_after
-from robotctl.planning.journey.closed_way import ClosedWay
-from robotctl.planning.journey.route import Route
+from robotctl.planning.journey.tools import JourneyTools
 from robotctl.planning.local.controller import LocalMotion, LocalSituation
 from robotctl.words import counted
-
-if TYPE_CHECKING:
-    from robotctl.planning.journey.pilot import MapPilot
 
 _REPLAN_NS: Final = 1_000_000_000
 """Interval between two searches for a better path [ns]."""
@@ -95,8 +94,8 @@ class Journey(Behaviour):
 
     Parameters
     ----------
-    pilot
-        With the map, planner and controller.
+    tools
+        World, paths and controller.
     goal, speed_m_s
         Where to, and the largest speed [m/s].
 
@@ -106,8 +105,8 @@ class Journey(Behaviour):
         Paths taken, the first included.
     """
 
-    def __init__(self, pilot: MapPilot, goal: Goal, speed_m_s: float) -> None:
-        self._pilot = pilot
+    def __init__(self, tools: JourneyTools, goal: Goal, speed_m_s: float) -> None:
+        self._tools = tools
         self._goal = goal
         self._speed_m_s = speed_m_s
         self.plans = 0
@@ -120,7 +119,7 @@ class Journey(Behaviour):
 
     def reset(self) -> None:
         """Start over."""
-        self._ladder = Ladder(self._pilot.recovery, can_turn=not self._pilot.steered)
+        self._ladder = Ladder(self._tools.recovery, can_turn=not self._tools.paths.steered)
         self._ladder_goal = self._goal
         """Goal that the tries of the ladder count for."""
         self._aim = self._goal
@@ -148,7 +147,7 @@ class Journey(Behaviour):
         self._failure: PlanFailure | None = None
         """Why there is no path, found in a step that had no time to look farther."""
         self._planned_ns = 0
-        self._planned_reverse = self._pilot.reverse
+        self._planned_reverse = self._tools.paths.reverse
         self._turns_round = False
         self._attempt: Attempt | None = None
         self._stuck_ns: int | None = None
@@ -156,7 +155,7 @@ class Journey(Behaviour):
         self._blind_ns = 0
         self._driven_m = 0.0
         self._last: SE2 | None = None
-        self._pilot.controller.reset()
+        self._tools.controller.reset()
 
     @property
     def is_in_trouble(self) -> bool:
@@ -171,7 +170,7 @@ class Journey(Behaviour):
     def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
         """Return the next velocity; done at the goal."""
         pose = situation.pose
-        if blindness := self._pilot.blindness:
+        if blindness := self._tools.world.blindness:
             return self._wait_for_sight(blindness, now_ns)
         self._blind_ns = 0
         if self._route is None and self._is_near(_goal_of(pose), 1.0):
@@ -190,7 +189,7 @@ class Journey(Behaviour):
         """Return the next velocity along the path; done where it ends at the goal."""
         pose = situation.pose
         motion = self._looked_at(pose, self._follow(situation, route))
-        self._pilot.show(route.rest, motion.ahead)
+        self._tools.shown = route.rest, motion.ahead
         is_at_end = motion.arrived and not self._is_redirected
         if (is_at_end and route.leads_there) or self._is_there(pose):
             return done()
@@ -227,7 +226,7 @@ class Journey(Behaviour):
     def _looks_again(self, pose: SE2, now_ns: int) -> bool:
         """Return whether it is time to plan: there is no path, it is far away, or a while ago."""
         route = self._route
-        turned_round = self._planned_reverse is not self._pilot.reverse
+        turned_round = self._planned_reverse is not self._tools.paths.reverse
         if route is None or turned_round or route.advance(pose) > _OFF_PATH_M:
             self._route = None
             return True
@@ -236,23 +235,23 @@ class Journey(Behaviour):
 
     def _plan(self, pose: SE2, now_ns: int) -> Route | PlanFailure:
         """Plan from here; keep the present path where it is free and hardly worse."""
-        self._planned_ns, self._planned_reverse = now_ns, self._pilot.reverse
+        self._planned_ns, self._planned_reverse = now_ns, self._tools.paths.reverse
         chases, self._chases = self._chases, False
         if chases and (route := self._chase(pose)):
             return route
-        leads_there = not self._pilot.is_far(pose, self._goal)
-        old, answer = self._route, self._pilot.plan(pose, self._goal)
-        if self._is_redirected or (old is not None and self._pilot.touches(old.rest)):
+        leads_there = not self._tools.paths.is_far(pose, self._goal)
+        old, answer = self._route, self._tools.paths.plan(pose, self._goal)
+        if self._is_redirected or (old is not None and self._tools.world.touches(old.rest)):
             old = None
         if isinstance(answer, PlanFailure):
             return old or answer
         if old is not None and old.leads_there:
             is_better = answer.length_m <= _BETTER * old.left_m
-            if not is_better or self._pilot.is_doubtful(answer, pose):
+            if not is_better or self._tools.paths.is_doubtful(answer, pose):
                 return old
         self.plans += 1
         self._aim, self._is_redirected = self._goal, False
-        leaves = self._pilot.closed_at(pose)
+        leaves = self._tools.world.map.closed_at(pose)
         until = f" out of {leaves}" if leaves else ""
         return Route(answer, leads_there=leads_there and not leaves, until=until)
 
@@ -261,14 +260,16 @@ class Journey(Behaviour):
 
         Where the goal is too near beside it, it stays on its path: the goal will move on.
         """
-        arc = self._pilot.arc_to(pose, self._goal)
+        arc = self._tools.paths.arc_to(pose, self._goal)
         if arc is not None:
             self.plans += 1
             self._aim, self._is_redirected = self._goal, False
             return Route(arc)
-        is_near = math.dist((pose.x_m, pose.y_m), self._goal[:2]) < self._pilot.turning_radius_m
+        is_near = (
+            math.dist((pose.x_m, pose.y_m), self._goal[:2]) < self._tools.paths.turning_radius_m
+        )
         old = self._route
-        if old is None or not is_near or self._pilot.touches(old.rest):
+        if old is None or not is_near or self._tools.world.touches(old.rest):
             return None
         return old
 
@@ -278,7 +279,7 @@ class Journey(Behaviour):
 
     def _is_near(self, place: Goal, share: float) -> bool:
         """Return whether a place is within a share of the tolerances of the goal."""
-        config, wanted_rad = self._pilot.config, self._goal.heading_rad
+        config, wanted_rad = self._tools.config, self._goal.heading_rad
         if math.dist(place[:2], self._goal[:2]) > share * config.position_tolerance_m:
             return False
         if wanted_rad is None or place.heading_rad is None:
@@ -288,16 +289,16 @@ class Journey(Behaviour):
 
     def _follow(self, situation: BehaviourInput, route: Route) -> LocalMotion:
         """Return the local controller's motion along the path."""
-        pilot, pose = self._pilot, situation.pose
-        return pilot.controller.step(
+        tools, pose = self._tools, situation.pose
+        return tools.controller.step(
             LocalSituation(
                 pose,
                 situation.twist,
                 route.plan.poses,
                 route.plan.reverse,
-                pilot.space_around(pose),
-                pilot.moving,
-                min(self._speed_m_s, pilot.speed_limit(pose, route.rest)),
+                tools.world.space_around(pose),
+                tools.world.moving,
+                min(self._speed_m_s, tools.world.speed_limit(pose, route.rest)),
             )
         )
 
@@ -310,21 +311,21 @@ class Journey(Behaviour):
         pose, omega_rad_s = situation.pose, situation.twist.omega_rad_s
         back = route.rest[0, :2] - route.rest[:, :2]
         away = np.flatnonzero(np.hypot(*back.T) > _CHORD_M)
-        if self._pilot.steered or not len(away):
+        if self._tools.paths.steered or not len(away):
             self._turns_round = False
             return 0.0
         law, wanted_rad = _AHEAD, float(route.rest[away[0], 2])
-        if self._pilot.reverse:
+        if self._tools.paths.reverse:
             law, wanted_rad = _BACKWARDS, math.atan2(back[away[0], 1], back[away[0], 0])
         off_rad = wrap_angle(wanted_rad - pose.theta_rad)
         self._turns_round = abs(off_rad) > (law.end_rad if self._turns_round else law.begin_rad)
         if not self._turns_round:
             return 0.0
         side = math.copysign(1.0, off_rad)
-        if abs(omega_rad_s) > _TURNS_RAD_S and not self._pilot.reverse:
+        if abs(omega_rad_s) > _TURNS_RAD_S and not self._tools.paths.reverse:
             side = math.copysign(1.0, omega_rad_s)  # as the controller has begun
         swept = poses_after(pose, [SE2(0.0, 0.0, side * turn_rad) for turn_rad in TURNS_RAD])
-        if self._pilot.touches(swept):
+        if self._tools.world.touches(swept):
             return 0.0
         return side * min(law.rate_rad_s, 2.0 * abs(off_rad))
 
@@ -336,7 +337,7 @@ class Journey(Behaviour):
         behind = poses_after(
             pose, [SE2.exp(motion.v_m_s * t, 0.0, motion.omega_rad_s * t) for t in times_s]
         )
-        if self._pilot.is_known(behind):
+        if self._tools.world.map.is_known(behind):
             return motion
         text = "no sensor has seen what is behind"
         return motion._replace(v_m_s=0.0, omega_rad_s=0.0, blocked=True, text=text)
@@ -352,7 +353,7 @@ class Journey(Behaviour):
                 self._route = None  # perhaps another path leads there
         elif not motion.blocked and _has_left(self._stuck_at, pose):
             self._stuck_ns = None
-        longest_ns = _PATIENT_NS if self._pilot.is_somebody_near(pose) else _STUCK_NS
+        longest_ns = _PATIENT_NS if self._tools.world.is_somebody_near(pose) else _STUCK_NS
         return self._stuck_ns is not None and now_ns - self._stuck_ns > longest_ns
 
     def _find_route(self, pose: SE2, now_ns: int) -> Route | BehaviourOutput:
@@ -379,11 +380,11 @@ class Journey(Behaviour):
         self, failure: PlanFailure, pose: SE2, now_ns: int
     ) -> Route | BehaviourOutput:
         """Return the path to where the way is closed, or what to do where there is none."""
-        if self._failure is None and not self._pilot.has_time:
+        if self._failure is None and not self._tools.paths.has_time:
             self._failure = failure
             return BehaviourOutput(0.0, 0.0, text=f"planning: {failure.text}")
         self._failure = None
-        way = self._pilot.closed_way(pose, self._goal)
+        way = self._tools.paths.closed_way(pose, self._goal)
         if isinstance(way, PlanFailure) and way.reason in _PERMANENT_FAILURES:
             return failed(way.text)
         reason = way.text if isinstance(way, ClosedWay) else failure.text
@@ -404,11 +405,11 @@ class Journey(Behaviour):
 
     def _waits(self, closed: _Closed, now_ns: int) -> bool:
         """Return whether it still waits for the way to open."""
-        return now_ns - closed.since_ns < round(1e9 * self._pilot.recovery.wait_s)
+        return now_ns - closed.since_ns < round(1e9 * self._tools.recovery.wait_s)
 
     def _is_patient(self, pose: SE2, now_ns: int) -> bool:
         """Return whether the robot, having waited for a person nearby, goes on waiting."""
-        if self._stuck_ns is None or not self._pilot.is_somebody_near(pose):
+        if self._stuck_ns is None or not self._tools.world.is_somebody_near(pose):
             return False
         return now_ns - self._stuck_ns <= _PATIENT_NS
 
@@ -419,7 +420,7 @@ class Journey(Behaviour):
         if rung is None:
             return failed(f"gave up after {counted(self._ladder.tries, 'try', 'tries')}: {reason}")
         if rung is Rung.CLEAR:
-            self._pilot.forget_unseen()
+            self._tools.world.forget_unseen()
         self._attempt = Attempt(rung, reason, now_ns, pose)
         return BehaviourOutput(0.0, 0.0, text=self._attempt.text)
 
@@ -428,7 +429,7 @@ class Journey(Behaviour):
         attempt = self._attempt
         if attempt is None:
             return None
-        output = attempt.step(self._pilot, situation.pose, now_ns)
+        output = attempt.step(self._tools, situation.pose, now_ns)
         if attempt.rung is Rung.WAIT and output is not None and self._may_go_on(situation, now_ns):
             output = None
         if output is None:
@@ -444,8 +445,12 @@ class Journey(Behaviour):
             return False
         self._route = answer
         motion = self._follow(situation, answer)
-        self._pilot.controller.reset()  # nothing has followed this step
+        self._tools.controller.reset()  # nothing has followed this step
         return not motion.blocked
+
+
+DriveTo: TypeAlias = Callable[[Goal, float], Journey]
+"""Makes the journey to a goal, at most at a speed [m/s]."""
 
 
 class _Closed(NamedTuple):

@@ -12,7 +12,7 @@ from robotctl.model.geometry.twist import Twist
 from robotctl.model.grid_map import OCCUPIED, GridMap
 from robotctl.planning.costmap.layered_map import LayeredMap
 from robotctl.planning.global_planning.plan import Plan, Planner
-from robotctl.planning.journey.route import Route
+from robotctl.planning.global_planning.route import Route
 from robotctl.planning.local.controller import Controller, LocalSituation
 
 _ROUNDS: Final = 20

@@ -12,8 +12,10 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from functools import cached_property
+from typing import Final
 
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behaviours.behaviour import (
@@ -26,6 +28,7 @@ from robotctl.planning.behaviours.behaviour import (
     failed,
 )
 from robotctl.planning.journey.approach import Approach
+from robotctl.planning.journey.tools import JourneyTools
 from robotctl.planning.topological.graph import Passage, TopologicalMap
 from robotctl.planning.topological.recognition import (
     Appearance,
@@ -34,11 +37,6 @@ from robotctl.planning.topological.recognition import (
     look_of,
 )
 from robotctl.words import counted
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from robotctl.planning.journey.pilot import MapPilot
 
 _LOOK_NS: Final = 400_000_000
 """Interval between two comparisons with the present place [ns]."""
@@ -112,18 +110,12 @@ class KnownPlaces:
     """
 
     def __init__(self, topology: TopologicalMap) -> None:
-        self._topology = topology
-        self._looks: dict[str, Appearance] = {}
+        self.map = topology
 
-    def warm_up(self) -> None:
-        """Find out what they look like; all is compiled then."""
-        self._looks = appearances(self._topology)
-
-    def travel(self, pilot: MapPilot, goal: str, start: str, speed_m_s: float) -> Travel:
-        """Return the behaviour that drives to one of them."""
-        if not self._looks:
-            self.warm_up()
-        return Travel(pilot, self._topology, self._looks, goal, start, speed_m_s)
+    @cached_property
+    def looks(self) -> Mapping[str, Appearance]:
+        """What each of them looks like, by name; all is compiled then."""
+        return appearances(self.map)
 
 
 class Travel(Behaviour):
@@ -131,36 +123,38 @@ class Travel(Behaviour):
 
     Parameters
     ----------
-    pilot
+    tools
+        World, paths and controller.
+    places
+        The places that there are.
+    approach
         Drives from spot to spot.
-    topology, looks
-        The places, and what they look like, by name.
+    roam
+        Makes what drives to where more is to be seen.
     goal
         Name of the place.
     start
         Where it begins; empty: to be recognised.
-    speed_m_s
-        Largest speed [m/s].
     """
 
     def __init__(
         self,
-        pilot: MapPilot,
-        topology: TopologicalMap,
-        looks: Mapping[str, Appearance],
+        tools: JourneyTools,
+        places: KnownPlaces,
+        approach: Approach,
+        roam: Callable[[], Behaviour],
         goal: str,
         start: str,
-        speed_m_s: float,
     ) -> None:
-        self._pilot = pilot
-        self._map = topology
+        self._tools = tools
+        self._map = topology = places.map
         self._places = {place.name: place for place in topology.places}
         self._passages = {passage.name: passage for passage in topology.passages}
-        self._looks_of = looks
+        self._looks_of = places.looks
         self._goal = goal
         self._start = start
-        self._speed_m_s = speed_m_s
-        self._approach = Approach(pilot, speed_m_s)
+        self._approach = approach
+        self._make_roam = roam
         self.reset()
 
     def anchor(self, pose: SE2) -> Anchor:
@@ -191,7 +185,7 @@ class Travel(Behaviour):
 
     def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
         """Return the next velocity; done in the middle of the goal."""
-        if blindness := self._pilot.blindness:
+        if blindness := self._tools.world.blindness:
             return self._wait(blindness, now_ns)
         if situation.epoch != self._epoch:  # poses before and after have nothing in common
             self._epoch, self._belief = situation.epoch, None
@@ -224,7 +218,7 @@ class Travel(Behaviour):
         """Compare what is seen with the present place; forget a place that it is not."""
         if now_ns - self._seen_ns < _LOOK_NS:
             return
-        taken, self._seen_ns = self._pilot.last_scan, now_ns
+        taken, self._seen_ns = self._tools.world.last_scan, now_ns
         if taken is None:
             return
         T_world_base, scan = taken
@@ -254,13 +248,13 @@ class Travel(Behaviour):
         for _ in range(_WINDOWS):
             if search.step():
                 return self._end_search(search, T_world_base, now_ns)
-            if not self._pilot.has_time:
+            if not self._tools.paths.has_time:
                 break
         return BehaviourOutput(0.0, 0.0, text="looking where it is")
 
     def _begin_search(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
         """Take a scan to search with, once the robot stands."""
-        twist, taken = situation.twist, self._pilot.last_scan
+        twist, taken = situation.twist, self._tools.world.last_scan
         stands = abs(twist.v_m_s) < _STANDS_M_S and abs(twist.omega_rad_s) < _STANDS_RAD_S
         look = None if taken is None else look_of(taken[1])
         if taken is None or look is None:
@@ -287,7 +281,7 @@ class Travel(Behaviour):
             return BehaviourOutput(0.0, 0.0, text=f"recognised {search.found.place}")
         self._reason = f"this does not look like {hint}" if hint else search.reason
         if not hint:
-            self._roam = self._pilot.exploration(self._speed_m_s), now_ns
+            self._roam = self._make_roam(), now_ns
             self._roamed_m = 0.0
         return BehaviourOutput(0.0, 0.0, text=self._reason)
 

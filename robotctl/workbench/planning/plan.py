@@ -22,6 +22,7 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import OCCUPIED, GridMap
 from robotctl.planning.costmap.planning_map import PlanningMap
 from robotctl.planning.costmap.zones import Closed, slowness, speed_limits
+from robotctl.planning.global_planning.goal import facing
 from robotctl.planning.global_planning.plan import (
     Plan,
     PlanFailure,
@@ -29,7 +30,6 @@ from robotctl.planning.global_planning.plan import (
     PlannerConfig,
     Steering,
     dense,
-    facing,
 )
 from robotctl.planning.global_planning.planners import PLANNERS
 from robotctl.planning.guard.body import body_outline

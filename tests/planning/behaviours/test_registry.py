@@ -20,13 +20,14 @@ from robotctl.planning.behaviours.follow_path import DriveItem
 from robotctl.planning.behaviours.follow_wall import FollowWallItem, Until
 from robotctl.planning.behaviours.goto import GotoItem
 from robotctl.planning.behaviours.goto_place import GotoPlaceItem
-from robotctl.planning.behaviours.kind import NavigatedRobot, Seen
+from robotctl.planning.behaviours.kind import NavigatedRobot
 from robotctl.planning.behaviours.registry import BEHAVIOURS, behaviour_for
 from robotctl.planning.behaviours.straight_to import StraightToItem
 from robotctl.planning.behaviours.turn_to import TurnToItem
 from robotctl.planning.behaviours.wait import WaitItem
 from robotctl.planning.behaviours.wait_for import WaitForItem
 from robotctl.planning.config import NavigationConfig
+from robotctl.planning.costmap.seen import Seen
 from robotctl.planning.guard.obstacle_guard import ObstacleGuard
 from robotctl.planning.journey.pilot import MapPilot
 from tests.planning.journey.bench import BODY, LIMITS

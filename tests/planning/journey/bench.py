@@ -14,9 +14,9 @@ from robotctl.model.geometry.twist import Twist
 from robotctl.model.grid_map import GridMap
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.planning.behaviours.behaviour import BehaviourInput, Status
-from robotctl.planning.behaviours.kind import Seen
 from robotctl.planning.config import NavigationConfig
 from robotctl.planning.costmap.planning_map import PlanningMap
+from robotctl.planning.costmap.seen import Seen
 from robotctl.planning.global_planning.goal import Goal
 from robotctl.planning.journey.pilot import MapPilot
 

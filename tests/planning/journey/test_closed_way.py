@@ -75,7 +75,7 @@ def test_a_mission_may_be_more_patient_than_the_robot():
     bench.pilot.use_recovery(RecoveryConfig(wait_s=90.0))
     assert bench.drive(*GOAL, seconds=80.0, each=opens(50.0, corridor())).status is Status.DONE
     bench.pilot.use_recovery(None)
-    assert bench.pilot.recovery == RecoveryConfig(wait_s=1.0, retries=0)
+    assert bench.pilot.tools.recovery == RecoveryConfig(wait_s=1.0, retries=0)
 
 
 def test_a_shut_door_is_driven_up_to():
@@ -96,8 +96,8 @@ def test_what_stands_right_before_the_robot_is_waited_for_where_it_is():
 def test_somebody_who_moves_is_called_that():
     bench = in_corridor(RecoveryConfig(wait_s=1.0, retries=0))
     bench.look()
-    bench.pilot.moving = np.array([[AT_M + 0.2, 0.6, 0.0, 0.3, 0.3]])
-    way = bench.pilot.closed_way(bench.pose, Goal(*GOAL))
+    bench.pilot.tools.world.moving = np.array([[AT_M + 0.2, 0.6, 0.0, 0.3, 0.3]])
+    way = bench.pilot.tools.paths.closed_way(bench.pose, Goal(*GOAL))
     assert way.text.startswith("somebody that no map shows closes the way at x 8.0")
     free_m = math.hypot(*(way.plan.poses[-1, :2] - (START.x_m, START.y_m)))
     assert free_m == pytest.approx(AT_M - 0.2 - 0.5 - START.x_m, abs=0.15)
@@ -106,7 +106,7 @@ def test_somebody_who_moves_is_called_that():
 def test_a_way_that_is_open_is_not_called_closed():
     bench = Bench(corridor(), corridor(), start=START)
     bench.look()
-    assert bench.pilot.closed_way(bench.pose, Goal(*GOAL)) is None
+    assert bench.pilot.tools.paths.closed_way(bench.pose, Goal(*GOAL)) is None
 
 
 @pytest.mark.parametrize(

@@ -33,7 +33,7 @@ def test_all_that_can_be_reached_is_known_in_the_end_and_a_narrow_door_is_not_tr
     end = explore(bench, 120.0)
     assert end.status is Status.DONE
     assert end.text.startswith("the map is complete")
-    space = bench.pilot.space()
+    space = bench.pilot.tools.world.map.space()
     rows, columns = np.nonzero(cells == 0)
     places = np.column_stack([columns + 0.5, rows + 0.5]) * 0.05
     known = space.grid.cells[tuple(space.grid.cell_of(places).T)] == 0

@@ -8,9 +8,9 @@ import pytest
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behaviours.behaviour import Status
-from robotctl.planning.behaviours.kind import Seen
 from robotctl.planning.behaviours.recovery import LADDER, Ladder, Rung
 from robotctl.planning.config import NavigationConfig, PilotConfig
+from robotctl.planning.costmap.seen import Seen
 from robotctl.planning.costmap.zone import Zone
 from robotctl.planning.global_planning.goal import Goal
 from robotctl.planning.global_planning.plan import Plan, PlanFailure, Reason
@@ -55,12 +55,12 @@ def test_the_map_stays_small_however_far_the_goal_and_a_stage_has_room():
     config = NavigationConfig(pilot=PilotConfig(zone=(pit,)))
     bench = Bench(room(44.0, 4.0), config=config)
     bench.look()
-    plan = bench.pilot.plan(bench.pose, Goal(4000.0, 2.0))
+    plan = bench.pilot.tools.paths.plan(bench.pose, Goal(4000.0, 2.0))
     assert isinstance(plan, Plan)
     end = plan.poses[-1]
     assert 1.0 + BODY.inscribed_m < abs(end[1] - 2.0) < 1.5  # beside the pit
     assert abs(end[0] - 26.0) < 0.5
-    assert max(bench.pilot.space().shape) * SIDE_M < 70.0
+    assert max(bench.pilot.tools.world.map.space().shape) * SIDE_M < 70.0
 
 
 def test_what_the_map_itself_forbids_is_said_at_once():
@@ -123,7 +123,7 @@ def test_nothing_is_driven_backwards_where_no_sensor_has_seen_the_floor():
     known = np.zeros(world.shape, bool)
 
     def looks(bench):
-        space = bench.pilot.space()
+        space = bench.pilot.tools.world.map.space()
         rows, columns = np.nonzero(world == 0)
         places = np.column_stack([columns + 0.5, rows + 0.5]) * SIDE_M
         known[rows, columns] = space.grid.cells[tuple(space.grid.cell_of(places).T)] == 0
@@ -185,11 +185,11 @@ def test_a_ladder_goes_up_without_progress_and_begins_anew_with_it():
 def test_a_robot_that_stands_is_in_trouble_later_where_somebody_is_near(away_m, patient_s):
     bench = Bench(room(), room())
     nothing = LocalMotion(0.0, 0.0, np.empty((0, 3)), text="waits for somebody to pass")
-    bench.pilot.controller.step = lambda _: nothing
+    bench.pilot.tools.controller.step = lambda _: nothing
     began = []
 
     def watches(bench):
-        bench.pilot.moving = np.array([[bench.pose.x_m + away_m, 2.0, 0.0, 0.5, 0.2]])
+        bench.pilot.tools.world.moving = np.array([[bench.pose.x_m + away_m, 2.0, 0.0, 0.5, 0.2]])
         if bench.pilot.recoveries and not began:
             began.append(bench.now_ns * 1e-9)
 
@@ -199,10 +199,12 @@ def test_a_robot_that_stands_is_in_trouble_later_where_somebody_is_near(away_m, 
 
 def test_no_path_is_no_trouble_yet_while_somebody_is_near():
     bench, began = Bench(room(), room()), []
-    bench.pilot.plan = lambda *_: PlanFailure(Reason.NO_PASSAGE, "somebody is in the way")
+    bench.pilot.tools.paths.plan = lambda *_: PlanFailure(
+        Reason.NO_PASSAGE, "somebody is in the way"
+    )
 
     def watches(bench):
-        bench.pilot.moving = np.array([[bench.pose.x_m + 1.0, 2.0, 0.0, 0.5, 0.2]])
+        bench.pilot.tools.world.moving = np.array([[bench.pose.x_m + 1.0, 2.0, 0.0, 0.5, 0.2]])
         if bench.pilot.recoveries and not began:
             began.append(bench.now_ns * 1e-9)
 
@@ -215,13 +217,14 @@ def test_people_can_see_what_it_drives_by_while_it_drives():
     world[28:52, 55:63] = 100
     bench = Bench(world, room())
     seen = []
-    step = bench.pilot.show
+    move = bench.move
 
-    def show(path, arc):
-        step(path, arc)
-        seen.append((bench.pose, bench.pilot.outlook()))
+    def look_and_move(v, omega):
+        if len((outlook := bench.pilot.outlook()).path):
+            seen.append((bench.pose, outlook))
+        move(v, omega)
 
-    bench.pilot.show = show
+    bench.move = look_and_move
     assert bench.drive(5.0, 2.0).status is Status.DONE
     for pose, outlook in seen[:: len(seen) // 8]:
         assert math.dist(outlook.path[0, :2], (pose.x_m, pose.y_m)) < 0.4  # else it plans anew

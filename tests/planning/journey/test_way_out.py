@@ -48,7 +48,7 @@ def test_the_way_out_leads_to_the_nearest_side_and_not_towards_the_goal():
     deep = Zone("deep", ((0.5, 1.7), (5.0, 1.7), (5.0, 3.9), (0.5, 3.9)))
     bench = with_zones(deep, grid=room(), start=SE2(1.5, 2.1, 0.0))
     bench.look()
-    plan = bench.pilot.plan(bench.pose, Goal(5.4, 3.0))
+    plan = bench.pilot.tools.paths.plan(bench.pose, Goal(5.4, 3.0))
     assert isinstance(plan, Plan)
     end_m = plan.poses[-1, :2]
     assert end_m[1] < 1.7 - BODY.inscribed_m
@@ -65,7 +65,7 @@ def test_once_out_it_is_kept_out_again():
     bench = with_zones(PEN, grid=room())
     bench.drive(5.0, 2.0)
     bench.look()
-    plan = bench.pilot.plan(bench.pose, Goal(0.4, 0.4))
+    plan = bench.pilot.tools.paths.plan(bench.pose, Goal(0.4, 0.4))
     assert isinstance(plan, Plan)
     assert not any(PEN.contains((x, y)) for x, y, _ in plan.poses)
 

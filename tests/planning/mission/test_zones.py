@@ -142,7 +142,7 @@ def test_a_slow_zone_is_entered_and_driven_through_at_its_speed(width_m):
     assert max(inside) < 0.22
     assert max(elsewhere) > 0.7
     bench.pilot.use_zones([])
-    assert bench.pilot.speed_limit(SE2(3.02, 2.0, 0.0), np.zeros((1, 3))) == math.inf
+    assert bench.pilot.tools.world.speed_limit(SE2(3.02, 2.0, 0.0), np.zeros((1, 3))) == math.inf
 
 
 def test_the_speed_before_a_slow_zone_is_what_braking_takes_away_on_the_path():
@@ -155,4 +155,6 @@ def test_the_speed_before_a_slow_zone_is_what_braking_takes_away_on_the_path():
         rest = path[path[:, 0] >= here.x_m]
         expected_m_s = math.sqrt(0.2**2 + 2.0 * braking_m_s2 * away_m)
         # Cells that the zone touches begin up to one before it.
-        assert bench.pilot.speed_limit(here, rest) == pytest.approx(expected_m_s, abs=0.06)
+        assert bench.pilot.tools.world.speed_limit(here, rest) == pytest.approx(
+            expected_m_s, abs=0.06
+        )

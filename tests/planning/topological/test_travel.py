@@ -10,6 +10,7 @@ import pytest
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
 from robotctl.planning.behaviours.behaviour import BehaviourInput, BehaviourOutput, Status
+from robotctl.planning.journey.approach import Approach
 from robotctl.planning.journey.travel import Travel
 from robotctl.planning.topological.recognition import appearances
 from tests.planning.topological.little_world import LittleWorld, corridors, little_world
@@ -64,7 +65,7 @@ class Robot:
         points = np.array([(end.x_m, end.y_m) for ends in around for end in ends])
         return not self.world.is_free(*points.T).all()
 
-    def exploration(self, _speed_m_s):
+    def exploration(self):
         self._path = self.world.way(self.truth, (2.7, 2.0))
         return SimpleNamespace(step=lambda *_: self._follow(near=True))
 
@@ -94,7 +95,10 @@ class Robot:
 
 
 def travel(robot, looks, goal, start=""):
-    return Travel(robot, robot.world.map, looks, goal, start, 0.5)
+    tools = SimpleNamespace(world=robot, paths=robot)
+    places = SimpleNamespace(map=robot.world.map, looks=looks)
+    approach = Approach(robot, robot.journey, 0.5)
+    return Travel(tools, places, approach, robot.exploration, goal, start)
 
 
 @pytest.mark.parametrize(
@@ -171,7 +175,7 @@ def test_it_gives_up_after_so_many_looks_where_nothing_is_known(looks):
     robot = Robot(little_world(), SE2(4.0, 1.5, 0.3))
     places = {"store": looks["store"]}
     seen = []
-    robot.exploration = lambda _speed: (
+    robot.exploration = lambda: (
         seen.append(1) or SimpleNamespace(step=lambda *_: BehaviourOutput(0.0, 0.0, Status.DONE))
     )
     output = robot.drive(travel(robot, places, "store"))

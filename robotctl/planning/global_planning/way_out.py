@@ -12,14 +12,8 @@ from numpy.typing import NDArray
 
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.costmap.planning_map import PlanningMap
-from robotctl.planning.global_planning.plan import (
-    GoesOn,
-    Plan,
-    PlanFailure,
-    Planner,
-    Reason,
-    facing,
-)
+from robotctl.planning.global_planning.goal import facing
+from robotctl.planning.global_planning.plan import GoesOn, Plan, PlanFailure, Planner, Reason
 
 _NO_ROOM: Final = frozenset({Reason.START_BLOCKED, Reason.NOT_FOUND})
 _WAYS_OUT_M: Final = (

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
+from robotctl.planning.global_planning.arc import arc_to
 from robotctl.planning.global_planning.goal import Goal
-from robotctl.planning.journey.arc import arc_to
 
 RADIUS_M = 0.5
 bearings = st.floats(-0.95, 0.95).map(lambda rad: rad if abs(rad) > 1e-6 else 0.0)
