@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks import machine
-from robotctl.estimation.kalman.consistency import chi2_bounds
+from robotctl.estimation.kalman.chi_squared import chi2_bounds
 from robotctl.estimation.slam.ekf_slam.features import POINT
 from robotctl.estimation.slam.ekf_slam.filter import EkfSlam
 from robotctl.logs.formats.mrclam_log import read_mrclam

@@ -18,7 +18,7 @@ from robotctl.app.simulation.lockstep import LockstepRun
 from robotctl.app.simulation.sim_options import SimOptions
 from robotctl.config.robot_file import find_file
 from robotctl.core.navigation_tick import NavigationTick
-from robotctl.estimation.sensors.registry import LIDAR, SONAR
+from robotctl.estimation.sensor_names import LIDAR, SONAR
 
 LONGEST_S = 3600.0
 PERIOD_S = 360.0

@@ -6,8 +6,8 @@ from robotctl.drivers.can.config import NodeParameters
 from robotctl.drivers.can.drives.fitting import Fitted, actuators_of, fit
 from robotctl.drivers.can.drives.native.config import native_motor
 from robotctl.drivers.can.drives.native.feedback import NativeFeedback
-from robotctl.drivers.can.drives.native.wire import DriveStatus, MotorStatus, WheelFeedback
 from robotctl.drivers.can.nodes import registry
+from robotctl.drivers.can.nodes.motor import DriveStatus, MotorStatus, WheelFeedback
 from robotctl.drivers.can.nodes.robot_codec import RobotCodec
 from robotctl.drivers.can.robot_can import CanRobot
 from robotctl.drivers.can.robot_parts import RobotParts

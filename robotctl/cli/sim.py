@@ -28,7 +28,7 @@ from robotctl.cli.live.keys import Keys
 from robotctl.cli.logs.report import check_page, write_report
 from robotctl.drivers.mavlink.listening import busy_links
 from robotctl.errors import ConfigError, DiskError
-from robotctl.estimation.sensors.registry import SENSORS
+from robotctl.estimation.sensor_names import SENSORS
 from robotctl.runtime.open_files import need_open_files
 
 if TYPE_CHECKING:

@@ -159,7 +159,7 @@ def check_mavlink(links: tuple[LinkConfig, ...]) -> list[Finding]:
 def check_key(config: MavlinkConfig) -> Finding:
     """Check that the file with the signing key can be used."""
     # It loads pymavlink.
-    from robotctl.app.processes.signing_files import configured_key  # noqa: PLC0415
+    from robotctl.app.signing_files import configured_key  # noqa: PLC0415
 
     check = "MAVLink signing"
     try:

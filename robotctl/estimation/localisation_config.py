@@ -10,7 +10,7 @@ from robotctl.errors import InvalidValue
 from robotctl.estimation.grid.config import OccupancyGridConfig
 from robotctl.estimation.ranging.likelihood_config import LikelihoodFieldConfig
 from robotctl.estimation.ranging.sonar_config import SonarModelConfig
-from robotctl.estimation.sensors.registry import SENSORS
+from robotctl.estimation.sensor_names import SENSORS
 
 if TYPE_CHECKING:
     SensorName: TypeAlias = str

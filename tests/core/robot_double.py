@@ -10,7 +10,7 @@ from robotctl.control.pid import PidConfig
 from robotctl.core.config import ControlConfig
 from robotctl.core.control_core import ControlCore, Inputs, Outputs
 from robotctl.drivers.can.config import NodeParameters
-from robotctl.drivers.can.drives.native.wire import DriveStatus, MotorStatus, WheelFeedback
+from robotctl.drivers.can.nodes.motor import DriveStatus, MotorStatus, WheelFeedback
 from robotctl.messages.actuators import ActuatorCommand, DriveState
 from robotctl.messages.control import (
     Arm,

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import pytest
 
-from robotctl.drivers.can.drives.native.wire import DriveStatus
+from robotctl.drivers.can.nodes.motor import DriveStatus
 from robotctl.messages.control import Feedback, SafetyState, VelocityCommand
 from robotctl.messages.faults import FaultCode as C
 from robotctl.safety.ages import is_fresh

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from robotctl.control.pid import PidConfig
 from robotctl.core.config import ControlConfig
-from robotctl.drivers.can.drives.native.wire import WheelFeedback
+from robotctl.drivers.can.nodes.motor import WheelFeedback
 from robotctl.messages.actuators import DriveState
 from robotctl.messages.control import (
     Arm,

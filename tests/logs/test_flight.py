@@ -17,7 +17,7 @@ from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file, load_robot
 from robotctl.core.checkpoint import checkpoint
 from robotctl.core.control_core import ControlCore, Inputs
-from robotctl.drivers.can.drives.native.wire import WheelFeedback
+from robotctl.drivers.can.nodes.motor import WheelFeedback
 from robotctl.logs import flight
 from robotctl.logs.flight import AFTERMATH_NS, MOST_DUMPS, FlightDumps, RecordCopy
 from robotctl.messages.control import ControlState, Feedback, LoopStatistics, SafetyState

@@ -3,7 +3,7 @@
 import msgspec
 import pytest
 
-from robotctl.drivers.can.drives.native.wire import DriveStatus
+from robotctl.drivers.can.nodes.motor import DriveStatus
 from robotctl.messages.control import BusState, BusStatus, EmergencyMessage, Feedback
 from robotctl.messages.faults import Fault, FaultCode
 from robotctl.safety.causes import AFTER_NS, BEFORE_NS, ERRORS, SILENT_NS, TOGETHER_NS, Causes

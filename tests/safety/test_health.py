@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robotctl.drivers.can.config import NodeParameters
-from robotctl.drivers.can.drives.native.faults import DriveFault, fault_words
-from robotctl.drivers.can.drives.native.wire import DriveStatus, MotorStatus, WheelFeedback
+from robotctl.drivers.can.drives.native.faults import fault_words
+from robotctl.drivers.can.nodes.motor import DriveFault, DriveStatus, MotorStatus, WheelFeedback
 from robotctl.messages.actuators import DriveState
 from robotctl.messages.control import (
     AccelerometerFeedback,

@@ -54,8 +54,8 @@ def load_estimators(
         config, start = replace(config, localisation=settings), last
     try:
         # numba, scipy and filterpy take a second to load and 100 MB of memory.
+        from robotctl.app.compile_progress import compile_progress  # noqa: PLC0415
         from robotctl.app.localisation.estimators import make_estimators  # noqa: PLC0415
-        from robotctl.app.supervision.compile_progress import compile_progress  # noqa: PLC0415
 
         with compile_progress(say):
             beside = Path(options.robot).resolve().parent

@@ -31,7 +31,7 @@ from robotctl.estimation.mcl.search_size import search_size
 from robotctl.estimation.mcl.sliced import Sliced
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.estimation.ranging.log_likelihood import LogLikelihood
-from robotctl.estimation.sensors.registry import SONAR
+from robotctl.estimation.sensor_names import SONAR
 from robotctl.messages.control import ControlState, ExternalPose
 from robotctl.messages.estimation import LocalisationState
 from robotctl.model.geometry.se2 import SE2

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple, Protocol
 
 import msgspec
 
 from robotctl.errors import ConfigError
-from robotctl.estimation.sensors.registry import LIDAR
+from robotctl.estimation.sensor_names import LIDAR
+from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.estimation.slam.keyframes.saved_map import (
     HEADING,
     ChangeLog,
     KeyframeMap,
+    SavedOdometry,
     as_saved,
     compacted,
     encoded,
 )
 from robotctl.logs.formats.keyframes_log import load_keyframes
+from robotctl.model.geometry.se2 import SE2
 from robotctl.runtime.storage.record_log import (
     DamagedLogError,
     RecordLog,
@@ -25,9 +28,6 @@ from robotctl.runtime.storage.record_log import (
     set_aside,
 )
 from robotctl.words import counted
-
-if TYPE_CHECKING:
-    from robotctl.app.localisation.slam_localiser import SlamLocaliser
 
 NAME: Final = "slam.keyframes"
 """In the folder of what survives restarts."""
@@ -71,6 +71,20 @@ def keyframes_to_localise(path: Path, sensor: str) -> KeyframeMap:
 
 def _by_another(path: Path, saved: KeyframeMap, sensor: str) -> str:
     return f"{path}: a map made by {saved.sensor}, of no use to a robot that maps by {sensor}"
+
+
+class RobotOnMap(Protocol):
+    """The robot as its map is written."""
+
+    T_world_map: SE2
+
+    @property
+    def place(self) -> tuple[int, SE2]:
+        """The robot's keyframe, and `base` in it."""
+
+    @property
+    def odometry(self) -> SavedOdometry | None:
+        """Odometry in that pose."""
 
 
 class KeyframeFile:
@@ -141,9 +155,8 @@ class KeyframeFile:
         notices, self._notices = self._notices, []
         return notices
 
-    def step(self, localiser: SlamLocaliser, now_ns: int) -> None:
+    def step(self, mapper: SlamMapper, robot: RobotOnMap, now_ns: int) -> None:
         """Have written what is new about a map; twice a second where the robot is on it."""
-        mapper = localiser.mapper
         if not mapper.keyframes or mapper.is_lost:
             return
         change = self._changes.changes(mapper)
@@ -151,11 +164,11 @@ class KeyframeFile:
         if not is_new and now_ns - self._placed_ns < _PLACE_NS:
             return
         self._placed_ns = now_ns
-        number, pose = localiser.place
+        number, pose = robot.place
         place = number, as_saved(pose)
-        change = msgspec.structs.replace(change, place=place, odometry=localiser.odometry)
+        change = msgspec.structs.replace(change, place=place, odometry=robot.odometry)
         if not self._has_frame:
-            frame = as_saved(localiser.T_world_map)
+            frame = as_saved(robot.T_world_map)
             change = msgspec.structs.replace(change, frame=frame, sensor=self._sensor)
             self._has_frame = True
         self._log.add([encoded(change)])

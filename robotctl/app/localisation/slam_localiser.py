@@ -18,8 +18,8 @@ from robotctl.app.localisation.slam_sensor import SlamSensor, recognises_places,
 from robotctl.config.robot_file import RobotConfig
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
+from robotctl.estimation.sensor_names import SONAR
 from robotctl.estimation.sensors.lidar import REHEARSED
-from robotctl.estimation.sensors.registry import SONAR
 from robotctl.estimation.sensors.sensor import SensedRobot
 from robotctl.estimation.slam.incremental.smoother import IncrementalSmoother
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
@@ -160,7 +160,7 @@ class SlamLocaliser:
             row = as_saved(odometry)
             self.odometry = SavedOdometry(control.odom_epoch_ns, control.stamp_ns, row)
         if self._file is not None:
-            self._file.step(self, now_ns)
+            self._file.step(self.mapper, self, now_ns)
         covariance = self._covariance(self._pose)
         estimate = PoseEstimate(control.stamp_ns, self._pose, covariance, status)
         state = localisation_state("slam", estimate, odometry, now_ns)

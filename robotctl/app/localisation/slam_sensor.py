@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from robotctl.config.robot_file import RobotConfig
 from robotctl.errors import ConfigError
-from robotctl.estimation.sensors.registry import CAMERA, LIDAR, SONAR
+from robotctl.estimation.sensor_names import CAMERA, LIDAR, SONAR
 from robotctl.estimation.sensors.sensor import SensedRobot
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.local_scans.registry import SCAN_SOURCES, load_source

@@ -152,7 +152,7 @@ def _pilot(
     plan_s: float,
 ) -> Pilot:
     """Return what plans journeys, compiled and ready."""
-    from robotctl.app.supervision.compile_progress import compile_progress  # noqa: PLC0415
+    from robotctl.app.compile_progress import compile_progress  # noqa: PLC0415
     from robotctl.planning.journey.pilot import MapPilot  # noqa: PLC0415
 
     try:

@@ -15,7 +15,7 @@ from robotctl.app.processes.can_tap import BusTap
 from robotctl.app.processes.entry import enter
 from robotctl.app.processes.plan_files import plan_stores
 from robotctl.app.processes.served_folder import served_folders
-from robotctl.app.processes.signing_files import SigningFiles
+from robotctl.app.signing_files import SigningFiles
 from robotctl.app.supervision.signals import StopFlag
 from robotctl.config.changes import ParameterFile, kept_values
 from robotctl.config.options import StackOptions

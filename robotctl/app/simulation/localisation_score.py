@@ -17,7 +17,8 @@ from robotctl.app.simulation.score import (
     TruthMatcher,
 )
 from robotctl.app.simulation.slam_score import SlamScore
-from robotctl.estimation.kalman.consistency import chi2_bounds, pose_nees, share_inside
+from robotctl.estimation.kalman.chi_squared import chi2_bounds
+from robotctl.estimation.kalman.consistency import pose_nees, share_inside
 from robotctl.messages.estimation import LocalisationState
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.localisation import LocalisationStatus

@@ -15,6 +15,7 @@ from pathlib import Path
 import msgspec
 
 from firmware_sim.faults.scenario import not_begun, play
+from robotctl.app.compile_progress import compile_progress
 from robotctl.app.localisation.load_estimators import load_estimators
 from robotctl.app.processes.navigator import equip, load_mission, make_navigation
 from robotctl.app.processes.robot import record_header
@@ -37,7 +38,6 @@ from robotctl.app.simulation.score import (
 )
 from robotctl.app.simulation.sim_options import SimOptions, load_faults
 from robotctl.app.simulation.time_limit import TimeLimit
-from robotctl.app.supervision.compile_progress import compile_progress
 from robotctl.config.options import StackOptions
 from robotctl.core.navigation_tick import NavigationTick
 from robotctl.core.operator import Operator

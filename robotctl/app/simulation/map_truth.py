@@ -22,7 +22,7 @@ from firmware_sim.world.world import World
 from robotctl.app.simulation.score import MapQuality
 from robotctl.app.simulation.sim_options import SimOptions, simulated_robot
 from robotctl.config.robot_file import RobotConfig
-from robotctl.estimation.sensors.registry import LIDAR
+from robotctl.estimation.sensor_names import LIDAR
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.model.wall_map import WallMap

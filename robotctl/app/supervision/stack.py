@@ -15,7 +15,7 @@ import signal
 import time
 from typing import Final, NoReturn
 
-from robotctl.app.processes.signing_files import configured_key
+from robotctl.app.signing_files import configured_key
 from robotctl.app.supervision.announcer import Announcer
 from robotctl.app.supervision.pause import Pause
 from robotctl.app.supervision.restart import RestartPolicy

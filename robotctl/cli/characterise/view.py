@@ -5,7 +5,7 @@ from __future__ import annotations
 from rich.table import Table
 
 from robotctl.estimation.ranging.fit.range_fit import Fitted
-from robotctl.estimation.sensors.registry import SONAR
+from robotctl.estimation.sensor_names import SONAR
 from robotctl.words import counted
 from robotctl.workbench.sensors.characterise import Characterisation
 from robotctl.workbench.sensors.patch import patch_values

@@ -24,7 +24,7 @@ DEFAULT = "tcpout:127.0.0.1:5760"
 @contextmanager
 def companion(url: str, key: Path | None) -> Iterator[Companion]:
     """Open a link; its robot is still to be found."""
-    from robotctl.app.processes.signing_files import read_key  # noqa: PLC0415 - pymavlink is slow
+    from robotctl.app.signing_files import read_key  # noqa: PLC0415 - pymavlink is slow
     from robotctl.drivers.mavlink.link import MavlinkLinks  # noqa: PLC0415
     from robotctl.drivers.mavlink.signing import Signing  # noqa: PLC0415
     from robotctl.errors import ConfigError  # noqa: PLC0415

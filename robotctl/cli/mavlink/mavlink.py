@@ -24,6 +24,6 @@ def keygen(
 
     It is a pass phrase, as ground stations ask for; name the file in mavlink.signing_key.
     """
-    from robotctl.app.processes.signing_files import write_new_key  # noqa: PLC0415
+    from robotctl.app.signing_files import write_new_key  # noqa: PLC0415
 
     print(write_new_key(file))

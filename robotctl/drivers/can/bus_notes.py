@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from robotctl.drivers.can.e2e import E2eCounters
-from robotctl.drivers.can.nodes.stranger_book import StrangerBook
+from robotctl.drivers.can.stranger_book import StrangerBook
 from robotctl.messages.control import EmergencyMessage
 
 

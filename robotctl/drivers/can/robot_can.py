@@ -11,7 +11,8 @@ from collections.abc import Mapping
 from operator import itemgetter
 from typing import Final
 
-from robotctl.drivers.can.drives.motor_drive import BusPart, Handler, MotorDrive, Send
+from robotctl.drivers.can.bus_part import BusPart, Handler, Send
+from robotctl.drivers.can.drives.motor_drive import MotorDrive
 from robotctl.drivers.can.drives.proofs import ProvenDrive
 from robotctl.drivers.can.robot_parts import FIELDS, NOTHING, RobotParts
 from robotctl.drivers.can.supply import DriveSupply

@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 from robotctl.drivers.can.bus_notes import BusNotes
+from robotctl.drivers.can.bus_part import BusPart
 from robotctl.drivers.can.config import NodeParameters
 from robotctl.drivers.can.drives.fitting import Fitted
-from robotctl.drivers.can.drives.motor_drive import BusPart, DriveNeeds, MotorDrive
+from robotctl.drivers.can.drives.motor_drive import DriveNeeds, MotorDrive
 from robotctl.drivers.can.nodes.can_node import CanNode
 from robotctl.drivers.can.nodes.own_node import OwnNode, Sink
 from robotctl.drivers.can.nodes.registry import wanted_nodes

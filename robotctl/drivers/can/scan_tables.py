@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, Final
 
-from robotctl.drivers.can.drives.probe import Found
+from robotctl.drivers.can.probe import Found
 
 WHEELS: Final = ("left", "right", "rear_left", "rear_right")
 """Names of wheels where no robot's file says others."""

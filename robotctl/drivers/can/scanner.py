@@ -14,10 +14,10 @@ from typing import Final
 
 from robotctl.drivers.can.bus_load import worst_case_bits
 from robotctl.drivers.can.config import CanConfig, bring_up
-from robotctl.drivers.can.drives.probe import ANSWER_NS, Found, Probe, Question
 from robotctl.drivers.can.drives.registry import DRIVES
 from robotctl.drivers.can.nodes.registry import CAN_NODES
 from robotctl.drivers.can.nodes.scan import own_probe
+from robotctl.drivers.can.probe import ANSWER_NS, Found, Probe, Question
 from robotctl.messages.control import BusState
 from robotctl.messages.ports import FD_FLAG, CanPort, Clock
 from robotctl.words import counted

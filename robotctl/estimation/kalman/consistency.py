@@ -13,25 +13,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from robotctl.estimation.kalman.chi_squared import chi2_bounds, chi2_quantile
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.pose_estimate import PoseEstimate
 from robotctl.model.geometry.se2 import SE2
 
 if TYPE_CHECKING:
     from robotctl.estimation.kalman.robust_kalman import Innovation
-
-
-def chi2_quantile(probability: float, dof: float) -> float:
-    """Return below which value a chi-squared variable of `dof` degrees of freedom stays."""
-    from scipy.special import gammaincinv  # type: ignore[import-untyped] # noqa: PLC0415 - slow
-
-    return float(2.0 * gammaincinv(0.5 * dof, probability))
-
-
-def chi2_bounds(dof: float, probability: float = 0.95) -> tuple[float, float]:
-    """Return the two-sided bounds of a chi-squared variable for a probability."""
-    tail = 0.5 * (1.0 - probability)
-    return chi2_quantile(tail, dof), chi2_quantile(1.0 - tail, dof)
 
 
 def pose_nees(estimate: PoseEstimate, truth: SE2) -> float:

@@ -23,7 +23,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.estimation.kalman.consistency import chi2_quantile
+from robotctl.estimation.kalman.chi_squared import chi2_quantile
 
 Array: TypeAlias = NDArray[np.float64]
 Residual: TypeAlias = Callable[[Array, Array], Array]

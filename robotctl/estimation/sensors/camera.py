@@ -11,8 +11,8 @@ import numpy as np
 from robotctl.estimation.ranging.likelihood_field import LikelihoodField
 from robotctl.estimation.ranging.log_likelihood import LogLikelihood
 from robotctl.estimation.ranging.scan_messages import camera_scan
+from robotctl.estimation.sensor_names import CAMERA
 from robotctl.estimation.sensors.lidar import REHEARSED, scan_update
-from robotctl.estimation.sensors.registry import CAMERA
 from robotctl.estimation.sensors.sensor import (
     CellUpdate,
     Listener,

@@ -14,7 +14,7 @@ from robotctl.estimation.ranging.beam_selection import evenly_chosen
 from robotctl.estimation.ranging.likelihood_field import LikelihoodField
 from robotctl.estimation.ranging.log_likelihood import LogLikelihood
 from robotctl.estimation.ranging.scan_messages import lidar_scan
-from robotctl.estimation.sensors.registry import LIDAR
+from robotctl.estimation.sensor_names import LIDAR
 from robotctl.estimation.sensors.sensor import (
     Calibration,
     CellUpdate,

@@ -14,7 +14,7 @@ from robotctl.estimation.kalman.robust_kalman import Innovation
 from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.estimation.ranging.log_likelihood import LogLikelihood
 from robotctl.estimation.ranging.sonar_model import SonarModel
-from robotctl.estimation.sensors.registry import SONAR
+from robotctl.estimation.sensor_names import SONAR
 from robotctl.estimation.sensors.sensor import (
     Calibration,
     CellUpdate,

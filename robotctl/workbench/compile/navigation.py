@@ -16,7 +16,7 @@ from robotctl.app.processes.floor_pipeline import GroundWatch
 from robotctl.app.processes.navigator import equip, make_navigation
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import config_directory
-from robotctl.estimation.sensors.registry import SENSORS
+from robotctl.estimation.sensor_names import SENSORS
 from robotctl.maps.localisation_map import LocalisationMap, load_localisation_map
 from robotctl.planning.local.controllers import CONTROLLERS
 

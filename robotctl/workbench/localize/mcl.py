@@ -20,7 +20,7 @@ from robotctl.estimation.mcl.map_symmetry import symmetries
 from robotctl.estimation.mcl.search_size import search_size, too_large
 from robotctl.estimation.ranging.echo_share import EchoShare
 from robotctl.estimation.ranging.log_likelihood import LogLikelihood
-from robotctl.estimation.sensors.registry import LIDAR, SONAR
+from robotctl.estimation.sensor_names import LIDAR, SONAR
 from robotctl.estimation.sensors.sensor import SensedRobot
 from robotctl.logs.recorded_motion import increments, known_from_ns, noisy, reference_at, with_noise
 from robotctl.maps.localisation_map import LocalisationMap, off_map

@@ -21,7 +21,7 @@ from robotctl.errors import CalibrationError, ConfigError
 from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.estimation.ranging.fit.expected_ranges import EchoExpectations
 from robotctl.estimation.ranging.fit.sensor_fit import SensorFit, fit_sensor, reach_m
-from robotctl.estimation.sensors.registry import LIDAR, SONAR
+from robotctl.estimation.sensor_names import LIDAR, SONAR
 from robotctl.estimation.sensors.sensor import SensedRobot
 from robotctl.model.drives.odometry_noise import MotionNoise
 from robotctl.toml_source import nearest

@@ -18,7 +18,8 @@ from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
 from robotctl.estimation.odometry.estimate import arc_between
 from robotctl.estimation.ranging.fit.expected_ranges import Sightlines
 from robotctl.estimation.ranging.fit.sensor_fit import Readings
-from robotctl.estimation.sensors.registry import LIDAR, SONAR, load_sensors
+from robotctl.estimation.sensor_names import LIDAR, SONAR
+from robotctl.estimation.sensors.registry import load_sensors
 from robotctl.logs.formats.recorded_log import read_recording
 from robotctl.logs.formats.times import is_timeless
 from robotctl.logs.log_poses import best_poses

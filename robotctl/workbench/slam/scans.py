@@ -14,7 +14,7 @@ import numpy as np
 from robotctl.errors import RobotctlError
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
 from robotctl.estimation.localisation_config import LocalisationConfig
-from robotctl.estimation.sensors.registry import LIDAR
+from robotctl.estimation.sensor_names import LIDAR
 from robotctl.estimation.sensors.sensor import SensedRobot
 from robotctl.estimation.slam.front_end.surface import surface_of
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig

@@ -4,12 +4,7 @@ import hashlib
 
 import pytest
 
-from robotctl.app.processes.signing_files import (
-    SAVE_NS,
-    SigningFiles,
-    read_key,
-    write_new_key,
-)
+from robotctl.app.signing_files import SAVE_NS, SigningFiles, read_key, write_new_key
 from robotctl.config.options import StackOptions
 from robotctl.errors import ConfigError
 from robotctl.mavlink.config import MavlinkConfig

@@ -9,7 +9,7 @@ from robotctl.app.simulation.lockstep_stack import LockstepStack, make_simulatio
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file
 from robotctl.core.control_core import Inputs
-from robotctl.drivers.can.drives.native.wire import WheelFeedback
+from robotctl.drivers.can.nodes.motor import WheelFeedback
 from robotctl.messages.control import (
     Arm,
     EmergencyStop,

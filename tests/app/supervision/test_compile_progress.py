@@ -3,8 +3,8 @@
 import numba
 import pytest
 
-from robotctl.app.supervision import compile_progress as progress
-from robotctl.app.supervision.compile_progress import compile_progress
+from robotctl.app import compile_progress as progress
+from robotctl.app.compile_progress import compile_progress
 from robotctl.compiled import COMPILING
 
 

@@ -21,7 +21,7 @@ import zmq
 from mcap.reader import make_reader
 from pymavlink.dialects.v20 import common
 
-from robotctl.app.processes.signing_files import write_new_key
+from robotctl.app.signing_files import write_new_key
 from robotctl.app.supervision.child_process import start_child
 from robotctl.app.supervision.restart import RestartPolicy
 from robotctl.app.supervision.stack import (

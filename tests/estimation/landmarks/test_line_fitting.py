@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
-from robotctl.estimation.kalman.consistency import chi2_bounds
+from robotctl.estimation.kalman.chi_squared import chi2_bounds
 from robotctl.estimation.landmarks.line_fitting import BeamNoise, Line, fit_line, intersection
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2

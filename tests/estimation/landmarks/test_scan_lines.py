@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robotctl.estimation.kalman.consistency import chi2_bounds
+from robotctl.estimation.kalman.chi_squared import chi2_bounds
 from robotctl.estimation.landmarks.line_fitting import BeamNoise
 from robotctl.estimation.landmarks.scan_lines import ScanLinesConfig, find_lines
 from robotctl.estimation.ranging.wall_echoes import WallEchoes

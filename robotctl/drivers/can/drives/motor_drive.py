@@ -10,26 +10,20 @@ gives it `send` when it may put frames on its bus. One tick is: the frames recei
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Protocol, TypeAlias
+from typing import Protocol
 
 from robotctl.drivers.can.bus_load import Cyclic
 from robotctl.drivers.can.bus_notes import BusNotes
+from robotctl.drivers.can.bus_part import BusPart, Send
 from robotctl.drivers.can.drives.axis import Axis, AxisConfig
-from robotctl.drivers.can.drives.probe import Probe
 from robotctl.drivers.can.nodes.robot_codec import RobotCodec
+from robotctl.drivers.can.probe import Probe
 from robotctl.messages.actuators import ActuatorCommand, ActuatorFeedback
-from robotctl.messages.control import EmergencyStopSource, NodeStatus
+from robotctl.messages.control import EmergencyStopSource
 from robotctl.model.actuators import Abilities
 from robotctl.safety.ages import AgeLimit
 from robotctl.safety.state_machine import SafetyConfig
-
-Handler: TypeAlias = Callable[[bytes, int], None]
-"""Takes data and time of reception [ns] of a frame."""
-
-Send: TypeAlias = Callable[[int, bytes], bool]
-"""`CanPort.send` of the drive's bus."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,32 +57,6 @@ class DriveNeeds:
     def period_ns(self) -> int:
         """Control period [ns]."""
         return 1_000_000_000 // self.rate_hz
-
-
-class BusPart(Protocol):
-    """Whatever the host talks to on a bus: a drive or a sensor."""
-
-    @property
-    def handlers(self) -> Mapping[int, Handler]:
-        """Frames that it listens to, by `Frame.arbitration_id`; fixed once it is made."""
-
-    @property
-    def host_frames(self) -> Mapping[int, str]:
-        """Names of the frames on its bus that only the host may send, by identifier."""
-
-    @property
-    def wants_sync(self) -> bool:
-        """Whether it waits for CANopen's SYNC, once a tick behind the commands."""
-
-    @property
-    def status(self) -> NodeStatus:
-        """Whether it is there and in service, and why not; another object only where it changed."""
-
-    def check(self, now_ns: int) -> None:
-        """Judge what was received up to now."""
-
-    def serve(self, send: Send, now_ns: int) -> bool:
-        """Send at most one frame of identification, settings or state changes; whether it did."""
 
 
 class MotorDrive(BusPart, Protocol):

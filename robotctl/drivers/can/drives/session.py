@@ -12,7 +12,7 @@ from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
-from robotctl.drivers.can.drives.motor_drive import Send
+from robotctl.drivers.can.bus_part import Send
 from robotctl.messages.control import NodeStatus
 from robotctl.messages.faults import Fault, FaultCode
 

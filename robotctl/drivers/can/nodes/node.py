@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 from robotctl.drivers.can.e2e import E2eReceiver
 from robotctl.drivers.can.nodes.commissioning import Script, Setting, Start, no_answer
 from robotctl.drivers.can.nodes.sdo import REQUEST_BASE, Request, SdoClient, SdoResponse
-from robotctl.drivers.can.nodes.stranger_book import StrangerBook
+from robotctl.drivers.can.stranger_book import StrangerBook
 from robotctl.messages.control import NodeStatus, StrangerKind
 from robotctl.messages.faults import Fault, FaultCode
 

@@ -7,8 +7,8 @@ from typing import Any, Final, NamedTuple
 
 from robotctl.drivers.can.bus_load import transmission_type
 from robotctl.drivers.can.bus_notes import BusNotes
+from robotctl.drivers.can.bus_part import Handler, Send
 from robotctl.drivers.can.dbc import Message
-from robotctl.drivers.can.drives.motor_drive import Handler, Send
 from robotctl.drivers.can.e2e import SURPLUS_ON_SYNC, SURPLUS_TIMED, E2eReceiver
 from robotctl.drivers.can.nodes.can_node import NodeFrame, Value
 from robotctl.drivers.can.nodes.commissioning import Script

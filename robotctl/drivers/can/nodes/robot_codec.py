@@ -11,8 +11,8 @@ from typing import Final
 
 from robotctl.drivers.can.codec import Decoder, compile_decoder, compile_encoder, data_id_crc
 from robotctl.drivers.can.dbc import Dbc, Message
-from robotctl.drivers.can.drives.native.wire import FRAMES as DRIVE_FRAMES
 from robotctl.drivers.can.nodes.can_node import Value
+from robotctl.drivers.can.nodes.motor import FRAMES as DRIVE_FRAMES
 from robotctl.drivers.can.nodes.registry import CAN_NODES
 from robotctl.errors import ConfigError
 from robotctl.messages.control import EmergencyStopSource

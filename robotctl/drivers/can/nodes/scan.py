@@ -6,11 +6,11 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from robotctl.drivers.can.drives.probe import ANSWER_NS, Found, Probe, Question, come_from_two
 from robotctl.drivers.can.nodes.can_node import CanNode
 from robotctl.drivers.can.nodes.commissioning import VENDOR_ID
 from robotctl.drivers.can.nodes.node import HEARTBEAT_BASE, NMT_ID
 from robotctl.drivers.can.nodes.sdo import NODE_ID_MAX, REQUEST_BASE, RESPONSE_BASE, Request
+from robotctl.drivers.can.probe import ANSWER_NS, Found, Probe, Question, come_from_two
 from robotctl.messages.ports import EXTENDED_FLAG, FD_FLAG, REMOTE_FLAG, Frame
 
 DEVICE_TYPE, VENDOR, PRODUCT, REVISION, SERIAL = (

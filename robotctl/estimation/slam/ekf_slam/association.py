@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.compiled import compiled
-from robotctl.estimation.kalman.consistency import chi2_quantile
+from robotctl.estimation.kalman.chi_squared import chi2_quantile
 
 Array: TypeAlias = NDArray[np.float64]
 Indices: TypeAlias = NDArray[np.int64]

@@ -15,7 +15,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from robotctl.estimation.places.visual.features import Features, features_in, features_message
-from robotctl.estimation.sensors.registry import LIDAR
+from robotctl.estimation.sensor_names import LIDAR
 from robotctl.estimation.slam.front_end.surface import Floats, surface_of
 from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link, as_row
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe, keyframe_of

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
-from robotctl.estimation.sensors.registry import CAMERA, LIDAR, SONAR
+from robotctl.estimation.sensor_names import CAMERA, LIDAR, SONAR
 
 if TYPE_CHECKING:
     from robotctl.estimation.slam.local_scans.source import ScanSource

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
+from robotctl.mavlink.at_rest import objection
 from robotctl.mavlink.command import (
     ACCEPTED,
     CANCELLED,
@@ -17,7 +18,6 @@ from robotctl.mavlink.command import (
     Command,
 )
 from robotctl.mavlink.context import Context
-from robotctl.mavlink.guards.at_rest import objection
 from robotctl.mavlink.guards.command_dedup import LateCopies
 from robotctl.mavlink.procedure_commands import (
     CALIBRATION,

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from pymavlink.dialects.v20 import common
 
+from robotctl.mavlink.at_rest import objection
 from robotctl.mavlink.command import (
     ACCEPTED,
     DENIED,
@@ -18,7 +19,6 @@ from robotctl.mavlink.command import (
     Command,
 )
 from robotctl.mavlink.context import Context
-from robotctl.mavlink.guards.at_rest import objection
 from robotctl.mavlink.guards.command_dedup import CONFIRMED_REPEAT_NS, LateCopies
 from robotctl.mavlink.service import Microservice
 from robotctl.messages.supervision import Restart, ShutDown

@@ -12,10 +12,10 @@ from firmware_sim.bus.state import FdSupport
 from robotctl.app.simulation.lockstep_stack import attach_port
 from robotctl.config.robot_file import config_directory, load_robot
 from robotctl.drivers.can.drives.axis import AxisConfig
-from robotctl.drivers.can.drives.probe import Found, come_from_two
 from robotctl.drivers.can.drives.registry import DRIVES
 from robotctl.drivers.can.drives.vesc.config import VescMotor
 from robotctl.drivers.can.nodes.scan import CanopenProbe
+from robotctl.drivers.can.probe import Found, come_from_two
 from robotctl.drivers.can.scan_tables import motor_tables
 from robotctl.drivers.can.scanner import LISTEN_NS, Scanner, Verdict, all_probes
 from robotctl.errors import InvalidValue

@@ -6,8 +6,8 @@ import pytest
 from e2e import p01
 
 from robotctl.drivers.can.config import CanConfig
-from robotctl.drivers.can.drives.native.faults import DriveFault
 from robotctl.drivers.can.memory_port import MemoryPort
+from robotctl.drivers.can.nodes.motor import DriveFault
 from robotctl.drivers.can.robot_can import DISABLE_FRAMES
 from robotctl.messages.actuators import ActuatorCommand, ActuatorFeedback, DriveState
 from robotctl.messages.control import BusState, EmergencyMessage, EmergencyStopSource

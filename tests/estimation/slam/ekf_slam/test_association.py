@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robotctl.estimation.kalman.consistency import chi2_quantile
+from robotctl.estimation.kalman.chi_squared import chi2_quantile
 from robotctl.estimation.slam.ekf_slam.association import (
     NONE,
     Gates,

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robotctl.estimation.kalman.consistency import chi2_bounds
+from robotctl.estimation.kalman.chi_squared import chi2_bounds
 from robotctl.estimation.slam.ekf_slam.features import POINT
 from robotctl.estimation.slam.ekf_slam.filter import EkfSlam
 from robotctl.model.drives.motion import arc

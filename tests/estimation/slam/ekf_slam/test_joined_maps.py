@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from robotctl.estimation.kalman.consistency import chi2_bounds
+from robotctl.estimation.kalman.chi_squared import chi2_bounds
 from robotctl.estimation.slam.ekf_slam.features import POINT
 from robotctl.estimation.slam.ekf_slam.filter import EkfSlam, tangent_nees
 from robotctl.estimation.slam.ekf_slam.joined_maps import JoinedMaps

@@ -28,9 +28,9 @@ from robotctl.drivers.can.drives.cia402.wire import (
     Role,
 )
 from robotctl.drivers.can.drives.motor_drive import DriveNeeds, MotorDrive
-from robotctl.drivers.can.drives.probe import Probe
 from robotctl.drivers.can.nodes.node import HEARTBEAT_BASE
 from robotctl.drivers.can.nodes.sdo import NODE_ID_MAX, REQUEST_BASE, RESPONSE_BASE
+from robotctl.drivers.can.probe import Probe
 from robotctl.errors import InvalidValue
 from robotctl.messages.faults import FaultCode
 from robotctl.model.actuators import Abilities, Takes

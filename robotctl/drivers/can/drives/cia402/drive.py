@@ -6,6 +6,7 @@ import struct
 from collections.abc import Mapping
 from typing import Final
 
+from robotctl.drivers.can.bus_part import Handler, Send
 from robotctl.drivers.can.drives.axis import Axis
 from robotctl.drivers.can.drives.cia402.axis_side import AxisSide
 from robotctl.drivers.can.drives.cia402.device import VELOCITY, Silence
@@ -21,7 +22,7 @@ from robotctl.drivers.can.drives.cia402.wire import (
     Command,
     Received,
 )
-from robotctl.drivers.can.drives.motor_drive import DriveNeeds, Handler, Send
+from robotctl.drivers.can.drives.motor_drive import DriveNeeds
 from robotctl.drivers.can.nodes.node import (
     HEARTBEAT_BASE,
     NMT_ID,

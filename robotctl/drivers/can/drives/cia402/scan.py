@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any, Final
 
 from robotctl.drivers.can.drives.cia402.wire import STATE_NAMES, STATES, STATUS_MASK
-from robotctl.drivers.can.drives.probe import Found
 from robotctl.drivers.can.nodes.commissioning import VENDOR_ID
 from robotctl.drivers.can.nodes.scan import (
     PRODUCT,
@@ -15,6 +14,7 @@ from robotctl.drivers.can.nodes.scan import (
     CanopenProbe,
     Device,
 )
+from robotctl.drivers.can.probe import Found
 
 _BOTH_HALVES: Final = 4
 """Bytes of the status word of a ZLAC8015D: one word for each wheel."""

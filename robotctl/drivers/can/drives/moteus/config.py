@@ -11,7 +11,7 @@ from robotctl.drivers.can.drives.moteus import wire
 from robotctl.drivers.can.drives.moteus.drive import MoteusDrive
 from robotctl.drivers.can.drives.moteus.scan import MoteusProbe
 from robotctl.drivers.can.drives.motor_drive import DriveNeeds
-from robotctl.drivers.can.drives.probe import Probe
+from robotctl.drivers.can.probe import Probe
 from robotctl.errors import InvalidValue
 from robotctl.messages.faults import FaultCode
 from robotctl.model.actuators import Abilities, Takes

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from robotctl.drivers.can.bus_part import Handler, Send
 from robotctl.drivers.can.drives.axis import Axis
 from robotctl.drivers.can.drives.moteus import wire
 from robotctl.drivers.can.drives.moteus.settings import MoteusSettings
 from robotctl.drivers.can.drives.moteus.state import MoteusState
-from robotctl.drivers.can.drives.motor_drive import DriveNeeds, Handler, Send
+from robotctl.drivers.can.drives.motor_drive import DriveNeeds
 from robotctl.drivers.can.drives.session import Session
 from robotctl.messages.actuators import NEVER_NS, ActuatorCommand, ActuatorFeedback
 from robotctl.messages.control import EmergencyStopSource, NodeStatus

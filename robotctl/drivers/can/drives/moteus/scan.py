@@ -8,7 +8,7 @@ from typing import Final
 
 from robotctl.drivers.can.drives.moteus import wire
 from robotctl.drivers.can.drives.moteus.faults import reported_fault
-from robotctl.drivers.can.drives.probe import Found, Probe, Question
+from robotctl.drivers.can.probe import Found, Probe, Question
 from robotctl.messages.ports import EXTENDED_FLAG, FD_FLAG, Frame
 
 QUERY: Final = wire.padded(bytes.fromhex("1100 110f 1a8102 1ba002"))

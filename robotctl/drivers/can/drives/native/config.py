@@ -10,7 +10,7 @@ from robotctl.drivers.can.drives.axis import Axis, AxisConfig
 from robotctl.drivers.can.drives.motor_drive import DriveNeeds, MotorDrive
 from robotctl.drivers.can.drives.native.drive import NODE_ID, SERVO, NativeDrive
 from robotctl.drivers.can.drives.native.scan import native_probe
-from robotctl.drivers.can.drives.probe import Probe
+from robotctl.drivers.can.probe import Probe
 from robotctl.errors import InvalidValue
 from robotctl.messages.faults import FaultCode
 from robotctl.model.actuators import Abilities, Takes

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
+from robotctl.drivers.can.bus_part import Handler, Send
 from robotctl.drivers.can.drives.axis import Axis
-from robotctl.drivers.can.drives.motor_drive import DriveNeeds, Handler, Send
+from robotctl.drivers.can.drives.motor_drive import DriveNeeds
 from robotctl.drivers.can.drives.native.feedback import NativeFeedback
 from robotctl.drivers.can.drives.native.settings import CLEAR_FAULTS, drive_script
-from robotctl.drivers.can.drives.native.wire import FRAMES
 from robotctl.drivers.can.e2e import AliveCounter
+from robotctl.drivers.can.nodes.motor import FRAMES
 from robotctl.drivers.can.nodes.own_node import OwnNode, Sink
 from robotctl.messages.actuators import ActuatorCommand, ActuatorFeedback
 from robotctl.messages.control import EmergencyStopSource, NodeStatus

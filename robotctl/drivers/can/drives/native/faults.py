@@ -5,21 +5,10 @@ from __future__ import annotations
 import enum
 from typing import Final
 
+from robotctl.drivers.can.nodes.motor import DriveFault
 from robotctl.messages.actuators import DriveState
 from robotctl.messages.faults import Fault, FaultCode
 from robotctl.safety.drive_health import LATCHED
-
-
-class DriveFault(enum.IntFlag):
-    """Latched faults of the motor controller, in the bit order of MotorStatus."""
-
-    OVER_CURRENT = 1
-    OVER_TEMPERATURE = 2
-    UNDER_VOLTAGE = 4
-    ENCODER = 8
-    COMMAND_TIMEOUT = 16
-    PARAMETER = 32
-
 
 _LATCHED_CODES: Final = {
     DriveState.STOPPED: FaultCode.DRIVE_STOPPED,

@@ -6,7 +6,7 @@ from typing import Final
 
 from robotctl.drivers.can.drives.axis import Axis
 from robotctl.drivers.can.drives.native.faults import reported_fault
-from robotctl.drivers.can.drives.native.wire import DriveStatus, MotorStatus, WheelFeedback
+from robotctl.drivers.can.nodes.motor import DriveStatus, MotorStatus, WheelFeedback
 from robotctl.messages.actuators import NEVER_NS, ActuatorFeedback, DriveState
 from robotctl.model.actuators import Takes
 

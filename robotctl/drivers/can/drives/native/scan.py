@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from robotctl.drivers.can.drives.native.settings import PRODUCT
-from robotctl.drivers.can.drives.probe import Found
 from robotctl.drivers.can.nodes.scan import CanopenProbe, Device, own_device
+from robotctl.drivers.can.probe import Found
 
 
 def native_probe() -> CanopenProbe:

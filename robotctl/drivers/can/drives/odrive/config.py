@@ -12,7 +12,7 @@ from robotctl.drivers.can.drives.odrive import wire
 from robotctl.drivers.can.drives.odrive.drive import ODrive
 from robotctl.drivers.can.drives.odrive.scan import ODriveProbe
 from robotctl.drivers.can.drives.odrive.wire import NODE_ID_MAX
-from robotctl.drivers.can.drives.probe import Probe
+from robotctl.drivers.can.probe import Probe
 from robotctl.errors import InvalidValue
 from robotctl.messages.faults import FaultCode
 from robotctl.model.actuators import Abilities, Takes

@@ -6,8 +6,9 @@ import math
 from collections.abc import Mapping
 from typing import Final
 
+from robotctl.drivers.can.bus_part import Handler, Send
 from robotctl.drivers.can.drives.axis import Axis
-from robotctl.drivers.can.drives.motor_drive import DriveNeeds, Handler, Send
+from robotctl.drivers.can.drives.motor_drive import DriveNeeds
 from robotctl.drivers.can.drives.odrive import faults, wire
 from robotctl.drivers.can.drives.odrive.errors import Errors
 from robotctl.drivers.can.drives.odrive.feedback import Feedback

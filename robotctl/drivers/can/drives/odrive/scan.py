@@ -6,7 +6,7 @@ from collections.abc import Collection
 from typing import Final
 
 from robotctl.drivers.can.drives.odrive import wire
-from robotctl.drivers.can.drives.probe import Found, Probe, Question, come_from_two
+from robotctl.drivers.can.probe import Found, Probe, Question, come_from_two
 from robotctl.messages.ports import EXTENDED_FLAG, FD_FLAG, REMOTE_FLAG, Frame
 
 _COMMAND_MASK: Final = 0x1F

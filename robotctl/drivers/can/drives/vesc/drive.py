@@ -6,8 +6,9 @@ import math
 import struct
 from typing import Final, NamedTuple
 
+from robotctl.drivers.can.bus_part import Handler, Send
 from robotctl.drivers.can.drives.axis import Axis, Unwrapped
-from robotctl.drivers.can.drives.motor_drive import DriveNeeds, Handler, Send
+from robotctl.drivers.can.drives.motor_drive import DriveNeeds
 from robotctl.drivers.can.drives.session import Session
 from robotctl.drivers.can.drives.vesc import wire
 from robotctl.drivers.can.drives.vesc.settings import Silence, VescSettings

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import Final
 
-from robotctl.drivers.can.drives.probe import Found, Probe, Question, come_from_two
 from robotctl.drivers.can.drives.vesc import wire
 from robotctl.drivers.can.drives.vesc.faults import reported_fault
+from robotctl.drivers.can.probe import Found, Probe, Question, come_from_two
 from robotctl.messages.ports import EXTENDED_FLAG, FD_FLAG, Frame
 
 PONGS_TO: Final = 254

@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
+import enum
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
 from robotctl.drivers.can.bus_load import STEERING_STATUS
-from robotctl.drivers.can.drives.native.faults import DriveFault
 from robotctl.drivers.can.nodes.can_node import FrameReader, NodeFrame
 from robotctl.messages.actuators import DriveState
+
+
+class DriveFault(enum.IntFlag):
+    """Latched faults of the motor controller, in the bit order of MotorStatus."""
+
+    OVER_CURRENT = 1
+    OVER_TEMPERATURE = 2
+    UNDER_VOLTAGE = 4
+    ENCODER = 8
+    COMMAND_TIMEOUT = 16
+    PARAMETER = 32
+
 
 _FAULT_SIGNALS: Final = {
     DriveFault.OVER_CURRENT: "FaultOverCurrent",
