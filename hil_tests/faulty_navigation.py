@@ -14,10 +14,10 @@ from robotctl.app.processes.entry import enter
 
 LEAK = signal.SIGRTMIN
 _ROOM_BYTES = 64 * 2**20
-_PIECE_BYTES = 16 * 2**20
+PIECE_BYTES = 16 * 2**20
 
 
-def _limit() -> None:
+def limit_memory() -> None:
     """Leave so much memory to this process and no more, as the machine would."""
     pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
     limit = pages * resource.getpagesize() + _ROOM_BYTES
@@ -35,8 +35,8 @@ def main() -> int:
             if leaking:
                 if not hasattr(self, "leaked"):
                     self.leaked = []
-                    _limit()
-                self.leaked.append(bytearray(_PIECE_BYTES))
+                    limit_memory()
+                self.leaked.append(bytearray(PIECE_BYTES))
             return super().navigate(*arguments)
 
     def on_signal(_number: int, _frame: FrameType | None) -> None:

@@ -299,8 +299,8 @@ class Rig:
         return self.unit()[name] if process is None else process.pid
 
     def is_running(self, name: str) -> bool:
-        """Return whether a process has not ended."""
-        return self._processes[name].poll() is None
+        """Return whether a process was started and has not ended."""
+        return name in self._processes and self._processes[name].poll() is None
 
     def send_signal(self, name: str, number: int) -> None:
         """Send a signal to a process that is to live on."""

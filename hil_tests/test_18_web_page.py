@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from hil_tests.browser import Page
+from hil_tests.faulty_navigation import LEAK
 from hil_tests.rig import EMERGENCY_STOP, PATIENT_S, Rig
 from robotctl.app.supervision.stack import NAVIGATION, WEB
 from robotctl.messages.control import Mode, SafetyState
@@ -31,7 +32,7 @@ def rig(make_rig: Callable[..., Rig], without_floods: None) -> Rig:
     rig.start_firmware()
     rig.start()
     rig.start(NAVIGATION)
-    rig.start(WEB)
+    rig.start(WEB, "hil_tests.faulty_web")
     rig.arm()
     rig.wait(lambda: rig.navigation, PATIENT_S, "navigation works")
     rig.prefer(NAVIGATION, WEB)
@@ -81,12 +82,19 @@ def comes_to_rest(rig: Rig, since_ns: int, what: str, reaction: React) -> None:
     assert rig.navigation.mode == Mode.MANUAL
 
 
+def use_up_memory(rig: Rig, _page: Page) -> None:
+    """Let the server take all memory that it can have, and end."""
+    rig.send_signal(WEB, LEAK)
+    rig.wait(lambda: not rig.is_running(WEB), PATIENT_S, "its memory is used up")
+
+
 ENDS: dict[str, Callable[[Rig, Page], None]] = {
     "key released": lambda _rig, page: page.release(),
     "pad stands still": lambda _rig, page: page.stand_still(),
     "network cut": lambda _rig, page: page.fall_silent(),
     "browser killed": lambda _rig, page: page.die(),
     "server killed": lambda rig, _page: rig.kill(WEB),
+    "server out of memory": use_up_memory,
     "server frozen": lambda rig, _page: rig.send_signal(WEB, signal.SIGSTOP),
 }
 
@@ -99,11 +107,10 @@ def test_a_robot_driven_by_a_page_is_at_rest_soon_after_the_last_sample(
     rig.at_any_moment()
     overruns = rig.control.loop.overruns
     ENDS[end](rig, page)
-    since_ns = page.sample_ns if end != "server killed" else time.monotonic_ns()
-    since_ns = time.monotonic_ns() if end == "server frozen" else since_ns
+    since_ns = time.monotonic_ns() if end.startswith("server") else page.sample_ns
     comes_to_rest(rig, since_ns, end, reaction)
     before = rig.fresh_truth()
-    if end == "server killed":
+    if not rig.is_running(WEB):
         rig.endpoints.web_links.write_bytes(b"")  # as if it had not been served yet
         rig.start(WEB)
     if end == "server frozen":
