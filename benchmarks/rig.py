@@ -39,12 +39,17 @@ class Driven:
         What to run as the control process; "" for none.
     overrides
         Settings of the robot.
+
+    Attributes
+    ----------
+    instance
+        Name of the robot.
     """
 
     def __init__(
         self, rate_hz: int, module: str = CONTROL, overrides: tuple[str, ...] = ()
     ) -> None:
-        name = f"bench-{os.getpid()}-{next(_numbers)}"
+        self.instance = name = f"bench-{os.getpid()}-{next(_numbers)}"
         self._options = StackOptions(
             instance=name,
             robot=str(find_file("diff_drive").resolve()),

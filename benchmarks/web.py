@@ -26,6 +26,8 @@ import zmq
 from websockets.asyncio.client import connect
 
 from benchmarks import machine
+from benchmarks.rig import Driven
+from benchmarks.slow_link import slow_link
 from hil_tests.browser import Page
 from hil_tests.rig import Rig
 from robotctl.app.supervision.stack import WEB
@@ -58,6 +60,9 @@ SHARES: Final = {0: "-", 1: "2", 3: "3"}
 MEMORY_MIB: Final = 80
 CLICKS: Final = 200
 STOP_MS: Final = 100
+LINK_BIT_S, LINK_S = 1e6, 0.1
+"""Rate and time there and back of a slow link [bit/s, s]."""
+LAG_CLIENTS: Final = 5
 PEER: Final = "peer"
 
 
@@ -202,8 +207,8 @@ async def _read_peer(url: str, seconds: float) -> int:
 # Measuring
 
 
-def run(_rounds: int, seconds: float) -> None:
-    """Measure load and memory beside the peer, then stops."""
+def run(rounds: int, seconds: float) -> None:
+    """Measure load and memory beside the peer, the control loop beside clients, then stops."""
     name = f"bench-web-{os.getpid()}"
     rows = []
     servers = {"robotctl": _served, "foxglove-sdk": _served_by_peer}
@@ -224,6 +229,11 @@ def run(_rounds: int, seconds: float) -> None:
         "Server",
         ("", "% of a core", "goal", "messages a second and client", f"MiB (goal {MEMORY_MIB})"),
         rows,
+    )
+    machine.table(
+        f"Control loop beside {LAG_CLIENTS} clients, {rounds} rounds in turn, medians",
+        ("", "lag p50 us", "p99 us", "p99.9 us", "greatest us", "overruns"),
+        list(_lags(rounds, seconds)),
     )
     machine.table(
         f"Stop: from the click to wheels without power, {CLICKS} clicks, goal {STOP_MS} ms",
@@ -289,6 +299,42 @@ def _resident_mib(pid: int) -> float:
     return int(text.partition("VmRSS:")[2].split()[0]) / 1024
 
 
+# The control loop
+
+
+def _lags(rounds: int, seconds: float) -> Iterator[tuple[str, ...]]:
+    """Yield rows: without the page, and with clients that read all."""
+    found: dict[str, list[LoopStatistics]] = {"no page": [], f"{LAG_CLIENTS} clients": []}
+    for _ in range(rounds):
+        for name, loops in found.items():
+            with (
+                Driven(200) as robot,
+                _read_by(robot.instance, 0 if name == "no page" else LAG_CLIENTS),
+            ):
+                loops.append(robot.drive(seconds).loop)
+    for name, loops in found.items():
+        figures = [
+            [each.lag_us_p50, each.lag_us_p99, each.lag_us_p999, each.lag_us_max, each.overruns]
+            for each in loops
+        ]
+        yield name, *(f"{machine.median(column):.0f}" for column in zip(*figures, strict=True))
+
+
+@contextlib.contextmanager
+def _read_by(name: str, count: int) -> Iterator[None]:
+    """Serve a robot's page to so many clients, in a process beside it; 0: no page."""
+    if not count:
+        yield
+        return
+    with _served(name) as (_pid, url):
+        words = ["clients", url, str(count), "1e6", "0"]
+        with subprocess.Popen([sys.executable, "-m", "benchmarks.web", *words]) as clients:
+            try:
+                yield
+            finally:
+                clients.kill()
+
+
 # Stops
 
 
@@ -308,6 +354,9 @@ def _stops() -> Iterator[tuple[str, str, str, str]]:
             yield _clicks("1 client", rig, url, _nobody)
             yield _clicks("3 clients", rig, url, _two_more)
             yield _clicks("3 clients and one that floods", rig, url, _flood)
+            with slow_link(links.port, LINK_BIT_S, 0.5 * LINK_S) as port:
+                name = f"1 client over {LINK_BIT_S / 1e6:g} Mbit/s and {1e3 * LINK_S:g} ms"
+                yield _clicks(name, rig, url, _nobody, port=port)
         finally:
             rig.close()
 
@@ -319,9 +368,10 @@ def _clicks(
     beside: Callable[[str], contextlib.AbstractContextManager[None]],
     *,
     by_page: bool = True,
+    port: int | None = None,
 ) -> tuple[str, str, str, str]:
     times = []
-    with Page(url), Page(url, "/stop") as stop, beside(url):
+    with Page(url, port=port), Page(url, "/stop", port) as stop, beside(url):
         for number in range(CLICKS):
             while rig.control is None or rig.control.state is not SafetyState.DRIVING:
                 rig.arm()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import threading
 import time
 from contextlib import suppress
@@ -24,9 +25,11 @@ class Page:
         Address of the page.
     path
         `/live` or `/stop`.
+    port
+        Where the connection goes instead of the page's own port; None: there.
     """
 
-    def __init__(self, url: str, path: str = "/live") -> None:
+    def __init__(self, url: str, path: str = "/live", port: int | None = None) -> None:
         self.seen: dict[str, dict[str, Any]] = {}
         """Newest message of each type."""
         self.refused: list[str] = []
@@ -40,6 +43,7 @@ class Page:
             origin=url.rstrip("/"),
             compression=None,
             close_timeout=0.5,
+            sock=None if port is None else socket.create_connection(("127.0.0.1", port)),
         ).__enter__()
         self._threads = [threading.Thread(target=each) for each in (self._read, self._steer)]
         self._ended = threading.Event()
