@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, Literal
 
 from robotctl.errors import InvalidValue
 from robotctl.model.drives.bends import bent, steered_rows
+from robotctl.model.drives.steered import SteeredDrive
 from robotctl.model.drives.wheels import (
-    POSITIVE,
-    ActuatorReference,
     SidePair,
-    offsets_near,
     require_offset,
     require_positive,
     require_steering,
-    steering_angle_rad,
-    within_linkage,
 )
 from robotctl.model.geometry.twist import Twist
 
@@ -28,7 +23,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class AckermannDrive:
+class AckermannDrive(SteeredDrive):
     """Four wheels: front pair steered by an Ackermann linkage, rear pair on a differential gear.
 
     The steering angle is that of a virtual wheel in the middle of the front axle; the speed of
@@ -70,14 +65,6 @@ class AckermannDrive:
     counts_per_revolution: int
     steering_offset_rad: float = 0.0
 
-    degrees_of_freedom: ClassVar[int] = 3
-    """Degrees of freedom of the pose in the plane: x, y, theta."""
-    holonomic: ClassVar[bool] = False
-    """Whether it moves sideways at once: it can neither do that nor turn on the spot."""
-    steered: ClassVar[bool] = True
-    wheel_names: ClassVar[tuple[str, ...]] = ("drive",)
-    joint_names: ClassVar[tuple[str, ...]] = ("steering",)
-
     def __post_init__(self) -> None:
         require_positive(
             self,
@@ -98,57 +85,6 @@ class AckermannDrive:
                 self.steering_max_rad,
             )
 
-    @property
-    def calibrated(self) -> Mapping[str, tuple[float, float]]:
-        """Keys that calibration of the odometry sets, with the least and greatest value of each."""
-        return {
-            "wheel_radius_m": POSITIVE,
-            "wheelbase_m": POSITIVE,
-            "steering_offset_rad": offsets_near(self.steering_offset_rad, self.steering_max_rad),
-        }
-
-    @property
-    def min_turning_radius_m(self) -> float:
-        """Smallest radius L / tan(s) of the path of `base` that both sides allow [m]."""
-        reach_rad = self.steering_max_rad - abs(self.steering_offset_rad)
-        return self.wheelbase_m / math.tan(reach_rad)
-
-    @property
-    def joint_max_rad(self) -> tuple[float, ...]:
-        """Largest angle of the steering to either side [rad]."""
-        return (self.steering_max_rad,)
-
-    @property
-    def joint_rate_max_rad_s(self) -> tuple[float, ...]:
-        """Fastest motion of the steering [rad/s]."""
-        return (self.steering_rate_max_rad_s,)
-
-    @property
-    def wheel_radii_m(self) -> tuple[float, ...]:
-        """Radius of the one wheel that is measured [m]."""
-        return (self.wheel_radius_m,)
-
-    def inverse(
-        self, twist: Twist, joints_meas_rad: tuple[float, ...] = (0.0,)
-    ) -> ActuatorReference:
-        """Return carrier speed and steering for a body velocity.
-
-        A curvature out of reach is clamped and v is kept. v = 0 keeps the present steering
-        `joints_meas_rad` [rad], within the linkage, as no steering then turns the robot.
-        """
-        v_m_s = twist.v_m_s
-        if v_m_s == 0.0:
-            kept_rad = within_linkage(joints_meas_rad[0], self.steering_max_rad)
-            return ActuatorReference((0.0,), (kept_rad,))
-        steering = steering_angle_rad(
-            v_m_s,
-            twist.omega_rad_s,
-            self.wheelbase_m,
-            self.steering_max_rad,
-            self.steering_offset_rad,
-        )
-        return ActuatorReference((v_m_s / self.wheel_radius_m,), (steering,))
-
     def forward(self, wheels_rad_s: tuple[float, ...], joints_rad: tuple[float, ...]) -> Twist:
         """Return the velocity of `base`: v and v tan(s) / L.
 
@@ -167,10 +103,6 @@ class AckermannDrive:
         rows = steered_rows(moves, self.wheelbase_m, self.steering_offset_rad, front=False)
         rows[:, 0] /= self.wheel_radius_m
         return rows
-
-    def turning_radius_m(self, steering_rad: float) -> float:
-        """Return the radius L / tan(s) of the path of `base` [m]: positive left, inf at 0."""
-        return self.wheelbase_m / math.tan(steering_rad) if steering_rad != 0.0 else math.inf
 
     def linkage_angles_rad(self, steering_rad: float) -> SidePair:
         """Return the angles of the left and right front wheels [rad, positive left].

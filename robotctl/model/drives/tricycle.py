@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, Literal
 
 from robotctl.model.drives.bends import bent, pivoted, steered_rows
+from robotctl.model.drives.steered import SteeredDrive
 from robotctl.model.drives.wheels import (
-    POSITIVE,
-    ActuatorReference,
-    offsets_near,
     require_offset,
     require_positive,
     require_steering,
-    steering_angle_rad,
-    within_linkage,
 )
 from robotctl.model.geometry.twist import Twist
 
@@ -26,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class TricycleDrive:
+class TricycleDrive(SteeredDrive):
     """One steered front wheel and two rear wheels; cannot turn on the spot.
 
     Parameters
@@ -65,14 +60,6 @@ class TricycleDrive:
     counts_per_revolution: int
     steering_offset_rad: float = 0.0
 
-    degrees_of_freedom: ClassVar[int] = 3
-    """Degrees of freedom of the pose in the plane: x, y, theta."""
-    holonomic: ClassVar[bool] = False
-    """Whether it moves sideways at once: it can neither do that nor turn on the spot."""
-    steered: ClassVar[bool] = True
-    wheel_names: ClassVar[tuple[str, ...]] = ("drive",)
-    joint_names: ClassVar[tuple[str, ...]] = ("steering",)
-
     def __post_init__(self) -> None:
         require_positive(
             self,
@@ -84,54 +71,9 @@ class TricycleDrive:
         require_steering(self.steering_max_rad)
         require_offset(self.steering_offset_rad, self.steering_max_rad)
 
-    @property
-    def calibrated(self) -> Mapping[str, tuple[float, float]]:
-        """Keys that calibration of the odometry sets, with the least and greatest value of each."""
-        return {
-            "wheel_radius_m": POSITIVE,
-            "wheelbase_m": POSITIVE,
-            "steering_offset_rad": offsets_near(self.steering_offset_rad, self.steering_max_rad),
-        }
-
-    @property
-    def min_turning_radius_m(self) -> float:
-        """Smallest radius L / tan(s) of the path of `base` that both sides allow [m]."""
-        reach_rad = self.steering_max_rad - abs(self.steering_offset_rad)
-        return self.wheelbase_m / math.tan(reach_rad)
-
-    @property
-    def joint_max_rad(self) -> tuple[float, ...]:
-        """Largest angle of the steering to either side [rad]."""
-        return (self.steering_max_rad,)
-
-    @property
-    def joint_rate_max_rad_s(self) -> tuple[float, ...]:
-        """Fastest motion of the steering [rad/s]."""
-        return (self.steering_rate_max_rad_s,)
-
-    @property
-    def wheel_radii_m(self) -> tuple[float, ...]:
-        """Radius of the one wheel that is measured [m]."""
-        return (self.wheel_radius_m,)
-
-    def inverse(
-        self, twist: Twist, joints_meas_rad: tuple[float, ...] = (0.0,)
-    ) -> ActuatorReference:
-        """Return wheel speed and steering for a body velocity.
-
-        A curvature out of reach is clamped and v is kept. v = 0 keeps the present steering
-        `joints_meas_rad` [rad], within the linkage, as no steering then turns the robot.
-        """
-        v_m_s = twist.v_m_s
-        if v_m_s == 0.0:
-            kept_rad = within_linkage(joints_meas_rad[0], self.steering_max_rad)
-            return ActuatorReference((0.0,), (kept_rad,))
-        offset = self.steering_offset_rad
-        steering = steering_angle_rad(
-            v_m_s, twist.omega_rad_s, self.wheelbase_m, self.steering_max_rad, offset
-        )
-        v_wheel = v_m_s / math.cos(steering + offset) if self.driven == "front" else v_m_s
-        return ActuatorReference((v_wheel / self.wheel_radius_m,), (steering,))
+    def wheel_speed_m_s(self, v_m_s: float, steering_rad: float) -> float:
+        """Return the speed over ground that the motor gives its wheel, for one of `base` [m/s]."""
+        return v_m_s / math.cos(steering_rad) if self.driven == "front" else v_m_s
 
     def forward(self, wheels_rad_s: tuple[float, ...], joints_rad: tuple[float, ...]) -> Twist:
         """Return the velocity of `base`.
@@ -157,10 +99,6 @@ class TricycleDrive:
         rows = steered_rows(moves, self.wheelbase_m, self.steering_offset_rad, front=front)
         rows[:, 0] /= self.wheel_radius_m
         return rows
-
-    def turning_radius_m(self, steering_rad: float) -> float:
-        """Return the radius L / tan(s) of the path of `base` [m]: positive left, inf at 0."""
-        return self.wheelbase_m / math.tan(steering_rad) if steering_rad != 0.0 else math.inf
 
     def front_turning_radius_m(self, steering_rad: float) -> float:
         """Return the radius L / sin(s) of the path of the front wheel [m]: inf at 0."""
