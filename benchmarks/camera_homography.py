@@ -141,7 +141,7 @@ def _accuracy(camera: CameraGeometry, name_of_lens: str) -> None:
     ):
         for way, fit in (
             ("cv2.findHomography", _by_opencv),
-            ("equations of the notes, last entry 1", _by_notes),
+            ("plain equations, last entry 1", _by_plain_equations),
             ("homography", _by_homography),
             ("mount, lens known", partial(_by_mount, camera.intrinsics)),
         ):
@@ -172,8 +172,8 @@ def _by_opencv(ground: NDArray[np.float64], pixels: NDArray[np.float64]) -> Told
     return lambda seen: cv2.perspectiveTransform(seen[None], inverse)[0]
 
 
-def _by_notes(ground: NDArray[np.float64], pixels: NDArray[np.float64]) -> Told:
-    """Return the plain linear least squares of notes, section 6.1."""
+def _by_plain_equations(ground: NDArray[np.float64], pixels: NDArray[np.float64]) -> Told:
+    """Return the plain linear least squares with the last entry 1."""
     rows, right = [], []
     for (x, y), (u, v) in zip(ground, pixels, strict=True):
         rows += [[x, y, 1, 0, 0, 0, -u * x, -u * y], [0, 0, 0, x, y, 1, -v * x, -v * y]]

@@ -1,12 +1,12 @@
 """Servoing: proportional control of any sensor reading, with its sign and its stability stated.
 
-The notes (section 2.1) print v = -kp (z_desired - z_actual). Whether that is negative feedback
+Often printed as v = -kp (z_desired - z_actual). Whether that is negative feedback
 depends on what a positive demand does to the reading, so here this is a parameter::
 
     demand = direction * kp * (z_ref - z),    limited to +-limit
 
 with direction = +1 where a positive demand raises the reading (angle of the own camera on a pan
-joint) and -1 where it lowers it (distance ahead under forward speed, the case of the notes).
+joint) and -1 where it lowers it (distance ahead under forward speed, the case of that formula).
 """
 
 from __future__ import annotations

@@ -6,12 +6,13 @@ Geometry: z is the distance to the wall, theta the heading relative to the wall'
     dz/dt = -side v sin(theta),    d(theta)/dt = omega
 
 so a robot too far from a left wall must turn left: omega = side (...)(z - d), which is the sign of
-the notes (section 2.3), v_R - v_L = kp (z - d), for a wall on the left.
+v_R - v_L = kp (z - d), for a wall on the left.
 
 Stability: with omega = side k e, e = z - d, this is e'' = -v k e, a double integrator in a
 proportional loop. It swings for ever in theory, and grows with any delay. `wheel_speeds` has that
-form, exactly as in the notes, for comparison. `WallFollower` adds damping. It is written over the
-path length (one dash: per metre), so that the path does not depend on the speed::
+form, as Davison's lectures (Robotics, Imperial College London) have it, for comparison.
+`WallFollower` adds damping. It is written over the path length (one dash: per metre), so that the
+path does not depend on the speed::
 
     curvature = side (kp e + kd e'),    e' = -side sin(theta)    =>    e'' + kd e' + kp e = 0
 
@@ -68,7 +69,7 @@ class WheelSpeeds(NamedTuple):
 def wheel_speeds(
     v_m_s: float, range_m: float, distance_m: float, kp: float, side: Side = "left"
 ) -> WheelSpeeds:
-    """Return v_C -+ kp (z - d) / 2 for the left and right wheel: the notes' law, undamped.
+    """Return v_C -+ kp (z - d) / 2 for the left and right wheel: the textbook's law, undamped.
 
     Parameters
     ----------
@@ -79,7 +80,7 @@ def wheel_speeds(
     kp
         Gain [1/s]; the loop swings with sqrt(v kp / track width) rad/s.
     side
-        Where the wall is; the notes have "left", "right" is the mirror image.
+        Where the wall is; "right" is the mirror image of "left".
     """
     half = 0.5 * kp * (range_m - distance_m)
     if side == "right":

@@ -1,6 +1,6 @@
 """Bayesian inference in its smallest pieces: places with probabilities, Gaussians, likelihoods.
 
-Source: notes, sections 2.4 and 3.1; Thrun, Burgard, Fox: Probabilistic Robotics, sections 2.4, 4.1.
+Source: Thrun, Burgard, Fox: Probabilistic Robotics, sections 2.4, 4.1.
 """
 
 from __future__ import annotations
@@ -197,7 +197,7 @@ def gaussian_likelihood(z: ArrayLike, expected: ArrayLike, sigma: float) -> Arra
 def robust_likelihood(z: ArrayLike, expected: ArrayLike, sigma: float, k: float) -> Array:
     """Return exp(-(z - m)^2 / (2 sigma^2)) + K: heavy tails, so no measurement rules a state out.
 
-    Notes, section 2.4, as its errata have it; on a scale of its own, 1 + K at most.
+    On a scale of its own, 1 + K at most.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A map of walls as line segments: the map of notes, section 4.1."""
+"""A map of walls as line segments."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Camera above a known floor (notes, section 6.2): picture in, ranges and objects out."""
+"""Camera above a known floor: picture in, ranges and objects out."""
 
 from __future__ import annotations
 

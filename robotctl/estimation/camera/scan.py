@@ -1,4 +1,4 @@
-"""The boundary of the floor as a range scan, with what it is worth (notes, section 6.2)."""
+"""The boundary of the floor as a range scan, with what it is worth."""
 
 from __future__ import annotations
 

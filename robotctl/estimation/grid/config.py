@@ -10,7 +10,7 @@ from robotctl.errors import InvalidValue
 
 @dataclass(frozen=True, slots=True)
 class OccupancyGridConfig:
-    """How much one measurement says of a cell, in log odds (notes, section 5.1).
+    """How much one measurement says of a cell, in log odds (Elfes 1989).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""An occupancy grid from range scans and sonars at known poses (notes, section 5.1, with errata).
+"""An occupancy grid from range scans and sonars at known poses (Elfes 1989).
 
 Each cell holds the log odds of being occupied, ln P(O) / P(E); 0 is P = 0.5, unknown. A measurement
 z = d adds a constant: negative to the cells that the beam passes closer than d, positive to those

@@ -59,7 +59,7 @@ def wall_range(
     The first surface in the cone counts: the foot of the perpendicular on a wall where the cone
     holds it (a region of constant depth: Leonard and Durrant-Whyte 1992, section 2), else the point
     that a ray of the cone hits. The nearest wall wins; met more flatly than the limit it sends
-    nothing back and hides what is behind it (notes, section 4.1, with its errata).
+    nothing back and hides what is behind it.
 
     `wall_echoes.py` answers the same for thousands of poses, without H.
     """

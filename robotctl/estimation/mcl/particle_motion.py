@@ -1,4 +1,4 @@
-"""Motion of particles by odometry with noise: the notes' e, f, g (section 3) for many poses.
+"""Motion of particles by odometry with noise: e, f, g of `motion_noise.py` for many poses.
 
 Odometry gives the motion in `base`; each particle makes it with its own noise. The noise has
 exactly the covariance that `motion_noise.py` gives for the path, so it does not depend on how the

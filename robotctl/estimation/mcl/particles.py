@@ -1,6 +1,7 @@
 """Weighted samples of a pose: normalisation, effective size, resampling, mean and covariance.
 
-Notes, sections 3.3 to 4.3. Poses are (n, 3) [m, m, rad], weights (n,), not negative, of sum 1.
+Thrun, Burgard, Fox: Probabilistic Robotics, chapters 4 and 8. Poses are (n, 3) [m, m, rad],
+weights (n,), not negative, of sum 1.
 """
 
 from __future__ import annotations
@@ -71,7 +72,7 @@ def resample_systematic(
     """Draw `count` particles in proportion to their weights, with low variance.
 
     One random number shifts a comb of `count` equal steps over the cumulated weights (Probabilistic
-    Robotics, table 4.4; notes, section 4.3). Particle i is taken count * w_i times, rounded down or
+    Robotics, table 4.4). Particle i is taken count * w_i times, rounded down or
     up, and that often in the mean.
 
     Parameters

@@ -19,7 +19,7 @@ from robotctl.model.geometry.se2 import SE2
 
 
 class OdometryEstimate:
-    """Pose of `base` in `world` by dead reckoning, with the covariance of notes, section 3.
+    """Pose of `base` in `world` by dead reckoning, with the covariance of `motion_noise.py`.
 
     Each motion is an arc with the errors e, f and g all along it (`motion_noise.py`), so neither
     pose nor covariance depends on how the path is divided. The errors are assumed white: a wrong

@@ -2,7 +2,7 @@
 
 Odometry errors accumulate, so the gaps between dead reckoning and a reference are correlated
 throughout, and least squares over them would state intervals far too narrow. The innovations of the
-filter that knows the growth law of notes, section 3, are independent of each other with unit
+filter that knows the growth law of `motion_noise.py` are independent of each other with unit
 variance, if parameters and noises are right: what least squares needs.
 """
 

@@ -1,7 +1,7 @@
 """A recognised place as a measurement for Monte Carlo localisation.
 
 Each candidate is a Gaussian about its pose, weighed by how alike it is; a recognition may also be
-wrong, and then the robot may be anywhere, which is the K of notes, section 4.1::
+wrong, and then the robot may be anywhere, as with the K of `range_mixture.py`::
 
     p(x) = (1 - wrong) sum_c w_c N(x; pose_c, s^2 P_c) + wrong / (2 pi area)
 

@@ -4,7 +4,7 @@ A beam that ends at a distance d from the nearest obstacle of the map has the li
 
     p(d) = (exp(-d^2 / 2 sigma^2) + K) / (1 + K),
 
-the robust likelihood of notes, section 4.1 (Thrun, Burgard, Fox: Probabilistic Robotics, table 6.3,
+a robust likelihood (Thrun, Burgard, Fox: Probabilistic Robotics, table 6.3,
 with the uniform part in K). Beams are multiplied: their logs, kept for each cell of the map, are
 added. The sum is then scaled by a power below 1, since beams are not independent given the pose
 (`beam_selection.py`). Without it sixty beams claim centimetres that they do not know: particles

@@ -83,7 +83,7 @@ class BeamMixture:
         return found
 
     def robust_k(self, range_m: float, max_range_m: float) -> float:
-        """Return K of the robust likelihood exp(-(z - m)^2 / 2 sigma^2) + K (notes, section 4.1).
+        """Return K of the robust likelihood exp(-(z - m)^2 / 2 sigma^2) + K.
 
         It is the density of readings that have nothing to do with the map, short ones and random
         ones, over the greatest density of a hit at `range_m` [m]. They are taken as spread up to

@@ -1,4 +1,4 @@
-"""Filters of raw ranges over time: running median and exponential smoothing (notes, section 2.4).
+"""Filters of raw ranges over time: running median and exponential smoothing.
 
 Both take the readings of k sensors at once: inf is no echo, nan a sensor that did not fire or
 failed this time. Such a sensor keeps its state and its output; before its first reading the output

@@ -3,8 +3,8 @@
 What a sonar should measure, m, comes from `wall_echoes.py` or `grid_echoes.py`; inf if nothing
 in range sends an echo. Then
 
-- a range z has the density hit N(z; m, sigma(m)^2) + random / max_range: the robust likelihood
-  of notes, section 4.1, with K the random part. The Gaussian keeps its factor 1 / sigma, since
+- a range z has the density hit N(z; m, sigma(m)^2) + random / max_range: a robust likelihood,
+  with K the random part. The Gaussian keeps its factor 1 / sigma, since
   sigma grows with the range and so differs from pose to pose;
 - a range where none was expected has random / max_range: cross-talk, or something the map has not;
 - no echo where one was expected has the probability none: soft, slanted or uneven surfaces;

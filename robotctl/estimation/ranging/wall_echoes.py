@@ -1,9 +1,9 @@
-"""How far a sonar measures in a room of straight walls (notes, section 4.1).
+"""How far a sonar measures in a room of straight walls.
 
 An echo comes back from a point of a wall that lies in the cone of the sonar and that the sound
 meets at no more than the incidence limit beta from the wall's normal, from either side. With p the
 distance of the wall's line and delta the angle from the normal at which a ray leaves, the ray meets
-the line at p / cos(delta), which is the notes'
+the line at p / cos(delta), which is
 
     m = ((By - Ay)(Ax - x) - (Bx - Ax)(Ay - y)) / ((By - Ay) cos(theta) - (Bx - Ax) sin(theta)),
 

@@ -1,4 +1,4 @@
-"""Car-like drive: Ackermann steering in front, differential gear behind (notes, section 1.2)."""
+"""Car-like drive: Ackermann steering in front, differential gear behind."""
 
 from __future__ import annotations
 

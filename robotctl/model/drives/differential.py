@@ -1,4 +1,4 @@
-"""Differential drive (notes, section 1.1)."""
+"""Differential drive (Siegwart et al.: Autonomous Mobile Robots, section 3.2)."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class DifferentialDrive:
     kind
         Always "differential".
     track_width_m
-        Distance of the wheels' contact points, W of the notes [m], > 0.
+        Distance of the wheels' contact points [m], > 0.
     wheel_radius_m
         Mean radius of the two wheels [m], > 0.
     counts_per_revolution

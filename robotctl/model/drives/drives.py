@@ -1,4 +1,6 @@
-"""The drive models: from body velocity to wheels and back (notes, sections 1.1 to 1.3).
+"""The drive models: from body velocity to wheels and back (Siegwart et al., chapter 3).
+
+Siegwart, Nourbakhsh, Scaramuzza: Introduction to Autonomous Mobile Robots, 2nd ed., MIT Press 2011.
 
 `Drive` is the list of all kinds; a new one is a file beside the others and a member of it. Nobody
 outside of this package asks which kind a drive is: they share `wheel_names`, `wheel_radii_m`,

@@ -1,4 +1,4 @@
-"""Planar motion with constant velocity: straight, turn and arc (notes, section 1.4).
+"""Planar motion with constant velocity: straight, turn and arc.
 
 All poses are of `base` in a fixed frame. Each function is exact while the velocities are constant
 and no wheel slips.
@@ -30,7 +30,7 @@ def turn(pose: SE2, angle_rad: float) -> SE2:
 def arc(pose: SE2, distance_m: float, angle_rad: float, sideways_m: float = 0.0) -> SE2:
     """Return `pose` after an arc of length `distance_m` [m] that turns by `angle_rad` [rad].
 
-    The chord form of the notes' arc: the chord has the length `d sinc(angle/2)` and the direction
+    In chord form: the chord has the length `d sinc(angle/2)` and the direction
     `theta + angle/2`, so that neither straight motion nor turning on the spot is a special case.
     A holonomic robot also moves `sideways_m` to the left meanwhile [m]; its chord is the sum of
     both.

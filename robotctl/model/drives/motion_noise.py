@@ -1,11 +1,12 @@
-"""Growth of a pose's covariance with distance and angle: the noises e, f, g of notes, section 3.
+"""Growth of a pose's covariance with distance and angle: the noises e, f, g.
 
-The notes add e (along), f (turning) after a straight piece and g after a turn. Done once for a long
-stretch this misses that an early heading error moves the robot sideways, and the result depends on
-how the path is cut. Here e and f act along the whole path, as white noise per metre and per radian,
-which is the limit of the notes' step for ever shorter pieces. Covariances therefore compose
-exactly: two halves give what the whole gives. They are covariances of (x, y, theta) in the fixed
-frame, (3, 3), to first order: good while the heading is known to within about 0.3 rad.
+Davison's lectures (Robotics, Imperial College London: motion and uncertainty) add e (along) and f
+(turning) after a straight piece, and g after a turn. Done once for a long stretch this misses that
+an early heading error moves the robot sideways, and the result depends on how the path is cut. Here
+e and f act along the whole path, as white noise per metre and per radian, which is the limit of
+that step for ever shorter pieces. Covariances therefore compose exactly: two halves give what the
+whole gives. They are covariances of (x, y, theta) in the fixed frame, (3, 3), to first order: good
+while the heading is known to within about 0.3 rad.
 """
 
 from __future__ import annotations

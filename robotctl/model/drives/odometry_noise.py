@@ -1,4 +1,4 @@
-"""How fast dead reckoning drifts: the noises e, f, g of notes, section 3, as plain numbers.
+"""How fast dead reckoning drifts: the noises e, f, g of `motion_noise.py`, as plain numbers.
 
 Without numpy, since the robot's file holds them and the control process reads it. `motion_noise.py`
 has their effect on a covariance.

@@ -1,4 +1,4 @@
-"""Tricycle with front or rear drive (notes, section 1.2 with its errata)."""
+"""Tricycle with front or rear drive."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class TricycleDrive(SteeredDrive):
         "front": the motor turns the steered wheel, v_front = v / cos(s). "rear": it turns the
         rear axle through a differential, whose mean speed is v.
     wheelbase_m
-        Distance from the rear axle to the front wheel, L of the notes [m], > 0.
+        Distance from the rear axle to the front wheel, L [m], > 0.
     wheel_radius_m
         Radius of the driven wheel [m], > 0.
     steering_max_rad
@@ -79,7 +79,7 @@ class TricycleDrive(SteeredDrive):
         """Return the velocity of `base`.
 
         Front drive: v cos(s) and v sin(s) / L; rear drive: v and v tan(s) / L, with v the speed
-        of the driven wheel and s its angle, offset included (notes 1.2 with errata).
+        of the driven wheel and s its angle, offset included.
         """
         v, s = wheels_rad_s[0] * self.wheel_radius_m, joints_rad[0] + self.steering_offset_rad
         if self.driven == "front":

@@ -1,6 +1,6 @@
 """Projection of the surroundings into a camera, and of pixels onto the floor.
 
-Notes, sections 6 and 6.1: c_C = R_CR (r_R - t_R), (u, v, 1) ~ K c_C, and for points of the floor
+c_C = R_CR (r_R - t_R), (u, v, 1) ~ K c_C, and for points of the floor
 (u, v, 1) ~ K R_CR T (x, y, 1) = H (x, y, 1). The lens bends the straight lines of that picture;
 here it is part of the way in both directions. The floor is taken to be the plane z = 0 of `base`:
 a robot that pitches by 0.1 degrees errs by 5 cm at 3 m with a camera 0.3 m high.

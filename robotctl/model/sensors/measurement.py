@@ -1,4 +1,4 @@
-"""Proprioceptive and exteroceptive measurements (notes, section 2).
+"""Proprioceptive and exteroceptive measurements (Siegwart et al., section 4.1).
 
 A proprioceptive measurement depends on the robot's own states alone, z = z(x_i, x_i-1); an
 exteroceptive one on its state and on the world, z = z(x, y). Each says when and in which frame it

@@ -66,7 +66,7 @@ class StraightToItem:
 
 
 class StraightTo(Behaviour):
-    """Drives straight to a point: a differential drive turns to face it first (notes, 1.5).
+    """Drives straight to a point: a differential drive turns to face it first.
 
     A drive-and-steer robot drives an arc. A point inside of its smallest turning circles is out
     of reach of any single arc: it backs up straight until the point is within reach. Nobody told

@@ -3,7 +3,7 @@
 R. C. Coulter, *Implementation of the Pure Pursuit Path Tracking Algorithm*, CMU-RI-TR-92-01: the
 arc through `base`, along its heading, to the point (x, y) in `base` has the curvature 2 y / (x^2 +
 y^2). The same holds in reverse for a point behind. A differential drive that looks far away from
-the path turns on the spot first (notes, section 1.5); drive-and-steer robots only get arcs within
+the path turns on the spot first; drive-and-steer robots only get arcs within
 their reach.
 """
 

@@ -1,4 +1,4 @@
-"""Errors of a calibrated camera at known places: the error analysis of notes, section 6.2.
+"""Errors of a calibrated camera at known places: radial and lateral.
 
 Errors are split along the direction from the camera (radial, positive: estimated too far) and
 across it (lateral, positive: too far left), because a wrong pitch or height shows in the first and

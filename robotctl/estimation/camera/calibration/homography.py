@@ -1,7 +1,7 @@
 """The floor homography, from points of the floor to pixels, computed from known places alone.
 
-Notes, section 6.1: (u, v, 1) ~ H (x, y, 1). The linear least squares of the notes with H's last
-entry set to 1 fail where that entry is 0, the horizon through the origin (errata). Here H has norm
+(u, v, 1) ~ H (x, y, 1). The plain linear least squares with H's last entry set to 1 fail where that
+entry is 0, with the horizon through the origin. Here H has norm
 1, points are normalised first, and then the residuals in the picture are minimised (Hartley and
 Zisserman, Multiple View Geometry, 2nd ed., 4.1, 4.4, algorithms 4.1 and 4.2). A homography knows no
 lens: give it straightened pixels (`camera_lens.straightened`).

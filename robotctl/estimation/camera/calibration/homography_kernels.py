@@ -43,7 +43,7 @@ def normalised(points: Array) -> tuple[Array, float, float, float]:
 def linear_equations(ground: Array, pixels: Array) -> Array:
     """Return A^T A, (9, 9), of the linear equations A h = 0: two rows of A for each point.
 
-    u (g x + h y + i) = a x + b y + c and v (g x + h y + i) = d x + e y + f, notes, section 6.1.
+    u (g x + h y + i) = a x + b y + c and v (g x + h y + i) = d x + e y + f.
     """
     M = np.zeros((9, 9))
     row = np.zeros(9)

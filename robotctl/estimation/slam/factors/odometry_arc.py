@@ -1,7 +1,7 @@
 """Odometry of wheels: an arc of so many metres and radians.
 
 The residual is Log(X_i^-1 X_j) - (distance, 0, turn): along the arc, across it [m], and turn
-[rad], so that slip of the three has its own variances. Section 1.1 of the notes gives the arc.
+[rad], so that slip of the three has its own variances.
 """
 
 from __future__ import annotations
