@@ -143,6 +143,8 @@ class MapPilot:
         self.reverse = False
         self._own_recovery = self.recovery = config.recovery
         self._own_zones = wanted.zone
+        self._mission_zones: Sequence[Zone] = ()
+        self._drawn_zones: Sequence[Zone] = ()
         self._closed = Closed(wanted.zone)
         self._footprint = footprint
         self._mounts = mounts
@@ -280,7 +282,17 @@ class MapPilot:
 
     def use_zones(self, zones: Sequence[Zone]) -> None:
         """Take the zones of another mission; what was seen is forgotten where they differ."""
-        self._close(Closed((*self._own_zones, *zones), self._closed.fence))
+        self._mission_zones = zones
+        self._use_all_zones()
+
+    def use_drawn_zones(self, zones: Sequence[Zone]) -> None:
+        """Take the zones that people have drawn, in place of those drawn before."""
+        self._drawn_zones = zones
+        self._use_all_zones()
+
+    def _use_all_zones(self) -> None:
+        zones = (*self._own_zones, *self._mission_zones, *self._drawn_zones)
+        self._close(Closed(zones, self._closed.fence))
 
     def use_recovery(self, recovery: RecoveryConfig | None) -> None:
         """Be as patient as a mission says; None: as the robot's file does."""
