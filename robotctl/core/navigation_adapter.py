@@ -239,7 +239,7 @@ class NavigationAdapter:
             self._notices.append(f"zones refused: {error}")
             return
         self._zones, self._zones_crc = request.zones, request.crc
-        self._notices.append(f"zones: {len(request.zones)} drawn" if request.zones else "zones: none")
+        self._notices.append(f"zones: {len(request.zones) or 'none'} drawn")
 
     def _within_fence(
         self, control: ControlState | None, inputs: NavigationInputs, wanted: Twist, now_ns: int
