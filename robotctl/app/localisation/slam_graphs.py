@@ -38,7 +38,7 @@ class SlamGraphs:
             return None
         for link in links[self._count :]:
             ends = self._loops if link.is_loop else self._links
-            ends += link.first.to_bytes(4, "little") + link.second.to_bytes(4, "little")
+            ends += b"".join(int(each).to_bytes(4, "little") for each in (link.first, link.second))
         self._count = len(links)
         self._shown, self._shown_ns = poses.copy(), now_ns
         placed = np.column_stack(
