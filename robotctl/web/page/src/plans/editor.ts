@@ -2,7 +2,7 @@
 
 import { computed, effect, signal } from "@preact/signals";
 
-import { pose, topics } from "../robot/robot";
+import { hello, pose, topics } from "../robot/robot";
 import type { Point } from "../robot/se2";
 import { words } from "../words";
 import { newItem, newMission, pointsOfItem, round, toml, type Item, type Mission } from "./mission";
@@ -70,8 +70,10 @@ export function addItem(item: Item): void {
 
 export function addPoint([x, y]: Point, heading_rad: number | null): void {
   if (edited.peek() === null) edit(null);
-  const heading = heading_rad === null ? {} : { heading_deg: round((heading_rad * 180) / Math.PI) };
-  addItem({ ...newItem("goto"), x_m: round(x), y_m: round(y), ...heading });
+  const robot = hello.peek();
+  const plans = robot === null || robot.has_lidar || robot.has_localiser; // else it drives straight, to any heading
+  const heading = heading_rad === null || !plans ? {} : { heading_deg: round((heading_rad * 180) / Math.PI) };
+  addItem({ ...newItem(plans ? "goto" : "straight_to"), x_m: round(x), y_m: round(y), ...heading });
 }
 
 /** Set a key of an item; undefined takes it out. */
