@@ -309,6 +309,12 @@ class ServedRobot:
                 self.mode = mode
             case PositionTarget(x_m=x_m, y_m=y_m):
                 self.goal = (x_m, y_m)
+            case _:
+                self._take_plan(request)
+        return True
+
+    def _take_plan(self, request: Any) -> None:
+        match request:
             case LoadMission():
                 self.mission = request
             case SetFence(fence=fence, crc=crc):
@@ -319,7 +325,6 @@ class ServedRobot:
                 self.bounds = msgspec.structs.replace(self.bounds, zones=zones, zones_crc=crc)
             case JumpToItem(item=item):
                 self.item = int(item) - 1
-        return True
 
     # What tests ask
 

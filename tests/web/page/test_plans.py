@@ -142,7 +142,8 @@ def test_the_robots_mission_is_drawn_wherever_it_is_from(robot, open_page):
     show_only(page, "Map", "Mission")
     seen = wait_for(lambda: (found := pixels(page, "mission")).count > 20 and found, page)
     at = on_page(page, 2.0, 2.0)
-    assert seen.left - 3 <= at[0] <= seen.right and seen.top <= at[1] <= seen.bottom
+    assert seen.left - 3 <= at[0] <= seen.right
+    assert seen.top <= at[1] <= seen.bottom
 
 
 def draw_polygon(page, kind, *points, name="", speed=""):

@@ -27,7 +27,7 @@ export function label({ context, view }: Scene, [x_m, y_m]: Point, text: string,
   context.font = "600 12px system-ui, sans-serif";
   context.textBaseline = "middle";
   context.fillStyle = colour;
-  context.fillText(text, x + 8, y);
+  context.fillText(text, x + 10, y - 12);
   context.restore();
 }
 
