@@ -36,9 +36,9 @@ class SlamGraphs:
         is_same = self._count == len(links) and np.array_equal(poses, self._shown)
         if len(poses) == 0 or (is_same and age_ns < _AGAIN_NS):
             return None
-        for link in links[self._count :]:
-            ends = self._loops if link.is_loop else self._links
-            ends += b"".join(int(each).to_bytes(4, "little") for each in (link.first, link.second))
+        new = links[self._count :]
+        self._links += _pairs([(each.first, each.second) for each in new if not each.is_loop])
+        self._loops += _pairs([(each.first, each.second) for each in new if each.is_loop])
         self._count = len(links)
         self._shown, self._shown_ns = poses.copy(), now_ns
         placed = np.column_stack(
@@ -46,3 +46,7 @@ class SlamGraphs:
         )
         packed = placed.astype(np.dtype("<f4")).tobytes()
         return SlamGraph(now_ns, packed, bytes(self._links), bytes(self._loops))
+
+
+def _pairs(numbers: list[tuple[int, int]]) -> bytes:
+    return np.array(numbers, np.dtype("<i4")).tobytes()

@@ -134,7 +134,7 @@ def _camera_of(config: RobotConfig, endpoints: Endpoints) -> PictureSource | Non
     """Return the camera's pictures; None for a robot without one."""
     if config.camera is None or not config.has_camera:
         return None
-    # OpenCV: at the start, since loading it later would delay a stop.
+    # Pillow: at the start, since loading it later would delay a stop.
     from robotctl.app.processes.page_camera import PageCamera  # noqa: PLC0415
 
     return PageCamera(endpoints.camera_frames, config.camera)

@@ -13,7 +13,7 @@ export const slam: Layer = {
     const graph = topics.SlamGraph.newest.peek();
     if (graph === null) return;
     const nodes = keyframes(graph);
-    edges(scene, nodes, graph.links, scene.colours.link, 2);
+    edges(scene, nodes, graph.links, scene.colours.link, 1.5);
     edges(scene, nodes, graph.loops, scene.colours.loop, 3);
     dots(scene, nodes, scene.colours.keyframe, 4);
   },
