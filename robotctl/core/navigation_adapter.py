@@ -230,7 +230,7 @@ class NavigationAdapter:
             self.navigator.use_fence(self.fence.planned)
 
     def _draw(self, request: SetZones) -> None:
-        """Keep to the zones that somebody has drawn, or say why not."""
+        """Take the drawn zones, or give the reason for refusing them as a notice."""
         try:
             self.navigator.use_drawn_zones(
                 [Zone(each.name, each.corners, each.speed_m_s) for each in request.zones]

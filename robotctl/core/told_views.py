@@ -1,4 +1,4 @@
-"""What the robot was told to do and to keep to, as messages: when it changes, and now and then."""
+"""Mission and bounds as messages: when they change, and every two seconds."""
 
 from __future__ import annotations
 

@@ -258,7 +258,7 @@ class Context:
     mission: MissionView | None = None
     """The mission that navigation has, wherever it is from."""
     bounds: BoundsView | None = None
-    """What bounds the robot, wherever that is from."""
+    """Bounds that navigation keeps to, wherever they are from."""
     world: WorldPose = field(init=False)
     catalogue: Catalogue = field(default_factory=Catalogue)
     """The sum of all services, known once all are made."""

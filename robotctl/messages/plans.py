@@ -1,4 +1,4 @@
-"""What the robot has been told to do and to keep to, for people and ground stations.
+"""Mission and bounds of the robot, for people and ground stations.
 
 Navigation publishes these messages when they change, and every few seconds for late subscribers.
 """

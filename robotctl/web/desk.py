@@ -146,7 +146,7 @@ class Desk:
         self._arming: dict[int, _Asked] = {}
         self._modes: dict[int, tuple[_Asked, Mode]] = {}
         self._orders: dict[int, tuple[_Asked, int]] = {}
-        """What clients asked of the mission, with the count of what was done before."""
+        """Orders to the mission by client, with the count of those done before."""
         self._plans: dict[str, tuple[_Asked, Offered]] = {}
         """Plans that navigation has still to take, by their kind."""
         self._last_request = 0

@@ -132,7 +132,7 @@ class MissionView(Published, frozen=True):
 
 
 class BoundsView(Published, frozen=True):
-    """What bounds the robot, repeated for late subscribers."""
+    """Bounds that navigation keeps to, repeated for late subscribers."""
 
     repeats: ClassVar[bool] = True
     fence: msgspec.Raw

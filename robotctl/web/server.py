@@ -265,7 +265,7 @@ class PageServer:
         self._put(topic, data, keep=is_news)
 
     async def _film(self, camera: PictureSource) -> None:
-        """Send pictures of the camera to those who show them, until nobody does."""
+        """Send camera pictures to the pages that show them, until none does."""
         try:
             while self._desk.watchers:
                 begin_s = time.monotonic()

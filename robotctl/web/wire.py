@@ -126,14 +126,14 @@ class JumpTo(Upward, frozen=True):
 
 
 class Abort(Upward, frozen=True):
-    """Give up the mission: the robot stands, and the mission would begin anew."""
+    """Abort the mission: the robot stands, and AUTO would start it from its first item."""
 
     id: Number
     at_ms: Time
 
 
 class WatchCamera(Upward, frozen=True):
-    """Whether this page shows the camera's pictures; nobody else is sent any."""
+    """Camera panel opened or closed; only pages with it open are sent pictures."""
 
     watch: bool
 

@@ -39,7 +39,8 @@ class PlanFiles:
         self._kind = kind
 
     def _name(self, word: str) -> str:
-        return f"mavlink-{self._kind.replace(' ', '-')}-{word}.{ENDINGS[self._kind]}"
+        origin = "page" if self._kind == "zones" else "mavlink"
+        return f"{origin}-{self._kind.replace(' ', '-')}-{word}.{ENDINGS[self._kind]}"
 
     def _files(self) -> list[Path]:
         """Return all there are, the oldest first."""
