@@ -96,3 +96,50 @@ def test_a_click_on_the_map_brings_the_robot_there_and_stop_cuts_its_power(
     assert taken_ms < STOP_MS
     page.get_by_text("Emergency stop after").wait_for()
     rig.wait_for_state(SafetyState.EMERGENCY_STOP, 1.0)
+
+
+def test_a_mission_drawn_on_the_map_is_driven_and_a_drawn_fence_is_kept_to(
+    rig: Rig, page: Any
+) -> None:
+    def press(name: str) -> None:
+        page.get_by_role("button", name=name, exact=True).click()
+
+    press("Arm")
+    rig.wait_for_state(SafetyState.ARMED)
+    x, y = place(page)
+    first, second = (x + AHEAD_PX, y), (x + AHEAD_PX, y - ASIDE_PX)
+    page.get_by_role("tab", name="Mission").click()
+    press("New")
+    page.mouse.click(*first)
+    page.mouse.click(*second)
+    press("Send to robot")
+    page.get_by_text("The robot has it").wait_for()
+    press("Close")
+    press("Start")
+    passed: list[float] = []
+
+    def is_driven() -> bool:
+        passed.append(math.dist(place(page), first))
+        return bool(rig.navigation.mission_completed)
+
+    rig.wait(is_driven, 40.0, "the mission is completed")
+    assert rig.navigation.items == 2
+    assert min(passed) < NEAR_PX
+    assert math.dist(place(page), second) < NEAR_PX
+
+    # It stands within a fence now, and is sent beyond it.
+    x, y = place(page)
+    page.get_by_role("tab", name="Zones").click()
+    press("Draw a polygon")
+    page.get_by_label("It is").select_option(label="a fence to stay within")
+    edge = y - ASIDE_PX
+    for corner in ((x - 150, y + 150), (x + 100, y + 150), (x + 100, edge), (x - 150, edge)):
+        page.mouse.click(*corner)
+    press("Close")
+    rig.wait(lambda: rig.navigation.fence.enabled, PATIENT_S, "the robot has the fence")
+    page.get_by_role("button", name="Go to").click()
+    page.mouse.click(x, edge - ASIDE_PX)
+    rig.wait(lambda: "fence: the robot stops" in rig.navigation.message, 30.0, "it stops there")
+    seen = pixels(page, "robot")
+    assert edge < seen.top < y
+    assert rig.navigation.fence.breaches == 0

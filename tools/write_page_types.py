@@ -24,7 +24,9 @@ from robotctl.messages.estimation import (
     LocalisationState,
     ParticleCloud,
     PlanView,
+    SlamGraph,
 )
+from robotctl.messages.plans import BoundsView, MissionView
 from robotctl.web import wire
 
 TARGET: Final = Path(__file__).resolve().parent.parent / "robotctl/web/page/src/wire/messages.ts"
@@ -45,6 +47,9 @@ ROBOT: Final[tuple[type, ...]] = (
     PlanView,
     LiveMap,
     GivenMap,
+    SlamGraph,
+    MissionView,
+    BoundsView,
     Truth,
 )
 """Messages of the robot that the server passes on as they are published."""
@@ -101,6 +106,8 @@ def _parts(kind: inspect.Type) -> Iterator[inspect.Type]:
             yield from (each.type for each in fields)
         case inspect.UnionType(types=types) | inspect.TupleType(item_types=types):
             yield from types
+        case inspect.NamedTupleType(fields=fields):
+            yield from (each.type for each in fields)
         case inspect.VarTupleType(item_type=item):
             yield item
         case inspect.DictType(value_type=value):
@@ -136,6 +143,9 @@ def typescript(kind: inspect.Type) -> str:
             return " | ".join(dict.fromkeys(map(typescript, types)))
         case inspect.TupleType(item_types=types):
             return f"readonly [{', '.join(map(typescript, types))}]"
+        case inspect.NamedTupleType(fields=fields):
+            named = [f"{each.name}: {typescript(each.type)}" for each in fields]
+            return f"readonly [{', '.join(named)}]"
         case inspect.VarTupleType(item_type=item):
             inner = typescript(item)
             return f"readonly ({inner})[]" if " " in inner else f"readonly {inner}[]"

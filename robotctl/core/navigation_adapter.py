@@ -13,7 +13,8 @@ import numpy as np
 from robotctl.core.fence_keeper import FenceKeeper
 from robotctl.core.navigation_requests import too_late, translated
 from robotctl.core.plan_view import PlanViews
-from robotctl.errors import ConfigError
+from robotctl.core.told_views import Told, ToldViews
+from robotctl.errors import ConfigError, MissionError
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.estimation.ranging.scan_messages import lidar_scan
 from robotctl.messages.control import (
@@ -27,12 +28,14 @@ from robotctl.messages.control import (
 from robotctl.messages.estimation import CameraView, LidarScan, LocalisationState, PlanView
 from robotctl.messages.fence import EnableFence, SetFence, SetRally
 from robotctl.messages.mission import LoadMission
+from robotctl.messages.plans import BoundsView, DrawnZone, KnownPlace, MissionView, SetZones
 from robotctl.messages.tuning import Tuning
 from robotctl.messages.world_pose import WorldPose
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.planning.config import NavigationConfig
+from robotctl.planning.costmap.zone import Zone
 from robotctl.planning.guard.course import Point
 from robotctl.planning.guard.floor_memory import FloorMemory, FloorView
 from robotctl.planning.mission.mission_file import Mission, parse_mission
@@ -64,7 +67,7 @@ _UNSEEN: Final = (
 )
 
 _Aside: TypeAlias = (
-    ExternalPose | GroundStationPresence | SetFence | EnableFence | SetRally | Tuning
+    ExternalPose | GroundStationPresence | SetFence | EnableFence | SetRally | SetZones | Tuning
 )
 """Requests that are not for the navigator."""
 
@@ -76,11 +79,11 @@ _UNKNOWN: Final = SE2(math.nan, math.nan, math.nan)
 
 
 class _Offer(NamedTuple):
-    """A mission, or none, with the file that it is from, and the CRC-32 of that."""
+    """A mission, or none, with the file that it is from."""
 
     mission: Mission | None
     file: str
-    crc: int
+    content: bytes
 
 
 class NavigationAdapter:
@@ -100,6 +103,10 @@ class NavigationAdapter:
         Whether it drives by itself only while a ground station is there.
     station_timeout_s
         Silence of a ground station that was there after which it goes to HOLD [s]; inf: never.
+    mission_content
+        File of the navigator's mission.
+    places, links
+        Places of the topological map for people, and the pairs of their numbers with a passage.
 
     Attributes
     ----------
@@ -119,13 +126,21 @@ class NavigationAdapter:
         camera_rate_hz: float,
         needs_station: bool,
         station_timeout_s: float,
+        mission_content: bytes = b"",
+        places: tuple[KnownPlace, ...] = (),
+        links: tuple[tuple[int, int], ...] = (),
     ) -> None:
         self.navigator = navigator
         self.fence = fence
         self.period_ns = round(1e9 / config.rate_hz)
         self._file, self._crc = "", 0
         """The mission's file and CRC-32, if it was loaded since the start."""
-        self._rally_crc = 0
+        self._content = mission_content
+        self._rally: SetRally | None = None
+        self._zones: tuple[DrawnZone, ...] = ()
+        self._zones_crc = 0
+        self._places, self._links = places, links
+        self._told = ToldViews()
         self._offer: _Offer | None = None
         """A mission that the navigator is asked to take in this step."""
         self._odometry = OdometryHistory()
@@ -177,7 +192,7 @@ class NavigationAdapter:
         out = self.navigator.step(inputs, now_ns)
         offer, self._offer = self._offer, None
         if offer is not None and self.navigator.mission is offer.mission:
-            self._file, self._crc = offer.file, offer.crc
+            self._hold(offer.file, offer.content)
         until_ns = now_ns + COMMAND_LIFE_PERIODS * self.period_ns
         if out.expires_ns is not None:
             # Control brakes in the tick in which a set-point is void, not at the next step here.
@@ -195,22 +210,36 @@ class NavigationAdapter:
             mission_file=self._file,
             mission_crc=self._crc,
             fence=self.fence.state,
-            rally_crc=self._rally_crc,
+            rally_crc=0 if self._rally is None else self._rally.crc,
             **told,
         )
         return command, state
 
     def bound_by(self, requests: Iterable[NavigationRequest]) -> None:
-        """Take fences, which planning keeps to, too, and rally points; leave all else."""
+        """Take fences, which planning keeps to, too, zones and rally points; leave all else."""
         before = self.fence.planned
         for each in requests:
             if isinstance(each, SetFence | EnableFence):
                 self.fence.take(each)
             elif isinstance(each, SetRally):
                 self.navigator.use_rally(each.places)
-                self._rally_crc = each.crc
+                self._rally = each
+            elif isinstance(each, SetZones):
+                self._draw(each)
         if self.fence.planned != before:
             self.navigator.use_fence(self.fence.planned)
+
+    def _draw(self, request: SetZones) -> None:
+        """Take the drawn zones, or give the reason for refusing them as a notice."""
+        try:
+            self.navigator.use_drawn_zones(
+                [Zone(each.name, each.corners, each.speed_m_s) for each in request.zones]
+            )
+        except (MissionError, ValueError) as error:
+            self._notices.append(f"zones refused: {error}")
+            return
+        self._zones, self._zones_crc = request.zones, request.crc
+        self._notices.append(f"zones: {len(request.zones) or 'none'} drawn")
 
     def _within_fence(
         self, control: ControlState | None, inputs: NavigationInputs, wanted: Twist, now_ns: int
@@ -273,7 +302,7 @@ class NavigationAdapter:
             charge=math.nan if control.battery is None else control.battery.charge,
         )
 
-    def remember(self, mission: Mission, file: str, crc: int) -> None:
+    def remember(self, mission: Mission, file: str, content: bytes) -> None:
         """Take a mission that was loaded before this process began.
 
         Raises
@@ -282,24 +311,49 @@ class NavigationAdapter:
             If the robot cannot drive it.
         """
         self.navigator.load(mission)
-        self._file, self._crc = file, crc
+        self._hold(file, content)
+
+    def _hold(self, file: str, content: bytes) -> None:
+        """Note the file of the present mission."""
+        self._file, self._content, self._crc = file, content, zlib.crc32(content)
 
     def _loaded(self, message: LoadMission) -> LoadRequest | None:
         """Return the request for a mission; None if it is none, which its sender should know."""
         if not message.content:
-            self._offer = _Offer(None, "", 0)
+            self._offer = _Offer(None, "", b"")
             return LoadRequest(None)
         try:
             mission = parse_mission(message.content.decode("utf-8-sig"), message.file)
         except (ConfigError, UnicodeDecodeError) as error:
             self._notices.append(f"mission refused: {error}")
             return None
-        self._offer = _Offer(mission, message.file, zlib.crc32(message.content))
+        self._offer = _Offer(mission, message.file, message.content)
         return LoadRequest(mission)
 
-    def views(self, now_ns: int) -> list[PlanView]:
-        """Return what the robot drives by, if it is time for people to see it."""
-        return self._views.of(now_ns)
+    def views(self, now_ns: int) -> list[PlanView | Told]:
+        """Return what the robot drives by and is told, if it is time for people to see it."""
+        mission = MissionView(now_ns, self._file, self._crc, self._content)
+        return [*self._views.of(now_ns), *self._told.due(mission, self._bounds(now_ns))]
+
+    def _bounds(self, now_ns: int) -> BoundsView:
+        """Return what bounds the robot."""
+        navigator, fence, rally = self.navigator, self.fence, self._rally
+        of_mission = () if navigator.mission is None else navigator.mission.zone
+        own = [*_drawn(navigator.own_zones, "robot"), *_drawn(of_mission, "mission")]
+        home = navigator.home
+        return BoundsView(
+            now_ns,
+            fence.fence,
+            fence.state.crc,
+            fence.state.enabled,
+            (*own, *self._zones),
+            self._zones_crc,
+            () if rally is None else rally.places,
+            0 if rally is None else rally.crc,
+            (home.x_m, home.y_m, home.theta_rad),
+            self._places,
+            self._links,
+        )
 
     def take_notices(self) -> list[str]:
         """Return sentences for people since the last call."""
@@ -400,6 +454,11 @@ class NavigationAdapter:
         if self._looks and control.armings:
             self._floor.doubt(odometry, self._guard.nose_m, self._guard.half_width_m)
             self._notices.append(_UNSEEN)
+
+
+def _drawn(zones: Sequence[Zone], origin: str) -> list[DrawnZone]:
+    """Return zones of a file as a message."""
+    return [DrawnZone(each.name, each.corners, each.speed_m_s, origin) for each in zones]
 
 
 def _floor_view(view: CameraView) -> FloorView:

@@ -23,6 +23,7 @@ from robotctl.messages.mission import (
     PlaceTarget,
 )
 from robotctl.messages.mode import Mode
+from robotctl.messages.plans import SetZones
 from robotctl.messages.requests import (
     REQUEST_LIFE_NS,
     AbortRequest,
@@ -69,6 +70,7 @@ _DATED: Final = (
     | SetFence
     | EnableFence
     | SetRally
+    | SetZones
 )
 """Requests that are not carried out once they are too old."""
 

@@ -25,6 +25,7 @@ from robotctl.messages.estimation import (
     LocalisationState,
     ParticleCloud,
     SensorMessage,
+    SlamGraph,
 )
 from robotctl.messages.tuning import Tuning
 from robotctl.model.grid_map import GridMap
@@ -42,7 +43,7 @@ class Estimation(Protocol):
     ) -> LocalisationState | None:
         """Take all inputs since the last step; return the localiser's estimate."""
 
-    def pictures(self, now_ns: int) -> Sequence[ParticleCloud | LiveMap]:
+    def pictures(self, now_ns: int) -> Sequence[ParticleCloud | LiveMap | SlamGraph]:
         """Return the estimators' data for display, if it is time."""
 
     def given_map(self, now_ns: int) -> Sequence[GivenMap]:

@@ -34,6 +34,7 @@ from robotctl.messages.control import (
 )
 from robotctl.messages.estimation import LidarScan, LocalisationState
 from robotctl.messages.mavlink_port import Address, MavlinkPort, Peer, Received
+from robotctl.messages.plans import BoundsView, MissionView
 from robotctl.messages.supervision import SupervisorRequest
 from robotctl.messages.world_pose import WorldPose
 from robotctl.model.fence import Fence
@@ -60,7 +61,15 @@ Answer: TypeAlias = Callable[[int], None]
 """Tells who asked for a change of a plan its MAV_MISSION_RESULT."""
 Clear: TypeAlias = Callable[[Address, Answer, int], None]
 """Removes the plan of one kind for a station, now [ns]; the answer follows."""
-State: TypeAlias = ControlState | NavigationState | LocalisationState | LidarScan | Notice
+State: TypeAlias = (
+    ControlState
+    | NavigationState
+    | LocalisationState
+    | LidarScan
+    | Notice
+    | MissionView
+    | BoundsView
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -246,6 +255,10 @@ class Context:
     """The lidar's last."""
     control: ControlState | None = None
     navigation: NavigationState | None = None
+    mission: MissionView | None = None
+    """The mission that navigation has, wherever it is from."""
+    bounds: BoundsView | None = None
+    """Bounds that navigation keeps to, wherever they are from."""
     world: WorldPose = field(init=False)
     catalogue: Catalogue = field(default_factory=Catalogue)
     """The sum of all services, known once all are made."""
@@ -307,6 +320,10 @@ class Context:
             self.world.localise(state)
         elif isinstance(state, LidarScan):
             self.scan = state
+        elif isinstance(state, MissionView):
+            self.mission = state
+        elif isinstance(state, BoundsView):
+            self.bounds = state
         else:
             stamp_ns = state.stamp_ns
             self.texts.extend(

@@ -17,6 +17,7 @@ from robotctl.messages.faults import Fault, FaultCode
 from robotctl.messages.fence import FenceRequest, FenceState, SetRally
 from robotctl.messages.mission import MissionCommand
 from robotctl.messages.mode import Mode as Mode  # noqa: PLC0414 - part of the messages
+from robotctl.messages.plans import SetZones
 from robotctl.messages.procedures import (
     CalibrateGyro,
     CancelProcedure,
@@ -380,6 +381,7 @@ NavigationRequest: TypeAlias = (
     | MissionCommand
     | FenceRequest
     | SetRally
+    | SetZones
     | Tuning
 )
 """Requests to the navigation process."""

@@ -159,6 +159,19 @@ class LiveMap(msgspec.Struct, frozen=True, tag=True):
     theta_rad: float = 0.0
 
 
+class SlamGraph(msgspec.Struct, frozen=True, tag=True):
+    """The graph of SLAM, for people: keyframes, and what links them.
+
+    `poses` holds x, y and heading of each in `world` as little-endian float32 [m, m, rad]; `links`
+    pairs of their numbers as little-endian int32, `loops` those that closed a loop.
+    """
+
+    stamp_ns: int
+    poses: bytes
+    links: bytes
+    loops: bytes
+
+
 class PlanView(msgspec.Struct, frozen=True, tag=True):
     """Plan of the robot and its surroundings, for people; all of it in `world`.
 

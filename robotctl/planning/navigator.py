@@ -40,6 +40,7 @@ from robotctl.planning.behaviours.registry import behaviour_for
 from robotctl.planning.behaviours.rejoin import Rejoining
 from robotctl.planning.behaviours.relocalise import LookAround
 from robotctl.planning.config import NavigationConfig
+from robotctl.planning.costmap.zone import Zone
 from robotctl.planning.global_planning.goal import Goal
 from robotctl.planning.guard.obstacle_guard import ObstacleGuard
 from robotctl.planning.mission.auto import Auto, needs_pilot
@@ -239,6 +240,28 @@ class Navigator:
         self._fence = fence
         if self._robot.pilot is not None:
             self._robot.pilot.use_fence(fence)
+
+    def use_drawn_zones(self, zones: Sequence[Zone]) -> None:
+        """Plan round, or slowly through, the zones that people have drawn.
+
+        Raises
+        ------
+        MissionError
+            If the robot plans nothing.
+        """
+        if self._robot.pilot is None:
+            raise MissionError(f"zones: {NO_PILOT}")
+        self._robot.pilot.use_drawn_zones(zones)
+
+    @property
+    def own_zones(self) -> tuple[Zone, ...]:
+        """Zones of the robot's file, which count if it plans."""
+        return () if self._robot.pilot is None else self._robot.config.pilot.zone
+
+    @property
+    def home(self) -> SE2:
+        """Pose in `world` to which RTL leads without rally points."""
+        return self._crumbs.home
 
     def use_rally(self, places: tuple[Point, ...]) -> None:
         """Return to the nearest of these from now on, if there are some and it plans its way."""

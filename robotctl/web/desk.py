@@ -22,21 +22,33 @@ from robotctl.messages.control import (
     PositionTarget,
     SetMode,
 )
+from robotctl.messages.mission import AbortMission, GoAhead, JumpToItem, MissionCommand
 from robotctl.messages.mode import Mode
 from robotctl.messages.requests import REQUEST_LIFE_NS
 from robotctl.safety.state_machine import POWERED
 from robotctl.web.driving import AHEAD_NS, Driving
-from robotctl.web.published import ControlState, LocalisationState, NavigationState, Published
+from robotctl.web.plan_uploads import Offered
+from robotctl.web.published import (
+    BoundsView,
+    ControlState,
+    LocalisationState,
+    NavigationState,
+    Published,
+)
 from robotctl.web.stops import Stops
 from robotctl.web.wire import (
+    Abort,
     ArmRequest,
     Dated,
     Downward,
     Driver,
     GiveDriving,
+    GoOn,
     GoTo,
+    JumpTo,
     LiveMessage,
     ModeRequest,
+    Order,
     Ping,
     PlaceRobot,
     Pong,
@@ -46,8 +58,10 @@ from robotctl.web.wire import (
     StopMessage,
     StopRequest,
     TakeDriving,
+    WatchCamera,
 )
 
+LOOK_ONLY: Final = "this link may look only; open the page by the link with which one may drive"
 ANSWER_NS: Final = 1_500_000_000
 """Time that navigation has to be in a mode that was asked for [ns]."""
 MANUAL_NS: Final = 1_000_000_000
@@ -78,6 +92,8 @@ class _Client:
 
     connection: object
     may_drive: bool
+    watches: bool = False
+    """Whether it shows the camera's pictures."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +121,8 @@ class Outcome:
     to_control: list[ControlRequest] = field(default_factory=list)
     to_navigation: list[NavigationRequest] = field(default_factory=list)
     answers: list[Answer] = field(default_factory=list)
+    taken: list[Offered] = field(default_factory=list)
+    """Plans that navigation has now."""
 
 
 class Desk:
@@ -127,6 +145,10 @@ class Desk:
         self._stops = Stops()
         self._arming: dict[int, _Asked] = {}
         self._modes: dict[int, tuple[_Asked, Mode]] = {}
+        self._orders: dict[int, tuple[_Asked, int]] = {}
+        """Orders to the mission by client, with the count of those done before."""
+        self._plans: dict[str, tuple[_Asked, Offered]] = {}
+        """Plans that navigation has still to take, by their kind."""
         self._last_request = 0
         self._begun_ns: int | None = None
         """When MANUAL was asked for, until navigation is in it [ns]."""
@@ -141,6 +163,11 @@ class Desk:
     def is_busy(self) -> bool:
         """Whether a client drives the robot, or a stop is not answered yet."""
         return self._driving.is_held or self._stops.is_pending
+
+    @property
+    def watchers(self) -> list[object]:
+        """Connections of clients that show the camera's pictures."""
+        return [each.connection for each in self._clients.values() if each.watches]
 
     def take(self) -> Outcome:
         """Return what is to be sent since the last call."""
@@ -173,6 +200,15 @@ class Desk:
         elif isinstance(message, NavigationState):
             self._robot.navigation = message
             self._watch_mode(message, now)
+            self._orders = {
+                client: each
+                for client, each in self._orders.items()
+                if each[1] == message.mission_commands
+            }
+            self._note_plan("mission", message.mission_crc)
+            self._note_plan("fence", message.fence.crc)
+        elif isinstance(message, BoundsView):
+            self._note_plan("zones", message.zones_crc)
         elif isinstance(message, LocalisationState):
             self._robot.localisation = message
         self._drive(now)
@@ -193,7 +229,21 @@ class Desk:
             if now.server_ns > asked.deadline_ns:
                 del self._modes[client]
                 self._tell(client, Refused(asked.number, self._why_not(mode)))
+        self._tell_refusals(now)
         self._drive(now)
+
+    def plan_objection(self, client: int, at_ms: float, now: Now) -> str:
+        """Return why a page's plan is not handed on; empty: it is."""
+        if client not in self._clients:
+            return "this page is not connected"
+        objection = self._objection_to_asker(client) or _untimely(at_ms, now)
+        return objection or self._other_driver(client)
+
+    def offer(self, client: int, number: int, plan: Offered, now: Now) -> None:
+        """Hand on a plan that was checked; navigation's refusal is told later."""
+        self._out.to_navigation.append(plan.request)
+        asked = _Asked(client, number, now.server_ns + ANSWER_NS)
+        self._plans[plan.kind] = (asked, plan)
 
     def stop(self, connection: object, message: StopMessage, now: Now) -> None:
         """Take a message of a connection that is for stops only."""
@@ -215,6 +265,8 @@ class Desk:
                 self._driving.give(client, now.server_ns)
             case Sticks():
                 self._driving.sticks(client, message, now.server_ns, self._objection_to_motion(now))
+            case WatchCamera():
+                me.watches = message.watch
             case _:
                 objection = self._objection(client, message, now)
                 if objection:
@@ -225,21 +277,30 @@ class Desk:
 
     def _objection(self, client: int, message: Dated, now: Now) -> str:
         """Return why a request is not carried out; empty: it is."""
-        if not self._clients[client].may_drive:
-            return "this link may look only; open the page by the link with which one may drive"
+        if objection := self._objection_to_asker(client):
+            return objection
         if _stops(message):
             return ""
-        age_ns = now.server_ns - round(message.at_ms * 1e6)
-        if age_ns > REQUEST_LIFE_NS:
-            return f"it came {age_ns / 1e9:.1f} s late: ask again"
-        if age_ns < -AHEAD_NS:
-            return f"it is dated {-age_ns / 1e9:.1f} s ahead of the robot's clock"
+        if objection := _untimely(message.at_ms, now):
+            return objection
         return "" if isinstance(message, TakeDriving) else self._conflict(client, message, now)
+
+    def _objection_to_asker(self, client: int) -> str:
+        """Return why a client may ask for nothing."""
+        if self._clients[client].may_drive:
+            return ""
+        return LOOK_ONLY
+
+    def _other_driver(self, client: int) -> str:
+        """Return why a client has to leave the robot to another one."""
+        if self._driving.driver in (None, client):
+            return ""
+        return f"{self.driver.name} drives: take over first"
 
     def _conflict(self, client: int, message: Dated, now: Now) -> str:
         """Return what of the robot, or of other clients, speaks against a request."""
-        if self._driving.driver not in (None, client):
-            return f"{self.driver.name} drives: take over first"
+        if objection := self._other_driver(client):
+            return objection
         if self._driving.is_held:
             return "let the sticks go first"
         match message:
@@ -283,6 +344,12 @@ class Desk:
                 out.append(ExternalPose(stamp_ns, *pose, PLACED_COVARIANCE))
             case TakeDriving():
                 self._driving.take(client, message.id, now.server_ns)
+            case GoOn() | JumpTo() | Abort():
+                out.append(_order(message, stamp_ns))
+                navigation = self._robot.navigation
+                done = 0 if navigation is None else navigation.mission_commands
+                asked = _Asked(client, message.id, now.server_ns + ANSWER_NS)
+                self._orders[client] = (asked, done)
 
     def _stop(self, connection: object, message: Stop | StopRequest, now: Now) -> None:
         self._send_stop(now)
@@ -291,6 +358,27 @@ class Desk:
     def _send_stop(self, now: Now) -> None:
         stop = EmergencyStop(now.robot_ns, EmergencyStopSource.OPERATOR)
         self._out.to_control.insert(0, stop)
+
+    def _note_plan(self, kind: str, crc: int) -> None:
+        """Note which plan of a kind navigation has."""
+        waiting = self._plans.get(kind)
+        if waiting is not None and waiting[1].crc == crc:
+            del self._plans[kind]
+            self._out.taken.append(waiting[1])
+
+    def _tell_refusals(self, now: Now) -> None:
+        """Tell clients which of their plans and orders navigation has not taken."""
+        navigation = self._robot.navigation
+        why = navigation.message if navigation is not None else "navigation does not answer"
+        for client, (asked, _) in list(self._orders.items()):
+            if now.server_ns > asked.deadline_ns:
+                del self._orders[client]
+                self._tell(client, Refused(asked.number, why or "navigation did nothing"))
+        for kind, (asked, _) in list(self._plans.items()):
+            if now.server_ns > asked.deadline_ns:
+                del self._plans[kind]
+                reason = f"the robot has not taken it: {why or 'see the notices'}"
+                self._tell(asked.client, Refused(asked.number, reason))
 
     def _answer_stops(self) -> None:
         self._out.answers += [Answer(*each) for each in self._stops.take_answers()]
@@ -343,4 +431,27 @@ def _stops(message: Dated) -> bool:
     """Return whether a request lets the robot stand."""
     if isinstance(message, ArmRequest):
         return not message.arm
+    if isinstance(message, Abort):
+        return True
     return isinstance(message, ModeRequest) and message.mode is Mode.HOLD
+
+
+def _untimely(at_ms: float, now: Now) -> str:
+    """Return why a request of a time is none of the present; empty: it is."""
+    age_ns = now.server_ns - round(at_ms * 1e6)
+    if age_ns > REQUEST_LIFE_NS:
+        return f"it came {age_ns / 1e9:.1f} s late: ask again"
+    if age_ns < -AHEAD_NS:
+        return f"it is dated {-age_ns / 1e9:.1f} s ahead of the robot's clock"
+    return ""
+
+
+def _order(message: Order, stamp_ns: int) -> MissionCommand:
+    """Return what is asked of the mission."""
+    match message:
+        case GoOn():
+            return GoAhead(stamp_ns)
+        case JumpTo(item=item):
+            return JumpToItem(stamp_ns, item)
+        case Abort():
+            return AbortMission(stamp_ns)

@@ -20,6 +20,7 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 
 from robotctl.errors import LinkError
 from robotctl.web.config import LAST_PORT, WebConfig
+from robotctl.web.plan_uploads import MAX_PLAN_BYTES
 from robotctl.web.rate import RateLimit
 from robotctl.web.server import MAX_MESSAGE_BYTES
 
@@ -38,6 +39,8 @@ RECEIVED_BYTES: Final = 8 * 1024
 """Buffer of the kernel for what a client sends, which it doubles: all of it may be read at once."""
 BYTES_PER_S, BYTES_AT_ONCE = 16 * 1024, 8 * 1024
 """Most that a client sends; a page sends a fifth of that while it drives."""
+POST_AT_ONCE: Final = MAX_PLAN_BYTES + BYTES_AT_ONCE
+"""Most that a connection that is no socket sends at once: one plan, and its headers."""
 NEW_PER_S, NEW_AT_ONCE = 2, 64
 """Most new connections of one address."""
 CLOSING_S: Final = 2.0
@@ -125,7 +128,7 @@ class _BoundedHttp(H11Protocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Take a connection, or drop it."""
         super().connection_made(transport)
-        self._limit = RateLimit(BYTES_PER_S, BYTES_AT_ONCE)
+        self._limit = RateLimit(BYTES_PER_S, POST_AT_ONCE)
         hosts = [(getattr(each, "client", None) or ("",))[0] for each in self.connections]
         host = self.client[0] if self.client else ""
         of_one = hosts.count(host)

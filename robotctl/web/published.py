@@ -22,6 +22,8 @@ class Published(msgspec.Struct, frozen=True, tag=True):
 
     is_event: ClassVar[bool] = False
     """Whether each of them reaches every client."""
+    repeats: ClassVar[bool] = False
+    """Whether one that says the same as the last one is left out."""
 
     @property
     def told(self) -> object:
@@ -47,6 +49,12 @@ class ControlState(Published, frozen=True):
         return self.state, _words(self.reason), acks, self.armings, against
 
 
+class NamedFence(msgspec.Struct, frozen=True):
+    """Name of the fence that navigation keeps to, 0: there is none."""
+
+    crc: int = 0
+
+
 class NavigationState(Published, frozen=True):
     """State of the navigation process."""
 
@@ -61,6 +69,9 @@ class NavigationState(Published, frozen=True):
     waits: bool = False
     trouble: str = ""
     held: bool = False
+    mission_crc: int = 0
+    mission_commands: int = 0
+    fence: NamedFence = NamedFence()
 
     @property
     def told(self) -> object:
@@ -102,6 +113,43 @@ class PlanView(Published, frozen=True):
     """Plan that the robot drives by."""
 
 
+class SlamGraph(Published, frozen=True):
+    """The graph of SLAM as it grows."""
+
+
+class MissionView(Published, frozen=True):
+    """The mission's file, repeated for late subscribers."""
+
+    repeats: ClassVar[bool] = True
+    file: str
+    crc: int
+    content: bytes
+
+    @property
+    def told(self) -> object:
+        """All but its time."""
+        return self.file, self.crc, self.content
+
+
+class BoundsView(Published, frozen=True):
+    """Bounds that navigation keeps to, repeated for late subscribers."""
+
+    repeats: ClassVar[bool] = True
+    fence: msgspec.Raw
+    fence_crc: int
+    fence_enabled: bool
+    zones: msgspec.Raw
+    zones_crc: int
+    rally: msgspec.Raw
+    home: msgspec.Raw
+
+    @property
+    def told(self) -> object:
+        """All that changes while the robot runs."""
+        parts = (self.fence, self.zones, self.rally, self.home)
+        return self.fence_crc, self.fence_enabled, self.zones_crc, *map(bytes, parts)
+
+
 class LiveMap(Published, frozen=True):
     """The map as it grows."""
 
@@ -123,6 +171,9 @@ AnyPublished: TypeAlias = (
     | PlanView
     | LiveMap
     | GivenMap
+    | SlamGraph
+    | MissionView
+    | BoundsView
 )
 
 _FIGURES: Final = re.compile(r"[\d.]+")

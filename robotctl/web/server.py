@@ -5,11 +5,12 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import itertools
+import time
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Protocol
 
 import msgspec
 from starlette.applications import Starlette
@@ -20,13 +21,25 @@ from starlette.types import ASGIApp
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from robotctl.messages.control import ControlRequest, NavigationRequest
+from robotctl.messages.mission import LoadMission
 from robotctl.web.access import HEADERS, Access, Asker, Role
-from robotctl.web.desk import Desk, Now
+from robotctl.web.desk import LOOK_ONLY, Desk, Now
 from robotctl.web.outbox import Outbox
+from robotctl.web.plan_uploads import (
+    MAX_PLAN_BYTES,
+    AnyUpload,
+    BadPlan,
+    Offered,
+    PlanStore,
+    mission_tree,
+    offered,
+    read_upload,
+)
 from robotctl.web.published import GivenMap, Published, read, with_tag
 from robotctl.web.rate import RateLimit
 from robotctl.web.wire import (
     PROTOCOL,
+    CameraPicture,
     Downward,
     Hello,
     LiveMessage,
@@ -48,6 +61,8 @@ _NOTICES: Final = 50
 """Notices that a new client is told, the newest."""
 _POLICY: Final = 1008
 LINK_NEEDED: Final = "a token is needed: open the link that the robot prints, or `robotctl web`"
+PICTURE_S: Final = 0.2
+"""Shortest interval between two pictures of the camera [s]."""
 _BODY_S: Final = 5.0
 """Time for the body of a POST [s]."""
 _STATIC: Final = {
@@ -115,6 +130,19 @@ class Connection:
             self.outbox.show(topic, data)
 
 
+class PictureSource(Protocol):
+    """The robot's camera, for who looks on."""
+
+    def picture(self, view: bytes | None) -> CameraPicture | None:
+        """Return the newest picture with the camera's newest published view; None: no new one.
+
+        It takes some milliseconds, and is called by threads, one at a time.
+        """
+
+    def close(self) -> None:
+        """Receive no more pictures until the next is asked for."""
+
+
 @dataclass(slots=True)
 class RobotSide:
     """The robot as the server reaches it.
@@ -129,6 +157,10 @@ class RobotSide:
         Hand on a request; whether a process was there to take it.
     say
         Tell logs and ground stations.
+    stores
+        Keep plans over restarts, by their kind.
+    camera
+        Pictures of the camera; None: there is none.
     """
 
     outline: RobotOutline
@@ -136,6 +168,8 @@ class RobotSide:
     to_control: Callable[[ControlRequest], bool]
     to_navigation: Callable[[NavigationRequest], bool]
     say: Callable[[str], None]
+    stores: Mapping[str, PlanStore] = field(default_factory=dict)
+    camera: PictureSource | None = None
 
 
 class PageServer:
@@ -167,6 +201,9 @@ class PageServer:
         self._notices: deque[bytes] = deque(maxlen=_NOTICES)
         self._given_map: msgspec.Raw | None = None
         self._driver = desk.driver
+        self._filming: asyncio.Task[None] | None = None
+        self._reading = asyncio.Lock()
+        """Held while a plan is checked: one at a time, so that they leave time for all else."""
         self._decode_live = msgspec.json.Decoder(LiveMessage).decode
         self._decode_stop = msgspec.json.Decoder(StopMessage).decode
         self._decode_session = msgspec.json.Decoder(Session).decode
@@ -176,6 +213,8 @@ class PageServer:
                 Route("/session", self._rights, methods=["GET"]),
                 Route("/session", self._session, methods=["POST"]),
                 Route("/assets/{name}", self._asset),
+                Route("/plans", self._plan, methods=["POST"]),
+                Route("/toml", self._toml, methods=["POST"]),
                 WebSocketRoute("/live", self._live_socket),
                 WebSocketRoute("/stop", self._stop_socket),
             ]
@@ -202,6 +241,8 @@ class PageServer:
             self._put("Truth", with_tag(data, "Truth"), keep=False)
         self._desk.step(now)
         self._hand_on()
+        if self._desk.watchers and self._filming is None and self._robot.camera is not None:
+            self._filming = asyncio.create_task(self._film(self._robot.camera))
         for connection in self._live.values():
             connection.woken.set()
 
@@ -218,9 +259,29 @@ class PageServer:
             self._given_map = message.map.copy()
         told = message.told
         is_news = told != self._told.get(topic)
+        if message.repeats and not is_news:
+            return
         self._told[topic] = told
         self._latest[topic] = data
         self._put(topic, data, keep=is_news)
+
+    async def _film(self, camera: PictureSource) -> None:
+        """Send camera pictures to the pages that show them, until none does."""
+        try:
+            while self._desk.watchers:
+                begin_s = time.monotonic()
+                view = self._latest.get("CameraView")
+                picture = await asyncio.to_thread(camera.picture, view)
+                if picture is not None:
+                    data = encode(picture)
+                    for connection in self._desk.watchers:
+                        if isinstance(connection, Connection):
+                            connection.put("CameraPicture", data, keep=False)
+                            connection.woken.set()
+                await asyncio.sleep(PICTURE_S - (time.monotonic() - begin_s))
+        finally:
+            camera.close()
+            self._filming = None
 
     def _put(self, topic: str, data: bytes, *, keep: bool) -> None:
         for connection in self._live.values():
@@ -233,6 +294,9 @@ class PageServer:
             self._robot.to_control(to_control)
         for to_navigation in out.to_navigation:
             self._robot.to_navigation(to_navigation)
+        for plan in out.taken:
+            if (store := self._robot.stores.get(plan.kind)) is not None:
+                asyncio.get_running_loop().run_in_executor(None, store.keep, plan.content)
         for connection, message in out.answers:
             if isinstance(connection, Connection):
                 self._answer(connection, message)
@@ -416,15 +480,9 @@ class PageServer:
         asker = _asker(request)
         if objection := self._access.objection(asker, needs_origin=True):
             return PlainTextResponse(objection, 403, HEADERS)
-        body = b""
-        try:
-            async with asyncio.timeout(_BODY_S):
-                async for part in request.stream():
-                    body += part
-                    if len(body) > MAX_MESSAGE_BYTES:
-                        return PlainTextResponse("too long", 413, HEADERS)
-        except TimeoutError:
-            return PlainTextResponse("too slow", 408, HEADERS)
+        body = await _body(request, MAX_MESSAGE_BYTES)
+        if isinstance(body, Response):
+            return body
         try:
             token = self._decode_session(body).token
         except (msgspec.DecodeError, UnicodeError):
@@ -442,6 +500,71 @@ class PageServer:
             samesite="strict",
         )
         return response
+
+    async def _plan(self, request: Request) -> Response:
+        """Hand a mission, a fence or zones on to navigation, or say what is wrong with them."""
+        body = await self._admitted(request, Role.DRIVE)
+        if isinstance(body, Response):
+            return body
+        now = self._robot.now()
+        try:
+            async with self._reading:
+                upload = await asyncio.to_thread(read_upload, body)
+                if objection := self._desk.plan_objection(upload.client, upload.at_ms, now):
+                    return PlainTextResponse(objection, 409, HEADERS)
+                plan = await asyncio.to_thread(self._offered, upload, now)
+        except BadPlan as error:
+            return PlainTextResponse(str(error), 422, HEADERS)
+        self._desk.offer(upload.client, upload.id, plan, self._robot.now())
+        self._hand_on()
+        return Response(msgspec.json.encode({"crc": plan.crc}), 200, HEADERS, _STATIC[".json"])
+
+    def _offered(self, upload: AnyUpload, now: Now) -> Offered:
+        """Return a plan that is checked, and saved beside the one that the robot has."""
+        plan = offered(upload, now.robot_ns)
+        store = self._robot.stores.get(plan.kind)
+        if store is None or not plan.content:
+            return plan
+        file = store.save(plan.content)
+        if isinstance(plan.request, LoadMission):
+            plan = plan._replace(request=msgspec.structs.replace(plan.request, file=file))
+        return plan
+
+    async def _toml(self, request: Request) -> Response:
+        """Return a mission's file as the page edits it."""
+        body = await self._admitted(request, Role.LOOK)
+        if isinstance(body, Response):
+            return body
+        try:
+            async with self._reading:
+                tree = await asyncio.to_thread(mission_tree, body)
+        except BadPlan as error:
+            return PlainTextResponse(str(error), 422, HEADERS)
+        return Response(msgspec.json.encode(tree), 200, HEADERS, _STATIC[".json"])
+
+    async def _admitted(self, request: Request, needed: Role) -> bytes | Response:
+        """Return the body of a POST by a page that has a role; else the refusal."""
+        asker = _asker(request)
+        objection = self._access.objection(asker, needs_origin=True)
+        role = self._access.role(asker)
+        if objection or role is None or (needed is Role.DRIVE and role is not Role.DRIVE):
+            why = objection or (LINK_NEEDED if role is None else LOOK_ONLY)
+            return PlainTextResponse(why, 403, HEADERS)
+        return await _body(request, MAX_PLAN_BYTES)
+
+
+async def _body(request: Request, most: int) -> bytes | Response:
+    """Return the body of a POST; the refusal of one that is too long or too slow."""
+    body = b""
+    try:
+        async with asyncio.timeout(_BODY_S):
+            async for part in request.stream():
+                body += part
+                if len(body) > most:
+                    return PlainTextResponse(f"too long: {most} bytes allowed", 413, HEADERS)
+    except TimeoutError:
+        return PlainTextResponse("too slow", 408, HEADERS)
+    return body
 
 
 def _asker(connection: HTTPConnection) -> Asker:

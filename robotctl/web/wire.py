@@ -110,8 +110,37 @@ class Sticks(Upward, frozen=True):
     sideways: Axis
 
 
-Dated: TypeAlias = ArmRequest | ModeRequest | GoTo | PlaceRobot | TakeDriving
-LiveMessage: TypeAlias = Ping | StopRequest | GiveDriving | Sticks | Dated
+class GoOn(Upward, frozen=True):
+    """Go on with a mission that waits for an operator's word."""
+
+    id: Number
+    at_ms: Time
+
+
+class JumpTo(Upward, frozen=True):
+    """Go on with another item of the mission, counted from 1."""
+
+    id: Number
+    at_ms: Time
+    item: Number
+
+
+class Abort(Upward, frozen=True):
+    """Abort the mission: the robot stands, and AUTO would start it from its first item."""
+
+    id: Number
+    at_ms: Time
+
+
+class WatchCamera(Upward, frozen=True):
+    """Camera panel opened or closed; only pages with it open are sent pictures."""
+
+    watch: bool
+
+
+Order: TypeAlias = GoOn | JumpTo | Abort
+Dated: TypeAlias = ArmRequest | ModeRequest | GoTo | PlaceRobot | TakeDriving | Order
+LiveMessage: TypeAlias = Ping | StopRequest | GiveDriving | Sticks | WatchCamera | Dated
 StopMessage: TypeAlias = Ping | Stop
 
 
@@ -193,6 +222,24 @@ class StopSeen(Downward, frozen=True):
     state: int | None
     reason: str
     after_ms: float
+
+
+class CameraPicture(Downward, frozen=True):
+    """Picture of the camera, and what the robot makes of it, in its pixels.
+
+    `boundary` is where the floor ends, from left to right, None where that is not judged; `floor`
+    where floor is seen as far as the camera judges it; `things` are the middles of obstacles' feet
+    and their widths. `trouble` says why the picture is not to be trusted.
+    """
+
+    stamp_ns: int
+    width: int
+    height: int
+    jpeg: bytes
+    boundary: tuple[tuple[float, float] | None, ...] = ()
+    floor: tuple[tuple[float, float] | None, ...] = ()
+    things: tuple[tuple[float, float, float], ...] = ()
+    trouble: str = ""
 
 
 _encoder = msgspec.msgpack.Encoder()

@@ -38,6 +38,7 @@ from robotctl.messages.estimation import (
     LocalisationState,
     ParticleCloud,
     SensorMessage,
+    SlamGraph,
 )
 from robotctl.messages.map_message import map_message
 from robotctl.model.geometry.angles import wrap_angle
@@ -51,7 +52,7 @@ ESTIMATORS: Final[dict[str, Callable[[LocaliserBegin], Localiser]]] = {
 }
 """Localisers by `localisation.method`: a new one is one file, and one line here."""
 
-Picture: TypeAlias = ParticleCloud | LiveMap
+Picture: TypeAlias = ParticleCloud | LiveMap | SlamGraph
 Stamped = TypeVar("Stamped", bound=SensorMessage | ExternalPose)
 
 _PICTURE_NS: Final = 500_000_000
@@ -226,6 +227,9 @@ class Estimators:
             grid = self.mapper.live_map(now_ns)
             if grid is not None:
                 found.append(grid)
+        if isinstance(self.mapper, SlamDrawing):
+            graph = self.mapper.graph(now_ns)
+            found += [] if graph is None else [graph]
         return found
 
     def given_map(self, now_ns: int) -> list[GivenMap]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from robotctl.app.localisation.localiser import LocaliserInput, localisation_state
 from robotctl.app.localisation.seen_images import SeenImages, rehearse
 from robotctl.app.localisation.slam_files import KeyframeFile, MapPlaces, keyframes_to_localise
+from robotctl.app.localisation.slam_graphs import SlamGraphs
 from robotctl.app.localisation.slam_sensor import SlamSensor, recognises_places, slam_sensor
 from robotctl.config.robot_file import RobotConfig
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
@@ -30,7 +31,7 @@ from robotctl.estimation.slam.keyframes.mapper import LEAST_ECHOES, SlamMapper
 from robotctl.estimation.slam.keyframes.motion import Place
 from robotctl.estimation.slam.keyframes.saved_map import KeyframeMap, SavedOdometry, as_saved
 from robotctl.messages.control import ControlState
-from robotctl.messages.estimation import ClosedLoop, LiveMap, LocalisationState
+from robotctl.messages.estimation import ClosedLoop, LiveMap, LocalisationState, SlamGraph
 from robotctl.messages.map_message import map_message
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.localisation import LocalisationStatus
@@ -301,6 +302,7 @@ class SlamDrawing:
         self._picture = _Picture(grid, 0)
         self._next: _Picture | None = None
         self._begun_ns = -_REDRAW_NS
+        self._graphs = SlamGraphs()
 
     @property
     def grid(self) -> OccupancyGrid:
@@ -350,6 +352,11 @@ class SlamDrawing:
         if len(self._picture.drawn) == 0:
             return None
         return map_message(self.grid.to_map(), now_ns)
+
+    def graph(self, now_ns: int) -> SlamGraph | None:
+        """Return the graph, if it is time; see `SlamGraphs`."""
+        localiser = self._localiser
+        return self._graphs.due(localiser.mapper.back_end, localiser.T_world_map, now_ns)
 
 
 def make_slam(

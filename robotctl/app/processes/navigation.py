@@ -14,7 +14,7 @@ import zmq
 from robotctl.app.localisation.load_estimators import load_estimators
 from robotctl.app.processes.entry import enter
 from robotctl.app.processes.navigator import equip, load_mission, make_navigation
-from robotctl.app.processes.plan_files import load_fence, load_rally
+from robotctl.app.processes.plan_files import load_fence, load_rally, load_zones
 from robotctl.app.processes.progress import StoredProgress, last_pose, load_progress
 from robotctl.app.supervision.signals import StopFlag
 from robotctl.config.options import StackOptions
@@ -55,9 +55,10 @@ def resume(
     try:
         if saved.mission_file:
             mission = load_mission(Path(saved.mission_file))
-            adapter.remember(mission, saved.mission_file, saved.mission_crc)
+            content = Path(saved.mission_file).read_bytes()
+            adapter.remember(mission, saved.mission_file, content)
         navigator.resume(saved.item, saved.item_s_m, saved.loop_counts)
-    except (ValueError, RobotctlError) as error:
+    except (OSError, ValueError, RobotctlError) as error:
         return (f"{options.state}: {error}; mode AUTO starts the mission over",)
     if navigator.mission_completed:
         return ("the mission is completed; mode AUTO repeats it",)
@@ -106,6 +107,10 @@ def run(config: RobotConfig, options: StackOptions) -> None:
 
     estimators = load_estimators(config, options, last_pose(saved, options), say)
     scans_count = equip(adapter.navigator, config, options, estimators, say, plan_s=_PLAN_S)
+    try:
+        adapter.bound_by(load_zones(options.state))
+    except DiskError as error:
+        say(str(error))
     tick = NavigationTick(adapter, estimators, Operator(requests.receive, publisher.send))
     heard = [endpoints.lidar] if scans_count else []
     heard += [endpoints.camera] if config.has_camera else []

@@ -15,6 +15,7 @@ from robotctl.core.fence_keeper import FenceKeeper
 from robotctl.core.navigation_adapter import COMMAND_LIFE_PERIODS, NavigationAdapter
 from robotctl.errors import ConfigError, InvalidValue
 from robotctl.maps.topology_file import load_places
+from robotctl.messages.plans import KnownPlace
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.planning.behaviours.kind import Abilities, Pilot
@@ -69,6 +70,7 @@ def make_navigation(config: RobotConfig, options: StackOptions) -> NavigationAda
         If the mission's file is wrong, or the robot cannot drive it.
     """
     mission = load_mission(Path(options.mission)) if options.mission else None
+    topology = _places(config, Path(options.robot))
     able = abilities(config, Path(options.robot))
     navigator = Navigator(
         config.navigation,
@@ -97,6 +99,29 @@ def make_navigation(config: RobotConfig, options: StackOptions) -> NavigationAda
         camera_rate_hz=_camera_rate_hz(config),
         needs_station=mavlink.hold_without_gcs,
         station_timeout_s=mavlink.gcs_timeout_s if holds_on_loss else math.inf,
+        mission_content=Path(options.mission).read_bytes() if options.mission else b"",
+        places=_known_places(topology),
+        links=_links(topology),
+    )
+
+
+def _known_places(topology: TopologicalMap | None) -> tuple[KnownPlace, ...]:
+    """Return the places whose coordinates are known."""
+    places = () if topology is None else topology.places
+    return tuple(
+        KnownPlace(each.name, each.x_m, each.y_m) for each in places if math.isfinite(each.x_m)
+    )
+
+
+def _links(topology: TopologicalMap | None) -> tuple[tuple[int, int], ...]:
+    """Return the pairs of numbers of known places with a passage between them."""
+    numbers = {each.name: number for number, each in enumerate(_known_places(topology))}
+    passages = () if topology is None else topology.passages
+    return tuple(
+        (numbers[a], numbers[b])
+        for each in passages
+        for a, b in (each.between,)
+        if a in numbers and b in numbers
     )
 
 

@@ -1,4 +1,4 @@
-"""Files in which plans that came over MAVLink outlive a power cut."""
+"""Files in which plans of ground stations and of the page outlive a power cut."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ import msgspec
 
 from robotctl.errors import DiskError
 from robotctl.messages.fence import FenceFile, RallyFile, SetFence, SetRally
+from robotctl.messages.plans import SetZones, ZonesFile
 from robotctl.runtime.storage.atomic_file import write_whole
 
-F = TypeVar("F", FenceFile, RallyFile)
+F = TypeVar("F", FenceFile, RallyFile, ZonesFile)
 
-ENDINGS: Final = {"mission": "toml", "fence": "json", "rally points": "json"}
+ENDINGS: Final = {"mission": "toml", "fence": "json", "rally points": "json", "zones": "json"}
 """Endings of the files of each kind."""
 
 
@@ -38,7 +39,8 @@ class PlanFiles:
         self._kind = kind
 
     def _name(self, word: str) -> str:
-        return f"mavlink-{self._kind.replace(' ', '-')}-{word}.{ENDINGS[self._kind]}"
+        origin = "page" if self._kind == "zones" else "mavlink"
+        return f"{origin}-{self._kind.replace(' ', '-')}-{word}.{ENDINGS[self._kind]}"
 
     def _files(self) -> list[Path]:
         """Return all there are, the oldest first."""
@@ -105,6 +107,18 @@ def load_rally(directory: str) -> tuple[SetRally, ...]:
     """
     content, found = _decoded(directory, "rally points", RallyFile)
     return () if found is None else (SetRally(0, found.places, crc32(content)),)
+
+
+def load_zones(directory: str) -> tuple[SetZones, ...]:
+    """Return the drawn zones that a robot of this folder has from its start, none or one set.
+
+    Raises
+    ------
+    DiskError
+        If the file is damaged, or cannot be read.
+    """
+    content, found = _decoded(directory, "zones", ZonesFile)
+    return () if found is None else (SetZones(0, found.zones, crc32(content)),)
 
 
 def _decoded(directory: str, kind: str, form: type[F]) -> tuple[bytes, F | None]:

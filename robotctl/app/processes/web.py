@@ -18,6 +18,7 @@ import zmq
 
 import robotctl
 from robotctl.app.processes.entry import enter
+from robotctl.app.processes.plan_files import plan_stores
 from robotctl.app.supervision.signals import StopFlag
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig
@@ -37,7 +38,7 @@ from robotctl.web.desk import Desk, Now
 from robotctl.web.links import WebLinks, read_links, write_links
 from robotctl.web.listening import PageHost, address_towards_others, listen
 from robotctl.web.secret_files import certificate_of, fingerprint_of, tokens_of
-from robotctl.web.server import PageServer, RobotSide
+from robotctl.web.server import PageServer, PictureSource, RobotSide
 from robotctl.web.wire import RobotOutline, SonarOutline
 
 _ARM_NS: Final = 1_000_000_000
@@ -129,6 +130,16 @@ def links_of(config: WebConfig, secrets: Secrets, port: int) -> WebLinks:
     )
 
 
+def _camera_of(config: RobotConfig, endpoints: Endpoints) -> PictureSource | None:
+    """Return the camera's pictures; None for a robot without one."""
+    if config.camera is None or not config.has_camera:
+        return None
+    # Pillow: at the start, since loading it later would delay a stop.
+    from robotctl.app.processes.page_camera import PageCamera  # noqa: PLC0415
+
+    return PageCamera(endpoints.camera_frames, config.camera)
+
+
 async def _serve(
     page: PageServer,
     server: PageHost,
@@ -174,6 +185,8 @@ def run(config: RobotConfig, options: StackOptions) -> None:
         to_control.send,
         to_navigation.send,
         lambda text: notices.send(Notice(clock.now_ns(), Severity.NOTICE, f"web page: {text}")),
+        plan_stores(options.state),
+        _camera_of(config, endpoints),
     )
     desk = Desk(
         has_localiser=config.localisation.method != "none",

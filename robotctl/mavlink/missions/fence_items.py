@@ -11,6 +11,7 @@ from typing import Final
 import msgspec
 from pymavlink.dialects.v20 import common
 
+from robotctl.mavlink.frames import ned_from_enu
 from robotctl.mavlink.globe import Origin
 from robotctl.mavlink.missions.item import MissionItem
 from robotctl.mavlink.missions.translate import (
@@ -68,8 +69,36 @@ def read_fence(content: bytes) -> FencePlan:
     try:
         kept = msgspec.json.decode(content, type=_Kept)
     except (msgspec.DecodeError, ValueError):
-        return FencePlan()
+        try:
+            drawn = msgspec.json.decode(content, type=FenceFile, strict=True)
+        except (msgspec.DecodeError, ValueError):
+            return FencePlan()
+        return FencePlan(fence_items(drawn.fence, None), drawn.fence, None, content)
     return FencePlan(kept.items, kept.fence, kept.origin, content)
+
+
+def fence_items(fence: Fence, origin: Origin | None) -> tuple[MissionItem, ...]:
+    """Return a fence as items; in degrees where `world` has a place on the globe."""
+    commands = {inside: command for command, inside in _POLYGONS.items()}
+    items = [
+        _at(commands[polygon.keeps_in], float(len(polygon.corners)), corner, origin)
+        for polygon in fence.polygons
+        for corner in polygon.corners
+    ]
+    commands = {inside: command for command, inside in _CIRCLES.items()}
+    items += [
+        _at(commands[each.keeps_in], each.radius_m, (each.x_m, each.y_m), origin)
+        for each in fence.circles
+    ]
+    return tuple(items)
+
+
+def _at(command: int, param1: float, place: Point, origin: Origin | None) -> MissionItem:
+    params = (param1, 0.0, 0.0, 0.0)
+    if origin is None:
+        return MissionItem(command, common.MAV_FRAME_LOCAL_NED, params, *ned_from_enu(*place), 0.0)
+    x, y = origin.from_world(*place)
+    return MissionItem(command, common.MAV_FRAME_GLOBAL, params, x, y, 0.0)
 
 
 def check_fence_item(item: MissionItem, seq: int, origin: Origin | None) -> None:

@@ -57,6 +57,9 @@ class Pilot(Protocol):
     def use_zones(self, zones: Sequence[Zone]) -> None:
         """Take the zones of another mission, which count beside those of the robot's file."""
 
+    def use_drawn_zones(self, zones: Sequence[Zone]) -> None:
+        """Take the zones that people have drawn, which count beside all others."""
+
     def use_recovery(self, recovery: RecoveryConfig | None) -> None:
         """Be as patient as a mission says; None: as the robot's file does."""
 

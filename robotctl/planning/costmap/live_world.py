@@ -189,7 +189,7 @@ class LiveWorld:
     # Forgetting
 
     def use_zones(self, zones: Sequence[Zone]) -> None:
-        """Take the zones of another mission; what was seen is forgotten where they differ."""
+        """Take zones beside those of the file; what was seen is forgotten where they differ."""
         self._close(Closed((*self._own_zones, *zones), self._closed.fence))
 
     def use_fence(self, fence: Fence) -> None:

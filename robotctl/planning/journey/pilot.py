@@ -126,6 +126,8 @@ class MapPilot:
             config.recovery,
         )
         self._own_recovery = config.recovery
+        self._mission_zones: Sequence[Zone] = ()
+        self._drawn_zones: Sequence[Zone] = ()
         self._footprint = footprint
         self._places = None if topology is None else KnownPlaces(topology)
         self._here = home
@@ -174,7 +176,16 @@ class MapPilot:
 
     def use_zones(self, zones: Sequence[Zone]) -> None:
         """Take the zones of another mission; what was seen is forgotten where they differ."""
-        self.tools.world.use_zones(zones)
+        self._mission_zones = zones
+        self._use_all_zones()
+
+    def use_drawn_zones(self, zones: Sequence[Zone]) -> None:
+        """Take the zones that people have drawn, in place of those drawn before."""
+        self._drawn_zones = zones
+        self._use_all_zones()
+
+    def _use_all_zones(self) -> None:
+        self.tools.world.use_zones((*self._mission_zones, *self._drawn_zones))
 
     def use_fence(self, fence: Fence) -> None:
         """Plan within another fence; what was seen is forgotten where it differs."""

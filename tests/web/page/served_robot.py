@@ -10,6 +10,7 @@ import math
 import socket
 import threading
 import time
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -44,11 +45,15 @@ from robotctl.messages.estimation import (
     PlanView,
 )
 from robotctl.messages.faults import Fault, FaultCode
+from robotctl.messages.fence import FenceState, SetFence
+from robotctl.messages.mission import JumpToItem, LoadMission
 from robotctl.messages.mode import Mode
+from robotctl.messages.plans import BoundsView, MissionView, SetZones
+from robotctl.model.fence import Fence
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.web.access import Access, Role
 from robotctl.web.desk import Desk, Now
-from robotctl.web.server import PageServer, RobotSide
+from robotctl.web.server import PageServer, PictureSource, RobotSide
 from robotctl.web.wire import RobotOutline, SonarOutline
 
 T = TypeVar("T")
@@ -111,6 +116,10 @@ class ServedRobot:
         self.outline = OUTLINE
         self.paused_ns = 0
         self.is_silent = self.is_deaf = False
+        self.mission = LoadMission(0, "", b"")
+        self.bounds = BoundsView(0, Fence(), 0, False, (), 0, (), 0, (0.5, 0.5, 0.0))
+        self.item = 0
+        self.camera: PictureSource | None = None
         self.asked: list[Any] = []
         self.particles = np.empty((0, 3), np.float32)
         self.published_ns: dict[int, int] = {}
@@ -131,7 +140,14 @@ class ServedRobot:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listener.bind(("127.0.0.1", self.port))
         self.port = listener.getsockname()[1]
-        side = RobotSide(self.outline, self._now, self._take, self._take, self.remarks.append)
+        side = RobotSide(
+            self.outline,
+            self._now,
+            self._take,
+            self._take,
+            self.remarks.append,
+            camera=self.camera,
+        )
         desk = Desk(has_localiser=True, arm_timeout_ns=1_000_000_000)
         self._page = PageServer(side, desk, Access(self._tokens, (), self.port), STATIC)
         self._server = uvicorn.Server(
@@ -190,6 +206,8 @@ class ServedRobot:
             self._scan(now_ns),
             ParticleCloud(now_ns, self.particles.tobytes()),
             self._plan(now_ns),
+            MissionView(now_ns, "", self._mission_crc, self.mission.content),
+            msgspec.structs.replace(self.bounds, stamp_ns=now_ns),
             self._navigation(now_ns),
             self._control(now_ns),
         )
@@ -230,8 +248,24 @@ class ServedRobot:
 
     def _navigation(self, now_ns: int) -> NavigationState:
         return NavigationState(
-            now_ns, self.mode, "", 0, 0, "", False, False, self.message, goal=self.goal
+            now_ns,
+            self.mode,
+            "",
+            self.item,
+            0,
+            "",
+            False,
+            False,
+            self.message,
+            goal=self.goal,
+            mission_crc=self._mission_crc,
+            mission_commands=len(self.requests(JumpToItem)),
+            fence=FenceState(self.bounds.fence_crc),
         )
+
+    @property
+    def _mission_crc(self) -> int:
+        return zlib.crc32(self.mission.content)
 
     def _localisation(self, now_ns: int) -> LocalisationState:
         covariance = (0.01, 0.0, 0.0, 0.04, 0.0, 0.01)
@@ -275,7 +309,22 @@ class ServedRobot:
                 self.mode = mode
             case PositionTarget(x_m=x_m, y_m=y_m):
                 self.goal = (x_m, y_m)
+            case _:
+                self._take_plan(request)
         return True
+
+    def _take_plan(self, request: Any) -> None:
+        match request:
+            case LoadMission():
+                self.mission = request
+            case SetFence(fence=fence, crc=crc):
+                self.bounds = msgspec.structs.replace(
+                    self.bounds, fence=fence, fence_crc=crc, fence_enabled=bool(crc)
+                )
+            case SetZones(zones=zones, crc=crc):
+                self.bounds = msgspec.structs.replace(self.bounds, zones=zones, zones_crc=crc)
+            case JumpToItem(item=item):
+                self.item = int(item) - 1
 
     # What tests ask
 

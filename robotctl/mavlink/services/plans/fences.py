@@ -4,22 +4,24 @@ from __future__ import annotations
 
 from typing import ClassVar, Final
 
+import msgspec
 from pymavlink.dialects.v20 import common
 
 from robotctl.mavlink.catalogue import Stream
 from robotctl.mavlink.command import ACCEPTED, DENIED, TEMPORARILY_REJECTED, Command
-from robotctl.mavlink.context import Request
+from robotctl.mavlink.context import Context, Request
 from robotctl.mavlink.frames import boot_ms
 from robotctl.mavlink.missions.fence_items import (
     FencePlan,
     check_fence_item,
+    fence_items,
     fence_of,
     read_fence,
 )
 from robotctl.mavlink.missions.item import MissionItem
 from robotctl.mavlink.missions.transfer import Transfer
 from robotctl.messages.control import NavigationState
-from robotctl.messages.fence import EnableFence, SetFence
+from robotctl.messages.fence import EnableFence, FenceFile, SetFence
 from robotctl.messages.mavlink_port import Message
 
 STATUS_HZ: Final = 1.0
@@ -35,6 +37,11 @@ class Fences(Transfer[FencePlan]):
     capabilities: ClassVar[int] = common.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE
     kind = common.MAV_MISSION_TYPE_FENCE
     word = "fence"
+
+    def __init__(self, context: Context) -> None:
+        super().__init__(context)
+        self._is_foreign, self._told_by = False, context.origin
+        """Whether the fence did not come over MAVLink, and the origin by which it is told."""
 
     def streams(self) -> tuple[Stream, ...]:
         """Return FENCE_STATUS."""
@@ -79,7 +86,24 @@ class Fences(Transfer[FencePlan]):
     def adopt(self, plan: FencePlan, navigation: NavigationState) -> None:
         """Note that a fence is navigation's."""
         super().adopt(plan, navigation)
+        self._is_foreign = False
         self._context.fence, self._context.fence_crc = plan.fence, plan.crc
+
+    def step(self, now_ns: int) -> None:
+        """Go on with transfers; let stations read a fence that was drawn elsewhere."""
+        super().step(now_ns)
+        bounds, navigation = self._context.bounds, self._context.fresh_navigation(now_ns)
+        if bounds is None or navigation is None or self._offers.are_pending:
+            return
+        crc, origin = navigation.fence.crc, self._context.origin
+        is_new = crc != self._plan.crc or (self._is_foreign and origin != self._told_by)
+        if not is_new or bounds.fence_crc != crc:
+            return
+        content = msgspec.json.encode(FenceFile(bounds.fence)) if crc else b""
+        plan = FencePlan(fence_items(bounds.fence, origin), bounds.fence, None, content)
+        if plan.crc == crc:
+            self.adopt(plan, navigation)
+            self._is_foreign, self._told_by = True, origin
 
     def _status(self, now_ns: int) -> list[Message]:
         """Return FENCE_STATUS, of a robot that has a fence."""

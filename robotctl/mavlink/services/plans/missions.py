@@ -13,14 +13,9 @@ from robotctl.mavlink.catalogue import Stream
 from robotctl.mavlink.command import ACCEPTED, DENIED, TEMPORARILY_REJECTED, Command
 from robotctl.mavlink.context import Context, Request
 from robotctl.mavlink.frames import ned_from_enu
-from robotctl.mavlink.missions.file import (
-    NOTHING,
-    Kept,
-    MissionPlan,
-    mission_file,
-    read_mission_file,
-)
+from robotctl.mavlink.missions.file import Kept, MissionPlan, mission_file
 from robotctl.mavlink.missions.item import MissionItem, item_of
+from robotctl.mavlink.missions.of_file import plan_of_file
 from robotctl.mavlink.missions.transfer import GUIDED_ITEM, MISSION, Transfer
 from robotctl.mavlink.missions.translate import (
     HOME,
@@ -53,6 +48,8 @@ class Missions(Transfer[MissionPlan]):
         super().__init__(context)
         self._reached = 0
         """Items of ours that the robot has passed."""
+        self._is_foreign, self._told_by = False, context.origin
+        """Whether the mission did not come over MAVLink, and the origin by which it is told."""
         self._take[common.MAVLINK_MSG_ID_MISSION_SET_CURRENT] = self._set_current
 
     def streams(self) -> tuple[Stream, ...]:
@@ -74,15 +71,25 @@ class Missions(Transfer[MissionPlan]):
         """Go on with transfers; say what the robot has reached."""
         super().step(now_ns)
         navigation = self._context.fresh_navigation(now_ns)
+        if navigation is not None and not self._offers.are_pending:
+            self._follow(navigation)
         if navigation is not None and self._is_loaded(navigation):
             self._tell_reached(navigation)
+
+    def _follow(self, navigation: NavigationState) -> None:
+        """Let stations read a mission that the robot has from elsewhere: a file, or the page."""
+        view, origin = self._context.mission, self._context.origin
+        if view is None or not view.crc or view.crc != navigation.mission_crc:
+            return
+        if view.crc != self._plan.crc or (self._is_foreign and origin != self._told_by):
+            self.adopt(plan_of_file(view.content, origin), navigation)
+            self._is_foreign, self._told_by = True, origin
 
     # What a mission is.
 
     def read(self, content: bytes) -> MissionPlan:
         """Return the mission of a file."""
-        kept = read_mission_file(content)
-        return MissionPlan(NOTHING) if kept is None else MissionPlan(kept, content)
+        return plan_of_file(content, self._context.origin) if content else MissionPlan()
 
     def check(self, item: MissionItem, seq: int) -> None:
         """Check a single item."""
@@ -112,6 +119,7 @@ class Missions(Transfer[MissionPlan]):
     def adopt(self, plan: MissionPlan, navigation: NavigationState) -> None:
         """Note that a mission is navigation's."""
         super().adopt(plan, navigation)
+        self._is_foreign = False
         self._reached = navigation.item
 
     def listed(self, now_ns: int) -> tuple[MissionItem, ...]:

@@ -14,6 +14,7 @@ import { StateBar } from "./panels/state_bar";
 import { Stop } from "./panels/stop";
 import { Tabs } from "./panels/tabs";
 import { Why } from "./panels/why";
+import { startEditor } from "./plans/editor";
 import { startHistory } from "./plots/history";
 import { startTicking } from "./robot/clock";
 import { hello } from "./robot/robot";
@@ -47,6 +48,7 @@ options.debounceRendering = requestAnimationFrame;
 startTheme();
 startTicking();
 startHistory();
+startEditor();
 effect(() => {
   document.title = words.title(hello.value?.name ?? null);
 });

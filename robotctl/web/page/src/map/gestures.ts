@@ -1,7 +1,7 @@
 // Pointer, wheel and keys on the map: pan, zoom, pinch, and the tools.
 
 import type { Point } from "../robot/se2";
-import { draft, follows, tool, use, view } from "./tools";
+import { draft, follows, grip, tool, use, view } from "./tools";
 
 /** Pointers that move less than this are clicks [px]. */
 const CLICK_PX = 8;
@@ -36,7 +36,8 @@ export class Gestures {
     this.pointers.set(event.pointerId, at);
     this.pans = this.pointers.size > 1 || event.button !== 0 || tool.peek() === "look";
     this.begin = this.pans ? null : at;
-    draft.value = this.begin === null ? null : { at: view.toWorld(...at), heading_rad: null };
+    const place = view.toWorld(...at);
+    draft.value = this.begin === null ? null : { at: place, heading_rad: null, grip: grip(place) };
     this.redraw();
   }
 
@@ -83,6 +84,11 @@ export class Gestures {
 
   private aim(begin: Point, at: Point): void {
     const [dx, dy] = [at[0] - begin[0], at[1] - begin[1]];
+    const held = draft.peek()?.grip;
+    if (held !== undefined) {
+      if (Math.hypot(dx, dy) >= CLICK_PX) draft.value = { at: view.toWorld(...at), heading_rad: null, grip: held };
+      return;
+    }
     const heading_rad = Math.hypot(dx, dy) < CLICK_PX ? null : Math.atan2(-dy, dx);
     draft.value = { at: view.toWorld(...begin), heading_rad };
   }

@@ -7,6 +7,8 @@ import { mayDrive } from "../driving/driving";
 import { now } from "../robot/clock";
 import { topics, watch, type TopicName } from "../robot/robot";
 import { theme } from "../theme";
+import { chosen, edited, present } from "../plans/editor";
+import { corners } from "../plans/polygons";
 import { LocalisationStatus } from "../wire/messages";
 import { nameOf } from "../wire/names";
 import { words } from "../words";
@@ -17,7 +19,7 @@ import { draft, follows, shown, toggleLayer, tool, TOOLS, view } from "./tools";
 
 const BUTTON_ZOOM = 1.5;
 /** Messages that are drawn with the next of another kind: they come with those, and just before. */
-const LATER = new Set<TopicName>(["LocalisationState", "NavigationState"]);
+const LATER = new Set<TopicName>(["LocalisationState", "NavigationState", "CameraPicture"]);
 
 export function Map() {
   const canvas = useRef<HTMLCanvasElement>(null);
@@ -35,7 +37,7 @@ export function Map() {
     document.addEventListener("visibilitychange", () => made.request());
   }, []);
   useSignalEffect(() => {
-    void [shown.value, follows.value, draft.value, now.value]; // what is old goes grey with time
+    void [shown.value, follows.value, draft.value, now.value, edited.value, present.value, chosen.value, corners.value]; // what is old goes grey with time
     painter.current?.request();
   });
   useSignalEffect(() => {

@@ -19,6 +19,14 @@ const NAMES = [
   "goal",
   "truth",
   "line",
+  "keepout",
+  "slow",
+  "fence",
+  "place",
+  "keyframe",
+  "link",
+  "loop",
+  "mission",
 ] as const;
 
 export type ColourName = (typeof NAMES)[number];

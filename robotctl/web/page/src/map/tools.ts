@@ -3,19 +3,24 @@
 import { signal } from "@preact/signals";
 
 import { keep, kept } from "../kept";
+import { addPoint, gripAt, movePoint, type Grip } from "../plans/editor";
+import { addCorner } from "../plans/polygons";
 import type { Point, Pose } from "../robot/se2";
 import { ask } from "../wire/live";
 import { words } from "../words";
 import { LAYERS } from "./layers/registry";
 import { View } from "./view";
 
-export type Tool = "look" | "go" | "place";
+/** The last two are of panels. */
+export type Tool = "look" | "go" | "place" | "point" | "corner";
 export const TOOLS: readonly Tool[] = ["look", "go", "place"];
 
 /** A pose that is being chosen; without a heading any will do. */
 export interface Draft {
   readonly at: Point;
   readonly heading_rad: number | null;
+  /** The point of the drawn mission that is being moved. */
+  readonly grip?: Grip | undefined;
 }
 
 const LAYERS_KEY = "layers";
@@ -35,13 +40,26 @@ export function toggleLayer(name: string): void {
 }
 
 /** Do what the tool is for, at a chosen place. */
-export function use({ at: [x_m, y_m], heading_rad }: Draft): void {
+export function use({ at, heading_rad, grip }: Draft): void {
+  const [x_m, y_m] = at;
   if (tool.value === "go") {
     ask(words.tools.go, { type: "GoTo", x_m, y_m, heading_rad });
   } else if (tool.value === "place") {
     ask(words.tools.place, { type: "PlaceRobot", x_m, y_m, theta_rad: heading_rad ?? 0 });
     tool.value = "look"; // a robot is placed once; a second click would be a slip
+  } else if (tool.value === "point") {
+    if (grip === undefined) addPoint(at, heading_rad);
+    else movePoint(grip, at);
+  } else if (tool.value === "corner") {
+    addCorner(at);
   }
+}
+
+const GRIP_PX = 14;
+
+/** The drawn point that a press at a place takes hold of. */
+export function grip(at: Point): Grip | undefined {
+  return tool.peek() === "point" ? (gripAt(at, GRIP_PX / view.scale) ?? undefined) : undefined;
 }
 
 /** The pose of a draft, for drawing. */

@@ -4,7 +4,10 @@ import { signal } from "@preact/signals";
 import type { FunctionComponent } from "preact";
 
 import { words } from "../words";
+import { Bounds } from "./bounds";
+import { Camera } from "./camera";
 import { Drive } from "./drive";
+import { Mission } from "./mission";
 import { Nodes } from "./nodes";
 import { Plots } from "./plots";
 
@@ -13,6 +16,9 @@ const PANELS: Readonly<Record<Exclude<keyof typeof words.tabs, "name">, Function
   drive: Drive,
   plots: Plots,
   nodes: Nodes,
+  mission: Mission,
+  bounds: Bounds,
+  camera: Camera,
 };
 
 type PanelName = keyof typeof PANELS;

@@ -3,6 +3,8 @@
 import { signal } from "@preact/signals";
 
 import type {
+  BoundsView,
+  CameraPicture,
   CameraView,
   ControlState,
   Driver,
@@ -11,6 +13,7 @@ import type {
   LidarScan,
   LiveMap,
   LocalisationState,
+  MissionView,
   NavigationState,
   Notice,
   ParticleCloud,
@@ -18,6 +21,7 @@ import type {
   Pong,
   Received,
   Refused,
+  SlamGraph,
   StopSeen,
   Truth,
 } from "../wire/messages";
@@ -39,6 +43,10 @@ export const topics = {
   LiveMap: new Topic<LiveMap>(),
   GivenMap: new Topic<GivenMap>(),
   Truth: new Topic<Truth>(),
+  SlamGraph: new Topic<SlamGraph>(),
+  MissionView: new Topic<MissionView>(),
+  BoundsView: new Topic<BoundsView>(),
+  CameraPicture: new Topic<CameraPicture>(),
 };
 
 export type TopicName = keyof typeof topics;

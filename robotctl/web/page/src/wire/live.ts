@@ -62,14 +62,21 @@ type Body<T> = T extends Timed ? Omit<T, "id" | "at_ms"> : never;
 /** Ask for something that the user wants now; `what` it is, in words, if it has to be said that it failed. */
 export function ask(what: string, body: Body<Timed>): void {
   refusal.value = null;
+  const stamp = stampRequest(what);
+  if (stamp !== null && !live.send({ ...body, ...stamp } as Timed)) refusal.value = { what, reason: "" };
+}
+
+/** Number and time of a request of now, by whatever way it goes; null: there is no connection, which is said. */
+export function stampRequest(what: string): { readonly id: number; readonly at_ms: number } | null {
   const at_ms = serverClock.at(performance.now());
-  const id = ++lastId;
-  if (at_ms === null || !live.send({ ...body, id, at_ms } as Timed)) {
+  if (at_ms === null) {
     refusal.value = { what, reason: "" };
-    return;
+    return null;
   }
+  const id = ++lastId;
   asked.set(id, what);
   if (asked.size > MOST_ASKED) asked.delete(id - MOST_ASKED);
+  return { id, at_ms };
 }
 
 /** Send a sample of the sticks that was taken at a time of the page; lost if the line is not ready. */

@@ -417,6 +417,50 @@ export interface GivenMap {
   readonly map: LiveMap;
 }
 
+export interface SlamGraph {
+  readonly type: "SlamGraph";
+  readonly stamp_ns: number;
+  readonly poses: Uint8Array;
+  readonly links: Uint8Array;
+  readonly loops: Uint8Array;
+}
+
+export interface MissionView {
+  readonly type: "MissionView";
+  readonly stamp_ns: number;
+  readonly file: string;
+  readonly crc: number;
+  readonly content: Uint8Array;
+}
+
+export interface DrawnZone {
+  readonly name: string;
+  readonly corners: readonly (readonly [number, number])[];
+  readonly speed_m_s: number;
+  readonly origin: string;
+}
+
+export interface KnownPlace {
+  readonly name: string;
+  readonly x_m: number;
+  readonly y_m: number;
+}
+
+export interface BoundsView {
+  readonly type: "BoundsView";
+  readonly stamp_ns: number;
+  readonly fence: readonly [polygons: readonly (readonly [corners: readonly (readonly [number, number])[], keeps_in: boolean])[], circles: readonly (readonly [x_m: number, y_m: number, radius_m: number, keeps_in: boolean])[]];
+  readonly fence_crc: number;
+  readonly fence_enabled: boolean;
+  readonly zones: readonly DrawnZone[];
+  readonly zones_crc: number;
+  readonly rally: readonly (readonly [number, number])[];
+  readonly rally_crc: number;
+  readonly home: readonly [number, number, number];
+  readonly places: readonly KnownPlace[];
+  readonly links: readonly (readonly [number, number])[];
+}
+
 export interface Truth {
   readonly type: "Truth";
   readonly stamp_ns: number;
@@ -501,6 +545,18 @@ export interface StopSeen {
   readonly after_ms: number;
 }
 
+export interface CameraPicture {
+  readonly type: "CameraPicture";
+  readonly stamp_ns: number;
+  readonly width: number;
+  readonly height: number;
+  readonly jpeg: Uint8Array;
+  readonly boundary: readonly (readonly [number, number] | null)[];
+  readonly floor: readonly (readonly [number, number] | null)[];
+  readonly things: readonly (readonly [number, number, number])[];
+  readonly trouble: string;
+}
+
 export interface Ping {
   readonly type: "Ping";
   readonly t: number;
@@ -523,6 +579,11 @@ export interface Sticks {
   readonly forward: number;
   readonly turn: number;
   readonly sideways: number;
+}
+
+export interface WatchCamera {
+  readonly type: "WatchCamera";
+  readonly watch: boolean;
 }
 
 export interface ArmRequest {
@@ -563,6 +624,25 @@ export interface TakeDriving {
   readonly at_ms: number;
 }
 
+export interface GoOn {
+  readonly type: "GoOn";
+  readonly id: number;
+  readonly at_ms: number;
+}
+
+export interface JumpTo {
+  readonly type: "JumpTo";
+  readonly id: number;
+  readonly at_ms: number;
+  readonly item: number;
+}
+
+export interface Abort {
+  readonly type: "Abort";
+  readonly id: number;
+  readonly at_ms: number;
+}
+
 export interface Stop {
   readonly type: "Stop";
   readonly id: number;
@@ -579,23 +659,31 @@ export type Received =
   | PlanView
   | LiveMap
   | GivenMap
+  | SlamGraph
+  | MissionView
+  | BoundsView
   | Truth
   | Hello
   | Pong
   | Driver
   | Refused
-  | StopSeen;
+  | StopSeen
+  | CameraPicture;
 
 export type Sent =
   | Ping
   | StopRequest
   | GiveDriving
   | Sticks
+  | WatchCamera
   | ArmRequest
   | ModeRequest
   | GoTo
   | PlaceRobot
-  | TakeDriving;
+  | TakeDriving
+  | GoOn
+  | JumpTo
+  | Abort;
 
 export const SHAPES: Readonly<Record<string, Shape>> = {
   BatteryFeedback: {
