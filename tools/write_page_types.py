@@ -25,6 +25,7 @@ from robotctl.messages.estimation import (
     ParticleCloud,
     PlanView,
 )
+from robotctl.messages.tuning import ParameterTable, ParameterValues
 from robotctl.web import wire
 
 TARGET: Final = Path(__file__).resolve().parent.parent / "robotctl/web/page/src/wire/messages.ts"
@@ -45,6 +46,8 @@ ROBOT: Final[tuple[type, ...]] = (
     PlanView,
     LiveMap,
     GivenMap,
+    ParameterTable,
+    ParameterValues,
     Truth,
 )
 """Messages of the robot that the server passes on as they are published."""

@@ -35,6 +35,7 @@ from robotctl.messages.control import (
 from robotctl.messages.estimation import LidarScan, LocalisationState
 from robotctl.messages.mavlink_port import Address, MavlinkPort, Peer, Received
 from robotctl.messages.supervision import SupervisorRequest
+from robotctl.messages.tuning import ParameterNews, ParameterRequest
 from robotctl.messages.world_pose import WorldPose
 from robotctl.model.fence import Fence
 from robotctl.model.geometry.se2 import SE2
@@ -60,7 +61,9 @@ Answer: TypeAlias = Callable[[int], None]
 """Tells who asked for a change of a plan its MAV_MISSION_RESULT."""
 Clear: TypeAlias = Callable[[Address, Answer, int], None]
 """Removes the plan of one kind for a station, now [ns]; the answer follows."""
-State: TypeAlias = ControlState | NavigationState | LocalisationState | LidarScan | Notice
+State: TypeAlias = (
+    ControlState | NavigationState | LocalisationState | LidarScan | Notice | ParameterRequest
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -265,6 +268,10 @@ class Context:
     acks: list[Ack] = field(default_factory=list)
     """Answers of the control process in this step."""
     requests: list[Request] = field(default_factory=list)
+    parameter_requests: list[ParameterRequest] = field(default_factory=list)
+    """Requests of other processes of the robot in this step."""
+    news: list[ParameterNews] = field(default_factory=list)
+    """Messages about parameters for other processes of the robot."""
     notices: deque[Notice] = field(default_factory=lambda: deque(maxlen=MAX_TEXTS))
     """Texts for the process, which may publish them; they are sent, and must not come back."""
     texts: deque[Said] = field(default_factory=lambda: deque(maxlen=MAX_TEXTS))
@@ -307,6 +314,8 @@ class Context:
             self.world.localise(state)
         elif isinstance(state, LidarScan):
             self.scan = state
+        elif isinstance(state, ParameterRequest):
+            self.parameter_requests.append(state)
         else:
             stamp_ns = state.stamp_ns
             self.texts.extend(

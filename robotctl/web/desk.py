@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
+from robotctl.config_values import Value
 from robotctl.messages.control import (
     Arm,
     ControlRequest,
@@ -24,9 +25,18 @@ from robotctl.messages.control import (
 )
 from robotctl.messages.mode import Mode
 from robotctl.messages.requests import REQUEST_LIFE_NS
+from robotctl.messages.tuning import ParameterRequest, ResetParameters, SetParameter
 from robotctl.safety.state_machine import POWERED
 from robotctl.web.driving import AHEAD_NS, Driving
-from robotctl.web.published import ControlState, LocalisationState, NavigationState, Published
+from robotctl.web.published import (
+    ControlState,
+    LocalisationState,
+    NavigationState,
+    ParameterAnswer,
+    ParameterTable,
+    ParameterValues,
+    Published,
+)
 from robotctl.web.stops import Stops
 from robotctl.web.wire import (
     ArmRequest,
@@ -41,11 +51,15 @@ from robotctl.web.wire import (
     PlaceRobot,
     Pong,
     Refused,
+    ResetRequest,
+    SaveRequest,
     Sticks,
     Stop,
     StopMessage,
     StopRequest,
     TakeDriving,
+    Tuned,
+    TuneRequest,
 )
 
 ANSWER_NS: Final = 1_500_000_000
@@ -96,6 +110,16 @@ class _Robot:
     control: ControlState | None = None
     navigation: NavigationState | None = None
     localisation: LocalisationState | None = None
+    parameters: ParameterTable | None = None
+    values: ParameterValues | None = None
+
+
+class Save(NamedTuple):
+    """Values of parameters to write into the robot's file, by their keys, and who wants it."""
+
+    connection: object
+    number: int
+    values: dict[str, Value]
 
 
 @dataclass(slots=True)
@@ -104,6 +128,8 @@ class Outcome:
 
     to_control: list[ControlRequest] = field(default_factory=list)
     to_navigation: list[NavigationRequest] = field(default_factory=list)
+    to_telemetry: list[ParameterRequest] = field(default_factory=list)
+    saves: list[Save] = field(default_factory=list)
     answers: list[Answer] = field(default_factory=list)
 
 
@@ -127,6 +153,8 @@ class Desk:
         self._stops = Stops()
         self._arming: dict[int, _Asked] = {}
         self._modes: dict[int, tuple[_Asked, Mode]] = {}
+        self._tuning: dict[int, _Asked] = {}
+        """Requests that telemetry has not answered, by their numbers."""
         self._last_request = 0
         self._begun_ns: int | None = None
         """When MANUAL was asked for, until navigation is in it [ns]."""
@@ -175,6 +203,14 @@ class Desk:
             self._watch_mode(message, now)
         elif isinstance(message, LocalisationState):
             self._robot.localisation = message
+        elif isinstance(message, ParameterTable):
+            self._robot.parameters = message
+        elif isinstance(message, ParameterValues):
+            self._robot.values = message
+        elif isinstance(message, ParameterAnswer):
+            asked = self._tuning.pop(message.request_id, None)
+            if asked is not None and message.refusal:
+                self._tell(asked.client, Refused(asked.number, message.refusal))
         self._drive(now)
 
     def step(self, now: Now) -> None:
@@ -185,10 +221,11 @@ class Desk:
         if self._stops.step(now.server_ns):
             self._send_stop(now)
         self._answer_stops()
-        for number, asked in list(self._arming.items()):
-            if now.server_ns > asked.deadline_ns:
-                del self._arming[number]
-                self._tell(asked.client, Refused(asked.number, "control does not answer"))
+        for process, waiting in (("control", self._arming), ("telemetry", self._tuning)):
+            for number, asked in list(waiting.items()):
+                if now.server_ns > asked.deadline_ns:
+                    del waiting[number]
+                    self._tell(asked.client, Refused(asked.number, f"{process} does not answer"))
         for client, (asked, mode) in list(self._modes.items()):
             if now.server_ns > asked.deadline_ns:
                 del self._modes[client]
@@ -240,6 +277,8 @@ class Desk:
         """Return what of the robot, or of other clients, speaks against a request."""
         if self._driving.driver not in (None, client):
             return f"{self.driver.name} drives: take over first"
+        if isinstance(message, Tuned):
+            return ""  # who drives may tune meanwhile: nothing jumps
         if self._driving.is_held:
             return "let the sticks go first"
         match message:
@@ -283,6 +322,33 @@ class Desk:
                 out.append(ExternalPose(stamp_ns, *pose, PLACED_COVARIANCE))
             case TakeDriving():
                 self._driving.take(client, message.id, now.server_ns)
+            case TuneRequest():
+                number = self._await_telemetry(client, message, now)
+                request = SetParameter(stamp_ns, number, message.name, message.value)
+                self._out.to_telemetry.append(request)
+            case ResetRequest():
+                number = self._await_telemetry(client, message, now)
+                self._out.to_telemetry.append(ResetParameters(stamp_ns, number))
+            case SaveRequest():
+                self._save(client, message)
+
+    def _await_telemetry(self, client: int, message: Dated, now: Now) -> int:
+        """Return the number of a request to telemetry, whose answer is for a client."""
+        self._last_request = max(self._last_request + 1, now.robot_ns)
+        asked = _Asked(client, message.id, now.server_ns + ANSWER_NS)
+        self._tuning[self._last_request] = asked
+        return self._last_request
+
+    def _save(self, client: int, message: SaveRequest) -> None:
+        """Have all parameters that may be set written into the robot's file."""
+        table, values = self._robot.parameters, self._robot.values
+        if table is None or values is None:
+            self._tell(client, Refused(message.id, "telemetry has not told the parameters yet"))
+            return
+        pairs = zip(table.parameters, values.wanted, strict=True)
+        wanted = {facts.key: value for facts, value in pairs if not facts.is_fixed}
+        connection = self._clients[client].connection
+        self._out.saves.append(Save(connection, message.id, wanted))
 
     def _stop(self, connection: object, message: Stop | StopRequest, now: Now) -> None:
         self._send_stop(now)

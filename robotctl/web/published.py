@@ -14,6 +14,7 @@ import msgspec
 from robotctl.messages.control import Ack, SafetyState
 from robotctl.messages.faults import Fault
 from robotctl.messages.mode import Mode
+from robotctl.messages.tuning import ParameterFacts
 from robotctl.model.geometry.localisation import LocalisationStatus
 
 
@@ -22,6 +23,8 @@ class Published(msgspec.Struct, frozen=True, tag=True):
 
     is_event: ClassVar[bool] = False
     """Whether each of them reaches every client."""
+    is_repeated: ClassVar[bool] = False
+    """Whether one with the same `told` as the last says nothing new."""
 
     @property
     def told(self) -> object:
@@ -106,6 +109,33 @@ class LiveMap(Published, frozen=True):
     """The map as it grows."""
 
 
+class ParameterAnswer(Published, frozen=True):
+    """Answer to a request about parameters, for who made it."""
+
+    request_id: int
+    refusal: str
+
+
+class ParameterTable(Published, frozen=True):
+    """What parameters the robot has."""
+
+    parameters: tuple[ParameterFacts, ...]
+
+
+class ParameterValues(Published, frozen=True):
+    """Values of all parameters, repeated for late subscribers."""
+
+    is_repeated: ClassVar[bool] = True
+
+    wanted: tuple[bool | int | float, ...]
+    in_force: tuple[bool | int | float, ...]
+
+    @property
+    def told(self) -> object:
+        """All of them."""
+        return self.wanted, self.in_force
+
+
 class GivenMap(Published, frozen=True):
     """The localiser's map, repeated for late subscribers."""
 
@@ -123,6 +153,9 @@ AnyPublished: TypeAlias = (
     | PlanView
     | LiveMap
     | GivenMap
+    | ParameterAnswer
+    | ParameterTable
+    | ParameterValues
 )
 
 _FIGURES: Final = re.compile(r"[\d.]+")

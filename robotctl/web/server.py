@@ -6,7 +6,7 @@ import asyncio
 import hashlib
 import itertools
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -19,18 +19,23 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from robotctl.config_values import Value
+from robotctl.errors import RobotctlError
 from robotctl.messages.control import ControlRequest, NavigationRequest
+from robotctl.messages.tuning import ParameterRequest
 from robotctl.web.access import HEADERS, Access, Asker, Role
-from robotctl.web.desk import Desk, Now
+from robotctl.web.desk import Desk, Now, Save
 from robotctl.web.outbox import Outbox
-from robotctl.web.published import GivenMap, Published, read, with_tag
+from robotctl.web.published import GivenMap, ParameterAnswer, Published, read, with_tag
 from robotctl.web.rate import RateLimit
 from robotctl.web.wire import (
     PROTOCOL,
     Downward,
     Hello,
     LiveMessage,
+    Refused,
     RobotOutline,
+    Saved,
     StopMessage,
     encode,
 )
@@ -124,10 +129,14 @@ class RobotSide:
         What does not change.
     now
         The present by both clocks.
-    to_control, to_navigation
+    to_control, to_navigation, to_telemetry
         Hand on a request; whether a process was there to take it.
     say
         Tell logs and ground stations.
+    save
+        Write parameters, by their keys, into the robot's file, in any thread; return the names of
+        the file and of a copy of the old one, and the keys that are new. Raises `RobotctlError` or
+        `OSError` where that cannot be.
     """
 
     outline: RobotOutline
@@ -135,6 +144,8 @@ class RobotSide:
     to_control: Callable[[ControlRequest], bool]
     to_navigation: Callable[[NavigationRequest], bool]
     say: Callable[[str], None]
+    to_telemetry: Callable[[ParameterRequest], bool]
+    save: Callable[[Mapping[str, Value]], tuple[str, str, tuple[str, ...]]]
 
 
 class PageServer:
@@ -166,6 +177,7 @@ class PageServer:
         self._notices: deque[bytes] = deque(maxlen=_NOTICES)
         self._given_map: msgspec.Raw | None = None
         self._driver = desk.driver
+        self._saves: set[asyncio.Task[None]] = set()
         self._decode_live = msgspec.json.Decoder(LiveMessage).decode
         self._decode_stop = msgspec.json.Decoder(StopMessage).decode
         self._decode_session = msgspec.json.Decoder(Session).decode
@@ -196,6 +208,7 @@ class PageServer:
             message = read(data)
             if message is not None:
                 self._desk.hear(message, now)
+            if message is not None and not isinstance(message, ParameterAnswer):
                 self._show(message, data)
         for data in list(truths)[-1:]:
             self._put("Truth", with_tag(data, "Truth"), keep=False)
@@ -217,6 +230,8 @@ class PageServer:
             self._given_map = message.map.copy()
         told = message.told
         is_news = told != self._told.get(topic)
+        if message.is_repeated and not is_news:
+            return
         self._told[topic] = told
         self._latest[topic] = data
         self._put(topic, data, keep=is_news)
@@ -232,6 +247,12 @@ class PageServer:
             self._robot.to_control(to_control)
         for to_navigation in out.to_navigation:
             self._robot.to_navigation(to_navigation)
+        for to_telemetry in out.to_telemetry:
+            self._robot.to_telemetry(to_telemetry)
+        for save in out.saves:
+            task = asyncio.get_running_loop().create_task(self._save(save))
+            self._saves.add(task)
+            task.add_done_callback(self._saves.discard)
         for connection, message in out.answers:
             if isinstance(connection, Connection):
                 self._answer(connection, message)
@@ -241,6 +262,18 @@ class PageServer:
             self._driver = driver
             for each in self._live.values():
                 self._answer(each, driver)
+
+    async def _save(self, save: Save) -> None:
+        """Write parameters into the robot's file; a stop must not wait for the disk."""
+        try:
+            written = await asyncio.to_thread(self._robot.save, save.values)
+        except (RobotctlError, OSError) as error:
+            answer: Downward = Refused(save.number, str(error))
+        else:
+            file, copy, keys = written
+            answer = Saved(save.number, file, copy, keys)
+        if isinstance(save.connection, Connection):
+            self._answer(save.connection, answer)
 
     def _answer(self, connection: Connection, message: Downward | Hello) -> None:
         connection.put(type(message).__name__, encode(message), keep=True)

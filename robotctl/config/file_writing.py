@@ -1,0 +1,101 @@
+"""Values written into a robot's file, which stays valid and keeps its comments."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import threading
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from robotctl import toml_source
+from robotctl.config.file_edit import Change, edit
+from robotctl.config.options import StackOptions
+from robotctl.config.robot_file import RobotConfig, contradictions, load_robot, robot_to_json
+from robotctl.config_values import Value, value_at
+from robotctl.errors import ConfigError
+from robotctl.runtime.storage.atomic_file import write_whole
+
+
+def write_changes(file: Path, changes: Iterable[Change]) -> tuple[Change, ...]:
+    """Write changes into a robot's file; return those that undo them.
+
+    Raises
+    ------
+    ConfigError
+        If the file would be wrong with them; it stays as it is then.
+    OSError
+        If it cannot be written.
+    """
+    before = file.read_text(encoding="utf-8-sig")
+    after, undo = edit(before, changes)
+    toml_source.parse(after, RobotConfig, str(file), rules=contradictions)
+    write_whole(file, after)
+    return undo
+
+
+class ParameterWriter:
+    """Writes the parameters of a running robot into its file.
+
+    Parameters
+    ----------
+    options
+        The robot, with the configuration that it began with.
+    """
+
+    def __init__(self, options: StackOptions) -> None:
+        self._file = Path(options.robot).resolve()
+        self._overrides = options.overrides
+        self._began = options.config or robot_to_json(options.load_file())
+        self._written: str | None = None
+        self._lock = threading.Lock()
+
+    @property
+    def writable(self) -> str:
+        """Path of the file; empty where this process may not write it."""
+        may = os.access(self._file, os.W_OK) and os.access(self._file.parent, os.W_OK)
+        return str(self._file) if may else ""
+
+    def save(self, values: Mapping[str, Value]) -> tuple[str, str, tuple[str, ...]]:
+        """Write what differs in the file, by dotted keys; return file, copy of the old, and keys.
+
+        The names of file and copy are without their folder; that of the copy is empty where
+        nothing differs.
+
+        Raises
+        ------
+        ConfigError
+            If the file has changed since the robot began, or would be wrong; it stays as it is.
+        OSError
+            If it cannot be written.
+        """
+        with self._lock:
+            found = self._unchanged()
+            new = {key: each for key, each in values.items() if value_at(found, key) != each}
+            if not new:
+                return self._file.name, "", ()
+            copy = self._copy()
+            write_changes(self._file, [Change((*key.split("."),), new[key]) for key in new])
+            self._written = self._file.read_text(encoding="utf-8-sig")
+            return self._file.name, copy, tuple(new)
+
+    def _unchanged(self) -> RobotConfig:
+        """Return the file's configuration; raise a `ConfigError` if somebody else changed it."""
+        found = load_robot(self._file, self._overrides)
+        is_own = self._file.read_text(encoding="utf-8-sig") == self._written
+        if not is_own and robot_to_json(found) != self._began:
+            raise ConfigError(
+                f"{self._file}: has changed since the robot started; look at the patch and enter "
+                "it by hand, or restart robotctl"
+            )
+        return found
+
+    def _copy(self) -> str:
+        """Keep the present file under the next free name; return that."""
+        content = self._file.read_bytes()
+        for number in itertools.count(1):
+            copy = self._file.with_name(f"{self._file.name}.~{number}~")
+            if not copy.exists():
+                break
+        write_whole(copy, content)
+        return copy.name
