@@ -1,4 +1,4 @@
-"""Values of the configuration that change while the robot runs, and the parameters that name them."""
+"""Parameters: values of the configuration that change while the robot runs."""
 
 from __future__ import annotations
 
@@ -48,7 +48,8 @@ class ParameterAnswer(msgspec.Struct, frozen=True, tag=True):
 class ParameterFacts(msgspec.Struct, frozen=True, array_like=True):
     """Description of a parameter: its key in the robot's file, the file's value, and its range.
 
-    `change` says when a new value takes effect, `is_fixed` that it stands in the file only.
+    `change` says when a new value takes effect, `is_fixed` that it stands in the file only,
+    `is_whole` that it is a whole number.
     """
 
     name: str
@@ -60,6 +61,7 @@ class ParameterFacts(msgspec.Struct, frozen=True, array_like=True):
     description: str
     change: str
     is_fixed: bool
+    is_whole: bool
 
 
 class ParameterTable(msgspec.Struct, frozen=True, tag=True):

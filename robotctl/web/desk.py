@@ -8,6 +8,7 @@ emergency stop for everybody.
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
@@ -52,6 +53,8 @@ from robotctl.web.wire import (
     Pong,
     Refused,
     ResetRequest,
+    Response,
+    ResponseRequest,
     SaveRequest,
     Sticks,
     Stop,
@@ -66,6 +69,8 @@ ANSWER_NS: Final = 1_500_000_000
 """Time that navigation has to be in a mode that was asked for [ns]."""
 MANUAL_NS: Final = 1_000_000_000
 """Time from the first stick to MANUAL [ns]."""
+RESPONSE_STATES: Final = 250
+"""Most states of control that a response is made of: those of five seconds."""
 SILENT_NS: Final = 500_000_000
 """Age of a state of the robot that says nothing of the present [ns]."""
 PLACED_COVARIANCE: Final = (0.25**2, 0.0, 0.0, 0.25**2, 0.0, 0.2**2)
@@ -112,6 +117,18 @@ class _Robot:
     localisation: LocalisationState | None = None
     parameters: ParameterTable | None = None
     values: ParameterValues | None = None
+    recent: deque[ControlState] = field(default_factory=lambda: deque(maxlen=RESPONSE_STATES))
+    """Last states of control."""
+
+    def response(self, number: int) -> Response:
+        """Return what the wheels did lately."""
+        states = tuple(self.recent)
+        return Response(
+            number,
+            tuple(each.stamp_ns for each in states),
+            tuple(each.wheel_ref_rad_s for each in states),
+            tuple(each.wheel_rad_s for each in states),
+        )
 
 
 class Save(NamedTuple):
@@ -195,6 +212,7 @@ class Desk:
         """Take note of how the robot is."""
         if isinstance(message, ControlState):
             self._robot.control = message
+            self._robot.recent.append(message)
             self._stops.hear(message, now.server_ns)
             self._answer_stops()
             self._answer_arming(message)
@@ -331,6 +349,8 @@ class Desk:
                 self._out.to_telemetry.append(ResetParameters(stamp_ns, number))
             case SaveRequest():
                 self._save(client, message)
+            case ResponseRequest():
+                self._tell(client, self._robot.response(message.id))
 
     def _await_telemetry(self, client: int, message: Dated, now: Now) -> int:
         """Return the number of a request to telemetry, whose answer is for a client."""

@@ -40,6 +40,8 @@ class ControlState(Published, frozen=True):
     reason: str
     acks: tuple[Ack, ...] = ()
     armings: int = 0
+    wheel_ref_rad_s: tuple[float, ...] = ()
+    wheel_rad_s: tuple[float, ...] = ()
     against_arming: tuple[Fault, ...] = ()
 
     @property

@@ -116,6 +116,13 @@ class SaveRequest(Upward, frozen=True):
     at_ms: Time
 
 
+class ResponseRequest(Upward, frozen=True):
+    """Request for what the wheels were to do and did within the last seconds."""
+
+    id: Number
+    at_ms: Time
+
+
 class GiveDriving(Upward, frozen=True):
     """The driver is no longer one; who asked for it is the next."""
 
@@ -134,7 +141,7 @@ class Sticks(Upward, frozen=True):
     sideways: Axis
 
 
-Tuned: TypeAlias = TuneRequest | ResetRequest | SaveRequest
+Tuned: TypeAlias = TuneRequest | ResetRequest | SaveRequest | ResponseRequest
 Dated: TypeAlias = ArmRequest | ModeRequest | GoTo | PlaceRobot | TakeDriving | Tuned
 LiveMessage: TypeAlias = Ping | StopRequest | GiveDriving | Sticks | Dated
 StopMessage: TypeAlias = Ping | Stop
@@ -229,6 +236,15 @@ class Saved(Downward, frozen=True):
     file: str
     copy: str
     keys: tuple[str, ...]
+
+
+class Response(Downward, frozen=True):
+    """Speeds that the wheels were to have and had [rad/s], a tuple for each time [ns]."""
+
+    id: int
+    stamp_ns: tuple[int, ...]
+    wheel_ref_rad_s: tuple[tuple[float, ...], ...]
+    wheel_rad_s: tuple[tuple[float, ...], ...]
 
 
 _encoder = msgspec.msgpack.Encoder()

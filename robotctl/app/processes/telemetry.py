@@ -84,6 +84,14 @@ def _keep(telemetry: Telemetry, keys: SigningFiles, tlog: TlogRecorder, now_ns: 
         )
 
 
+def _publish(telemetry: Telemetry, notices: Publisher, parameters: Publisher) -> None:
+    """Tell the other processes what is new."""
+    for notice in telemetry.take_notices():
+        notices.send(notice)
+    for each in telemetry.take_news():
+        parameters.send(each)
+
+
 def run(config: RobotConfig, options: StackOptions) -> None:
     """Serve the links until SIGTERM or SIGINT."""
     stopped = StopFlag()
@@ -151,10 +159,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
                     stop = request
             if stop is not None and to_control.send(stop):
                 stop = None
-            for notice in telemetry.take_notices():
-                publisher.send(notice)
-            for each in telemetry.take_news():
-                parameter_publisher.send(each)
+            _publish(telemetry, publisher, parameter_publisher)
             _keep(telemetry, keys, tlog, clock.now_ns())
             heartbeat.beat()
             deadline_ns = max(deadline_ns + 1_000_000_000 // RATE_HZ, clock.now_ns())

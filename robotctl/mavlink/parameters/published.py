@@ -20,6 +20,7 @@ def table_of(parameters: ParameterSet, now_ns: int) -> ParameterTable:
             description,
             parameter.change.value,
             parameter.change is Change.NEVER,
+            not isinstance(default, float),
         )
         for parameter, default, unit, description in parameters.facts()
     )

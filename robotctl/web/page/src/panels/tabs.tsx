@@ -7,12 +7,16 @@ import { words } from "../words";
 import { Drive } from "./drive";
 import { Nodes } from "./nodes";
 import { Plots } from "./plots";
+import { SetUp } from "./set_up";
+import { Tune } from "./tune";
 
 /** To add a panel: its file and its line here, its name in words.ts. */
 const PANELS: Readonly<Record<Exclude<keyof typeof words.tabs, "name">, FunctionComponent>> = {
   drive: Drive,
   plots: Plots,
   nodes: Nodes,
+  tune: Tune,
+  setUp: SetUp,
 };
 
 type PanelName = keyof typeof PANELS;

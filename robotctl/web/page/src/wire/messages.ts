@@ -417,6 +417,31 @@ export interface GivenMap {
   readonly map: LiveMap;
 }
 
+export interface ParameterFacts {
+  readonly name: string;
+  readonly key: string;
+  readonly default: boolean | number;
+  readonly low: number;
+  readonly high: number;
+  readonly unit: string;
+  readonly description: string;
+  readonly change: string;
+  readonly is_fixed: boolean;
+}
+
+export interface ParameterTable {
+  readonly type: "ParameterTable";
+  readonly stamp_ns: number;
+  readonly parameters: readonly ParameterFacts[];
+}
+
+export interface ParameterValues {
+  readonly type: "ParameterValues";
+  readonly stamp_ns: number;
+  readonly wanted: readonly (boolean | number)[];
+  readonly in_force: readonly (boolean | number)[];
+}
+
 export interface Truth {
   readonly type: "Truth";
   readonly stamp_ns: number;
@@ -462,6 +487,7 @@ export interface Hello {
   readonly v_max_m_s: number;
   readonly omega_max_rad_s: number;
   readonly vy_max_m_s: number;
+  readonly file: string;
   readonly protocol: number;
   readonly client: number;
   readonly role: string;
@@ -499,6 +525,14 @@ export interface StopSeen {
   readonly state: number | null;
   readonly reason: string;
   readonly after_ms: number;
+}
+
+export interface Saved {
+  readonly type: "Saved";
+  readonly id: number;
+  readonly file: string;
+  readonly copy: string;
+  readonly keys: readonly string[];
 }
 
 export interface Ping {
@@ -563,6 +597,26 @@ export interface TakeDriving {
   readonly at_ms: number;
 }
 
+export interface TuneRequest {
+  readonly type: "TuneRequest";
+  readonly id: number;
+  readonly at_ms: number;
+  readonly name: string;
+  readonly value: number | null;
+}
+
+export interface ResetRequest {
+  readonly type: "ResetRequest";
+  readonly id: number;
+  readonly at_ms: number;
+}
+
+export interface SaveRequest {
+  readonly type: "SaveRequest";
+  readonly id: number;
+  readonly at_ms: number;
+}
+
 export interface Stop {
   readonly type: "Stop";
   readonly id: number;
@@ -579,12 +633,15 @@ export type Received =
   | PlanView
   | LiveMap
   | GivenMap
+  | ParameterTable
+  | ParameterValues
   | Truth
   | Hello
   | Pong
   | Driver
   | Refused
-  | StopSeen;
+  | StopSeen
+  | Saved;
 
 export type Sent =
   | Ping
@@ -595,7 +652,10 @@ export type Sent =
   | ModeRequest
   | GoTo
   | PlaceRobot
-  | TakeDriving;
+  | TakeDriving
+  | TuneRequest
+  | ResetRequest
+  | SaveRequest;
 
 export const SHAPES: Readonly<Record<string, Shape>> = {
   BatteryFeedback: {
@@ -612,5 +672,11 @@ export const SHAPES: Readonly<Record<string, Shape>> = {
   },
   ControlState: {
     nested: { battery: "BatteryFeedback", nodes: "NodeStatus[]", bus: "BusStatus", imu: "ImuFeedback" },
+  },
+  ParameterFacts: {
+    fields: ["name", "key", "default", "low", "high", "unit", "description", "change", "is_fixed"],
+  },
+  ParameterTable: {
+    nested: { parameters: "ParameterFacts[]" },
   },
 };
