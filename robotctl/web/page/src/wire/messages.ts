@@ -427,6 +427,7 @@ export interface ParameterFacts {
   readonly description: string;
   readonly change: string;
   readonly is_fixed: boolean;
+  readonly is_whole: boolean;
 }
 
 export interface ParameterTable {
@@ -535,6 +536,14 @@ export interface Saved {
   readonly keys: readonly string[];
 }
 
+export interface Response {
+  readonly type: "Response";
+  readonly id: number;
+  readonly stamp_ns: readonly number[];
+  readonly wheel_ref_rad_s: readonly (readonly number[])[];
+  readonly wheel_rad_s: readonly (readonly number[])[];
+}
+
 export interface Ping {
   readonly type: "Ping";
   readonly t: number;
@@ -617,6 +626,12 @@ export interface SaveRequest {
   readonly at_ms: number;
 }
 
+export interface ResponseRequest {
+  readonly type: "ResponseRequest";
+  readonly id: number;
+  readonly at_ms: number;
+}
+
 export interface Stop {
   readonly type: "Stop";
   readonly id: number;
@@ -641,7 +656,8 @@ export type Received =
   | Driver
   | Refused
   | StopSeen
-  | Saved;
+  | Saved
+  | Response;
 
 export type Sent =
   | Ping
@@ -655,7 +671,8 @@ export type Sent =
   | TakeDriving
   | TuneRequest
   | ResetRequest
-  | SaveRequest;
+  | SaveRequest
+  | ResponseRequest;
 
 export const SHAPES: Readonly<Record<string, Shape>> = {
   BatteryFeedback: {
@@ -674,7 +691,7 @@ export const SHAPES: Readonly<Record<string, Shape>> = {
     nested: { battery: "BatteryFeedback", nodes: "NodeStatus[]", bus: "BusStatus", imu: "ImuFeedback" },
   },
   ParameterFacts: {
-    fields: ["name", "key", "default", "low", "high", "unit", "description", "change", "is_fixed"],
+    fields: ["name", "key", "default", "low", "high", "unit", "description", "change", "is_fixed", "is_whole"],
   },
   ParameterTable: {
     nested: { parameters: "ParameterFacts[]" },
