@@ -175,6 +175,7 @@ class RobotOutline(msgspec.Struct, frozen=True):
     v_max_m_s: float
     omega_max_rad_s: float
     vy_max_m_s: float
+    wheels: tuple[str, ...] = ()
     file: str = ""
     """Name of the robot's file, where the page may write it; empty: it may not."""
 

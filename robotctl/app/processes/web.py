@@ -66,6 +66,7 @@ def outline_of(config: RobotConfig, *, simulated: bool, file: str = "") -> Robot
         v_max_m_s=limits.v_max_m_s,
         omega_max_rad_s=limits.omega_max_rad_s,
         vy_max_m_s=limits.vy_max_m_s,
+        wheels=config.drive.wheel_names,
         file=file,
     )
 

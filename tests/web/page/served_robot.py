@@ -10,7 +10,7 @@ import math
 import socket
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -19,6 +19,14 @@ import numpy as np
 import uvicorn
 
 import robotctl
+from robotctl.config.robot_file import contradictions, find_file, load_robot
+from robotctl.mavlink.parameters.parameter import REAL32
+from robotctl.mavlink.parameters.parameter_set import (
+    Configurations,
+    ParameterRefused,
+    ParameterSet,
+)
+from robotctl.mavlink.parameters.published import table_of, values_of
 from robotctl.messages.control import (
     Ack,
     Arm,
@@ -45,6 +53,7 @@ from robotctl.messages.estimation import (
 )
 from robotctl.messages.faults import Fault, FaultCode
 from robotctl.messages.mode import Mode
+from robotctl.messages.tuning import ParameterAnswer, ResetParameters
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.web.access import Access, Role
 from robotctl.web.desk import Desk, Now
@@ -70,7 +79,10 @@ OUTLINE = RobotOutline(
     v_max_m_s=1.0,
     omega_max_rad_s=2.0,
     vy_max_m_s=0.0,
+    wheels=("left", "right"),
+    file="/etc/robotctl/tester.toml",
 )
+CONFIG = load_robot(find_file("diff_drive"))
 
 
 def walled_map() -> LiveMap:
@@ -116,6 +128,9 @@ class ServedRobot:
         self.published_ns: dict[int, int] = {}
         """Wall clock at which the server was given each state, by its stamp [ns]."""
         self.remarks: list[str] = []
+        self.parameters = ParameterSet(Configurations(CONFIG, CONFIG, contradictions), {})
+        self.saved: list[dict[str, Any]] = []
+        self.why_not_saved: Exception | None = None
         self._tokens = tokens or {}
         self._acks: tuple[Ack, ...] = ()
         self._encode = msgspec.msgpack.Encoder().encode
@@ -131,7 +146,15 @@ class ServedRobot:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listener.bind(("127.0.0.1", self.port))
         self.port = listener.getsockname()[1]
-        side = RobotSide(self.outline, self._now, self._take, self._take, self.remarks.append)
+        side = RobotSide(
+            self.outline,
+            self._now,
+            self._take,
+            self._take,
+            self.remarks.append,
+            self._tune,
+            self._save,
+        )
         desk = Desk(has_localiser=True, arm_timeout_ns=1_000_000_000)
         self._page = PageServer(side, desk, Access(self._tokens, (), self.port), STATIC)
         self._server = uvicorn.Server(
@@ -190,6 +213,8 @@ class ServedRobot:
             self._scan(now_ns),
             ParticleCloud(now_ns, self.particles.tobytes()),
             self._plan(now_ns),
+            table_of(self.parameters, now_ns),
+            values_of(self.parameters, now_ns),
             self._navigation(now_ns),
             self._control(now_ns),
         )
@@ -276,6 +301,33 @@ class ServedRobot:
             case PositionTarget(x_m=x_m, y_m=y_m):
                 self.goal = (x_m, y_m)
         return True
+
+    def _tune(self, request: Any) -> bool:
+        """Set parameters as telemetry does, without control."""
+        self.asked.append(request)
+        refusal = ""
+        if isinstance(request, ResetParameters):
+            self.parameters.reset()
+        else:
+            refusal = self.set(request.name, request.value)
+        self.publish(ParameterAnswer(request.request_id, refusal))
+        return True
+
+    def _save(self, values: Mapping[str, Any]) -> tuple[str, str, tuple[str, ...]]:
+        if self.why_not_saved is not None:
+            raise self.why_not_saved
+        self.saved.append(dict(values))
+        return "tester.toml", "tester.toml.~1~", tuple(self.parameters.changes())
+
+    def set(self, name: str, value: float | None) -> str:
+        """Set a parameter, as a ground station may; return why not."""
+        parameter = self.parameters.parameters[self.parameters.index_of(name)]
+        raw = self.parameters.default(parameter) if value is None else value
+        try:
+            self.parameters.set(parameter, float(raw), REAL32)
+        except ParameterRefused as refusal:
+            return str(refusal)
+        return ""
 
     # What tests ask
 

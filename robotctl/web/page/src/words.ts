@@ -324,7 +324,7 @@ export const words = {
     refused: (why: string) => `It does not run: ${why}`,
     still: "The wheels did not move.",
     chart: "Set-point and measured speed of the wheels",
-    wheel: (number: number) => `Wheel ${number + 1}`,
+    wheel: (number: number) => `wheel ${number + 1}`,
     table: "Figures of the step",
     rise: "Rise, 10 to 90 %",
     wantedRise: "of the set-point",
@@ -351,9 +351,9 @@ export const words = {
     ] as readonly (readonly [string, string])[],
     none: "Nothing has come from control yet.",
     wheel: {
-      title: (number: number) => `Wheel ${number + 1} counts forward`,
-      what: (number: number) =>
-        `Disarmed, turn wheel ${number + 1} forward by hand: a quarter turn or more. In a simulation, drive ahead.`,
+      title: (wheel: string) => `The ${wheel} wheel counts forward`,
+      what: (wheel: string) =>
+        `Disarmed, turn the ${wheel} wheel forward by hand, a quarter turn or more. In a simulation, drive ahead.`,
       value: (m: number) => `moved ${m >= 0 ? "+" : ""}${m.toFixed(3)} m`,
       wrong: "It counts backwards: swap the encoder's channels A and B. If its motor also turns backwards, the file says it:",
       line: "[[motor]] axes = [{ …, reversed = true }]",

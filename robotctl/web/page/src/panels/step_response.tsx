@@ -166,7 +166,7 @@ function Figures({ courses }: { readonly courses: readonly Course[] }) {
       <tbody>
         {courses.map(figuresOf).map((each, wheel) => (
           <tr key={wheel}>
-            <th scope="row">{text.wheel(wheel)}</th>
+            <th scope="row">{hello.value?.wheels[wheel] ?? text.wheel(wheel)}</th>
             <td>{text.ms(each.riseS)}</td>
             <td>{text.ms(each.wantedRiseS)}</td>
             <td>{text.percent(each.overshoot)}</td>

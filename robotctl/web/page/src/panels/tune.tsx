@@ -35,8 +35,8 @@ export function Tune() {
         />
       </label>
       <Actions />
-      <Groups />
       <StepResponse />
+      <Groups />
     </div>
   );
 }

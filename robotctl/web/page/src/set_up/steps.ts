@@ -50,7 +50,7 @@ const ANY_RADIUS_M = 0.05;
 export function stepsOf(hello: Hello, control: ControlState, wheels: Wheels): SetUpStep[] {
   const count = control.wheel_distance_m.length;
   return [
-    ...Array.from({ length: count }, (_, i) => wheelStep(i, wheels.radiusM ?? ANY_RADIUS_M)),
+    ...Array.from({ length: count }, (_, i) => wheelStep(i, hello.wheels[i] ?? `${i + 1}.`, wheels.radiusM ?? ANY_RADIUS_M)),
     ...(wheels.radiusM === null ? [] : [turnsStep(wheels.radiusM, wheels.counts)]),
     leftStep,
     ...(control.imu === null ? [] : [levelStep]),
@@ -60,22 +60,22 @@ export function stepsOf(hello: Hello, control: ControlState, wheels: Wheels): Se
   ];
 }
 
-function wheelStep(wheel: number, radiusM: number): SetUpStep {
-  const words_ = text.wheel;
+function wheelStep(wheel: number, name: string, radiusM: number): SetUpStep {
+  const said = text.wheel;
   return {
     id: `wheel-${wheel}`,
-    title: words_.title(wheel),
-    what: words_.what(wheel),
+    title: said.title(name),
+    what: said.what(name),
     Picture: WheelPicture,
     judge({ movedM }) {
       const moved = movedM[wheel] ?? 0;
-      const value = words_.value(moved);
+      const value = said.value(moved);
       const enough = QUARTER * radiusM;
       const others = movedM.filter((_, i) => i !== wheel);
       if (moved >= enough) return { verdict: "ok", value };
-      if (moved <= -enough) return { verdict: "wrong", value, why: words_.wrong, line: words_.line };
+      if (moved <= -enough) return { verdict: "wrong", value, why: said.wrong, line: said.line };
       if (Math.abs(moved) < 0.2 * enough && others.some((each) => Math.abs(each) >= enough)) {
-        return { verdict: "wrong", value, why: words_.other, line: words_.otherLine };
+        return { verdict: "wrong", value, why: said.other, line: said.otherLine };
       }
       return { verdict: "waiting", value };
     },

@@ -488,6 +488,7 @@ export interface Hello {
   readonly v_max_m_s: number;
   readonly omega_max_rad_s: number;
   readonly vy_max_m_s: number;
+  readonly wheels: readonly string[];
   readonly file: string;
   readonly protocol: number;
   readonly client: number;
