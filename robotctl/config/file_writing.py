@@ -17,21 +17,17 @@ from robotctl.errors import ConfigError
 from robotctl.runtime.storage.atomic_file import write_whole
 
 
-def write_changes(file: Path, changes: Iterable[Change]) -> tuple[Change, ...]:
-    """Write changes into a robot's file; return those that undo them.
+def changed_file(file: Path, changes: Iterable[Change]) -> tuple[str, tuple[Change, ...]]:
+    """Return the text of a robot's file with changes, and those that undo them.
 
     Raises
     ------
     ConfigError
-        If the file would be wrong with them; it stays as it is then.
-    OSError
-        If it cannot be written.
+        If the file would be wrong with them.
     """
-    before = file.read_text(encoding="utf-8-sig")
-    after, undo = edit(before, changes)
+    after, undo = edit(file.read_text(encoding="utf-8-sig"), changes)
     toml_source.parse(after, RobotConfig, str(file), rules=contradictions)
-    write_whole(file, after)
-    return undo
+    return after, undo
 
 
 class ParameterWriter:
@@ -74,9 +70,11 @@ class ParameterWriter:
             new = {key: each for key, each in values.items() if value_at(found, key) != each}
             if not new:
                 return self._file.name, "", ()
+            changes = [Change((*key.split("."),), value) for key, value in new.items()]
+            after, _ = changed_file(self._file, changes)
             copy = self._copy()
-            write_changes(self._file, [Change((*key.split("."),), new[key]) for key in new])
-            self._written = self._file.read_text(encoding="utf-8-sig")
+            write_whole(self._file, after)
+            self._written = after
             return self._file.name, copy, tuple(new)
 
     def _unchanged(self) -> RobotConfig:

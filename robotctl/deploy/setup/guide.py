@@ -8,7 +8,7 @@ from typing import Final
 import msgspec
 
 from robotctl.config.file_edit import Change
-from robotctl.config.file_writing import write_changes
+from robotctl.config.file_writing import changed_file
 from robotctl.config.robot_file import load_robot
 from robotctl.deploy.setup.bench import CREEP_M_S, SLOW_M_S, Bench, Buses
 from robotctl.deploy.setup.dialogue import (
@@ -181,7 +181,8 @@ class Guide:
         """
         if not changes:
             return ()
-        undo = write_changes(self._file, changes)
+        after, undo = changed_file(self._file, changes)
+        write_whole(self._file, after)
         for change in changes:
             self._person.tell(f"{self._file}: {_words(change)}")
         return undo
