@@ -1,5 +1,7 @@
 """Parameters that change while the robot drives: the loop takes them, and nothing jumps."""
 
+import itertools
+
 import pytest
 
 from robotctl.messages.control import ManualControl, Mode
@@ -39,7 +41,7 @@ def tune(robot, **values):
 def largest_step(states, value):
     """Return the largest change of a value from one period to the next."""
     values = [value(each) for each in states]
-    return max(abs(b - a) for a, b in zip(values, values[1:], strict=False))
+    return max(abs(b - a) for a, b in itertools.pairwise(values))
 
 
 def duty(state):

@@ -34,6 +34,7 @@ from robotctl.messages.control import (
     BusStatus,
     ControlState,
     EmergencyStop,
+    ImuFeedback,
     LoopStatistics,
     ManualControl,
     NavigationState,
@@ -110,6 +111,12 @@ class ServedRobot:
         Whether control takes requests, but does nothing.
     asked
         All requests to control and navigation, oldest first.
+    wheel_distance_m, sonar_m, imu_rate_rad_s
+        What control says of wheels and sonars [m]; of the gyro's z axis [rad/s], None: no IMU.
+    parameters
+        What telemetry knows of parameters.
+    saved, why_not_saved
+        Values that were written into the robot's file; why none are.
     particles
         x, y, heading of particles, (n, 3) float32.
     """
@@ -124,6 +131,9 @@ class ServedRobot:
         self.paused_ns = 0
         self.is_silent = self.is_deaf = False
         self.asked: list[Any] = []
+        self.wheel_distance_m = (0.0, 0.0)
+        self.sonar_m: tuple[float, ...] = (1.0,)
+        self.imu_rate_rad_s: float | None = None
         self.particles = np.empty((0, 3), np.float32)
         self.published_ns: dict[int, int] = {}
         """Wall clock at which the server was given each state, by its stamp [ns]."""
@@ -236,14 +246,15 @@ class ServedRobot:
             distance_m=0.0,
             wheel_rad_s=(1.0, 2.0),
             wheel_ref_rad_s=(1.0, 2.0),
-            wheel_distance_m=(0.0, 0.0),
+            wheel_distance_m=self.wheel_distance_m,
             duty=(0.1, 0.2),
             current_a=(0.5, math.nan),
             temperature_c=(30.0, 31.0),
             steering_rad=math.nan,
             bus_voltage_v=12.0,
             battery=BatteryFeedback(now_ns, 12.1, 1.0, 0.8, 25.0, low=False, critical=False),
-            sonar_m=(1.0,),
+            sonar_m=self.sonar_m,
+            imu=self._imu(now_ns),
             sonar_stamp_ns=(now_ns,),
             nodes=(NodeStatus(1, "drive", 5, now_ns, 1, ""),),
             bus=BusStatus(load=0.12),
@@ -252,6 +263,12 @@ class ServedRobot:
             fault=self.fault,
             against_arming=self.against_arming,
         )
+
+    def _imu(self, now_ns: int) -> ImuFeedback | None:
+        if self.imu_rate_rad_s is None:
+            return None
+        rate = (0.0, 0.0, self.imu_rate_rad_s)
+        return ImuFeedback(now_ns, now_ns, rate, (0.0, 0.0, 9.81), (0.0, 0.0, 1.0))
 
     def _navigation(self, now_ns: int) -> NavigationState:
         return NavigationState(

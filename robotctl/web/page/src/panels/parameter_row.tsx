@@ -20,7 +20,9 @@ export function ParameterRow({ parameter }: { readonly parameter: Parameter }) {
   const draft = useSignal<string | null>(null);
   const isLocked = is_fixed || !mayDrive.value || isBlind.value;
   const value = draft.value ?? shown(wanted);
+  const typed = () => draft.peek() ?? shown(wanted); // the next key may come before the next frame
   const give = () => {
+    const value = typed();
     const number = Number(value.replace(",", "."));
     if (value.trim() === "" || !Number.isFinite(number)) {
       refusal.value = { what: name, reason: text.notANumber(value) };
@@ -33,7 +35,7 @@ export function ParameterRow({ parameter }: { readonly parameter: Parameter }) {
     const steps = { ArrowUp: 1, ArrowDown: -1, PageUp: 10, PageDown: -10 }[event.key];
     if (event.key === "Enter") give();
     else if (event.key === "Escape") draft.value = null;
-    else if (steps !== undefined && !event.shiftKey && !isLocked) draft.value = stepped(parameter, Number(value), steps);
+    else if (steps !== undefined && !event.shiftKey && !isLocked) draft.value = stepped(parameter, Number(typed()), steps);
     else return;
     event.preventDefault();
   };

@@ -33,6 +33,8 @@ watch((name, message) => {
 });
 
 function begin(step: SetUpStep, control: ControlState): void {
+  const before = begun.peek();
+  if (before !== null && before.judgement.verdict !== "waiting") finish(before);
   const progress = new Progress(control);
   begun.value = { step, progress, judgement: step.judge(progress, null), sinceNs: control.stamp_ns };
 }
@@ -43,8 +45,13 @@ function judge(under: Begun, entry: number | null): void {
   const stamp = progress.newest.stamp_ns;
   const sinceNs = judgement.verdict === under.judgement.verdict ? under.sinceNs : stamp;
   const isFinal = judgement.verdict !== "waiting" && (entry !== null || stamp - sinceNs >= STANDS_NS);
-  begun.value = isFinal ? null : { step, progress, judgement, sinceNs };
-  if (isFinal) results.value = new Map(results.peek()).set(step.id, judgement);
+  begun.value = { step, progress, judgement, sinceNs };
+  if (isFinal) finish(begun.value);
+}
+
+function finish({ step, judgement }: Begun): void {
+  begun.value = null;
+  results.value = new Map(results.peek()).set(step.id, judgement);
 }
 
 export function SetUp() {

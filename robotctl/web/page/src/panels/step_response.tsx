@@ -1,9 +1,9 @@
 // A step of the set-point, and how the wheels follow it.
 
 import { useEffect, useRef } from "preact/hooks";
-import { effect, signal } from "@preact/signals";
+import { signal } from "@preact/signals";
 
-import { decision, isBlind, isDriver, step } from "../driving/driving";
+import { isBlind, isDriver, step } from "../driving/driving";
 import { STEP_S } from "../driving/step";
 import { makeChart, resizeChart } from "../plots/chart";
 import { driver, hello, topics } from "../robot/robot";
@@ -22,13 +22,6 @@ const share = signal(0.3);
 const isAsking = signal(false);
 const isHeld = signal(false);
 const note = signal("");
-
-/** Say why the robot does not follow a step that is held. */
-effect(() => {
-  if (decision.value?.source !== "step") return;
-  const locked = driver.value?.locked ?? "";
-  if (locked !== "") note.value = text.refused(locked);
-});
 
 export function StepResponse() {
   const speed = share.value * (hello.value?.v_max_m_s ?? 0);
@@ -91,12 +84,14 @@ function Question({ wayM }: { readonly wayM: number }) {
   };
   const end = (isWhole: boolean) => {
     clearTimeout(timer.current);
-    step.letGo();
     if (!isHeld.peek()) return;
+    step.letGo();
     isHeld.value = false;
     isAsking.value = false;
-    if (!isWhole) note.value = text.released;
-    else if (note.peek() === "") setTimeout(() => ask(text.name, { type: "ResponseRequest" }), SETTLE_MS);
+    const locked = driver.peek()?.locked ?? "";
+    if (locked !== "") note.value = text.refused(locked);
+    else if (!isWhole) note.value = text.released;
+    else setTimeout(() => ask(text.name, { type: "ResponseRequest" }), SETTLE_MS);
   };
   useEffect(() => () => end(false), []);
   return (
