@@ -8,7 +8,7 @@ import msgspec
 import pytest
 
 from robotctl.errors import ConfigError
-from robotctl.messages.control import Notice, SafetyState
+from robotctl.messages.control import SafetyState
 from robotctl.messages.tuning import (
     ParameterAnswer,
     ParameterFacts,
@@ -191,18 +191,20 @@ def test_a_response_has_the_states_of_the_last_five_seconds(desk):
 
 
 def test_a_client_is_told_the_table_and_the_values_once_unless_they_change(served):
-    served.robot.publish(TABLE, VALUES)
     with served.client() as client:
+        served.robot.publish(TABLE, VALUES)
         assert client.read("ParameterValues") == as_sent(VALUES)  # news, before the pictures
         assert client.read("ParameterTable") == as_sent(TABLE)
+        served.robot.publish(msgspec.structs.replace(VALUES, stamp_ns=3))
+        for _ in range(4):  # pictures that follow it
+            client.read("ControlState")
         changed = msgspec.structs.replace(VALUES, stamp_ns=4, wanted=(0.7, True, 2400))
-        for each in (msgspec.structs.replace(VALUES, stamp_ns=3), changed):
-            served.robot.publish(each, Notice(each.stamp_ns, 5, "after it"))
-            client.read("Notice")
+        served.robot.publish(changed)
+        client.read("ParameterValues")
         stamps = [each["stamp_ns"] for each in client.seen if each["type"] == "ParameterValues"]
         assert stamps == [2, 4]
     with served.client() as client:
-        assert client.read("ParameterValues")["wanted"] == [0.7, True, 2400]
+        assert client.read("ParameterValues") == as_sent(changed)
 
 
 def test_what_telemetry_refuses_reaches_its_client_alone(served):
