@@ -52,6 +52,7 @@ export function StepResponse() {
             disabled={why !== ""}
             onClick={() => {
               note.value = "";
+              response.value = null;
               isAsking.value = true;
             }}
           >
