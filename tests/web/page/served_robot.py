@@ -245,7 +245,7 @@ class ServedRobot:
             omega_ref_rad_s=0.0,
             distance_m=0.0,
             wheel_rad_s=(1.0, 2.0),
-            wheel_ref_rad_s=(1.0, 2.0),
+            wheel_ref_rad_s=self._wheel_ref_rad_s,
             wheel_distance_m=self.wheel_distance_m,
             duty=(0.1, 0.2),
             current_a=(0.5, math.nan),
@@ -263,6 +263,11 @@ class ServedRobot:
             fault=self.fault,
             against_arming=self.against_arming,
         )
+
+    @property
+    def _wheel_ref_rad_s(self) -> tuple[float, float]:
+        sticks = self.sticks
+        return (0.0, 0.0) if sticks is None else (10.0 * sticks[0], 10.0 * sticks[0])
 
     def _imu(self, now_ns: int) -> ImuFeedback | None:
         if self.imu_rate_rad_s is None:

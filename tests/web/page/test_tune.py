@@ -175,9 +175,9 @@ def test_the_key_that_holds_a_step_ends_it(robot, open_page):
 
 @pytest.mark.browser
 def test_a_robot_that_is_not_armed_makes_no_step(robot, open_page):
-    robot.state = SafetyState.STANDBY
     page = open_page()
     take_sticks(page)
+    robot.state = SafetyState.STANDBY
     open_tab(page, "Tune")
     page.get_by_text("Arm first.").wait_for()
     assert page.get_by_role("button", name="Step …").is_disabled()

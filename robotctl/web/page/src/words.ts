@@ -320,6 +320,8 @@ export const words = {
     running: "Running: hold on …",
     released: "Let go before the end.",
     unarmed: "Arm first.",
+    moves: "Let it stand still first: Hold.",
+    wanted: (wheel: string) => `${wheel}, set-point`,
     needsSticks: "Take the sticks first.",
     refused: (why: string) => `It does not run: ${why}`,
     still: "The wheels did not move.",

@@ -68,9 +68,14 @@ export function StepResponse() {
 }
 
 function objection(): string {
-  const state = topics.ControlState.newest.value?.state;
-  if (!isDriver.value || isBlind.value) return text.needsSticks;
-  return state === SafetyState.ARMED || state === SafetyState.DRIVING ? "" : text.unarmed;
+  const control = topics.ControlState.newest.value;
+  if (!isDriver.value || isBlind.value || control === null) return text.needsSticks;
+  if (control.state !== SafetyState.ARMED && control.state !== SafetyState.DRIVING) return text.unarmed;
+  return control.wheel_ref_rad_s.every((each) => each === 0) ? "" : text.moves;
+}
+
+function wheelName(wheel: number): string {
+  return hello.value?.wheels[wheel] ?? text.wheel(wheel);
 }
 
 /** The question before anything moves; its button is the dead-man key. */
@@ -162,7 +167,7 @@ function Figures({ courses }: { readonly courses: readonly Course[] }) {
       <tbody>
         {courses.map(figuresOf).map((each, wheel) => (
           <tr key={wheel}>
-            <th scope="row">{hello.value?.wheels[wheel] ?? text.wheel(wheel)}</th>
+            <th scope="row">{wheelName(wheel)}</th>
             <td>{text.ms(each.riseS)}</td>
             <td>{text.ms(each.wantedRiseS)}</td>
             <td>{text.percent(each.overshoot)}</td>
@@ -184,7 +189,9 @@ function Chart({ courses }: { readonly courses: readonly Course[] }) {
     const times = courses[0]?.timesS ?? [];
     const fields = courses.flatMap((_, i) => [`.wheel_ref_rad_s[${i}]`, `.wheel_rad_s[${i}]`]);
     const [begin = 0, end = 1] = [times[0], times.at(-1)];
-    const chart = makeChart(parent, fields, end - begin, style.color, style.getPropertyValue("--line"), begin);
+    const line = style.getPropertyValue("--line");
+    const labels = courses.flatMap((_, i) => [text.wanted(wheelName(i)), wheelName(i)]);
+    const chart = makeChart(parent, fields, end - begin, style.color, line, begin, labels);
     chart.setData([times, ...courses.flatMap(({ wanted, measured }) => [wanted, measured])] as never);
     const resized = new ResizeObserver(() => resizeChart(chart, parent.clientWidth));
     resized.observe(parent);

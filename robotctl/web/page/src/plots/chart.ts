@@ -16,6 +16,7 @@ export function makeChart(
   ink: string,
   grid: string,
   beginS = -seconds,
+  labels: readonly string[] = fields.map((field) => field.slice(field.indexOf(".") + 1)),
 ): uPlot {
   const scaleOf = (field: string) => unitOf(field) || "1";
   const scales = [...new Set(fields.map(scaleOf))];
@@ -43,7 +44,7 @@ export function makeChart(
       series: [
         { label: "t", value: (_, value) => (value === null ? "–" : `${value.toFixed(2)} s`) },
         ...fields.map((field, i) => ({
-          label: field.slice(field.indexOf(".") + 1),
+          label: labels[i] ?? field,
           scale: scaleOf(field),
           stroke: COLOURS[i % COLOURS.length] ?? ink,
           dash: DASHES[Math.floor(i / COLOURS.length) % DASHES.length] ?? [],
