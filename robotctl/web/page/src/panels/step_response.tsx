@@ -6,6 +6,7 @@ import { signal } from "@preact/signals";
 import { isBlind, isDriver, step } from "../driving/driving";
 import { STEP_S } from "../driving/step";
 import { makeChart, resizeChart } from "../plots/chart";
+import { parameter } from "../robot/parameters";
 import { driver, hello, topics } from "../robot/robot";
 import { theme } from "../theme";
 import { coursesOf, figuresOf, type Course } from "../tune/response";
@@ -24,7 +25,7 @@ const isHeld = signal(false);
 const note = signal("");
 
 export function StepResponse() {
-  const speed = share.value * (hello.value?.v_max_m_s ?? 0);
+  const speed = share.value * (parameter("LIM_V_MAX")?.inForce ?? hello.value?.v_max_m_s ?? 0);
   const why = objection();
   return (
     <section class="step" aria-label={text.name}>
