@@ -119,7 +119,7 @@ class ParameterAnswer(Published, frozen=True):
 
 
 class ParameterTable(Published, frozen=True):
-    """What parameters the robot has."""
+    """Description of all parameters."""
 
     parameters: tuple[ParameterFacts, ...]
 

@@ -110,6 +110,8 @@ def run(config: RobotConfig, options: StackOptions) -> None:
         context, endpoints.telemetry_requests, ParameterRequest
     )
     parameters = parameters_of(config, options)
+    store = ParameterFile(options.state)
+    store.drop_those_of(options.load_file())
     parameter_publisher = Publisher(context, endpoints.parameters)
     parameter_publisher.greet(table_of(parameters, clock.now_ns()))
     publisher = Publisher(context, endpoints.telemetry_notices)
@@ -131,7 +133,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
             links,
             stores=plan_stores(options.state),
             parameters=parameters,
-            parameter_store=ParameterFile(options.state),
+            parameter_store=store,
             take_key=keys.take_key,
             ask_supervisor=to_supervisor.send,
             folders=served_folders(options),
