@@ -206,9 +206,10 @@ class PageServer:
         now = self._robot.now()
         for data in messages:
             message = read(data)
-            if message is not None:
-                self._desk.hear(message, now)
-            if message is not None and not isinstance(message, ParameterAnswer):
+            if message is None:
+                continue
+            self._desk.hear(message, now)
+            if not isinstance(message, ParameterAnswer):
                 self._show(message, data)
         for data in list(truths)[-1:]:
             self._put("Truth", with_tag(data, "Truth"), keep=False)
@@ -250,12 +251,15 @@ class PageServer:
         for to_telemetry in out.to_telemetry:
             self._robot.to_telemetry(to_telemetry)
         for save in out.saves:
+            if self._saves:
+                refused = Refused(save.number, "the file is being written")
+                self._answer_to(save.connection, refused)
+                continue
             task = asyncio.get_running_loop().create_task(self._save(save))
             self._saves.add(task)
             task.add_done_callback(self._saves.discard)
         for connection, message in out.answers:
-            if isinstance(connection, Connection):
-                self._answer(connection, message)
+            self._answer_to(connection, message)
         if (driver := self._desk.driver) != self._driver:
             if driver.client != self._driver.client:
                 self._robot.say(f"{driver.name} drives" if driver.name else driver.why)
@@ -272,8 +276,11 @@ class PageServer:
         else:
             file, copy, keys = written
             answer = Saved(save.number, file, copy, keys)
-        if isinstance(save.connection, Connection):
-            self._answer(save.connection, answer)
+        self._answer_to(save.connection, answer)
+
+    def _answer_to(self, connection: object, message: Downward) -> None:
+        if isinstance(connection, Connection):
+            self._answer(connection, message)
 
     def _answer(self, connection: Connection, message: Downward | Hello) -> None:
         connection.put(type(message).__name__, encode(message), keep=True)

@@ -42,6 +42,8 @@ export const changed = computed(() => parameters.value.filter((each) => each.wan
 export const lastChange = computed(() => changes.value.at(-1) ?? null);
 
 export function describe(message: ParameterTable): void {
+  const isOther = table.peek().some(({ name }, i) => name !== message.parameters[i]?.name);
+  if (isOther) changes.value = []; // another robot's
   table.value = message.parameters;
 }
 
