@@ -1,4 +1,4 @@
-"""Bring-up, with eyes: a browser at the page sends the robot to a place and stops it."""
+"""Bring-up, with eyes: a browser at the page drives the robot, tunes it and stops it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from hil_tests.rig import PATIENT_S, Rig, is_exact
-from robotctl.app.supervision.stack import NAVIGATION, WEB
+from robotctl.app.supervision.stack import NAVIGATION, TELEMETRY, WEB
 from robotctl.messages.control import Mode, SafetyState
 from robotctl.web.links import read_links
 from tests.web.page.drawn_map import pixels, show_only
@@ -143,3 +143,66 @@ def test_a_mission_drawn_on_the_map_is_driven_and_a_drawn_fence_is_kept_to(
     seen = pixels(page, "robot")
     assert edge < seen.top < y
     assert rig.navigation.fence.breaches == 0
+
+
+def set_parameter(page: Any, name: str, value: float) -> None:
+    """Type a value of a parameter and press Enter."""
+    page.get_by_role("tab", name="Tune").click()
+    page.get_by_label("Find a parameter").fill(name)
+    field = page.get_by_role("textbox", name=name)
+    field.fill(str(value))
+    field.press("Enter")
+
+
+def test_a_limit_and_a_gain_of_the_page_are_those_of_the_loop_until_they_are_undone(
+    rig: Rig, page: Any
+) -> None:
+    rig.start(TELEMETRY)
+    rig.prefer(NAVIGATION, WEB, TELEMETRY)
+    page.get_by_role("button", name="Arm", exact=True).click()
+    rig.wait_for_state(SafetyState.ARMED)
+    page.get_by_role("button", name="Take the sticks").click()
+    page.get_by_text("You have the sticks.").wait_for()
+    page.get_by_role("tab", name="Tune").click()
+    page.get_by_role("button", name="Only changed (0)").wait_for(timeout=1e3 * PATIENT_S)
+
+    set_parameter(page, "LIM_V_MAX", 0.2)
+    rig.wait(lambda: rig.control.tuning, PATIENT_S, "control has taken the limit")
+    limited = run_step(rig, page)
+    assert limited == pytest.approx(0.3 * 0.2, abs=0.005)
+    set_parameter(page, "CTL_L_KP", 0.7)
+    page.get_by_role("button", name="Undo: CTL_L_KP back to 0.65").click()
+    page.get_by_role("button", name="Undo: LIM_V_MAX back to 0.8").click()
+    rig.wait(lambda: rig.control.tuning == 0, PATIENT_S, "control has the file's values again")
+    assert run_step(rig, page) == pytest.approx(0.3 * 0.8, abs=0.01)
+
+    figures = page.get_by_role("table", name="Figures of the step")
+    left = figures.get_by_role("row", name="left").get_by_role("cell").all_inner_texts()
+    rise_ms, wanted_ms, overshoot, error = (float(each.split()[0]) for each in left)
+    assert 0.0 < wanted_ms <= rise_ms + 40.0 < 600.0
+    assert overshoot < 20.0
+    assert abs(error) < 0.25
+
+
+def run_step(rig: Rig, page: Any) -> float:
+    """Run the step response of the page; return the greatest speed that it wanted [m/s].
+
+    Where the machine stood for a while the robot has let go, and the step is tried again.
+    """
+    figures = page.get_by_role("table", name="Figures of the step")
+    seen: list[float] = []
+    for _ in range(8):
+        page.get_by_role("button", name="Step …").click()
+        page.get_by_role("button", name="Yes: hold to run").hover()
+        page.mouse.down()
+        seen.clear()
+        for _ in range(150):
+            page.wait_for_timeout(20)
+            rig.listen()
+            seen.append(rig.control.v_ref_m_s)
+            if figures.is_visible():
+                break
+        page.mouse.up()
+        if figures.is_visible():
+            return max(seen)
+    raise AssertionError("no step came to its end")

@@ -27,6 +27,7 @@ from robotctl.messages.estimation import (
     SlamGraph,
 )
 from robotctl.messages.plans import BoundsView, MissionView
+from robotctl.messages.tuning import ParameterTable, ParameterValues
 from robotctl.web import wire
 
 TARGET: Final = Path(__file__).resolve().parent.parent / "robotctl/web/page/src/wire/messages.ts"
@@ -50,6 +51,8 @@ ROBOT: Final[tuple[type, ...]] = (
     SlamGraph,
     MissionView,
     BoundsView,
+    ParameterTable,
+    ParameterValues,
     Truth,
 )
 """Messages of the robot that the server passes on as they are published."""

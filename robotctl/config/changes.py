@@ -9,8 +9,8 @@ from typing import Final
 import msgspec
 
 from robotctl.config.options import StackOptions
-from robotctl.config.robot_file import contradictions
-from robotctl.config_values import Value, with_values
+from robotctl.config.robot_file import RobotConfig, contradictions
+from robotctl.config_values import Value, value_at, with_values
 from robotctl.runtime.storage.state_file import StateError, StateFile
 
 NAME: Final = "parameters.json"
@@ -47,6 +47,16 @@ class ParameterFile:
         except StateError:
             return False
         return True
+
+    def drop_those_of(self, file: RobotConfig) -> None:
+        """Forget values that the robot's file has, as after they were written into it.
+
+        Else they would come back when somebody changes them there.
+        """
+        values, _ = self.load()
+        others = {key: value for key, value in values.items() if value_at(file, key) != value}
+        if others != values:
+            self.save(others)
 
 
 def kept_values(options: StackOptions) -> tuple[dict[str, Value], tuple[str, ...]]:

@@ -36,6 +36,7 @@ from robotctl.messages.estimation import LidarScan, LocalisationState
 from robotctl.messages.mavlink_port import Address, MavlinkPort, Peer, Received
 from robotctl.messages.plans import BoundsView, MissionView
 from robotctl.messages.supervision import SupervisorRequest
+from robotctl.messages.tuning import ParameterNews, ParameterRequest
 from robotctl.messages.world_pose import WorldPose
 from robotctl.model.fence import Fence
 from robotctl.model.geometry.se2 import SE2
@@ -69,6 +70,7 @@ State: TypeAlias = (
     | Notice
     | MissionView
     | BoundsView
+    | ParameterRequest
 )
 
 
@@ -278,6 +280,10 @@ class Context:
     acks: list[Ack] = field(default_factory=list)
     """Answers of the control process in this step."""
     requests: list[Request] = field(default_factory=list)
+    parameter_requests: list[ParameterRequest] = field(default_factory=list)
+    """Requests of other processes of the robot in this step."""
+    news: list[ParameterNews] = field(default_factory=list)
+    """Messages about parameters for other processes of the robot."""
     notices: deque[Notice] = field(default_factory=lambda: deque(maxlen=MAX_TEXTS))
     """Texts for the process, which may publish them; they are sent, and must not come back."""
     texts: deque[Said] = field(default_factory=lambda: deque(maxlen=MAX_TEXTS))
@@ -324,6 +330,8 @@ class Context:
             self.mission = state
         elif isinstance(state, BoundsView):
             self.bounds = state
+        elif isinstance(state, ParameterRequest):
+            self.parameter_requests.append(state)
         else:
             stamp_ns = state.stamp_ns
             self.texts.extend(

@@ -23,6 +23,7 @@ from robotctl.mavlink.services.registry import SERVICES
 from robotctl.messages.control import Notice, Severity
 from robotctl.messages.mavlink_port import MavlinkPort
 from robotctl.messages.supervision import SupervisorRequest
+from robotctl.messages.tuning import ParameterNews
 
 
 class Telemetry:
@@ -132,6 +133,12 @@ class Telemetry:
         notices = list(self._context.notices)
         self._context.notices.clear()
         return notices
+
+    def take_news(self) -> list[ParameterNews]:
+        """Return what other processes are to know of parameters since the last call."""
+        news = list(self._context.news)
+        self._context.news.clear()
+        return news
 
     @property
     def ground_stations(self) -> tuple[GroundStation, ...]:

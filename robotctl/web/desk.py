@@ -8,9 +8,11 @@ emergency stop for everybody.
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
+from robotctl.config_values import Value
 from robotctl.messages.control import (
     Arm,
     ControlRequest,
@@ -25,6 +27,7 @@ from robotctl.messages.control import (
 from robotctl.messages.mission import AbortMission, GoAhead, JumpToItem, MissionCommand
 from robotctl.messages.mode import Mode
 from robotctl.messages.requests import REQUEST_LIFE_NS
+from robotctl.messages.tuning import ParameterRequest, ResetParameters, SetParameter
 from robotctl.safety.state_machine import POWERED
 from robotctl.web.driving import AHEAD_NS, Driving
 from robotctl.web.plan_uploads import Offered
@@ -33,6 +36,9 @@ from robotctl.web.published import (
     ControlState,
     LocalisationState,
     NavigationState,
+    ParameterAnswer,
+    ParameterTable,
+    ParameterValues,
     Published,
 )
 from robotctl.web.stops import Stops
@@ -53,11 +59,17 @@ from robotctl.web.wire import (
     PlaceRobot,
     Pong,
     Refused,
+    ResetRequest,
+    Response,
+    ResponseRequest,
+    SaveRequest,
     Sticks,
     Stop,
     StopMessage,
     StopRequest,
     TakeDriving,
+    Tuned,
+    TuneRequest,
     WatchCamera,
 )
 
@@ -66,6 +78,8 @@ ANSWER_NS: Final = 1_500_000_000
 """Time that navigation has to be in a mode that was asked for [ns]."""
 MANUAL_NS: Final = 1_000_000_000
 """Time from the first stick to MANUAL [ns]."""
+RESPONSE_STATES: Final = 250
+"""Most states of control that a response is made of: those of five seconds."""
 SILENT_NS: Final = 500_000_000
 """Age of a state of the robot that says nothing of the present [ns]."""
 PLACED_COVARIANCE: Final = (0.25**2, 0.0, 0.0, 0.25**2, 0.0, 0.2**2)
@@ -112,6 +126,28 @@ class _Robot:
     control: ControlState | None = None
     navigation: NavigationState | None = None
     localisation: LocalisationState | None = None
+    parameters: ParameterTable | None = None
+    values: ParameterValues | None = None
+    recent: deque[ControlState] = field(default_factory=lambda: deque(maxlen=RESPONSE_STATES))
+    """Last states of control."""
+
+    def response(self, number: int) -> Response:
+        """Return what the wheels did lately."""
+        states = tuple(self.recent)
+        return Response(
+            number,
+            tuple(each.stamp_ns for each in states),
+            tuple(each.wheel_ref_rad_s for each in states),
+            tuple(each.wheel_rad_s for each in states),
+        )
+
+
+class Save(NamedTuple):
+    """Values of parameters to write into the robot's file, by their keys, and who wants it."""
+
+    connection: object
+    number: int
+    values: dict[str, Value]
 
 
 @dataclass(slots=True)
@@ -120,6 +156,8 @@ class Outcome:
 
     to_control: list[ControlRequest] = field(default_factory=list)
     to_navigation: list[NavigationRequest] = field(default_factory=list)
+    to_telemetry: list[ParameterRequest] = field(default_factory=list)
+    saves: list[Save] = field(default_factory=list)
     answers: list[Answer] = field(default_factory=list)
     taken: list[Offered] = field(default_factory=list)
     """Plans that navigation has now."""
@@ -149,6 +187,8 @@ class Desk:
         """Orders to the mission by client, with the count of those done before."""
         self._plans: dict[str, tuple[_Asked, Offered]] = {}
         """Plans that navigation has still to take, by their kind."""
+        self._tuning: dict[int, _Asked] = {}
+        """Requests that telemetry has not answered, by their numbers."""
         self._last_request = 0
         self._begun_ns: int | None = None
         """When MANUAL was asked for, until navigation is in it [ns]."""
@@ -194,6 +234,7 @@ class Desk:
         """Take note of how the robot is."""
         if isinstance(message, ControlState):
             self._robot.control = message
+            self._robot.recent.append(message)
             self._stops.hear(message, now.server_ns)
             self._answer_stops()
             self._answer_arming(message)
@@ -211,6 +252,14 @@ class Desk:
             self._note_plan("zones", message.zones_crc)
         elif isinstance(message, LocalisationState):
             self._robot.localisation = message
+        elif isinstance(message, ParameterTable):
+            self._robot.parameters = message
+        elif isinstance(message, ParameterValues):
+            self._robot.values = message
+        elif isinstance(message, ParameterAnswer):
+            asked = self._tuning.pop(message.request_id, None)
+            if asked is not None and message.refusal:
+                self._tell(asked.client, Refused(asked.number, message.refusal))
         self._drive(now)
 
     def step(self, now: Now) -> None:
@@ -221,10 +270,11 @@ class Desk:
         if self._stops.step(now.server_ns):
             self._send_stop(now)
         self._answer_stops()
-        for number, asked in list(self._arming.items()):
-            if now.server_ns > asked.deadline_ns:
-                del self._arming[number]
-                self._tell(asked.client, Refused(asked.number, "control does not answer"))
+        for process, waiting in (("control", self._arming), ("telemetry", self._tuning)):
+            for number, asked in list(waiting.items()):
+                if now.server_ns > asked.deadline_ns:
+                    del waiting[number]
+                    self._tell(asked.client, Refused(asked.number, f"{process} does not answer"))
         for client, (asked, mode) in list(self._modes.items()):
             if now.server_ns > asked.deadline_ns:
                 del self._modes[client]
@@ -301,6 +351,8 @@ class Desk:
         """Return what of the robot, or of other clients, speaks against a request."""
         if objection := self._other_driver(client):
             return objection
+        if isinstance(message, Tuned):
+            return ""  # who drives may tune meanwhile: nothing jumps
         if self._driving.is_held:
             return "let the sticks go first"
         match message:
@@ -350,6 +402,42 @@ class Desk:
                 done = 0 if navigation is None else navigation.mission_commands
                 asked = _Asked(client, message.id, now.server_ns + ANSWER_NS)
                 self._orders[client] = (asked, done)
+            case TuneRequest() | ResetRequest() | SaveRequest() | ResponseRequest():
+                self._tune(client, message, now)
+
+    def _tune(self, client: int, message: Tuned, now: Now) -> None:
+        """Hand on a request about parameters."""
+        stamp_ns = now.robot_ns
+        match message:
+            case TuneRequest():
+                number = self._await_telemetry(client, message, now)
+                request = SetParameter(stamp_ns, number, message.name, message.value)
+                self._out.to_telemetry.append(request)
+            case ResetRequest():
+                number = self._await_telemetry(client, message, now)
+                self._out.to_telemetry.append(ResetParameters(stamp_ns, number))
+            case SaveRequest():
+                self._save(client, message)
+            case ResponseRequest():
+                self._tell(client, self._robot.response(message.id))
+
+    def _await_telemetry(self, client: int, message: Dated, now: Now) -> int:
+        """Return the number of a request to telemetry, whose answer is for a client."""
+        self._last_request = max(self._last_request + 1, now.robot_ns)
+        asked = _Asked(client, message.id, now.server_ns + ANSWER_NS)
+        self._tuning[self._last_request] = asked
+        return self._last_request
+
+    def _save(self, client: int, message: SaveRequest) -> None:
+        """Have all parameters that may be set written into the robot's file."""
+        table, values = self._robot.parameters, self._robot.values
+        if table is None or values is None:
+            self._tell(client, Refused(message.id, "telemetry has not told the parameters yet"))
+            return
+        pairs = zip(table.parameters, values.wanted, strict=True)
+        wanted = {facts.key: value for facts, value in pairs if not facts.is_fixed}
+        connection = self._clients[client].connection
+        self._out.saves.append(Save(connection, message.id, wanted))
 
     def _stop(self, connection: object, message: Stop | StopRequest, now: Now) -> None:
         self._send_stop(now)

@@ -14,6 +14,7 @@ import msgspec
 from robotctl.messages.control import Ack, SafetyState
 from robotctl.messages.faults import Fault
 from robotctl.messages.mode import Mode
+from robotctl.messages.tuning import ParameterFacts
 from robotctl.model.geometry.localisation import LocalisationStatus
 
 
@@ -39,6 +40,8 @@ class ControlState(Published, frozen=True):
     reason: str
     acks: tuple[Ack, ...] = ()
     armings: int = 0
+    wheel_ref_rad_s: tuple[float, ...] = ()
+    wheel_rad_s: tuple[float, ...] = ()
     against_arming: tuple[Fault, ...] = ()
 
     @property
@@ -154,6 +157,33 @@ class LiveMap(Published, frozen=True):
     """The map as it grows."""
 
 
+class ParameterAnswer(Published, frozen=True):
+    """Answer to a request about parameters, for who made it."""
+
+    request_id: int
+    refusal: str
+
+
+class ParameterTable(Published, frozen=True):
+    """Description of all parameters."""
+
+    parameters: tuple[ParameterFacts, ...]
+
+
+class ParameterValues(Published, frozen=True):
+    """Values of all parameters, repeated for late subscribers."""
+
+    repeats: ClassVar[bool] = True
+
+    wanted: tuple[bool | int | float, ...]
+    in_force: tuple[bool | int | float, ...]
+
+    @property
+    def told(self) -> object:
+        """All of them."""
+        return self.wanted, self.in_force
+
+
 class GivenMap(Published, frozen=True):
     """The localiser's map, repeated for late subscribers."""
 
@@ -174,6 +204,9 @@ AnyPublished: TypeAlias = (
     | SlamGraph
     | MissionView
     | BoundsView
+    | ParameterAnswer
+    | ParameterTable
+    | ParameterValues
 )
 
 _FIGURES: Final = re.compile(r"[\d.]+")

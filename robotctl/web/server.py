@@ -20,10 +20,13 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from robotctl.config_values import Value
+from robotctl.errors import RobotctlError
 from robotctl.messages.control import ControlRequest, NavigationRequest
 from robotctl.messages.mission import LoadMission
+from robotctl.messages.tuning import ParameterRequest
 from robotctl.web.access import HEADERS, Access, Asker, Role
-from robotctl.web.desk import LOOK_ONLY, Desk, Now
+from robotctl.web.desk import LOOK_ONLY, Desk, Now, Save
 from robotctl.web.outbox import Outbox
 from robotctl.web.plan_uploads import (
     MAX_PLAN_BYTES,
@@ -35,7 +38,7 @@ from robotctl.web.plan_uploads import (
     offered,
     read_upload,
 )
-from robotctl.web.published import GivenMap, Published, read, with_tag
+from robotctl.web.published import GivenMap, ParameterAnswer, Published, read, with_tag
 from robotctl.web.rate import RateLimit
 from robotctl.web.wire import (
     PROTOCOL,
@@ -43,7 +46,9 @@ from robotctl.web.wire import (
     Downward,
     Hello,
     LiveMessage,
+    Refused,
     RobotOutline,
+    Saved,
     StopMessage,
     encode,
 )
@@ -153,7 +158,7 @@ class RobotSide:
         What does not change.
     now
         The present by both clocks.
-    to_control, to_navigation
+    to_control, to_navigation, to_telemetry
         Hand on a request; whether a process was there to take it.
     say
         Tell logs and ground stations.
@@ -161,6 +166,10 @@ class RobotSide:
         Keep plans over restarts, by their kind.
     camera
         Pictures of the camera; None: there is none.
+    save
+        Write parameters, by their keys, into the robot's file, in any thread; return the names of
+        the file and of a copy of the old one, and the keys that are new. Raises `RobotctlError` or
+        `OSError` where that cannot be.
     """
 
     outline: RobotOutline
@@ -168,6 +177,8 @@ class RobotSide:
     to_control: Callable[[ControlRequest], bool]
     to_navigation: Callable[[NavigationRequest], bool]
     say: Callable[[str], None]
+    to_telemetry: Callable[[ParameterRequest], bool]
+    save: Callable[[Mapping[str, Value]], tuple[str, str, tuple[str, ...]]]
     stores: Mapping[str, PlanStore] = field(default_factory=dict)
     camera: PictureSource | None = None
 
@@ -204,6 +215,7 @@ class PageServer:
         self._filming: asyncio.Task[None] | None = None
         self._reading = asyncio.Lock()
         """Held while a plan is checked: one at a time, so that they leave time for all else."""
+        self._saves: set[asyncio.Task[None]] = set()
         self._decode_live = msgspec.json.Decoder(LiveMessage).decode
         self._decode_stop = msgspec.json.Decoder(StopMessage).decode
         self._decode_session = msgspec.json.Decoder(Session).decode
@@ -234,8 +246,10 @@ class PageServer:
         now = self._robot.now()
         for data in messages:
             message = read(data)
-            if message is not None:
-                self._desk.hear(message, now)
+            if message is None:
+                continue
+            self._desk.hear(message, now)
+            if not isinstance(message, ParameterAnswer):
                 self._show(message, data)
         for data in list(truths)[-1:]:
             self._put("Truth", with_tag(data, "Truth"), keep=False)
@@ -297,15 +311,42 @@ class PageServer:
         for plan in out.taken:
             if (store := self._robot.stores.get(plan.kind)) is not None:
                 asyncio.get_running_loop().run_in_executor(None, store.keep, plan.content)
+        for to_telemetry in out.to_telemetry:
+            self._robot.to_telemetry(to_telemetry)
+        for save in out.saves:
+            self._begin_save(save)
         for connection, message in out.answers:
-            if isinstance(connection, Connection):
-                self._answer(connection, message)
+            self._answer_to(connection, message)
         if (driver := self._desk.driver) != self._driver:
             if driver.client != self._driver.client:
                 self._robot.say(f"{driver.name} drives" if driver.name else driver.why)
             self._driver = driver
             for each in self._live.values():
                 self._answer(each, driver)
+
+    def _begin_save(self, save: Save) -> None:
+        """Write the robot's file, one at a time."""
+        if self._saves:
+            self._answer_to(save.connection, Refused(save.number, "the file is being written"))
+            return
+        task = asyncio.get_running_loop().create_task(self._save(save))
+        self._saves.add(task)
+        task.add_done_callback(self._saves.discard)
+
+    async def _save(self, save: Save) -> None:
+        """Write parameters into the robot's file; a stop must not wait for the disk."""
+        try:
+            written = await asyncio.to_thread(self._robot.save, save.values)
+        except (RobotctlError, OSError) as error:
+            answer: Downward = Refused(save.number, str(error))
+        else:
+            file, copy, keys = written
+            answer = Saved(save.number, file, copy, keys)
+        self._answer_to(save.connection, answer)
+
+    def _answer_to(self, connection: object, message: Downward) -> None:
+        if isinstance(connection, Connection):
+            self._answer(connection, message)
 
     def _answer(self, connection: Connection, message: Downward | Hello) -> None:
         connection.put(type(message).__name__, encode(message), keep=True)

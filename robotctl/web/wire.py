@@ -25,6 +25,7 @@ Time: TypeAlias = Annotated[float, Meta(ge=-1e15, le=1e15)]
 Coordinate: TypeAlias = Annotated[float, Meta(ge=-FARTHEST_M, le=FARTHEST_M)]
 Angle: TypeAlias = Annotated[float, Meta(ge=-1e3, le=1e3)]
 Axis: TypeAlias = Annotated[float, Meta(ge=-1.0, le=1.0)]
+ParameterName: TypeAlias = Annotated[str, Meta(max_length=16)]
 
 
 class Upward(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
@@ -92,6 +93,36 @@ class TakeDriving(Upward, frozen=True):
     at_ms: Time
 
 
+class TuneRequest(Upward, frozen=True):
+    """Request to set a parameter; `value` None: to that of the robot's file."""
+
+    id: Number
+    at_ms: Time
+    name: ParameterName
+    value: float | None
+
+
+class ResetRequest(Upward, frozen=True):
+    """Request to set all parameters to the values of the robot's file."""
+
+    id: Number
+    at_ms: Time
+
+
+class SaveRequest(Upward, frozen=True):
+    """Request to write the present values of all parameters into the robot's file."""
+
+    id: Number
+    at_ms: Time
+
+
+class ResponseRequest(Upward, frozen=True):
+    """Request for what the wheels were to do and did within the last seconds."""
+
+    id: Number
+    at_ms: Time
+
+
 class GiveDriving(Upward, frozen=True):
     """The driver is no longer one; who asked for it is the next."""
 
@@ -138,8 +169,9 @@ class WatchCamera(Upward, frozen=True):
     watch: bool
 
 
+Tuned: TypeAlias = TuneRequest | ResetRequest | SaveRequest | ResponseRequest
 Order: TypeAlias = GoOn | JumpTo | Abort
-Dated: TypeAlias = ArmRequest | ModeRequest | GoTo | PlaceRobot | TakeDriving | Order
+Dated: TypeAlias = ArmRequest | ModeRequest | GoTo | PlaceRobot | TakeDriving | Order | Tuned
 LiveMessage: TypeAlias = Ping | StopRequest | GiveDriving | Sticks | WatchCamera | Dated
 StopMessage: TypeAlias = Ping | Stop
 
@@ -172,6 +204,9 @@ class RobotOutline(msgspec.Struct, frozen=True):
     v_max_m_s: float
     omega_max_rad_s: float
     vy_max_m_s: float
+    wheels: tuple[str, ...] = ()
+    file: str = ""
+    """Name of the robot's file, where the page may write it; empty: it may not."""
 
 
 class Hello(RobotOutline, frozen=True, tag=True, kw_only=True):
@@ -240,6 +275,24 @@ class CameraPicture(Downward, frozen=True):
     floor: tuple[tuple[float, float] | None, ...] = ()
     things: tuple[tuple[float, float, float], ...] = ()
     trouble: str = ""
+
+
+class Saved(Downward, frozen=True):
+    """The robot's file was written: its name, that of the copy of the old one, and what is new."""
+
+    id: int
+    file: str
+    copy: str
+    keys: tuple[str, ...]
+
+
+class Response(Downward, frozen=True):
+    """Speeds that the wheels were to have and had [rad/s], a tuple for each time [ns]."""
+
+    id: int
+    stamp_ns: tuple[int, ...]
+    wheel_ref_rad_s: tuple[tuple[float, ...], ...]
+    wheel_rad_s: tuple[tuple[float, ...], ...]
 
 
 _encoder = msgspec.msgpack.Encoder()

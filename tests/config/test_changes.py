@@ -55,3 +55,13 @@ def test_a_damaged_file_gives_the_generation_before_and_says_so(options, tmp_pat
     options, notes = with_changes(options)
     assert options.changes == {"control.left.kp": 0.7}
     assert "damaged" in notes[0]
+
+
+def test_what_was_written_into_the_file_is_no_longer_kept_beside_it(options, tmp_path):
+    kept = ParameterFile(str(tmp_path))
+    kept.save({"control.left.kp": 0.7, "control.left.ki": 4.3})
+    kept.drop_those_of(options.load_file())
+    assert kept.load()[0] == {"control.left.kp": 0.7}
+    before = {each.name: each.stat().st_mtime_ns for each in tmp_path.iterdir()}
+    kept.drop_those_of(options.load_file())
+    assert {each.name: each.stat().st_mtime_ns for each in tmp_path.iterdir()} == before

@@ -81,6 +81,14 @@ class DrivenRobot:
         codec.seq = (codec.seq + 1) % 256
         self.links.incoming.append(Received(decoded, Peer(0, 0)))
 
+    def tell_telemetry(self, request):
+        """Let a request of another process of the robot arrive."""
+        self._states.append(request)
+
+    def tell_navigation(self, request):
+        """Let a request to navigation arrive."""
+        self._to_navigation.append(request)
+
     def tick(self):
         """Let one period of control pass."""
         requests, self._to_control = tuple(self._to_control), []

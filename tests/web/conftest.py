@@ -97,6 +97,9 @@ class FakeRobot:
     def __init__(self) -> None:
         self.control: list = []
         self.navigation: list = []
+        self.telemetry: list = []
+        self.saved: list = []
+        self.why_not_saved: Exception | None = None
         self.said: list[str] = []
         self.published: list[bytes] = []
         self.state = SafetyState.ARMED
@@ -104,7 +107,13 @@ class FakeRobot:
 
     def side(self) -> RobotSide:
         return RobotSide(
-            OUTLINE, self.now, self._take_control, self._take_navigation, self.said.append
+            OUTLINE,
+            self.now,
+            self._take_control,
+            self._take_navigation,
+            self.said.append,
+            self._take_telemetry,
+            self._save,
         )
 
     def now(self) -> Now:
@@ -118,6 +127,16 @@ class FakeRobot:
     def _take_navigation(self, request) -> bool:
         self.navigation.append(request)
         return True
+
+    def _take_telemetry(self, request) -> bool:
+        self.telemetry.append(request)
+        return True
+
+    def _save(self, values) -> tuple:
+        if self.why_not_saved is not None:
+            raise self.why_not_saved
+        self.saved.append(values)
+        return "robby.toml", "robby.toml.~1~", tuple(values)
 
     def publish(self, *messages: msgspec.Struct) -> None:
         self.published += [msgspec.msgpack.encode(each) for each in messages]

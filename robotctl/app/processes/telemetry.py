@@ -25,13 +25,16 @@ from robotctl.drivers.mavlink.signing import MINUTE
 from robotctl.drivers.mavlink.tlog import TlogRecorder
 from robotctl.mavlink.context import State, TelemetryRobot
 from robotctl.mavlink.parameters.parameter_set import Configurations, ParameterSet
+from robotctl.mavlink.parameters.published import table_of
 from robotctl.mavlink.telemetry import Telemetry
 from robotctl.messages.control import ControlRequest, EmergencyStop, NavigationRequest
+from robotctl.messages.tuning import ParameterRequest
 from robotctl.model.geometry.se2 import SE2
 from robotctl.runtime.ipc.heartbeat import ProcessHeartbeat
 from robotctl.runtime.ipc.topics import (
     Endpoints,
     Publisher,
+    RequestReceiver,
     RequestSender,
     Subscriber,
     endpoint_directory,
@@ -81,6 +84,14 @@ def _keep(telemetry: Telemetry, keys: SigningFiles, tlog: TlogRecorder, now_ns: 
         )
 
 
+def _publish(telemetry: Telemetry, notices: Publisher, parameters: Publisher) -> None:
+    """Tell the other processes what is new."""
+    for notice in telemetry.take_notices():
+        notices.send(notice)
+    for each in telemetry.take_news():
+        parameters.send(each)
+
+
 def run(config: RobotConfig, options: StackOptions) -> None:
     """Serve the links until SIGTERM or SIGINT."""
     stopped = StopFlag()
@@ -95,6 +106,14 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     to_control = RequestSender(context, endpoints.control_requests)
     to_navigation = RequestSender(context, endpoints.navigation_requests)
     to_supervisor = RequestSender(context, endpoints.supervisor_requests)
+    requests = RequestReceiver[ParameterRequest](
+        context, endpoints.telemetry_requests, ParameterRequest
+    )
+    parameters = parameters_of(config, options)
+    store = ParameterFile(options.state)
+    store.drop_those_of(options.load_file())
+    parameter_publisher = Publisher(context, endpoints.parameters)
+    parameter_publisher.greet(table_of(parameters, clock.now_ns()))
     publisher = Publisher(context, endpoints.telemetry_notices)
     mavlink = config.mavlink
     keys = SigningFiles(mavlink, options)
@@ -113,8 +132,8 @@ def run(config: RobotConfig, options: StackOptions) -> None:
             described(config, options),
             links,
             stores=plan_stores(options.state),
-            parameters=parameters_of(config, options),
-            parameter_store=ParameterFile(options.state),
+            parameters=parameters,
+            parameter_store=store,
             take_key=keys.take_key,
             ask_supervisor=to_supervisor.send,
             folders=served_folders(options),
@@ -132,7 +151,8 @@ def run(config: RobotConfig, options: StackOptions) -> None:
             if end_ns is not None and os.getppid() != parent:
                 parent = os.getppid()
                 telemetry.say(clock.now_ns(), "the supervisor ended: so does robotctl")
-            for request in telemetry.step(clock.now_ns(), states.receive()):
+            received = [*states.receive(), *requests.receive()]
+            for request in telemetry.step(clock.now_ns(), received):
                 if isinstance(request, NavigationRequest):
                     to_navigation.send(request)
                 if not isinstance(request, ControlRequest):
@@ -141,8 +161,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
                     stop = request
             if stop is not None and to_control.send(stop):
                 stop = None
-            for notice in telemetry.take_notices():
-                publisher.send(notice)
+            _publish(telemetry, publisher, parameter_publisher)
             _keep(telemetry, keys, tlog, clock.now_ns())
             heartbeat.beat()
             deadline_ns = max(deadline_ns + 1_000_000_000 // RATE_HZ, clock.now_ns())

@@ -20,6 +20,7 @@ import robotctl
 from robotctl.app.processes.entry import enter
 from robotctl.app.processes.plan_files import plan_stores
 from robotctl.app.supervision.signals import StopFlag
+from robotctl.config.file_writing import ParameterWriter
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig
 from robotctl.messages.control import Notice, Severity
@@ -45,8 +46,8 @@ _ARM_NS: Final = 1_000_000_000
 """Time for control's answer after it has given up arming [ns]."""
 
 
-def outline_of(config: RobotConfig, *, simulated: bool) -> RobotOutline:
-    """Return what the page needs to know of a robot before any message."""
+def outline_of(config: RobotConfig, *, simulated: bool, file: str = "") -> RobotOutline:
+    """Return what the page needs to know of a robot before any message; `file` may be written."""
     body = body_rectangle(config.navigation.guard, config.sonar)
     rear_m, front_m, half_m = body
     limits = config.limits
@@ -66,6 +67,8 @@ def outline_of(config: RobotConfig, *, simulated: bool) -> RobotOutline:
         v_max_m_s=limits.v_max_m_s,
         omega_max_rad_s=limits.omega_max_rad_s,
         vy_max_m_s=limits.vy_max_m_s,
+        wheels=config.drive.wheel_names,
+        file=file,
     )
 
 
@@ -172,19 +175,24 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     secrets = secrets_of(config.web, Path(options.state or endpoints.web_links.parent))
     access = Access(secrets.tokens, config.web.allowed_hosts, port, is_https=config.web.tls)
     context: zmq.Context[Any] = zmq.Context()
-    states = RawSubscriber(context, (*endpoints.published, endpoints.supervisor_notices))
+    heard = (*endpoints.published, endpoints.supervisor_notices, endpoints.parameters)
+    states = RawSubscriber(context, heard)
     simulated = Path(endpoints.truth.removeprefix("ipc://")).exists()
     truths = RawSubscriber(context, (endpoints.truth,)) if simulated else None
     to_control = RequestSender(context, endpoints.control_requests)
     to_navigation = RequestSender(context, endpoints.navigation_requests)
+    to_telemetry = RequestSender(context, endpoints.telemetry_requests)
+    writer = ParameterWriter(options)
     heartbeat = ProcessHeartbeat(os.environ)
     notices = Publisher(context, endpoints.web_notices)
     robot = RobotSide(
-        outline_of(config, simulated=simulated),
+        outline_of(config, simulated=simulated, file=writer.writable),
         lambda: Now(time.monotonic_ns(), clock.now_ns()),
         to_control.send,
         to_navigation.send,
         lambda text: notices.send(Notice(clock.now_ns(), Severity.NOTICE, f"web page: {text}")),
+        to_telemetry.send,
+        writer.save,
         plan_stores(options.state),
         _camera_of(config, endpoints),
     )

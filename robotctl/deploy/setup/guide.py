@@ -7,9 +7,9 @@ from typing import Final
 
 import msgspec
 
-from robotctl import toml_source
-from robotctl.config.file_edit import Change, edit
-from robotctl.config.robot_file import RobotConfig, contradictions, load_robot
+from robotctl.config.file_edit import Change
+from robotctl.config.file_writing import changed_file
+from robotctl.config.robot_file import load_robot
 from robotctl.deploy.setup.bench import CREEP_M_S, SLOW_M_S, Bench, Buses
 from robotctl.deploy.setup.dialogue import (
     Answer,
@@ -181,9 +181,7 @@ class Guide:
         """
         if not changes:
             return ()
-        before = self._file.read_text(encoding="utf-8-sig")
-        after, undo = edit(before, changes)
-        toml_source.parse(after, RobotConfig, str(self._file), rules=contradictions)
+        after, undo = changed_file(self._file, changes)
         write_whole(self._file, after)
         for change in changes:
             self._person.tell(f"{self._file}: {_words(change)}")

@@ -72,8 +72,11 @@ def kind_of(value: Value) -> int:
 
 
 def single(value: Value) -> float:
-    """Return a value as the 32 bit number that MAVLink carries, an integer as that number."""
-    return float(struct.unpack("<f", struct.pack("<f", float(value)))[0])
+    """Return a value as the 32 bit number that MAVLink carries; infinite where that has no room."""
+    try:
+        return float(struct.unpack("<f", struct.pack("<f", float(value)))[0])
+    except OverflowError:
+        return math.copysign(math.inf, value)
 
 
 def shortest(value: float) -> float:

@@ -111,10 +111,18 @@ class ParameterSet:
         """Return the value that is wanted, which a restart brings if it is not in force yet."""
         return _present(self._wanted, parameter)
 
+    def default(self, parameter: Parameter) -> Value:
+        """Return the value of the robot's file."""
+        return _present(self._file, parameter)
+
+    def in_force(self, parameter: Parameter) -> Value:
+        """Return the value that is in force."""
+        return _present(self._now, parameter)
+
     def facts(self) -> list[Facts]:
         """Return what people should know of each."""
         return [
-            Facts(each, _present(self._file, each), *words(self._file, each.key))
+            Facts(each, self.default(each), *words(self._file, each.key))
             for each in self.parameters
         ]
 
@@ -141,7 +149,7 @@ class ParameterSet:
             return ""
         self._wanted = wanted
         self._take_effect(parameter)
-        now = _present(self._now, parameter)
+        now = self.in_force(parameter)
         said = f"{_text(old)} -> {_text(value)}"
         return said if now == value else f"{said} after a restart, {_text(now)} until then"
 

@@ -11,7 +11,7 @@ import socket
 import threading
 import time
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -20,6 +20,14 @@ import numpy as np
 import uvicorn
 
 import robotctl
+from robotctl.config.robot_file import contradictions, find_file, load_robot
+from robotctl.mavlink.parameters.parameter import REAL32
+from robotctl.mavlink.parameters.parameter_set import (
+    Configurations,
+    ParameterRefused,
+    ParameterSet,
+)
+from robotctl.mavlink.parameters.published import table_of, values_of
 from robotctl.messages.control import (
     Ack,
     Arm,
@@ -27,6 +35,7 @@ from robotctl.messages.control import (
     BusStatus,
     ControlState,
     EmergencyStop,
+    ImuFeedback,
     LoopStatistics,
     ManualControl,
     NavigationState,
@@ -49,6 +58,7 @@ from robotctl.messages.fence import FenceState, SetFence
 from robotctl.messages.mission import JumpToItem, LoadMission
 from robotctl.messages.mode import Mode
 from robotctl.messages.plans import BoundsView, MissionView, SetZones
+from robotctl.messages.tuning import ParameterAnswer, ResetParameters
 from robotctl.model.fence import Fence
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.web.access import Access, Role
@@ -75,7 +85,10 @@ OUTLINE = RobotOutline(
     v_max_m_s=1.0,
     omega_max_rad_s=2.0,
     vy_max_m_s=0.0,
+    wheels=("left", "right"),
+    file="/etc/robotctl/tester.toml",
 )
+CONFIG = load_robot(find_file("diff_drive"))
 
 
 def walled_map() -> LiveMap:
@@ -103,6 +116,12 @@ class ServedRobot:
         Whether control takes requests, but does nothing.
     asked
         All requests to control and navigation, oldest first.
+    wheel_distance_m, sonar_m, imu_rate_rad_s
+        What control says of wheels and sonars [m]; of the gyro's z axis [rad/s], None: no IMU.
+    parameters
+        What telemetry knows of parameters.
+    saved, why_not_saved
+        Values that were written into the robot's file; why none are.
     particles
         x, y, heading of particles, (n, 3) float32.
     """
@@ -121,10 +140,16 @@ class ServedRobot:
         self.item = 0
         self.camera: PictureSource | None = None
         self.asked: list[Any] = []
+        self.wheel_distance_m = (0.0, 0.0)
+        self.sonar_m: tuple[float, ...] = (1.0,)
+        self.imu_rate_rad_s: float | None = None
         self.particles = np.empty((0, 3), np.float32)
         self.published_ns: dict[int, int] = {}
         """Wall clock at which the server was given each state, by its stamp [ns]."""
         self.remarks: list[str] = []
+        self.parameters = ParameterSet(Configurations(CONFIG, CONFIG, contradictions), {})
+        self.saved: list[dict[str, Any]] = []
+        self.why_not_saved: Exception | None = None
         self._tokens = tokens or {}
         self._acks: tuple[Ack, ...] = ()
         self._encode = msgspec.msgpack.Encoder().encode
@@ -146,6 +171,8 @@ class ServedRobot:
             self._take,
             self._take,
             self.remarks.append,
+            self._tune,
+            self._save,
             camera=self.camera,
         )
         desk = Desk(has_localiser=True, arm_timeout_ns=1_000_000_000)
@@ -208,6 +235,8 @@ class ServedRobot:
             self._plan(now_ns),
             MissionView(now_ns, "", self._mission_crc, self.mission.content),
             msgspec.structs.replace(self.bounds, stamp_ns=now_ns),
+            table_of(self.parameters, now_ns),
+            values_of(self.parameters, now_ns),
             self._navigation(now_ns),
             self._control(now_ns),
         )
@@ -228,15 +257,16 @@ class ServedRobot:
             omega_ref_rad_s=0.0,
             distance_m=0.0,
             wheel_rad_s=(1.0, 2.0),
-            wheel_ref_rad_s=(1.0, 2.0),
-            wheel_distance_m=(0.0, 0.0),
+            wheel_ref_rad_s=self._wheel_ref_rad_s,
+            wheel_distance_m=self.wheel_distance_m,
             duty=(0.1, 0.2),
             current_a=(0.5, math.nan),
             temperature_c=(30.0, 31.0),
             steering_rad=math.nan,
             bus_voltage_v=12.0,
             battery=BatteryFeedback(now_ns, 12.1, 1.0, 0.8, 25.0, low=False, critical=False),
-            sonar_m=(1.0,),
+            sonar_m=self.sonar_m,
+            imu=self._imu(now_ns),
             sonar_stamp_ns=(now_ns,),
             nodes=(NodeStatus(1, "drive", 5, now_ns, 1, ""),),
             bus=BusStatus(load=0.12),
@@ -245,6 +275,17 @@ class ServedRobot:
             fault=self.fault,
             against_arming=self.against_arming,
         )
+
+    @property
+    def _wheel_ref_rad_s(self) -> tuple[float, float]:
+        sticks = self.sticks
+        return (0.0, 0.0) if sticks is None else (10.0 * sticks[0], 10.0 * sticks[0])
+
+    def _imu(self, now_ns: int) -> ImuFeedback | None:
+        if self.imu_rate_rad_s is None:
+            return None
+        rate = (0.0, 0.0, self.imu_rate_rad_s)
+        return ImuFeedback(now_ns, now_ns, rate, (0.0, 0.0, 9.81), (0.0, 0.0, 1.0))
 
     def _navigation(self, now_ns: int) -> NavigationState:
         return NavigationState(
@@ -325,6 +366,33 @@ class ServedRobot:
                 self.bounds = msgspec.structs.replace(self.bounds, zones=zones, zones_crc=crc)
             case JumpToItem(item=item):
                 self.item = int(item) - 1
+
+    def _tune(self, request: Any) -> bool:
+        """Set parameters as telemetry does, without control."""
+        self.asked.append(request)
+        refusal = ""
+        if isinstance(request, ResetParameters):
+            self.parameters.reset()
+        else:
+            refusal = self.set(request.name, request.value)
+        self.publish(ParameterAnswer(request.request_id, refusal))
+        return True
+
+    def _save(self, values: Mapping[str, Any]) -> tuple[str, str, tuple[str, ...]]:
+        if self.why_not_saved is not None:
+            raise self.why_not_saved
+        self.saved.append(dict(values))
+        return "tester.toml", "tester.toml.~1~", tuple(self.parameters.changes())
+
+    def set(self, name: str, value: float | None) -> str:
+        """Set a parameter, as a ground station may; return why not."""
+        parameter = self.parameters.parameters[self.parameters.index_of(name)]
+        raw = self.parameters.default(parameter) if value is None else value
+        try:
+            self.parameters.set(parameter, float(raw), REAL32)
+        except ParameterRefused as refusal:
+            return str(refusal)
+        return ""
 
     # What tests ask
 

@@ -42,7 +42,7 @@ def test_axe_finds_no_serious_fault(open_page, settings):
     page.locator(".map-layers summary").click()
     page.locator(".pad summary").click()
     found = []
-    for tab in ("Drive", "Plots", "Nodes"):
+    for tab in ("Drive", "Plots", "Nodes", "Tune", "Set up"):
         page.get_by_role("tab", name=tab).click()
         found += Axe().run(page).response["violations"]
     serious = [each for each in found if each["impact"] in {"serious", "critical"}]

@@ -1,6 +1,7 @@
 """Parameters: list, read and set. https://mavlink.io/en/services/parameter.html.
 
-Integers are packed as the robot's personality says.
+Integers are packed as the robot's personality says. Other processes of the robot, such as that of
+its web page, set them by the same rules.
 """
 
 from __future__ import annotations
@@ -23,12 +24,20 @@ from robotctl.mavlink.command import (
     Command,
 )
 from robotctl.mavlink.context import Context
-from robotctl.mavlink.parameters.parameter import MOST_LETTERS, Parameter, kind_of
+from robotctl.mavlink.parameters.parameter import MOST_LETTERS, REAL32, Parameter, kind_of
 from robotctl.mavlink.parameters.parameter_set import ParameterRefused, Problem
+from robotctl.mavlink.parameters.published import values_of
 from robotctl.mavlink.service import Microservice
 from robotctl.messages.control import Severity
 from robotctl.messages.mavlink_port import Message, Peer, source
-from robotctl.messages.tuning import Tuning
+from robotctl.messages.requests import REQUEST_LIFE_NS
+from robotctl.messages.tuning import (
+    ParameterAnswer,
+    ParameterRequest,
+    ResetParameters,
+    SetParameter,
+    Tuning,
+)
 
 PER_STEP: Final = 4
 """Parameters of a list sent in a step: 400 in a second, 15 kB/s."""
@@ -43,6 +52,8 @@ AGAIN_NS: Final = 500_000_000
 """Interval after which values that control or navigation has not taken are sent again [ns]."""
 LATE_NS: Final = 1_200_000_000
 """Delay after which people are told [ns]."""
+PUBLISHED_NS: Final = 1_000_000_000
+"""Period at which the values are published again for late subscribers [ns]."""
 NO_INDEX: Final = -1
 STORAGE: Final[int] = common.MAV_CMD_PREFLIGHT_STORAGE
 CHANGE_SPEED: Final[int] = common.MAV_CMD_DO_CHANGE_SPEED
@@ -84,6 +95,7 @@ class Parameters(Microservice):
         """The speed of DO_CHANGE_SPEED, by its key: it is not kept."""
         self._sent_ns = self._changed_ns = 0
         self._is_late = False
+        self._published_ns: int | None = None
         self._bring_into_force(0)
 
     def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:
@@ -107,21 +119,23 @@ class Parameters(Microservice):
             saved = self._context.parameter_store.save(self._set.changes())
             return ACCEPTED if saved else FAILED
         if command.params[0] == _RESET:
-            return self._reset(now_ns)
+            objection = self._reset(now_ns)
+            if objection:
+                self._context.say(now_ns, f"Storage: {objection}")
+            return TEMPORARILY_REJECTED if objection else ACCEPTED
         self._context.say(now_ns, "Storage: param1 1 keeps the parameters, 2 forgets what was set")
         return DENIED
 
-    def _reset(self, now_ns: int) -> int:
-        """Take the values of the robot's file."""
+    def _reset(self, now_ns: int) -> str:
+        """Take the values of the robot's file; return why not, empty: they are taken."""
         if self._context.is_armed(now_ns):
-            self._context.say(now_ns, "Storage: not while armed")
-            return TEMPORARILY_REJECTED
+            return "not while armed"
         changed = self._set.reset()
         said = [f"Parameter {parameter.name}: {change}" for parameter, change in changed]
         self._taken += [parameter for parameter, _ in changed]
         self._said += said
         self._keep(now_ns)
-        return ACCEPTED
+        return ""
 
     def _change_speed(self, speed_m_s: float, now_ns: int) -> int:
         """Drive to the coming places at another speed, until a restart or `SPEED` is set."""
@@ -148,10 +162,49 @@ class Parameters(Microservice):
         for peer in list(self._lists):
             self._send_next(peer)
         self._puts.clear()
+        for number, request in enumerate(self._context.parameter_requests):
+            refusal = self._carry_out(request, now_ns) if number < MOST_SETS else "too many at once"
+            self._context.news.append(ParameterAnswer(request.request_id, refusal))
+        self._context.parameter_requests.clear()
         if self._taken and now_ns - self._saves_ns[0] >= SAVES_NS:
             self._keep(now_ns)
         if now_ns - self._sent_ns >= AGAIN_NS:
             self._follow(now_ns)
+        if self._published_ns is None or now_ns - self._published_ns >= PUBLISHED_NS:
+            self._publish(now_ns)
+
+    def _publish(self, now_ns: int) -> None:
+        """Let the other processes see the values."""
+        self._published_ns = now_ns
+        self._context.news.append(values_of(self._set, now_ns))
+
+    def _carry_out(self, request: ParameterRequest, now_ns: int) -> str:
+        """Carry out a request of another process; return why not, empty: it is carried out."""
+        if not 0 <= now_ns - request.stamp_ns <= REQUEST_LIFE_NS:
+            return "the request is too old, or of the future"
+        if isinstance(request, ResetParameters):
+            return self._reset(now_ns)
+        index = self._set.index_of(request.name)
+        if index is None:
+            return f"{request.name[:MOST_LETTERS]}: no such parameter"
+        try:
+            self._set_one(self._set.parameters[index], request)
+        except ParameterRefused as refusal:
+            return str(refusal)
+        return ""
+
+    def _set_one(self, parameter: Parameter, request: SetParameter) -> None:
+        """Set a parameter for another process; raises as `ParameterSet.set`."""
+        value = request.value
+        raw = float(self._set.default(parameter)) if value is None else value
+        if change := self._set.set(parameter, raw, REAL32):
+            self._note(parameter, change)
+
+    def _note(self, parameter: Parameter, change: str) -> None:
+        """Have a change kept, brought into force and told with the next save."""
+        self._taken.append(parameter)
+        self._speed.pop(parameter.key, None)
+        self._said.append(f"Parameter {parameter.name}: {change}")
 
     def _send_next(self, peer: Peer) -> None:
         """Send a part of the list; end it where it, or the peer, has ended."""
@@ -198,9 +251,7 @@ class Parameters(Microservice):
             self._context.links.reply(self._message(parameter), peer)
             return
         if change:
-            self._taken.append(parameter)
-            self._speed.pop(parameter.key, None)
-            self._said.append(f"Parameter {parameter.name}: {change}")
+            self._note(parameter, change)
         elif parameter not in self._taken:
             if now_ns - self._told_ns.get(parameter.name, 0) < FRESH_NS:
                 self._context.links.reply(self._message(parameter), peer)
@@ -223,6 +274,7 @@ class Parameters(Microservice):
         self._bring_into_force(now_ns)
         for parameter in dict.fromkeys(taken):
             self._tell_all(parameter, now_ns)
+        self._publish(now_ns)
 
     def _tell_all(self, parameter: Parameter, now_ns: int) -> None:
         """Send PARAM_VALUE to everybody."""

@@ -14,6 +14,7 @@ import { Keyboard } from "./keyboard";
 import { Pad } from "./pad";
 import type { ButtonAction } from "./pad_mapping";
 import type { SourceName } from "./source";
+import { Step } from "./step";
 import { Touch } from "./touch";
 
 const READ_MS = 25;
@@ -22,6 +23,7 @@ const READINGS_A_SAMPLE = 2;
 const SPEED_KEY = "speed";
 
 export const touch = new Touch();
+export const step = new Step();
 /** Share of the sticks' full effect (0, 1]. */
 export const speed = signal(kept(SPEED_KEY, 0.5));
 export const decision = signal<Decision | null>(null);
@@ -68,6 +70,7 @@ export function startDriving(): void {
 function letGo(why: Interruption): void {
   keyboard.letGo();
   touch.letGo();
+  step.letGo();
   deadMan.interrupt(why);
   interruption.value = deadMan.interruption;
   decide(true);
@@ -83,6 +86,7 @@ function decide(sends: boolean): void {
   const nowMs = performance.now();
   const readings = new Map([
     ["touch", touch.read(nowMs)],
+    ["step", step.read(nowMs)],
     ["keyboard", keyboard.read(nowMs)],
     ["pad", pad.read()],
   ] as const satisfies readonly (readonly [SourceName, unknown])[]);
@@ -94,7 +98,7 @@ function decide(sends: boolean): void {
 }
 
 function send(decided: Decision): void {
-  const share = speed.peek();
+  const share = decided.source === "step" ? 1 : speed.peek();
   sendSticks(
     {
       sample: decided.sample,

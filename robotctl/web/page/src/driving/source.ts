@@ -15,7 +15,7 @@ export interface Reading extends Deflection {
   readonly sampledMs: number;
 }
 
-export type SourceName = "keyboard" | "touch" | "pad";
+export type SourceName = "keyboard" | "touch" | "pad" | "step";
 
 export const RELEASED: Deflection = { forward: 0, turn: 0, sideways: 0 };
 

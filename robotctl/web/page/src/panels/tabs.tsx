@@ -10,6 +10,8 @@ import { Drive } from "./drive";
 import { Mission } from "./mission";
 import { Nodes } from "./nodes";
 import { Plots } from "./plots";
+import { SetUp } from "./set_up";
+import { Tune } from "./tune";
 
 /** To add a panel: its file and its line here, its name in words.ts. */
 const PANELS: Readonly<Record<Exclude<keyof typeof words.tabs, "name">, FunctionComponent>> = {
@@ -19,6 +21,8 @@ const PANELS: Readonly<Record<Exclude<keyof typeof words.tabs, "name">, Function
   mission: Mission,
   bounds: Bounds,
   camera: Camera,
+  tune: Tune,
+  setUp: SetUp,
 };
 
 type PanelName = keyof typeof PANELS;

@@ -9,7 +9,15 @@ const COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9
 const DASHES: readonly number[][] = [[], [8, 4], [2, 3]];
 const HEIGHT = 260;
 
-export function makeChart(element: HTMLElement, fields: readonly string[], seconds: number, ink: string, grid: string): uPlot {
+export function makeChart(
+  element: HTMLElement,
+  fields: readonly string[],
+  seconds: number,
+  ink: string,
+  grid: string,
+  beginS = -seconds,
+  labels: readonly string[] = fields.map((field) => field.slice(field.indexOf(".") + 1)),
+): uPlot {
   const scaleOf = (field: string) => unitOf(field) || "1";
   const scales = [...new Set(fields.map(scaleOf))];
   const axis = (scale: string, side: uPlot.Axis.Side): uPlot.Axis => ({
@@ -28,7 +36,7 @@ export function makeChart(element: HTMLElement, fields: readonly string[], secon
       width: element.clientWidth,
       height: HEIGHT,
       scales: {
-        x: { time: false, range: [-seconds, 0] },
+        x: { time: false, range: [beginS, beginS + seconds] },
         ...Object.fromEntries(scales.map((scale) => [scale, { range: spread }])),
       },
       cursor: { drag: { x: false, y: false } },
@@ -36,7 +44,7 @@ export function makeChart(element: HTMLElement, fields: readonly string[], secon
       series: [
         { label: "t", value: (_, value) => (value === null ? "–" : `${value.toFixed(2)} s`) },
         ...fields.map((field, i) => ({
-          label: field.slice(field.indexOf(".") + 1),
+          label: labels[i] ?? field,
           scale: scaleOf(field),
           stroke: COLOURS[i % COLOURS.length] ?? ink,
           dash: DASHES[Math.floor(i / COLOURS.length) % DASHES.length] ?? [],

@@ -22,9 +22,12 @@ import type {
   Received,
   Refused,
   SlamGraph,
+  Response,
+  Saved,
   StopSeen,
   Truth,
 } from "../wire/messages";
+import { describe, takeValues } from "./parameters";
 import { Topic, type Stamped } from "./topic";
 import { Trail } from "./trail";
 import { WorldPose } from "./world_pose";
@@ -59,7 +62,7 @@ export const notices = signal<readonly Notice[]>([]);
 export const worldPose = new WorldPose();
 export const trail = new Trail();
 
-type News = Exclude<Received, Pong | Refused | StopSeen>;
+type News = Exclude<Received, Pong | Refused | Response | Saved | StopSeen>;
 type Watcher = (name: TopicName, message: Stamped) => void;
 const watchers: Watcher[] = [];
 
@@ -85,6 +88,12 @@ export function take(message: News): void {
       break;
     case "Notice":
       note(message);
+      break;
+    case "ParameterTable":
+      describe(message);
+      break;
+    case "ParameterValues":
+      takeValues(message);
       break;
     case "ControlState":
       publish("ControlState", message);

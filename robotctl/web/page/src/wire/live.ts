@@ -7,7 +7,7 @@ import { take } from "../robot/robot";
 import { checkAccess } from "./access";
 import { ProvenClock } from "./clock";
 import { Line, roundTripMs, type Tagged } from "./line";
-import type { Received, Refused, Sent, Sticks } from "./messages";
+import type { Received, Refused, Response, Saved, Sent, Sticks } from "./messages";
 import { takeAnswer } from "./stop_outcome";
 
 export interface Refusal {
@@ -19,6 +19,11 @@ export interface Refusal {
 export const tripMs = signal<number | null>(null);
 /** The newest request that came to nothing; null: none did, or it was put away. */
 export const refusal = signal<Refusal | null>(null);
+
+/** What was last written into the robot's file for this page. */
+export const saved = signal<Saved | null>(null);
+/** What the wheels did, as this page asked for it last. */
+export const response = signal<Response | null>(null);
 
 const MOST_ASKED = 50;
 
@@ -36,6 +41,10 @@ export const live = new Line("/live", (message: Tagged) => {
     refuse(received);
   } else if (received.type === "StopSeen") {
     takeAnswer(received);
+  } else if (received.type === "Saved") {
+    saved.value = received;
+  } else if (received.type === "Response") {
+    response.value = received;
   } else {
     take(received);
   }
