@@ -44,6 +44,7 @@ from robotctl.web.wire import (
     PROTOCOL,
     CameraPicture,
     Downward,
+    Driver,
     Hello,
     LiveMessage,
     Refused,
@@ -317,12 +318,16 @@ class PageServer:
             self._begin_save(save)
         for connection, message in out.answers:
             self._answer_to(connection, message)
-        if (driver := self._desk.driver) != self._driver:
-            if driver.client != self._driver.client:
-                self._robot.say(f"{driver.name} drives" if driver.name else driver.why)
-            self._driver = driver
-            for each in self._live.values():
-                self._answer(each, driver)
+        if self._desk.driver != self._driver:
+            self._tell_driver(self._desk.driver)
+
+    def _tell_driver(self, driver: Driver) -> None:
+        """Let all clients, logs and ground stations know who drives now."""
+        if driver.client != self._driver.client:
+            self._robot.say(f"{driver.name} drives" if driver.name else driver.why)
+        self._driver = driver
+        for each in self._live.values():
+            self._answer(each, driver)
 
     def _begin_save(self, save: Save) -> None:
         """Write the robot's file, one at a time."""
