@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-import hashlib
 import itertools
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
 import msgspec
 from starlette.applications import Starlette
@@ -21,6 +20,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from robotctl.messages.control import ControlRequest, NavigationRequest
 from robotctl.web.access import HEADERS, Access, Asker, Role
+from robotctl.web.assets import Assets
 from robotctl.web.desk import Desk, Now
 from robotctl.web.outbox import Outbox
 from robotctl.web.published import GivenMap, Published, read, with_tag
@@ -50,43 +50,10 @@ _POLICY: Final = 1008
 LINK_NEEDED: Final = "a token is needed: open the link that the robot prints, or `robotctl web`"
 _BODY_S: Final = 5.0
 """Time for the body of a POST [s]."""
-_STATIC: Final = {
-    ".css": "text/css",
-    ".html": "text/html",
-    ".ico": "image/vnd.microsoft.icon",
-    ".js": "text/javascript",
-    ".json": "application/json",
-    ".png": "image/png",
-    ".svg": "image/svg+xml",
-    ".txt": "text/plain",
-    ".webmanifest": "application/manifest+json",
-    ".woff2": "font/woff2",
-}
-
-
 class Session(msgspec.Struct, forbid_unknown_fields=True):
     """Body of POST /session."""
 
     token: str
-
-
-class _Asset(NamedTuple):
-    """Part of the page."""
-
-    content: bytes
-    kind: str
-    tag: str
-
-    @classmethod
-    def of(cls, file: Path) -> _Asset:
-        """Read a file."""
-        content = file.read_bytes()
-        tag = f'"{hashlib.sha256(content).hexdigest()[:16]}"'
-        return cls(content, _STATIC[file.suffix], tag)
-
-
-def _is_asset(file: Path) -> bool:
-    return file.is_file() and file.suffix in _STATIC
 
 
 @dataclass(eq=False, slots=True)
@@ -156,7 +123,7 @@ class PageServer:
         self._robot = robot
         self._desk = desk
         self._access = access
-        self._files = {file.name: _Asset.of(file) for file in static.iterdir() if _is_asset(file)}
+        self._assets = Assets(static)
         self._live: dict[int, Connection] = {}
         self._stops: set[Connection] = set()
         self._numbers = itertools.count(1)
@@ -291,7 +258,7 @@ class PageServer:
 
     async def _admit(self, socket: WebSocket, others: int) -> Role | None:
         """Accept a socket and return its role; None: it is refused."""
-        asker = _asker(socket)
+        asker = asker_of(socket)
         objection = self._access.objection(asker, needs_origin=True)
         role = self._access.role(asker)
         if objection or role is None:
@@ -391,18 +358,13 @@ class PageServer:
         return self._file(request, request.path_params["name"])
 
     def _file(self, request: Request, name: str) -> Response:
-        if objection := self._access.objection(_asker(request), needs_origin=False):
+        if objection := self._access.objection(asker_of(request), needs_origin=False):
             return PlainTextResponse(objection, 403, HEADERS)
-        file = self._files.get(name)
-        if file is None:
-            return PlainTextResponse("no such page", 404, HEADERS)
-        if request.headers.get("if-none-match") == file.tag:
-            return Response(b"", 304, {**HEADERS, "ETag": file.tag})
-        return Response(file.content, 200, {**HEADERS, "ETag": file.tag}, file.kind)
+        return self._assets.answer(request, name, HEADERS)
 
     async def _rights(self, request: Request) -> Response:
         """Return the role of a browser."""
-        asker = _asker(request)
+        asker = asker_of(request)
         objection = self._access.objection(asker, needs_origin=False)
         role = self._access.role(asker)
         if objection or role is None:
@@ -411,7 +373,7 @@ class PageServer:
 
     async def _session(self, request: Request) -> Response:
         """Exchange a token for a cookie."""
-        asker = _asker(request)
+        asker = asker_of(request)
         if objection := self._access.objection(asker, needs_origin=True):
             return PlainTextResponse(objection, 403, HEADERS)
         body = b""
@@ -442,7 +404,7 @@ class PageServer:
         return response
 
 
-def _asker(connection: HTTPConnection) -> Asker:
+def asker_of(connection: HTTPConnection) -> Asker:
     """Return where a request came to, and what it says of itself."""
     server = connection.scope.get("server") or ("", 0)
     headers = connection.headers

@@ -145,14 +145,30 @@ class RobotOutline(msgspec.Struct, frozen=True):
     vy_max_m_s: float
 
 
+class RecordedRun(msgspec.Struct, frozen=True):
+    """Recording that is replayed: first and last time by the wall clock [ns].
+
+    `run` is its number; None: this client has the times of all runs, and none of their messages.
+    """
+
+    name: str
+    run: int | None
+    begin_ns: int
+    end_ns: int
+
+
 class Hello(RobotOutline, frozen=True, tag=True, kw_only=True):
-    """First message to a page: the robot, who this client is, and the two clocks [ns]."""
+    """First message to a page: the robot, who this client is, and the two clocks [ns].
+
+    `replay`: it is no robot that lives, but a recording.
+    """
 
     protocol: int
     client: int
     role: str
     server_ns: int
     robot_ns: int
+    replay: RecordedRun | None = None
 
 
 class Pong(Downward, frozen=True):
