@@ -25,7 +25,7 @@ from robotctl.messages.estimation import (
     ParticleCloud,
     PlanView,
 )
-from robotctl.web import wire
+from robotctl.web import replay_wire, wire
 
 TARGET: Final = Path(__file__).resolve().parent.parent / "robotctl/web/page/src/wire/messages.ts"
 
@@ -218,9 +218,10 @@ def union(name: str, members: Iterable[type]) -> str:
 
 def text() -> str:
     """Return the content of the file."""
-    sent = typing.get_args(wire.LiveMessage)
+    replayed = typing.get_args(replay_wire.ReplayMessage)
+    sent = tuple(dict.fromkeys((*typing.get_args(wire.LiveMessage), *replayed)))
     received = (*ROBOT, wire.Hello, *wire.Downward.__subclasses__())
-    roots = (*received, *sent, *typing.get_args(wire.StopMessage))
+    roots = (*received, *sent, *typing.get_args(wire.StopMessage), *replay_wire.FETCHED)
     structs = structs_of(dict.fromkeys(roots))
     positional = positional_structs(structs)
     shapes = filter(None, (shape(struct, positional) for struct in structs))

@@ -5,10 +5,12 @@ Times are since the first message of a run, as the stamps of its messages are th
 
 from __future__ import annotations
 
-from typing import Annotated, TypeAlias
+from typing import Annotated, Final, TypeAlias
 
+import msgspec
 from msgspec import Meta
 
+from robotctl.messages.control import Notice
 from robotctl.web.wire import Downward, Ping, Upward
 
 
@@ -54,7 +56,7 @@ class Playback(Downward, frozen=True):
     by_driving: bool
 
 
-class Stretch(Downward, frozen=True):
+class Stretch(msgspec.Struct, frozen=True):
     """The robot was in a state from `begin_ns` on, since `reason`."""
 
     begin_ns: int
@@ -62,33 +64,31 @@ class Stretch(Downward, frozen=True):
     reason: str
 
 
-class LoggedNotice(Downward, frozen=True):
-    """Notice of a run."""
-
-    stamp_ns: int
-    severity: int
-    text: str
-
-
-class History(Downward, frozen=True):
+class History(msgspec.Struct, frozen=True):
     """A whole run at once.
 
     `times_s` (float64), `points` (x and y in `world` [m], float32) and `begins` (bool) are the path
     driven, which does not lead to a point that begins. `driving_ns` is when it first drove.
+    `notes` say what is missing in it.
     """
 
     times_s: bytes
     points: bytes
     begins: bytes
     stretches: tuple[Stretch, ...]
-    notices: tuple[LoggedNotice, ...]
+    notices: tuple[Notice, ...]
     driving_ns: int | None
+    end_ns: int
     notes: tuple[str, ...]
 
 
-class Series(Downward, frozen=True):
+class Series(msgspec.Struct, frozen=True):
     """A field over a whole run: times [s] as float64, values as float32, nan where it has none."""
 
     field: str
     times_s: bytes
     values: bytes
+
+
+FETCHED: Final = (History, Series)
+"""Answers by HTTP."""

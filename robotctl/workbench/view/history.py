@@ -14,10 +14,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.messages.control import SafetyState
+from robotctl.messages.control import Notice, SafetyState
 from robotctl.messages.world_pose import WorldPose
 from robotctl.model.geometry.localisation import LocalisationStatus
-from robotctl.web.replay_wire import History, LoggedNotice, Series, Stretch
+from robotctl.web.replay_wire import History, Series, Stretch
 from robotctl.workbench.view.index import Logged, RunIndex
 from robotctl.workbench.view.messages import control_state, localisation_state, notice
 
@@ -138,7 +138,7 @@ class HistoryReader:
         self._notes = tuple(notes)
         self._path = _Path()
         self._stretches: list[Stretch] = []
-        self._notices: list[LoggedNotice] = []
+        self._notices: list[Notice] = []
         self._world = WorldPose(has_localiser="localisation" in index.topics)
         self._control = control_state(0, {})
         self._localisation = localisation_state(0, {})
@@ -162,6 +162,7 @@ class HistoryReader:
             tuple(self._stretches),
             tuple(self._notices[-_MOST_NOTICES:]),
             next(driving, None),
+            self._index.end_ns - self._index.begin_ns,
             self._notes,
         )
 
@@ -172,8 +173,7 @@ class HistoryReader:
         elif topic == "localisation":
             self._take_localisation(logged.log_ns, _decode_localisation(logged.data))
         else:
-            found = notice(at_ns, msgspec.json.decode(logged.data))
-            self._notices.append(LoggedNotice(at_ns, found.severity, found.text))
+            self._notices.append(notice(at_ns, msgspec.json.decode(logged.data)))
 
     def _take_control(self, at_ns: int, logged: _Control) -> None:
         last = self._stretches[-1] if self._stretches else None

@@ -238,7 +238,7 @@ class ReplayServer:
             history = await asyncio.to_thread(self._runs[number].history)
         self._driving_ns[number] = history.driving_ns
         self._wake()  # it is known now where the robot was while it was lost
-        return encode(history)
+        return msgspec.msgpack.encode(history)
 
     async def _series(self, request: Request) -> Response:
         """Return fields over a whole run."""

@@ -14,6 +14,10 @@ import { StateBar } from "./panels/state_bar";
 import { Stop } from "./panels/stop";
 import { Tabs } from "./panels/tabs";
 import { Why } from "./panels/why";
+import { ReplayBar } from "./replay/bar";
+import { Compare } from "./replay/compare";
+import { isFrame, isFramed, isReplay } from "./replay/mode";
+import { startPlayback } from "./replay/playback";
 import { startHistory } from "./plots/history";
 import { startTicking } from "./robot/clock";
 import { hello } from "./robot/robot";
@@ -26,7 +30,7 @@ import { words } from "./words";
 function Page() {
   return (
     <>
-      <Stop />
+      {!isReplay && <Stop />}
       <StateBar />
       <Why />
       <main>
@@ -36,6 +40,7 @@ function Page() {
           <Notices />
         </div>
       </main>
+      {isReplay && !isFramed && <ReplayBar />}
       <RefusalToast />
     </>
   );
@@ -50,8 +55,9 @@ startHistory();
 effect(() => {
   document.title = words.title(hello.value?.name ?? null);
 });
-render(<Page />, document.getElementById("page") as HTMLElement);
-startDriving();
+render(isFrame ? <Compare /> : <Page />, document.getElementById("page") as HTMLElement);
+if (isReplay) startPlayback();
+else startDriving();
 await openSession();
-startStopLine();
+if (!isReplay) startStopLine();
 startLive();

@@ -274,8 +274,25 @@ export const words = {
     live: "Live",
     export: "Save as CSV",
     window: "Time shown",
-    seconds: (count: number) => (count < 60 ? `${count} s` : `${count / 60} min`),
+    seconds: (count: number) => (!Number.isFinite(count) ? "all" : count < 60 ? `${count} s` : `${count / 60} min`),
     chart: (fields: string) => `Plot of ${fields}`,
+  },
+
+  replay: {
+    name: "Replay",
+    play: "Play",
+    pause: "Pause",
+    rate: "Speed",
+    times: (rate: number) => `${rate} ×`,
+    time: "Time of the recording",
+    clock: (seconds: number) => {
+      const [minutes, rest] = [Math.floor(seconds / 60), (seconds % 60).toFixed(1).padStart(4, "0")];
+      return minutes < 60 ? `${minutes}:${rest}` : `${Math.floor(minutes / 60)}:${String(minutes % 60).padStart(2, "0")}:${rest}`;
+    },
+    align: "Align by first driving",
+    run: (number: number) => `Recording ${number}`,
+    ended: "The viewer has ended: start robotctl view again.",
+    loading: "Reading the whole run …",
   },
 
   nodes: {

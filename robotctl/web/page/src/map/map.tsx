@@ -5,7 +5,9 @@ import { useSignalEffect } from "@preact/signals";
 
 import { mayDrive } from "../driving/driving";
 import { now } from "../robot/clock";
-import { topics, watch, type TopicName } from "../robot/robot";
+import { isReplay } from "../replay/mode";
+import { history } from "../replay/playback";
+import { playback, topics, watch, type TopicName } from "../robot/robot";
 import { theme } from "../theme";
 import { LocalisationStatus } from "../wire/messages";
 import { nameOf } from "../wire/names";
@@ -35,7 +37,7 @@ export function Map() {
     document.addEventListener("visibilitychange", () => made.request());
   }, []);
   useSignalEffect(() => {
-    void [shown.value, follows.value, draft.value, now.value]; // what is old goes grey with time
+    void [shown.value, follows.value, draft.value, now.value, playback.value, history.value]; // what is old goes grey with time
     painter.current?.request();
   });
   useSignalEffect(() => {
@@ -57,22 +59,7 @@ export function Map() {
         aria-describedby="map-place"
         data-tool={tool.value}
       />
-      <div class="map-tools" role="toolbar" aria-label={words.tools.name}>
-        {TOOLS.map((each) => (
-          <button
-            key={each}
-            type="button"
-            aria-pressed={tool.value === each}
-            disabled={each !== "look" && !mayDrive.value}
-            title={words.tools.hints[each]}
-            onClick={() => {
-              tool.value = each;
-            }}
-          >
-            {words.tools[each]}
-          </button>
-        ))}
-      </div>
+      {!isReplay && <Tools />}
       <div class="map-zoom" role="toolbar" aria-label={words.map.view}>
         <button type="button" aria-label={words.map.zoomIn} onClick={() => zoom(BUTTON_ZOOM)}>
           +
@@ -102,6 +89,27 @@ export function Map() {
       <Layers />
       <Place />
     </section>
+  );
+}
+
+function Tools() {
+  return (
+    <div class="map-tools" role="toolbar" aria-label={words.tools.name}>
+      {TOOLS.map((each) => (
+        <button
+          key={each}
+          type="button"
+          aria-pressed={tool.value === each}
+          disabled={each !== "look" && !mayDrive.value}
+          title={words.tools.hints[each]}
+          onClick={() => {
+            tool.value = each;
+          }}
+        >
+          {words.tools[each]}
+        </button>
+      ))}
+    </div>
   );
 }
 

@@ -3,6 +3,7 @@
 import { signal } from "@preact/signals";
 import type { FunctionComponent } from "preact";
 
+import { isReplay } from "../replay/mode";
 import { words } from "../words";
 import { Drive } from "./drive";
 import { Nodes } from "./nodes";
@@ -16,9 +17,11 @@ const PANELS: Readonly<Record<Exclude<keyof typeof words.tabs, "name">, Function
 };
 
 type PanelName = keyof typeof PANELS;
-const NAMES = Object.keys(PANELS) as PanelName[];
+/** Panels that command a robot: there is none in a replay. */
+const COMMANDING = new Set<PanelName>(["drive"]);
+const NAMES = (Object.keys(PANELS) as PanelName[]).filter((name) => !isReplay || !COMMANDING.has(name));
 
-const open = signal<PanelName>("drive");
+const open = signal<PanelName>(isReplay ? "plots" : "drive");
 
 export function Tabs() {
   const Panel = PANELS[open.value];

@@ -9,7 +9,7 @@ const COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9
 const DASHES: readonly number[][] = [[], [8, 4], [2, 3]];
 const HEIGHT = 260;
 
-export function makeChart(element: HTMLElement, fields: readonly string[], seconds: number, ink: string, grid: string): uPlot {
+export function makeChart(element: HTMLElement, fields: readonly string[], range: uPlot.Scale.Range, ink: string, grid: string): uPlot {
   const scaleOf = (field: string) => unitOf(field) || "1";
   const scales = [...new Set(fields.map(scaleOf))];
   const axis = (scale: string, side: uPlot.Axis.Side): uPlot.Axis => ({
@@ -28,10 +28,11 @@ export function makeChart(element: HTMLElement, fields: readonly string[], secon
       width: element.clientWidth,
       height: HEIGHT,
       scales: {
-        x: { time: false, range: [-seconds, 0] },
+        x: { time: false, range },
         ...Object.fromEntries(scales.map((scale) => [scale, { range: spread }])),
       },
       cursor: { drag: { x: false, y: false } },
+      hooks: { drawAxes: [(chart) => markPresent(chart, ink)] },
       legend: { live: true },
       series: [
         { label: "t", value: (_, value) => (value === null ? "–" : `${value.toFixed(2)} s`) },
@@ -59,6 +60,14 @@ export function makeChart(element: HTMLElement, fields: readonly string[], secon
     [[], ...fields.map(() => [])],
     element,
   );
+}
+
+/** A line where the present is, between what was and what comes. */
+function markPresent({ ctx, bbox, valToPos }: uPlot, ink: string): void {
+  const x = Math.round(valToPos(0, "x", true));
+  if (x <= bbox.left || x >= bbox.left + bbox.width) return;
+  ctx.fillStyle = ink;
+  ctx.fillRect(x, bbox.top, devicePixelRatio, bbox.height);
 }
 
 /** Range of an axis: room above and below, also around a value that stands still. */

@@ -1,10 +1,11 @@
 // The numbers within messages, by name: `ControlState.duty[0]`.
 
+import { isReplay } from "../replay/mode";
 import { topics, type TopicName } from "../robot/robot";
 
 /** Times are no figures. */
 const TIMES = /stamp_ns(\[\d+\])?$|_epoch_ns$|^epoch_ns$/;
-const DRAWN = new Set<TopicName>(["GivenMap", "LiveMap", "ParticleCloud", "LidarScan", "PlanView"]);
+const DRAWN = new Set<TopicName>([...(isReplay ? (["Truth"] as const) : []), "GivenMap", "LiveMap", "ParticleCloud", "LidarScan", "PlanView"]);
 
 /** Topic and path of a field, which is named with a dot between them. */
 export function split(field: string): readonly [TopicName, string] {

@@ -448,6 +448,13 @@ export interface SonarOutline {
   readonly heading_rad: number;
 }
 
+export interface RecordedRun {
+  readonly name: string;
+  readonly run: number | null;
+  readonly begin_ns: number;
+  readonly end_ns: number;
+}
+
 export interface Hello {
   readonly type: "Hello";
   readonly name: string;
@@ -467,6 +474,7 @@ export interface Hello {
   readonly role: string;
   readonly server_ns: number;
   readonly robot_ns: number;
+  readonly replay: RecordedRun | null;
 }
 
 export interface Pong {
@@ -499,6 +507,17 @@ export interface StopSeen {
   readonly state: number | null;
   readonly reason: string;
   readonly after_ms: number;
+}
+
+export interface Playback {
+  readonly type: "Playback";
+  readonly at_ns: number;
+  readonly end_ns: number;
+  readonly rate: number;
+  readonly is_playing: boolean;
+  readonly topics: readonly string[];
+  readonly offsets_ns: readonly number[];
+  readonly by_driving: boolean;
 }
 
 export interface Ping {
@@ -563,9 +582,51 @@ export interface TakeDriving {
   readonly at_ms: number;
 }
 
+export interface Seek {
+  readonly type: "Seek";
+  readonly at_ns: number;
+}
+
+export interface Play {
+  readonly type: "Play";
+  readonly rate: number;
+}
+
+export interface Pause {
+  readonly type: "Pause";
+}
+
+export interface Align {
+  readonly type: "Align";
+  readonly by_driving: boolean;
+}
+
 export interface Stop {
   readonly type: "Stop";
   readonly id: number;
+}
+
+export interface Stretch {
+  readonly begin_ns: number;
+  readonly state: number;
+  readonly reason: string;
+}
+
+export interface History {
+  readonly times_s: Uint8Array;
+  readonly points: Uint8Array;
+  readonly begins: Uint8Array;
+  readonly stretches: readonly Stretch[];
+  readonly notices: readonly Notice[];
+  readonly driving_ns: number | null;
+  readonly end_ns: number;
+  readonly notes: readonly string[];
+}
+
+export interface Series {
+  readonly field: string;
+  readonly times_s: Uint8Array;
+  readonly values: Uint8Array;
 }
 
 export type Received =
@@ -584,7 +645,8 @@ export type Received =
   | Pong
   | Driver
   | Refused
-  | StopSeen;
+  | StopSeen
+  | Playback;
 
 export type Sent =
   | Ping
@@ -595,7 +657,11 @@ export type Sent =
   | ModeRequest
   | GoTo
   | PlaceRobot
-  | TakeDriving;
+  | TakeDriving
+  | Seek
+  | Play
+  | Pause
+  | Align;
 
 export const SHAPES: Readonly<Record<string, Shape>> = {
   BatteryFeedback: {
