@@ -139,6 +139,11 @@ class RunIndex:
                 found = at, content, begin, end
         return None if found is None else Logged(found[0], found[1].data[found[2] : found[3]])
 
+    def first_ns(self, topic: str) -> int:
+        """Return the time of the first message of a topic [ns]; the end where there is none."""
+        found = (logged.log_ns for _, logged in self.scan((topic,)))
+        return next(found, self.end_ns)
+
     def scan(self, topics: Collection[str]) -> Iterator[tuple[str, Logged]]:
         """Yield all messages of some topics, in the order of the log."""
         tracks = (self._tracks.get(each) for each in topics)

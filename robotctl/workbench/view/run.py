@@ -95,6 +95,11 @@ class ReplayedRun:
         """Time from the first to the last message [ns]."""
         return self.end_ns - self.begin_ns
 
+    @property
+    def first_ns(self) -> int:
+        """Time since the beginning at which the robot is first seen [ns]."""
+        return self._index.first_ns("control") - self.begin_ns
+
     def history(self) -> History:
         """Read the whole run once; for a thread of its own."""
         reader = HistoryReader(self._index, self.notes)
@@ -119,12 +124,15 @@ class ReplayedRun:
                 yield Picture(name, logged.log_ns, lambda a=logged, r=read: self._read(a, r))
 
     def made(self, picture: Picture) -> Sequence[bytes]:
-        """Return the messages of a picture, made once as long as it is the newest."""
+        """Return the messages of a picture, made once as long as it is the newest.
+
+        There are none if a version wrote them that logged something else.
+        """
         known = self._made.get(picture.name)
         if known is None or known[0] != picture.key:
             try:
                 known = picture.key, picture.make()
-            except _UNREADABLE:  # of a version that wrote something else
+            except _UNREADABLE:
                 known = picture.key, ()
             self._made[picture.name] = known
         return known[1]

@@ -75,6 +75,7 @@ class ReplayServer:
         marked = page.replace(_TAG, b'%s data-replay="%d"' % (_TAG, len(self._runs)))
         self._assets = Assets(static, {_PAGE: marked})
         self._clock = PlaybackClock([each.length_ns for each in self._runs])
+        self._clock.seek(max(each.first_ns for each in self._runs))
         self._by_driving = False
         self._clients: set[_Client] = set()
         self._numbers = itertools.count(1)
@@ -209,10 +210,13 @@ class ReplayServer:
         if client.run is not None:
             run = self._runs[client.run]
             for picture in run.pictures(at_ns):
+                made = run.made(picture)
+                if not made:
+                    continue
                 names.append(picture.name)
                 if client.sent.get(picture.name) != picture.key:
                     client.sent[picture.name] = picture.key
-                    yield from run.made(picture)
+                    yield from made
             client.sent = {name: client.sent[name] for name in names}
         clock = self._clock
         end_ns = clock.end_ns if client.run is None else self._runs[client.run].length_ns
