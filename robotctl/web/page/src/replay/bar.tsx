@@ -1,7 +1,7 @@
 // The bar of a replay: play and pause, rate, and the time shown, to be moved by hand.
 
 import { useEffect } from "preact/hooks";
-import { signal } from "@preact/signals";
+import { signal, useSignalEffect } from "@preact/signals";
 
 import { playback } from "../robot/robot";
 import { SafetyState, type History } from "../wire/messages";
@@ -13,17 +13,20 @@ import { align, history, pause, play, seek } from "./playback";
 const text = words.replay;
 const RATES = [0.5, 1, 2, 5, 10, 50] as const;
 const STEP_S = 0.1;
+/** Time after which what is shown counts, though it is not what was asked for: it plays on [ms]. */
+const PATIENCE_MS = 250;
 const KEYS_OF_CONTROLS = "button, select, input:not([type=range]), summary";
 
 const rate = signal<number>(1);
-/** Time under the hand [s]; null: nobody moves it. */
-const held = signal<number | null>(null);
+/** Time that was asked for and is not shown yet [s], and when [ms]; null: the time shown counts. */
+const asked = signal<{ readonly at_s: number; readonly sinceMs: number } | null>(null);
 
 export function ReplayBar({ histories }: { readonly histories?: readonly (History | null)[] }) {
   useEffect(listenToSpace, []);
+  useSignalEffect(settle);
   const now = playback.value;
   const end_s = (now?.end_ns ?? 0) / 1e9;
-  const at_s = held.value ?? (now?.at_ns ?? 0) / 1e9;
+  const at_s = asked.value?.at_s ?? (now?.at_ns ?? 0) / 1e9;
   return (
     <section class="replay" aria-label={text.name}>
       <button type="button" class="primary" onClick={toggle} disabled={now === null}>
@@ -54,15 +57,13 @@ export function ReplayBar({ histories }: { readonly histories?: readonly (Histor
           aria-label={text.time}
           aria-valuetext={text.clock(at_s)}
           min="0"
-          max={Math.max(end_s, STEP_S)}
+          max={STEP_S * Math.max(Math.ceil(end_s / STEP_S), 1)}
           step={STEP_S}
           value={at_s}
           onInput={(event) => {
-            held.value = event.currentTarget.valueAsNumber;
-            seek(held.value);
-          }}
-          onChange={() => {
-            held.value = null;
+            const at_s = event.currentTarget.valueAsNumber;
+            asked.value = { at_s, sinceMs: performance.now() };
+            seek(at_s);
           }}
         />
       </div>
@@ -118,6 +119,15 @@ function Stretches({ history: whole, offset_s, end_s }: StretchesProps) {
       })}
     </svg>
   );
+}
+
+/** Forget what was asked for once it is shown. */
+function settle(): void {
+  const now = playback.value;
+  const last = asked.peek();
+  if (now === null || last === null) return;
+  const isShown = Math.abs(now.at_ns / 1e9 - last.at_s) <= STEP_S;
+  if (isShown || performance.now() - last.sinceMs > PATIENCE_MS) asked.value = null;
 }
 
 function toggle(): void {
