@@ -48,7 +48,7 @@ _SCRUB = """(share) => new Promise((resolve) => {
   const begin = performance.now();
   const canvas = document.querySelector(".map canvas");
   const drawn = ({ detail }) => {
-    if (detail > wanted || detail < wanted - 0.3e9) return;
+    if (detail > wanted + 1e6 || detail < wanted - 0.3e9) return;
     canvas.removeEventListener("drawn", drawn);
     resolve(performance.now() - begin);
   };

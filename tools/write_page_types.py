@@ -25,7 +25,8 @@ from robotctl.messages.estimation import (
     ParticleCloud,
     PlanView,
 )
-from robotctl.web import replay_wire, wire
+from robotctl.messages.recording import RecorderState
+from robotctl.web import recordings, replay_wire, wire
 
 TARGET: Final = Path(__file__).resolve().parent.parent / "robotctl/web/page/src/wire/messages.ts"
 
@@ -45,9 +46,13 @@ ROBOT: Final[tuple[type, ...]] = (
     PlanView,
     LiveMap,
     GivenMap,
+    RecorderState,
     Truth,
 )
 """Messages of the robot that the server passes on as they are published."""
+
+FETCHED: Final = (*replay_wire.FETCHED, recordings.RecordingList)
+"""Answers by HTTP."""
 
 HEADER: Final = """\
 // Written by tools/write_page_types.py from the messages of robotctl: do not edit.
@@ -221,7 +226,7 @@ def text() -> str:
     replayed = typing.get_args(replay_wire.ReplayMessage)
     sent = tuple(dict.fromkeys((*typing.get_args(wire.LiveMessage), *replayed)))
     received = (*ROBOT, wire.Hello, *wire.Downward.__subclasses__())
-    roots = (*received, *sent, *typing.get_args(wire.StopMessage), *replay_wire.FETCHED)
+    roots = (*received, *sent, *typing.get_args(wire.StopMessage), *FETCHED)
     structs = structs_of(dict.fromkeys(roots))
     positional = positional_structs(structs)
     shapes = filter(None, (shape(struct, positional) for struct in structs))

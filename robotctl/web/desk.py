@@ -23,10 +23,17 @@ from robotctl.messages.control import (
     SetMode,
 )
 from robotctl.messages.mode import Mode
+from robotctl.messages.recording import SetRecording
 from robotctl.messages.requests import REQUEST_LIFE_NS
 from robotctl.safety.state_machine import POWERED
 from robotctl.web.driving import AHEAD_NS, Driving
-from robotctl.web.published import ControlState, LocalisationState, NavigationState, Published
+from robotctl.web.published import (
+    ControlState,
+    LocalisationState,
+    NavigationState,
+    Published,
+    RecorderState,
+)
 from robotctl.web.stops import Stops
 from robotctl.web.wire import (
     ArmRequest,
@@ -40,6 +47,7 @@ from robotctl.web.wire import (
     Ping,
     PlaceRobot,
     Pong,
+    RecordRequest,
     Refused,
     Sticks,
     Stop,
@@ -54,6 +62,8 @@ MANUAL_NS: Final = 1_000_000_000
 """Time from the first stick to MANUAL [ns]."""
 SILENT_NS: Final = 500_000_000
 """Age of a state of the robot that says nothing of the present [ns]."""
+RECORDER_SILENT_NS: Final = 5_000_000_000
+"""The same of the recorder, which waits for the disk [ns]."""
 PLACED_COVARIANCE: Final = (0.25**2, 0.0, 0.0, 0.25**2, 0.0, 0.2**2)
 """Standard deviation of a pose that a person points at: 0.25 m, 0.2 rad."""
 
@@ -96,6 +106,7 @@ class _Robot:
     control: ControlState | None = None
     navigation: NavigationState | None = None
     localisation: LocalisationState | None = None
+    recorder: RecorderState | None = None
 
 
 @dataclass(slots=True)
@@ -105,6 +116,7 @@ class Outcome:
     to_control: list[ControlRequest] = field(default_factory=list)
     to_navigation: list[NavigationRequest] = field(default_factory=list)
     answers: list[Answer] = field(default_factory=list)
+    to_recorder: list[SetRecording] = field(default_factory=list)
 
 
 class Desk:
@@ -175,6 +187,8 @@ class Desk:
             self._watch_mode(message, now)
         elif isinstance(message, LocalisationState):
             self._robot.localisation = message
+        elif isinstance(message, RecorderState):
+            self._robot.recorder = message
         self._drive(now)
 
     def step(self, now: Now) -> None:
@@ -234,6 +248,8 @@ class Desk:
             return f"it came {age_ns / 1e9:.1f} s late: ask again"
         if age_ns < -AHEAD_NS:
             return f"it is dated {-age_ns / 1e9:.1f} s ahead of the robot's clock"
+        if isinstance(message, RecordRequest):
+            return self._objection_to_recording(now)
         return "" if isinstance(message, TakeDriving) else self._conflict(client, message, now)
 
     def _conflict(self, client: int, message: Dated, now: Now) -> str:
@@ -249,6 +265,15 @@ class Desk:
                 return self._objection_to_motion(now)
             case PlaceRobot() if not self._has_localiser:
                 return "this robot has no localiser: its place is where its odometry says"
+        return ""
+
+    def _objection_to_recording(self, now: Now) -> str:
+        """Return why the robot cannot record; empty: it can."""
+        recorder = self._robot.recorder
+        if recorder is None or now.robot_ns - recorder.stamp_ns > RECORDER_SILENT_NS:
+            return "the recorder is silent"
+        if not recorder.folder:
+            return "this robot has no folder for recordings: start it with --record FOLDER"
         return ""
 
     def _objection_to_motion(self, now: Now) -> str:
@@ -281,6 +306,8 @@ class Desk:
             case PlaceRobot():
                 pose = message.x_m, message.y_m, message.theta_rad
                 out.append(ExternalPose(stamp_ns, *pose, PLACED_COVARIANCE))
+            case RecordRequest():
+                self._out.to_recorder.append(SetRecording(stamp_ns, message.on))
             case TakeDriving():
                 self._driving.take(client, message.id, now.server_ns)
 

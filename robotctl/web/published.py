@@ -112,6 +112,20 @@ class GivenMap(Published, frozen=True):
     map: msgspec.Raw
 
 
+class RecorderState(Published, frozen=True):
+    """State of the recorder."""
+
+    stamp_ns: int
+    folder: str
+    is_recording: bool
+    trouble: str
+
+    @property
+    def told(self) -> object:
+        """All but its time, and what is left on the disk."""
+        return self.folder, self.is_recording, self.trouble
+
+
 AnyPublished: TypeAlias = (
     ControlState
     | NavigationState
@@ -123,6 +137,7 @@ AnyPublished: TypeAlias = (
     | PlanView
     | LiveMap
     | GivenMap
+    | RecorderState
 )
 
 _FIGURES: Final = re.compile(r"[\d.]+")

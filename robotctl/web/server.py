@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import itertools
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -14,11 +14,12 @@ import msgspec
 from starlette.applications import Starlette
 from starlette.requests import HTTPConnection, Request
 from starlette.responses import PlainTextResponse, Response
-from starlette.routing import Route, WebSocketRoute
+from starlette.routing import BaseRoute, Route, WebSocketRoute
 from starlette.types import ASGIApp
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from robotctl.messages.control import ControlRequest, NavigationRequest
+from robotctl.messages.recording import SetRecording
 from robotctl.web.access import HEADERS, Access, Asker, Role
 from robotctl.web.assets import Assets
 from robotctl.web.desk import Desk, Now
@@ -95,6 +96,8 @@ class RobotSide:
         Hand on a request; whether a process was there to take it.
     say
         Tell logs and ground stations.
+    to_recorder
+        Hand on a request, as the others.
     """
 
     outline: RobotOutline
@@ -102,6 +105,7 @@ class RobotSide:
     to_control: Callable[[ControlRequest], bool]
     to_navigation: Callable[[NavigationRequest], bool]
     say: Callable[[str], None]
+    to_recorder: Callable[[SetRecording], bool] = lambda _: False
 
 
 class PageServer:
@@ -117,9 +121,18 @@ class PageServer:
         Who may do what.
     static
         Folder of the page.
+    routes
+        Pages of others beside it.
     """
 
-    def __init__(self, robot: RobotSide, desk: Desk, access: Access, static: Path) -> None:
+    def __init__(
+        self,
+        robot: RobotSide,
+        desk: Desk,
+        access: Access,
+        static: Path,
+        routes: Sequence[BaseRoute] = (),
+    ) -> None:
         self._robot = robot
         self._desk = desk
         self._access = access
@@ -144,6 +157,7 @@ class PageServer:
                 Route("/assets/{name}", self._asset),
                 WebSocketRoute("/live", self._live_socket),
                 WebSocketRoute("/stop", self._stop_socket),
+                *routes,
             ]
         )
 
@@ -199,6 +213,8 @@ class PageServer:
             self._robot.to_control(to_control)
         for to_navigation in out.to_navigation:
             self._robot.to_navigation(to_navigation)
+        for to_recorder in out.to_recorder:
+            self._robot.to_recorder(to_recorder)
         for connection, message in out.answers:
             if isinstance(connection, Connection):
                 self._answer(connection, message)

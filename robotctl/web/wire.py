@@ -110,7 +110,15 @@ class Sticks(Upward, frozen=True):
     sideways: Axis
 
 
-Dated: TypeAlias = ArmRequest | ModeRequest | GoTo | PlaceRobot | TakeDriving
+class RecordRequest(Upward, frozen=True):
+    """Request to start a recording, or to stop it."""
+
+    id: Number
+    at_ms: Time
+    on: bool
+
+
+Dated: TypeAlias = ArmRequest | ModeRequest | GoTo | PlaceRobot | TakeDriving | RecordRequest
 LiveMessage: TypeAlias = Ping | StopRequest | GiveDriving | Sticks | Dated
 StopMessage: TypeAlias = Ping | Stop
 

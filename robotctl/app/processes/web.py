@@ -18,6 +18,7 @@ import zmq
 
 import robotctl
 from robotctl.app.processes.entry import enter
+from robotctl.app.processes.recordings import RecordingFolder
 from robotctl.app.supervision.signals import StopFlag
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig
@@ -36,6 +37,7 @@ from robotctl.web.config import LOOPBACK_NAMES, WebConfig
 from robotctl.web.desk import Desk, Now
 from robotctl.web.links import WebLinks, read_links, write_links
 from robotctl.web.listening import PageHost, address_towards_others, listen
+from robotctl.web.recordings import RecordingPages
 from robotctl.web.secret_files import certificate_of, fingerprint_of, tokens_of
 from robotctl.web.server import PageServer, RobotSide
 from robotctl.web.wire import RobotOutline, SonarOutline
@@ -166,6 +168,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     truths = RawSubscriber(context, (endpoints.truth,)) if simulated else None
     to_control = RequestSender(context, endpoints.control_requests)
     to_navigation = RequestSender(context, endpoints.navigation_requests)
+    to_recorder = RequestSender(context, endpoints.recorder_requests)
     heartbeat = ProcessHeartbeat(os.environ)
     notices = Publisher(context, endpoints.web_notices)
     robot = RobotSide(
@@ -174,13 +177,15 @@ def run(config: RobotConfig, options: StackOptions) -> None:
         to_control.send,
         to_navigation.send,
         lambda text: notices.send(Notice(clock.now_ns(), Severity.NOTICE, f"web page: {text}")),
+        to_recorder.send,
     )
     desk = Desk(
         has_localiser=config.localisation.method != "none",
         arm_timeout_ns=config.safety.arm_timeout_ms * 1_000_000 + _ARM_NS,
     )
     static = Path(robotctl.__file__).parent / "web" / "static"
-    page = PageServer(robot, desk, access, static)
+    folder = RecordingFolder(Path(options.record)) if options.record else None
+    page = PageServer(robot, desk, access, static, RecordingPages(folder, access).routes)
     server = PageHost(page.app, secrets.certificate, secrets.key)
     write_links(endpoints.web_links, links_of(config.web, secrets, port))
     gc.collect()

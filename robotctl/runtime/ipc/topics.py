@@ -146,6 +146,7 @@ class Endpoints:
         self.navigation_requests = f"ipc://{directory}/navigation.requests"
         self.telemetry_notices = f"ipc://{directory}/telemetry.notices"
         self.recorder_notices = f"ipc://{directory}/recorder.notices"
+        self.recorder_requests = f"ipc://{directory}/recorder.requests"
         self.supervisor_notices = f"ipc://{directory}/supervisor.notices"
         """Address of the supervisor's notices; not in `published`: it has reported them."""
         self.supervisor_requests = f"ipc://{directory}/supervisor.requests"

@@ -198,7 +198,7 @@ export const words = {
     robot: "Robot",
   },
 
-  tabs: { name: "Panels", drive: "Drive", plots: "Plots", nodes: "Nodes" },
+  tabs: { name: "Panels", drive: "Drive", plots: "Plots", nodes: "Nodes", recordings: "Recordings" },
 
   drive: {
     arm: "Arm",
@@ -276,6 +276,23 @@ export const words = {
     window: "Time shown",
     seconds: (count: number) => (!Number.isFinite(count) ? "all" : count < 60 ? `${count} s` : `${count / 60} min`),
     chart: (fields: string) => `Plot of ${fields}`,
+  },
+
+  recordings: {
+    name: "Recordings, newest first",
+    start: "Start recording",
+    stop: "Stop recording",
+    records: "It records.",
+    off: (isOn: boolean) => (isOn ? "It should record, but cannot." : "It does not record."),
+    silent: "The recorder is silent.",
+    unheard: "The recorder has not been heard yet.",
+    noFolder: "This robot has no folder for recordings: start it with --record FOLDER.",
+    free: (size: string) => `${size} left on its disk.`,
+    none: "No recordings yet.",
+    written: "being written",
+    replay: "Download one by its name; robotctl view FILE replays it on a computer.",
+    others: (count: number) => plural(count, "other file"),
+    othersName: "Other files",
   },
 
   replay: {

@@ -19,7 +19,7 @@ import { draft, follows, shown, toggleLayer, tool, TOOLS, view } from "./tools";
 
 const BUTTON_ZOOM = 1.5;
 /** Messages that are drawn with the next of another kind: they come with those, and just before. */
-const LATER = new Set<TopicName>(["LocalisationState", "NavigationState"]);
+const LATER = new Set<TopicName>(["LocalisationState", "NavigationState", "RecorderState"]);
 
 export function Map() {
   const canvas = useRef<HTMLCanvasElement>(null);

@@ -8,17 +8,19 @@ import { words } from "../words";
 import { Drive } from "./drive";
 import { Nodes } from "./nodes";
 import { Plots } from "./plots";
+import { Recordings } from "./recordings";
 
 /** To add a panel: its file and its line here, its name in words.ts. */
 const PANELS: Readonly<Record<Exclude<keyof typeof words.tabs, "name">, FunctionComponent>> = {
   drive: Drive,
   plots: Plots,
   nodes: Nodes,
+  recordings: Recordings,
 };
 
 type PanelName = keyof typeof PANELS;
 /** Panels that command a robot: there is none in a replay. */
-const COMMANDING = new Set<PanelName>(["drive"]);
+const COMMANDING = new Set<PanelName>(["drive", "recordings"]);
 const NAMES = (Object.keys(PANELS) as PanelName[]).filter((name) => !isReplay || !COMMANDING.has(name));
 
 const open = signal<PanelName>(isReplay ? "plots" : "drive");

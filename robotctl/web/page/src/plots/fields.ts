@@ -5,7 +5,7 @@ import { topics, type TopicName } from "../robot/robot";
 
 /** Times are no figures. */
 const TIMES = /stamp_ns(\[\d+\])?$|_epoch_ns$|^epoch_ns$/;
-const DRAWN = new Set<TopicName>([...(isReplay ? (["Truth"] as const) : []), "GivenMap", "LiveMap", "ParticleCloud", "LidarScan", "PlanView"]);
+const DRAWN = new Set<TopicName>([...(isReplay ? (["Truth"] as const) : []), "GivenMap", "LiveMap", "ParticleCloud", "LidarScan", "PlanView", "RecorderState"]);
 
 /** Topic and path of a field, which is named with a dot between them. */
 export function split(field: string): readonly [TopicName, string] {

@@ -18,6 +18,7 @@ import type {
   Playback,
   Pong,
   Received,
+  RecorderState,
   Refused,
   StopSeen,
   Truth,
@@ -40,6 +41,7 @@ export const topics = {
   PlanView: new Topic<PlanView>(),
   LiveMap: new Topic<LiveMap>(),
   GivenMap: new Topic<GivenMap>(),
+  RecorderState: new Topic<RecorderState>(),
   Truth: new Topic<Truth>(),
 };
 

@@ -417,6 +417,15 @@ export interface GivenMap {
   readonly map: LiveMap;
 }
 
+export interface RecorderState {
+  readonly type: "RecorderState";
+  readonly stamp_ns: number;
+  readonly folder: string;
+  readonly is_recording: boolean;
+  readonly trouble: string;
+  readonly free_bytes: number | null;
+}
+
 export interface Truth {
   readonly type: "Truth";
   readonly stamp_ns: number;
@@ -582,6 +591,13 @@ export interface TakeDriving {
   readonly at_ms: number;
 }
 
+export interface RecordRequest {
+  readonly type: "RecordRequest";
+  readonly id: number;
+  readonly at_ms: number;
+  readonly on: boolean;
+}
+
 export interface Seek {
   readonly type: "Seek";
   readonly at_ns: number;
@@ -629,6 +645,19 @@ export interface Series {
   readonly values: Uint8Array;
 }
 
+export interface RecordedFile {
+  readonly name: string;
+  readonly size: number;
+  readonly modified_s: number;
+  readonly begin_s: number | null;
+  readonly end_s: number | null;
+  readonly is_written: boolean;
+}
+
+export interface RecordingList {
+  readonly files: readonly RecordedFile[];
+}
+
 export type Received =
   | ControlState
   | NavigationState
@@ -640,6 +669,7 @@ export type Received =
   | PlanView
   | LiveMap
   | GivenMap
+  | RecorderState
   | Truth
   | Hello
   | Pong
@@ -658,6 +688,7 @@ export type Sent =
   | GoTo
   | PlaceRobot
   | TakeDriving
+  | RecordRequest
   | Seek
   | Play
   | Pause
