@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import stat
@@ -77,7 +78,12 @@ class RecordingFolder:
         if not _NAME.fullmatch(name):
             raise FileNotFoundError(name)
         flags = os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
-        descriptor = os.open(self._folder / name, flags)
+        try:
+            descriptor = os.open(self._folder / name, flags)
+        except OSError as error:
+            if error.errno == errno.ELOOP:  # a link, which may lead anywhere
+                raise FileNotFoundError(name) from error
+            raise
         if not stat.S_ISREG(os.fstat(descriptor).st_mode):
             os.close(descriptor)
             raise FileNotFoundError(name)

@@ -19,6 +19,7 @@ import numpy as np
 import uvicorn
 
 import robotctl
+from robotctl.app.processes.recordings import RecordingFolder
 from robotctl.messages.control import (
     Ack,
     Arm,
@@ -45,9 +46,11 @@ from robotctl.messages.estimation import (
 )
 from robotctl.messages.faults import Fault, FaultCode
 from robotctl.messages.mode import Mode
+from robotctl.messages.recording import RecorderState, SetRecording
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.web.access import Access, Role
 from robotctl.web.desk import Desk, Now
+from robotctl.web.recordings import RecordingPages
 from robotctl.web.server import PageServer, RobotSide
 from robotctl.web.wire import RobotOutline, SonarOutline
 
@@ -100,6 +103,10 @@ class ServedRobot:
         All requests to control and navigation, oldest first.
     particles
         x, y, heading of particles, (n, 3) float32.
+    recorder
+        What the recorder publishes; None: nothing.
+    recordings
+        Folder that is shown from the next start on; None: there is none.
     """
 
     def __init__(self, tokens: dict[Role, str] | None = None) -> None:
@@ -116,6 +123,8 @@ class ServedRobot:
         self.published_ns: dict[int, int] = {}
         """Wall clock at which the server was given each state, by its stamp [ns]."""
         self.remarks: list[str] = []
+        self.recorder: RecorderState | None = None
+        self.recordings: Path | None = None
         self._tokens = tokens or {}
         self._acks: tuple[Ack, ...] = ()
         self._encode = msgspec.msgpack.Encoder().encode
@@ -131,9 +140,13 @@ class ServedRobot:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listener.bind(("127.0.0.1", self.port))
         self.port = listener.getsockname()[1]
-        side = RobotSide(self.outline, self._now, self._take, self._take, self.remarks.append)
+        say, take = self.remarks.append, self._take
+        side = RobotSide(self.outline, self._now, take, take, say, take)
         desk = Desk(has_localiser=True, arm_timeout_ns=1_000_000_000)
-        self._page = PageServer(side, desk, Access(self._tokens, (), self.port), STATIC)
+        access = Access(self._tokens, (), self.port)
+        folder = None if self.recordings is None else RecordingFolder(self.recordings)
+        pages = RecordingPages(folder, access)
+        self._page = PageServer(side, desk, access, STATIC, pages.routes)
         self._server = uvicorn.Server(
             uvicorn.Config(
                 self._page.app,
@@ -193,6 +206,9 @@ class ServedRobot:
             self._navigation(now_ns),
             self._control(now_ns),
         )
+        if self.recorder is not None:
+            recorder = msgspec.structs.replace(self.recorder, stamp_ns=now_ns)
+            messages.append(self._encode(recorder))
         return messages + [self._encode(each) for each in pictures]
 
     def _control(self, now_ns: int) -> ControlState:
@@ -273,6 +289,8 @@ class ServedRobot:
                     self.reason, self.fault = "", FaultCode.NONE
             case SetMode(mode=mode):
                 self.mode = mode
+            case SetRecording(on=on) if self.recorder is not None:
+                self.recorder = msgspec.structs.replace(self.recorder, is_recording=on)
             case PositionTarget(x_m=x_m, y_m=y_m):
                 self.goal = (x_m, y_m)
         return True

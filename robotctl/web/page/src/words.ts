@@ -198,7 +198,7 @@ export const words = {
     robot: "Robot",
   },
 
-  tabs: { name: "Panels", drive: "Drive", plots: "Plots", nodes: "Nodes", recordings: "Recordings" },
+  tabs: { name: "Panels", drive: "Drive", plots: "Plots", nodes: "Nodes", recordings: "Record" },
 
   drive: {
     arm: "Arm",

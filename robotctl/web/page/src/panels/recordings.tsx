@@ -14,6 +14,7 @@ import { words } from "../words";
 const text = words.recordings;
 const REFRESH_MS = 3000;
 const SILENT_MS = 5000;
+const WHEN = { dateStyle: "short", timeStyle: "short" } as const;
 const UNITS = ["B", "kB", "MB", "GB", "TB"] as const;
 
 interface Listed {
@@ -98,7 +99,7 @@ function Table({ files, name }: { readonly files: readonly RecordedFile[]; reado
                 {file.name}
               </a>
             </th>
-            <td>{new Date(1000 * (file.begin_s ?? file.modified_s)).toLocaleString()}</td>
+            <td>{new Date(1000 * (file.begin_s ?? file.modified_s)).toLocaleString([], WHEN)}</td>
             <td>
               {file.begin_s !== null && file.end_s !== null && words.replay.clock(file.end_s - file.begin_s)}
               {file.is_written && text.written}
