@@ -121,9 +121,7 @@ class _FileResponse(StreamingResponse):
 
     def __init__(self, descriptor: int, size: int, headers: dict[str, str]) -> None:
         self._descriptor = descriptor
-        super().__init__(
-            self._parts(size), headers=headers, media_type="application/octet-stream"
-        )
+        super().__init__(self._parts(size), headers=headers, media_type="application/octet-stream")
 
     async def _parts(self, size: int) -> AsyncIterator[bytes]:
         at = 0

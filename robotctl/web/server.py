@@ -51,6 +51,8 @@ _POLICY: Final = 1008
 LINK_NEEDED: Final = "a token is needed: open the link that the robot prints, or `robotctl web`"
 _BODY_S: Final = 5.0
 """Time for the body of a POST [s]."""
+
+
 class Session(msgspec.Struct, forbid_unknown_fields=True):
     """Body of POST /session."""
 

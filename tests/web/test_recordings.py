@@ -232,5 +232,3 @@ def test_else_it_is_refused_with_the_reason(desk, at_ms, why):
     assert isinstance(answer, Refused)
     assert answer.id == 7
     assert why in answer.reason
-
-

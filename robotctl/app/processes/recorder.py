@@ -7,6 +7,7 @@ import shutil
 import sys
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -87,7 +88,7 @@ class RobotRecorder:
             self._folder = LogFolder(Path(options.record), config.log)
             self._left = recover_all(self._folder)
             self._logs = Logs(ring, self._folder, config, options)
-        self._new_logs = lambda folder: Logs(ring, folder, config, options)
+        self._new_logs = partial(Logs, ring, config=config, options=options)
 
     @property
     def period_ns(self) -> int:
@@ -100,7 +101,7 @@ class RobotRecorder:
             return ()
         if self._logs is None:
             try:
-                self._logs = self._new_logs(self._folder)
+                self._logs = self._new_logs(folder=self._folder)
             except OSError as error:
                 return (f"recording does not begin: {self._folder.directory}: {error.strerror}",)
             return ("recording begins, as a client of the web page asked",)
@@ -264,9 +265,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
         heard = (*endpoints.published, endpoints.supervisor_notices)
         messages = Subscriber[Published](context, heard, Published)
         publisher = Publisher(context, endpoints.recorder_notices)
-        requests = RequestReceiver[SetRecording](
-            context, endpoints.recorder_requests, SetRecording
-        )
+        requests = RequestReceiver[SetRecording](context, endpoints.recorder_requests, SetRecording)
         recording = RobotRecorder(config, options)
         stack.callback(_finish, recording, messages.receive, clock)
         if left := recording.look_back(clock.now_ns()):

@@ -11,9 +11,7 @@ import typer
 
 def view(
     run: Annotated[Path, typer.Argument(help="Folder of --record, or one robot-*.mcap of it.")],
-    run2: Annotated[
-        Path | None, typer.Argument(help="Another one, to be shown beside it.")
-    ] = None,
+    run2: Annotated[Path | None, typer.Argument(help="Another one, to be shown beside it.")] = None,
 ) -> None:
     """Replay a recording in the web page, on this computer and without a robot, until Ctrl-C.
 

@@ -37,7 +37,10 @@ TOPICS: Final[Mapping[str, str]] = {
 """Topic of the log by the message's name, of the messages with fields to plot."""
 
 _RENAMED: Final = (
-    (re.compile(r"^(x_m|y_m|theta_rad)$"), {"control": r"T_odom_base.\1", "localisation": r"T_world_odom.\1"}),
+    (
+        re.compile(r"^(x_m|y_m|theta_rad)$"),
+        {"control": r"T_odom_base.\1", "localisation": r"T_world_odom.\1"},
+    ),
     (re.compile(r"^sonar_m\[(\d+)\]$"), {"control": r"sonars[\1].range_m"}),
     (re.compile(r"^ranges_m\[(\d+)\]$"), {"camera": r"beams[\1].range_m"}),
     (re.compile(r"^angles_rad\[(\d+)\]$"), {"camera": r"beams[\1].angle_rad"}),

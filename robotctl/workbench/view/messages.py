@@ -12,7 +12,7 @@ import types
 from base64 import b64decode
 from collections.abc import Callable, Mapping
 from functools import cache
-from typing import Any, Final, Union, get_args, get_origin, get_type_hints
+from typing import Any, Final, TypeAlias, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import msgspec
 import numpy as np
@@ -28,7 +28,8 @@ from robotctl.messages.estimation import (
     ParticleCloud,
 )
 
-Content = Mapping[str, Any]
+Content: TypeAlias = Mapping[str, Any]
+S = TypeVar("S", bound=msgspec.Struct)
 
 _SEVERITIES: Final = {5: 2, 4: 3, 3: 4, 2: 5}
 """Severity of RFC 5424 by the level of `foxglove.Log`; another level is 7, debugging."""
@@ -144,9 +145,10 @@ def _range_m(part: Content) -> float:
     return float(part.get("range_m", math.nan))
 
 
-def _filled(kind: type[Any], content: Content, stamp_ns: int) -> Any:
+def _filled(kind: type[S], content: Content, stamp_ns: int) -> S:
     """Return a message of the fields that are there."""
-    return _reader(kind)({**content, "stamp_ns": stamp_ns})
+    found: S = _reader(kind)({**content, "stamp_ns": stamp_ns})
+    return found
 
 
 @cache
@@ -192,7 +194,8 @@ def _missing(kind: Any, field: msgspec.structs.FieldInfo) -> Callable[[], Any]:
     if field.default is not msgspec.NODEFAULT:
         return lambda: field.default
     if field.default_factory is not msgspec.NODEFAULT:
-        return field.default_factory
+        made: Callable[[], Any] = field.default_factory
+        return made
     if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
         inner = _reader(kind)
         return lambda: inner({})
@@ -200,4 +203,5 @@ def _missing(kind: Any, field: msgspec.structs.FieldInfo) -> Callable[[], Any]:
         return lambda: None
     if isinstance(kind, type) and issubclass(kind, enum.Enum):
         return lambda: next(iter(kind))
-    return get_origin(kind) or kind
+    empty: Callable[[], Any] = get_origin(kind) or kind
+    return empty

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -19,6 +19,7 @@ from robotctl.logs.formats.robotctl_log import truth_files
 from robotctl.logs.formats.tum import read_tum
 from robotctl.messages.estimation import GivenMap, LiveMap, PlanView
 from robotctl.model.geometry.localisation import LocalisationStatus
+from robotctl.model.trajectory import Trajectory
 from robotctl.runtime.flight.recorder import RecordError, read_record
 from robotctl.web.replay_wire import History, Series
 from robotctl.web.wire import RobotOutline, SonarOutline
@@ -85,8 +86,7 @@ class ReplayedRun:
         self.begin_ns, self.end_ns = self._index.begin_ns, self._index.end_ns
         self._lost: list[Lost] = []
         self._made: dict[str, tuple[object, Sequence[bytes]]] = {}
-        self._truth_ns: Sequence[int] = ()
-        self._truth_poses: Sequence[Sequence[float]] = ()
+        self._truth: Trajectory | None = None
         self._read_truth(files[0].name)
         self.outline = self._outline(files[0].name.parent)
 
@@ -117,11 +117,11 @@ class ReplayedRun:
         yield from self._given_map(at_ns)
         yield from self._localisation(at_ns)
         yield from self._plan(at_ns)
-        yield from self._truth(at_ns)
+        yield from self._true(at_ns)
         for name, (topic, read) in _SIMPLE.items():
             logged = self._index.newest(topic, at_ns)
             if logged is not None:
-                yield Picture(name, logged.log_ns, lambda a=logged, r=read: self._read(a, r))
+                yield Picture(name, logged.log_ns, partial(self._read, logged, read))
 
     def made(self, picture: Picture) -> Sequence[bytes]:
         """Return the messages of a picture, made once as long as it is the newest.
@@ -184,12 +184,15 @@ class ReplayedRun:
 
         yield Picture("PlanView", (path.log_ns, costs and costs.log_ns), make)
 
-    def _truth(self, at_ns: int) -> Iterator[Picture]:
-        number = bisect_right(self._truth_ns, at_ns) - 1
-        if number < 0:
+    def _true(self, at_ns: int) -> Iterator[Picture]:
+        """Yield where the simulated robot truly was."""
+        number = -1
+        if self._truth is not None:
+            number = int(self._truth.stamps_ns.searchsorted(at_ns, "right")) - 1
+        if self._truth is None or number < 0:
             return
-        stamp_ns = int(self._truth_ns[number])
-        x_m, y_m, theta_rad = map(float, self._truth_poses[number])
+        stamp_ns = int(self._truth.stamps_ns[number])
+        x_m, y_m, theta_rad = self._truth.poses[number].tolist()
         pose = {"x_m": x_m, "y_m": y_m, "theta_rad": theta_rad, "people": ()}
         message = {"type": "Truth", "stamp_ns": stamp_ns - self.begin_ns, **pose}
         yield Picture("Truth", stamp_ns, lambda: (_encode(message),))
@@ -198,14 +201,13 @@ class ReplayedRun:
         """Read the true path of a simulation."""
         try:
             for file in truth_files(log):
-                truth = read_tum(file)
-                self._truth_ns, self._truth_poses = truth.stamps_ns, truth.poses
+                self._truth = read_tum(file)
         except (RobotctlError, OSError) as error:
             self.notes.append(f"the truth is left out: {error}")
 
     def _outline(self, folder: Path) -> RobotOutline:
         """Return the robot, as the record beside the log says, or as far as the log does."""
-        simulated = len(self._truth_ns) > 0
+        simulated = self._truth is not None
         config = _config_of(folder)
         if config is not None:
             return outline_of(config, simulated=simulated)

@@ -15,8 +15,8 @@ from mcap.reader import make_reader
 from mcap.summary import Summary
 
 from robotctl.logs.mcap.recovery import McapLogError, is_complete, recover
-from robotctl.workbench.logs.rows import RecordingError, log_files, state_logs
 from robotctl.words import counted
+from robotctl.workbench.logs.rows import RecordingError, log_files, state_logs
 
 PAUSE_NS: Final = 60_000_000_000
 """Time without a message between two files of a folder that are of two runs [ns]."""

@@ -36,8 +36,9 @@ _TAG: Final = b'<html lang="en"'
 
 _HEADERS: Final = {
     **HEADERS,
-    "Content-Security-Policy": HEADERS["Content-Security-Policy"]
-    .replace("frame-ancestors 'none'", "frame-ancestors 'self'; frame-src 'self'"),
+    "Content-Security-Policy": HEADERS["Content-Security-Policy"].replace(
+        "frame-ancestors 'none'", "frame-ancestors 'self'; frame-src 'self'"
+    ),
     "X-Frame-Options": "SAMEORIGIN",
 }
 """Headers of every answer: two runs are two frames of the server's own."""
@@ -221,7 +222,13 @@ class ReplayServer:
         clock = self._clock
         end_ns = clock.end_ns if client.run is None else self._runs[client.run].length_ns
         playback = Playback(
-            at_ns, end_ns, clock.rate, clock.is_playing, tuple(names), clock.offsets_ns, self._by_driving
+            at_ns,
+            end_ns,
+            clock.rate,
+            clock.is_playing,
+            tuple(names),
+            clock.offsets_ns,
+            self._by_driving,
         )
         yield encode(playback)
 

@@ -1,4 +1,4 @@
-"""Replay of recordings: what a page is told of a time, against the log itself and what was published."""
+"""Replay: what a page is told of a time, against the log and what was published."""
 
 from __future__ import annotations
 
@@ -262,9 +262,7 @@ def copy_later(messages, path, later_ns: int, **changes) -> None:
                 channels[channel.topic] = writer.register_channel(channel.topic, "json", 0)
             data = changes.get(channel.topic, lambda content: content)(json.loads(message.data))
             encoded = json.dumps(data).encode()
-            writer.add_message(
-                channels[channel.topic], message.log_time, encoded, message.log_time
-            )
+            writer.add_message(channels[channel.topic], message.log_time, encoded, message.log_time)
         writer.finish()
 
 
