@@ -114,6 +114,24 @@ def live_map(stamp_ns: int, content: Content) -> LiveMap:
     )
 
 
+def moving_things(content: Content) -> tuple[tuple[float, float, float, float, float], ...]:
+    """Return what moves in a `foxglove.SceneUpdate`: x, y, vx, vy and radius [m, m/s]."""
+    found = []
+    for entity in content["entities"]:
+        place = entity["cylinders"][0]["pose"]["position"]
+        facts = {each["key"]: float(each["value"]) for each in entity["metadata"]}
+        motion = facts["vx_m_s"], facts["vy_m_s"], facts["radius_m"]
+        found.append((place["x"], place["y"], *motion))
+    return tuple(found)
+
+
+def body_corners(content: Content) -> tuple[tuple[float, float], ...]:
+    """Return the corners of the body in a `foxglove.SceneUpdate`, whose outline has a nose [m]."""
+    points = [(each["x"], each["y"]) for each in content["entities"][0]["lines"][0]["points"]]
+    front_m = points[0][0]
+    return tuple(dict.fromkeys(each for each in points if each[0] <= front_m))
+
+
 def packed_points(content: Content, names: tuple[str, ...]) -> bytes:
     """Return fields of a `foxglove.PointCloud` as float32, one point behind the other."""
     data, stride = b64decode(content["data"]), content["point_stride"]

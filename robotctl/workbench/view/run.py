@@ -40,6 +40,9 @@ _SIMPLE: Final[Mapping[str, tuple[str, Callable[[int, Content], msgspec.Struct]]
 }
 """Topic of the log and its reader, by the message that it was."""
 
+_OF_PLAN: Final = ("arc", "obstacles", "moving", "costs")
+"""Topics beside `path` of a view of the plan; logs of older versions lack some."""
+_POSE: Final = ("x", "y", "theta")
 _NO_COSTS: Final = LiveMap(0, 0, 0, 1.0, 0.0, 0.0, b"")
 _UNKNOWN_BODY: Final = ((0.2, -0.15), (0.2, 0.15), (-0.2, 0.15), (-0.2, -0.15))
 _UNREADABLE: Final = (msgspec.DecodeError, LookupError, TypeError, ValueError)
@@ -141,7 +144,7 @@ class ReplayedRun:
         return (_encode(self._message(logged, read)),)
 
     def _message(self, logged: Logged, read: Callable[[int, Content], Any]) -> Any:
-        return read(logged.log_ns - self.begin_ns, msgspec.json.decode(logged.data))
+        return read(logged.log_ns - self.begin_ns, _json(logged))
 
     def _given_map(self, at_ns: int) -> Iterator[Picture]:
         logged = self._index.newest("map", at_ns)
@@ -175,14 +178,24 @@ class ReplayedRun:
         path = self._index.newest("path", at_ns)
         if path is None:
             return
-        costs = self._index.newest("costs", at_ns)
+        others = {name: self._index.newest(name, at_ns) for name in _OF_PLAN}
 
         def make() -> Sequence[bytes]:
-            cloud = self._message(path, messages.particle_cloud)
-            grid = _NO_COSTS if costs is None else self._message(costs, messages.live_map)
-            return (_encode(PlanView(cloud.stamp_ns, cloud.poses, b"", b"", (), grid)),)
+            found = {name: None if each is None else _json(each) for name, each in others.items()}
+            arc, obstacles, moving, costs = (found[name] for name in _OF_PLAN)
+            stamp_ns = path.log_ns - self.begin_ns
+            view = PlanView(
+                stamp_ns,
+                messages.packed_points(_json(path), _POSE),
+                b"" if arc is None else messages.packed_points(arc, _POSE),
+                b"" if obstacles is None else messages.packed_points(obstacles, _POSE[:2]),
+                () if moving is None else messages.moving_things(moving),
+                _NO_COSTS if costs is None else messages.live_map(stamp_ns, costs),
+            )
+            return (_encode(view),)
 
-        yield Picture("PlanView", (path.log_ns, costs and costs.log_ns), make)
+        times_ns = tuple(each and each.log_ns for each in others.values())
+        yield Picture("PlanView", (path.log_ns, times_ns), make)
 
     def _true(self, at_ns: int) -> Iterator[Picture]:
         """Yield where the simulated robot truly was."""
@@ -211,12 +224,8 @@ class ReplayedRun:
         config = _config_of(folder)
         if config is not None:
             return outline_of(config, simulated=simulated)
-        self.notes.append(
-            "no control-*.rec beside it that tells the robot's size: its body is drawn 0.4 m by "
-            "0.3 m"
-        )
         said = self._index.newest("notice", self.end_ns)
-        name = "" if said is None else msgspec.json.decode(said.data).get("name", "")
+        name = "" if said is None else _json(said).get("name", "")
         return RobotOutline(
             name=name or self.name,
             version=robotctl.__version__,
@@ -225,22 +234,38 @@ class ReplayedRun:
             holonomic=False,
             has_lidar="lidar" in self._index.topics,
             has_localiser="localisation" in self._index.topics,
-            outline=_UNKNOWN_BODY,
+            outline=self._body(),
             sonars=tuple(self._sonars()),
             v_max_m_s=0.0,
             omega_max_rad_s=0.0,
             vy_max_m_s=0.0,
         )
 
+    def _body(self) -> tuple[tuple[float, float], ...]:
+        """Return the corners of the robot's body [m]."""
+        logged = self._index.newest("outline", self.end_ns)
+        try:
+            if logged is not None:
+                return messages.body_corners(_json(logged))
+        except _UNREADABLE:
+            pass  # of a version that draws it otherwise
+        self.notes.append("nothing tells the robot's size: its body is drawn 0.4 m by 0.3 m")
+        return _UNKNOWN_BODY
+
     def _sonars(self) -> Iterator[SonarOutline]:
         """Yield the sonars that the log places."""
         logged = self._index.newest("sensor_frames", self.end_ns)
-        for each in [] if logged is None else msgspec.json.decode(logged.data)["transforms"]:
+        for each in [] if logged is None else _json(logged)["transforms"]:
             name = each["child_frame_id"]
             if name.startswith("sonar_"):
                 at, turned = each["translation"], each["rotation"]
                 heading_rad = 2.0 * math.atan2(turned["z"], turned["w"])
                 yield SonarOutline(name.removeprefix("sonar_"), at["x"], at["y"], heading_rad)
+
+
+def _json(logged: Logged) -> Any:
+    """Return the content of a message."""
+    return msgspec.json.decode(logged.data)
 
 
 def _config_of(folder: Path) -> RobotConfig | None:

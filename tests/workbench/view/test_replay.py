@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import math
 import urllib.error
 import urllib.request
+from dataclasses import replace
 
 import msgspec
 import numpy as np
@@ -334,6 +336,50 @@ def test_a_log_of_another_version_is_shown_as_far_as_it_is_understood(tmp_path):
         assert points[-1] == pytest.approx(pose_at(4.0)[:2], abs=0.03)
         (series,) = msgspec.msgpack.decode(get(served, "series?field=ControlState.x_m")[1])
         assert np.isfinite(np.frombuffer(series["values"], "<f4")).all()
+
+
+def test_arc_obstacles_moving_things_and_the_body_are_shown_where_the_log_has_them(tmp_path):
+    folder = write_run(tmp_path / "new", 3)
+    path = folder / "robot-0001.mcap"
+    with path.open("rb") as file:
+        messages = [(c, m) for _, c, m in make_reader(file).iter_messages()]
+    arc = np.array([[1.0, 2.0, 0.5], [1.5, 2.5, 0.6]], "<f4")
+    places = np.array([[3.0, 1.0], [4.0, 1.5], [5.0, 2.0]], "<f4")
+    corners = [(0.3, -0.2), (0.4, 0.0), (0.3, 0.2), (-0.1, 0.2), (-0.1, -0.2), (0.3, -0.2)]
+    person = {
+        "cylinders": [{"pose": {"position": {"x": 5.0, "y": 4.0, "z": 0.8}}}],
+        "metadata": [
+            {"key": name, "value": value}
+            for name, value in (("vx_m_s", "0.300"), ("vy_m_s", "-0.100"), ("radius_m", "0.250"))
+        ],
+    }
+    body = {"lines": [{"points": [{"x": x, "y": y, "z": 0.0} for x, y in corners]}]}
+    contents = {
+        "arc": cloud(arc, ["x", "y", "theta"]),
+        "obstacles": cloud(places, ["x", "y"]),
+        "moving": {"deletions": [], "entities": [person]},
+        "outline": {"deletions": [], "entities": [body]},
+    }
+    channel, first = next(each for each in messages if each[0].topic == "path")
+    for topic, content in contents.items():
+        data = json.dumps(content).encode()
+        messages.append((replace(channel, topic=topic), replace(first, data=data)))
+    copy_later(messages, path, 0)
+    with ServedReplay(folder) as served, served.client() as client:
+        view = client.seek(2_000_000_000)["PlanView"]
+        assert view["arc"] == arc.tobytes()
+        assert view["obstacles"] == places.tobytes()
+        assert view["moving"] == [[5.0, 4.0, 0.3, -0.1, 0.25]]
+        assert sorted(map(tuple, client.hello["outline"])) == sorted(set(corners) - {(0.4, 0.0)})
+
+
+def cloud(points, names) -> dict:
+    """Return a `foxglove.PointCloud` of float32."""
+    return {
+        "point_stride": 4 * len(names),
+        "fields": [{"name": name, "offset": 4 * n, "type": 7} for n, name in enumerate(names)],
+        "data": base64.b64encode(points.tobytes()).decode(),
+    }
 
 
 def test_of_a_folder_with_several_runs_the_last_is_shown_and_the_others_are_named(tmp_path):
