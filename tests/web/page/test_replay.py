@@ -147,6 +147,10 @@ def test_two_runs_beside_each_other_move_with_one_bar(folder, tmp_path, open_rep
     scrub(page, 15.0)
     frames[0].locator(".pill.state-FAULT").wait_for()
     frames[1].locator(".pill.state-DRIVING").wait_for()  # its last state
+    scrub(page, 1.0)
+    frames[0].locator("h1").click()
+    page.keyboard.press("Space")  # within a frame, which has no bar
+    page.get_by_role("button", name="Pause").click()
     frames[0].get_by_role("searchbox").fill("charge")
     frames[0].get_by_role("button", name="Add ControlState.battery.charge").click()
     for frame in frames:  # fields are chosen for both

@@ -14,7 +14,7 @@ import { StateBar } from "./panels/state_bar";
 import { Stop } from "./panels/stop";
 import { Tabs } from "./panels/tabs";
 import { Why } from "./panels/why";
-import { ReplayBar } from "./replay/bar";
+import { listenToSpace, ReplayBar } from "./replay/bar";
 import { Compare } from "./replay/compare";
 import { isFrame, isFramed, isReplay } from "./replay/mode";
 import { startPlayback } from "./replay/playback";
@@ -56,8 +56,10 @@ effect(() => {
   document.title = words.title(hello.value?.name ?? null);
 });
 render(isFrame ? <Compare /> : <Page />, document.getElementById("page") as HTMLElement);
-if (isReplay) startPlayback();
-else startDriving();
+if (isReplay) {
+  startPlayback();
+  listenToSpace();
+} else startDriving();
 await openSession();
 if (!isReplay) startStopLine();
 startLive();

@@ -1,13 +1,12 @@
 // The bar of a replay: play and pause, rate, and the time shown, to be moved by hand.
 
-import { useEffect } from "preact/hooks";
 import { signal, useSignalEffect } from "@preact/signals";
 
 import { playback } from "../robot/robot";
 import { SafetyState, type History } from "../wire/messages";
 import { nameOf } from "../wire/names";
 import { words } from "../words";
-import { runs } from "./mode";
+import { isFramed, runs } from "./mode";
 import { align, history, pause, play, seek } from "./playback";
 
 const text = words.replay;
@@ -22,7 +21,6 @@ const rate = signal<number>(1);
 const asked = signal<{ readonly at_s: number; readonly sinceMs: number } | null>(null);
 
 export function ReplayBar({ histories }: { readonly histories?: readonly (History | null)[] }) {
-  useEffect(listenToSpace, []);
   useSignalEffect(settle);
   const now = playback.value;
   const end_s = (now?.end_ns ?? 0) / 1e9;
@@ -132,16 +130,14 @@ function settle(): void {
 
 function toggle(): void {
   if (playback.peek()?.is_playing === true) pause();
-  else play(rate.peek());
+  else play(isFramed ? (playback.peek()?.rate ?? 1) : rate.peek());
 }
 
-/** The space bar plays and pauses, but where it presses or writes something. */
-function listenToSpace(): () => void {
-  const down = (event: KeyboardEvent) => {
+/** Let the space bar play and pause, but where it presses or writes something; also in a page that has no bar. */
+export function listenToSpace(): void {
+  addEventListener("keydown", (event) => {
     if (event.code !== "Space" || (event.target as Element).closest(KEYS_OF_CONTROLS) !== null) return;
     event.preventDefault();
     if (!event.repeat) toggle();
-  };
-  addEventListener("keydown", down);
-  return () => removeEventListener("keydown", down);
+  });
 }
