@@ -36,6 +36,7 @@ from benchmarks import (
     navigation_step,
     odometry_calibration,
     place_recognition,
+    replay,
     scan_lines,
     sensor_fit,
     sensor_models,
@@ -89,6 +90,7 @@ SUBJECTS = {
     "stations": mavlink_stations.run,
     "camera-homography": camera_homography.run,
     "page": web_page.run,
+    "replay": replay.run,
     "web": web.run,
 }
 

@@ -27,8 +27,9 @@ from robotctl.messages.estimation import (
     SlamGraph,
 )
 from robotctl.messages.plans import BoundsView, MissionView
+from robotctl.messages.recording import RecorderState
 from robotctl.messages.tuning import ParameterTable, ParameterValues
-from robotctl.web import wire
+from robotctl.web import recordings, replay_wire, wire
 
 TARGET: Final = Path(__file__).resolve().parent.parent / "robotctl/web/page/src/wire/messages.ts"
 
@@ -53,9 +54,13 @@ ROBOT: Final[tuple[type, ...]] = (
     BoundsView,
     ParameterTable,
     ParameterValues,
+    RecorderState,
     Truth,
 )
 """Messages of the robot that the server passes on as they are published."""
+
+FETCHED: Final = (*replay_wire.FETCHED, recordings.RecordingList)
+"""Answers by HTTP."""
 
 HEADER: Final = """\
 // Written by tools/write_page_types.py from the messages of robotctl: do not edit.
@@ -231,9 +236,10 @@ def union(name: str, members: Iterable[type]) -> str:
 
 def text() -> str:
     """Return the content of the file."""
-    sent = typing.get_args(wire.LiveMessage)
+    replayed = typing.get_args(replay_wire.ReplayMessage)
+    sent = tuple(dict.fromkeys((*typing.get_args(wire.LiveMessage), *replayed)))
     received = (*ROBOT, wire.Hello, *wire.Downward.__subclasses__())
-    roots = (*received, *sent, *typing.get_args(wire.StopMessage))
+    roots = (*received, *sent, *typing.get_args(wire.StopMessage), *FETCHED)
     structs = structs_of(dict.fromkeys(roots))
     positional = positional_structs(structs)
     shapes = filter(None, (shape(struct, positional) for struct in structs))

@@ -59,6 +59,10 @@ COMMANDS: Final = {
         "logs.replay:replay",
         "Recompute every output of a record; status 1 and the first tick that differs.",
     ),
+    "view": (
+        "logs.view:view",
+        "Replay a recording in the web page, on this computer and without a robot, until Ctrl-C.",
+    ),
     "report": (
         "logs.report:report",
         "Show a recording on one page: map, paths, figures over time, states and notices.",

@@ -26,6 +26,7 @@ from robotctl.messages.control import (
 )
 from robotctl.messages.mission import AbortMission, GoAhead, JumpToItem, MissionCommand
 from robotctl.messages.mode import Mode
+from robotctl.messages.recording import SetRecording
 from robotctl.messages.requests import REQUEST_LIFE_NS
 from robotctl.messages.tuning import ParameterRequest, ResetParameters, SetParameter
 from robotctl.safety.state_machine import POWERED
@@ -40,6 +41,7 @@ from robotctl.web.published import (
     ParameterTable,
     ParameterValues,
     Published,
+    RecorderState,
 )
 from robotctl.web.stops import Stops
 from robotctl.web.wire import (
@@ -58,6 +60,7 @@ from robotctl.web.wire import (
     Ping,
     PlaceRobot,
     Pong,
+    RecordRequest,
     Refused,
     ResetRequest,
     Response,
@@ -82,6 +85,8 @@ RESPONSE_STATES: Final = 250
 """Most states of control that a response is made of: those of five seconds."""
 SILENT_NS: Final = 500_000_000
 """Age of a state of the robot that says nothing of the present [ns]."""
+RECORDER_SILENT_NS: Final = 5_000_000_000
+"""The same of the recorder, which waits for the disk [ns]."""
 PLACED_COVARIANCE: Final = (0.25**2, 0.0, 0.0, 0.25**2, 0.0, 0.2**2)
 """Standard deviation of a pose that a person points at: 0.25 m, 0.2 rad."""
 
@@ -128,6 +133,7 @@ class _Robot:
     localisation: LocalisationState | None = None
     parameters: ParameterTable | None = None
     values: ParameterValues | None = None
+    recorder: RecorderState | None = None
     recent: deque[ControlState] = field(default_factory=lambda: deque(maxlen=RESPONSE_STATES))
     """Last states of control."""
 
@@ -161,6 +167,7 @@ class Outcome:
     answers: list[Answer] = field(default_factory=list)
     taken: list[Offered] = field(default_factory=list)
     """Plans that navigation has now."""
+    to_recorder: list[SetRecording] = field(default_factory=list)
 
 
 class Desk:
@@ -260,6 +267,8 @@ class Desk:
             asked = self._tuning.pop(message.request_id, None)
             if asked is not None and message.refusal:
                 self._tell(asked.client, Refused(asked.number, message.refusal))
+        elif isinstance(message, RecorderState):
+            self._robot.recorder = message
         self._drive(now)
 
     def step(self, now: Now) -> None:
@@ -333,6 +342,8 @@ class Desk:
             return ""
         if objection := _untimely(message.at_ms, now):
             return objection
+        if isinstance(message, RecordRequest):
+            return self._objection_to_recording(now)
         return "" if isinstance(message, TakeDriving) else self._conflict(client, message, now)
 
     def _objection_to_asker(self, client: int) -> str:
@@ -362,6 +373,15 @@ class Desk:
                 return self._objection_to_motion(now)
             case PlaceRobot() if not self._has_localiser:
                 return "this robot has no localiser: its place is where its odometry says"
+        return ""
+
+    def _objection_to_recording(self, now: Now) -> str:
+        """Return why the robot cannot record; empty: it can."""
+        recorder = self._robot.recorder
+        if recorder is None or now.robot_ns - recorder.stamp_ns > RECORDER_SILENT_NS:
+            return "the recorder is silent"
+        if not recorder.folder:
+            return "this robot has no folder for recordings: start it with --record FOLDER"
         return ""
 
     def _objection_to_motion(self, now: Now) -> str:
@@ -394,6 +414,8 @@ class Desk:
             case PlaceRobot():
                 pose = message.x_m, message.y_m, message.theta_rad
                 out.append(ExternalPose(stamp_ns, *pose, PLACED_COVARIANCE))
+            case RecordRequest():
+                self._out.to_recorder.append(SetRecording(stamp_ns, message.on))
             case TakeDriving():
                 self._driving.take(client, message.id, now.server_ns)
             case GoOn() | JumpTo() | Abort():

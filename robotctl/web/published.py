@@ -190,6 +190,20 @@ class GivenMap(Published, frozen=True):
     map: msgspec.Raw
 
 
+class RecorderState(Published, frozen=True):
+    """State of the recorder."""
+
+    stamp_ns: int
+    folder: str
+    is_recording: bool
+    trouble: str
+
+    @property
+    def told(self) -> object:
+        """All but its time, and what is left on the disk."""
+        return self.folder, self.is_recording, self.trouble
+
+
 AnyPublished: TypeAlias = (
     ControlState
     | NavigationState
@@ -207,6 +221,7 @@ AnyPublished: TypeAlias = (
     | ParameterAnswer
     | ParameterTable
     | ParameterValues
+    | RecorderState
 )
 
 _FIGURES: Final = re.compile(r"[\d.]+")

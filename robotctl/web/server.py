@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import asyncio
-import hashlib
 import itertools
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final, NamedTuple, Protocol
+from typing import Final, Protocol
 
 import msgspec
 from starlette.applications import Starlette
 from starlette.requests import HTTPConnection, Request
 from starlette.responses import PlainTextResponse, Response
-from starlette.routing import Route, WebSocketRoute
+from starlette.routing import BaseRoute, Route, WebSocketRoute
 from starlette.types import ASGIApp
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
@@ -24,8 +23,10 @@ from robotctl.config_values import Value
 from robotctl.errors import RobotctlError
 from robotctl.messages.control import ControlRequest, NavigationRequest
 from robotctl.messages.mission import LoadMission
+from robotctl.messages.recording import SetRecording
 from robotctl.messages.tuning import ParameterRequest
 from robotctl.web.access import HEADERS, Access, Asker, Role
+from robotctl.web.assets import Assets
 from robotctl.web.desk import LOOK_ONLY, Desk, Now, Save
 from robotctl.web.outbox import Outbox
 from robotctl.web.plan_uploads import (
@@ -71,43 +72,12 @@ PICTURE_S: Final = 0.2
 """Shortest interval between two pictures of the camera [s]."""
 _BODY_S: Final = 5.0
 """Time for the body of a POST [s]."""
-_STATIC: Final = {
-    ".css": "text/css",
-    ".html": "text/html",
-    ".ico": "image/vnd.microsoft.icon",
-    ".js": "text/javascript",
-    ".json": "application/json",
-    ".png": "image/png",
-    ".svg": "image/svg+xml",
-    ".txt": "text/plain",
-    ".webmanifest": "application/manifest+json",
-    ".woff2": "font/woff2",
-}
 
 
 class Session(msgspec.Struct, forbid_unknown_fields=True):
     """Body of POST /session."""
 
     token: str
-
-
-class _Asset(NamedTuple):
-    """Part of the page."""
-
-    content: bytes
-    kind: str
-    tag: str
-
-    @classmethod
-    def of(cls, file: Path) -> _Asset:
-        """Read a file."""
-        content = file.read_bytes()
-        tag = f'"{hashlib.sha256(content).hexdigest()[:16]}"'
-        return cls(content, _STATIC[file.suffix], tag)
-
-
-def _is_asset(file: Path) -> bool:
-    return file.is_file() and file.suffix in _STATIC
 
 
 @dataclass(eq=False, slots=True)
@@ -163,6 +133,8 @@ class RobotSide:
         Hand on a request; whether a process was there to take it.
     say
         Tell logs and ground stations.
+    to_telemetry, to_recorder
+        Hand on a request, as the others.
     stores
         Keep plans over restarts, by their kind.
     camera
@@ -179,6 +151,7 @@ class RobotSide:
     to_navigation: Callable[[NavigationRequest], bool]
     say: Callable[[str], None]
     to_telemetry: Callable[[ParameterRequest], bool]
+    to_recorder: Callable[[SetRecording], bool]
     save: Callable[[Mapping[str, Value]], tuple[str, str, tuple[str, ...]]]
     stores: Mapping[str, PlanStore] = field(default_factory=dict)
     camera: PictureSource | None = None
@@ -197,13 +170,22 @@ class PageServer:
         Who may do what.
     static
         Folder of the page.
+    routes
+        Pages of others beside it.
     """
 
-    def __init__(self, robot: RobotSide, desk: Desk, access: Access, static: Path) -> None:
+    def __init__(
+        self,
+        robot: RobotSide,
+        desk: Desk,
+        access: Access,
+        static: Path,
+        routes: Sequence[BaseRoute] = (),
+    ) -> None:
         self._robot = robot
         self._desk = desk
         self._access = access
-        self._files = {file.name: _Asset.of(file) for file in static.iterdir() if _is_asset(file)}
+        self._assets = Assets(static)
         self._live: dict[int, Connection] = {}
         self._stops: set[Connection] = set()
         self._numbers = itertools.count(1)
@@ -230,6 +212,7 @@ class PageServer:
                 Route("/toml", self._toml, methods=["POST"]),
                 WebSocketRoute("/live", self._live_socket),
                 WebSocketRoute("/stop", self._stop_socket),
+                *routes,
             ]
         )
 
@@ -316,6 +299,8 @@ class PageServer:
             self._robot.to_telemetry(to_telemetry)
         for save in out.saves:
             self._begin_save(save)
+        for to_recorder in out.to_recorder:
+            self._robot.to_recorder(to_recorder)
         for connection, message in out.answers:
             self._answer_to(connection, message)
         if self._desk.driver != self._driver:
@@ -403,7 +388,7 @@ class PageServer:
 
     async def _admit(self, socket: WebSocket, others: Iterable[Connection]) -> Role | None:
         """Accept a socket and return its role; None: it is refused."""
-        asker = _asker(socket)
+        asker = asker_of(socket)
         objection = self._access.objection(asker, needs_origin=True)
         role = self._access.role(asker)
         if objection or role is None:
@@ -503,18 +488,13 @@ class PageServer:
         return self._file(request, request.path_params["name"])
 
     def _file(self, request: Request, name: str) -> Response:
-        if objection := self._access.objection(_asker(request), needs_origin=False):
+        if objection := self._access.objection(asker_of(request), needs_origin=False):
             return PlainTextResponse(objection, 403, HEADERS)
-        file = self._files.get(name)
-        if file is None:
-            return PlainTextResponse("no such page", 404, HEADERS)
-        if request.headers.get("if-none-match") == file.tag:
-            return Response(b"", 304, {**HEADERS, "ETag": file.tag})
-        return Response(file.content, 200, {**HEADERS, "ETag": file.tag}, file.kind)
+        return self._assets.answer(request, name, HEADERS)
 
     async def _rights(self, request: Request) -> Response:
         """Return the role of a browser."""
-        asker = _asker(request)
+        asker = asker_of(request)
         objection = self._access.objection(asker, needs_origin=False)
         role = self._access.role(asker)
         if objection or role is None:
@@ -523,7 +503,7 @@ class PageServer:
 
     async def _session(self, request: Request) -> Response:
         """Exchange a token for a cookie."""
-        asker = _asker(request)
+        asker = asker_of(request)
         if objection := self._access.objection(asker, needs_origin=True):
             return PlainTextResponse(objection, 403, HEADERS)
         body = await _body(request, MAX_MESSAGE_BYTES)
@@ -563,7 +543,7 @@ class PageServer:
             return PlainTextResponse(str(error), 422, HEADERS)
         self._desk.offer(upload.client, upload.id, plan, self._robot.now())
         self._hand_on()
-        return Response(msgspec.json.encode({"crc": plan.crc}), 200, HEADERS, _STATIC[".json"])
+        return Response(msgspec.json.encode({"crc": plan.crc}), 200, HEADERS, "application/json")
 
     def _offered(self, upload: AnyUpload, now: Now) -> Offered:
         """Return a plan that is checked, and saved beside the one that the robot has."""
@@ -586,11 +566,11 @@ class PageServer:
                 tree = await asyncio.to_thread(mission_tree, body)
         except BadPlan as error:
             return PlainTextResponse(str(error), 422, HEADERS)
-        return Response(msgspec.json.encode(tree), 200, HEADERS, _STATIC[".json"])
+        return Response(msgspec.json.encode(tree), 200, HEADERS, "application/json")
 
     async def _admitted(self, request: Request, needed: Role) -> bytes | Response:
         """Return the body of a POST by a page that has a role; else the refusal."""
-        asker = _asker(request)
+        asker = asker_of(request)
         objection = self._access.objection(asker, needs_origin=True)
         role = self._access.role(asker)
         if objection or role is None or (needed is Role.DRIVE and role is not Role.DRIVE):
@@ -613,7 +593,7 @@ async def _body(request: Request, most: int) -> bytes | Response:
     return body
 
 
-def _asker(connection: HTTPConnection) -> Asker:
+def asker_of(connection: HTTPConnection) -> Asker:
     """Return where a request came to, and what it says of itself."""
     server = connection.scope.get("server") or ("", 0)
     headers = connection.headers

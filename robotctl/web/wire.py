@@ -169,9 +169,19 @@ class WatchCamera(Upward, frozen=True):
     watch: bool
 
 
+class RecordRequest(Upward, frozen=True):
+    """Request to start a recording, or to stop it."""
+
+    id: Number
+    at_ms: Time
+    on: bool
+
+
 Tuned: TypeAlias = TuneRequest | ResetRequest | SaveRequest | ResponseRequest
 Order: TypeAlias = GoOn | JumpTo | Abort
-Dated: TypeAlias = ArmRequest | ModeRequest | GoTo | PlaceRobot | TakeDriving | Order | Tuned
+Dated: TypeAlias = (
+    ArmRequest | ModeRequest | GoTo | PlaceRobot | TakeDriving | RecordRequest | Order | Tuned
+)
 LiveMessage: TypeAlias = Ping | StopRequest | GiveDriving | Sticks | WatchCamera | Dated
 StopMessage: TypeAlias = Ping | Stop
 
@@ -209,14 +219,30 @@ class RobotOutline(msgspec.Struct, frozen=True):
     """Name of the robot's file, where the page may write it; empty: it may not."""
 
 
+class RecordedRun(msgspec.Struct, frozen=True):
+    """Recording that is replayed: first and last time by the wall clock [ns].
+
+    `run` is its number; None: this client has the times of all runs, and none of their messages.
+    """
+
+    name: str
+    run: int | None
+    begin_ns: int
+    end_ns: int
+
+
 class Hello(RobotOutline, frozen=True, tag=True, kw_only=True):
-    """First message to a page: the robot, who this client is, and the two clocks [ns]."""
+    """First message to a page: the robot, who this client is, and the two clocks [ns].
+
+    `replay`: it is no robot that lives, but a recording.
+    """
 
     protocol: int
     client: int
     role: str
     server_ns: int
     robot_ns: int
+    replay: RecordedRun | None = None
 
 
 class Pong(Downward, frozen=True):

@@ -113,6 +113,7 @@ class FakeRobot:
             self._take_navigation,
             self.said.append,
             self._take_telemetry,
+            lambda _: True,
             self._save,
         )
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -21,10 +23,12 @@ from robotctl.logs.logs import BusLog, StateLog, recover_all, scene_of
 from robotctl.logs.mcap.entries import Published
 from robotctl.messages.control import Notice, Severity
 from robotctl.messages.ports import Clock
+from robotctl.messages.recording import RecorderState, SetRecording
 from robotctl.runtime.ipc.heartbeat import ProcessHeartbeat
 from robotctl.runtime.ipc.topics import (
     Endpoints,
     Publisher,
+    RequestReceiver,
     Subscriber,
     endpoint_directory,
     ring_path,
@@ -40,6 +44,8 @@ PERIOD_NS: Final = 100_000_000
 LISTEN_PERIODS: Final = 20
 """Control periods between reads: the bus brings about eighty frames, a third of a socket's
 buffer."""
+STATE_NS: Final = 1_000_000_000
+"""Period of the recorder's own state [ns]."""
 _LOOK_NS: Final = 20_000_000
 _RETRY_NS: Final = 10_000_000_000
 _END_NS: Final = 1_500_000_000
@@ -77,15 +83,42 @@ class RobotRecorder:
             )
         if options.flights:
             self._dumps = FlightDumps(ring, Path(options.flights))
+        self._folder: LogFolder | None = None
         if options.record:
-            folder = LogFolder(Path(options.record), config.log)
-            self._left = recover_all(folder)
-            self._logs = Logs(ring, folder, config, options)
+            self._folder = LogFolder(Path(options.record), config.log)
+            self._left = recover_all(self._folder)
+            self._logs = Logs(ring, self._folder, config, options)
+        self._new_logs = partial(Logs, ring, config=config, options=options)
 
     @property
     def period_ns(self) -> int:
         """How often `listen` is to be called [ns]."""
         return PERIOD_NS if self._logs is None else self._listen_ns
+
+    def set_recording(self, *, on: bool) -> tuple[str, ...]:
+        """Begin the logs of `--record`, or end them; return notices."""
+        if self._folder is None or on == (self._logs is not None):
+            return ()
+        if self._logs is None:
+            try:
+                self._logs = self._new_logs(folder=self._folder)
+            except OSError as error:
+                return (f"recording does not begin: {self._folder.directory}: {error.strerror}",)
+            return ("recording begins, as a client of the web page asked",)
+        notes = self._logs.close()
+        self._logs.leave_camera()
+        self._logs = None
+        return (*notes, "recording ended, as a client of the web page asked")
+
+    def state(self, now_ns: int) -> RecorderState:
+        """Return what people should know of it."""
+        folder, free = "", None
+        if self._folder is not None:
+            folder = str(self._folder.directory)
+            with suppress(OSError):
+                free = shutil.disk_usage(folder).free
+        trouble = "" if self._logs is None else self._logs.trouble
+        return RecorderState(now_ns, folder, self._logs is not None, trouble, free)
 
     def look_back(self, now_ns: int) -> tuple[str, ...]:
         """Dump a crash of the previous run; return notices on the data that it left."""
@@ -153,6 +186,8 @@ class Logs:
         self._bus = BusLog(folder, config.buses, options.epoch_ns, options.open_clock())
         self._pictures = _open_pictures(folder, config, options)
         self._retry_ns = 0
+        self.trouble = ""
+        """Why nothing is written; empty: it is."""
 
     def listen(self, now_ns: int) -> tuple[str, ...]:
         """Log the bus."""
@@ -175,6 +210,7 @@ class Logs:
                 pictures.step(camera.read())
         except OSError as error:
             return self._refused(error, now_ns)
+        self.trouble = ""
         return ()
 
     def _refused(self, error: OSError, now_ns: int) -> tuple[str, ...]:
@@ -184,7 +220,8 @@ class Logs:
         """
         self._retry_ns = now_ns + _RETRY_NS
         self.close()  # that it refuses this too needs no report
-        return (f"logging stopped: {error.filename or self._folder}: {error.strerror}",)
+        self.trouble = f"logging stopped: {error.filename or self._folder}: {error.strerror}"
+        return (self.trouble,)
 
     def close(self) -> tuple[str, ...]:
         """Close all files; return a sentence for each whose end the disk refuses."""
@@ -228,18 +265,26 @@ def run(config: RobotConfig, options: StackOptions) -> None:
         heard = (*endpoints.published, endpoints.supervisor_notices)
         messages = Subscriber[Published](context, heard, Published)
         publisher = Publisher(context, endpoints.recorder_notices)
+        requests = RequestReceiver[SetRecording](context, endpoints.recorder_requests, SetRecording)
         recording = RobotRecorder(config, options)
         stack.callback(_finish, recording, messages.receive, clock)
         if left := recording.look_back(clock.now_ns()):
             publisher.greet(Notice(clock.now_ns(), Severity.WARNING, "\n".join(left)))
         heartbeat = ProcessHeartbeat(os.environ)
-        due_ns = 0
+        due_ns = state_ns = 0
         while not stopped():
             now_ns = clock.now_ns()
             notes = recording.listen(now_ns)
             if now_ns >= due_ns:
                 due_ns = now_ns + PERIOD_NS
+                for request in requests.receive():
+                    for done in recording.set_recording(on=request.on):
+                        publisher.send(Notice(now_ns, Severity.NOTICE, done))
+                    state_ns = 0
                 notes += recording.step(messages.receive(), now_ns)
+            if now_ns >= state_ns:
+                state_ns = now_ns + STATE_NS
+                publisher.send(recording.state(now_ns))
             publisher.attend()
             for note in notes:
                 publisher.send(Notice(now_ns, Severity.WARNING, note))

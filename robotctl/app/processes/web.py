@@ -19,6 +19,7 @@ import zmq
 import robotctl
 from robotctl.app.processes.entry import enter
 from robotctl.app.processes.plan_files import plan_stores
+from robotctl.app.processes.recordings import RecordingFolder
 from robotctl.app.supervision.signals import StopFlag
 from robotctl.config.file_writing import ParameterWriter
 from robotctl.config.options import StackOptions
@@ -38,6 +39,7 @@ from robotctl.web.config import LOOPBACK_NAMES, WebConfig
 from robotctl.web.desk import Desk, Now
 from robotctl.web.links import WebLinks, read_links, write_links
 from robotctl.web.listening import PageHost, address_towards_others, listen
+from robotctl.web.recordings import RecordingPages
 from robotctl.web.secret_files import certificate_of, fingerprint_of, tokens_of
 from robotctl.web.server import PageServer, PictureSource, RobotSide
 from robotctl.web.wire import RobotOutline, SonarOutline
@@ -183,6 +185,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     to_navigation = RequestSender(context, endpoints.navigation_requests)
     to_telemetry = RequestSender(context, endpoints.telemetry_requests)
     writer = ParameterWriter(options)
+    to_recorder = RequestSender(context, endpoints.recorder_requests)
     heartbeat = ProcessHeartbeat(os.environ)
     notices = Publisher(context, endpoints.web_notices)
     robot = RobotSide(
@@ -192,6 +195,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
         to_navigation.send,
         lambda text: notices.send(Notice(clock.now_ns(), Severity.NOTICE, f"web page: {text}")),
         to_telemetry.send,
+        to_recorder.send,
         writer.save,
         plan_stores(options.state),
         _camera_of(config, endpoints),
@@ -201,7 +205,8 @@ def run(config: RobotConfig, options: StackOptions) -> None:
         arm_timeout_ns=config.safety.arm_timeout_ms * 1_000_000 + _ARM_NS,
     )
     static = Path(robotctl.__file__).parent / "web" / "static"
-    page = PageServer(robot, desk, access, static)
+    folder = RecordingFolder(Path(options.record)) if options.record else None
+    page = PageServer(robot, desk, access, static, RecordingPages(folder, access).routes)
     server = PageHost(page.app, secrets.certificate, secrets.key)
     write_links(endpoints.web_links, links_of(config.web, secrets, port))
     gc.collect()

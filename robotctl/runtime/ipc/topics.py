@@ -149,6 +149,7 @@ class Endpoints:
         self.parameters = f"ipc://{directory}/parameters"
         """Address of the parameters, which telemetry owns; not in `published`: no log has them."""
         self.recorder_notices = f"ipc://{directory}/recorder.notices"
+        self.recorder_requests = f"ipc://{directory}/recorder.requests"
         self.supervisor_notices = f"ipc://{directory}/supervisor.notices"
         """Address of the supervisor's notices; not in `published`: it has reported them."""
         self.supervisor_requests = f"ipc://{directory}/supervisor.requests"

@@ -20,6 +20,7 @@ import numpy as np
 import uvicorn
 
 import robotctl
+from robotctl.app.processes.recordings import RecordingFolder
 from robotctl.config.robot_file import contradictions, find_file, load_robot
 from robotctl.mavlink.parameters.parameter import REAL32
 from robotctl.mavlink.parameters.parameter_set import (
@@ -58,11 +59,13 @@ from robotctl.messages.fence import FenceState, SetFence
 from robotctl.messages.mission import JumpToItem, LoadMission
 from robotctl.messages.mode import Mode
 from robotctl.messages.plans import BoundsView, MissionView, SetZones
+from robotctl.messages.recording import RecorderState, SetRecording
 from robotctl.messages.tuning import ParameterAnswer, ResetParameters
 from robotctl.model.fence import Fence
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.web.access import Access, Role
 from robotctl.web.desk import Desk, Now
+from robotctl.web.recordings import RecordingPages
 from robotctl.web.server import PageServer, PictureSource, RobotSide
 from robotctl.web.wire import RobotOutline, SonarOutline
 
@@ -124,6 +127,10 @@ class ServedRobot:
         Values that were written into the robot's file; why none are.
     particles
         x, y, heading of particles, (n, 3) float32.
+    recorder
+        What the recorder publishes; None: nothing.
+    recordings
+        Folder that is shown from the next start on; None: there is none.
     """
 
     def __init__(self, tokens: dict[Role, str] | None = None) -> None:
@@ -150,6 +157,8 @@ class ServedRobot:
         self.parameters = ParameterSet(Configurations(CONFIG, CONFIG, contradictions), {})
         self.saved: list[dict[str, Any]] = []
         self.why_not_saved: Exception | None = None
+        self.recorder: RecorderState | None = None
+        self.recordings: Path | None = None
         self._tokens = tokens or {}
         self._acks: tuple[Ack, ...] = ()
         self._encode = msgspec.msgpack.Encoder().encode
@@ -172,11 +181,15 @@ class ServedRobot:
             self._take,
             self.remarks.append,
             self._tune,
+            self._take,
             self._save,
             camera=self.camera,
         )
         desk = Desk(has_localiser=True, arm_timeout_ns=1_000_000_000)
-        self._page = PageServer(side, desk, Access(self._tokens, (), self.port), STATIC)
+        access = Access(self._tokens, (), self.port)
+        folder = None if self.recordings is None else RecordingFolder(self.recordings)
+        pages = RecordingPages(folder, access)
+        self._page = PageServer(side, desk, access, STATIC, pages.routes)
         self._server = uvicorn.Server(
             uvicorn.Config(
                 self._page.app,
@@ -240,6 +253,9 @@ class ServedRobot:
             self._navigation(now_ns),
             self._control(now_ns),
         )
+        if self.recorder is not None:
+            recorder = msgspec.structs.replace(self.recorder, stamp_ns=now_ns)
+            messages.append(self._encode(recorder))
         return messages + [self._encode(each) for each in pictures]
 
     def _control(self, now_ns: int) -> ControlState:
@@ -348,6 +364,8 @@ class ServedRobot:
                     self.reason, self.fault = "", FaultCode.NONE
             case SetMode(mode=mode):
                 self.mode = mode
+            case SetRecording(on=on) if self.recorder is not None:
+                self.recorder = msgspec.structs.replace(self.recorder, is_recording=on)
             case PositionTarget(x_m=x_m, y_m=y_m):
                 self.goal = (x_m, y_m)
             case _:

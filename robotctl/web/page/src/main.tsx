@@ -15,6 +15,10 @@ import { Stop } from "./panels/stop";
 import { Tabs } from "./panels/tabs";
 import { Why } from "./panels/why";
 import { startEditor } from "./plans/editor";
+import { listenToSpace, ReplayBar } from "./replay/bar";
+import { Compare } from "./replay/compare";
+import { isFrame, isFramed, isReplay } from "./replay/mode";
+import { startPlayback } from "./replay/playback";
 import { startHistory } from "./plots/history";
 import { startTicking } from "./robot/clock";
 import { hello } from "./robot/robot";
@@ -27,7 +31,7 @@ import { words } from "./words";
 function Page() {
   return (
     <>
-      <Stop />
+      {!isReplay && <Stop />}
       <StateBar />
       <Why />
       <main>
@@ -37,6 +41,7 @@ function Page() {
           <Notices />
         </div>
       </main>
+      {isReplay && !isFramed && <ReplayBar />}
       <RefusalToast />
     </>
   );
@@ -52,8 +57,11 @@ startEditor();
 effect(() => {
   document.title = words.title(hello.value?.name ?? null);
 });
-render(<Page />, document.getElementById("page") as HTMLElement);
-startDriving();
+render(isFrame ? <Compare /> : <Page />, document.getElementById("page") as HTMLElement);
+if (isReplay) {
+  startPlayback();
+  listenToSpace();
+} else startDriving();
 await openSession();
-startStopLine();
+if (!isReplay) startStopLine();
 startLive();

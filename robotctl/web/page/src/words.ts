@@ -208,7 +208,18 @@ export const words = {
     mission: "Mission",
   },
 
-  tabs: { name: "Panels", drive: "Drive", plots: "Plots", nodes: "Nodes", mission: "Mission", bounds: "Zones", camera: "Camera", tune: "Tune", setUp: "Set up" },
+  tabs: {
+    name: "Panels",
+    drive: "Drive",
+    plots: "Plots",
+    nodes: "Nodes",
+    mission: "Mission",
+    bounds: "Zones",
+    camera: "Camera",
+    tune: "Tune",
+    setUp: "Set up",
+    recordings: "Record",
+  },
 
   drive: {
     arm: "Arm",
@@ -356,7 +367,7 @@ export const words = {
     live: "Live",
     export: "Save as CSV",
     window: "Time shown",
-    seconds: (count: number) => (count < 60 ? `${count} s` : `${count / 60} min`),
+    seconds: (count: number) => (!Number.isFinite(count) ? "all" : count < 60 ? `${count} s` : `${count / 60} min`),
     chart: (fields: string) => `Plot of ${fields}`,
   },
 
@@ -489,6 +500,40 @@ export const words = {
       what: "Press the robot's own stop button, then release it. Without one, press STOP above: the robot has none of its own then.",
       value: (state: string) => `state: ${state}`,
     },
+  },
+
+  recordings: {
+    name: "Recordings, newest first",
+    start: "Start recording",
+    stop: "Stop recording",
+    records: "It records.",
+    off: (isOn: boolean) => (isOn ? "It should record, but cannot." : "It does not record."),
+    silent: "The recorder is silent.",
+    unheard: "The recorder has not been heard yet.",
+    noFolder: "This robot has no folder for recordings: start it with --record FOLDER.",
+    free: (size: string) => `${size} left on its disk.`,
+    none: "No recordings yet.",
+    written: "being written",
+    replay: "Download one by its name; robotctl view FILE replays it on a computer.",
+    others: (count: number) => plural(count, "other file"),
+    othersName: "Other files",
+  },
+
+  replay: {
+    name: "Replay",
+    play: "Play",
+    pause: "Pause",
+    rate: "Speed",
+    times: (rate: number) => `${rate} ×`,
+    time: "Time of the recording",
+    clock: (seconds: number) => {
+      const [minutes, rest] = [Math.floor(seconds / 60), (seconds % 60).toFixed(1).padStart(4, "0")];
+      return minutes < 60 ? `${minutes}:${rest}` : `${Math.floor(minutes / 60)}:${String(minutes % 60).padStart(2, "0")}:${rest}`;
+    },
+    align: "Align by first driving",
+    run: (number: number) => `Recording ${number}`,
+    ended: "The viewer has ended: start robotctl view again.",
+    loading: "Reading the whole run …",
   },
 
   nodes: {

@@ -5,7 +5,9 @@ import { useSignalEffect } from "@preact/signals";
 
 import { mayDrive } from "../driving/driving";
 import { now } from "../robot/clock";
-import { topics, watch, type TopicName } from "../robot/robot";
+import { isReplay } from "../replay/mode";
+import { history } from "../replay/playback";
+import { playback, topics, watch, type TopicName } from "../robot/robot";
 import { theme } from "../theme";
 import { chosen, edited, present } from "../plans/editor";
 import { corners } from "../plans/polygons";
@@ -19,7 +21,7 @@ import { draft, follows, shown, toggleLayer, tool, TOOLS, view } from "./tools";
 
 const BUTTON_ZOOM = 1.5;
 /** Messages that are drawn with the next of another kind: they come with those, and just before. */
-const LATER = new Set<TopicName>(["LocalisationState", "NavigationState", "CameraPicture"]);
+const LATER = new Set<TopicName>(["LocalisationState", "NavigationState", "CameraPicture", "RecorderState"]);
 
 export function Map() {
   const canvas = useRef<HTMLCanvasElement>(null);
@@ -37,7 +39,8 @@ export function Map() {
     document.addEventListener("visibilitychange", () => made.request());
   }, []);
   useSignalEffect(() => {
-    void [shown.value, follows.value, draft.value, now.value, edited.value, present.value, chosen.value, corners.value]; // what is old goes grey with time
+    void [shown.value, follows.value, draft.value, now.value]; // what is old goes grey with time
+    void [edited.value, present.value, chosen.value, corners.value, playback.value, history.value];
     painter.current?.request();
   });
   useSignalEffect(() => {
@@ -59,22 +62,7 @@ export function Map() {
         aria-describedby="map-place"
         data-tool={tool.value}
       />
-      <div class="map-tools" role="toolbar" aria-label={words.tools.name}>
-        {TOOLS.map((each) => (
-          <button
-            key={each}
-            type="button"
-            aria-pressed={tool.value === each}
-            disabled={each !== "look" && !mayDrive.value}
-            title={words.tools.hints[each]}
-            onClick={() => {
-              tool.value = each;
-            }}
-          >
-            {words.tools[each]}
-          </button>
-        ))}
-      </div>
+      {!isReplay && <Tools />}
       <div class="map-zoom" role="toolbar" aria-label={words.map.view}>
         <button type="button" aria-label={words.map.zoomIn} onClick={() => zoom(BUTTON_ZOOM)}>
           +
@@ -104,6 +92,27 @@ export function Map() {
       <Layers />
       <Place />
     </section>
+  );
+}
+
+function Tools() {
+  return (
+    <div class="map-tools" role="toolbar" aria-label={words.tools.name}>
+      {TOOLS.map((each) => (
+        <button
+          key={each}
+          type="button"
+          aria-pressed={tool.value === each}
+          disabled={each !== "look" && !mayDrive.value}
+          title={words.tools.hints[each]}
+          onClick={() => {
+            tool.value = each;
+          }}
+        >
+          {words.tools[each]}
+        </button>
+      ))}
+    </div>
   );
 }
 

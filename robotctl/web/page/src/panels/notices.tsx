@@ -2,6 +2,7 @@
 
 import { useComputed } from "@preact/signals";
 
+import { isReplay } from "../replay/mode";
 import { clock } from "../robot/clock";
 import { notices } from "../robot/robot";
 import { tripMs } from "../wire/live";
@@ -53,6 +54,7 @@ function severityOf(number: number): keyof typeof SIGNS {
 
 /** Time of day at this page's place. */
 function timeOf(stampNs: number): string {
+  if (isReplay) return words.replay.clock(stampNs / 1e9);
   const pageMs = clock.pageMs(stampNs);
   return pageMs === null ? "" : new Date(performance.timeOrigin + pageMs).toLocaleTimeString([], { hour12: false });
 }

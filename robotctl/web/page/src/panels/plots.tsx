@@ -7,14 +7,17 @@ import { now } from "../robot/clock";
 import { makeChart, resizeChart } from "../plots/chart";
 import { fieldNames } from "../plots/fields";
 import { choose, chosen, dismiss } from "../plots/history";
-import { csv, recent } from "../plots/rows";
+import { around, csv, newestS } from "../plots/rows";
+import { isReplay } from "../replay/mode";
+import { playback } from "../robot/robot";
 import { theme } from "../theme";
 import { words } from "../words";
 
 const text = words.plots;
 const REFRESH_MS = 100;
 const MOST_FOUND = 40;
-const WINDOWS_S = [10, 30, 120, 600] as const;
+/** Lengths of time that are shown [s]; Infinity: the whole recording. */
+const WINDOWS_S = isReplay ? [10, 30, 120, 600, Infinity] : [10, 30, 120, 600];
 
 const isPaused = signal(false);
 const windowS = signal<number>(30);
@@ -26,6 +29,7 @@ export function Plots() {
       <div class="row">
         <button
           type="button"
+          hidden={isReplay}
           aria-pressed={isPaused.value}
           onClick={() => {
             isPaused.value = !isPaused.value;
@@ -75,10 +79,11 @@ function Chart() {
   useEffect(() => {
     const parent = element.current as HTMLDivElement;
     const style = getComputedStyle(parent);
-    const chart = makeChart(parent, fields, seconds, style.color, style.getPropertyValue("--line"));
+    const range = () => spanOf(seconds);
+    const chart = makeChart(parent, fields, range, style.color, style.getPropertyValue("--line"));
     const resized = new ResizeObserver(() => resizeChart(chart, parent.clientWidth));
     resized.observe(parent);
-    const refresh = () => chart.setData(recent(fields, seconds));
+    const refresh = () => chart.setData(around(fields, isReplay ? shownS() : newestS(fields), spanOf(seconds)));
     refresh();
     const timer = setInterval(() => {
       if (!isPaused.peek() && !document.hidden) refresh();
@@ -90,6 +95,18 @@ function Chart() {
     };
   }, [fields, seconds, colours]);
   return <div ref={element} class="chart" role="img" aria-label={text.chart(fields.join(", "))} />;
+}
+
+/** Time that is shown of a recording [s]. */
+function shownS(): number {
+  return (playback.peek()?.at_ns ?? 0) / 1e9;
+}
+
+/** What is shown besides the present [s]: the time before it, of a recording also what comes. */
+function spanOf(seconds: number): [number, number] {
+  if (!isReplay) return [-seconds, 0];
+  if (Number.isFinite(seconds)) return [-seconds / 2, seconds / 2];
+  return [-shownS(), Math.max((playback.peek()?.end_ns ?? 0) / 1e9 - shownS(), 0.1)];
 }
 
 function Finder() {

@@ -2,6 +2,7 @@
 
 import { now } from "../robot/clock";
 import { driver, hello, topics } from "../robot/robot";
+import { isReplay } from "../replay/mode";
 import { toggleTheme } from "../theme";
 import { tripMs } from "../wire/live";
 import { BusState, FaultCode, Mode, SafetyState, type ControlState } from "../wire/messages";
@@ -20,6 +21,7 @@ export function StateBar() {
     <header class={isOld ? "bar stale" : "bar"} aria-label={text.name}>
       <h1>
         {hello.value?.name ?? "robotctl"}
+        {hello.value?.replay != null && <small> {hello.value.replay.name}</small>}
         {hello.value?.simulated === true && <small> {text.simulated}</small>}
       </h1>
       <p class={`pill state-${state ?? "none"}`} role="status">
@@ -33,8 +35,8 @@ export function StateBar() {
         <Loop control={control} />
         <Bus control={control} />
         <Nodes control={control} />
-        <Link />
-        <DriverFigure />
+        {!isReplay && <Link />}
+        {!isReplay && <DriverFigure />}
       </dl>
       {isOld && <p class="age">{words.age(topics.ControlState.ageMs(now.value) / 1000)}</p>}
       <button type="button" class="theme" aria-label={text.theme} title={text.theme} onClick={toggleTheme}>

@@ -192,7 +192,7 @@ function Chart({ courses }: { readonly courses: readonly Course[] }) {
     const [begin = 0, end = 1] = [times[0], times.at(-1)];
     const line = style.getPropertyValue("--line");
     const labels = courses.flatMap((_, i) => [text.wanted(wheelName(i)), wheelName(i)]);
-    const chart = makeChart(parent, fields, end - begin, style.color, line, begin, labels);
+    const chart = makeChart(parent, fields, [begin, end], style.color, line, labels);
     chart.setData([times, ...courses.flatMap(({ wanted, measured }) => [wanted, measured])] as never);
     const resized = new ResizeObserver(() => resizeChart(chart, parent.clientWidth));
     resized.observe(parent);

@@ -3,6 +3,7 @@
 import { signal } from "@preact/signals";
 import type { FunctionComponent } from "preact";
 
+import { isReplay } from "../replay/mode";
 import { words } from "../words";
 import { Bounds } from "./bounds";
 import { Camera } from "./camera";
@@ -12,6 +13,7 @@ import { Nodes } from "./nodes";
 import { Plots } from "./plots";
 import { SetUp } from "./set_up";
 import { Tune } from "./tune";
+import { Recordings } from "./recordings";
 
 /** To add a panel: its file and its line here, its name in words.ts. */
 const PANELS: Readonly<Record<Exclude<keyof typeof words.tabs, "name">, FunctionComponent>> = {
@@ -23,12 +25,15 @@ const PANELS: Readonly<Record<Exclude<keyof typeof words.tabs, "name">, Function
   camera: Camera,
   tune: Tune,
   setUp: SetUp,
+  recordings: Recordings,
 };
 
 type PanelName = keyof typeof PANELS;
-const NAMES = Object.keys(PANELS) as PanelName[];
+/** Panels that command a robot: there is none in a replay. */
+const COMMANDING = new Set<PanelName>(["drive", "recordings"]);
+const NAMES = (Object.keys(PANELS) as PanelName[]).filter((name) => !isReplay || !COMMANDING.has(name));
 
-const open = signal<PanelName>("drive");
+const open = signal<PanelName>(isReplay ? "plots" : "drive");
 
 export function Tabs() {
   const Panel = PANELS[open.value];

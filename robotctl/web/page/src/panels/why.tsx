@@ -3,6 +3,7 @@
 import { now } from "../robot/clock";
 import { advise, type Advice } from "../robot/advice";
 import { topics } from "../robot/robot";
+import { isReplay } from "../replay/mode";
 import { access } from "../wire/access";
 import { live } from "../wire/live";
 import { SafetyState } from "../wire/messages";
@@ -17,12 +18,13 @@ interface Finding {
 
 export function Why() {
   const { kind, advice } = find();
+  if (isReplay && !live.isOpen.value) return <p class="why why-bad">{words.replay.ended}</p>;
   return (
     <section class={`why why-${kind}`} aria-label={text.name} aria-live={kind === "good" ? "off" : "polite"}>
       <ul>
         {advice.map(({ what, remedy }) => (
           <li key={what}>
-            <span class="what">{sentence(what)}</span> <span class="remedy">{remedy}</span>
+            <span class="what">{sentence(what)}</span> <span class="remedy">{isReplay ? "" : remedy}</span>
           </li>
         ))}
       </ul>

@@ -12,10 +12,9 @@ const HEIGHT = 260;
 export function makeChart(
   element: HTMLElement,
   fields: readonly string[],
-  seconds: number,
+  range: uPlot.Scale.Range,
   ink: string,
   grid: string,
-  beginS = -seconds,
   labels: readonly string[] = fields.map((field) => field.slice(field.indexOf(".") + 1)),
 ): uPlot {
   const scaleOf = (field: string) => unitOf(field) || "1";
@@ -36,10 +35,11 @@ export function makeChart(
       width: element.clientWidth,
       height: HEIGHT,
       scales: {
-        x: { time: false, range: [beginS, beginS + seconds] },
+        x: { time: false, range },
         ...Object.fromEntries(scales.map((scale) => [scale, { range: spread }])),
       },
       cursor: { drag: { x: false, y: false } },
+      hooks: { drawAxes: [(chart) => markPresent(chart, ink)] },
       legend: { live: true },
       series: [
         { label: "t", value: (_, value) => (value === null ? "–" : `${value.toFixed(2)} s`) },
@@ -67,6 +67,14 @@ export function makeChart(
     [[], ...fields.map(() => [])],
     element,
   );
+}
+
+/** A line where the present is, between what was and what comes. */
+function markPresent({ ctx, bbox, valToPos }: uPlot, ink: string): void {
+  const x = Math.round(valToPos(0, "x", true));
+  if (x <= bbox.left || x >= bbox.left + bbox.width) return;
+  ctx.fillStyle = ink;
+  ctx.fillRect(x, bbox.top, devicePixelRatio, bbox.height);
 }
 
 /** Range of an axis: room above and below, also around a value that stands still. */

@@ -1,10 +1,15 @@
 // The numbers within messages, by name: `ControlState.duty[0]`.
 
+import { isReplay } from "../replay/mode";
 import { topics, type TopicName } from "../robot/robot";
 
 /** Times are no figures. */
 const TIMES = /stamp_ns(\[\d+\])?$|_epoch_ns$|^epoch_ns$/;
-const DRAWN = new Set<TopicName>(["GivenMap", "LiveMap", "ParticleCloud", "LidarScan", "PlanView", "SlamGraph", "MissionView", "BoundsView", "CameraPicture"]);
+const DRAWN = new Set<TopicName>([
+  ...(isReplay ? (["Truth"] as const) : []),
+  ...(["GivenMap", "LiveMap", "ParticleCloud", "LidarScan", "PlanView", "SlamGraph"] as const),
+  ...(["MissionView", "BoundsView", "CameraPicture", "RecorderState"] as const),
+]);
 
 /** Topic and path of a field, which is named with a dot between them. */
 export function split(field: string): readonly [TopicName, string] {

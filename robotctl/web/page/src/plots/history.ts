@@ -1,8 +1,10 @@
 // What the chosen fields were: a column a field, a table a topic, since each topic has times of its own.
 
-import { signal } from "@preact/signals";
+import { effect, signal } from "@preact/signals";
 
 import { keep, kept } from "../kept";
+import { isReplay } from "../replay/mode";
+import { recorded, want } from "../replay/series";
 import { topics, watch, type TopicName } from "../robot/robot";
 import type { Stamped } from "../robot/topic";
 import { split, valueAt } from "./fields";
@@ -55,8 +57,21 @@ function prepare(): void {
 }
 
 export function startHistory(): void {
+  if (isReplay) {
+    startRecorded();
+    return;
+  }
   prepare();
   watch(record);
+}
+
+/** Fetch what is chosen, here or in a page beside this one. */
+function startRecorded(): void {
+  effect(() => void want(chosen.value));
+  addEventListener("storage", () => {
+    const others = kept(KEY, chosen.peek());
+    if (others.join() !== chosen.peek().join()) chosen.value = others;
+  });
 }
 
 function record(topic: TopicName, message: Stamped): void {
@@ -83,6 +98,7 @@ function clear(table: Table): void {
 
 /** Times and values of a field; empty where nothing was recorded. */
 export function series(field: string): readonly [number[], Column] {
+  if (isReplay) return recorded(field);
   const [topic, path] = split(field);
   const table = tables.get(topic);
   return [table?.times ?? [], table?.columns.get(path) ?? []];

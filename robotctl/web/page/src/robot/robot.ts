@@ -18,8 +18,10 @@ import type {
   Notice,
   ParticleCloud,
   PlanView,
+  Playback,
   Pong,
   Received,
+  RecorderState,
   Refused,
   SlamGraph,
   Response,
@@ -28,7 +30,8 @@ import type {
   Truth,
 } from "../wire/messages";
 import { describe, takeValues } from "./parameters";
-import { Topic, type Stamped } from "./topic";
+import { isReplay } from "../replay/mode";
+import { playback, Topic, type Stamped } from "./topic";
 import { Trail } from "./trail";
 import { WorldPose } from "./world_pose";
 import type { Pose } from "./se2";
@@ -45,6 +48,7 @@ export const topics = {
   PlanView: new Topic<PlanView>(),
   LiveMap: new Topic<LiveMap>(),
   GivenMap: new Topic<GivenMap>(),
+  RecorderState: new Topic<RecorderState>(),
   Truth: new Topic<Truth>(),
   SlamGraph: new Topic<SlamGraph>(),
   MissionView: new Topic<MissionView>(),
@@ -58,6 +62,8 @@ export const hello = signal<Hello | null>(null);
 export const driver = signal<Driver | null>(null);
 /** Newest last. */
 export const notices = signal<readonly Notice[]>([]);
+
+export { playback };
 
 export const worldPose = new WorldPose();
 export const trail = new Trail();
@@ -86,6 +92,9 @@ export function take(message: News): void {
     case "Driver":
       driver.value = message;
       break;
+    case "Playback":
+      show(message);
+      break;
     case "Notice":
       note(message);
       break;
@@ -106,6 +115,14 @@ export function take(message: News): void {
     default:
       publish(message.type, message);
   }
+}
+
+/** Take the time that is shown of a recording; what there is none of then is forgotten. */
+function show(message: Playback): void {
+  for (const [name, topic] of Object.entries(topics)) {
+    if (!message.topics.includes(name)) topic.forget();
+  }
+  playback.value = message;
 }
 
 /** Keep a notice; with a connection some come that are known already. */
@@ -135,5 +152,5 @@ function publish<Name extends TopicName>(name: Name, message: Stamped): void {
 
 function follow(control: ControlState): void {
   const here = worldPose.pose(control);
-  if (here !== null) trail.add(here, worldPose.epoch(control));
+  if (here !== null && !isReplay) trail.add(here, worldPose.epoch(control));
 }

@@ -2,6 +2,7 @@
 
 import { signal } from "@preact/signals";
 
+import type { Playback } from "../wire/messages";
 import { clock } from "./clock";
 
 export interface Stamped {
@@ -12,6 +13,9 @@ const STALE_PERIODS = 3;
 const SHORTEST_PERIOD_MS = 100;
 const LONGEST_PERIOD_MS = 2000;
 const PERIOD_SMOOTHING = 0.2;
+
+/** The time that is shown of a recording; null: the robot lives, or none has come yet. */
+export const playback = signal<Playback | null>(null);
 
 /** One kind of message. Its period is learnt from the stamps of those that come. */
 export class Topic<T extends Stamped> {
@@ -39,12 +43,16 @@ export class Topic<T extends Stamped> {
   ageMs(nowMs: number): number {
     const message = this.newest.peek();
     if (message === null) return Infinity;
+    const shown = playback.peek();
+    if (shown !== null) return (shown.at_ns - message.stamp_ns) / 1e6;
     const sinceReceived = nowMs - this.receivedMs;
     const robotMs = clock.at(nowMs);
     return robotMs === null ? sinceReceived : Math.max(sinceReceived, robotMs - message.stamp_ns / 1e6);
   }
 
   isStale(nowMs: number): boolean {
-    return this.ageMs(nowMs) > STALE_PERIODS * this.periodMs;
+    // A recording is shown in jumps, which say nothing of the period.
+    const longestMs = playback.peek() === null ? STALE_PERIODS * this.periodMs : LONGEST_PERIOD_MS;
+    return this.ageMs(nowMs) > longestMs;
   }
 }

@@ -17,6 +17,7 @@ export class WorldPose {
 
   localise(state: LocalisationState): void {
     this.hasLocaliser = true;
+    if (this.known !== null && this.known.stamp_ns > state.stamp_ns) this.known = null; // a recording went back
     if (state.status === LocalisationStatus.LOCALISED) this.known = state;
   }
 

@@ -2,6 +2,7 @@
 
 import { signal } from "@preact/signals";
 
+import { query } from "../replay/mode";
 import { clock } from "../robot/clock";
 import { take } from "../robot/robot";
 import { checkAccess } from "./access";
@@ -31,7 +32,7 @@ const serverClock = new ProvenClock();
 const asked = new Map<number, string>();
 let lastId = 0;
 
-export const live = new Line("/live", (message: Tagged) => {
+export const live = new Line(`/live${query}`, (message: Tagged) => {
   const received = message as Received;
   if (received.type === "Pong") {
     clock.take(received, performance.now());

@@ -461,6 +461,41 @@ export interface BoundsView {
   readonly links: readonly (readonly [number, number])[];
 }
 
+export interface ParameterFacts {
+  readonly name: string;
+  readonly key: string;
+  readonly default: boolean | number;
+  readonly low: number;
+  readonly high: number;
+  readonly unit: string;
+  readonly description: string;
+  readonly change: string;
+  readonly is_fixed: boolean;
+  readonly is_whole: boolean;
+}
+
+export interface ParameterTable {
+  readonly type: "ParameterTable";
+  readonly stamp_ns: number;
+  readonly parameters: readonly ParameterFacts[];
+}
+
+export interface ParameterValues {
+  readonly type: "ParameterValues";
+  readonly stamp_ns: number;
+  readonly wanted: readonly (boolean | number)[];
+  readonly in_force: readonly (boolean | number)[];
+}
+
+export interface RecorderState {
+  readonly type: "RecorderState";
+  readonly stamp_ns: number;
+  readonly folder: string;
+  readonly is_recording: boolean;
+  readonly trouble: string;
+  readonly free_bytes: number | null;
+}
+
 export interface Truth {
   readonly type: "Truth";
   readonly stamp_ns: number;
@@ -492,6 +527,13 @@ export interface SonarOutline {
   readonly heading_rad: number;
 }
 
+export interface RecordedRun {
+  readonly name: string;
+  readonly run: number | null;
+  readonly begin_ns: number;
+  readonly end_ns: number;
+}
+
 export interface Hello {
   readonly type: "Hello";
   readonly name: string;
@@ -506,11 +548,14 @@ export interface Hello {
   readonly v_max_m_s: number;
   readonly omega_max_rad_s: number;
   readonly vy_max_m_s: number;
+  readonly wheels: readonly string[];
+  readonly file: string;
   readonly protocol: number;
   readonly client: number;
   readonly role: string;
   readonly server_ns: number;
   readonly robot_ns: number;
+  readonly replay: RecordedRun | null;
 }
 
 export interface Pong {
@@ -555,6 +600,33 @@ export interface CameraPicture {
   readonly floor: readonly (readonly [number, number] | null)[];
   readonly things: readonly (readonly [number, number, number])[];
   readonly trouble: string;
+}
+
+export interface Saved {
+  readonly type: "Saved";
+  readonly id: number;
+  readonly file: string;
+  readonly copy: string;
+  readonly keys: readonly string[];
+}
+
+export interface Response {
+  readonly type: "Response";
+  readonly id: number;
+  readonly stamp_ns: readonly number[];
+  readonly wheel_ref_rad_s: readonly (readonly number[])[];
+  readonly wheel_rad_s: readonly (readonly number[])[];
+}
+
+export interface Playback {
+  readonly type: "Playback";
+  readonly at_ns: number;
+  readonly end_ns: number;
+  readonly rate: number;
+  readonly is_playing: boolean;
+  readonly topics: readonly string[];
+  readonly offsets_ns: readonly number[];
+  readonly by_driving: boolean;
 }
 
 export interface Ping {
@@ -624,6 +696,13 @@ export interface TakeDriving {
   readonly at_ms: number;
 }
 
+export interface RecordRequest {
+  readonly type: "RecordRequest";
+  readonly id: number;
+  readonly at_ms: number;
+  readonly on: boolean;
+}
+
 export interface GoOn {
   readonly type: "GoOn";
   readonly id: number;
@@ -643,9 +722,90 @@ export interface Abort {
   readonly at_ms: number;
 }
 
+export interface TuneRequest {
+  readonly type: "TuneRequest";
+  readonly id: number;
+  readonly at_ms: number;
+  readonly name: string;
+  readonly value: number | null;
+}
+
+export interface ResetRequest {
+  readonly type: "ResetRequest";
+  readonly id: number;
+  readonly at_ms: number;
+}
+
+export interface SaveRequest {
+  readonly type: "SaveRequest";
+  readonly id: number;
+  readonly at_ms: number;
+}
+
+export interface ResponseRequest {
+  readonly type: "ResponseRequest";
+  readonly id: number;
+  readonly at_ms: number;
+}
+
+export interface Seek {
+  readonly type: "Seek";
+  readonly at_ns: number;
+}
+
+export interface Play {
+  readonly type: "Play";
+  readonly rate: number;
+}
+
+export interface Pause {
+  readonly type: "Pause";
+}
+
+export interface Align {
+  readonly type: "Align";
+  readonly by_driving: boolean;
+}
+
 export interface Stop {
   readonly type: "Stop";
   readonly id: number;
+}
+
+export interface Stretch {
+  readonly begin_ns: number;
+  readonly state: number;
+  readonly reason: string;
+}
+
+export interface History {
+  readonly times_s: Uint8Array;
+  readonly points: Uint8Array;
+  readonly begins: Uint8Array;
+  readonly stretches: readonly Stretch[];
+  readonly notices: readonly Notice[];
+  readonly driving_ns: number | null;
+  readonly end_ns: number;
+  readonly notes: readonly string[];
+}
+
+export interface Series {
+  readonly field: string;
+  readonly times_s: Uint8Array;
+  readonly values: Uint8Array;
+}
+
+export interface RecordedFile {
+  readonly name: string;
+  readonly size: number;
+  readonly modified_s: number;
+  readonly begin_s: number | null;
+  readonly end_s: number | null;
+  readonly is_written: boolean;
+}
+
+export interface RecordingList {
+  readonly files: readonly RecordedFile[];
 }
 
 export type Received =
@@ -662,13 +822,19 @@ export type Received =
   | SlamGraph
   | MissionView
   | BoundsView
+  | ParameterTable
+  | ParameterValues
+  | RecorderState
   | Truth
   | Hello
   | Pong
   | Driver
   | Refused
   | StopSeen
-  | CameraPicture;
+  | CameraPicture
+  | Saved
+  | Response
+  | Playback;
 
 export type Sent =
   | Ping
@@ -681,9 +847,18 @@ export type Sent =
   | GoTo
   | PlaceRobot
   | TakeDriving
+  | RecordRequest
   | GoOn
   | JumpTo
-  | Abort;
+  | Abort
+  | TuneRequest
+  | ResetRequest
+  | SaveRequest
+  | ResponseRequest
+  | Seek
+  | Play
+  | Pause
+  | Align;
 
 export const SHAPES: Readonly<Record<string, Shape>> = {
   BatteryFeedback: {
@@ -700,5 +875,11 @@ export const SHAPES: Readonly<Record<string, Shape>> = {
   },
   ControlState: {
     nested: { battery: "BatteryFeedback", nodes: "NodeStatus[]", bus: "BusStatus", imu: "ImuFeedback" },
+  },
+  ParameterFacts: {
+    fields: ["name", "key", "default", "low", "high", "unit", "description", "change", "is_fixed", "is_whole"],
+  },
+  ParameterTable: {
+    nested: { parameters: "ParameterFacts[]" },
   },
 };

@@ -124,3 +124,8 @@ export function decode(bytes: Uint8Array): unknown {
 export function floats(bytes: Uint8Array): Float32Array {
   return new Float32Array(bytes.slice().buffer);
 }
+
+/** float64, little-endian, likewise. */
+export function doubles(bytes: Uint8Array): Float64Array {
+  return new Float64Array(bytes.slice().buffer);
+}

@@ -1,3 +1,5 @@
+import { isReplay } from "../../replay/mode";
+import { drivenPath } from "../../replay/playback";
 import { trail as driven } from "../../robot/robot";
 import { line } from "./drawing";
 import type { Layer } from "./layer";
@@ -7,6 +9,6 @@ export const trail: Layer = {
   name: "trail",
   isShown: true,
   draw(scene) {
-    for (const stretch of driven.stretches) line(scene, stretch, scene.colours.trail, 2);
+    for (const stretch of isReplay ? drivenPath() : driven.stretches) line(scene, stretch, scene.colours.trail, 2);
   },
 };
