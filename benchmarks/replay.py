@@ -35,8 +35,9 @@ _FIRST = """() => new Promise((resolve) => {
   const wait = () => {
     const canvas = document.querySelector(".map canvas");
     if (canvas === null) return setTimeout(wait, 5);
-    canvas.addEventListener("drawn", ({ detail }) => {
-      if (detail > 0) resolve(performance.timeOrigin + performance.now());
+    canvas.addEventListener("drawn", () => {
+      const isThere = document.querySelector(".bar .pill:not(.state-none)") !== null;
+      if (isThere) resolve(performance.timeOrigin + performance.now());
     });
   };
   wait();
