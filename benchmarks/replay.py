@@ -88,7 +88,7 @@ def run(rounds: int, _seconds: float) -> None:
                     page.goto(link[0] if link else "")
                     firsts.append(page.evaluate(_FIRST) / 1e3 - begin_s)
                     # Plots and path of the whole run, which the scrubs then move along.
-                    page.wait_for_function("() => document.querySelector('.replay-states rect')")
+                    page.wait_for_selector(".replay-states rect", state="attached", timeout=120_000)
                     scrubs += [page.evaluate(_SCRUB, share) for share in shares]
                     page.context.close()
                     memory.append(_most_mib(server.pid))
