@@ -35,8 +35,9 @@ _FIRST = """() => new Promise((resolve) => {
   const wait = () => {
     const canvas = document.querySelector(".map canvas");
     if (canvas === null) return setTimeout(wait, 5);
-    canvas.addEventListener("drawn", ({ detail }) => {
-      if (detail > 0) resolve(performance.timeOrigin + performance.now());
+    canvas.addEventListener("drawn", () => {
+      const isThere = document.querySelector(".bar .pill:not(.state-none)") !== null;
+      if (isThere) resolve(performance.timeOrigin + performance.now());
     });
   };
   wait();
@@ -87,7 +88,7 @@ def run(rounds: int, _seconds: float) -> None:
                     page.goto(link[0] if link else "")
                     firsts.append(page.evaluate(_FIRST) / 1e3 - begin_s)
                     # Plots and path of the whole run, which the scrubs then move along.
-                    page.wait_for_function("() => document.querySelector('.replay-states rect')")
+                    page.wait_for_selector(".replay-states rect", state="attached", timeout=120_000)
                     scrubs += [page.evaluate(_SCRUB, share) for share in shares]
                     page.context.close()
                     memory.append(_most_mib(server.pid))

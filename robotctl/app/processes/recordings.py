@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Statistics
+from mcap.records import ChunkIndex, Statistics
 
 from robotctl.runtime.storage.ring_file import is_written
 from robotctl.web.recordings import RecordedFile
@@ -22,7 +22,9 @@ _NAME: Final = re.compile(
     r"(control|can|robot|simulator|truth|map)-\d{4,}\.(rec|log|mcap|tum|yaml|pgm)(\.damaged-\d+)?"
     r"|(fault|crash)-[\w.-]+\.rec|exits\.jsonl"
 )
-"""What the recorder and those beside it write: nothing else of the folder is shown."""
+"""Names of what the recorder and others beside it write: nothing else of the folder is shown."""
+_CHUNK_NS: Final = 1_000_000_000
+"""Length of a chunk of a log of states [ns]."""
 _HEAD: Final = struct.Struct("<BQ")
 _FOOTER: Final = struct.Struct("<BQQQI")
 _MAGIC: Final = b"\x89MCAP0\r\n"
@@ -105,12 +107,19 @@ def _span(path: Path) -> tuple[float, float] | None:
             if not 0 < begin <= end or end - begin > _MOST_INDEX:
                 return None
             file.seek(begin)
-            while file.tell() + _HEAD.size <= end:
+            begin_ns = end_ns = None
+            while (begin_ns is None or end_ns is None) and file.tell() + _HEAD.size <= end:
                 opcode, length = _HEAD.unpack(file.read(_HEAD.size))
+                place = file.tell()
                 if opcode == Opcode.STATISTICS:
-                    found = Statistics.read(ReadDataStream(file))
-                    return found.message_start_time / 1e9, found.message_end_time / 1e9
-                file.seek(length, os.SEEK_CUR)
+                    end_ns = Statistics.read(ReadDataStream(file)).message_end_time
+                elif opcode == Opcode.CHUNK_INDEX:
+                    # Its first message may be a map that is much older.
+                    first = ChunkIndex.read(ReadDataStream(file))
+                    begin_ns = max(first.message_start_time, first.message_end_time - _CHUNK_NS)
+                file.seek(place + length)
+            if begin_ns is not None and end_ns is not None:
+                return begin_ns / 1e9, end_ns / 1e9
     except (OSError, struct.error, ValueError, EOFError):
         return None
     return None

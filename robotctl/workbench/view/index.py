@@ -37,7 +37,7 @@ class Logged(NamedTuple):
 
 
 class _Place(NamedTuple):
-    """Where a chunk is, and its first and last time [ns]."""
+    """Position of a chunk, and its first and last time [ns]."""
 
     begin_ns: int
     end_ns: int
@@ -84,7 +84,8 @@ class RunIndex:
     Attributes
     ----------
     begin_ns, end_ns
-        Times of the first and the last message [ns].
+        Times of the first state of the control process and the last message [ns]: maps that are
+        logged with it may be much older.
     """
 
     def __init__(self, files: Sequence[LogFile], stack: ExitStack) -> None:
@@ -113,8 +114,9 @@ class RunIndex:
                         self._tracks.setdefault(topics[channel], _Track()).places.append(place)
         for track in self._tracks.values():
             track.settle()
-        self.begin_ns = min(each.begin_ns for each in files)
         self.end_ns = max(each.end_ns for each in files)
+        states = (logged.log_ns for _, logged in self.scan(("control",)))
+        self.begin_ns = next(states, self.end_ns)
 
     @property
     def topics(self) -> Collection[str]:
@@ -138,11 +140,6 @@ class RunIndex:
             if at >= 0 and (found is None or at > found[0]):
                 found = at, content, begin, end
         return None if found is None else Logged(found[0], found[1].data[found[2] : found[3]])
-
-    def first_ns(self, topic: str) -> int:
-        """Return the time of the first message of a topic [ns]; the end where there is none."""
-        found = (logged.log_ns for _, logged in self.scan((topic,)))
-        return next(found, self.end_ns)
 
     def scan(self, topics: Collection[str]) -> Iterator[tuple[str, Logged]]:
         """Yield all messages of some topics, in the order of the log."""

@@ -98,11 +98,6 @@ class ReplayedRun:
         """Time from the first to the last message [ns]."""
         return self.end_ns - self.begin_ns
 
-    @property
-    def first_ns(self) -> int:
-        """Time since the beginning at which the robot is first seen [ns]."""
-        return self._index.first_ns("control") - self.begin_ns
-
     def history(self) -> History:
         """Read the whole run once; for a thread of its own."""
         reader = HistoryReader(self._index, self.notes)

@@ -20,6 +20,8 @@ from robotctl.workbench.logs.rows import RecordingError, log_files, state_logs
 
 PAUSE_NS: Final = 60_000_000_000
 """Time without a message between two files of a folder that are of two runs [ns]."""
+_FLUSH_NS: Final = 2_000_000_000
+"""Time by which messages are logged in another order than that of their stamps [ns]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,9 +43,9 @@ class LogFile:
     summary: Summary
 
     @property
-    def begin_ns(self) -> int:
-        """Time of its first message [ns]."""
-        return self.summary.statistics.message_start_time if self.summary.statistics else 0
+    def begun_ns(self) -> int:
+        """Time by which it had begun [ns]: its first message may be a map that is much older."""
+        return min(each.message_end_time for each in self.summary.chunk_indexes)
 
     @property
     def end_ns(self) -> int:
@@ -132,7 +134,7 @@ def _runs(files: Sequence[LogFile]) -> list[list[LogFile]]:
     runs: list[list[LogFile]] = []
     for file in files:
         before = runs[-1][-1] if runs else None
-        if before is None or not 0 <= file.begin_ns - before.end_ns + PAUSE_NS <= 2 * PAUSE_NS:
+        if before is None or not -_FLUSH_NS <= file.begun_ns - before.end_ns <= PAUSE_NS:
             runs.append([])
         runs[-1].append(file)
     return runs

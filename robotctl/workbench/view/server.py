@@ -76,7 +76,6 @@ class ReplayServer:
         marked = page.replace(_TAG, b'%s data-replay="%d"' % (_TAG, len(self._runs)))
         self._assets = Assets(static, {_PAGE: marked})
         self._clock = PlaybackClock([each.length_ns for each in self._runs])
-        self._clock.seek(max(each.first_ns for each in self._runs))
         self._by_driving = False
         self._clients: set[_Client] = set()
         self._numbers = itertools.count(1)

@@ -394,6 +394,30 @@ def test_of_a_folder_with_several_runs_the_last_is_shown_and_the_others_are_name
         assert served.runs[0].begin_ns == EPOCH_NS
 
 
+def test_two_runs_in_virtual_time_are_two_though_each_begins_at_0(tmp_path):
+    folder = write_run(tmp_path / "virtual", 12, files=2, begin_ns=0)
+    write_run(folder, 5, begin_ns=0)
+    with ServedReplay(folder) as served:
+        assert served.runs[0].length_ns == 5 * 10**9 - PERIOD_NS
+
+
+def test_a_run_begins_with_its_first_state_though_its_map_is_older(tmp_path):
+    folder = write_run(tmp_path / "late", 4)
+    path = folder / "robot-0001.mcap"
+    with path.open("rb") as file:
+        messages = [(c, m) for _, c, m in make_reader(file).iter_messages()]
+    old_ns = EPOCH_NS - 600 * 10**9
+    for number, (channel, message) in enumerate(messages):
+        if channel.topic == "map":
+            messages[number] = channel, replace(message, log_time=old_ns)
+    copy_later(messages, path, -(10**12))
+    with ServedReplay(folder) as served, served.client() as client:
+        assert client.hello["replay"]["begin_ns"] == EPOCH_NS
+        picture = client.seek(0)
+        assert picture["ControlState"]["stamp_ns"] == 0
+        assert picture["GivenMap"]["stamp_ns"] == old_ns - EPOCH_NS
+
+
 def test_what_is_no_recording_is_refused_with_what_it_is(tmp_path):
     empty, text, other = (tmp_path / name for name in ("robot-1.mcap", "a.txt", "other.mcap"))
     empty.write_bytes(b"")
