@@ -14,7 +14,7 @@ from robotctl.messages.control import SafetyState
 from robotctl.messages.tuning import SetParameter
 from tests.web.page.node_program import node_program
 from tests.web.page.served_robot import wait_for
-from tests.web.page.test_driving import assert_stopped, take_sticks
+from tests.web.page.test_driving import assert_stopped, press_until_it_drives, take_sticks
 
 RESPONSE = """
 function answer(line) {
@@ -143,17 +143,27 @@ def test_a_step_asks_first_runs_while_held_and_ends_with_its_button(robot, open_
     page.get_by_text("The wheels will turn: is the robot on blocks").wait_for()
     page.wait_for_timeout(200)
     assert robot.sticks is None
-    hold = page.get_by_role("button", name="Yes: hold to run")
-    hold.hover()
-    page.mouse.down()
-    wait_for(lambda: robot.sticks == (0.3, 0.0), page)  # a share of the greatest speed
+    page.get_by_role("button", name="Cancel").click()
+
+    def press() -> None:
+        begin.click()
+        page.get_by_role("button", name="Yes: hold to run").hover()
+        page.mouse.down()
+
+    press_until_it_drives(page, robot, press, page.mouse.up)
+    assert robot.sticks == (0.3, 0.0)  # a share of the greatest speed
     page.mouse.up()
     assert_stopped(page, robot)
-    page.get_by_text("Let go before the end.").wait_for()
-    begin.click()
-    hold.hover()
-    page.mouse.down()
-    page.get_by_role("table", name="Figures of the step").wait_for()
+    begin.wait_for()
+    figures = page.get_by_role("table", name="Figures of the step")
+    for _ in range(8):  # where the machine stands meanwhile, the server lets go
+        press()
+        begin.wait_for()
+        page.wait_for_timeout(500)
+        if figures.is_visible():
+            break
+        page.mouse.up()
+    figures.wait_for()
     assert_stopped(page, robot)  # by itself, though the button is still held
     page.get_by_role("img", name="Set-point and measured speed").wait_for()
 
@@ -163,10 +173,13 @@ def test_the_key_that_holds_a_step_ends_it(robot, open_page):
     page = open_page()
     take_sticks(page)
     open_tab(page, "Tune")
-    page.get_by_role("button", name="Step …").press("Enter")
-    page.get_by_role("button", name="Yes: hold to run").focus()
-    page.keyboard.down("Enter")
-    wait_for(lambda: robot.sticks is not None, page)
+
+    def press() -> None:
+        page.get_by_role("button", name="Step …").press("Enter")
+        page.get_by_role("button", name="Yes: hold to run").focus()
+        page.keyboard.down("Enter")
+
+    press_until_it_drives(page, robot, press, lambda: page.keyboard.up("Enter"))
     page.keyboard.press("Space")
     wait_for(lambda: robot.state is SafetyState.EMERGENCY_STOP, page)
     page.keyboard.up("Enter")
