@@ -301,6 +301,8 @@ class Desk:
     def offer(self, client: int, number: int, plan: Offered, now: Now) -> None:
         """Hand on a plan that was checked; navigation's refusal is told later."""
         self._out.to_navigation.append(plan.request)
+        if (waiting := self._plans.get(plan.kind)) is not None:
+            self._tell(waiting[0].client, Refused(waiting[0].number, "another one came behind it"))
         asked = _Asked(client, number, now.server_ns + ANSWER_NS)
         self._plans[plan.kind] = (asked, plan)
 

@@ -86,6 +86,8 @@ class Offered(NamedTuple):
     request: PlanRequest
     crc: int
     """CRC-32 by which navigation names it, 0 for none."""
+    file: str = ""
+    """Path of the file; empty: it is in none."""
 
 
 class BadPlan(Exception):  # noqa: N818 - what it is, not that it went wrong

@@ -541,6 +541,8 @@ class PageServer:
                 plan = await asyncio.to_thread(self._offered, upload, now)
         except BadPlan as error:
             return PlainTextResponse(str(error), 422, HEADERS)
+        if plan.content and not plan.file:
+            self._robot.say(f"the {plan.kind} cannot be saved, a restart will lose it")
         self._desk.offer(upload.client, upload.id, plan, self._robot.now())
         self._hand_on()
         return Response(msgspec.json.encode({"crc": plan.crc}), 200, HEADERS, "application/json")
@@ -551,9 +553,9 @@ class PageServer:
         store = self._robot.stores.get(plan.kind)
         if store is None or not plan.content:
             return plan
-        file = store.save(plan.content)
+        plan = plan._replace(file=store.save(plan.content))
         if isinstance(plan.request, LoadMission):
-            plan = plan._replace(request=msgspec.structs.replace(plan.request, file=file))
+            plan = plan._replace(request=msgspec.structs.replace(plan.request, file=plan.file))
         return plan
 
     async def _toml(self, request: Request) -> Response:

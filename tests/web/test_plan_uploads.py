@@ -20,6 +20,7 @@ from robotctl.messages.mission import AbortMission, GoAhead, JumpToItem, LoadMis
 from robotctl.messages.plans import BoundsView, MissionView, SetZones, ZonesFile
 from robotctl.model.fence import Fence
 from robotctl.web.access import Role
+from robotctl.web.desk import Desk, Now
 from robotctl.web.plan_uploads import (
     MAX_PLAN_BYTES,
     BadPlan,
@@ -126,6 +127,23 @@ def test_a_plan_that_navigation_does_not_take_is_refused_in_its_words(served, pa
     assert refused["id"] == 7
     assert "a mission is under way" in refused["reason"]
     assert store.kept == []
+
+
+def test_what_is_kept_nowhere_is_said(served, page):
+    assert page.post(ZONES).status_code == 200
+    wait(lambda: served.robot.said == ["the zones cannot be saved, a restart will lose it"])
+
+
+def test_of_two_plans_of_a_kind_the_first_is_told_that_another_came():
+    desk = Desk(has_localiser=False, arm_timeout_ns=10**9)
+    now = Now(10**12, 10**12)
+    for client in (1, 2):
+        desk.join(client, f"connection {client}", may_drive=True)
+        stamp = {"client": client, "id": 7, "at_ms": 1.0}
+        desk.offer(client, 7, offered(ZonesUpload(**stamp, zones=()), 5), now)
+    (answer,) = desk.take().answers
+    assert answer.connection == "connection 1"
+    assert answer.message.reason == "another one came behind it"
 
 
 @pytest.mark.parametrize("plan", [MISSION, FENCE, ZONES])
