@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Final, TypeAlias
 
 import msgspec
 
+from robotctl.logs.mcap.drawings import Drawn
 from robotctl.logs.mcap.forms import (
     camera_content,
     camera_schema,
@@ -25,9 +26,11 @@ from robotctl.logs.mcap.foxglove import (
     grid,
     laser_scan,
     log_line,
+    place_cloud,
     point_cloud,
 )
 from robotctl.logs.mcap.scene import Scene
+from robotctl.logs.mcap.scene_update import SceneUpdate
 from robotctl.logs.mcap.schema import JsonSchema, plain, schema_of
 from robotctl.messages.control import ControlState, NavigationState, Notice
 from robotctl.messages.estimation import (
@@ -63,6 +66,15 @@ MAP_NS: Final = 5_000_000_000
 FRAMES_NS: Final = 30_000_000
 """Period of frame entries [ns]: one for every second state of the control process."""
 
+CLOUD_NS: Final = {"arc": 500_000_000, "obstacles": 1_000_000_000}
+"""Period of clouds whose numbers compress badly [ns]."""
+
+
+def _drawn(wall_ns: int, drawings: Iterable[Drawn]) -> Iterator[Entry]:
+    """Yield drawings as entries."""
+    for topic, drawing in drawings:
+        yield topic, wall_ns, drawing
+
 
 def _well_known(kind: type[msgspec.Struct]) -> tuple[str, JsonSchema]:
     """Return name and schema of messages that viewers know."""
@@ -85,6 +97,15 @@ TOPICS: Final[dict[str, tuple[str, JsonSchema]]] = {
     "particles": _well_known(PointCloud),
     "path": _well_known(PointCloud),
     "costs": _well_known(Grid),
+    "arc": _well_known(PointCloud),
+    "obstacles": _well_known(PointCloud),
+    "moving": _well_known(SceneUpdate),
+    "loops": _well_known(SceneUpdate),
+    "seen": _well_known(SceneUpdate),
+    "sonar_cones": _well_known(SceneUpdate),
+    "outline": _well_known(SceneUpdate),
+    "covariance": _well_known(SceneUpdate),
+    "goal": _well_known(SceneUpdate),
 }
 """Name and schema of the messages of each topic."""
 
@@ -106,8 +127,11 @@ class LogEntries:
         self._epoch_ns = epoch_ns
         self._name = name
         self._scene = scene
+        self._drawings = scene.drawings
         self._is_begun = False
         self._framed_ns = -FRAMES_NS
+        self._clouds: dict[str, tuple[int, bytes]] = {}
+        """Newest cloud of each topic in the file, and its stamp [ns]."""
         self._maps: dict[str, LiveMap] = {}
         """Maps that are in the file."""
 
@@ -118,6 +142,7 @@ class LogEntries:
             self._is_begun = True
             yield from self._sensor_frames(wall_ns)
             yield from self._known_maps(wall_ns)
+            yield from _drawn(wall_ns, self._drawings.standing(wall_ns))
         yield from self._of(wall_ns, message)
 
     def _of(self, wall_ns: int, message: Published) -> Iterator[Entry]:
@@ -134,10 +159,13 @@ class LogEntries:
             case LocalisationState():
                 self._scene.localise(message)
                 yield "localisation", wall_ns, localisation_content(message)
+                yield from _drawn(wall_ns, self._drawings.of_localisation(wall_ns, message))
             case NavigationState():
                 yield "navigation", wall_ns, plain(message)
+                yield from _drawn(wall_ns, self._drawings.of_navigation(wall_ns, message))
             case CameraView():
                 yield "camera", wall_ns, camera_content(message)
+                yield from _drawn(wall_ns, self._drawings.of_camera(wall_ns, message))
             case Notice():
                 yield "notice", wall_ns, log_line(wall_ns, message, self._name)
             case ParticleCloud() | PlanView():
@@ -149,7 +177,20 @@ class LogEntries:
             yield "particles", wall_ns, point_cloud(wall_ns, message.poses)
             return
         yield "path", wall_ns, point_cloud(wall_ns, message.path)
+        if self._is_time_for("arc", message.arc, message.stamp_ns):
+            yield "arc", wall_ns, point_cloud(wall_ns, message.arc)
+        if self._is_time_for("obstacles", message.obstacles, message.stamp_ns):
+            yield "obstacles", wall_ns, place_cloud(wall_ns, message.obstacles)
+        yield from _drawn(wall_ns, self._drawings.of_plan(wall_ns, message))
         yield from self._of_map("costs", message.costs)
+
+    def _is_time_for(self, topic: str, cloud: bytes, stamp_ns: int) -> bool:
+        """Return whether a cloud differs from the last one, which is old enough."""
+        before_ns, before = self._clouds.get(topic, (-CLOUD_NS[topic], None))
+        if cloud == before or 0 <= stamp_ns - before_ns < CLOUD_NS[topic]:
+            return False
+        self._clouds[topic] = stamp_ns, cloud
+        return True
 
     def newest_maps(self) -> Iterator[Entry]:
         """Yield the maps that changed since they were last logged, for the end of the file."""
@@ -159,6 +200,7 @@ class LogEntries:
     def _of_control(self, wall_ns: int, state: ControlState) -> Iterator[Entry]:
         """Yield a state of the control process, and where the robot is by it."""
         yield "control", wall_ns, control_content(state, self._scene.sonar_names)
+        yield from _drawn(wall_ns, self._drawings.of_control(wall_ns, state))
         if 0 <= state.stamp_ns - self._framed_ns < FRAMES_NS:
             return
         self._framed_ns = state.stamp_ns

@@ -44,14 +44,16 @@ class McapLog:
         self._writer.start(library=LIBRARY)
         self._encode = msgspec.json.Encoder().encode
         self._entries = LogEntries(epoch_ns, name, scene or Scene())
+        self._schemas: dict[str, int] = {}
         self._channels = {topic: self._channel(topic, *known) for topic, known in TOPICS.items()}
 
     def _channel(self, topic: str, name: str, schema: JsonSchema) -> int:
         """Register a topic with the name of its schema."""
-        schema_id = self._writer.register_schema(
-            name, SchemaEncoding.JSONSchema, self._encode({"title": name, **schema})
-        )
-        return self._writer.register_channel(topic, MessageEncoding.JSON, schema_id)
+        if name not in self._schemas:
+            self._schemas[name] = self._writer.register_schema(
+                name, SchemaEncoding.JSONSchema, self._encode({"title": name, **schema})
+            )
+        return self._writer.register_channel(topic, MessageEncoding.JSON, self._schemas[name])
 
     def add(self, message: Published) -> None:
         """Add a message at its stamp."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 
+from robotctl.estimation.ranging.sonar_config import SonarModelConfig
+from robotctl.logs.mcap.drawings import Drawings
 from robotctl.logs.mcap.foxglove import (
     BASE,
     CAMERA,
@@ -24,6 +26,7 @@ from robotctl.messages.control import ControlState
 from robotctl.messages.estimation import LidarScan, LiveMap, LocalisationState
 from robotctl.messages.world_pose import WorldPose
 from robotctl.model.geometry.se2 import SE2
+from robotctl.model.rectangle import Rectangle
 from robotctl.model.sensors.camera import CameraMount
 from robotctl.model.sensors.sonar import SonarMount
 
@@ -35,6 +38,8 @@ class Scene:
     ----------
     maps
         The newest map of each topic.
+    drawings
+        Pictures of the messages.
 
     Parameters
     ----------
@@ -42,6 +47,10 @@ class Scene:
         In the order of their ranges.
     camera
         Where it sits; None: there is none, or it is off.
+    sonar
+        Beam and reach of the sonars.
+    body
+        Of the robot; None: it is not known.
     has_localiser
         Whether there is a transform from `odom` to `world`. Without one the two are the same.
     """
@@ -51,10 +60,13 @@ class Scene:
         sonars: Sequence[SonarMount] = (),
         camera: CameraMount | None = None,
         *,
+        sonar: SonarModelConfig | None = None,
+        body: Rectangle | None = None,
         has_localiser: bool = False,
     ) -> None:
         self.sonar_names = tuple(mount.name for mount in sonars)
         self.maps: dict[str, LiveMap] = {}
+        self.drawings = Drawings(sonars, sonar or SonarModelConfig(), body)
         self._sonars = tuple(sonars)
         self._camera = camera
         self._lidar: SE2 | None = None
