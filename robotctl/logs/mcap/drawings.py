@@ -126,11 +126,12 @@ class Drawings:
         """Yield the closed loops, and how far the robot may be from where it believes to be."""
         if state.odom_epoch_ns != self._odom_epoch_ns or not self._trace:
             return
-        for loop in state.loops:
+        known = [each for each in state.loops if each.stamp_ns >= self._trace[0][0]]
+        for loop in known:
             later = state.T_world_odom @ self._odometry_at(loop.stamp_ns)
             earlier = later @ SE2(loop.x_m, loop.y_m, loop.theta_rad).inverse()
             self._loops.extend((_point(earlier.x_m, earlier.y_m), _point(later.x_m, later.y_m)))
-        if state.loops:
+        if known:
             yield "loops", self._drawn_loops(wall_ns)
         if self._is_due("covariance", state.stamp_ns, SLOW_NS):
             ellipse = _ellipse(wall_ns, state, state.T_world_odom @ self._trace[-1][1])

@@ -275,6 +275,11 @@ def place_cloud(wall_ns: int, places: bytes) -> PointCloud:
     return PointCloud(time_of(wall_ns), WORLD, AT_ORIGIN, 8, _POSE[:2], places)
 
 
+def severity_of(level: int) -> int:
+    """Return the severity of RFC 5424 of which a line of `log_line` has this level."""
+    return {5: 2, 4: 3, 3: 4, 2: 6}.get(level, 7)
+
+
 def log_line(wall_ns: int, notice: Notice, name: str) -> Log:
     """Return a notice, said by the robot of this name."""
     level = next((level for below, level in _LEVELS if notice.severity < below), 1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from typing import Final
 
 from robotctl.estimation.ranging.sonar_config import SonarModelConfig
 from robotctl.logs.mcap.drawings import Drawings
@@ -29,6 +30,9 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.model.rectangle import Rectangle
 from robotctl.model.sensors.camera import CameraMount
 from robotctl.model.sensors.sonar import SonarMount
+
+_SONAR: Final = "sonar_"
+"""Frame of a sonar, before its name."""
 
 
 class Scene:
@@ -108,10 +112,24 @@ def _sonar_transforms(wall_ns: int, mounts: Iterable[SonarMount]) -> list[FrameT
     """Return where the sonars are in `base`; x of each frame is the sonar's axis."""
     return [
         planar_transform(
-            wall_ns, BASE, f"sonar_{each.name}", SE2(each.x_m, each.y_m, each.heading_rad)
+            wall_ns, BASE, f"{_SONAR}{each.name}", SE2(each.x_m, each.y_m, each.heading_rad)
         )
         for each in mounts
     ]
+
+
+def sonar_mounts(frames: Iterable[FrameTransform]) -> tuple[SonarMount, ...]:
+    """Return the sonars among the sensors' frames, in their order."""
+    return tuple(
+        SonarMount(
+            each.child_frame_id.removeprefix(_SONAR),
+            each.translation.x,
+            each.translation.y,
+            math.degrees(2.0 * math.atan2(each.rotation.z, each.rotation.w)),
+        )
+        for each in frames
+        if each.child_frame_id.startswith(_SONAR)
+    )
 
 
 def camera_transform(wall_ns: int, mount: CameraMount) -> FrameTransform:

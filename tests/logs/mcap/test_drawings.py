@@ -156,6 +156,12 @@ def test_nothing_is_drawn_of_odometry_that_is_not_the_localisers():
     seen.see(control(0), restarted, belief(2 * S, SE2(), (0.1,) * 6, ClosedLoop(1, 0, 1.0, 0, 0)))
     assert "loops" not in seen.shown
     assert "covariance" not in seen.shown
+    new = msgspec.structs.replace(
+        belief(3 * S, SE2(), (0.1,) * 6, ClosedLoop(1, 0, 1.0, 0, 0)), odom_epoch_ns=S
+    )
+    seen.see(new)
+    assert "covariance" in seen.shown
+    assert "loops" not in seen.shown  # closed by the odometry before the restart
 
 
 @given(st.floats(0.05, 3.9))
