@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from heapq import heappop, heappush
 from itertools import chain, islice
+from operator import itemgetter
 from pathlib import Path
 from typing import Final
 
@@ -141,15 +142,25 @@ def messages_of(files: Sequence[Path], notes: list[str]) -> Iterator[Timed]:
 def by_stamp(messages: Iterable[Timed]) -> Iterator[Timed]:
     """Yield messages in the order of their stamps: processes are logged one after the other.
 
-    One that is older than half a second when it is logged comes at once.
+    One that is older than half a second when it is logged comes at once. States that go back by
+    more are those of another run.
     """
     waiting: list[tuple[int, int, Timed]] = []
+    newest_ns = 0
     for number, each in enumerate(messages):
+        if isinstance(each.message, ControlState):
+            if each.wall_ns < newest_ns - _LATE_NS:
+                yield from _in_order(waiting)
+                waiting.clear()
+            newest_ns = each.wall_ns
         heappush(waiting, (each.wall_ns, number, each))
-        while waiting[0][0] < each.wall_ns - _LATE_NS:
+        while waiting[0][0] < newest_ns - _LATE_NS:
             yield heappop(waiting)[2]
-    while waiting:
-        yield heappop(waiting)[2]
+    yield from _in_order(waiting)
+
+
+def _in_order(waiting: list[tuple[int, int, Timed]]) -> Iterator[Timed]:
+    return (each for _, _, each in sorted(waiting, key=itemgetter(0, 1)))
 
 
 def peek(messages: Iterator[Timed], count: int) -> tuple[list[Timed], Iterator[Timed]]:

@@ -57,8 +57,8 @@ class Viewer:
 
     def see(self, *messages: Any) -> None:
         for message in messages:
-            for topic, _, content in self.entries.of(message):
-                value = json.loads(msgspec.json.encode(content))
+            for topic, _, make in self.entries.of(message):
+                value = json.loads(msgspec.json.encode(make()))
                 if "entities" not in value:
                     continue
                 self.updates[topic] += 1
