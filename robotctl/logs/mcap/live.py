@@ -75,7 +75,7 @@ class LiveTopics:
     def __init__(self, host: str, epoch_ns: int, name: str, scene: Scene) -> None:
         import foxglove  # noqa: PLC0415 - an extra
 
-        context = foxglove.Context()
+        self._context = context = foxglove.Context()  # ends with the last reference to it
         self._channels = {
             topic: foxglove.Channel(
                 topic,
@@ -131,6 +131,9 @@ class _Viewers:
     def on_subscribe(self, client: Any, channel: Any) -> None:  # noqa: ARG002
         """Note the topic of a subscription."""
         self._subscribed.append(channel.topic)
+
+    def on_unsubscribe(self, client: Any, channel: Any) -> None:
+        """Have nothing to do: the channel knows who is left."""
 
     def take(self) -> list[str]:
         """Return the topics of the subscriptions since the last call."""
