@@ -1,4 +1,4 @@
-"""Foxglove's WebSocket: what a foreign client of its protocol receives, and what it may not send."""
+"""Foxglove's WebSocket: what a foreign client of its protocol receives, and may not send."""
 
 import asyncio
 import json
@@ -128,7 +128,7 @@ def test_who_comes_late_gets_the_newest_of_each_topic(topics: LiveTopics) -> Non
 def test_nothing_is_made_of_a_topic_that_nobody_wants(topics: LiveTopics) -> None:
     made = []
     original = topics._encode
-    topics._encode = lambda content: made.append(content) or original(content)  # type: ignore
+    topics._encode = lambda content: made.append(content) or original(content)
 
     async def watch() -> None:
         topics.show(CONTROL)
@@ -149,7 +149,7 @@ def test_nothing_is_made_of_a_topic_that_nobody_wants(topics: LiveTopics) -> Non
 def test_nothing_comes_in(topics: LiveTopics) -> None:
     async def ask() -> None:
         url = f"ws://127.0.0.1:{topics.port}"
-        async with websockets.connect(url, subprotocols=[PROTOCOL]) as socket:  # type: ignore
+        async with websockets.connect(url, subprotocols=[PROTOCOL]) as socket:
             info = json.loads(await socket.recv())
             assert (info["op"], info["name"], info["capabilities"]) == ("serverInfo", "rover", [])
             assert json.loads(await socket.recv())["op"] == "advertise"
@@ -188,7 +188,7 @@ def test_a_missing_sdk_is_told_in_one_sentence(monkeypatch: pytest.MonkeyPatch) 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "192.168.1.7", "::"])
 def test_it_is_refused_where_others_reach_it(host: str) -> None:
-    with pytest.raises(ValueError, match="has no token.* ssh -L 8765:127.0.0.1:8765"):
+    with pytest.raises(ValueError, match=r"has no token.* ssh -L 8765:127\.0\.0\.1:8765"):
         WebConfig(host=host, foxglove=True)
     for loopback in ("127.0.0.1", "localhost", "::1"):
         assert WebConfig(host=loopback, foxglove=True).is_loopback
