@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping, Sequence
 
 from robotctl.mavlink.config import MavlinkConfig
@@ -53,6 +54,8 @@ class Telemetry:
         Served as files, by their names in the root, which is "" itself.
     can : CanTap
         The robot's bus, for who asks for its frames; the caller closes it.
+    wall_ns : callable
+        Returns the time of day [ns since 1970].
     """
 
     def __init__(
@@ -69,11 +72,13 @@ class Telemetry:
         ask_supervisor: Callable[[SupervisorRequest], bool] | None = None,
         folders: Mapping[str, Files] | None = None,
         can: CanTap | None = None,
+        wall_ns: Callable[[], int] = time.time_ns,
     ) -> None:
         store = parameter_store or NoParameterStore()
         context = Context(config, robot, links, stores or {}, parameters, store)
         context.folders = folders or {}
         context.can = can or context.can
+        context.wall_ns = wall_ns
         if take_key is not None:
             context.take_key = take_key
         if ask_supervisor is not None:

@@ -31,6 +31,9 @@ class WebConfig:
         Whether the page is served by HTTPS.
     certificate, key : str
         Files with a certificate and its private key (PEM), absolute paths; empty: one is made.
+    foxglove : bool
+        Whether Foxglove can watch the robot live, at port 8765 of `host`, whether or not the page
+        is enabled. Its protocol has no token, so `host` must be 127.0.0.1.
 
     Raises
     ------
@@ -45,6 +48,7 @@ class WebConfig:
     tls: bool = False
     certificate: str = ""
     key: str = ""
+    foxglove: bool = False
 
     def __post_init__(self) -> None:
         if not 0 <= self.port <= LAST_PORT:
@@ -62,6 +66,12 @@ class WebConfig:
         if bool(self.certificate) != bool(self.key):
             missing = "key" if self.certificate else "certificate"
             raise InvalidValue(missing, "missing: certificate and key belong together", "")
+        if self.foxglove and not self.is_loopback:
+            rule = (
+                f"must be false while host is {self.host}: Foxglove's protocol has no token; set "
+                "host to 127.0.0.1 and come through ssh -L 8765:127.0.0.1:8765"
+            )
+            raise InvalidValue("foxglove", rule, self.foxglove)
 
     @property
     def is_loopback(self) -> bool:

@@ -28,7 +28,7 @@ FILE = re.compile(
     r"[\w*{}…./-]*\w\.(?:toml|yaml|yml|pgm|gz|log|dbc|eds|csv|json|g2o|mcap|rec|py|npz|png|jpg|gif"
     r"|txt|map|parm|keyframes|bmp|tum)\b"
 )
-OUTPUTS = ("out", "report", "record", "csv", "plot", "show", "json", "animate", "book")
+OUTPUTS = ("out", "report", "record", "csv", "plot", "show", "json", "animate", "book", "mcap")
 MAKES = re.compile(
     rf"(?:--(?:{'|'.join(OUTPUTS)})|-f|>|cp \S+|record dump|params save) *([\w./-]+)"
 )

@@ -23,6 +23,7 @@ from robotctl.app.supervision.supervised import Exit, ProcessPhase, Role, Superv
 from robotctl.config.changes import with_changes
 from robotctl.config.options import StackOptions
 from robotctl.errors import ConfigError, RobotctlError
+from robotctl.logs.mcap.live import check_sdk
 from robotctl.messages.control import Severity
 from robotctl.messages.supervision import LIFE_NS, Restart
 from robotctl.model.sensors.lidar import SOCKET
@@ -36,6 +37,7 @@ RECORDER = "robotctl.app.processes.recorder"
 CAMERA = "robotctl.app.processes.camera"
 LIDAR = "robotctl.app.processes.lidar"
 WEB = "robotctl.app.processes.web"
+FOXGLOVE = "robotctl.app.processes.foxglove"
 
 ROLES: Final = (
     Role(CONTROL, RestartPolicy(crashes=3), stall_s=1.0, held_s=0.3, vital=True),
@@ -54,6 +56,9 @@ LIDAR_ROLE: Final = Role(LIDAR, RestartPolicy(crashes=5), stall_s=5.0, held_s=1.
 
 WEB_ROLE: Final = Role(WEB, RestartPolicy(crashes=5), stall_s=5.0, held_s=1.0)
 """Web process of robots with a page."""
+
+FOXGLOVE_ROLE: Final = Role(FOXGLOVE, RestartPolicy(crashes=5), stall_s=5.0, held_s=1.0)
+"""Process for Foxglove, of robots that let it watch."""
 
 _BAD_INPUT = 2
 _END_S = 3.0
@@ -93,6 +98,9 @@ class Stack:
             roles += (LIDAR_ROLE,)
         if config.web.enabled:
             roles += (WEB_ROLE,)
+        if config.web.foxglove:
+            check_sdk()
+            roles += (FOXGLOVE_ROLE,)
         self._processes = {
             role.module: Supervised(role, options.command(role.module)) for role in roles
         }

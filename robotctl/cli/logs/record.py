@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 import difflib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
@@ -93,13 +93,27 @@ def export(
         Path | None,
         typer.Option(metavar="FOLDER", help="Folder for paths: odometry, believed, truth."),
     ] = None,
+    tlog: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="New telemetry log: what ground stations would get."),
+    ] = None,
+    mcap: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="New MCAP log: all files of it in one.")
+    ] = None,
 ) -> None:
-    """Write a recording as tables (CSV, the units in the headings), or its paths (TUM).
+    """Write a recording as tables, paths, a telemetry log or one MCAP log.
 
-    CSV is for spreadsheets and pandas, TUM for evo and other tools for trajectories.
+    CSV, the units in the headings, is for spreadsheets and pandas; TUM for evo and other tools for
+    trajectories; a .tlog for QGroundControl, Mission Planner and pymavlink; MCAP for Foxglove.
     """
-    if csv is None and tum is None:
-        raise ConfigError("nothing to write: give --csv FOLDER, --tum FOLDER or both")
+    if csv is None and tum is None and tlog is None and mcap is None:
+        raise ConfigError(
+            "nothing to write: give --csv FOLDER, --tum FOLDER, --tlog FILE, --mcap FILE or several"
+        )
+    check_files(tlog, mcap)
+    for option, file in (("--tlog", tlog), ("--mcap", mcap)):
+        if file is not None and file.exists():
+            raise ConfigError(f"{option} {file}: is there, and would be lost; a new name is needed")
     for option, folder in (("--csv", csv), ("--tum", tum)):
         if folder is not None and folder.exists() and not folder.is_dir():
             raise ConfigError(f"{option} {folder}: is a file, a folder is needed")
@@ -107,6 +121,14 @@ def export(
         _export_tables(run, csv)
     if tum is not None:
         _export_paths(run, tum)
+    if tlog is not None:
+        from robotctl.workbench.logs.tlog import export_tlog  # noqa: PLC0415 - loads pymavlink
+
+        _export_file(run, tlog, export_tlog, "frame")
+    if mcap is not None:
+        from robotctl.workbench.logs.mcap import export_mcap  # noqa: PLC0415 - loads zstd
+
+        _export_file(run, mcap, export_mcap, "message")
 
 
 def _export_tables(run: Path, folder: Path) -> None:
@@ -132,6 +154,18 @@ def _export_paths(run: Path, folder: Path) -> None:
         console.print(f"note: {note}", soft_wrap=True)
     for each in files:
         print(f"{each.path}: {counted(each.poses, 'pose')}")
+
+
+def _export_file(
+    run: Path, file: Path, write: Callable[[Path, Path], tuple[int, list[str]]], what: str
+) -> None:
+    """Write one file, and say so."""
+    console = plain_console(stderr=True)
+    with console.status(f"writing {file.name}"):
+        count, notes = write(run, file)
+    for note in notes:
+        console.print(f"note: {note}", soft_wrap=True)
+    print(f"{file}: {counted(count, what)}")
 
 
 def _check_target(file: Path) -> None:

@@ -20,6 +20,11 @@ _FLUSH_NS: Final = 1_000_000_000
 _BUFFER: Final = 1 << 16
 
 
+def tlog_entry(wall_ns: int, frame: bytes | bytearray) -> bytes:
+    """Return a frame behind its time, given in nanoseconds since 1970."""
+    return (wall_ns // 1000).to_bytes(8, "big") + frame
+
+
 class TlogRecorder:
     """Writes a file for each link, with a number that rises with each start.
 
@@ -47,12 +52,12 @@ class TlogRecorder:
         """Take down one frame that a link has sent or received."""
         if self._folder is None or self._trouble:
             return
-        stamp = (self._wall_ns() // 1000).to_bytes(8, "big")
+        entry = tlog_entry(self._wall_ns(), frame)
         try:
             if self._sizes.get(link, MOST_BYTES) >= MOST_BYTES:
                 self._begin(self._folder, link)
-            self._files[link].write(stamp + frame)
-            self._sizes[link] += len(stamp) + len(frame)
+            self._files[link].write(entry)
+            self._sizes[link] += len(entry)
         except OSError as error:
             self._stop(error)
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from typing import Final, TypeAlias
 
 import msgspec
 
+from robotctl.logs.mcap.drawings import Drawn
 from robotctl.logs.mcap.forms import (
     camera_content,
     camera_schema,
@@ -25,9 +27,11 @@ from robotctl.logs.mcap.foxglove import (
     grid,
     laser_scan,
     log_line,
+    place_cloud,
     point_cloud,
 )
 from robotctl.logs.mcap.scene import Scene
+from robotctl.logs.mcap.scene_update import SceneUpdate
 from robotctl.logs.mcap.schema import JsonSchema, plain, schema_of
 from robotctl.messages.control import ControlState, NavigationState, Notice
 from robotctl.messages.estimation import (
@@ -54,14 +58,28 @@ Published: TypeAlias = (
 )
 """The logged entry."""
 
-Entry: TypeAlias = tuple[str, int, object]
-"""Topic, wall time [ns], and content to encode as JSON."""
+Entry: TypeAlias = tuple[str, int, Callable[[], object]]
+"""Topic, wall time [ns], and what makes the content to encode as JSON, if somebody wants it."""
 
 MAP_NS: Final = 5_000_000_000
 """Period of logging a growing map [ns]: encoding a large one is expensive."""
 
 FRAMES_NS: Final = 30_000_000
 """Period of frame entries [ns]: one for every second state of the control process."""
+
+CLOUD_NS: Final = {"arc": 500_000_000, "obstacles": 1_000_000_000}
+"""Period of clouds whose numbers compress badly [ns]."""
+
+
+def _ready(content: object) -> Callable[[], object]:
+    """Return the maker of content that is made."""
+    return lambda: content
+
+
+def _drawn(wall_ns: int, drawings: Iterable[Drawn]) -> Iterator[Entry]:
+    """Yield drawings as entries."""
+    for topic, drawing in drawings:
+        yield topic, wall_ns, _ready(drawing)
 
 
 def _well_known(kind: type[msgspec.Struct]) -> tuple[str, JsonSchema]:
@@ -85,6 +103,15 @@ TOPICS: Final[dict[str, tuple[str, JsonSchema]]] = {
     "particles": _well_known(PointCloud),
     "path": _well_known(PointCloud),
     "costs": _well_known(Grid),
+    "arc": _well_known(PointCloud),
+    "obstacles": _well_known(PointCloud),
+    "moving": _well_known(SceneUpdate),
+    "loops": _well_known(SceneUpdate),
+    "seen": _well_known(SceneUpdate),
+    "sonar_cones": _well_known(SceneUpdate),
+    "outline": _well_known(SceneUpdate),
+    "covariance": _well_known(SceneUpdate),
+    "goal": _well_known(SceneUpdate),
 }
 """Name and schema of the messages of each topic."""
 
@@ -106,8 +133,11 @@ class LogEntries:
         self._epoch_ns = epoch_ns
         self._name = name
         self._scene = scene
+        self._drawings = scene.drawings
         self._is_begun = False
         self._framed_ns = -FRAMES_NS
+        self._clouds: dict[str, tuple[int, bytes]] = {}
+        """Newest cloud of each topic in the file, and its stamp [ns]."""
         self._maps: dict[str, LiveMap] = {}
         """Maps that are in the file."""
 
@@ -118,6 +148,7 @@ class LogEntries:
             self._is_begun = True
             yield from self._sensor_frames(wall_ns)
             yield from self._known_maps(wall_ns)
+            yield from _drawn(wall_ns, self._drawings.standing(wall_ns))
         yield from self._of(wall_ns, message)
 
     def _of(self, wall_ns: int, message: Published) -> Iterator[Entry]:
@@ -133,23 +164,39 @@ class LogEntries:
                 yield from self._of_map("map", message.map)
             case LocalisationState():
                 self._scene.localise(message)
-                yield "localisation", wall_ns, localisation_content(message)
+                yield "localisation", wall_ns, partial(localisation_content, message)
+                yield from _drawn(wall_ns, self._drawings.of_localisation(wall_ns, message))
             case NavigationState():
-                yield "navigation", wall_ns, plain(message)
+                yield "navigation", wall_ns, partial(plain, message)
+                yield from _drawn(wall_ns, self._drawings.of_navigation(wall_ns, message))
             case CameraView():
-                yield "camera", wall_ns, camera_content(message)
+                yield "camera", wall_ns, partial(camera_content, message)
+                yield from _drawn(wall_ns, self._drawings.of_camera(wall_ns, message))
             case Notice():
-                yield "notice", wall_ns, log_line(wall_ns, message, self._name)
+                yield "notice", wall_ns, partial(log_line, wall_ns, message, self._name)
             case ParticleCloud() | PlanView():
                 yield from self._of_picture(wall_ns, message)
 
     def _of_picture(self, wall_ns: int, message: ParticleCloud | PlanView) -> Iterator[Entry]:
         """Yield what is for people to look at."""
         if isinstance(message, ParticleCloud):
-            yield "particles", wall_ns, point_cloud(wall_ns, message.poses)
+            yield "particles", wall_ns, partial(point_cloud, wall_ns, message.poses)
             return
-        yield "path", wall_ns, point_cloud(wall_ns, message.path)
+        yield "path", wall_ns, partial(point_cloud, wall_ns, message.path)
+        if self._is_time_for("arc", message.arc, message.stamp_ns):
+            yield "arc", wall_ns, partial(point_cloud, wall_ns, message.arc)
+        if self._is_time_for("obstacles", message.obstacles, message.stamp_ns):
+            yield "obstacles", wall_ns, partial(place_cloud, wall_ns, message.obstacles)
+        yield from _drawn(wall_ns, self._drawings.of_plan(wall_ns, message))
         yield from self._of_map("costs", message.costs)
+
+    def _is_time_for(self, topic: str, cloud: bytes, stamp_ns: int) -> bool:
+        """Return whether a cloud differs from the last one, which is old enough."""
+        before_ns, before = self._clouds.get(topic, (-CLOUD_NS[topic], None))
+        if cloud == before or 0 <= stamp_ns - before_ns < CLOUD_NS[topic]:
+            return False
+        self._clouds[topic] = stamp_ns, cloud
+        return True
 
     def newest_maps(self) -> Iterator[Entry]:
         """Yield the maps that changed since they were last logged, for the end of the file."""
@@ -158,14 +205,15 @@ class LogEntries:
 
     def _of_control(self, wall_ns: int, state: ControlState) -> Iterator[Entry]:
         """Yield a state of the control process, and where the robot is by it."""
-        yield "control", wall_ns, control_content(state, self._scene.sonar_names)
+        yield "control", wall_ns, partial(control_content, state, self._scene.sonar_names)
+        yield from _drawn(wall_ns, self._drawings.of_control(wall_ns, state))
         if 0 <= state.stamp_ns - self._framed_ns < FRAMES_NS:
             return
         self._framed_ns = state.stamp_ns
         frames, pose = self._scene.frames(wall_ns, state)
-        yield "frames", wall_ns, frames
+        yield "frames", wall_ns, _ready(frames)
         if pose is not None:
-            yield "T_world_base", wall_ns, pose
+            yield "T_world_base", wall_ns, _ready(pose)
 
     def _of_scan(self, wall_ns: int, message: LidarScan) -> Iterator[Entry]:
         """Yield a scan, unless it is none."""
@@ -174,13 +222,13 @@ class LogEntries:
             return
         if self._scene.place_lidar(message):
             yield from self._sensor_frames(wall_ns)
-        yield "lidar", wall_ns, scan
+        yield "lidar", wall_ns, _ready(scan)
 
     def _sensor_frames(self, wall_ns: int) -> Iterator[Entry]:
         """Yield the sensor mounting."""
         frames = self._scene.sensor_frames(wall_ns)
         if frames is not None:
-            yield "sensor_frames", wall_ns, frames
+            yield "sensor_frames", wall_ns, _ready(frames)
 
     def _known_maps(self, wall_ns: int) -> Iterator[Entry]:
         """Yield the maps of the file before."""
@@ -202,4 +250,4 @@ class LogEntries:
             or msgspec.structs.replace(before, stamp_ns=world_map.stamp_ns) != world_map
         ):
             self._maps[topic] = world_map
-            yield topic, wall_ns, grid(wall_ns, world_map)
+            yield topic, wall_ns, partial(grid, wall_ns, world_map)

@@ -155,8 +155,8 @@ class Log(msgspec.Struct, frozen=True):
     line: int
 
 
-_UPRIGHT: Final = Quaternion(0.0, 0.0, 0.0, 1.0)
-_AT_ORIGIN: Final = Pose(Vector3(0.0, 0.0), _UPRIGHT)
+UPRIGHT: Final = Quaternion(0.0, 0.0, 0.0, 1.0)
+AT_ORIGIN: Final = Pose(Vector3(0.0, 0.0), UPRIGHT)
 _POSE: Final = (
     PackedElementField("x", 0, _FLOAT32),
     PackedElementField("y", 4, _FLOAT32),
@@ -219,7 +219,7 @@ def laser_scan(wall_ns: int, scan: LidarScan) -> LaserScan | None:
     return LaserScan(
         time_of(wall_ns),
         BASE,
-        Pose(Vector3(scan.x_m, scan.y_m), _UPRIGHT),
+        Pose(Vector3(scan.x_m, scan.y_m), UPRIGHT),
         scan.first_rad,
         scan.first_rad + scan.step_rad * (len(ranges) - 1),
         scan_ranges(ranges),
@@ -267,7 +267,17 @@ def grid(wall_ns: int, world_map: LiveMap) -> Grid:
 
 def point_cloud(wall_ns: int, poses: bytes) -> PointCloud:
     """Return poses of `world`, packed as those of `ParticleCloud`."""
-    return PointCloud(time_of(wall_ns), WORLD, _AT_ORIGIN, 12, _POSE, poses)
+    return PointCloud(time_of(wall_ns), WORLD, AT_ORIGIN, 12, _POSE, poses)
+
+
+def place_cloud(wall_ns: int, places: bytes) -> PointCloud:
+    """Return places of `world`, float32 x and y of each [m]."""
+    return PointCloud(time_of(wall_ns), WORLD, AT_ORIGIN, 8, _POSE[:2], places)
+
+
+def severity_of(level: int) -> int:
+    """Return the severity of RFC 5424 of which a line of `log_line` has this level."""
+    return {5: 2, 4: 3, 3: 4, 2: 6}.get(level, 7)
 
 
 def log_line(wall_ns: int, notice: Notice, name: str) -> Log:

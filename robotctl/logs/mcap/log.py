@@ -22,6 +22,11 @@ LIBRARY: Final = f"robotctl {robotctl.__version__}"
 """Name of the writer in the heading of each of our logs."""
 
 
+def schema_data(name: str, schema: JsonSchema) -> bytes:
+    """Return a schema as files and servers hand it on."""
+    return msgspec.json.encode({"title": name, **schema})
+
+
 class McapLog:
     """Writes published messages to an MCAP file, and the frames that a viewer needs to show them.
 
@@ -44,14 +49,16 @@ class McapLog:
         self._writer.start(library=LIBRARY)
         self._encode = msgspec.json.Encoder().encode
         self._entries = LogEntries(epoch_ns, name, scene or Scene())
+        self._schemas: dict[str, int] = {}
         self._channels = {topic: self._channel(topic, *known) for topic, known in TOPICS.items()}
 
     def _channel(self, topic: str, name: str, schema: JsonSchema) -> int:
         """Register a topic with the name of its schema."""
-        schema_id = self._writer.register_schema(
-            name, SchemaEncoding.JSONSchema, self._encode({"title": name, **schema})
-        )
-        return self._writer.register_channel(topic, MessageEncoding.JSON, schema_id)
+        if name not in self._schemas:
+            self._schemas[name] = self._writer.register_schema(
+                name, SchemaEncoding.JSONSchema, schema_data(name, schema)
+            )
+        return self._writer.register_channel(topic, MessageEncoding.JSON, self._schemas[name])
 
     def add(self, message: Published) -> None:
         """Add a message at its stamp."""
@@ -59,8 +66,8 @@ class McapLog:
 
     def _write(self, entries: Iterable[Entry]) -> None:
         """Write entries."""
-        for topic, wall_ns, content in entries:
-            self._writer.add_message(self._channels[topic], wall_ns, self._encode(content), wall_ns)
+        for topic, wall_ns, make in entries:
+            self._writer.add_message(self._channels[topic], wall_ns, self._encode(make()), wall_ns)
 
     def flush(self) -> None:
         """Hand all that was added to the kernel, where a kill does not reach it."""

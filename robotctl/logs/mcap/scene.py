@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from typing import Final
 
+from robotctl.estimation.ranging.sonar_config import SonarModelConfig
+from robotctl.logs.mcap.drawings import Drawings
 from robotctl.logs.mcap.foxglove import (
     BASE,
     CAMERA,
@@ -24,8 +27,12 @@ from robotctl.messages.control import ControlState
 from robotctl.messages.estimation import LidarScan, LiveMap, LocalisationState
 from robotctl.messages.world_pose import WorldPose
 from robotctl.model.geometry.se2 import SE2
+from robotctl.model.rectangle import Rectangle
 from robotctl.model.sensors.camera import CameraMount
 from robotctl.model.sensors.sonar import SonarMount
+
+_SONAR: Final = "sonar_"
+"""Frame of a sonar, before its name."""
 
 
 class Scene:
@@ -35,6 +42,8 @@ class Scene:
     ----------
     maps
         The newest map of each topic.
+    drawings
+        Pictures of the messages.
 
     Parameters
     ----------
@@ -42,6 +51,10 @@ class Scene:
         In the order of their ranges.
     camera
         Where it sits; None: there is none, or it is off.
+    sonar
+        Beam and reach of the sonars.
+    body
+        Of the robot; None: it is not known.
     has_localiser
         Whether there is a transform from `odom` to `world`. Without one the two are the same.
     """
@@ -51,10 +64,13 @@ class Scene:
         sonars: Sequence[SonarMount] = (),
         camera: CameraMount | None = None,
         *,
+        sonar: SonarModelConfig | None = None,
+        body: Rectangle | None = None,
         has_localiser: bool = False,
     ) -> None:
         self.sonar_names = tuple(mount.name for mount in sonars)
         self.maps: dict[str, LiveMap] = {}
+        self.drawings = Drawings(sonars, sonar or SonarModelConfig(), body)
         self._sonars = tuple(sonars)
         self._camera = camera
         self._lidar: SE2 | None = None
@@ -96,10 +112,24 @@ def _sonar_transforms(wall_ns: int, mounts: Iterable[SonarMount]) -> list[FrameT
     """Return where the sonars are in `base`; x of each frame is the sonar's axis."""
     return [
         planar_transform(
-            wall_ns, BASE, f"sonar_{each.name}", SE2(each.x_m, each.y_m, each.heading_rad)
+            wall_ns, BASE, f"{_SONAR}{each.name}", SE2(each.x_m, each.y_m, each.heading_rad)
         )
         for each in mounts
     ]
+
+
+def sonar_mounts(frames: Iterable[FrameTransform]) -> tuple[SonarMount, ...]:
+    """Return the sonars among the sensors' frames, in their order."""
+    return tuple(
+        SonarMount(
+            each.child_frame_id.removeprefix(_SONAR),
+            each.translation.x,
+            each.translation.y,
+            math.degrees(2.0 * math.atan2(each.rotation.z, each.rotation.w)),
+        )
+        for each in frames
+        if each.child_frame_id.startswith(_SONAR)
+    )
 
 
 def camera_transform(wall_ns: int, mount: CameraMount) -> FrameTransform:

@@ -80,7 +80,9 @@ def _own_unit(name: str) -> str:
 
 
 def rows_of(message: dict[str, Any]) -> Iterable[Row]:
-    """Return the rows of one message: one, or one for each point of a cloud."""
+    """Return the rows of one message: one, one for each point of a cloud, none of a drawing."""
+    if "entities" in message:
+        return ()
     if "point_stride" in message:
         return _points(message)
     row: Row = {}

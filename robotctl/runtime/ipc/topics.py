@@ -158,6 +158,7 @@ class Endpoints:
         self.camera = f"ipc://{directory}/camera"
         self.camera_frames = f"ipc://{directory}/camera.frames"
         self.web_notices = f"ipc://{directory}/web.notices"
+        self.foxglove_notices = f"ipc://{directory}/foxglove.notices"
         self.web_links = directory / "web.links"
         """File in which the web process says where its page is, tokens included."""
 
@@ -170,6 +171,7 @@ class Endpoints:
             self.telemetry_notices,
             self.recorder_notices,
             self.web_notices,
+            self.foxglove_notices,
             self.lidar,
             self.camera,
         )

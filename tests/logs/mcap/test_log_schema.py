@@ -1,12 +1,15 @@
 """Messages as JSON and their schemas: nothing that JSON cannot say, and Foxglove's own fields."""
 
 import base64
+import enum
 import io
 import json
 import math
 from array import array
+from collections.abc import Callable
 from typing import Any
 
+import foxglove.messages
 import jsonschema
 import msgspec
 import pytest
@@ -14,11 +17,16 @@ from foxglove_schemas_protobuf import (
     FrameTransforms_pb2,
     Grid_pb2,
     LaserScan_pb2,
+    LinePrimitive_pb2,
     Log_pb2,
     PointCloud_pb2,
     PoseInFrame_pb2,
+    SceneEntityDeletion_pb2,
+    SceneUpdate_pb2,
 )
-from google.protobuf.descriptor import Descriptor, FieldDescriptor
+from google.protobuf.descriptor import Descriptor, EnumDescriptor, FieldDescriptor
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
+from google.protobuf.descriptor_pool import DescriptorPool
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -32,18 +40,24 @@ from robotctl.logs.mcap.forms import (
 )
 from robotctl.logs.mcap.foxglove import scan_ranges
 from robotctl.logs.mcap.log import McapLog
+from robotctl.logs.mcap.scene import Scene
+from robotctl.logs.mcap.scene_update import LineType, SceneEntityDeletionType
 from robotctl.logs.mcap.schema import plain, schema_of
 from robotctl.messages.control import BatteryFeedback, NavigationState, Notice
 from robotctl.messages.estimation import (
     CameraView,
+    ClosedLoop,
     GivenMap,
     LidarScan,
     LiveMap,
     LocalisationState,
     ParticleCloud,
     PlanView,
+    SeenMarker,
     SeenObstacle,
 )
+from robotctl.model.rectangle import Rectangle
+from robotctl.model.sensors.sonar import SonarMount
 from tests.logs.mcap.schema_check import checked_topics
 from tests.logs.mcap.test_mcap_log import FULL
 from tests.mavlink.conftest import CONTROL, NAVIGATION
@@ -55,12 +69,14 @@ PUBLISHED: dict[str, Descriptor] = {
     "foxglove.PointCloud": PointCloud_pb2.PointCloud.DESCRIPTOR,
     "foxglove.LaserScan": LaserScan_pb2.LaserScan.DESCRIPTOR,
     "foxglove.Log": Log_pb2.Log.DESCRIPTOR,
+    "foxglove.SceneUpdate": SceneUpdate_pb2.SceneUpdate.DESCRIPTOR,
 }
 ADDED = {"foxglove.LaserScan": {"max_range"}, "foxglove.PoseInFrame": {"theta_rad"}}
 """Our own, beside what is published."""
 
 KINDS = {
     FieldDescriptor.TYPE_DOUBLE: "number",
+    FieldDescriptor.TYPE_BOOL: "boolean",
     FieldDescriptor.TYPE_STRING: "string",
     FieldDescriptor.TYPE_BYTES: "string",
     FieldDescriptor.TYPE_FIXED32: "integer",
@@ -83,17 +99,51 @@ def agrees(schema: dict[str, Any], published: Descriptor, added: set[str]) -> No
         assert ("contentEncoding" in part) == (field.type == FieldDescriptor.TYPE_BYTES)
         if field.message_type is None:
             continue
-        if field.message_type.full_name == "google.protobuf.Timestamp":
+        if field.message_type.file.package == "google.protobuf":  # Timestamp, Duration
             assert set(part["properties"]) == {"sec", "nsec"}  # as JSON has it
         else:
             agrees(part, field.message_type, set())
 
 
-def test_well_known_messages_have_the_fields_that_foxglove_publishes() -> None:
+def of_the_sdk(name: str) -> Descriptor:
+    """Return a message as Foxglove's own SDK publishes it."""
+    schema = getattr(foxglove.messages, name.removeprefix("foxglove.")).get_schema()
+    pool = DescriptorPool()
+    for file in FileDescriptorSet.FromString(schema.data).file:
+        pool.Add(file)  # type: ignore[no-untyped-call]
+    return pool.FindMessageTypeByName(name)
+
+
+@pytest.mark.parametrize("published", [PUBLISHED.__getitem__, of_the_sdk])
+def test_well_known_messages_have_the_fields_that_foxglove_publishes(
+    published: Callable[[str], Descriptor],
+) -> None:
     found = {name: schema for name, schema in TOPICS.values() if name.startswith("foxglove.")}
     assert set(found) == set(PUBLISHED)
     for name, schema in found.items():
-        agrees(schema, PUBLISHED[name], ADDED.get(name, set()))
+        agrees(schema, published(name), ADDED.get(name, set()))
+
+
+@pytest.mark.parametrize(
+    ("ours", "published"),
+    [
+        (LineType, LinePrimitive_pb2.LinePrimitive.DESCRIPTOR.enum_types_by_name["Type"]),
+        (
+            SceneEntityDeletionType,
+            SceneEntityDeletion_pb2.SceneEntityDeletion.DESCRIPTOR.enum_types_by_name["Type"],
+        ),
+    ],
+)
+def test_enumerations_have_the_numbers_that_foxglove_publishes(
+    ours: type[enum.IntEnum], published: EnumDescriptor
+) -> None:
+    assert {each.name: each.value for each in ours} == {
+        each.name: each.number for each in published.values
+    }
+
+
+MOVING = ((1.0, 2.0, 0.5, -0.5, 0.3),)
+SONARS = tuple(SonarMount(f"sonar{i}", 0.1, 0.0, 45.0 * i) for i in range(8))
 
 
 def everything() -> list[msgspec.Struct]:
@@ -102,18 +152,23 @@ def everything() -> list[msgspec.Struct]:
     things = tuple(SeenObstacle(1.0, 0.0, (each, 0.0, 0.1), 0.2) for each in (0.1, math.inf))
     view = CameraView(
         4, 0.1, 0.0, 3.0, (0.0, 0.1, 0.2), odd, (math.nan, math.nan, 0.1), (0.3, 0.3, math.inf),
-        things, step_us=math.nan,
+        things, step_us=math.nan, markers=(SeenMarker(7, 1.0, 0.0, 0.1),),
     )  # fmt: skip
     belief = LocalisationState(5, "mcl", 0, 1.0, 2.0, 0.5, (math.nan,) * 6)  # type: ignore[arg-type]
+    sure = msgspec.structs.replace(
+        belief, covariance=(0.1, 0.0, 0.0, 0.2, 0.0, 0.1), loops=(ClosedLoop(1, 0, 1.0, 0.0, 0.0),)
+    )
+    headed = msgspec.structs.replace(NAVIGATION, goal=(1.0, 2.0), home=(0.0, 0.0, 1.0))
     scan = LidarScan(6, 0.1, 0.0, -1.0, 0.5, 8.0, _float32(1.0, math.inf, math.nan, -math.inf))
     chart = LiveMap(7, 2, 3, 0.05, -1.0, -2.0, bytes([0, 100, 255, 50, 0, 255]), 0.3)
     nowhere = msgspec.structs.replace(
         FULL, v_m_s=math.nan, odometer_m=math.inf, wheel_rad_s=(math.nan, 1.0), battery=None
     )
     return [
-        FULL, nowhere, CONTROL, NAVIGATION, view, belief, scan, chart, GivenMap(8, chart),
+        FULL, nowhere, CONTROL, headed, NAVIGATION, view, sure, belief, scan, chart,
+        GivenMap(8, chart),
         ParticleCloud(9, _float32(1.0, 2.0, 3.0)),
-        PlanView(9, _float32(1.0, 2.0, 3.0), b"", _float32(1.0, 2.0), (), chart),
+        PlanView(9, _float32(1.0, 2.0, 3.0), b"", _float32(1.0, 2.0), MOVING, chart),
         Notice(10, 2, "stopped"),
     ]  # fmt: skip
 
@@ -124,7 +179,8 @@ def _float32(*values: float) -> bytes:
 
 def test_every_message_fits_the_schema_in_the_file() -> None:
     file = io.BytesIO()
-    log = McapLog(file, 1_700_000_000_000_000_000, "rover")
+    scene = Scene(SONARS, body=Rectangle(-0.2, 0.2, 0.15))
+    log = McapLog(file, 1_700_000_000_000_000_000, "rover", scene)
     for message in everything():
         log.add(message)
     log.close()

@@ -169,7 +169,7 @@ def test_bad_input_is_said(run: Path, tmp_path: Path, capsys: pytest.CaptureFixt
         (("report", str(run), "--out", "a.pdf"), "the suffix must be one of .html, .htm"),
         (("report", str(run), "--out", str(tmp_path / "no" / "a.html")), "does not exist"),
         (("report", str(tmp_path / "no"), "--out", "a.html"), "no such file or folder"),
-        (("record", "export", str(run)), "give --csv FOLDER, --tum FOLDER or both"),
+        (("record", "export", str(run)), "give --csv FOLDER, --tum FOLDER, --tlog FILE"),
         (("record", "export", str(record), "--tum", str(tmp_path / "t")), "no log of states"),
     )
     for words, expected in cases:
