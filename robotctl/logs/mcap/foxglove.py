@@ -277,7 +277,7 @@ def place_cloud(wall_ns: int, places: bytes) -> PointCloud:
 
 def severity_of(level: int) -> int:
     """Return the severity of RFC 5424 of which a line of `log_line` has this level."""
-    return {5: 2, 4: 3, 3: 4, 2: 6}.get(level, 7)
+    return {5: 2, 4: 3, 3: 4, 2: 5}.get(level, 7)
 
 
 def log_line(wall_ns: int, notice: Notice, name: str) -> Log:

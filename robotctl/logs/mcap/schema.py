@@ -8,7 +8,6 @@ list of numbers in which one is not finite is left out as a whole.
 from __future__ import annotations
 
 import enum
-import functools
 import math
 import types
 from typing import Any, Final, TypeAlias, Union, get_args, get_origin, get_type_hints
@@ -111,56 +110,3 @@ def plain(value: Any) -> Any:
         if isinstance(value[0], float) and not all(map(math.isfinite, value)):
             return None
     return value
-
-
-def restored(kind: Any, content: Any) -> Any:
-    """Return a message, or a part of it, of which `plain` made the content.
-
-    A number that was left out is nan, a list of numbers empty: what JSON cannot say is lost.
-
-    Parameters
-    ----------
-    kind
-        Type of the message.
-    content
-        As read from JSON; fields that the type does not have are passed over.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If the content is none of this type.
-    """
-    origin, arguments = get_origin(kind), get_args(kind)
-    if origin in (Union, types.UnionType):
-        (present,) = (each for each in arguments if each is not type(None))
-        return None if content is None else restored(present, content)
-    if origin is tuple:
-        kinds = arguments[:1] * len(content) if arguments[-1] is Ellipsis else arguments
-        return tuple(map(restored, kinds, content))
-    if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
-        fields = _fields(kind)
-        known = {name: restored(fields[name], content[name]) for name in content if name in fields}
-        return kind(**_left_out(kind) | known)
-    if isinstance(kind, type) and issubclass(kind, enum.Enum | float):
-        return kind(content)
-    return content
-
-
-_fields: Final = functools.cache(get_type_hints)
-
-
-@functools.cache
-def _left_out(kind: type[msgspec.Struct]) -> dict[str, Any]:
-    """Return the values of fields without a default that `plain` may leave out."""
-    return {
-        each.name: _missing(each.type) for each in msgspec.structs.fields(kind) if each.required
-    }
-
-
-def _missing(kind: Any) -> Any:
-    """Return the value that stands for a field without content."""
-    if kind is float:
-        return math.nan
-    if get_origin(kind) is not tuple:
-        return None
-    return () if Ellipsis in get_args(kind) else tuple(map(_missing, get_args(kind)))

@@ -16,7 +16,7 @@ from robotctl.app.processes.robot import make_core
 from robotctl.config.robot_file import RobotConfig
 from robotctl.logs.formats.robotctl_log import is_mcap, json_messages
 from robotctl.logs.mcap.foxglove import FrameTransforms
-from robotctl.logs.mcap.restore import Restored, restored_message
+from robotctl.logs.mcap.restored import RESTORED, Restored
 from robotctl.logs.mcap.scene import sonar_mounts
 from robotctl.messages.control import ControlState, LoopStatistics
 from robotctl.model.sensors.sonar import SonarMount
@@ -62,7 +62,7 @@ def logged_messages(files: Sequence[Path], notes: list[str]) -> Iterator[Timed]:
         for topic, record in json_messages(file, notes):
             stamp_ns = record.log_time - (epoch_ns or 0)
             try:
-                message = restored_message(topic, record.data, stamp_ns)
+                message = _restored(topic, record.data, stamp_ns)
             except (msgspec.DecodeError, LookupError, TypeError, ValueError) as error:
                 raise RecordingError(
                     f"{file}: topic {topic}, message at {record.log_time} ns: {error}"
@@ -71,6 +71,15 @@ def logged_messages(files: Sequence[Path], notes: list[str]) -> Iterator[Timed]:
                 epoch_ns = record.log_time - message.stamp_ns
             if message is not None and epoch_ns is not None:
                 yield Timed(epoch_ns, message)
+
+
+def _restored(topic: str, data: bytes, stamp_ns: int) -> Restored | None:
+    """Return a message; None for topics that are pictures."""
+    read = RESTORED.get(topic)
+    if read is None:
+        return None
+    content = msgspec.json.decode(data)
+    return read(content.get("stamp_ns", stamp_ns), content)
 
 
 @dataclass(frozen=True, slots=True)

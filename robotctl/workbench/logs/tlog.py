@@ -14,7 +14,7 @@ from pymavlink.dialects.v20 import common
 
 import robotctl
 from robotctl.drivers.mavlink.tlog import tlog_entry
-from robotctl.logs.mcap.restore import Restored
+from robotctl.logs.mcap.restored import Restored
 from robotctl.mavlink.config import MavlinkConfig
 from robotctl.mavlink.context import TelemetryRobot
 from robotctl.mavlink.telemetry import Telemetry

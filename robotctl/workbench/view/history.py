@@ -14,12 +14,12 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from robotctl.logs.mcap.restored import control_state, localisation_state, notice
 from robotctl.messages.control import Notice, SafetyState
 from robotctl.messages.world_pose import WorldPose
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.web.replay_wire import History, Series, Stretch
 from robotctl.workbench.view.index import Logged, RunIndex
-from robotctl.workbench.view.messages import control_state, localisation_state, notice
 
 MOST_POINTS: Final = 20_000
 """Most points of the path driven; a longer one is coarser."""

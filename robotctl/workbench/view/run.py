@@ -17,6 +17,8 @@ from robotctl.config.robot_file import RobotConfig, robot_of_json
 from robotctl.errors import RobotctlError
 from robotctl.logs.formats.robotctl_log import truth_files
 from robotctl.logs.formats.tum import read_tum
+from robotctl.logs.mcap import restored
+from robotctl.logs.mcap.restored import Content
 from robotctl.messages.estimation import GivenMap, LiveMap, PlanView
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.model.trajectory import Trajectory
@@ -24,19 +26,17 @@ from robotctl.runtime.flight.recorder import RecordError, read_record
 from robotctl.web.replay_wire import History, Series
 from robotctl.web.wire import RobotOutline, SonarOutline
 from robotctl.workbench.logs.rows import RecordingError
-from robotctl.workbench.view import messages
 from robotctl.workbench.view.history import HistoryReader, Lost, known_ns, series_of
 from robotctl.workbench.view.index import Logged, RunIndex
-from robotctl.workbench.view.messages import Content
 from robotctl.workbench.view.run_files import files_of
 
 _SIMPLE: Final[Mapping[str, tuple[str, Callable[[int, Content], msgspec.Struct]]]] = {
-    "LiveMap": ("live_map", messages.live_map),
-    "NavigationState": ("navigation", messages.navigation_state),
-    "LidarScan": ("lidar", messages.lidar_scan),
-    "CameraView": ("camera", messages.camera_view),
-    "ParticleCloud": ("particles", messages.particle_cloud),
-    "ControlState": ("control", messages.control_state),
+    "LiveMap": ("live_map", restored.live_map),
+    "NavigationState": ("navigation", restored.navigation_state),
+    "LidarScan": ("lidar", restored.lidar_scan),
+    "CameraView": ("camera", restored.camera_view),
+    "ParticleCloud": ("particles", restored.particle_cloud),
+    "ControlState": ("control", restored.control_state),
 }
 """Topic of the log and its reader, by the message that it was."""
 
@@ -147,7 +147,7 @@ class ReplayedRun:
             return
 
         def make() -> Sequence[bytes]:
-            found = self._message(logged, messages.live_map)
+            found = self._message(logged, restored.live_map)
             return (_encode(GivenMap(found.stamp_ns, found)),)
 
         yield Picture("GivenMap", logged.log_ns, make)
@@ -160,11 +160,11 @@ class ReplayedRun:
         before_ns = known_ns(self._lost, logged.log_ns)
 
         def make() -> Sequence[bytes]:
-            found = self._message(logged, messages.localisation_state)
+            found = self._message(logged, restored.localisation_state)
             if found.status == LocalisationStatus.LOCALISED or before_ns is None:
                 return (_encode(found),)
             known = self._index.newest("localisation", before_ns)
-            before = () if known is None else self._read(known, messages.localisation_state)
+            before = () if known is None else self._read(known, restored.localisation_state)
             return (*before, _encode(found))
 
         yield Picture("LocalisationState", (logged.log_ns, before_ns), make)
@@ -181,11 +181,11 @@ class ReplayedRun:
             stamp_ns = path.log_ns - self.begin_ns
             view = PlanView(
                 stamp_ns,
-                messages.packed_points(_json(path), _POSE),
-                b"" if arc is None else messages.packed_points(arc, _POSE),
-                b"" if obstacles is None else messages.packed_points(obstacles, _POSE[:2]),
-                () if moving is None else messages.moving_things(moving),
-                _NO_COSTS if costs is None else messages.live_map(stamp_ns, costs),
+                restored.packed_points(_json(path), _POSE),
+                b"" if arc is None else restored.packed_points(arc, _POSE),
+                b"" if obstacles is None else restored.packed_points(obstacles, _POSE[:2]),
+                () if moving is None else restored.moving_things(moving),
+                _NO_COSTS if costs is None else restored.live_map(stamp_ns, costs),
             )
             return (_encode(view),)
 
@@ -241,7 +241,7 @@ class ReplayedRun:
         logged = self._index.newest("outline", self.end_ns)
         try:
             if logged is not None:
-                return messages.body_corners(_json(logged))
+                return restored.body_corners(_json(logged))
         except _UNREADABLE:
             pass  # of a version that draws it otherwise
         self.notes.append("nothing tells the robot's size: its body is drawn 0.4 m by 0.3 m")

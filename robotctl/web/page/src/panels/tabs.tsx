@@ -30,7 +30,7 @@ const PANELS: Readonly<Record<Exclude<keyof typeof words.tabs, "name">, Function
 
 type PanelName = keyof typeof PANELS;
 /** Panels that command a robot: there is none in a replay. */
-const COMMANDING = new Set<PanelName>(["drive", "recordings"]);
+const COMMANDING = new Set<PanelName>(["drive", "mission", "bounds", "camera", "tune", "setUp", "recordings"]);
 const NAMES = (Object.keys(PANELS) as PanelName[]).filter((name) => !isReplay || !COMMANDING.has(name));
 
 const open = signal<PanelName>(isReplay ? "plots" : "drive");

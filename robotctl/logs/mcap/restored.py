@@ -18,7 +18,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.logs.mcap.foxglove import OUT_OF_RANGE_M
+from robotctl.logs.mcap.foxglove import OUT_OF_RANGE_M, severity_of
 from robotctl.messages.control import ControlState, NavigationState, Notice
 from robotctl.messages.estimation import (
     CameraView,
@@ -29,10 +29,10 @@ from robotctl.messages.estimation import (
 )
 
 Content: TypeAlias = Mapping[str, Any]
+Restored: TypeAlias = ControlState | NavigationState | LocalisationState | LidarScan | Notice
+"""Message of a process that others can make something of."""
 S = TypeVar("S", bound=msgspec.Struct)
 
-_SEVERITIES: Final = {5: 2, 4: 3, 3: 4, 2: 5}
-"""Severity of RFC 5424 by the level of `foxglove.Log`; another level is 7, debugging."""
 _PACKED: Final = {1: "u1", 2: "i1", 3: "<u2", 4: "<i2", 5: "<u4", 6: "<i4", 7: "<f4", 8: "<f8"}
 """`foxglove.NumericType` in the words of NumPy."""
 _POSE: Final = ("x_m", "y_m", "theta_rad")
@@ -87,7 +87,17 @@ def lidar_scan(stamp_ns: int, content: Content) -> LidarScan:
 
 def notice(stamp_ns: int, content: Content) -> Notice:
     """Return a message of the topic `notice`, a `foxglove.Log`."""
-    return Notice(stamp_ns, _SEVERITIES.get(content["level"], 7), content["message"])
+    return Notice(stamp_ns, severity_of(content["level"]), content["message"])
+
+
+RESTORED: Final[Mapping[str, Callable[[int, Content], Restored]]] = {
+    "control": control_state,
+    "navigation": navigation_state,
+    "localisation": localisation_state,
+    "lidar": lidar_scan,
+    "notice": notice,
+}
+"""Makes the message of a stamp by the robot's clock [ns] and its content, by topic."""
 
 
 def particle_cloud(stamp_ns: int, content: Content) -> ParticleCloud:
@@ -184,6 +194,11 @@ def _reader(kind: Any) -> Callable[[Any], Any]:
         return lambda value: tuple(map(of_item, value))
     if kind is bytes:
         return b64decode
+    if kind is float:
+        return lambda value: float(value) if isinstance(value, int) else value
+    if isinstance(kind, type) and issubclass(kind, enum.Enum):
+        known = {each.value: each for each in kind}
+        return lambda value: known.get(value, value)  # another version has more of them
     return lambda value: value
 
 

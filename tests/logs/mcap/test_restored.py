@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from robotctl.logs.mcap.entries import LogEntries
 from robotctl.logs.mcap.foxglove import log_line, severity_of
-from robotctl.logs.mcap.restore import restored_message
+from robotctl.logs.mcap.restored import RESTORED
 from robotctl.logs.mcap.scene import Scene, sonar_mounts
 from robotctl.messages.control import ControlState, ImuFeedback, Notice
 from robotctl.messages.estimation import ClosedLoop, LidarScan, LocalisationState
@@ -27,12 +27,12 @@ IMU = ImuFeedback(5, 4, (0.1, 0.2, 0.3), (0.0, 0.1, 9.8), (0.0, 0.0, 1.0))
 def read_back(message: msgspec.Struct) -> msgspec.Struct:
     """Return what a log makes of a message."""
     entries = LogEntries(EPOCH_NS, "rover", Scene()).of(message)  # type: ignore[arg-type]
-    found = [
-        restored_message(topic, msgspec.json.encode(make()), wall_ns - EPOCH_NS)
+    (found,) = (
+        RESTORED[topic](wall_ns - EPOCH_NS, msgspec.json.decode(msgspec.json.encode(make())))
         for topic, wall_ns, make in entries
-    ]
-    (message,) = (each for each in found if each is not None)
-    return message
+        if topic in RESTORED
+    )
+    return found
 
 
 @given(st.tuples(*[NUMBERS] * 5), st.lists(NUMBERS), st.booleans())
