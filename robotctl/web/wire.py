@@ -321,6 +321,19 @@ class Response(Downward, frozen=True):
     wheel_rad_s: tuple[tuple[float, ...], ...]
 
 
+class ComputerState(Downward, frozen=True):
+    """Figures of the robot's computer: share of all cores that is busy, hottest sensor [degC].
+
+    Memory and disk are in bytes. None: not known.
+    """
+
+    processor: float | None
+    temperature_c: float | None
+    memory_free: int
+    memory: int
+    disk_free: int | None
+
+
 _encoder = msgspec.msgpack.Encoder()
 
 

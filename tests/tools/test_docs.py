@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from tools.take_picture import page_digest, shown_digest
+
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -22,6 +24,10 @@ def test_the_documents_hold_text_and_pictures_only():
         if path.is_file() and path.suffix not in {".md", ".png", ".jpg"}
     ]
     assert others == []
+
+
+def test_the_picture_of_the_page_shows_the_page_as_it_is():
+    assert shown_digest() == page_digest(), "the page has changed since: run `make picture`"
 
 
 LINK = re.compile(r"(?<!`)\[[^\]]*\]\((?!https?:)([^)#\s]*)(?:#([^)\s]+))?\)")

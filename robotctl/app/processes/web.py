@@ -17,6 +17,7 @@ from typing import Any, Final
 import zmq
 
 import robotctl
+from robotctl.app.processes.computer import Computer
 from robotctl.app.processes.entry import enter
 from robotctl.app.processes.plan_files import plan_stores
 from robotctl.app.processes.recordings import RecordingFolder
@@ -199,6 +200,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
         writer.save,
         plan_stores(options.state),
         _camera_of(config, endpoints),
+        Computer(Path(options.state or endpoints.web_links.parent)).state,
     )
     desk = Desk(
         has_localiser=config.localisation.method != "none",

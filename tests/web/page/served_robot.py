@@ -67,7 +67,7 @@ from robotctl.web.access import Access, Role
 from robotctl.web.desk import Desk, Now
 from robotctl.web.recordings import RecordingPages
 from robotctl.web.server import PageServer, PictureSource, RobotSide
-from robotctl.web.wire import RobotOutline, SonarOutline
+from robotctl.web.wire import ComputerState, RobotOutline, SonarOutline
 
 T = TypeVar("T")
 
@@ -184,6 +184,7 @@ class ServedRobot:
             self._take,
             self._save,
             camera=self.camera,
+            computer=lambda: ComputerState(0.23, 54.4, 1_200_000_000, 4_000_000_000, 100_000_000),
         )
         desk = Desk(has_localiser=True, arm_timeout_ns=1_000_000_000)
         access = Access(self._tokens, (), self.port)

@@ -40,6 +40,20 @@ def test_arming_that_is_refused_is_said_with_the_reason(robot, open_page):
     assert robot.requests(Arm)[0].arm
 
 
+def test_the_computer_s_figures_are_shown_and_what_is_short_is_marked(robot, open_page):
+    page = open_page()
+    page.get_by_role("tab", name="Nodes").click()
+    figures = page.get_by_label("The robot's computer")
+    figures.get_by_text("23 %").wait_for()
+    assert figures.locator("dd").all_inner_texts() == [
+        "23 %",
+        "54 °C",
+        "1.2 GB left",
+        "⚠ 100.0 MB left",
+    ]
+    assert figures.locator(".bad dt").all_inner_texts() == ["Disk"]
+
+
 def test_modes_are_asked_for_and_the_present_one_is_marked(robot, open_page):
     page = open_page()
     page.get_by_role("button", name="Auto", exact=True).click()

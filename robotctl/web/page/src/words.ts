@@ -543,5 +543,13 @@ export const words = {
     boots: "Boots",
     problem: "Problem",
     fine: "ok",
+    computer: "The robot's computer",
+    processor: "Processor",
+    temperature: "Temperature",
+    memory: "Memory",
+    disk: "Disk",
+    percent: (share: number) => `${Math.round(100 * share)} %`,
+    celsius: (value: number) => `${Math.round(value)} °C`,
+    left: (size: string) => `${size} left`,
   },
 };

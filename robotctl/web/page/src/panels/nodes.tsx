@@ -1,6 +1,7 @@
-// The nodes on the robot's bus.
+// The nodes on the robot's bus, and its computer.
 
-import { topics } from "../robot/robot";
+import { computer, topics } from "../robot/robot";
+import { size } from "../sizes";
 import { words } from "../words";
 
 const text = words.nodes;
@@ -13,7 +14,45 @@ const NMT_STATES: Readonly<Record<number, string>> = {
   127: "pre-operational",
 };
 
+const BUSY = 0.9;
+const HOT_C = 80;
+const LITTLE_MEMORY = 0.05;
+const LITTLE_DISK = 500e6;
+
 export function Nodes() {
+  return (
+    <>
+      <Computer />
+      <NodeTable />
+    </>
+  );
+}
+
+function Computer() {
+  const now = computer.value;
+  if (now === null) return null;
+  const figures: readonly (readonly [string, string | null, boolean])[] = [
+    [text.processor, now.processor === null ? null : text.percent(now.processor), (now.processor ?? 0) > BUSY],
+    [text.temperature, now.temperature_c === null ? null : text.celsius(now.temperature_c), (now.temperature_c ?? 0) > HOT_C],
+    [text.memory, text.left(size(now.memory_free)), now.memory_free < LITTLE_MEMORY * now.memory],
+    [text.disk, now.disk_free === null ? null : text.left(size(now.disk_free)), (now.disk_free ?? Infinity) < LITTLE_DISK],
+  ];
+  return (
+    <dl class="figures computer" aria-label={text.computer}>
+      {figures.map(([name, value, isBad]) => (
+        <div key={name} class={isBad ? "figure bad" : "figure"}>
+          <dt>{name}</dt>
+          <dd>
+            {isBad && <span aria-hidden="true">⚠ </span>}
+            {value ?? words.unknown}
+          </dd>
+        </div>
+      ))}
+    </dl>
+  );
+}
+
+function NodeTable() {
   const nodes = topics.ControlState.newest.value?.nodes ?? [];
   if (nodes.length === 0) return <p class="empty">{text.none}</p>;
   return (

@@ -9,13 +9,13 @@ import { topics } from "../robot/robot";
 import { ask } from "../wire/live";
 import type { RecordedFile, RecorderState, RecordingList } from "../wire/messages";
 import { decode } from "../wire/msgpack";
+import { size } from "../sizes";
 import { words } from "../words";
 
 const text = words.recordings;
 const REFRESH_MS = 3000;
 const SILENT_MS = 5000;
 const WHEN = { dateStyle: "short", timeStyle: "short" } as const;
-const UNITS = ["B", "kB", "MB", "GB", "TB"] as const;
 
 interface Listed {
   readonly files: readonly RecordedFile[];
@@ -123,10 +123,4 @@ async function refresh(): Promise<void> {
   } catch {
     // The connection is lost: the page says so already, and the list stays.
   }
-}
-
-/** Bytes for people. */
-function size(bytes: number): string {
-  const step = Math.min(Math.floor(Math.log10(Math.max(bytes, 1)) / 3), UNITS.length - 1);
-  return `${(bytes / 1000 ** step).toFixed(step > 1 ? 1 : 0)} ${UNITS[step] ?? ""}`;
 }

@@ -6,6 +6,7 @@ import type {
   BoundsView,
   CameraPicture,
   CameraView,
+  ComputerState,
   ControlState,
   Driver,
   GivenMap,
@@ -60,6 +61,7 @@ export type TopicName = keyof typeof topics;
 
 export const hello = signal<Hello | null>(null);
 export const driver = signal<Driver | null>(null);
+export const computer = signal<ComputerState | null>(null);
 /** Newest last. */
 export const notices = signal<readonly Notice[]>([]);
 
@@ -97,6 +99,9 @@ export function take(message: News): void {
       break;
     case "Notice":
       note(message);
+      break;
+    case "ComputerState":
+      computer.value = message;
       break;
     case "ParameterTable":
       describe(message);

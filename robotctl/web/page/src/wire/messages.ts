@@ -618,6 +618,15 @@ export interface Response {
   readonly wheel_rad_s: readonly (readonly number[])[];
 }
 
+export interface ComputerState {
+  readonly type: "ComputerState";
+  readonly processor: number | null;
+  readonly temperature_c: number | null;
+  readonly memory_free: number;
+  readonly memory: number;
+  readonly disk_free: number | null;
+}
+
 export interface Playback {
   readonly type: "Playback";
   readonly at_ns: number;
@@ -834,6 +843,7 @@ export type Received =
   | CameraPicture
   | Saved
   | Response
+  | ComputerState
   | Playback;
 
 export type Sent =
