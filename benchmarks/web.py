@@ -63,6 +63,7 @@ STOP_MS: Final = 100
 LINK_BIT_S, LINK_S = 1e6, 0.1
 """Rate and time there and back of a slow link [bit/s, s]."""
 LAG_CLIENTS: Final = 5
+_LONG_ARRAY: Final = 0xDC
 PEER: Final = "peer"
 
 
@@ -179,9 +180,13 @@ async def _read_page(url: str, seconds: float) -> int:
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(seconds):
                 while True:
-                    await page.recv()
-                    count += 1
+                    count += _length(await page.recv())
     return count
+
+
+def _length(frame: bytes) -> int:
+    """Return the number of messages in a frame: an array of MessagePack."""
+    return frame[0] & 15 if frame[0] != _LONG_ARRAY else int.from_bytes(frame[1:3], "big")
 
 
 async def _read_peer(url: str, seconds: float) -> int:

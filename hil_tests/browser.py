@@ -92,10 +92,10 @@ class Page:
     def _read(self) -> None:
         with suppress(ConnectionClosed):
             while True:
-                message = msgspec.msgpack.decode(self._ws.recv())
-                self.seen[message["type"]] = message
-                if message["type"] == "Refused":
-                    self.refused.append(message["reason"])
+                for message in msgspec.msgpack.decode(self._ws.recv()):
+                    self.seen[message["type"]] = message
+                    if message["type"] == "Refused":
+                        self.refused.append(message["reason"])
 
     def _steer(self) -> None:
         with suppress(ConnectionClosed, OSError):

@@ -54,6 +54,7 @@ from robotctl.web.wire import (
     Saved,
     StopMessage,
     encode,
+    frame,
 )
 
 MAX_MESSAGE_BYTES: Final = 4096
@@ -69,6 +70,8 @@ _NOTICES: Final = 50
 """Notices that a new client is told, the newest."""
 _POLICY: Final = 1008
 LINK_NEEDED: Final = "a token is needed: open the link that the robot prints, or `robotctl web`"
+FRAME_BYTES: Final = 16_384
+"""Size of a frame from which on nothing is added, so that a slow link is sent what is new."""
 COMPUTER_NS: Final = 2_000_000_000
 """Period of the computer's figures [ns]."""
 PICTURE_S: Final = 0.2
@@ -98,6 +101,14 @@ class Connection:
         """Let the connection end, also where its sender waits for a client that does not read."""
         self.end = why
         self.ended.set()
+
+    def take(self, now_ns: int) -> list[bytes]:
+        """Return what to send in one frame, and forget it: sending costs more than all else."""
+        messages, size = [], 0
+        while size < FRAME_BYTES and (data := self.outbox.next(now_ns)) is not None:
+            messages.append(data)
+            size += len(data)
+        return messages
 
     def put(self, topic: str, data: bytes, *, keep: bool) -> None:
         """Add a message."""
@@ -483,13 +494,13 @@ class PageServer:
     async def _send(self, socket: WebSocket, connection: Connection) -> None:
         """Send waiting messages; a client that does not read delays no other."""
         while True:
-            data = connection.outbox.next(self._robot.now().server_ns)
-            if data is None:
+            messages = connection.take(self._robot.now().server_ns)
+            if not messages:
                 connection.woken.clear()
                 await connection.woken.wait()
                 continue
             try:
-                await socket.send_bytes(data)
+                await socket.send_bytes(frame(messages))
             except (WebSocketDisconnect, RuntimeError):
                 return
 

@@ -1,13 +1,15 @@
 """Messages between page and server.
 
-Down to the page: msgpack, the robot's own messages as they were published and those of this
-module; up from it: JSON. All have the key `type` with their name. `id` is the page's number of a
-request. `at_ms` is when the user acted [ms] by the server's monotonic clock: the earliest time that
-the page can prove by the newest `Pong`, so that an age is never found too small.
+Down to the page: msgpack, an array of messages in each frame, the robot's own as they were
+published and those of this module; up from it: JSON. All have the key `type` with their name. `id`
+is the page's number of a request. `at_ms` is when the user acted [ms] by the server's monotonic
+clock: the earliest time that the page can prove by the newest `Pong`, so that an age is never found
+too small.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Final, TypeAlias
 
 import msgspec
@@ -16,7 +18,7 @@ from msgspec import Meta
 from robotctl.messages.mode import Mode
 from robotctl.messages.requests import FARTHEST_M
 
-PROTOCOL: Final = 1
+PROTOCOL: Final = 2
 """Number of this set of messages; another one needs another page."""
 
 Number: TypeAlias = Annotated[int, Meta(ge=-(2**53), le=2**53)]
@@ -340,3 +342,10 @@ _encoder = msgspec.msgpack.Encoder()
 def encode(message: Downward | Hello) -> bytes:
     """Return a message as the page reads it."""
     return _encoder.encode(message)
+
+
+def frame(messages: Sequence[bytes]) -> bytes:
+    """Return encoded messages as one frame: an array of MessagePack, at most 65535 long."""
+    count = len(messages)
+    head = bytes([0x90 | count]) if count < 16 else b"\xdc" + count.to_bytes(2, "big")
+    return b"".join((head, *messages))

@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import threading
 import time
+from collections import deque
 from pathlib import Path
 
 import msgspec
@@ -204,6 +205,8 @@ class Client:
         )
         self.ws = connection.__enter__()
         self.seen: list[dict] = []
+        self.waiting: deque[dict] = deque()
+        """Messages of the last frame that are not read yet."""
         self.offset_ms = 0.0
 
     def __enter__(self):
@@ -220,7 +223,9 @@ class Client:
         deadline_s = time.monotonic() + seconds
         while (left_s := deadline_s - time.monotonic()) > 0:
             with contextlib.suppress(TimeoutError):
-                message = msgspec.msgpack.decode(self.ws.recv(timeout=left_s))
+                if not self.waiting:
+                    self.waiting.extend(msgspec.msgpack.decode(self.ws.recv(timeout=left_s)))
+                message = self.waiting.popleft()
                 self.seen.append(message)
                 if message["type"] == kind and where(message):
                     return message

@@ -258,9 +258,10 @@ def test_a_client_gets_hello_first_then_what_is_known_then_the_messages_unchange
     served.robot.publish(Notice(1, 6, "before"), scan)
     time.sleep(0.1)
     with served.client() as client:
-        first = msgspec.msgpack.decode(client.ws.recv(timeout=5))
-        assert (first["type"], first["protocol"], first["role"]) == ("Hello", 1, "drive")
-        assert client.read("Driver")["client"] is None
+        client.read("Driver")
+        first = client.seen[0]
+        assert (first["type"], first["protocol"], first["role"]) == ("Hello", 2, "drive")
+        assert client.seen[1]["client"] is None
         assert client.read("Notice")["text"] == "before"
         assert client.read("LidarScan") == {**msgspec.to_builtins(scan), "ranges": scan.ranges}
         served.robot.publish(Notice(2, 6, "after"))

@@ -22,7 +22,7 @@ from robotctl.web.access import HEADERS, Access, Role
 from robotctl.web.assets import Assets
 from robotctl.web.replay_wire import Align, Pause, Play, Playback, ReplayMessage, Seek
 from robotctl.web.server import MAX_CLIENTS, asker_of
-from robotctl.web.wire import PROTOCOL, Hello, Ping, Pong, RecordedRun, encode
+from robotctl.web.wire import PROTOCOL, Hello, Ping, Pong, RecordedRun, encode, frame
 from robotctl.workbench.view.playback import PlaybackClock
 from robotctl.workbench.view.run import ReplayedRun
 
@@ -176,12 +176,11 @@ class ReplayServer:
     async def _send(self, socket: WebSocket, client: _Client) -> None:
         """Send what changed; a page that is slow is sent the newest once it has read the last."""
         try:
-            await socket.send_bytes(encode(self._hello(client)))
+            await socket.send_bytes(frame([encode(self._hello(client))]))
             while True:
                 await client.woken.wait()
                 client.woken.clear()
-                for data in self._news(client):
-                    await socket.send_bytes(data)
+                await socket.send_bytes(frame([*self._news(client)]))
         except (WebSocketDisconnect, RuntimeError):
             return
 

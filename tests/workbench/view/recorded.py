@@ -7,6 +7,7 @@ import contextlib
 import math
 import threading
 import time
+from collections import deque
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -199,6 +200,7 @@ class ReplayClient:
         address = served.url.replace("http", "ws").rstrip("/")
         origin = served.url.rstrip("/") if origin is None else origin
         self._connection = connect(f"{address}{path}", origin=origin, compression=None)
+        self._waiting: deque[dict] = deque()
         self.known: dict[str, dict] = {}
         self.hello: dict = {}
 
@@ -215,7 +217,9 @@ class ReplayClient:
 
     def receive(self) -> dict:
         """Return the next message."""
-        return msgspec.msgpack.decode(self._connection.recv(timeout=10.0))
+        if not self._waiting:
+            self._waiting.extend(msgspec.msgpack.decode(self._connection.recv(timeout=10.0)))
+        return self._waiting.popleft()
 
     def picture(self, where=lambda _playback: True) -> dict[str, dict]:
         """Return the messages that are known with the next time shown, and that itself."""

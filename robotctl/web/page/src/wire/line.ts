@@ -62,8 +62,7 @@ export class Line {
     };
     socket.onmessage = (event: MessageEvent<ArrayBuffer>) => {
       this.receivedMs = performance.now();
-      const message = decode(new Uint8Array(event.data)) as Tagged;
-      this.onMessage(revive(message.type, message) as Tagged);
+      for (const message of decode(new Uint8Array(event.data)) as Tagged[]) this.onMessage(revive(message.type, message) as Tagged);
     };
     socket.onclose = (event) => {
       if (socket === this.socket && event.reason !== "") this.closedBecause.value = event.reason;
