@@ -24,8 +24,9 @@ CAMERA = ("camera.enabled=true",)
 MCL = ('localisation.method="mcl"', "localisation.mapping=true")
 EKF = ('localisation.method="ekf"',)
 STATES = {"control", "navigation", "notice", "frames", "T_world_base", "sensor_frames"}
-BELIEFS = {"localisation", "lidar", "map"}
-PLANS = {"path", "costs"}
+STATES |= {"sonar_cones", "outline", "goal"}
+BELIEFS = {"localisation", "lidar", "map", "covariance"}
+PLANS = {"path", "costs", "arc", "obstacles"}
 """Of robots that know ways: with a map or a lidar."""
 
 
@@ -56,7 +57,7 @@ def test_messages_of_a_run_with_particles_map_camera_and_faults_fit_their_schema
     with_everything: Path,
 ) -> None:
     topics = checked_topics(with_everything)
-    assert set(topics) == STATES | BELIEFS | PLANS | {"camera", "live_map", "particles"}
+    assert set(topics) == STATES | BELIEFS | PLANS | {"camera", "seen", "live_map", "particles"}
     assert topics["map"] == 1
     assert topics["control"] == topics["frames"] > 300
 
@@ -64,7 +65,7 @@ def test_messages_of_a_run_with_particles_map_camera_and_faults_fit_their_schema
 @pytest.mark.parametrize(
     ("robot", "options", "expected"),
     [
-        ("tricycle", {"localisation": EKF}, STATES | PLANS | {"localisation", "map"}),
+        ("tricycle", {"localisation": EKF}, STATES | PLANS | {"localisation", "map", "covariance"}),
         ("ackermann", {"localisation": ("localisation.mapping=true",)}, STATES | {"live_map"}),
         ("diff_drive", {"faults": find_file("bad_day", "scenarios")}, STATES),
         ("diff_drive", {"faults": find_file("bus", "scenarios")}, STATES),

@@ -133,12 +133,12 @@ def test_drawn_zones_count_beside_those_of_the_mission_until_they_are_wiped_out(
     bench.pilot.use_zones(slow)
     bench.pilot.use_drawn_zones([Zone("shut", ((3.0, -1.0), (3.4, -1.0), (3.4, 9.0), (3.0, 9.0)))])
     there = SE2(1.8, 0.8, 0.0)
-    assert bench.pilot.speed_limit(there, np.zeros((1, 3))) == pytest.approx(0.2)
+    assert bench.pilot.tools.world.speed_limit(there, np.zeros((1, 3))) == pytest.approx(0.2)
     stuck = bench.drive(5.0, 2.0, seconds=10.0)
     assert stuck is None or stuck.status is not Status.DONE
     assert "shut" in " ".join(bench.texts)
     bench.pilot.use_zones(())
-    assert bench.pilot.speed_limit(there, np.zeros((1, 3))) == math.inf
+    assert bench.pilot.tools.world.speed_limit(there, np.zeros((1, 3))) == math.inf
     bench.pilot.use_drawn_zones(())
     assert bench.drive(5.0, 2.0).status is Status.DONE
 
