@@ -33,8 +33,8 @@ class _Bottleneck:
                 sent_s = self._free_s
                 await asyncio.sleep(sent_s - loop.time())
                 await arriving.put((sent_s + self._delay_s, data))
-        delivery.cancel()
-        writer.close()
+        await arriving.put((loop.time() + self._delay_s, b""))
+        await delivery
 
     async def _deliver(
         self, arriving: asyncio.Queue[tuple[float, bytes]], writer: asyncio.StreamWriter
@@ -44,7 +44,10 @@ class _Bottleneck:
             while True:
                 due_s, data = await arriving.get()
                 await asyncio.sleep(due_s - loop.time())
+                if not data:
+                    break
                 writer.write(data)
+        writer.close()
 
 
 @contextlib.contextmanager
@@ -68,9 +71,10 @@ def slow_link(port: int, bits_per_s: float, delay_s: float) -> Iterator[int]:
 
         async def connected(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
             other_reader, other_writer = await asyncio.open_connection("127.0.0.1", port)
-            await asyncio.gather(
-                there.carry(reader, other_writer), back.carry(other_reader, writer)
-            )
+            with contextlib.suppress(asyncio.CancelledError):  # the link ends
+                await asyncio.gather(
+                    there.carry(reader, other_writer), back.carry(other_reader, writer)
+                )
 
         server = await asyncio.start_server(connected, "127.0.0.1", 0)
         ports.append(server.sockets[0].getsockname()[1])

@@ -358,10 +358,10 @@ def _stops() -> Iterator[tuple[str, str, str, str]]:
             yield _clicks("no page: a request of a process", rig, url, _nobody, by_page=False)
             yield _clicks("1 client", rig, url, _nobody)
             yield _clicks("3 clients", rig, url, _two_more)
-            yield _clicks("3 clients and one that floods", rig, url, _flood)
             with slow_link(links.port, LINK_BIT_S, 0.5 * LINK_S) as port:
                 name = f"1 client over {LINK_BIT_S / 1e6:g} Mbit/s and {1e3 * LINK_S:g} ms"
                 yield _clicks(name, rig, url, _nobody, port=port)
+            yield _clicks("3 clients and one that floods", rig, url, _flood)
         finally:
             rig.close()
 

@@ -30,9 +30,11 @@ _BARE = """() => {
   socket.onmessage = ({ data }) => {
     const bytes = new Uint8Array(data);
     const at = performance.timeOrigin + performance.now();
-    if (!wanted.every((byte, i) => bytes[i + 9] === byte)) return;
-    // Behind a map of many entries, "type" and its name: "stamp_ns" and an integer of 64 bits.
-    seen.push([Number(new DataView(data).getBigUint64(9 + 12 + 9 + 1)), at]);
+    let place = bytes.indexOf(wanted[0]);
+    while (place >= 0 && !wanted.every((byte, i) => bytes[place + i] === byte))
+      place = bytes.indexOf(wanted[0], place + 1);
+    // Behind the name: "stamp_ns" and an integer of 64 bits.
+    if (place >= 0) seen.push([Number(new DataView(data).getBigUint64(place + 12 + 9 + 1)), at]);
   };
 }"""
 _DRAWN = """() => {
