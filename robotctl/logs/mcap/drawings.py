@@ -32,6 +32,7 @@ from robotctl.logs.mcap.shapes import (
     ellipse,
     goal_text,
     goals,
+    linked_places,
     moving_thing,
     outline,
     point,
@@ -42,6 +43,7 @@ from robotctl.messages.estimation import (
     CameraView,
     LocalisationState,
     PlanView,
+    SlamGraph,
 )
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.rectangle import Rectangle
@@ -52,6 +54,8 @@ Drawn: TypeAlias = tuple[str, SceneUpdate]
 
 MOST_LOOPS: Final = 200
 """Most closed loops that are drawn."""
+GRAPH_NS: Final = 5_000_000_000
+"""Shortest time between two drawings of the graph [ns], which is written as a whole."""
 _TRACE_NS: Final = 50_000_000
 _TRACE: Final = 600
 """Poses of the odometry that are kept for closed loops: half a minute."""
@@ -147,6 +151,11 @@ class Drawings:
         """Yield where the camera sees the floor end, and things and markers on it."""
         if not view.trouble and self._is_due("seen", view.stamp_ns, SLOW_NS):
             yield "seen", draw(seen_things(wall_ns, view))
+
+    def of_graph(self, wall_ns: int, graph: SlamGraph) -> Iterator[Drawn]:
+        """Yield the links between keyframes, those that closed a loop in another colour."""
+        if self._is_due("slam_graph", graph.stamp_ns, GRAPH_NS):
+            yield "slam_graph", draw(linked_places(wall_ns, graph))
 
     def _is_due(self, topic: str, stamp_ns: int, period_ns: int) -> bool:
         """Return whether it is time for the next drawing; clocks may begin anew."""

@@ -42,6 +42,7 @@ from robotctl.messages.estimation import (
     LocalisationState,
     ParticleCloud,
     PlanView,
+    SlamGraph,
 )
 
 Published: TypeAlias = (
@@ -55,6 +56,7 @@ Published: TypeAlias = (
     | PlanView
     | LiveMap
     | GivenMap
+    | SlamGraph
 )
 """The logged entry."""
 
@@ -112,6 +114,7 @@ TOPICS: Final[dict[str, tuple[str, JsonSchema]]] = {
     "outline": _well_known(SceneUpdate),
     "covariance": _well_known(SceneUpdate),
     "goal": _well_known(SceneUpdate),
+    "slam_graph": _well_known(SceneUpdate),
 }
 """Name and schema of the messages of each topic."""
 
@@ -174,11 +177,16 @@ class LogEntries:
                 yield from _drawn(wall_ns, self._drawings.of_camera(wall_ns, message))
             case Notice():
                 yield "notice", wall_ns, partial(log_line, wall_ns, message, self._name)
-            case ParticleCloud() | PlanView():
+            case ParticleCloud() | PlanView() | SlamGraph():
                 yield from self._of_picture(wall_ns, message)
 
-    def _of_picture(self, wall_ns: int, message: ParticleCloud | PlanView) -> Iterator[Entry]:
+    def _of_picture(
+        self, wall_ns: int, message: ParticleCloud | PlanView | SlamGraph
+    ) -> Iterator[Entry]:
         """Yield what is for people to look at."""
+        if isinstance(message, SlamGraph):
+            yield from _drawn(wall_ns, self._drawings.of_graph(wall_ns, message))
+            return
         if isinstance(message, ParticleCloud):
             yield "particles", wall_ns, partial(point_cloud, wall_ns, message.poses)
             return

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+from array import array
 from collections.abc import Iterator
 from typing import Final
+
+import msgspec
 
 from robotctl.logs.mcap.foxglove import (
     BASE,
@@ -37,6 +40,7 @@ from robotctl.messages.estimation import (
     LocalisationState,
     SeenMarker,
     SeenObstacle,
+    SlamGraph,
 )
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.model.geometry.se2 import SE2
@@ -230,3 +234,18 @@ def _thing(view: CameraView, seen: SeenObstacle) -> CylinderPrimitive:
 
 def _marker(seen: SeenMarker) -> tuple[Pose, str]:
     return _at(seen.x_m, seen.y_m, seen.theta_rad, 0.15), str(seen.number)
+
+
+def linked_places(wall_ns: int, graph: SlamGraph) -> SceneEntity:
+    """Return the keyframes of a graph as the ends of its links."""
+    numbers = array("f", graph.poses)
+    places = tuple(map(point, numbers[0::3], numbers[1::3]))
+    lines = tuple(
+        msgspec.structs.replace(
+            line(LineType.LINE_LIST, places, color), indices=tuple(array("i", pairs))
+        )
+        for pairs, color in ((graph.links, SKY), (graph.loops, VERMILION))
+    )
+    return SceneEntity(
+        time_of(wall_ns), WORLD, "slam_graph", lasting(0), frame_locked=False, lines=lines
+    )

@@ -31,7 +31,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robotctl.logs.formats.robotctl_messages import logged_scan, logged_state
-from robotctl.logs.mcap.entries import TOPICS
+from robotctl.logs.mcap.entries import TOPICS, LogEntries
 from robotctl.logs.mcap.forms import (
     camera_content,
     camera_schema,
@@ -55,6 +55,7 @@ from robotctl.messages.estimation import (
     PlanView,
     SeenMarker,
     SeenObstacle,
+    SlamGraph,
 )
 from robotctl.model.rectangle import Rectangle
 from robotctl.model.sensors.sonar import SonarMount
@@ -169,12 +170,30 @@ def everything() -> list[msgspec.Struct]:
         GivenMap(8, chart),
         ParticleCloud(9, _float32(1.0, 2.0, 3.0)),
         PlanView(9, _float32(1.0, 2.0, 3.0), b"", _float32(1.0, 2.0), MOVING, chart),
+        GRAPH,
         Notice(10, 2, "stopped"),
     ]  # fmt: skip
 
 
 def _float32(*values: float) -> bytes:
     return array("f", values).tobytes()
+
+
+GRAPH = SlamGraph(
+    11,
+    _float32(0.0, 0.0, 0.1, 1.0, 0.5, 0.2, 2.0, 1.0, 0.3),
+    array("i", [0, 1, 1, 2]).tobytes(),
+    array("i", [0, 2]).tobytes(),
+)
+
+
+def test_a_graph_is_the_links_between_its_keyframes_by_their_numbers() -> None:
+    entries = [*LogEntries(0, "rover", Scene()).of(GRAPH)]
+    (drawing,) = (make() for topic, _, make in entries if topic == "slam_graph")
+    links, loops = drawing.entities[0].lines
+    assert [(each.x, each.y) for each in links.points] == [(0.0, 0.0), (1.0, 0.5), (2.0, 1.0)]
+    assert (links.indices, loops.indices) == ((0, 1, 1, 2), (0, 2))
+    assert links.color != loops.color
 
 
 def test_every_message_fits_the_schema_in_the_file() -> None:
