@@ -25,7 +25,7 @@ from robotctl.runtime.ipc.topics import Endpoints, Publisher, Subscriber, endpoi
 
 WATCHED_NS: Final = 40_000_000
 IDLE_NS: Final = 200_000_000
-"""Time between two looks at what was published, while somebody watches and while nobody does."""
+"""Periods of taking published messages, with and without viewers [ns]."""
 
 
 def run(config: RobotConfig, options: StackOptions) -> None:

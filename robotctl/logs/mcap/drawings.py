@@ -1,4 +1,4 @@
-"""What a 3D panel draws beside maps, scans and clouds: pictures of messages, made seldom."""
+"""Drawings for 3D panels beside maps, scans and clouds, made seldom."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ class Drawings:
                 yield "goal", goals(wall_ns, state)
 
     def of_plan(self, wall_ns: int, view: PlanView) -> Iterator[Drawn]:
-        """Yield what moves by itself, and once that nothing does any more."""
+        """Yield moving obstacles; once they are gone, an empty drawing."""
         if view.moving or self._moves:
             self._moves = bool(view.moving)
             entities = (
@@ -158,7 +158,7 @@ class Drawings:
             yield "slam_graph", draw(linked_places(wall_ns, graph))
 
     def _is_due(self, topic: str, stamp_ns: int, period_ns: int) -> bool:
-        """Return whether it is time for the next drawing; clocks may begin anew."""
+        """Return whether the next drawing is due; clocks may begin anew."""
         if 0 <= stamp_ns - self._due_ns.get(topic, -period_ns) < period_ns:
             return False
         self._due_ns[topic] = stamp_ns

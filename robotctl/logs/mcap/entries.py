@@ -61,7 +61,7 @@ Published: TypeAlias = (
 """The logged entry."""
 
 Entry: TypeAlias = tuple[str, int, Callable[[], object]]
-"""Topic, wall time [ns], and what makes the content to encode as JSON, if somebody wants it."""
+"""Topic, wall time [ns], and maker of the content, called only if the topic is wanted."""
 
 MAP_NS: Final = 5_000_000_000
 """Period of logging a growing map [ns]: encoding a large one is expensive."""

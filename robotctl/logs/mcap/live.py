@@ -96,7 +96,7 @@ class LiveTopics:
 
     @property
     def is_watched(self) -> bool:
-        """Whether somebody has subscribed to anything."""
+        """Whether any topic has a subscriber."""
         return any(channel.has_sinks() for channel in self._channels.values())
 
     def show(self, message: Published) -> None:

@@ -165,7 +165,7 @@ def _arrow(pose: Pose, length_m: float, color: Color) -> ArrowPrimitive:
 def moving_thing(
     wall_ns: int, number: int, x_m: float, y_m: float, vx: float, vy: float, radius_m: float
 ) -> SceneEntity:
-    """Return what moves by itself, as high as a person, and where it will be in a second."""
+    """Return a moving obstacle as a cylinder of a person's height, and its position in a second."""
     speed = math.hypot(vx, vy)
     body = CylinderPrimitive(
         _at(x_m, y_m, z_m=0.85),

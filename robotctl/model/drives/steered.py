@@ -1,4 +1,4 @@
-"""What all drives with one steered axle share: the path bends by L / tan(s) about the rear axle."""
+"""Kinematics of drives with one steered axle: the path bends by L / tan(s) about the rear axle."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the robot knows of the world around it: a map, what it has seen, and what moves."""
+"""Live model of the world around the robot: given map, marks of sensors, moving obstacles."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _BLIND_NS: Final = 500_000_000
 _AGREE: Final = 2
 """Echoes in a row that show something new: one alone may have nothing to do with the world."""
 _PERSON_RANGE_M: Final = 2.0
-"""Distance within which somebody counts as near [m]."""
+"""Maximum distance of a person who counts as near [m]."""
 _RECENT_NS: Final = 1_000_000_000
 """Age up to which an obstacle counts as still seen [ns]."""
 _LOOK_M: Final = 4.0

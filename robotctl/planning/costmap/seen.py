@@ -1,4 +1,4 @@
-"""What sensors have seen since the last step."""
+"""Observations of the sensors since the last step."""
 
 from __future__ import annotations
 

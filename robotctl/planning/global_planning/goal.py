@@ -1,4 +1,4 @@
-"""Where a robot is to drive to."""
+"""Goals: a position, perhaps with a heading."""
 
 from __future__ import annotations
 

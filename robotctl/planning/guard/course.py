@@ -1,4 +1,4 @@
-"""Where a body is going: the direction and the bend of its way."""
+"""Direction and curvature of a body's motion."""
 
 from __future__ import annotations
 

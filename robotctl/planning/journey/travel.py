@@ -114,7 +114,7 @@ class KnownPlaces:
 
     @cached_property
     def looks(self) -> Mapping[str, Appearance]:
-        """What each of them looks like, by name; all is compiled then."""
+        """Appearance of each place, by name; its first use compiles the kernels."""
         return appearances(self.map)
 
 
