@@ -78,7 +78,7 @@ class ParameterWriter:
             return self._file.name, copy, tuple(new)
 
     def _unchanged(self) -> RobotConfig:
-        """Return the present configuration; raise a `ConfigError` if somebody else changed it."""
+        """Return the present configuration; raise `ConfigError` if the file was edited."""
         found = load_robot(self._file, self._overrides)
         is_own = self._file.read_text(encoding="utf-8-sig") == self._written
         if not is_own and robot_to_json(found) != self._began:

@@ -60,7 +60,8 @@ from robotctl.web.wire import (
 MAX_MESSAGE_BYTES: Final = 4096
 """Longest message from a page, and longest body of a POST."""
 MAX_CLIENTS: Final = 16
-"""Most connections of each kind and role: who may only look keeps nobody from driving or a stop."""
+"""Maximum connections of each kind and role: clients that may only look cannot use up those of
+others."""
 MESSAGES_PER_S, MESSAGES_AT_ONCE = 200, 60
 """Most messages of a page, which sends 21 a second: a network that stalls delivers some at once."""
 IDLE_S, WATCHED_S, BUSY_S = 0.1, 0.04, 0.02
@@ -143,18 +144,16 @@ class RobotSide:
         What does not change.
     now
         The present by both clocks.
-    to_control, to_navigation, to_telemetry
+    to_control, to_navigation, to_telemetry, to_recorder
         Hand on a request; whether a process was there to take it.
     say
         Tell logs and ground stations.
-    to_telemetry, to_recorder
-        Hand on a request, as the others.
     stores
         Keep plans over restarts, by their kind.
     camera
         Pictures of the camera; None: there is none.
     computer
-        How the computer does.
+        Figures of the computer, asked for in a thread, since a disk may hang; None: there are none.
     save
         Write parameters, by their keys, into the robot's file, in any thread; return the names of
         the file and of a copy of the old one, and the keys that are new. Raises `RobotctlError` or
@@ -214,6 +213,7 @@ class PageServer:
         self._driver = desk.driver
         self._computer_ns = 0
         """When the computer's figures are due [ns]."""
+        self._reading_computer: asyncio.Task[None] | None = None
         self._filming: asyncio.Task[None] | None = None
         self._reading = asyncio.Lock()
         """Held while a plan is checked: one at a time, so that they leave time for all else."""
@@ -258,18 +258,23 @@ class PageServer:
             self._put("Truth", with_tag(data, "Truth"), keep=False)
         self._desk.step(now)
         self._hand_on()
-        self._tell_computer(now)
+        self._look_at_computer(now)
         if self._desk.watchers and self._filming is None and self._robot.camera is not None:
             self._filming = asyncio.create_task(self._film(self._robot.camera))
         for connection in self._live.values():
             connection.woken.set()
 
-    def _tell_computer(self, now: Now) -> None:
-        """Let all clients see how the computer does."""
-        if self._robot.computer is None or not self._live or now.server_ns < self._computer_ns:
-            return
-        self._computer_ns = now.server_ns + COMPUTER_NS
-        self._put("ComputerState", encode(self._robot.computer()), keep=False)
+    def _look_at_computer(self, now: Now) -> None:
+        """Let all clients see the computer's figures, if it is time."""
+        is_read = self._reading_computer is None or self._reading_computer.done()
+        read = self._robot.computer
+        if read is not None and is_read and self._live and now.server_ns >= self._computer_ns:
+            self._computer_ns = now.server_ns + COMPUTER_NS
+            self._reading_computer = asyncio.create_task(self._tell_computer(read))
+
+    async def _tell_computer(self, read: Callable[[], ComputerState]) -> None:
+        """Read the computer's figures and send them."""
+        self._put("ComputerState", encode(await asyncio.to_thread(read)), keep=False)
 
     def _show(self, message: Published, data: bytes) -> None:
         """Let all clients see a message."""

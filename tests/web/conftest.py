@@ -27,7 +27,7 @@ from robotctl.web.config import WebConfig
 from robotctl.web.desk import Desk, Now
 from robotctl.web.listening import PageHost, listen
 from robotctl.web.server import PageServer, RobotSide
-from robotctl.web.wire import RobotOutline
+from robotctl.web.wire import ComputerState, RobotOutline
 
 OUTLINE = RobotOutline(
     name="robby",
@@ -105,6 +105,7 @@ class FakeRobot:
         self.published: list[bytes] = []
         self.state = SafetyState.ARMED
         self.is_silent = False
+        self.computer = lambda: ComputerState(0.5, 40.0, 1, 2, None)
 
     def side(self) -> RobotSide:
         return RobotSide(
@@ -116,7 +117,11 @@ class FakeRobot:
             self._take_telemetry,
             lambda _: True,
             self._save,
+            computer=self._read_computer,
         )
+
+    def _read_computer(self) -> ComputerState:
+        return self.computer()
 
     def now(self) -> Now:
         now_ns = time.monotonic_ns()

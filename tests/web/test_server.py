@@ -8,6 +8,7 @@ import json
 import os
 import socket
 import ssl
+import threading
 import time
 
 import httpx
@@ -33,6 +34,7 @@ from robotctl.messages.faults import Fault, FaultCode
 from robotctl.web.access import Role
 from robotctl.web.secret_files import certificate_of, fingerprint_of, tokens_of
 from robotctl.web.server import MAX_CLIENTS, MESSAGES_AT_ONCE, MESSAGES_PER_S
+from robotctl.web.wire import ComputerState
 from tests.web.conftest import Served, control_state, navigation_state
 
 TOKENS = {Role.LOOK: "look" * 11, Role.DRIVE: "drive" * 9}
@@ -587,6 +589,28 @@ def test_a_message_that_is_too_long_ends_its_connection(served):
         client.ws.send("x" * 5000)
         closed = client.ended()
         assert closed.rcvd.code == 1009
+
+
+def test_a_disk_that_hangs_holds_up_no_stop(served):
+    asked, goes_on = threading.Event(), threading.Event()
+
+    def hang():
+        asked.set()
+        goes_on.wait(20.0)
+        return ComputerState(0.75, None, 1, 2, None)
+
+    served.robot.computer = hang
+    try:
+        with served.client() as client, served.client("/stop") as stopping:
+            assert asked.wait(5.0)
+            begin_s = time.monotonic()
+            stopping.send("Stop", id=1)
+            wait(lambda: of(served.robot.control, EmergencyStop))
+            assert time.monotonic() - begin_s < 0.2
+            goes_on.set()
+            assert client.read("ComputerState")["processor"] == 0.75
+    finally:
+        goes_on.set()
 
 
 def test_a_flooding_client_is_cut_off_and_a_stop_beside_it_is_quick(served):

@@ -7,6 +7,8 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from typing import Final, TypeAlias
 
+import msgspec
+
 from robotctl.estimation.ranging.sonar_config import SonarModelConfig
 from robotctl.logs.mcap.foxglove import (
     BASE,
@@ -87,6 +89,7 @@ class Drawings:
         self._trace: deque[tuple[int, SE2]] = deque(maxlen=_TRACE)
         self._loops: deque[Vector3] = deque(maxlen=2 * MOST_LOOPS)
         self._goal: NavigationState | None = None
+        self._graph: SlamGraph | None = None
 
     def standing(self, wall_ns: int) -> Iterator[Drawn]:
         """Yield what stays until it changes, for the beginning of a file."""
@@ -96,6 +99,8 @@ class Drawings:
             yield "loops", self._drawn_loops(wall_ns)
         if self._goal is not None:
             yield "goal", goals(wall_ns, self._goal)
+        if self._graph is not None:
+            yield "slam_graph", draw(linked_places(wall_ns, self._graph))
 
     def of_control(self, wall_ns: int, state: ControlState) -> Iterator[Drawn]:
         """Yield the cones of the sonars."""
@@ -154,8 +159,12 @@ class Drawings:
 
     def of_graph(self, wall_ns: int, graph: SlamGraph) -> Iterator[Drawn]:
         """Yield the links between keyframes, those that closed a loop in another colour."""
-        if self._is_due("slam_graph", graph.stamp_ns, GRAPH_NS):
-            yield "slam_graph", draw(linked_places(wall_ns, graph))
+        if self._graph is not None:
+            is_same = msgspec.structs.replace(graph, stamp_ns=self._graph.stamp_ns) == self._graph
+            if is_same or not self._is_due("slam_graph", graph.stamp_ns, GRAPH_NS):
+                return
+        self._graph = graph
+        yield "slam_graph", draw(linked_places(wall_ns, graph))
 
     def _is_due(self, topic: str, stamp_ns: int, period_ns: int) -> bool:
         """Return whether the next drawing is due; clocks may begin anew."""

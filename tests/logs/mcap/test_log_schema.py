@@ -196,6 +196,22 @@ def test_a_graph_is_the_links_between_its_keyframes_by_their_numbers() -> None:
     assert links.color != loops.color
 
 
+def test_a_graph_is_drawn_again_only_once_it_has_changed_and_in_each_file() -> None:
+    scene = Scene()
+
+    def drawn(entries: LogEntries, stamp_s: int, loops: bytes = GRAPH.loops) -> int:
+        graph = msgspec.structs.replace(GRAPH, stamp_ns=stamp_s * 10**9, loops=loops)
+        return [topic for topic, *_ in entries.of(graph)].count("slam_graph")
+
+    entries = LogEntries(0, "rover", scene)
+    assert drawn(entries, 1) == 1
+    assert drawn(entries, 20) == 0, "nothing has changed"
+    assert drawn(entries, 21, b"") == 1
+    assert drawn(entries, 22) == 0, "too soon"
+    assert drawn(entries, 27) == 1
+    assert drawn(LogEntries(0, "rover", scene), 28) == 1, "another file begins with it"
+
+
 def test_every_message_fits_the_schema_in_the_file() -> None:
     file = io.BytesIO()
     scene = Scene(SONARS, body=Rectangle(-0.2, 0.2, 0.15))

@@ -12,6 +12,7 @@ import { isReplay } from "../replay/mode";
 import { playback } from "../robot/robot";
 import { theme } from "../theme";
 import { words } from "../words";
+import { SearchField } from "./search_field";
 
 const text = words.plots;
 const REFRESH_MS = 100;
@@ -117,17 +118,7 @@ function Finder() {
   );
   return (
     <div class="finder">
-      <label>
-        {text.find}
-        <input
-          type="search"
-          placeholder={text.placeholder}
-          value={wanted.value}
-          onInput={(event) => {
-            wanted.value = event.currentTarget.value;
-          }}
-        />
-      </label>
+      <SearchField label={text.find} placeholder={text.placeholder} wanted={wanted} />
       <ul>
         {found.slice(0, MOST_FOUND).map((field) => (
           <li key={field}>

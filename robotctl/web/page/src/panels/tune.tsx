@@ -9,6 +9,7 @@ import { patchOf } from "../tune/patch";
 import { ask, saved } from "../wire/live";
 import { words } from "../words";
 import { ParameterRow, set } from "./parameter_row";
+import { SearchField } from "./search_field";
 import { StepResponse } from "./step_response";
 
 const text = words.tune;
@@ -23,17 +24,9 @@ export function Tune() {
   return (
     <div class="tune">
       {!mayDrive.value && <p class="hint">{text.lookOnly}</p>}
-      <label class="finder">
-        {text.find}
-        <input
-          type="search"
-          placeholder={text.placeholder}
-          value={wanted.value}
-          onInput={(event) => {
-            wanted.value = event.currentTarget.value;
-          }}
-        />
-      </label>
+      <div class="finder">
+        <SearchField label={text.find} placeholder={text.placeholder} wanted={wanted} />
+      </div>
       <Actions />
       <StepResponse />
       <Groups />
