@@ -26,11 +26,11 @@ from robotctl.maps.moving_ai import load_moving_ai
 from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
-from robotctl.planning.costmap.planning_map import PlanningMap
-from robotctl.planning.global_planning.grid_search import octile_length, search_cells
-from robotctl.planning.global_planning.plan import Plan, PlannerConfig
-from robotctl.planning.global_planning.planners import PLANNERS
 from robotctl.planning.guard.body import body_outline
+from robotctl.planning.map.planning_map import PlanningMap
+from robotctl.planning.path.global_planning.grid_search import octile_length, search_cells
+from robotctl.planning.path.global_planning.plan import Plan, PlannerConfig
+from robotctl.planning.path.global_planning.planners import PLANNERS
 
 SIZE = 1000
 FREE = np.where(np.arange(256) < 253, 1.0, math.inf)

@@ -18,10 +18,10 @@ from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.planning.config import GuardConfig
-from robotctl.planning.costmap.layered_map import LayeredMap
-from robotctl.planning.costmap.planning_map import clearance_of
-from robotctl.planning.costmap.tracks import MovingObstacles
 from robotctl.planning.guard.obstacle_guard import ObstacleGuard
+from robotctl.planning.map.layered_map import LayeredMap
+from robotctl.planning.map.planning_map import clearance_of
+from robotctl.planning.map.tracks import MovingObstacles
 
 SIDE_M = 0.05
 LOW, HIGH = (-25.0, -20.0), (25.0, 20.0)

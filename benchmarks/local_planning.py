@@ -26,11 +26,11 @@ from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
 from robotctl.model.grid_map import GridMap
-from robotctl.planning.costmap.planning_map import PlanningMap
-from robotctl.planning.global_planning.plan import Plan, PlannerConfig
-from robotctl.planning.global_planning.planners import PLANNERS
-from robotctl.planning.local.controller import ControllerConfig, LocalSituation
-from robotctl.planning.local.controllers import CONTROLLERS
+from robotctl.planning.map.planning_map import PlanningMap
+from robotctl.planning.path.global_planning.plan import Plan, PlannerConfig
+from robotctl.planning.path.global_planning.planners import PLANNERS
+from robotctl.planning.path.local.controller import ControllerConfig, LocalSituation
+from robotctl.planning.path.local.controllers import CONTROLLERS
 
 SIDE_M = 0.05
 DRIVE = DifferentialDrive("differential", 0.37, 0.098, 2400)

@@ -26,8 +26,8 @@ from robotctl.config.robot_file import find_file
 from robotctl.maps.localisation_map import load_localisation_map
 from robotctl.maps.topology_file import save_topology
 from robotctl.model.grid_map import GridMap
-from robotctl.planning.topological.build import Topology, build
-from robotctl.planning.topological.graph import TopologicalMap
+from robotctl.planning.map.topological.build import Topology, build
+from robotctl.planning.map.topological.graph import TopologicalMap
 
 WORLD: Final = "office"
 TASKS: Final = 20

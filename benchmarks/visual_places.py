@@ -27,7 +27,7 @@ from robotctl.estimation.places.visual.matching import RATIO
 from robotctl.estimation.places.visual.orb import features_of
 from robotctl.estimation.places.visual.recognition import VisualPlaces, sight_of
 from robotctl.maps.vocabulary_file import load_vocabulary, shipped_vocabulary
-from robotctl.planning.global_planning.plan import PlanFailure
+from robotctl.planning.path.global_planning.plan import PlanFailure
 from robotctl.workbench.places.images import find_images
 from robotctl.workbench.planning.plan import PlanOptions, make_plan
 

@@ -32,7 +32,7 @@ from robotctl.app.supervision.stack import CONTROL, NAVIGATION, RECORDER, TELEME
 from robotctl.core.navigation_adapter import PRESENCE_MAX_AGE_NS
 from robotctl.messages.control import Mode, SafetyState
 from robotctl.messages.faults import FaultCode
-from robotctl.planning.stalls import LONGEST_NS
+from robotctl.planning.behave.stalls import LONGEST_NS
 
 React = Callable[[str, float], None]
 

@@ -27,7 +27,7 @@ from robotctl.app.simulation.sim_options import SimOptions
 from robotctl.config.robot_file import find_file, load_robot
 from robotctl.errors import ConfigError
 from robotctl.maps.world import find_world
-from robotctl.planning.mission.mission_file import parse_mission
+from robotctl.planning.behave.mission.mission_file import parse_mission
 from sim_runs import side_by_side, simulated
 
 DRIVES = ("diff_drive", "tricycle", "ackermann")

@@ -34,11 +34,11 @@ from robotctl.messages.world_pose import WorldPose
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
 from robotctl.model.sensors.range_scan import RangeScan
+from robotctl.planning.behave.mission.mission_file import Mission, parse_mission
 from robotctl.planning.config import NavigationConfig
-from robotctl.planning.costmap.zone import Zone
 from robotctl.planning.guard.course import Point
 from robotctl.planning.guard.floor_memory import FloorMemory, FloorView
-from robotctl.planning.mission.mission_file import Mission, parse_mission
+from robotctl.planning.map.zone import Zone
 from robotctl.planning.navigation_step import LoadRequest, NavigationInputs
 from robotctl.planning.navigator import Navigator
 from robotctl.safety.state_machine import POWERED

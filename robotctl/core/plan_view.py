@@ -13,7 +13,7 @@ from robotctl.messages.map_message import map_message
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from robotctl.planning.behaviours.outlook import Outlook
+    from robotctl.planning.behave.behaviours.outlook import Outlook
 
 _VIEW_NS: Final = 200_000_000
 """Interval between two views [ns]."""

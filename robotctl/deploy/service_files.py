@@ -13,7 +13,7 @@ from robotctl.config.robot_file import config_directory, load_robot
 from robotctl.deploy.doctor_can import QUEUE_FRAMES
 from robotctl.drivers.can.config import RESTART_MS, CanConfig
 from robotctl.errors import ConfigError
-from robotctl.planning.mission.check import check_mission
+from robotctl.planning.behave.mission.check import check_mission
 
 UNIT: Final = Path("etc/systemd/system/robotctl.service")
 ROBOT: Final = Path("etc/robotctl/robot.toml")

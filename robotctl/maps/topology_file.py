@@ -13,7 +13,7 @@ from typing import Final
 from robotctl import toml_source
 from robotctl.config.robot_file import find_file
 from robotctl.errors import ConfigError
-from robotctl.planning.topological.graph import (
+from robotctl.planning.map.topological.graph import (
     Exit,
     Passage,
     TopologicalMap,

@@ -1,10 +1,11 @@
 """From goals and missions to velocity commands, without clock or I/O.
 
-Public names:
+Data passes three rooms once, downwards, and a guard beside them:
 
-- `navigator.Navigator`, `mission.mission_file.parse_mission`, `behaviours.registry.BEHAVIOURS`:
-  modes, missions and what their items do
-- `global_planning.planners.PLANNERS`, `costmap.planning_map.PlanningMap`: paths through a map
-- `local.pursuit.Pursuit`, `guard.obstacle_guard.ObstacleGuard`: following a path, stopping before
-  obstacles
+- `map`: what is free, what moves, what it costs (`map.planning_map.PlanningMap`)
+- `path`: paths through a map and following them (`path.global_planning.planners.PLANNERS`)
+- `behave`: what to do about a goal or a mission (`behave.behaviours.registry.BEHAVIOURS`)
+- `guard`: stopping before obstacles (`guard.obstacle_guard.ObstacleGuard`)
+
+`navigator.Navigator` joins them to modes and steps.
 """

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, fields
 from typing import Final
 
 from robotctl.errors import InvalidValue
-from robotctl.planning.costmap.zone import Zone
+from robotctl.planning.map.zone import Zone
 
 MOST_BLOCKED_S: Final = 1e6
 LONGEST_WAIT_S: Final = 86400.0

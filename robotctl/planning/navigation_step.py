@@ -11,8 +11,8 @@ from robotctl.messages.requests import FARTHEST_M, Request
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
 from robotctl.model.sensors.range_scan import RangeScan
+from robotctl.planning.behave.mission.mission_file import Mission
 from robotctl.planning.guard.course import Point
-from robotctl.planning.mission.mission_file import Mission
 
 
 class LoadRequest(NamedTuple):

@@ -31,32 +31,32 @@ from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.model.sensors.sonar import SonarMount
-from robotctl.planning.behaviours.behaviour import BehaviourInput, BehaviourOutput, Status
-from robotctl.planning.behaviours.breadcrumbs import Breadcrumbs
-from robotctl.planning.behaviours.goto import NO_PILOT
-from robotctl.planning.behaviours.goto_place import place_problems
-from robotctl.planning.behaviours.kind import NavigatedRobot, Paths, Pilot
-from robotctl.planning.behaviours.registry import behaviour_for
-from robotctl.planning.behaviours.rejoin import Rejoining
-from robotctl.planning.behaviours.relocalise import LookAround
+from robotctl.planning.behave.behaviours.behaviour import BehaviourInput, BehaviourOutput, Status
+from robotctl.planning.behave.behaviours.breadcrumbs import Breadcrumbs
+from robotctl.planning.behave.behaviours.goto import NO_PILOT
+from robotctl.planning.behave.behaviours.goto_place import place_problems
+from robotctl.planning.behave.behaviours.kind import NavigatedRobot, Paths, Pilot
+from robotctl.planning.behave.behaviours.registry import behaviour_for
+from robotctl.planning.behave.behaviours.rejoin import Rejoining
+from robotctl.planning.behave.behaviours.relocalise import LookAround
+from robotctl.planning.behave.mission.auto import Auto, needs_pilot
+from robotctl.planning.behave.mission.mission_file import Mission
+from robotctl.planning.behave.remote_velocity import guided_velocity, stick_velocity
+from robotctl.planning.behave.stalls import SILENT, Stall, StallWatch
 from robotctl.planning.config import NavigationConfig
-from robotctl.planning.costmap.zone import Zone
-from robotctl.planning.global_planning.goal import Goal
 from robotctl.planning.guard.obstacle_guard import ObstacleGuard
-from robotctl.planning.mission.auto import Auto, needs_pilot
-from robotctl.planning.mission.mission_file import Mission
+from robotctl.planning.map.zone import Zone
 from robotctl.planning.navigation_step import (
     LoadRequest,
     NavigationInputs,
     NavigationOutputs,
     on_earth,
 )
-from robotctl.planning.remote_velocity import guided_velocity, stick_velocity
-from robotctl.planning.stalls import SILENT, Stall, StallWatch
+from robotctl.planning.path.global_planning.goal import Goal
 from robotctl.planning.surroundings import Surroundings
 
 if TYPE_CHECKING:
-    from robotctl.planning.behaviours.outlook import Outlook  # which loads numpy
+    from robotctl.planning.behave.behaviours.outlook import Outlook  # which loads numpy
 
 _SAME_M, _SAME_RAD = 1e-3, 1e-3
 """Positions and headings of GUIDED that differ by less are one [m, rad]."""

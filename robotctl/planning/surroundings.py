@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from robotctl.model.geometry.points import moved
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
-from robotctl.planning.behaviours.behaviour import BehaviourInput
-from robotctl.planning.behaviours.kind import NavigatedRobot
-from robotctl.planning.costmap.seen import Seen
+from robotctl.planning.behave.behaviours.behaviour import BehaviourInput
+from robotctl.planning.behave.behaviours.kind import NavigatedRobot
 from robotctl.planning.guard.echo_memory import EchoMemory
 from robotctl.planning.guard.echo_motion import STANDS, EchoMotion
 from robotctl.planning.guard.obstacle_guard import body_rectangle
 from robotctl.planning.guard.scan_memory import ScanMemory
+from robotctl.planning.map.seen import Seen
 from robotctl.planning.navigation_step import NavigationInputs
 
 _SCAN_LIFE_NS = 500_000_000

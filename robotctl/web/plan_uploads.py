@@ -162,7 +162,7 @@ def mission_tree(body: bytes) -> dict[str, Any]:
 def _check_mission(text: str) -> None:
     """Check a mission's file, as `robotctl mission run` does."""
     # pydantic builds its validators.
-    from robotctl.planning.mission.mission_file import parse_mission  # noqa: PLC0415
+    from robotctl.planning.behave.mission.mission_file import parse_mission  # noqa: PLC0415
 
     try:
         mission = parse_mission(text, NAME)

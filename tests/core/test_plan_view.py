@@ -6,7 +6,7 @@ from robotctl.core.plan_view import PlanViews
 from robotctl.messages.map_message import grid_of
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
-from robotctl.planning.behaviours.outlook import NOWHERE, Outlook
+from robotctl.planning.behave.behaviours.outlook import NOWHERE, Outlook
 
 COSTS = GridMap(np.array([[0, 100, -1], [50, 7, 0]], np.int8), 0.1, SE2(1.0, -2.0, 0.5))
 PATH = np.array([[1.0, 2.0, 0.5], [3.0, 4.0, -0.25]])

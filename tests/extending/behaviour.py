@@ -5,7 +5,7 @@ import pytest
 from robotctl.errors import ConfigError
 from robotctl.messages.mode import Mode
 from robotctl.messages.requests import ModeRequest
-from robotctl.planning.mission.mission_file import parse_mission
+from robotctl.planning.behave.mission.mission_file import parse_mission
 from tests.planning import conftest
 
 make_run, robot = conftest.make_run, conftest.robot

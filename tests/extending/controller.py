@@ -1,8 +1,8 @@
 """The controller of docs/extending.md drives to a goal, round a box that is on no map."""
 
-from robotctl.planning.behaviours.behaviour import Status
+from robotctl.planning.behave.behaviours.behaviour import Status
 from robotctl.planning.config import NavigationConfig, PilotConfig
-from tests.planning.journey.bench import Bench, room
+from tests.planning.behave.journey.bench import Bench, room
 
 
 def test_it_arrives_round_a_box():

@@ -10,9 +10,9 @@ import pytest
 from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
-from robotctl.planning.costmap.planning_map import PlanningMap
-from robotctl.planning.global_planning.plan import PlanFailure, PlannerConfig
-from robotctl.planning.global_planning.planners import PLANNERS
+from robotctl.planning.map.planning_map import PlanningMap
+from robotctl.planning.path.global_planning.plan import PlanFailure, PlannerConfig
+from robotctl.planning.path.global_planning.planners import PLANNERS
 
 START, GOAL = SE2(1.0, 0.5), SE2(1.0, 2.5)
 

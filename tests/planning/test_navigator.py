@@ -19,11 +19,11 @@ from robotctl.messages.requests import (
 )
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
-from robotctl.planning.behaviours.follow_path import DriveItem
-from robotctl.planning.behaviours.straight_to import StraightToItem
-from robotctl.planning.behaviours.turn_to import TurnToItem
-from robotctl.planning.behaviours.wait import WaitItem
-from robotctl.planning.mission.mission_file import Mission, StartPose
+from robotctl.planning.behave.behaviours.follow_path import DriveItem
+from robotctl.planning.behave.behaviours.straight_to import StraightToItem
+from robotctl.planning.behave.behaviours.turn_to import TurnToItem
+from robotctl.planning.behave.behaviours.wait import WaitItem
+from robotctl.planning.behave.mission.mission_file import Mission, StartPose
 from robotctl.planning.navigation_step import NavigationInputs
 
 LATER = 10**15

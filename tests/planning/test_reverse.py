@@ -9,11 +9,11 @@ from robotctl.messages.mode import Mode
 from robotctl.messages.requests import ModeRequest, PositionRequest, ReverseRequest
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
-from robotctl.planning.behaviours.behaviour import Status
-from robotctl.planning.behaviours.follow_path import DriveItem
-from robotctl.planning.behaviours.straight_to import StraightToItem
-from robotctl.planning.mission.mission_file import Mission, StartPose
-from tests.planning.journey.bench import START, Bench, room, two_rooms
+from robotctl.planning.behave.behaviours.behaviour import Status
+from robotctl.planning.behave.behaviours.follow_path import DriveItem
+from robotctl.planning.behave.behaviours.straight_to import StraightToItem
+from robotctl.planning.behave.mission.mission_file import Mission, StartPose
+from tests.planning.behave.journey.bench import START, Bench, room, two_rooms
 
 AUTO, GUIDED, HOLD = (ModeRequest(mode) for mode in (Mode.AUTO, Mode.GUIDED, Mode.HOLD))
 REVERSE, AHEAD = ReverseRequest(True), ReverseRequest(False)

@@ -11,7 +11,7 @@ from robotctl.messages.requests import ModeRequest, PositionRequest
 from robotctl.planning.config import NavigationConfig
 from robotctl.planning.navigation_step import NavigationInputs
 from robotctl.planning.navigator import Navigator
-from tests.planning.journey.bench import DRIVE, DT_S, START, Bench, room, scan_of
+from tests.planning.behave.journey.bench import DRIVE, DT_S, START, Bench, room, scan_of
 
 GOAL = (5.0, 2.6)
 GUIDED = ModeRequest(Mode.GUIDED)

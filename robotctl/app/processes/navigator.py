@@ -18,13 +18,13 @@ from robotctl.maps.topology_file import load_places
 from robotctl.messages.plans import KnownPlace
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
-from robotctl.planning.behaviours.kind import Abilities, Pilot
+from robotctl.planning.behave.behaviours.kind import Abilities, Pilot
+from robotctl.planning.behave.mission.mission_file import Mission, mission_rules
 from robotctl.planning.guard.body import body_outline
 from robotctl.planning.guard.obstacle_guard import body_rectangle
 from robotctl.planning.guard.sonars import sonar_directions
-from robotctl.planning.mission.mission_file import Mission, mission_rules
+from robotctl.planning.map.topological.graph import TopologicalMap
 from robotctl.planning.navigator import Navigator
-from robotctl.planning.topological.graph import TopologicalMap
 
 if TYPE_CHECKING:
     from robotctl.app.localisation.estimators import Estimators
@@ -160,7 +160,7 @@ def equip(
     asked = navigator.drives_by_plan or bool(config.navigation.pilot.topology)
     if grid is not None:
         # scipy and numba take a while to load.
-        from robotctl.planning.global_planning.free_path import FreePaths  # noqa: PLC0415
+        from robotctl.planning.path.global_planning.free_path import FreePaths  # noqa: PLC0415
 
         navigator.learn_paths(FreePaths(grid, config.navigation.guard.half_width_m))
     if grid is not None or config.lidar is not None or asked:
@@ -178,7 +178,7 @@ def _pilot(
 ) -> Pilot:
     """Return what plans journeys, compiled and ready."""
     from robotctl.app.compile_progress import compile_progress  # noqa: PLC0415
-    from robotctl.planning.journey.pilot import MapPilot  # noqa: PLC0415
+    from robotctl.planning.behave.journey.pilot import MapPilot  # noqa: PLC0415
 
     try:
         pilot = MapPilot(

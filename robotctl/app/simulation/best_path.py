@@ -12,10 +12,10 @@ from robotctl.config.robot_file import RobotConfig
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import FREE, OCCUPIED, GridMap
 from robotctl.model.wall_map import WallMap
-from robotctl.planning.behaviours.goto import GotoItem
-from robotctl.planning.behaviours.wait import WaitItem
+from robotctl.planning.behave.behaviours.goto import GotoItem
+from robotctl.planning.behave.behaviours.wait import WaitItem
+from robotctl.planning.behave.mission.mission_file import Mission
 from robotctl.planning.guard.body import body_outline
-from robotctl.planning.mission.mission_file import Mission
 
 
 class Best(NamedTuple):
@@ -38,10 +38,10 @@ def best_path(robot: RobotConfig, room: World, start: SE2, mission: Mission) -> 
     if not goals or len(goals) + len(waits) < len(mission.item):
         return None
     # numba and scipy take a while to load.
-    from robotctl.planning.costmap.planning_map import PlanningMap  # noqa: PLC0415
-    from robotctl.planning.global_planning.goal import facing  # noqa: PLC0415
-    from robotctl.planning.global_planning.plan import Plan, PlannerConfig  # noqa: PLC0415
-    from robotctl.planning.global_planning.planners import PLANNERS  # noqa: PLC0415
+    from robotctl.planning.map.planning_map import PlanningMap  # noqa: PLC0415
+    from robotctl.planning.path.global_planning.goal import facing  # noqa: PLC0415
+    from robotctl.planning.path.global_planning.plan import Plan, PlannerConfig  # noqa: PLC0415
+    from robotctl.planning.path.global_planning.planners import PLANNERS  # noqa: PLC0415
 
     outline = body_outline(robot.navigation.guard, robot.sonar)
     space = PlanningMap(_floor(room), outline)

@@ -16,7 +16,7 @@ from robotctl.app.simulation.outline import outline_distance
 from robotctl.app.simulation.score import StampedPose
 from robotctl.app.simulation.sim_options import SimOptions, simulated_robot
 from robotctl.config.robot_file import RobotConfig
-from robotctl.planning.mission.mission_file import Mission
+from robotctl.planning.behave.mission.mission_file import Mission
 
 _LEFT_M: Final = 0.1
 """A robot this far from its start has set off [m]."""

@@ -26,8 +26,8 @@ from robotctl.estimation.sensor_names import LIDAR
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.model.wall_map import WallMap
+from robotctl.planning.behave.mission.mission_file import Mission
 from robotctl.planning.guard.body import body_outline
-from robotctl.planning.mission.mission_file import Mission
 
 PIECE_M: Final = 0.05
 """Walls are cut into pieces no longer than this."""

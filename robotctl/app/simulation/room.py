@@ -14,10 +14,10 @@ from firmware_sim.world.world import World, load_world
 from robotctl.app.simulation.sim_options import SimOptions
 from robotctl.errors import ConfigError
 from robotctl.messages.control import NavigationState
-from robotctl.planning.behaviours.goto import GotoItem
-from robotctl.planning.behaviours.goto_place import GotoPlaceItem
-from robotctl.planning.behaviours.straight_to import StraightToItem
-from robotctl.planning.mission.mission_file import Mission, StartPose
+from robotctl.planning.behave.behaviours.goto import GotoItem
+from robotctl.planning.behave.behaviours.goto_place import GotoPlaceItem
+from robotctl.planning.behave.behaviours.straight_to import StraightToItem
+from robotctl.planning.behave.mission.mission_file import Mission, StartPose
 
 _SHORTEST_M = 0.5
 

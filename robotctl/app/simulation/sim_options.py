@@ -16,7 +16,7 @@ from firmware_sim.faults.scenario import Scenario, load_scenario
 from robotctl.drivers.can.config import CanConfig
 from robotctl.errors import ConfigError, RobotctlError
 from robotctl.maps.world import find_world
-from robotctl.planning.mission.mission_file import Mission, StartPose
+from robotctl.planning.behave.mission.mission_file import Mission, StartPose
 
 
 class SimulatorError(RobotctlError):

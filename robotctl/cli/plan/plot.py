@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from robotctl.cli.map.picture import draw_map
-from robotctl.planning.global_planning.plan import PlanFailure
+from robotctl.planning.path.global_planning.plan import PlanFailure
 from robotctl.workbench.planning.plan import PlanResult
 
 _OUTLINES = 40

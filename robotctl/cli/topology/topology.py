@@ -13,7 +13,7 @@ from robotctl.cli.files import check_files, write_file
 from robotctl.words import counted
 
 if TYPE_CHECKING:
-    from robotctl.planning.topological.graph import Step
+    from robotctl.planning.map.topological.graph import Step
 
 app = typer.Typer(no_args_is_help=True, help="Divide a map into places and passages.")
 

@@ -18,7 +18,7 @@ from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import config_directory
 from robotctl.estimation.sensor_names import SENSORS
 from robotctl.maps.localisation_map import LocalisationMap, load_localisation_map
-from robotctl.planning.local.controllers import CONTROLLERS
+from robotctl.planning.path.local.controllers import CONTROLLERS
 
 CONFIGS: Final = config_directory()
 """Only what comes along: a file of the same name may lie in the working directory."""

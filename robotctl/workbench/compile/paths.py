@@ -11,9 +11,9 @@ import numpy as np
 from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import OCCUPIED, GridMap
-from robotctl.planning.costmap.planning_map import PlanningMap
-from robotctl.planning.global_planning.plan import Plan, PlannerConfig, Steering
-from robotctl.planning.global_planning.planners import PLANNERS
+from robotctl.planning.map.planning_map import PlanningMap
+from robotctl.planning.path.global_planning.plan import Plan, PlannerConfig, Steering
+from robotctl.planning.path.global_planning.planners import PLANNERS
 from robotctl.workbench.planning.plan import min_clearance_m
 
 _ROUNDS: Final = 50

@@ -20,10 +20,11 @@ from robotctl.maps.moving_ai import is_moving_ai, load_moving_ai
 from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import OCCUPIED, GridMap
-from robotctl.planning.costmap.planning_map import PlanningMap
-from robotctl.planning.costmap.zones import Closed, slowness, speed_limits
-from robotctl.planning.global_planning.goal import facing
-from robotctl.planning.global_planning.plan import (
+from robotctl.planning.guard.body import body_outline
+from robotctl.planning.map.planning_map import PlanningMap
+from robotctl.planning.map.zones import Closed, slowness, speed_limits
+from robotctl.planning.path.global_planning.goal import facing
+from robotctl.planning.path.global_planning.plan import (
     Plan,
     PlanFailure,
     Planner,
@@ -31,8 +32,7 @@ from robotctl.planning.global_planning.plan import (
     Steering,
     dense,
 )
-from robotctl.planning.global_planning.planners import PLANNERS
-from robotctl.planning.guard.body import body_outline
+from robotctl.planning.path.global_planning.planners import PLANNERS
 from robotctl.toml_source import nearest
 
 DEFAULT_ROBOT: Final = "diff_drive"

@@ -12,8 +12,8 @@ from robotctl.maps.localisation_map import load_any_map
 from robotctl.maps.topology_file import load_topology, save_topology
 from robotctl.model.grid_map import GridMap
 from robotctl.planning.guard.body import body_outline
-from robotctl.planning.topological.build import Topology, build
-from robotctl.planning.topological.graph import Step, TopologicalMap
+from robotctl.planning.map.topological.build import Topology, build
+from robotctl.planning.map.topological.graph import Step, TopologicalMap
 from robotctl.toml_source import nearest
 from robotctl.workbench.places.places import Marks
 

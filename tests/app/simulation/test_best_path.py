@@ -9,7 +9,7 @@ from firmware_sim.world.world import World
 from robotctl.app.simulation.best_path import best_path
 from robotctl.config.robot_file import find_file, load_robot
 from robotctl.model.geometry.se2 import SE2
-from robotctl.planning.mission.mission_file import parse_mission
+from robotctl.planning.behave.mission.mission_file import parse_mission
 
 HEAD = 'name = "m"\nworld = "w"\nstart = { x_m = 1.0, y_m = 1.0 }\n'
 ROOM = [(0, 0, 8, 0), (8, 0, 8, 4), (8, 4, 0, 4), (0, 4, 0, 0)]

@@ -11,8 +11,8 @@ import pytest
 
 from robotctl.maps.localisation_map import load_localisation_map
 from robotctl.maps.topology_file import save_topology
-from robotctl.planning.topological.build import build
-from robotctl.planning.topological.graph import TopologicalMap
+from robotctl.planning.map.topological.build import build
+from robotctl.planning.map.topological.graph import TopologicalMap
 from tests.cli.command import status_of
 
 

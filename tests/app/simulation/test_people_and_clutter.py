@@ -15,7 +15,7 @@ from robotctl.app.simulation.score import StampedPose
 from robotctl.app.simulation.sim_options import SimOptions
 from robotctl.config.robot_file import find_file
 from robotctl.maps.world import find_world
-from robotctl.planning.mission.mission_file import parse_mission
+from robotctl.planning.behave.mission.mission_file import parse_mission
 from tests.app.simulation.missions import PATROL, drive, without_computing_times
 
 BOX = np.array([[0.2, 0.1], [-0.2, 0.1], [-0.2, -0.1], [0.2, -0.1]])

@@ -16,7 +16,7 @@ from robotctl.mavlink.telemetry import Telemetry
 from robotctl.messages.control import Mode, PositionTarget, SafetyState, SetMode
 from robotctl.messages.mission import JumpToItem, LoadMission
 from robotctl.model.geometry.se2 import SE2
-from robotctl.planning.mission.mission_file import parse_mission
+from robotctl.planning.behave.mission.mission_file import parse_mission
 from tests.mavlink.conftest import Bench
 
 ACCEPTED, DENIED = m.MAV_MISSION_ACCEPTED, m.MAV_MISSION_DENIED

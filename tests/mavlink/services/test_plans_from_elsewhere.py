@@ -17,7 +17,7 @@ from robotctl.messages.mission import LoadMission
 from robotctl.messages.plans import BoundsView, MissionView
 from robotctl.model.fence import Fence, FenceCircle, FencePolygon
 from robotctl.model.geometry.se2 import SE2
-from robotctl.planning.mission.mission_file import parse_mission
+from robotctl.planning.behave.mission.mission_file import parse_mission
 from robotctl.web.plan_uploads import MissionUpload, offered
 from tests.mavlink.services.test_missions import download, item
 

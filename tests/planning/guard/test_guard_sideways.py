@@ -18,11 +18,11 @@ from robotctl.model.drives.drives import DifferentialDrive, MecanumDrive
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
 from robotctl.model.sensors.range_scan import RangeScan
+from robotctl.planning.behave.remote_velocity import guided_velocity, stick_velocity
 from robotctl.planning.config import GuardConfig, NavigationConfig
 from robotctl.planning.guard.obstacle_guard import ObstacleGuard
 from robotctl.planning.navigation_step import NavigationInputs
 from robotctl.planning.navigator import Navigator
-from robotctl.planning.remote_velocity import guided_velocity, stick_velocity
 from tests.planning.conftest import cast
 
 DRIVE = MecanumDrive("mecanum", 0.40, 0.36, 0.076, 8192)

@@ -14,12 +14,12 @@ from robotctl.messages.requests import VelocityRequest
 from robotctl.model.drives.drives import DifferentialDrive
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarMount
-from robotctl.planning.behaviours.behaviour import BehaviourOutput
-from robotctl.planning.behaviours.guarded import limited
+from robotctl.planning.behave.behaviours.behaviour import BehaviourOutput
+from robotctl.planning.behave.behaviours.guarded import limited
+from robotctl.planning.behave.remote_velocity import guided_velocity
 from robotctl.planning.config import GuardConfig
 from robotctl.planning.guard.obstacle_guard import GuardStep, ObstacleGuard
-from robotctl.planning.remote_velocity import guided_velocity
-from tests.planning.costmap.rays import box, ranges
+from tests.planning.map.rays import box, ranges
 
 CONFIG = GuardConfig(nose_m=0.24)
 FRONT, REAR, SIDE = 0.24, -0.24, 0.18

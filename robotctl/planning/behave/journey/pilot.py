@@ -1,0 +1,232 @@
+"""The pilot: a live world, a planner and a local controller, put together for one robot."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Final
+
+from robotctl.control.limiter import LimitsConfig
+from robotctl.errors import InvalidValue
+from robotctl.model.drives.drives import Drive
+from robotctl.model.fence import Fence
+from robotctl.model.footprint import Footprint
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.grid_map import GridMap
+from robotctl.model.sensors.sonar import SonarMount
+from robotctl.planning.behave.behaviours.outlook import NOWHERE, Outlook
+from robotctl.planning.behave.journey.approach import Approach
+from robotctl.planning.behave.journey.exploration import Exploration
+from robotctl.planning.behave.journey.journey import Journey
+from robotctl.planning.behave.journey.rehearsal import rehearse
+from robotctl.planning.behave.journey.tools import JourneyTools
+from robotctl.planning.behave.journey.travel import KnownPlaces, Travel
+from robotctl.planning.config import NavigationConfig, RecoveryConfig
+from robotctl.planning.map.costs import costs_of
+from robotctl.planning.map.live_world import LiveWorld
+from robotctl.planning.map.seen import Seen
+from robotctl.planning.map.topological.graph import TopologicalMap
+from robotctl.planning.map.zone import Zone
+from robotctl.planning.path.global_planning.goal import Goal
+from robotctl.planning.path.global_planning.path_finder import PathFinder
+from robotctl.planning.path.global_planning.plan import GoesOn, PlannerConfig
+from robotctl.planning.path.global_planning.planners import PLANNERS
+from robotctl.planning.path.local.controller import ControllerConfig
+from robotctl.planning.path.local.controllers import CONTROLLERS
+
+_WIDER: Final = 1.3
+"""Planned over minimum turning radius: leaves room for corrections."""
+
+
+class MapPilot:
+    """Makes the behaviours that drive by plan, and lets them see.
+
+    Parameters
+    ----------
+    config
+        Of the navigator.
+    drive, limits, footprint, mounts
+        Of the robot; the sonars in the order of the ranges.
+    grid
+        The map that the robot localises itself in; None: it has none, and may pass where it has
+        seen nothing.
+    home
+        Where it starts.
+    has_lidar
+        Whether it has one, without whose scans it stands.
+    topology
+        Places that it can drive to by recognising them; None: it knows none.
+    budget
+        Called at each step; returns what its searches ask now and then, whether there is time left.
+
+    Attributes
+    ----------
+    tools
+        What all its behaviours drive with.
+
+    Raises
+    ------
+    InvalidValue
+        If there is no such planner or controller.
+    """
+
+    def __init__(
+        self,
+        config: NavigationConfig,
+        drive: Drive,
+        limits: LimitsConfig,
+        footprint: Footprint,
+        mounts: tuple[SonarMount, ...],
+        grid: GridMap | None,
+        home: SE2,
+        *,
+        has_lidar: bool,
+        topology: TopologicalMap | None = None,
+        budget: Callable[[], GoesOn] = lambda: lambda: True,
+    ) -> None:
+        wanted = config.pilot
+        planner = wanted.planner or ("hybrid" if drive.steered else "astar")
+        for key, name, names in (
+            ("planner", planner, PLANNERS),
+            ("controller", wanted.controller, CONTROLLERS),
+        ):
+            if name not in names:
+                allowed = ", ".join(names)
+                raise InvalidValue(key, f"{name} found; allowed are {allowed}", name)
+        world = LiveWorld(
+            footprint,
+            mounts,
+            grid,
+            home,
+            wanted.zone,
+            full_speed_m_s=limits.v_max_m_s,
+            braking_m_s2=config.pursuit.acceleration_m_s2,
+            has_lidar=has_lidar,
+        )
+        radius_m = _WIDER * drive.min_turning_radius_m
+        self._planner = PLANNERS[planner](
+            PlannerConfig(
+                margin_m=wanted.margin_m,
+                turning_radius_m=radius_m or 2.0 * footprint.inscribed_m,
+                steering="reeds-shepp" if drive.steered else "straight",
+            )
+        )
+        local = ControllerConfig(
+            dt_s=1.0 / config.rate_hz,
+            deceleration_m_s2=config.guard.deceleration_m_s2,
+            margin_m=wanted.margin_m,
+        )
+        self.tools = JourneyTools(
+            world,
+            PathFinder(
+                self._planner, world, budget, steered=drive.steered, turning_radius_m=radius_m
+            ),
+            CONTROLLERS[wanted.controller](local, drive, limits, footprint),
+            local,
+            config.recovery,
+        )
+        self._own_recovery = config.recovery
+        self._mission_zones: Sequence[Zone] = ()
+        self._drawn_zones: Sequence[Zone] = ()
+        self._footprint = footprint
+        self._places = None if topology is None else KnownPlaces(topology)
+        self._here = home
+        self._done = (0, 0)
+        """Paths taken and recoveries on the journeys before the present one."""
+        self._journey: Journey | None = None
+
+    def warm_up(self) -> None:
+        """Plan and drive a step on a small map, so that all is compiled before the robot moves."""
+        rehearse(self._planner, self.tools.controller, self._footprint)
+        if self._places is not None:
+            _ = self._places.looks
+
+    @property
+    def plans(self) -> int:
+        """Paths taken since the start."""
+        return self._done[0] + (self._journey.plans if self._journey else 0)
+
+    @property
+    def recoveries(self) -> int:
+        """Tries to get on again since the start."""
+        return self._done[1] + (self._journey.recoveries if self._journey else 0)
+
+    @property
+    def knows_ways(self) -> bool:
+        """Whether it has a map, or a lidar that shows the way; else only sonars."""
+        return self.tools.world.knows_ways
+
+    @property
+    def may_move(self) -> tuple[bool, ...]:
+        """Whether the last two echoes of each sonar are of something that was not there before."""
+        return self.tools.world.may_move
+
+    def see(self, pose: SE2, seen: Seen, now_ns: int) -> None:
+        """Take in what was seen; `pose` is that of `base` in `world` now."""
+        self._here = pose
+        self.tools.shown = NOWHERE, NOWHERE
+        self.tools.paths.begin_step()
+        self.tools.world.see(pose, seen, now_ns)
+
+    def outlook(self) -> Outlook:
+        """Return what it drives by and sees now."""
+        world, (path, arc) = self.tools.world, self.tools.shown
+        costs = costs_of(world.space_around(self._here), self.tools.config.comfort_m)
+        return Outlook(path, arc, world.map.marked_world(), world.moving, costs)
+
+    def use_zones(self, zones: Sequence[Zone]) -> None:
+        """Take the zones of another mission; what was seen is forgotten where they differ."""
+        self._mission_zones = zones
+        self._use_all_zones()
+
+    def use_drawn_zones(self, zones: Sequence[Zone]) -> None:
+        """Take the zones that people have drawn, in place of those drawn before."""
+        self._drawn_zones = zones
+        self._use_all_zones()
+
+    def _use_all_zones(self) -> None:
+        self.tools.world.use_zones((*self._mission_zones, *self._drawn_zones))
+
+    def use_fence(self, fence: Fence) -> None:
+        """Plan within another fence; what was seen is forgotten where it differs."""
+        self.tools.world.use_fence(fence)
+
+    def use_recovery(self, recovery: RecoveryConfig | None) -> None:
+        """Be as patient as a mission says; None: as the robot's file does."""
+        self.tools.recovery = recovery or self._own_recovery
+
+    def use_reverse(self, *, reverse: bool) -> None:
+        """Plan for a robot that drives in reverse from now on, or ahead again."""
+        self.tools.paths.reverse = reverse
+
+    def forget(self) -> None:
+        """Forget what was seen: the robot's pose in `world` has jumped."""
+        self.tools.world.forget()
+
+    def recall(self, grid: GridMap) -> None:
+        """Know what a map knows that the robot has made, in place of what was seen so far."""
+        self.tools.world.recall(grid)
+
+    def journey(self, goal: Goal, speed_m_s: float) -> Journey:
+        """Return the behaviour that drives to a goal."""
+        self._done = self.plans, self.recoveries
+        self.tools.world.begin_journey()
+        self._journey = Journey(self.tools, goal, speed_m_s)
+        return self._journey
+
+    def exploration(self, speed_m_s: float) -> Exploration:
+        """Return the behaviour that drives to what is unknown."""
+        return Exploration(self.tools, self.journey, speed_m_s)
+
+    def travel(self, place: str, start: str, speed_m_s: float) -> Travel:
+        """Return the behaviour that drives to a place by recognising places; "": any start."""
+        if self._places is None:
+            raise ValueError("the pilot has no topological map")
+        return Travel(
+            self.tools,
+            self._places,
+            Approach(self.tools.world, self.journey, speed_m_s),
+            partial(self.exploration, speed_m_s),
+            place,
+            start,
+        )

@@ -1,0 +1,38 @@
+"""All that the journeys of one robot share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.planning.behave.behaviours.outlook import NOWHERE
+from robotctl.planning.config import RecoveryConfig
+from robotctl.planning.map.live_world import LiveWorld
+from robotctl.planning.path.global_planning.path_finder import PathFinder
+from robotctl.planning.path.local.controller import Controller, ControllerConfig
+
+
+@dataclass(slots=True)
+class JourneyTools:
+    """The world, paths through it, and what follows them.
+
+    Parameters
+    ----------
+    world, paths
+        What is known, and plans through that.
+    controller, config
+        Follows a path; its settings.
+    recovery
+        How patient journeys are.
+    shown
+        Path and arc that the robot drives by in this step, each (n, 3) in `world`, for people.
+    """
+
+    world: LiveWorld
+    paths: PathFinder
+    controller: Controller
+    config: ControllerConfig
+    recovery: RecoveryConfig
+    shown: tuple[NDArray[np.float64], NDArray[np.float64]] = field(default=(NOWHERE, NOWHERE))

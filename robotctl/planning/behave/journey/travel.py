@@ -1,0 +1,366 @@
+"""The behaviour that drives to a place by recognising places, without coordinates of a world.
+
+All that it believes is in which place it is, and where in the frame of that place. It drives to the
+passage that leads on, in that frame; beyond, it is in the frame of the next place. What the lidar
+sees is compared with what the place looks like all the time; where that does not fit for a while,
+it looks for the place anew, and goes on from the one that it finds. Kuipers, Modayil, Beeson,
+MacMahon, Savelli: Local metrical and global topological maps in the hybrid spatial semantic
+hierarchy, ICRA 2004.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+from robotctl.model.geometry.se2 import SE2
+from robotctl.planning.behave.behaviours.behaviour import (
+    Anchor,
+    Behaviour,
+    BehaviourInput,
+    BehaviourOutput,
+    Status,
+    done,
+    failed,
+)
+from robotctl.planning.behave.journey.approach import Approach
+from robotctl.planning.behave.journey.tools import JourneyTools
+from robotctl.planning.map.topological.graph import Passage, TopologicalMap
+from robotctl.planning.map.topological.recognition import (
+    Appearance,
+    PlaceSearch,
+    appearances,
+    look_of,
+)
+from robotctl.words import counted
+
+_LOOK_NS: Final = 400_000_000
+"""Interval between two comparisons with the present place [ns]."""
+_DOUBT: Final = 0.1
+"""Error of the place per distance driven since the last scan that fitted."""
+_WRONG_M: Final = 2.5
+"""Distance driven without a fitting scan after which the robot searches for its place again [m]."""
+_LOOKS: Final = 8
+"""Times that it looks for its place on one travel."""
+_WINDOWS: Final = 4
+"""Searched in a step, if there is time."""
+_ROAM_M: Final = 2.5
+_ROAM_NS: Final = 20_000_000_000
+"""Distance and time that a robot that recognises nothing drives before it looks again."""
+_BEYOND: Final = tuple(
+    SE2(x_m, y_m)
+    for x_m, y_m in (
+        *((0.6, 0.0), (0.6, 0.35), (0.6, -0.35), (0.9, 0.0), (0.9, 0.5), (0.9, -0.5)),
+        *((1.2, 0.0), (1.2, 0.7), (1.2, -0.7), (0.4, 0.0)),
+    )
+)
+"""One who leaves by a passage drives to one of these, in the frame of the way out."""
+_MIDDLE: Final = (
+    SE2(),
+    *(
+        SE2(0.0, 0.0, number * math.pi / 3.0) @ SE2(away_m)
+        for away_m in (0.5, 1.0)
+        for number in range(6)
+    ),
+)
+"""One who arrives, to one of these in the frame of the place."""
+_CROSSED_M, _LEFT_M = 0.25, 2.0
+_BESIDE_M: Final = 0.4
+"""Distances beyond a passage, and at most to its side, at which it counts as passed [m]."""
+_TRIES: Final = 2
+"""Times that it fails to get through a passage until it takes another way."""
+_STANDS_M_S, _STANDS_RAD_S = 0.02, 0.05
+_BLIND_NS: Final = 10_000_000_000
+"""A robot that sees nothing for this long gives up [ns]."""
+
+
+@dataclass(slots=True)
+class _Belief:
+    """Belief of where the robot is.
+
+    Parameters
+    ----------
+    place
+        Its name.
+    T_world_frame
+        The frame of the place; `world` is that of the behaviour's poses.
+    is_borne_out
+        Whether a scan has fitted.
+    unseen_m
+        Way since the last scan that did, or since it came there [m].
+    """
+
+    place: str
+    T_world_frame: SE2
+    is_borne_out: bool
+    unseen_m: float = 0.0
+
+
+class KnownPlaces:
+    """The places that a robot can drive to.
+
+    Parameters
+    ----------
+    topology
+        Their map.
+    """
+
+    def __init__(self, topology: TopologicalMap) -> None:
+        self.map = topology
+
+    @cached_property
+    def looks(self) -> Mapping[str, Appearance]:
+        """Appearance of each place, by name; its first use compiles the kernels."""
+        return appearances(self.map)
+
+
+class Travel(Behaviour):
+    """Drives to a place.
+
+    Parameters
+    ----------
+    tools
+        World, paths and controller.
+    places
+        The places that there are.
+    approach
+        Drives from spot to spot.
+    roam
+        Makes what drives to where more is to be seen.
+    goal
+        Name of the place.
+    start
+        Where it begins; empty: to be recognised.
+    """
+
+    def __init__(
+        self,
+        tools: JourneyTools,
+        places: KnownPlaces,
+        approach: Approach,
+        roam: Callable[[], Behaviour],
+        goal: str,
+        start: str,
+    ) -> None:
+        self._tools = tools
+        self._map = topology = places.map
+        self._places = {place.name: place for place in topology.places}
+        self._passages = {passage.name: passage for passage in topology.passages}
+        self._looks_of = places.looks
+        self._goal = goal
+        self._start = start
+        self._approach = approach
+        self._make_roam = roam
+        self.reset()
+
+    def anchor(self, pose: SE2) -> Anchor:
+        """Return where the robot is: it goes on from there."""
+        return Anchor(pose.x_m, pose.y_m)
+
+    def reset(self) -> None:
+        """Start over."""
+        self._belief: _Belief | None = None
+        self._hint = self._start
+        self._looks = 0
+        self._failures: Counter[str] = Counter()
+        self._closed: dict[str, str] = {}
+        """Why, of passages that it does not get through."""
+        self._epoch: tuple[int, int] | None = None
+        self._reason = ""
+        self.pause()
+
+    def pause(self) -> None:
+        """Go on from where the robot is after the pause."""
+        self._approach.reset()
+        self._search: tuple[PlaceSearch, SE2] | None = None
+        self._roam: tuple[Behaviour, int] | None = None
+        self._roamed_m = 0.0
+        self._seen_ns = 0
+        self._blind_ns = 0
+        self._last: SE2 | None = None
+
+    def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
+        """Return the next velocity; done in the middle of the goal."""
+        if blindness := self._tools.world.blindness:
+            return self._wait(blindness, now_ns)
+        if situation.epoch != self._epoch:  # poses before and after have nothing in common
+            self._epoch, self._belief = situation.epoch, None
+            self.pause()
+        self._note_way(situation.pose)
+        if self._belief is not None:
+            self._blind_ns = 0
+            self._compare(self._belief, now_ns)
+        if self._belief is None:
+            return self._recognise(situation, now_ns)
+        return self._drive(self._belief, situation, now_ns)
+
+    def _wait(self, blindness: str, now_ns: int) -> BehaviourOutput:
+        """Stand while nothing is seen; give up after a while."""
+        self._blind_ns = self._blind_ns or now_ns
+        if now_ns - self._blind_ns > _BLIND_NS:
+            return failed(f"{blindness} for {_BLIND_NS / 1e9:g} s")
+        return BehaviourOutput(0.0, 0.0, text=f"waiting: {blindness}")
+
+    def _note_way(self, pose: SE2) -> None:
+        """Count the way driven."""
+        if self._last is not None:
+            driven_m = math.hypot(pose.x_m - self._last.x_m, pose.y_m - self._last.y_m)
+            self._roamed_m += driven_m
+            if self._belief is not None:
+                self._belief.unseen_m += driven_m
+        self._last = pose
+
+    def _compare(self, belief: _Belief, now_ns: int) -> None:
+        """Compare what is seen with the present place; forget a place that it is not."""
+        if now_ns - self._seen_ns < _LOOK_NS:
+            return
+        taken, self._seen_ns = self._tools.world.last_scan, now_ns
+        if taken is None:
+            return
+        T_world_base, scan = taken
+        look = look_of(scan)
+        if look is None:
+            return
+        expected = belief.T_world_frame.inverse() @ T_world_base
+        seen = self._looks_of[belief.place].follow(look, expected, _DOUBT * belief.unseen_m)
+        if seen is not None:
+            belief.T_world_frame = T_world_base @ seen.pose.inverse()
+            belief.unseen_m, belief.is_borne_out = 0.0, True
+        elif belief.unseen_m > _WRONG_M:
+            self._forget(f"this does not look like {belief.place}")
+
+    def _forget(self, reason: str) -> None:
+        """Search for the place again."""
+        self._belief, self._reason = None, reason
+        self.pause()
+
+    def _recognise(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
+        """Stand and look for the place; where nothing is recognised, drive on and look again."""
+        if self._roam is not None:
+            return self._roam_on(*self._roam, situation, now_ns)
+        if self._search is None:
+            return self._begin_search(situation, now_ns)
+        search, T_world_base = self._search
+        for _ in range(_WINDOWS):
+            if search.step():
+                return self._end_search(search, T_world_base, now_ns)
+            if not self._tools.paths.has_time:
+                break
+        return BehaviourOutput(0.0, 0.0, text="looking where it is")
+
+    def _begin_search(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
+        """Take a scan to search with, once the robot stands."""
+        twist, taken = situation.twist, self._tools.world.last_scan
+        stands = abs(twist.v_m_s) < _STANDS_M_S and abs(twist.omega_rad_s) < _STANDS_RAD_S
+        look = None if taken is None else look_of(taken[1])
+        if taken is None or look is None:
+            return self._wait("no echo of a lidar comes to recognise places by", now_ns)
+        self._blind_ns = 0
+        if stands:
+            if self._looks >= _LOOKS:
+                return failed(
+                    f"gave up after {counted(self._looks, 'look')} around: {self._reason}"
+                )
+            self._looks += 1
+            names = [self._hint] if self._hint else list(self._looks_of)
+            places = [self._looks_of[name] for name in names]
+            self._search = PlaceSearch(look, places, self._map), taken[0]
+        return BehaviourOutput(0.0, 0.0, text="standing, to look where it is")
+
+    def _end_search(self, search: PlaceSearch, T_world_base: SE2, now_ns: int) -> BehaviourOutput:
+        """Believe what was found; after nothing, look at other places or elsewhere."""
+        self._search = None
+        hint, self._hint = self._hint, ""
+        if search.found is not None:
+            T_world_frame = T_world_base @ search.found.pose.inverse()
+            self._belief = _Belief(search.found.place, T_world_frame, is_borne_out=True)
+            return BehaviourOutput(0.0, 0.0, text=f"recognised {search.found.place}")
+        self._reason = f"this does not look like {hint}" if hint else search.reason
+        if not hint:
+            self._roam = self._make_roam(), now_ns
+            self._roamed_m = 0.0
+        return BehaviourOutput(0.0, 0.0, text=self._reason)
+
+    def _roam_on(
+        self, roaming: Behaviour, begin_ns: int, situation: BehaviourInput, now_ns: int
+    ) -> BehaviourOutput:
+        """Drive to where more is to be seen."""
+        step = roaming.step(situation, now_ns)
+        enough = self._roamed_m > _ROAM_M or now_ns - begin_ns > _ROAM_NS
+        if enough or step.status is not Status.RUNNING:
+            self._roam = None
+            return BehaviourOutput(0.0, 0.0, text=self._reason)
+        return step._replace(text=f"{self._reason}; driving on to see more")
+
+    def _drive(self, belief: _Belief, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
+        """Drive to the passage that leads on, or in the goal to its middle."""
+        if belief.place == self._goal:
+            return self._arrive(belief, situation, now_ns)
+        way = self._map.way(belief.place, self._goal, frozenset(self._closed))
+        if way is None:
+            why = "".join(f"; {name}: {reason}" for name, reason in self._closed.items())
+            return failed(f"no way from {belief.place} to {self._goal}{why}")
+        step = way[0]
+        crossed = self._crossed(belief, situation.pose)
+        if crossed is not None:
+            if crossed is not step.passage:
+                self._count(step.passage, f"the way there leads through {crossed.name}")
+            return self._enter(belief, crossed)
+        T_world_exit = belief.T_world_frame @ self._places[belief.place].way_out(step.passage.name)
+        spots = [T_world_exit @ spot for spot in _BEYOND]
+        output = self._approach.step(step.passage.name, spots, situation, now_ns)
+        if output.status is Status.DONE:
+            return self._enter(belief, step.passage)
+        if output.status is Status.FAILED:
+            return self._fail(step.passage, output.text)
+        text = f"in {belief.place}, to {step.place.name} by {step.passage.name}: {output.text}"
+        return output._replace(text=text)
+
+    def _crossed(self, belief: _Belief, pose: SE2) -> Passage | None:
+        """Return the passage through which the robot has left its place; None: it is in it."""
+        place = self._places[belief.place]
+        T_frame_base = belief.T_world_frame.inverse() @ pose
+        for name in place.passages:
+            off = place.way_out(name).inverse() @ T_frame_base
+            passage = self._passages[name]
+            beside_m = 0.5 * passage.width_m + _BESIDE_M
+            if _CROSSED_M < off.x_m < _LEFT_M and abs(off.y_m) < beside_m:
+                return passage
+        return None
+
+    def _enter(self, belief: _Belief, passage: Passage) -> BehaviourOutput:
+        """Believe to be in the place beyond a passage."""
+        there = passage.beyond(belief.place)
+        T_world_there = belief.T_world_frame @ self._map.across(belief.place, passage)
+        self._belief = _Belief(there, T_world_there, is_borne_out=False)
+        self._seen_ns = 0
+        return BehaviourOutput(0.0, 0.0, text=f"through {passage.name}: {there}")
+
+    def _count(self, passage: Passage, reason: str) -> None:
+        """Count that a passage was not reached; close it if that has happened before."""
+        self._failures[passage.name] += 1
+        if self._failures[passage.name] >= _TRIES:
+            self._closed[passage.name] = reason
+
+    def _fail(self, passage: Passage, reason: str) -> BehaviourOutput:
+        """Look again after a passage was not reached; take another way if that repeats."""
+        self._count(passage, reason)
+        self._forget(f"{passage.name} was not reached: {reason}")
+        return BehaviourOutput(0.0, 0.0, text=self._reason)
+
+    def _arrive(self, belief: _Belief, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
+        """Drive to the middle of the goal."""
+        spots = [belief.T_world_frame @ spot for spot in _MIDDLE]
+        output = self._approach.step(self._goal, spots, situation, now_ns)
+        if output.status is Status.RUNNING:
+            return output._replace(text=f"in {self._goal}, to its middle: {output.text}")
+        if not belief.is_borne_out or belief.unseen_m > 0.5 * _WRONG_M:
+            self._forget(f"this does not look like {self._goal}")
+            return BehaviourOutput(0.0, 0.0, text=self._reason)
+        if output.status is Status.FAILED:
+            return done(f"in {self._goal}; its middle was not reached: {output.text}")
+        return done(f"in {self._goal}")

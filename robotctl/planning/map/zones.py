@@ -1,0 +1,67 @@
+"""The cells of zones that a robot keeps out of, or passes slowly."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.model.fence import Fence
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.grid_map import FREE, GridMap
+from robotctl.planning.map.fence import beyond_fence
+from robotctl.planning.map.polygon_cells import polygon_cells
+from robotctl.planning.map.zone import Zone
+
+_SLOWEST: Final = 10.0
+"""A path through a slow zone counts at most so many times longer: the classes of cost are few."""
+
+
+class Closed(NamedTuple):
+    """Bounds of where the robot may be, in addition to the map."""
+
+    zones: tuple[Zone, ...] = ()
+    fence: Fence = Fence()
+
+    def cells(self, grid: GridMap) -> NDArray[np.bool_]:
+        """Return which cells of a map the robot has to keep out of, (rows, columns)."""
+        closed = beyond_fence(self.fence, grid)
+        for zone in self.zones:
+            if zone.speed_m_s == 0.0:
+                closed |= cells_of(zone, grid)
+        return closed
+
+    def what_closes(self, grid: GridMap, cell: tuple[int, int]) -> str:
+        """Return the name of what closes a cell, a row and a column; empty: nothing does."""
+        side_m = grid.resolution_m
+        corner = grid.origin @ SE2(cell[1] * side_m, cell[0] * side_m, 0.0)
+        alone = GridMap(np.full((1, 1), FREE, np.int8), side_m, corner)
+        for zone in self.zones:
+            if zone.speed_m_s == 0.0 and cells_of(zone, alone)[0, 0]:
+                return f"the keep-out zone {zone.name}"
+        return "the fence" if beyond_fence(self.fence, alone)[0, 0] else ""
+
+
+def cells_of(zone: Zone, grid: GridMap) -> NDArray[np.bool_]:
+    """Return which cells of a map a zone touches, (rows, columns)."""
+    return polygon_cells(zone.corners, grid).touched
+
+
+def slowness(limits_m_s: NDArray[np.float32], full_speed_m_s: float) -> NDArray[np.float32]:
+    """Return how many times longer a path counts in each cell: as much longer as it takes."""
+    longer: NDArray[np.float32] = np.clip(full_speed_m_s / limits_m_s, 1.0, _SLOWEST)
+    return longer.astype(np.float32)
+
+
+def speed_limits(grid: GridMap, zones: Sequence[Zone]) -> NDArray[np.float32] | None:
+    """Return the speed limit of each cell [m/s], inf where there is none; None: nowhere."""
+    slow = [zone for zone in zones if zone.speed_m_s > 0.0]
+    if not slow:
+        return None
+    limits = np.full(grid.shape, np.inf, np.float32)
+    for zone in slow:
+        inside = cells_of(zone, grid)
+        limits[inside] = np.minimum(limits[inside], zone.speed_m_s)
+    return limits

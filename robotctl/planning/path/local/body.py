@@ -1,0 +1,205 @@
+"""Exact outline of a body among the cells of a map and things that move.
+
+All lengths are in cells of the map, times in seconds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.compiled import compiled
+from robotctl.model.footprint import Footprint
+from robotctl.planning.map.planning_map import APART
+
+SPACING: Final = 0.25
+"""Spacing of the points of the outline."""
+COARSE: Final = 1.0
+"""The same where a miss by half a cell does not matter."""
+TOUCH: Final = -1e9
+"""The gap of a body that touches something."""
+
+
+class Body(NamedTuple):
+    """A convex body, with a margin round it."""
+
+    outline: NDArray[np.float64]
+    """(n, 2) points of the outline in order, `SPACING` apart at most."""
+    coarse: NDArray[np.float64]
+    """The same, `COARSE` apart."""
+    discs: NDArray[np.float64]
+    """(k, 3) circles that cover it."""
+    sides: NDArray[np.float64]
+    """(m, 3): unit normals that point outwards, and the distance of the sides from `base`."""
+    reach: float
+    """Distance from `base` to its farthest point."""
+
+
+class Surroundings(NamedTuple):
+    """Things that a body must not touch."""
+
+    blocked: NDArray[np.bool_]
+    clearance: NDArray[np.float32]
+    """As in `PlanningMap`."""
+    moving: NDArray[np.float64]
+    """(k, 5) x, y, vx, vy, radius."""
+
+
+def make_body(footprint: Footprint, margin_m: float | Sequence[float], resolution_m: float) -> Body:
+    """Return a footprint grown by a margin, or one for each side; its corners stay sharp.
+
+    Raises
+    ------
+    ValueError
+        If margins below 0 leave no body around `base`.
+    """
+    count = len(footprint.corners)
+    margins_m = [margin_m] * count if isinstance(margin_m, float) else margin_m
+    sides = []
+    for ((ax, ay), (bx, by)), each_m in zip(footprint.sides(), margins_m, strict=True):
+        length = math.dist((ax, ay), (bx, by))
+        nx, ny = (by - ay) / length, (ax - bx) / length
+        sides.append((nx, ny, nx * ax + ny * ay + each_m))
+    corners = []
+    for (ax, ay, a), (bx, by, b) in zip(sides[-1:] + sides[:-1], sides, strict=True):
+        determinant = ax * by - ay * bx
+        corners.append(((a * by - b * ay) / determinant, (b * ax - a * bx) / determinant))
+    grown = Footprint(tuple(corners))
+    scale = np.array([1.0, 1.0, 1.0 / resolution_m])
+    return Body(
+        _outline(np.array(corners) / resolution_m, SPACING),
+        _outline(np.array(corners) / resolution_m, COARSE),
+        grown.discs() / resolution_m,
+        np.array(sides) * scale,
+        grown.circumscribed_m / resolution_m,
+    )
+
+
+def _outline(corners: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
+    """Return points round a polygon, at most a spacing apart, corners included."""
+    points = []
+    for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        count = math.ceil(math.dist(a, b) / spacing)
+        points.append(a + (b - a) * (np.arange(count) / count)[:, np.newaxis])
+    return np.concatenate(points)
+
+
+@compiled
+def gap(
+    clearance: NDArray[np.float32],
+    outline: NDArray[np.float64],
+    spacing: float,
+    discs: NDArray[np.float64],
+    x: float,
+    y: float,
+    c: float,
+    s: float,
+) -> float:
+    """Return about how far a body is from blocked cells; `TOUCH` where its outline is in one.
+
+    From `APART` on, it is free to move so far less `APART`. `c`, `s`: cosine and sine of its
+    heading. The arrays are those of `Surroundings` and `Body`: taking them out of there would cost
+    as much as the rest, so callers do it once.
+    """
+    rows, columns = clearance.shape
+    near = np.inf
+    for k in range(len(discs)):
+        px, py = discs[k, 0], discs[k, 1]
+        column, row = x + c * px - s * py, y + s * px + c * py
+        if row < 0.0 or column < 0.0 or row >= rows or column >= columns:
+            near = -1.0
+            break
+        near = min(near, clearance[np.uint32(row), np.uint32(column)] - discs[k, 2])
+    if near >= APART:
+        return near
+    k = 0
+    while k < len(outline):
+        px, py = outline[k, 0], outline[k, 1]
+        column, row = x + c * px - s * py, y + s * px + c * py
+        if row < 0.0 or column < 0.0 or row >= rows or column >= columns:
+            return TOUCH
+        clear = clearance[np.uint32(row), np.uint32(column)]
+        if clear < 0.0:
+            return TOUCH
+        k += 1
+        # Round this point nothing is nearer than that: the next ones in it need no look.
+        if clear > APART + 2.0 * spacing:
+            k += int((clear - APART) / spacing) - 1
+    return max(near, 0.0)
+
+
+@compiled
+def gap_to_moving(
+    space: Surroundings, body: Body, x: float, y: float, c: float, s: float, time: float
+) -> float:
+    """Return the gap between a body and what moves, where that is predicted to be at a time.
+
+    Negative where they overlap; at corners up to 1 / sqrt(2) of what it is.
+    """
+    least = np.inf
+    for i in range(len(space.moving)):
+        mx = space.moving[i, 0] + time * space.moving[i, 2] - x
+        my = space.moving[i, 1] + time * space.moving[i, 3] - y
+        px, py = c * mx + s * my, c * my - s * mx
+        outside = -np.inf
+        for k in range(len(body.sides)):
+            outside = max(outside, body.sides[k, 0] * px + body.sides[k, 1] * py - body.sides[k, 2])
+        least = min(least, outside - space.moving[i, 4])
+    return least
+
+
+@compiled
+def can_stop(
+    space: Surroundings,
+    body: Body,
+    pose: tuple[float, float, float],
+    v: float,
+    omega: float,
+    vy: float,
+    hold_s: float,
+    brake_s: float,
+) -> bool:
+    """Return whether a body may go on with a velocity for some time and then brake on that arc.
+
+    All velocities fall to 0 evenly in `brake_s`. The way is walked in steps in which no point of
+    the outline moves by more than what is free round it, or by `SPACING`.
+    """
+    whole_s = hold_s + 0.5 * brake_s
+    angle = omega * whole_s
+    reach = float(np.hypot(v, vy)) * whole_s + abs(angle) * body.reach
+    clearance, outline, discs = space.clearance, body.outline, body.discs
+    share = 0.0
+    while True:
+        half = 0.5 * angle * share
+        chord = v * whole_s * share
+        if abs(half) > 1e-4:
+            chord *= np.sin(half) / half
+        x = pose[0] + chord * np.cos(pose[2] + half)
+        y = pose[1] + chord * np.sin(pose[2] + half)
+        if vy != 0.0:
+            across = vy * whole_s * share
+            if abs(half) > 1e-4:
+                across *= np.sin(half) / half
+            x -= across * np.sin(pose[2] + half)
+            y += across * np.cos(pose[2] + half)
+        c, s = np.cos(pose[2] + 2.0 * half), np.sin(pose[2] + 2.0 * half)
+        free = gap(clearance, outline, SPACING, discs, x, y, c, s)
+        if free == TOUCH:
+            return False
+        step = max(free - APART, SPACING)
+        if len(space.moving):
+            # From the length of the way to the time: even at first, then ever slower.
+            left_s = max(whole_s * (1.0 - share), 0.0)
+            time = whole_s * share
+            if time > hold_s:
+                time = hold_s + brake_s - np.sqrt(2.0 * left_s * brake_s)
+            if gap_to_moving(space, body, x, y, c, s, time) <= 0.0:
+                return False
+            step = min(step, 2.0 * SPACING)
+        if share >= 1.0 or reach <= 0.0:
+            return True
+        share = min(1.0, share + step / reach)
