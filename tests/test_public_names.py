@@ -11,13 +11,19 @@ import pytest
 import robotctl
 
 ROOT = Path(robotctl.__file__).parent
-PACKAGES = sorted(path.parent.name for path in ROOT.glob("*/__init__.pyi"))
+PACKAGES = sorted(
+    ".".join(path.parent.relative_to(ROOT).parts) for path in ROOT.rglob("__init__.pyi")
+)
 MOST_NAMES = 20
+
+
+def folder(package):
+    return ROOT.joinpath(*package.split("."))
 
 
 def listed(package):
     """Return (module, name) for each name of the stub that lists a package's exports."""
-    tree = ast.parse((ROOT / package / "__init__.pyi").read_text())
+    tree = ast.parse((folder(package) / "__init__.pyi").read_text())
     return [
         (f"robotctl.{package}.{statement.module}", alias.name)
         for statement in tree.body
@@ -46,7 +52,7 @@ def test_an_exported_name_is_the_one_of_its_module_and_documented(package):
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_no_exported_name_hides_a_module(package):
-    modules = {path.stem for path in (ROOT / package).iterdir()}
+    modules = {path.stem for path in folder(package).iterdir()}
     assert not modules & {name for _, name in listed(package)}
 
 

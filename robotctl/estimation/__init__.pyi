@@ -5,7 +5,9 @@ from .camera.calibration.intrinsics import calibrate_lens as calibrate_lens
 from .camera.ground import GroundCamera as GroundCamera
 from .grid.occupancy_grid import OccupancyGrid as OccupancyGrid
 from .kalman.ekf import PoseEkf as PoseEkf
+from .kalman.ekf_config import EkfConfig as EkfConfig
 from .landmarks.ekf import LandmarkEkf as LandmarkEkf
+from .mcl.config import MclConfig as MclConfig
 from .mcl.localiser import MonteCarloLocaliser as MonteCarloLocaliser
 from .odometry.odometry import Odometry as Odometry
 from .places.database import PlaceBook as PlaceBook

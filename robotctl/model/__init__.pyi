@@ -2,6 +2,7 @@
 
 from .drives.drives import AckermannDrive as AckermannDrive
 from .drives.drives import DifferentialDrive as DifferentialDrive
+from .drives.drives import MecanumDrive as MecanumDrive
 from .drives.drives import TricycleDrive as TricycleDrive
 from .drives.motion import arc as arc
 from .drives.motion import integrate as integrate
