@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final, Literal, TypeAlias
 
 from robotctl.errors import InvalidValue
 from robotctl.estimation.grid.config import OccupancyGridConfig
+from robotctl.estimation.localisers import LocaliserName, localiser_kind, names_with
 from robotctl.estimation.ranging.likelihood_config import LikelihoodFieldConfig
 from robotctl.estimation.ranging.sonar_config import SonarModelConfig
 from robotctl.estimation.sensor_names import SENSORS
@@ -63,7 +64,7 @@ class LocalisationConfig:
         If a value is out of its range, or settings contradict each other.
     """
 
-    method: Literal["none", "ekf", "mcl", "slam"] = "none"
+    method: LocaliserName = "none"
     map: str = ""
     start: Literal["known", "unknown"] = "known"
     start_sigma_m: float = 0.1
@@ -97,22 +98,25 @@ class LocalisationConfig:
                 f"{self.particles_max} found, {_FEWEST} or more allowed",
                 self.particles_max,
             )
-        if self.places and self.method != "mcl":
+        kind = localiser_kind(self.method)
+        if self.places and not kind.weighs_places:
             raise InvalidValue(
                 "places",
-                f'needs method "mcl", found "{self.method}": only particles weigh places',
+                f'needs method {names_with("weighs_places")}, found "{self.method}": only '
+                "particles weigh places",
                 self.places,
             )
-        if self.keyframes and self.method != "slam":
+        if self.keyframes and not kind.makes_map:
             raise InvalidValue(
                 "keyframes",
-                f'needs method "slam", found "{self.method}": only that makes and reads them',
+                f'needs method {names_with("makes_map")}, found "{self.method}": only that makes '
+                "and reads them",
                 self.keyframes,
             )
-        if self.start == "unknown" and self.method != "mcl":
+        if self.start == "unknown" and not kind.searches_map:
             raise InvalidValue(
                 "start",
-                f'"unknown" needs method "mcl", found "{self.method}": only particles can '
-                "search a map",
+                f'"unknown" needs method {names_with("searches_map")}, found "{self.method}": '
+                "only particles can search a map",
                 self.start,
             )

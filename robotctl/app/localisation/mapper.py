@@ -11,11 +11,12 @@ from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.estimation.sensors.registry import load_sensors
 from robotctl.estimation.sensors.sensor import Detail, Measured, SensedRobot, Sensor
-from robotctl.messages.estimation import LiveMap, LocalisationState
+from robotctl.messages.estimation import LiveMap, LocalisationState, SlamGraph
 from robotctl.messages.map_message import map_message
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.model.geometry.se2 import SE2
+from robotctl.model.grid_map import GridMap
 
 _LEAST_M: Final = 0.05
 _LEAST_RAD: Final = 0.05
@@ -74,11 +75,12 @@ class Mapper:
                 self._last[key] = odometry
                 update(self.grid, T_world_odom @ odometry)
 
-    def live_map(self, now_ns: int) -> LiveMap | None:
-        """Return the map for people and for the score; None if nothing has been seen yet."""
-        if not self._last:
-            return None
-        return map_message(self.grid.to_map(_OCCUPIED_ABOVE), now_ns)
+    def settled_map(self) -> GridMap | None:
+        """None: the map is for people and for the score; plans are made on the robot's own."""
+
+    def pictures(self, now_ns: int) -> list[LiveMap | SlamGraph]:
+        """Return the map; empty if nothing has been seen yet."""
+        return [map_message(self.grid.to_map(_OCCUPIED_ABOVE), now_ns)] if self._last else []
 
 
 def _moved(before: SE2 | None, after: SE2) -> bool:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from robotctl.app.localisation.localiser import (
     LocaliserBegin,
     LocaliserInput,
+    MadeLocaliser,
     external_covariance,
     localisation_state,
     sensed_robot,
@@ -27,7 +28,7 @@ from robotctl.estimation.mcl.free_space import free_area_m2, free_poses
 from robotctl.estimation.mcl.localiser import MonteCarloLocaliser
 from robotctl.estimation.mcl.map_symmetry import symmetries
 from robotctl.estimation.mcl.remembered import Remembered
-from robotctl.estimation.mcl.search_size import search_size
+from robotctl.estimation.mcl.search_size import search_size, too_large
 from robotctl.estimation.mcl.sliced import Sliced
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.estimation.ranging.log_likelihood import LogLikelihood
@@ -201,9 +202,15 @@ def pose_measurement(pose: ExternalPose) -> LogLikelihood:
     return log_likelihood
 
 
-def make_mcl(begin: LocaliserBegin) -> MclLocaliser:
-    """Return the particles of a robot, their kernels compiled or loaded from the cache."""
-    config, world_map, start, history, beside = begin
+def make(begin: LocaliserBegin) -> MadeLocaliser:
+    """Return the particles of a robot, their kernels compiled or loaded from the cache.
+
+    Raises
+    ------
+    ConfigError
+        If map or places are wrong.
+    """
+    config, start, world_map = begin.config, begin.start, begin.world_map()
     settings = config.localisation
     known = MclConfig()
     mcl_config = replace(
@@ -222,8 +229,10 @@ def make_mcl(begin: LocaliserBegin) -> MclLocaliser:
     if settings.start == "known":
         mcl.start_at(start, settings.start_sigma_m, math.radians(settings.start_sigma_deg))
     area_m2 = float(world_map.grid.free().sum()) * world_map.grid.resolution_m**2
-    places = load_place_watch(settings.places, beside, config.sonar, area_m2)
-    return MclLocaliser(mcl, sensors, settings.sensors, history, places)
+    places = load_place_watch(settings.places, begin.beside, config.sonar, area_m2)
+    localiser = MclLocaliser(mcl, sensors, settings.sensors, begin.history, places)
+    is_too_large = too_large(free_m2) if settings.start == "unknown" else None
+    return MadeLocaliser(localiser, world_map, notices=[is_too_large] if is_too_large else [])
 
 
 def _rehearse(mcl: MonteCarloLocaliser, measurements: Sequence[LogLikelihood], start: SE2) -> None:

@@ -11,17 +11,21 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.app.localisation.localiser import LocaliserInput, localisation_state
+from robotctl.app.localisation.localiser import (
+    LocaliserBegin,
+    LocaliserInput,
+    MadeLocaliser,
+    localisation_state,
+    sensed_robot,
+)
 from robotctl.app.localisation.seen_images import SeenImages, rehearse
-from robotctl.app.localisation.slam_files import KeyframeFile, MapPlaces, keyframes_to_localise
+from robotctl.app.localisation.slam_files import KeyframeFile, keyframes_of, keyframes_to_localise
 from robotctl.app.localisation.slam_graphs import SlamGraphs
 from robotctl.app.localisation.slam_sensor import SlamSensor, recognises_places, slam_sensor
-from robotctl.config.robot_file import RobotConfig
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.estimation.sensor_names import SONAR
 from robotctl.estimation.sensors.lidar import REHEARSED
-from robotctl.estimation.sensors.sensor import SensedRobot
 from robotctl.estimation.slam.incremental.smoother import IncrementalSmoother
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.heard_places import HeardPlaces
@@ -347,25 +351,17 @@ class SlamDrawing:
         drawn = len(self._picture.missing(self._localiser.mapper.keyframes)) == 0
         return self.grid.to_map() if drawn and not self._is_old() else None
 
-    def live_map(self, now_ns: int) -> LiveMap | None:
-        """Return the map; None if nothing has been seen yet."""
-        if len(self._picture.drawn) == 0:
-            return None
-        return map_message(self.grid.to_map(), now_ns)
-
-    def graph(self, now_ns: int) -> SlamGraph | None:
-        """Return the graph, if it is time; see `SlamGraphs`."""
+    def pictures(self, now_ns: int) -> list[LiveMap | SlamGraph]:
+        """Return the map if anything has been seen, and the graph if it is due."""
+        pictures: list[LiveMap | SlamGraph] = []
+        if len(self._picture.drawn):
+            pictures.append(map_message(self.grid.to_map(), now_ns))
         localiser = self._localiser
-        return self._graphs.due(localiser.mapper.back_end, localiser.T_world_map, now_ns)
+        graph = self._graphs.due(localiser.mapper.back_end, localiser.T_world_map, now_ns)
+        return pictures if graph is None else [*pictures, graph]
 
 
-def make_slam(
-    config: RobotConfig,
-    robot: SensedRobot,
-    start: SE2,
-    history: OdometryHistory,
-    places: MapPlaces,
-) -> tuple[SlamLocaliser, SlamDrawing]:
+def make(begin: LocaliserBegin) -> MadeLocaliser:
     """Return the mapper of a robot that knows no map or goes on with its own, and what draws it.
 
     Raises
@@ -374,8 +370,9 @@ def make_slam(
         If the robot has no sensor for it, or the map that it localises itself in cannot be read;
         if it cannot be kept.
     """
-    sensor = slam_sensor(config, robot)
-    grid = config.localisation.grid
+    config, grid = begin.config, begin.config.localisation.grid
+    sensor = slam_sensor(config, sensed_robot(config))
+    places = keyframes_of(config.localisation, begin.beside, begin.state)
     quick = SlamMapper(KeyframeConfig(keyframe_m=0.0))
     rehearsed = SlamLocaliser(quick, sensor, SE2(), OdometryHistory())
     _rehearse(rehearsed)
@@ -384,7 +381,7 @@ def make_slam(
         rehearse(quick)
     drawing = SlamDrawing(rehearsed, OccupancyGrid(grid))
     drawing.step(None, LocaliserInput())
-    drawing.live_map(0)
+    drawing.pictures(0)
     saved, file = None, None
     if places.path is not None and places.is_read_only:
         saved = keyframes_to_localise(places.path, sensor.name)
@@ -392,8 +389,11 @@ def make_slam(
         file = KeyframeFile(places.path, sensor.name, is_own=places.is_own)
         saved = file.saved
     mapper = SlamMapper(replace(sensor.config, is_live=True, is_fixed=places.is_read_only))
-    localiser = SlamLocaliser(mapper, sensor, start, history, saved, file, by_images=by_images)
-    return localiser, SlamDrawing(localiser, OccupancyGrid(grid))
+    localiser = SlamLocaliser(
+        mapper, sensor, begin.start, begin.history, saved, file, by_images=by_images
+    )
+    drawn = SlamDrawing(localiser, OccupancyGrid(grid))
+    return MadeLocaliser(localiser, drawing=drawn, close=localiser.close)
 
 
 def _rehearse(localiser: SlamLocaliser) -> None:
