@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final, Literal, TypeAlias
 from robotctl.errors import InvalidValue
 from robotctl.estimation.grid.config import OccupancyGridConfig
 from robotctl.estimation.localisers import LocaliserName, localiser_kind, names_with
+from robotctl.estimation.mcl.tuning import MclTuning
 from robotctl.estimation.ranging.likelihood_config import LikelihoodFieldConfig
 from robotctl.estimation.ranging.sonar_config import SonarModelConfig
 from robotctl.estimation.sensor_names import SENSORS
@@ -54,6 +55,8 @@ class LocalisationConfig:
     keyframes
         File of the map that `slam` goes on with, and keeps; without `mapping` it localises the
         robot by lidar, and the file stays as it is. Empty: in the folder of what survives restarts.
+    mcl
+        How particles are weighed and judged.
     lidar, camera, sonar, grid
         Sensor parameters, for the particles and for the map. Ranges that a camera sees share the
         errors of its mount and of the robot's pitch, so they say less than a lidar's.
@@ -75,6 +78,7 @@ class LocalisationConfig:
     sensors: tuple[SensorName, ...] = tuple(SENSORS)
     places: str = ""
     keyframes: str = ""
+    mcl: MclTuning = field(default_factory=MclTuning)
     lidar: LikelihoodFieldConfig = field(default_factory=LikelihoodFieldConfig)
     camera: LikelihoodFieldConfig = field(
         default_factory=lambda: LikelihoodFieldConfig(beams=40, beam_correlation=0.2)

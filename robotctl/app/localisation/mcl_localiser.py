@@ -40,11 +40,6 @@ from robotctl.model.sensors.sonar import SonarReading
 
 _OUTSIDE: Final = "outside"
 _PLACE: Final = "place"
-_BLIND_NS: Final = 500_000_000
-"""Time to wait for measurements [ns]; those of sensors arrive within a tenth of it."""
-_WEIGHED: Final = 10_000
-"""Poses after which a step leaves the rest of a measurement to the next one: it is one of a search
-over the whole map. A robot that waited for it would stand in the way, deaf to its operator."""
 _FITS_NOWHERE: Final = (
     "what the robot sees matches no place on the map: is it the right map, and up to date?"
 )
@@ -81,6 +76,7 @@ class MclLocaliser:
         self._history = history
         self._places = places
         self._fitted_nowhere = False
+        self._blind_ns = round(1e9 * mcl.config.blind_s)
         self._at: tuple[int, SE2] | None = None
         """Time and odometry pose that the particles stand at."""
         self._measuring: Sliced[None] | None = None
@@ -109,7 +105,7 @@ class MclLocaliser:
         """Process everything since the last step; return the present estimate."""
         if self._at is None:
             self._at = (control.stamp_ns, control.T_odom_base)
-        left = self._measure(_WEIGHED)
+        left = self._measure(self._mcl.config.search.poses_per_step)
         for stamp_ns, sensor, measurement in sorted(self._measurements(seen), key=itemgetter(0, 1)):
             if not self._move_to(stamp_ns):
                 continue
@@ -122,7 +118,7 @@ class MclLocaliser:
             late, self._late = self._late, Remembered()
             self._begin(late, _PLACE, left)
         # Without measurements the belief still moves, and reports that it fades.
-        self._move_to(control.stamp_ns - _BLIND_NS)
+        self._move_to(control.stamp_ns - self._blind_ns)
         state = localisation_state("mcl", self._mcl.estimate(self._at[0]), self._at[1], now_ns)
         return msgspec.structs.replace(state, particles=len(self._mcl.poses))
 
@@ -212,7 +208,7 @@ def make(begin: LocaliserBegin) -> MadeLocaliser:
     """
     config, start, world_map = begin.config, begin.start, begin.world_map()
     settings = config.localisation
-    known = MclConfig()
+    known = MclConfig.tuned(settings.mcl)
     mcl_config = replace(
         known,
         max_particles=settings.particles_max,
@@ -222,16 +218,18 @@ def make(begin: LocaliserBegin) -> MadeLocaliser:
     free, free_m2 = free_poses(world_map.grid), free_area_m2(world_map.grid)
     tried = MonteCarloLocaliser(mcl_config, free, np.random.default_rng(0))
     _rehearse(tried, sensors.rehearsal(), start)
-    size = max(search_size(free_m2), settings.particles_max)
+    size = max(search_size(free_m2, settings.mcl.search), settings.particles_max)
     mcl_config = replace(mcl_config, search_particles=size)
     seeded = np.random.default_rng(settings.seed)
-    mcl = MonteCarloLocaliser(mcl_config, free, seeded, symmetries(world_map.grid))
+    mcl = MonteCarloLocaliser(
+        mcl_config, free, seeded, symmetries(world_map.grid, settings.mcl.search)
+    )
     if settings.start == "known":
         mcl.start_at(start, settings.start_sigma_m, math.radians(settings.start_sigma_deg))
     area_m2 = float(world_map.grid.free().sum()) * world_map.grid.resolution_m**2
     places = load_place_watch(settings.places, begin.beside, config.sonar, area_m2)
     localiser = MclLocaliser(mcl, sensors, settings.sensors, begin.history, places)
-    is_too_large = too_large(free_m2) if settings.start == "unknown" else None
+    is_too_large = too_large(free_m2, settings.mcl.search) if settings.start == "unknown" else None
     return MadeLocaliser(localiser, world_map, notices=[is_too_large] if is_too_large else [])
 
 
