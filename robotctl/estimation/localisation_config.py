@@ -13,6 +13,7 @@ from robotctl.estimation.mcl.tuning import MclTuning
 from robotctl.estimation.ranging.likelihood_config import LikelihoodFieldConfig
 from robotctl.estimation.ranging.sonar_config import SonarModelConfig
 from robotctl.estimation.sensor_names import SENSORS
+from robotctl.estimation.slam_config import SlamConfig
 
 if TYPE_CHECKING:
     SensorName: TypeAlias = str
@@ -40,6 +41,11 @@ class LocalisationConfig:
         `mcl` can do that.
     start_sigma_m, start_sigma_deg
         Standard deviations of a known start [m], [deg], > 0.
+    restart_sigma_m, restart_sigma_deg
+        Least standard deviations of the start where navigation begins again in a run [m], [deg],
+        > 0: the last pose is up to 0.3 s old, and the robot braked since.
+    external_sigma_m, external_sigma_rad
+        Standard deviations of a pose from outside that gives no covariance [m], [rad], > 0.
     mapping
         Build a map of what sonars and lidar see, from the estimated poses.
     seed
@@ -57,6 +63,8 @@ class LocalisationConfig:
         robot by lidar, and the file stays as it is. Empty: in the folder of what survives restarts.
     mcl
         How particles are weighed and judged.
+    slam
+        When `slam` takes a scan, and draws its map anew.
     lidar, camera, sonar, grid
         Sensor parameters, for the particles and for the map. Ranges that a camera sees share the
         errors of its mount and of the robot's pitch, so they say less than a lidar's.
@@ -72,6 +80,10 @@ class LocalisationConfig:
     start: Literal["known", "unknown"] = "known"
     start_sigma_m: float = 0.1
     start_sigma_deg: float = 5.0
+    restart_sigma_m: float = 0.5
+    restart_sigma_deg: float = 10.0
+    external_sigma_m: float = 0.1
+    external_sigma_rad: float = 0.1
     mapping: bool = False
     seed: int = 1
     particles_max: int = 20_000
@@ -79,6 +91,7 @@ class LocalisationConfig:
     places: str = ""
     keyframes: str = ""
     mcl: MclTuning = field(default_factory=MclTuning)
+    slam: SlamConfig = field(default_factory=SlamConfig)
     lidar: LikelihoodFieldConfig = field(default_factory=LikelihoodFieldConfig)
     camera: LikelihoodFieldConfig = field(
         default_factory=lambda: LikelihoodFieldConfig(beams=40, beam_correlation=0.2)
@@ -87,7 +100,10 @@ class LocalisationConfig:
     grid: OccupancyGridConfig = field(default_factory=OccupancyGridConfig)
 
     def __post_init__(self) -> None:
-        for key in ("start_sigma_m", "start_sigma_deg"):
+        for key in (
+            "start_sigma_m", "start_sigma_deg", "restart_sigma_m", "restart_sigma_deg",
+            "external_sigma_m", "external_sigma_rad",
+        ):  # fmt: skip
             if not 0.0 < getattr(self, key) < math.inf:
                 raise InvalidValue(
                     key,

@@ -89,7 +89,8 @@ class EkfLocaliser:
                 self._keep(*sensor.innovations(ekf, each, self._robot, self._walls))
         for pose in seen.poses:
             where = SE2(pose.x_m, pose.y_m, pose.theta_rad)
-            self._keep(ekf.update_pose(pose.stamp_ns, where, external_covariance(pose)))
+            covariance = external_covariance(pose, self._robot.settings)
+            self._keep(ekf.update_pose(pose.stamp_ns, where, covariance))
         state = localisation_state("ekf", ekf.estimate(), odometry, now_ns)
         last = self._innovation
         if last is None:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.config.robot_file import RobotConfig
+from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.estimation.sensors.sensor import SensedRobot
 from robotctl.maps.localisation_map import LocalisationMap, load_localisation_map
@@ -18,10 +19,6 @@ from robotctl.messages.estimation import CameraView, LiveMap, LocalisationState,
 from robotctl.model.geometry.pose_estimate import PoseEstimate, from_upper_triangle, upper_triangle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
-
-_EXTERNAL_SIGMA_M: Final = 0.1
-_EXTERNAL_SIGMA_RAD: Final = 0.1
-"""Standard deviations of an external pose without covariance."""
 
 _LEAST_VARIANCE: Final = 1e-6
 """Minimum variance: nothing measures better than 1 mm and 1 mrad [m^2, rad^2]."""
@@ -133,14 +130,15 @@ def localisation_state(
     )
 
 
-def external_covariance(pose: ExternalPose) -> NDArray[np.float64]:
+def external_covariance(pose: ExternalPose, settings: LocalisationConfig) -> NDArray[np.float64]:
     """Return the covariance (3, 3) of an external pose, or its diagonal if invalid.
 
     It can be inverted: variances are kept within 1e-6 and 1e6, and correlations that leave no
     room, or come near it by 1e-9, are not believed.
     """
     if len(pose.covariance) != 6:
-        return np.diag([_EXTERNAL_SIGMA_M**2, _EXTERNAL_SIGMA_M**2, _EXTERNAL_SIGMA_RAD**2])
+        sigma_m, sigma_rad = settings.external_sigma_m, settings.external_sigma_rad
+        return np.diag([sigma_m**2, sigma_m**2, sigma_rad**2])
     matrix = from_upper_triangle(pose.covariance)
     variances = np.clip(np.diag(matrix), _LEAST_VARIANCE, _MOST_VARIANCE)
     np.fill_diagonal(matrix, variances)

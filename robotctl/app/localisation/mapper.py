@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable
-from typing import Any, Final
+from typing import Any
 
 from robotctl.app.localisation.localiser import LocaliserInput
+from robotctl.estimation.grid.config import OccupancyGridConfig
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.estimation.sensors.registry import load_sensors
@@ -17,12 +18,6 @@ from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
-
-_LEAST_M: Final = 0.05
-_LEAST_RAD: Final = 0.05
-"""A robot at rest sees the same again, which is no new evidence."""
-_OCCUPIED_ABOVE: Final = 0.85
-"""Live, walls are seen many times: one or two echoes are not yet one."""
 
 
 class Mapper:
@@ -71,7 +66,7 @@ class Mapper:
             self._is_fine = True
             self.grid.reset()
         for key, update in sensor.cells(measured, self._robot):
-            if _moved(self._last.get(key), odometry):
+            if _moved(self._last.get(key), odometry, self.grid.config):
                 self._last[key] = odometry
                 update(self.grid, T_world_odom @ odometry)
 
@@ -80,14 +75,15 @@ class Mapper:
 
     def pictures(self, now_ns: int) -> list[LiveMap | SlamGraph]:
         """Return the map; empty if nothing has been seen yet."""
-        return [map_message(self.grid.to_map(_OCCUPIED_ABOVE), now_ns)] if self._last else []
+        if not self._last:
+            return []
+        return [map_message(self.grid.to_map(self.grid.config.occupied_above), now_ns)]
 
 
-def _moved(before: SE2 | None, after: SE2) -> bool:
+def _moved(before: SE2 | None, after: SE2, config: OccupancyGridConfig) -> bool:
     """Say whether the robot moved enough to see something new; None: it has seen nothing yet."""
     if before is None:
         return True
     distance_m = math.hypot(after.x_m - before.x_m, after.y_m - before.y_m)
-    return (
-        distance_m >= _LEAST_M or abs(wrap_angle(after.theta_rad - before.theta_rad)) >= _LEAST_RAD
-    )
+    turned_rad = abs(wrap_angle(after.theta_rad - before.theta_rad))
+    return distance_m >= config.update_min_m or turned_rad >= config.update_min_rad

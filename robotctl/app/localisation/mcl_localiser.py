@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from operator import itemgetter
@@ -23,6 +23,7 @@ from robotctl.app.localisation.localiser import (
 )
 from robotctl.app.localisation.map_sensors import MapSensors
 from robotctl.app.localisation.place_watch import Fix, PlaceWatch, load_place_watch
+from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.estimation.mcl.config import MclConfig
 from robotctl.estimation.mcl.free_space import free_area_m2, free_poses
 from robotctl.estimation.mcl.localiser import MonteCarloLocaliser
@@ -54,8 +55,8 @@ class MclLocaliser:
         The particles, where they start.
     sensors
         Likelihoods of what they measure.
-    used
-        Which sensors are listened to.
+    settings
+        Which sensors are listened to, and how uncertain poses from outside are.
     history
         Of the odometry; kept up to date by the caller.
     places
@@ -66,13 +67,13 @@ class MclLocaliser:
         self,
         mcl: MonteCarloLocaliser,
         sensors: MapSensors,
-        used: Collection[str],
+        settings: LocalisationConfig,
         history: OdometryHistory,
         places: PlaceWatch | None = None,
     ) -> None:
         self._mcl = mcl
         self._sensors = sensors
-        self._used = used
+        self._settings = settings
         self._history = history
         self._places = places
         self._fitted_nowhere = False
@@ -143,13 +144,13 @@ class MclLocaliser:
         """Yield what was measured when, by which sensor, and what makes a measurement of it."""
         sensors = self._sensors
         for name, measured in seen.measured.items():
-            for each in measured if name in self._used else ():
+            for each in measured if name in self._settings.sensors else ():
                 source = sensors.source(name, each)
                 yield each.stamp_ns, source, partial(sensors.measurement, name, each)
         for fix in self._recognised(seen.measured.get(SONAR, ())):
             yield fix.stamp_ns, _PLACE, partial(_given, fix.log_likelihood)
         for pose in seen.poses:
-            yield pose.stamp_ns, _OUTSIDE, partial(pose_measurement, pose)
+            yield pose.stamp_ns, _OUTSIDE, partial(pose_measurement, pose, self._settings)
 
     def _recognised(self, readings: Sequence[SonarReading]) -> Iterator[Fix]:
         """Yield what places say that the robot has turned at."""
@@ -184,10 +185,10 @@ def _given(log_likelihood: LogLikelihood) -> LogLikelihood:
     return log_likelihood
 
 
-def pose_measurement(pose: ExternalPose) -> LogLikelihood:
+def pose_measurement(pose: ExternalPose, settings: LocalisationConfig) -> LogLikelihood:
     """Return the log-likelihood of an external pose: a Gaussian, the heading wrapped."""
     # covariance = L L^T: as a sum of squares the log-likelihood is never above 0.
-    whitening = np.linalg.inv(np.linalg.cholesky(external_covariance(pose)))
+    whitening = np.linalg.inv(np.linalg.cholesky(external_covariance(pose, settings)))
 
     def log_likelihood(poses: NDArray[np.float64]) -> NDArray[np.float64]:
         off = poses - (pose.x_m, pose.y_m, pose.theta_rad)
@@ -221,14 +222,13 @@ def make(begin: LocaliserBegin) -> MadeLocaliser:
     size = max(search_size(free_m2, settings.mcl.search), settings.particles_max)
     mcl_config = replace(mcl_config, search_particles=size)
     seeded = np.random.default_rng(settings.seed)
-    mcl = MonteCarloLocaliser(
-        mcl_config, free, seeded, symmetries(world_map.grid, settings.mcl.search)
-    )
+    alike = symmetries(world_map.grid, settings.mcl.search)
+    mcl = MonteCarloLocaliser(mcl_config, free, seeded, alike)
     if settings.start == "known":
         mcl.start_at(start, settings.start_sigma_m, math.radians(settings.start_sigma_deg))
     area_m2 = float(world_map.grid.free().sum()) * world_map.grid.resolution_m**2
     places = load_place_watch(settings.places, begin.beside, config.sonar, area_m2)
-    localiser = MclLocaliser(mcl, sensors, settings.sensors, begin.history, places)
+    localiser = MclLocaliser(mcl, sensors, settings, begin.history, places)
     is_too_large = too_large(free_m2, settings.mcl.search) if settings.start == "unknown" else None
     return MadeLocaliser(localiser, world_map, notices=[is_too_large] if is_too_large else [])
 

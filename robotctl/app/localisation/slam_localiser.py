@@ -46,17 +46,8 @@ from robotctl.model.grid_map import GridMap
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.model.sensors.sonar import SonarReading
 
-_LEAST_M: Final = 0.05
-_LEAST_RAD: Final = 0.05
-"""A robot at rest sees the same again."""
-_REST_NS: Final = 1_000_000_000
-"""Time at rest after which a scan is matched, since the robot may have been moved by hand [ns]."""
 _AT_ONCE: Final = 40
 """Keyframes that are drawn in one step when the map is redrawn."""
-_SHIFT_M: Final = 0.03
-"""Motion of a keyframe since it was drawn from which the map is redrawn [m]."""
-_REDRAW_NS: Final = 2_000_000_000
-"""Minimum interval between two redrawings [ns]."""
 
 
 class SlamLocaliser:
@@ -92,6 +83,7 @@ class SlamLocaliser:
         by_images: bool = False,
     ) -> None:
         self.mapper = mapper
+        self.config = sensor.robot.settings.slam
         self._sensor, self._maker = sensor, sensor.maker()
         self._history = history
         self._file = file
@@ -240,12 +232,13 @@ class SlamLocaliser:
 
     def _is_new(self, scan: RangeScan, odometry: SE2) -> bool:
         """Return whether a scan says more than the last one."""
-        if self._last is None or self.mapper.is_lost or scan.stamp_ns - self._taken_ns > _REST_NS:
+        config, rested_s = self.config, 1e-9 * (scan.stamp_ns - self._taken_ns)
+        if self._last is None or self.mapper.is_lost or rested_s > config.rest_s:
             return True
         motion = self._last.inverse() @ odometry
         return (
-            math.hypot(motion.x_m, motion.y_m) >= _LEAST_M
-            or abs(wrap_angle(motion.theta_rad)) >= _LEAST_RAD
+            math.hypot(motion.x_m, motion.y_m) >= config.update_min_m
+            or abs(wrap_angle(motion.theta_rad)) >= config.update_min_rad
         )
 
     def _take(self, scan: RangeScan, odometry: SE2) -> None:
@@ -305,7 +298,8 @@ class SlamDrawing:
         self._localiser = localiser
         self._picture = _Picture(grid, 0)
         self._next: _Picture | None = None
-        self._begun_ns = -_REDRAW_NS
+        self._redraw_ns = round(1e9 * localiser.config.redraw_every_s)
+        self._begun_ns = -self._redraw_ns
         self._graphs = SlamGraphs()
 
     @property
@@ -316,7 +310,7 @@ class SlamDrawing:
     def step(self, localisation: LocalisationState | None, _seen: LocaliserInput) -> None:
         """Draw keyframes that are new, or some of those that have moved."""
         mapper, now_ns = self._localiser.mapper, localisation.stamp_ns if localisation else 0
-        if self._next is None and self._is_old() and now_ns - self._begun_ns >= _REDRAW_NS:
+        if self._next is None and self._is_old() and now_ns - self._begun_ns >= self._redraw_ns:
             self._begun_ns = now_ns
             self._next = _Picture(OccupancyGrid(self.grid.config), mapper.renewals)
         self._draw(self._picture)
@@ -327,7 +321,9 @@ class SlamDrawing:
         """Return whether keyframes are elsewhere by now, or have another scan."""
         mapper, drawn = self._localiser.mapper, self._picture.drawn
         off = np.hypot(*(mapper.back_end.poses[: len(drawn), :2] - drawn[:, :2]).T)
-        has_moved = bool(np.nan_to_num(off).max(initial=0.0) > _SHIFT_M)
+        has_moved = bool(
+            np.nan_to_num(off).max(initial=0.0) > self._localiser.config.redraw_shift_m
+        )
         return has_moved or mapper.renewals != self._picture.renewals
 
     def _draw(self, picture: _Picture) -> bool:

@@ -11,7 +11,7 @@ from robotctl.estimation.mcl.tuning import MclTuning
 
 @dataclass(frozen=True, slots=True)
 class MclConfig(MclTuning):
-    """Settings of the localiser: those of a robot's file, the number of particles, and their motion.
+    """Settings of the localiser: those of a robot's file, number of particles, and motion.
 
     Parameters
     ----------

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from robotctl.app.localisation.estimators import Estimators, make_estimators
-from robotctl.app.localisation.load_estimators import AGAIN_SIGMA_M, load_estimators
+from robotctl.app.localisation.load_estimators import load_estimators
 from robotctl.app.localisation.localiser import (
     LocaliserInput,
     external_covariance,
@@ -330,7 +330,7 @@ def test_particles_go_by_what_the_camera_sees_but_not_by_pictures_that_it_does_n
     ],
 )
 def test_a_covariance_from_outside_is_used_as_far_as_it_is_one(given, expected) -> None:
-    found = external_covariance(ExternalPose(0, 0.0, 0.0, 0.0, given))
+    found = external_covariance(ExternalPose(0, 0.0, 0.0, 0.0, given), LocalisationConfig())
     assert found == pytest.approx(np.array(expected))
 
 
@@ -356,12 +356,12 @@ def test_any_covariance_from_outside_can_be_inverted_and_says_less_the_farther_o
     rng = np.random.default_rng(7)
     for _ in range(5000):
         pose = ExternalPose(0, 1.0, 2.0, 0.5, correlated(rng))
-        covariance = external_covariance(pose)
+        covariance = external_covariance(pose, LocalisationConfig())
         checked_covariance(covariance)  # what the EKF demands
         off = rng.standard_normal((20, 3)) * 10.0 ** rng.uniform(-3.0, 3.0, (20, 1))
         off[:, 2] = np.clip(off[:, 2], -1.0, 1.0)
         here = np.array([pose.x_m, pose.y_m, pose.theta_rad])
-        logs = pose_measurement(pose)(np.vstack([here + off, here]))
+        logs = pose_measurement(pose, LocalisationConfig())(np.vstack([here + off, here]))
         assert np.all(np.isfinite(logs)), pose
         assert np.all(logs[:-1] < 0.0), pose
         assert logs[-1] == 0.0
@@ -376,10 +376,11 @@ def test_a_covariance_that_is_sound_is_taken_as_it_is() -> None:
         root = rng.standard_normal((3, 5))
         matrix = root @ root.T
         pose = ExternalPose(0, 1.0, 2.0, 0.0, upper_triangle(matrix))
-        assert external_covariance(pose) == pytest.approx(matrix, rel=1e-12)
+        assert external_covariance(pose, LocalisationConfig()) == pytest.approx(matrix, rel=1e-12)
         off = 0.1 * rng.standard_normal((4, 3))
         expected = [-0.5 * each @ np.linalg.solve(matrix, each) for each in off]
-        assert pose_measurement(pose)(off + np.array([1.0, 2.0, 0.0])) == pytest.approx(expected)
+        log_likelihood = pose_measurement(pose, LocalisationConfig())
+        assert log_likelihood(off + np.array([1.0, 2.0, 0.0])) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("method", ["ekf", "mcl"])
@@ -421,7 +422,11 @@ def test_the_room_of_these_tests_is_the_one_of_the_file(world: Path) -> None:
 @pytest.mark.parametrize("method", ["ekf", "mcl"])
 @pytest.mark.parametrize(
     ("last", "sigma_m"),
-    [(None, 0.1), (SE2(1.0, 1.0, 0.0), 0.1), (SE2(3.0, 2.5, 1.2), AGAIN_SIGMA_M)],
+    [
+        (None, 0.1),
+        (SE2(1.0, 1.0, 0.0), 0.1),
+        (SE2(3.0, 2.5, 1.2), LocalisationConfig().restart_sigma_m),
+    ],
     ids=["first start", "before it has moved", "under way"],
 )
 def test_started_again_under_way_the_localiser_begins_where_the_robot_was_last(
