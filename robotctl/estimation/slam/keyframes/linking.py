@@ -7,10 +7,9 @@ from typing import Final
 
 import numpy as np
 
-from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link
+from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link, certain
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe, match_pair
-from robotctl.estimation.slam.keyframes.known_places import certain
 from robotctl.estimation.slam.keyframes.loops import NEAR_M, LoopSearch
 from robotctl.estimation.slam.keyframes.straight_walls import StraightWalls
 
@@ -74,7 +73,7 @@ class Linking:
         self._back_end.link(Link(first, second, pair.pose, pair.information, is_loop))
         return True
 
-    def link_near(self, number: int, passed: list[int], *, by_wheels: bool) -> None:
+    def link_near(self, number: int, passed: list[int], *, has_odometry: bool) -> None:
         """Link a keyframe with old ones near it; those that may be near are loops to look for.
 
         Parameters
@@ -83,9 +82,10 @@ class Linking:
             Of the new keyframe.
         passed
             Those that were passed last.
-        by_wheels
+        has_odometry
             Whether there is odometry.
         """
+        self._loops.enter(number)
         poses, doubts = self._back_end.poses, self._back_end.doubts(number)
         is_old = np.ones(number + 1, np.bool_)
         is_old[[*passed, number]] = False
@@ -105,4 +105,4 @@ class Linking:
         if linked:
             return
         others = np.flatnonzero(is_old & ~sure)
-        self._loops.consider(number, others, doubts, by_wheels=by_wheels)
+        self._loops.consider(number, others, doubts, has_odometry=has_odometry)

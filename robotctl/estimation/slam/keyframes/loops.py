@@ -11,12 +11,11 @@ import numpy as np
 from robotctl.estimation.slam.front_end.correlative import Window, search
 from robotctl.estimation.slam.front_end.point_to_line import refine
 from robotctl.estimation.slam.front_end.surface import Surface, joined
-from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link
+from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link, certain
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.keyframe import CORRIDOR, Keyframe, held, match_pair
-from robotctl.estimation.slam.keyframes.known_places import certain
+from robotctl.estimation.slam.keyframes.local_map import local_map, thinned
 from robotctl.estimation.slam.keyframes.shapes import AROUND, PossiblePlaces, Shapes
-from robotctl.estimation.slam.keyframes.tracker import local_map, thinned
 from robotctl.model.geometry.se2 import SE2
 
 FoundBy: TypeAlias = Literal["position", "shape", "image", "sonar turn"]
@@ -151,7 +150,7 @@ class LoopSearch:
             )
 
     def consider(
-        self, number: int, others: np.ndarray, doubts: np.ndarray, *, by_wheels: bool
+        self, number: int, others: np.ndarray, doubts: np.ndarray, *, has_odometry: bool
     ) -> None:
         """Put old keyframes on the list: the nearest of each visit, and those that look alike.
 
@@ -163,7 +162,7 @@ class LoopSearch:
             Old ones whose place beside it is in doubt, (n,).
         doubts
             Of all keyframes: standard deviations of position [m] and heading [rad], (m, 2).
-        by_wheels
+        has_odometry
             Whether there is odometry.
         """
         others = others[others < number - 2 * _AROUND]
@@ -173,7 +172,7 @@ class LoopSearch:
         is_near = away < NEAR_M + reach
         self._consider_near(number, others[is_near], away[is_near], doubts)
         limits_m = _BEYOND * reach
-        if not by_wheels:
+        if not has_odometry:
             ways_m = np.array([self._keyframes[each].travelled_m for each in others])
             way_m = np.abs(self._keyframes[number].travelled_m - ways_m)
             limits_m = np.maximum(limits_m, _SLIPS * way_m)

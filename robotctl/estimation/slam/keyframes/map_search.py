@@ -18,7 +18,8 @@ from robotctl.estimation.slam.front_end.point_to_line import refine
 from robotctl.estimation.slam.keyframes.back_end import BackEnd
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe, compared, match_pair
-from robotctl.estimation.slam.keyframes.tracker import SEARCH_POINTS, LocalMap, local_map, thinned
+from robotctl.estimation.slam.keyframes.local_map import LocalMap, local_map, thinned
+from robotctl.estimation.slam.keyframes.tracker import SEARCH_POINTS
 from robotctl.model.geometry.se2 import SE2
 
 _SPACING_M: Final = 1.0

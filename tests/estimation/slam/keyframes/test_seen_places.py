@@ -58,7 +58,7 @@ def test_images_are_known_again_by_those_who_go_on_with_the_map():
     for one, other in zip(mapper.images.values(), before.images.values(), strict=True):
         assert np.array_equal(one.descriptors, other.descriptors)
         np.testing.assert_allclose(one.points, other.points, atol=1e-7)
-    mapper.stand(Place(0, 0, SE2()), SE2())
+    mapper.robot.relocate(Place(0, 0, SE2()), SE2())
     seen = SeenPlaces(vocabulary, mapper)
     drive(seen)
     loaded = len(before.images)

@@ -54,7 +54,7 @@ def test_a_round_through_an_office_closes(with_odometry):
     mapper, made = drive(OFFICE, poses, drifting(poses, rng) if with_odometry else None, rng)
     assert ape_m(made, poses) < 0.05
     assert any(link.is_loop and link.second - link.first > 60 for link in mapper.back_end.links)
-    assert mapper.lost == 0
+    assert mapper.tracker.unmatched == 0
 
 
 def test_a_slip_of_the_wheels_is_noticed_and_does_no_harm():
@@ -66,7 +66,7 @@ def test_a_slip_of_the_wheels_is_noticed_and_does_no_harm():
         for row, pose in enumerate(odometry)
     ]
     mapper, made = drive(OFFICE, poses, slipped, rng)
-    assert mapper.slips == 1
+    assert mapper.tracker.slips == 1
     assert ape_m(made, poses) < 0.05
 
 
