@@ -6,28 +6,16 @@ So a robot that stays in one building keeps a map of one size, which shows what 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 
 from robotctl.estimation.slam.front_end.surface import Floats, surface_of
 from robotctl.estimation.slam.keyframes.back_end import BackEnd, certain
-from robotctl.estimation.slam.keyframes.config import KeyframeConfig
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig, KnownPlacesConfig
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe, compared, keyframe_of, match_pair
 from robotctl.estimation.slam.keyframes.motion import CONTRADICTS, Place, PredictedMotion
-from robotctl.estimation.slam.keyframes.robot_state import LOST, RobotState
+from robotctl.estimation.slam.keyframes.robot_state import RobotState
 from robotctl.model.geometry.se2 import SE2
-
-NEAR_M: Final = 0.4
-"""Keyframes are this far apart, unless they see different things."""
-_TRIES: Final = 3
-CHANGED: Final = 0.04
-"""Fraction of contradicting points above which the scene has changed."""
-_YOUNG_M: Final = 5.0
-"""Way after which a scan may be replaced: people walk about."""
-_WIDE_M: Final = 0.15
-_PASSES: Final = 6
-"""Keyframes passed that decide on a relocalisation; half of them must confirm it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,19 +83,19 @@ def known_place(
     config
         Of the mapper.
     """
-    at = back_end.pose(reference) @ pose
+    at, limits = back_end.pose(reference) @ pose, config.tuning.known
     away = np.hypot(*(back_end.poses[:, :2] - (at.x_m, at.y_m)).T)
-    near = np.flatnonzero((away < NEAR_M) & certain(back_end.doubts(reference)))
+    near = np.flatnonzero((away < limits.near_m) & certain(back_end.doubts(reference)))
     turn = np.abs(np.angle(np.exp(1j * (back_end.poses[near, 2] - at.theta_rad))))
-    for other in near[np.argsort(away[near] + 0.1 * turn)][:_TRIES].tolist():
+    for other in near[np.argsort(away[near] + 0.1 * turn)][: limits.tries].tolist():
         old = keyframes[other]
         start = back_end.pose(other).inverse() @ at
         if not _is_open(old, start):
             continue
-        pair = match_pair(old, new, start, config, _WIDE_M)
+        pair = match_pair(old, new, start, config, limits.match_m)
         there = start if pair is None else pair.pose
         overlap, contradicts = compared(old, new, there)
-        is_young = new.travelled_m - old.travelled_m < _YOUNG_M
+        is_young = new.travelled_m - old.travelled_m < limits.young_m
         if pair is not None and overlap >= config.keyframe_overlap:
             information = pair.information / config.shared
             return Known(other, there, contradicts, is_young, information)
@@ -150,19 +138,20 @@ class Probation:
     Until then the map is left alone: what is not on it may look like what is.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, config: KnownPlacesConfig) -> None:
+        self._config = config
         self._passed = self._against = 0
 
     def ends_with(self, known: Known | None) -> bool:
         """Count a keyframe that was passed, None where none is; return whether all is clear."""
         self._passed += 1
-        self._against += known is None or known.contradicts > CHANGED
-        return self.is_refuted or self._passed >= _PASSES
+        self._against += known is None or known.contradicts > self._config.changed
+        return self.is_refuted or self._passed >= self._config.confirming_keyframes
 
     @property
     def is_refuted(self) -> bool:
         """Whether too many keyframes contradict it."""
-        return 2 * self._against > _PASSES
+        return 2 * self._against > self._config.confirming_keyframes
 
 
 class KnownPlaces:
@@ -202,7 +191,7 @@ class KnownPlaces:
 
     def begin_probation(self) -> None:
         """Have the keyframes that are passed from now on confirm where the robot was found."""
-        self._probation = Probation()
+        self._probation = Probation(self._config.tuning.known)
 
     def step(self, new: Keyframe, pose: SE2) -> bool:
         """Return whether a scan, at a pose in the last keyframe, is of a known place; stand there.
@@ -220,7 +209,11 @@ class KnownPlaces:
         if known is None:
             return False
         may_change = robot.travelled_m > robot.unsure_until_m and not is_left_alone
-        if known.contradicts > CHANGED and may_change and not known.is_young:
+        if (
+            known.contradicts > self._config.tuning.known.changed
+            and may_change
+            and not known.is_young
+        ):
             self._keyframes[known.number] = renewed(new, known.pose)
             self.renewals += 1
             robot.trail.redraw()
@@ -254,5 +247,5 @@ class KnownPlaces:
         if self._probation is None or not self._probation.ends_with(known):
             return
         if self._probation.is_refuted:
-            self._robot.unmatched_in_a_row = LOST
+            self._robot.lose()
         self._probation = None

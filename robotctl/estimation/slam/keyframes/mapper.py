@@ -17,13 +17,13 @@ from robotctl.estimation.slam.keyframes.linking import Linking
 from robotctl.estimation.slam.keyframes.loops import LoopSearch
 from robotctl.estimation.slam.keyframes.motion import (
     AFTER_A_BREAK,
-    MotionPrediction,
     OdometryAnchor,
     Place,
     by_odometry,
 )
+from robotctl.estimation.slam.keyframes.prediction import MotionPrediction
 from robotctl.estimation.slam.keyframes.relocaliser import Relocaliser
-from robotctl.estimation.slam.keyframes.robot_state import LOST, RobotState
+from robotctl.estimation.slam.keyframes.robot_state import RobotState
 from robotctl.estimation.slam.keyframes.saved_map import KeyframeMap
 from robotctl.estimation.slam.keyframes.tracker import LEAST_ECHOES, Tracker, new_keyframe
 from robotctl.estimation.slam.keyframes.trail import Trail
@@ -54,7 +54,7 @@ class SlamMapper:
         self.images: dict[int, Features] = {}
         self.back_end = BackEnd(config.shared**2)
         world = config, self.keyframes, self.back_end
-        self.robot = RobotState(Trail(*world))
+        self.robot = RobotState(config.tuning.tracking, Trail(*world))
         self._prediction = MotionPrediction(config, self.robot)
         self.tracker = Tracker(*world, self.robot)
         self.known_places = KnownPlaces(*world, self.robot)
@@ -154,7 +154,8 @@ class SlamMapper:
         robot.place = Place(0, *saved.place)
         if not self.config.stretch_m:
             robot.trail.begin(saved.place[0])
-            robot.is_resumed, robot.unmatched_in_a_row = is_there, LOST
+            robot.is_resumed = is_there
+            robot.lose()
 
     def restart_segment(self, place: Place, odometry: SE2, *, is_another: bool) -> None:
         """Start a new odometry segment at the last keyframe: stretches have no match there.

@@ -1,22 +1,16 @@
-"""Prediction of the robot's pose: by odometry, or by its motion so far."""
+"""Motion between scans and how sure it is; places in keyframes that it starts from."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
 from robotctl.estimation.slam.front_end.surface import Floats
-from robotctl.estimation.slam.keyframes.config import KeyframeConfig, WheelNoise
+from robotctl.estimation.slam.keyframes.config import WheelNoise
 from robotctl.model.geometry.se2 import SE2
-
-if TYPE_CHECKING:
-    from robotctl.estimation.slam.keyframes.robot_state import RobotState
-
-_LONGEST: Final = 1.5
-"""Largest multiple of the last motion that is predicted: after a pause, or if a clock jumps."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +60,7 @@ def by_odometry(motion: SE2, noise: WheelNoise) -> PredictedMotion:
     return PredictedMotion(motion, noise.sigma_m(distance, turn), noise.sigma_rad(distance, turn))
 
 
-def by_velocity(last: SE2, last_s: float, now_s: float) -> PredictedMotion:
+def by_velocity(last: SE2, last_s: float, now_s: float, most: float) -> PredictedMotion:
     """Return the motion at the velocity of the last one, or somewhat more than the last one.
 
     Parameters
@@ -75,11 +69,13 @@ def by_velocity(last: SE2, last_s: float, now_s: float) -> PredictedMotion:
         The last motion, and how long it took [s]; 0: unknown.
     now_s
         Time since [s].
+    most
+        Maximum multiple of the last motion.
     """
     if last_s <= 0.0:
         sigma = min(0.05 + 0.5 * now_s, 0.5)
         return PredictedMotion(SE2(), sigma, sigma)
-    share = min(now_s / last_s, _LONGEST)
+    share = min(now_s / last_s, most)
     rho_x, rho_y, theta = (share * each for each in last.log())
     return PredictedMotion(
         SE2.exp(rho_x, rho_y, theta),
@@ -125,23 +121,3 @@ class OdometryAnchor:
             return moved
         away_m = math.hypot(wheels.motion.x_m, wheels.motion.y_m)
         return moved.widened(self.uncertainty, away_m)
-
-
-class MotionPrediction:
-    """Predicts the motion from one scan to the next."""
-
-    def __init__(self, config: KeyframeConfig, robot: RobotState) -> None:
-        self._wheels = config.wheels
-        self._robot = robot
-
-    def step(self, stamp_ns: int, odometry: SE2 | None) -> PredictedMotion:
-        """Return the motion since the last scan, with `base` in `odom` now; None: unknown."""
-        robot = self._robot
-        before, robot.odometry = robot.odometry, odometry
-        robot.has_odometry = odometry is not None and before is not None and not robot.is_resumed
-        if robot.is_resumed:
-            return AFTER_A_BREAK
-        if odometry is not None and before is not None:
-            return by_odometry(before.inverse() @ odometry, self._wheels)
-        since_s = 1e-9 * (stamp_ns - robot.place.stamp_ns)
-        return by_velocity(robot.last_motion, robot.last_motion_s, since_s)

@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
 from robotctl.estimation.slam.front_end.surface import Floats
 from robotctl.estimation.slam.keyframes.back_end import BackEnd
+from robotctl.estimation.slam.keyframes.config import TrackingConfig
 from robotctl.estimation.slam.keyframes.motion import OdometryAnchor, Place, PredictedMotion
 from robotctl.estimation.slam.keyframes.trail import Trail
 from robotctl.model.geometry.se2 import SE2
-
-LOST: Final = 10
-"""Number of consecutive unmatched scans after which the robot is lost."""
-_UNSURE_M: Final = 5.0
-"""Distance after a slip, or after a relocalisation, on which the map's keyframes keep their
-scans [m]."""
 
 
 class RobotState:
@@ -48,7 +41,8 @@ class RobotState:
         Whether the next scan is the first one on a saved map, near the robot's last place.
     """
 
-    def __init__(self, trail: Trail) -> None:
+    def __init__(self, config: TrackingConfig, trail: Trail) -> None:
+        self._config = config
         self.trail = trail
         self.place = Place(0, 0, SE2())
         self.odometry: SE2 | None = None
@@ -63,7 +57,11 @@ class RobotState:
     @property
     def is_lost(self) -> bool:
         """Whether so many scans went unmatched that the robot does not know its place."""
-        return self.unmatched_in_a_row >= LOST
+        return self.unmatched_in_a_row >= self._config.lost_scans
+
+    def lose(self) -> None:
+        """Count as lost until a scan matches."""
+        self.unmatched_in_a_row = self._config.lost_scans
 
     def begin_odometry(self) -> None:
         """Start with another odometry at the next scan."""
@@ -94,7 +92,7 @@ class RobotState:
 
     def keep_keyframes(self) -> None:
         """Leave the scans of keyframes as they are on the next metres: the place is not sure."""
-        self.unsure_until_m = self.travelled_m + _UNSURE_M
+        self.unsure_until_m = self.travelled_m + self._config.unsure_m
 
     def fuse_loop(self, back_end: BackEnd) -> None:
         """Fuse the last link with the covariance of the pose, if it is one of a loop."""

@@ -12,7 +12,7 @@ from robotctl.estimation.slam.front_end.correlative import Window, search
 from robotctl.estimation.slam.front_end.point_to_line import NARROW_M, Match, refine
 from robotctl.estimation.slam.front_end.surface import Floats, Surface
 from robotctl.estimation.slam.keyframes.back_end import BackEnd
-from robotctl.estimation.slam.keyframes.config import KeyframeConfig
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig, TrackingConfig
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe, compared, held, keyframe_of
 from robotctl.estimation.slam.keyframes.local_map import LocalMap, thinned
 from robotctl.estimation.slam.keyframes.motion import CONTRADICTS, OdometryAnchor, PredictedMotion
@@ -22,28 +22,6 @@ from robotctl.model.sensors.range_scan import RangeScan
 
 LEAST_ECHOES: Final = 10
 """Scans with fewer are not matched."""
-SEARCH_POINTS: Final = 180
-_WIDE_M: Final = 1.0
-_WIDE_POINTS: Final = 60
-"""In a window of a metre and more to each side; there the time goes, and any place is a start for
-the refinement by all points."""
-_SURE: Final = 0.6
-"""A match with a lower score is compared with those of a wider search."""
-_BETTER: Final = 0.2
-"""Lead in score that a match farther from the prior needs to replace a nearer one."""
-_WIDER: Final = 2.5
-_LOST_M: Final = 0.5
-_LOST_RAD: Final = 0.5
-"""Doubt of the prior in the wider search at least: wheels slip, clocks jump."""
-_FARTHEST_M: Final = 2.5
-_CORRIDOR: Final = 0.01
-"""Information along, beside that across, where walls say nothing of the place along them."""
-_STILL_MATCHES: Final = 0.75
-_ASKED: Final = 4
-_CONFIRMED: Final = 0.6
-"""Minimum score of a match that does not follow from where the robot was."""
-_MOVED: Final = 0.05
-"""Share of two scans that may contradict, of half of the keyframes asked about a place."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,17 +50,17 @@ def track(
     local: LocalMap, surface: Surface, last: SE2, predicted: PredictedMotion, config: KeyframeConfig
 ) -> Tracked:
     """Return where a scan was taken, after a motion from a last pose on a local map."""
-    prior = last @ predicted.motion
-    score, match = _attempt(local, surface, prior, predicted)
-    if score < _SURE or match.inliers < config.least_inliers:
+    prior, limits = last @ predicted.motion, config.tuning.tracking
+    score, match = _attempt(local, surface, prior, predicted, limits)
+    if score < limits.sure_score or match.inliers < config.least_inliers:
         lost = PredictedMotion(
             predicted.motion,
-            max(_WIDER * predicted.sigma_m, _LOST_M),
-            max(_WIDER * predicted.sigma_rad, _LOST_RAD),
+            max(limits.wider * predicted.sigma_m, limits.wider_m),
+            max(limits.wider * predicted.sigma_rad, limits.wider_rad),
         )
-        wide_score, wide = _attempt(local, surface, prior, lost)
+        wide_score, wide = _attempt(local, surface, prior, lost, limits)
         fits = score >= config.least_score and match.inliers >= config.least_inliers
-        if not fits or wide_score > score + _BETTER:
+        if not fits or wide_score > score + limits.better_score:
             score, match = wide_score, wide
     if score < config.least_score or match.inliers < config.least_inliers:
         return Tracked(prior, None, 0.0, has_slipped=False)
@@ -167,58 +145,77 @@ class Tracker:
         )
         if not config.is_live or is_continuous:
             return tracked
-        new, asked = keyframe_of(scan, surface, robot.travelled_m), robot.trail.last(_ASKED)
+        limits = config.tuning.tracking
+        new, asked = (
+            keyframe_of(scan, surface, robot.travelled_m),
+            robot.trail.last(limits.confirming_keyframes),
+        )
         at = self._back_end.pose(last.keyframe) @ tracked.pose
-        if tracked.score < _SURE or not is_borne_out(
-            new, at, [self._keyframes[each] for each in asked], self._back_end.poses[asked]
+        if tracked.score < limits.confirmed_score or not is_confirmed(
+            new,
+            at,
+            [self._keyframes[each] for each in asked],
+            self._back_end.poses[asked],
+            limits.confirmed_contradiction,
         ):
             return unmatched
         robot.keep_keyframes()
         return replace(tracked, has_slipped=tracked.has_slipped and not was_resumed)
 
 
-def is_borne_out(new: Keyframe, at: SE2, asked: Sequence[Keyframe], poses: Floats) -> bool:
+def is_confirmed(
+    new: Keyframe, at: SE2, asked: Sequence[Keyframe], poses: Floats, most_contradicting: float
+) -> bool:
     """Return whether half of some keyframes at poses (n, 3) confirm a scan taken at a pose.
 
     A robot that was carried away may be where much looks the same.
     """
     agreeing = 0
     for old, row in zip(asked, poses.tolist(), strict=True):
-        agreeing += compared(old, new, SE2(*row).inverse() @ at)[1] < _MOVED
+        agreeing += compared(old, new, SE2(*row).inverse() @ at)[1] < most_contradicting
     return 2 * agreeing >= len(asked)
 
 
 def _attempt(
-    local: LocalMap, surface: Surface, prior: SE2, predicted: PredictedMotion
+    local: LocalMap,
+    surface: Surface,
+    prior: SE2,
+    predicted: PredictedMotion,
+    limits: TrackingConfig,
 ) -> tuple[float, Match]:
     """Return score and refined match of the best pose around a prior."""
     window = Window(
         prior,
-        min(3.0 * predicted.sigma_m, _FARTHEST_M),
+        min(3.0 * predicted.sigma_m, limits.farthest_m),
         min(3.0 * predicted.sigma_rad, np.pi),
         predicted.sigma_m,
         predicted.sigma_rad,
     )
-    most = SEARCH_POINTS if window.shift_m < _WIDE_M else _WIDE_POINTS
+    most = limits.search_points if window.shift_m < limits.wide_m else limits.wide_points
     found = search(local.field, thinned(surface.points, most), window, -1.0)
     start, score = (prior, 0.0) if found is None else (found.pose, found.score)
     match = refine(local.bins, surface, start, prior, predicted.information)
-    return score, _held(local, surface, match, prior, predicted)
+    return score, _held(local, surface, match, prior, predicted, limits)
 
 
 def _held(
-    local: LocalMap, surface: Surface, match: Match, prior: SE2, predicted: PredictedMotion
+    local: LocalMap,
+    surface: Surface,
+    match: Match,
+    prior: SE2,
+    predicted: PredictedMotion,
+    limits: TrackingConfig,
 ) -> Match:
     """Return a match which the prior holds along a corridor, if it is in one.
 
     There the search prefers to stand still, where all of a scan overlaps with the map. Zhang,
     Kaess, Singh: On degeneracy of optimization-based state estimation problems, ICRA 2016.
     """
-    start = held(match, prior, _CORRIDOR)
+    start = held(match, prior, limits.corridor)
     if start is match.pose:
         return match
     along = refine(local.bins, surface, start, prior, predicted.information, NARROW_M)
-    return along if along.inliers > _STILL_MATCHES * match.inliers else match
+    return along if along.inliers > limits.still_matches * match.inliers else match
 
 
 def _contradicts(prior: SE2, predicted: PredictedMotion, match: Match) -> bool:
