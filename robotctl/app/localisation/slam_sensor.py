@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 from robotctl.config.robot_file import RobotConfig
@@ -57,7 +58,7 @@ def slam_sensor(config: RobotConfig, robot: SensedRobot) -> SlamSensor:
             'true goes on with the map; localisation.method = "mcl" finds the robot on the ROS '
             "map of a drive, localisation.map"
         )
-    return SlamSensor(name, robot, source.config)
+    return SlamSensor(name, robot, replace(source.config, tuning=settings.slam))
 
 
 def recognises_places(config: RobotConfig) -> bool:

@@ -12,11 +12,12 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
+from robotctl.estimation.places.recogniser import Recognition
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behave.behaviours.behaviour import (
     Anchor,
@@ -33,6 +34,7 @@ from robotctl.planning.map.topological.graph import Passage, TopologicalMap
 from robotctl.planning.map.topological.recognition import (
     Appearance,
     PlaceSearch,
+    Sighting,
     appearances,
     look_of,
 )
@@ -176,7 +178,7 @@ class Travel(Behaviour):
     def pause(self) -> None:
         """Go on from where the robot is after the pause."""
         self._approach.reset()
-        self._search: tuple[PlaceSearch, SE2] | None = None
+        self._search: tuple[Iterator[Recognition[Sighting] | None], SE2] | None = None
         self._roam: tuple[Behaviour, int] | None = None
         self._roamed_m = 0.0
         self._seen_ns = 0
@@ -246,8 +248,9 @@ class Travel(Behaviour):
             return self._begin_search(situation, now_ns)
         search, T_world_base = self._search
         for _ in range(_WINDOWS):
-            if search.step():
-                return self._end_search(search, T_world_base, now_ns)
+            recognition = next(search)
+            if recognition is not None:
+                return self._end_search(recognition, T_world_base, now_ns)
             if not self._tools.paths.has_time:
                 break
         return BehaviourOutput(0.0, 0.0, text="looking where it is")
@@ -268,18 +271,21 @@ class Travel(Behaviour):
             self._looks += 1
             names = [self._hint] if self._hint else list(self._looks_of)
             places = [self._looks_of[name] for name in names]
-            self._search = PlaceSearch(look, places, self._map), taken[0]
+            self._search = PlaceSearch(places, self._map).steps(look), taken[0]
         return BehaviourOutput(0.0, 0.0, text="standing, to look where it is")
 
-    def _end_search(self, search: PlaceSearch, T_world_base: SE2, now_ns: int) -> BehaviourOutput:
+    def _end_search(
+        self, recognition: Recognition[Sighting], T_world_base: SE2, now_ns: int
+    ) -> BehaviourOutput:
         """Believe what was found; after nothing, look at other places or elsewhere."""
         self._search = None
         hint, self._hint = self._hint, ""
-        if search.found is not None:
-            T_world_frame = T_world_base @ search.found.pose.inverse()
-            self._belief = _Belief(search.found.place, T_world_frame, is_borne_out=True)
-            return BehaviourOutput(0.0, 0.0, text=f"recognised {search.found.place}")
-        self._reason = f"this does not look like {hint}" if hint else search.reason
+        found = recognition.found
+        if found is not None:
+            T_world_frame = T_world_base @ found.pose.inverse()
+            self._belief = _Belief(found.place, T_world_frame, is_borne_out=True)
+            return BehaviourOutput(0.0, 0.0, text=f"recognised {found.place}")
+        self._reason = f"this does not look like {hint}" if hint else recognition.refusal
         if not hint:
             self._roam = self._make_roam(), now_ns
             self._roamed_m = 0.0
