@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from typing import Final, NamedTuple, TypeAlias
 
+import msgspec
 import numpy as np
 
 from robotctl.core.fence_keeper import FenceKeeper
@@ -70,9 +71,6 @@ _Aside: TypeAlias = (
     ExternalPose | GroundStationPresence | SetFence | EnableFence | SetRally | SetZones | Tuning
 )
 """Requests that are not for the navigator."""
-
-_COMMAND: Final = frozenset({"v_m_s", "omega_rad_s", "vy_m_s", "expires_ns"})
-"""Fields of a step that are no part of the state."""
 
 _UNKNOWN: Final = SE2(math.nan, math.nan, math.nan)
 """Pose before the first control state: the navigator stands still and drops no breadcrumb."""
@@ -191,7 +189,7 @@ class NavigationAdapter:
         inputs = self._inputs(control, requests, now_ns, seen)._replace(late_ns=late_ns)
         out = self.navigator.step(inputs, now_ns)
         offer, self._offer = self._offer, None
-        if offer is not None and self.navigator.mission is offer.mission:
+        if offer is not None and self.navigator.auto.mission is offer.mission:
             self._hold(offer.file, offer.content)
         until_ns = now_ns + COMMAND_LIFE_PERIODS * self.period_ns
         if out.expires_ns is not None:
@@ -200,18 +198,16 @@ class NavigationAdapter:
         wanted = Twist(out.v_m_s, out.omega_rad_s, out.vy_m_s)
         twist = self._within_fence(control, inputs, wanted, now_ns)
         command = VelocityCommand(now_ns, until_ns, *twist)
-        if out.message != self._message and inputs.enabled and out.held:
-            self._notices.append(out.message)
-        self._message = out.message
-        told = {key: value for key, value in out._asdict().items() if key not in _COMMAND}
-        told["message"] = self.fence.message or out.message
-        state = NavigationState(
-            stamp_ns=now_ns,
+        if out.state.message != self._message and inputs.enabled and out.state.held:
+            self._notices.append(out.state.message)
+        self._message = out.state.message
+        state = msgspec.structs.replace(
+            out.state,
+            message=self.fence.message or out.state.message,
             mission_file=self._file,
             mission_crc=self._crc,
             fence=self.fence.state,
             rally_crc=0 if self._rally is None else self._rally.crc,
-            **told,
         )
         return command, state
 
@@ -222,17 +218,17 @@ class NavigationAdapter:
             if isinstance(each, SetFence | EnableFence):
                 self.fence.take(each)
             elif isinstance(each, SetRally):
-                self.navigator.use_rally(each.places)
+                self.navigator.bounds.use_rally(each.places)
                 self._rally = each
             elif isinstance(each, SetZones):
                 self._draw(each)
         if self.fence.planned != before:
-            self.navigator.use_fence(self.fence.planned)
+            self.navigator.bounds.use_fence(self.fence.planned)
 
     def _draw(self, request: SetZones) -> None:
         """Take the drawn zones, or give the reason for refusing them as a notice."""
         try:
-            self.navigator.use_drawn_zones(
+            self.navigator.bounds.use_drawn_zones(
                 [Zone(each.name, each.corners, each.speed_m_s) for each in request.zones]
             )
         except (MissionError, ValueError) as error:
@@ -310,7 +306,7 @@ class NavigationAdapter:
         MissionError
             If the robot cannot drive it.
         """
-        self.navigator.load(mission)
+        self.navigator.auto.load(mission)
         self._hold(file, content)
 
     def _hold(self, file: str, content: bytes) -> None:
@@ -338,8 +334,8 @@ class NavigationAdapter:
     def _bounds(self, now_ns: int) -> BoundsView:
         """Return what bounds the robot."""
         navigator, fence, rally = self.navigator, self.fence, self._rally
-        of_mission = () if navigator.mission is None else navigator.mission.zone
-        own = [*_drawn(navigator.own_zones, "robot"), *_drawn(of_mission, "mission")]
+        of_mission = () if navigator.auto.mission is None else navigator.auto.mission.zone
+        own = [*_drawn(navigator.bounds.own_zones, "robot"), *_drawn(of_mission, "mission")]
         home = navigator.home
         return BoundsView(
             now_ns,
