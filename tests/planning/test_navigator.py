@@ -371,7 +371,7 @@ def test_a_navigator_held_up_for_seconds_stands_and_goes_on(robot, make_run, gap
         waited = sum(stands)
         assert 15 <= waited <= 22  # a second of steps in time
         assert all(stands[:waited])
-        assert f"held up (a step took that long) for {gap_s + 0.05:.1f}" in steps[0].message
+        assert f"held up (a step took that long) for {gap_s + 0.05:.1f}" in steps[0].state.message
 
 
 def test_a_navigator_held_up_for_longer_holds(robot, make_run):

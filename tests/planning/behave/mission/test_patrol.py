@@ -9,7 +9,7 @@ from robotctl.messages.mode import Mode
 from robotctl.messages.requests import ModeRequest
 from robotctl.planning.behave.mission.mission_file import parse_mission
 
-FILE = FilePath(__file__).parents[3] / "configs" / "missions" / "patrol.toml"
+FILE = FilePath(__file__).parents[4] / "configs" / "missions" / "patrol.toml"
 
 
 @pytest.fixture(scope="module")
