@@ -18,9 +18,10 @@ from robotctl.planning.behave.behaviours.outlook import NOWHERE, Outlook
 from robotctl.planning.behave.journey.approach import Approach
 from robotctl.planning.behave.journey.exploration import Exploration
 from robotctl.planning.behave.journey.journey import Journey
+from robotctl.planning.behave.journey.place_finder import KnownPlaces
 from robotctl.planning.behave.journey.rehearsal import rehearse
 from robotctl.planning.behave.journey.tools import JourneyTools
-from robotctl.planning.behave.journey.travel import KnownPlaces, Travel
+from robotctl.planning.behave.journey.travel import Travel
 from robotctl.planning.config import NavigationConfig, RecoveryConfig
 from robotctl.planning.map.costs import costs_of
 from robotctl.planning.map.live_world import LiveWorld
