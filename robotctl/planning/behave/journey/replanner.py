@@ -101,7 +101,7 @@ class Replanner:
             if not is_better or self._tools.paths.is_doubtful(answer, pose):
                 return old
         self._take_aim()
-        leaves = self._tools.world.map.closed_at(pose)
+        leaves = self._tools.world.map.shut.closed_at(pose)
         until = f" out of {leaves}" if leaves else ""
         return Route(answer, leads_there=leads_there and not leaves, until=until)
 
