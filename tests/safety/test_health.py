@@ -390,12 +390,12 @@ def paused(pause_ms: int, later: Feedback | None = None, later_ms: int = 0) -> s
     """Return the reason to stop behind a pause, after which `later` comes."""
     made = health(GOOD)
     made.armed(NOW)
-    made.step(NOW)
+    made.stalls.step(NOW)
     now_ns = NOW + pause_ms * MS
-    made.step(now_ns)
+    made.stalls.step(now_ns)
     for _ in range(later_ms // 5):
         now_ns += 5 * MS
-        made.step(now_ns)
+        made.stalls.step(now_ns)
     if later is not None:
         made.update(later)
     return str(made.fault(now_ns) or "")
@@ -446,8 +446,8 @@ def test_each_fault_has_its_code_and_the_part_it_is_about(
 def test_a_pause_has_a_code_of_its_own(pause_ms: int, code: FaultCode | None) -> None:
     made = health(GOOD)
     made.armed(NOW)
-    made.step(NOW)
-    made.step(NOW + pause_ms * MS)
+    made.stalls.step(NOW)
+    made.stalls.step(NOW + pause_ms * MS)
     fault = made.fault(NOW + pause_ms * MS)
     assert (fault and fault.code) == code
 
@@ -459,7 +459,7 @@ def test_what_is_too_old_behind_a_pause_of_this_process_is_blamed_on_the_pause()
 def test_what_is_too_old_without_a_pause_is_not() -> None:
     made = health(GOOD)
     for tick in range(20):
-        made.step(NOW + tick * 5 * MS)
+        made.stalls.step(NOW + tick * 5 * MS)
     assert str(made.fault(NOW + 95 * MS)) == "wheel feedback is older than 15 ms"
 
 
