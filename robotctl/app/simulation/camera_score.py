@@ -11,7 +11,8 @@ from firmware_sim.camera.truth import Sighting, sightings, true_ranges
 from firmware_sim.config.camera_parameters import CameraMount, Intrinsics
 from firmware_sim.world.world import World
 from robotctl.app.simulation.score import CameraReport, StampedPose, TruthMatcher
-from robotctl.app.simulation.sim_options import SimOptions, simulated_robot
+from robotctl.app.simulation.sim_options import SimOptions
+from robotctl.app.simulation.simulator_files import simulated_robot
 from robotctl.config.robot_file import RobotConfig
 from robotctl.messages.estimation import CameraView
 

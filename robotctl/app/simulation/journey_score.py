@@ -14,7 +14,8 @@ from firmware_sim.world.world import World
 from robotctl.app.simulation.best_path import Best, best_path
 from robotctl.app.simulation.outline import outline_distance
 from robotctl.app.simulation.score import StampedPose
-from robotctl.app.simulation.sim_options import SimOptions, simulated_robot
+from robotctl.app.simulation.sim_options import SimOptions
+from robotctl.app.simulation.simulator_files import simulated_robot
 from robotctl.config.robot_file import RobotConfig
 from robotctl.planning.behave.mission.mission_file import Mission
 

@@ -36,7 +36,8 @@ from robotctl.app.simulation.score import (
     loop_report,
     run_message,
 )
-from robotctl.app.simulation.sim_options import SimOptions, load_faults
+from robotctl.app.simulation.sim_options import SimOptions
+from robotctl.app.simulation.simulator_files import load_faults
 from robotctl.app.simulation.time_limit import TimeLimit
 from robotctl.config.options import StackOptions
 from robotctl.core.navigation_tick import NavigationTick

@@ -20,7 +20,8 @@ from firmware_sim.sensors.rays import cast_fan, fan_angles
 from firmware_sim.world.cells import Cells
 from firmware_sim.world.world import World
 from robotctl.app.simulation.score import MapQuality
-from robotctl.app.simulation.sim_options import SimOptions, simulated_robot
+from robotctl.app.simulation.sim_options import SimOptions
+from robotctl.app.simulation.simulator_files import simulated_robot
 from robotctl.config.robot_file import RobotConfig
 from robotctl.estimation.sensor_names import LIDAR
 from robotctl.model.geometry.se2 import SE2

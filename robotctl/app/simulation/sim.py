@@ -32,8 +32,8 @@ from robotctl.app.simulation.score import (
     loop_report,
     run_message,
 )
-from robotctl.app.simulation.sim_options import (
-    SimOptions,
+from robotctl.app.simulation.sim_options import SimOptions
+from robotctl.app.simulation.simulator_files import (
     SimulatorError,
     bus_overrides,
     load_faults,
