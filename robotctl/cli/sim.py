@@ -26,7 +26,7 @@ from robotctl.errors import ConfigError, DiskError
 from robotctl.runtime.open_files import need_open_files
 
 if TYPE_CHECKING:
-    from robotctl.app.simulation.score import Report
+    from robotctl.app.scoring.score import Report
 
 NOT_COMPLETED = 3
 OWN_PAGE = "127.0.0.1:8080"
