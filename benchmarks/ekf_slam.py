@@ -18,7 +18,8 @@ from robotctl.logs.formats.mrclam_log import read_mrclam
 from robotctl.model.drives.motion import arc
 from robotctl.model.drives.motion_noise import MotionNoise
 from robotctl.model.geometry.se2 import SE2
-from robotctl.workbench.slam.slam import SlamOptions, slam, slam_of_recording
+from robotctl.workbench.slam.options import SlamOptions
+from robotctl.workbench.slam.slam import slam, slam_of_recording
 
 GOAL_US, GOAL_M, GOAL_INSIDE = 30.0, 0.3, 0.8
 LANDMARKS = 200

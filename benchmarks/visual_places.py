@@ -29,7 +29,8 @@ from robotctl.estimation.places.visual.recognition import VisualPlaces, sight_of
 from robotctl.maps.vocabulary_file import load_vocabulary, shipped_vocabulary
 from robotctl.planning.path.global_planning.plan import PlanFailure
 from robotctl.workbench.places.images import find_images
-from robotctl.workbench.planning.plan import PlanOptions, make_plan
+from robotctl.workbench.planning.options import PlanOptions
+from robotctl.workbench.planning.plan import make_plan
 
 GAP = 10
 MOST_ONE_BY_ONE = 100

@@ -21,7 +21,8 @@ from robotctl.runtime.clock import VirtualClock
 from robotctl.runtime.flight.recorder import Recorder, RecordHeader
 from robotctl.runtime.ipc.topics import Endpoints, Publisher, endpoint_directory
 from robotctl.workbench.places.live import live_turn
-from robotctl.workbench.places.places import PlaceSource, learn, marked, recognise
+from robotctl.workbench.places.options import PlaceSource
+from robotctl.workbench.places.places import learn, marked, recognise
 from tests.workbench.places.turning_robot import ROBOT, hallway, kitchen, turning
 
 

@@ -9,13 +9,14 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_sim.config.config import RobotConfig as SimulatedRobot
 from firmware_sim.world.people import RADIUS_M
 from firmware_sim.world.world import World
-from robotctl.app.simulation.best_path import Best, best_path
-from robotctl.app.simulation.outline import outline_distance
-from robotctl.app.simulation.score import StampedPose
-from robotctl.app.simulation.sim_options import SimOptions, simulated_robot
+from robotctl.app.scoring.best_path import Best, best_path
+from robotctl.app.scoring.outline import outline_distance
+from robotctl.app.scoring.score import StampedPose
 from robotctl.config.robot_file import RobotConfig
+from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behave.mission.mission_file import Mission
 
 _LEFT_M: Final = 0.1
@@ -111,18 +112,11 @@ class JourneyScore:
 
 
 def journey_score(
-    options: SimOptions, room: World, mission: Mission, robot: RobotConfig
+    simulated: SimulatedRobot, room: World, start: SE2, mission: Mission, robot: RobotConfig
 ) -> JourneyScore:
-    """Return the score of a run.
-
-    Raises
-    ------
-    SimulatorError
-        If the robot's file is wrong.
-    """
-    body = np.array(simulated_robot(options.robot, options.overrides).simulation.body)
+    """Return the score of a run that begins at `start`."""
+    body = np.array(simulated.simulation.body)
     x, y = body.T
     if (x * np.roll(y, -1) - np.roll(x, -1) * y).sum() < 0.0:
         body = body[::-1]
-    start = options.start_of(mission).pose
     return JourneyScore(body, room.touchable, lambda: best_path(robot, room, start, mission))

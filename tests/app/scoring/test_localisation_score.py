@@ -5,8 +5,8 @@ import math
 import pytest
 from scipy.stats import chi2
 
-from robotctl.app.simulation.localisation_score import LocalisationScore
-from robotctl.app.simulation.score import StampedPose
+from robotctl.app.scoring.localisation_score import LocalisationScore
+from robotctl.app.scoring.score import StampedPose
 from robotctl.messages.estimation import LocalisationState
 from robotctl.model.geometry.localisation import LocalisationStatus
 

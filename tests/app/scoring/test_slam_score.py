@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from robotctl.app.simulation.score import StampedPose
-from robotctl.app.simulation.slam_score import SlamScore
+from robotctl.app.scoring.score import StampedPose
+from robotctl.app.scoring.slam_score import SlamScore
 from robotctl.messages.estimation import ClosedLoop
 from robotctl.model.geometry.se2 import SE2
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from firmware_sim.world.world import load_world
-from robotctl.app.simulation.map_truth import PIECE_M, SPACING_M, MapTruth, reachable, visible_walls
+from robotctl.app.scoring.map_truth import PIECE_M, SPACING_M, MapTruth, reachable, visible_walls
 from robotctl.estimation.grid.map_quality import wall_cells
 from robotctl.maps.map_file import save_map
 from robotctl.model.geometry.se2 import SE2

@@ -9,9 +9,9 @@ import numpy as np
 
 from firmware_sim.camera.truth import Sighting, sightings, true_ranges
 from firmware_sim.config.camera_parameters import CameraMount, Intrinsics
+from firmware_sim.config.config import RobotConfig as SimulatedRobot
 from firmware_sim.world.world import World
-from robotctl.app.simulation.score import CameraReport, StampedPose, TruthMatcher
-from robotctl.app.simulation.sim_options import SimOptions, simulated_robot
+from robotctl.app.scoring.score import CameraReport, StampedPose, TruthMatcher
 from robotctl.config.robot_file import RobotConfig
 from robotctl.messages.estimation import CameraView
 
@@ -123,17 +123,12 @@ class CameraScore:
         )
 
 
-def camera_score(config: RobotConfig, options: SimOptions, world: World) -> CameraScore | None:
-    """Return the score of a simulated robot's camera in a world; None if it does not look.
-
-    Raises
-    ------
-    SimulatorError
-        If a file is wrong.
-    """
+def camera_score(
+    config: RobotConfig, simulated: SimulatedRobot, world: World
+) -> CameraScore | None:
+    """Return the score of a simulated robot's camera in a world; None if it does not look."""
     if config.camera is None or not config.camera.enabled:
         return None
-    simulated = simulated_robot(options.robot, options.overrides)
     if simulated.camera is None:
         return None
     true = simulated.simulation.camera

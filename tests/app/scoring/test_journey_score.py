@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robotctl.app.simulation.journey_score import JourneyScore
-from robotctl.app.simulation.outline import outline_distance
-from robotctl.app.simulation.score import StampedPose
+from robotctl.app.scoring.journey_score import JourneyScore
+from robotctl.app.scoring.outline import outline_distance
+from robotctl.app.scoring.score import StampedPose
 from robotctl.model.geometry.points import moved
 from robotctl.model.geometry.se2 import SE2
 

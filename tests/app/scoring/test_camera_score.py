@@ -10,8 +10,8 @@ import pytest
 from firmware_sim.camera.truth import sightings
 from firmware_sim.config.camera_parameters import CameraMount, Intrinsics
 from firmware_sim.world.world import load_world
-from robotctl.app.simulation.camera_score import CameraScore
-from robotctl.app.simulation.score import StampedPose
+from robotctl.app.scoring.camera_score import CameraScore
+from robotctl.app.scoring.score import StampedPose
 from robotctl.messages.estimation import CameraView, SeenObstacle
 
 LENS = Intrinsics(640, 480, 450.0, 450.0, 319.5, 239.5)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from firmware_sim.world.world import World
-from robotctl.app.simulation.best_path import best_path
+from robotctl.app.scoring.best_path import best_path
 from robotctl.config.robot_file import find_file, load_robot
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behave.mission.mission_file import parse_mission

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from robotctl.app.simulation.score import PoseScore, StampedPose
+from robotctl.app.scoring.score import PoseScore, StampedPose
 
 
 def test_an_estimate_is_compared_with_the_truth_of_its_own_time() -> None:

@@ -14,6 +14,9 @@ from robotctl.messages.control import BusStatus, ControlState, LoopStatistics, N
 from robotctl.model.drives.motion import between
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
+from robotctl.planning.behave.behaviours.goto import GotoItem
+from robotctl.planning.behave.behaviours.goto_place import GotoPlaceItem
+from robotctl.planning.behave.mission.mission_file import Mission
 from robotctl.safety.causes import AFTER_NS
 from robotctl.safety.state_machine import LATCHED, POWERED
 
@@ -145,6 +148,23 @@ class CameraReport(msgspec.Struct, frozen=True):
     false: int
     obstacle_rmse_m: float | None
     step_ms: float
+
+
+class Truth(msgspec.Struct, frozen=True):
+    """The part of firmware_sim's published truth that scores a run."""
+
+    stamp_ns: int
+    x_m: float
+    y_m: float
+    theta_rad: float
+    distance_m: float
+    collisions: int
+    power_off_ns: int
+    unsafe_motions: int
+    unsafe_reason: str
+    late_max_ns: int
+    ran_into: int
+    people: tuple[tuple[float, float], ...]
 
 
 class Report(msgspec.Struct, frozen=True):
@@ -388,3 +408,12 @@ def bus_report(bus: BusStatus) -> dict[str, Any]:
         "load": round(bus.load, 4),
         "errors": bus.error_frames + bus.send_failures + bus.crc_rejects + bus.counter_rejects,
     }
+
+
+def arrived(mission: Mission, navigation: NavigationState | None) -> bool | None:
+    """Return whether the robot is at the goal of its mission; None of a mission with more items."""
+    if navigation is None or len(mission.item) != 1:
+        return None
+    if not isinstance(mission.item[0], GotoItem | GotoPlaceItem):
+        return None
+    return navigation.mission_completed

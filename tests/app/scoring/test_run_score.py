@@ -7,10 +7,10 @@ import msgspec
 import numpy as np
 
 from robotctl.app.processes.robot import make_core
-from robotctl.app.simulation.journey_score import JourneyScore
-from robotctl.app.simulation.map_truth import MapTruth
-from robotctl.app.simulation.run_score import RunScore
-from robotctl.app.simulation.score import StampedPose
+from robotctl.app.scoring.journey_score import JourneyScore
+from robotctl.app.scoring.map_truth import MapTruth
+from robotctl.app.scoring.run_score import RunScore
+from robotctl.app.scoring.score import StampedPose
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file, load_robot
 from robotctl.logs.formats.tum import read_tum

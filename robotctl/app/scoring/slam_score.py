@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from robotctl.app.simulation.score import SlamReport, StampedPose
+from robotctl.app.scoring.score import SlamReport, StampedPose
 from robotctl.messages.estimation import ClosedLoop
 from robotctl.model.geometry.points import align, moved
 from robotctl.model.geometry.se2 import SE2

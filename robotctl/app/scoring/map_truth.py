@@ -16,17 +16,16 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_sim.config.config import RobotConfig as SimulatedRobot
 from firmware_sim.sensors.rays import cast_fan, fan_angles
 from firmware_sim.world.cells import Cells
 from firmware_sim.world.world import World
-from robotctl.app.simulation.score import MapQuality
-from robotctl.app.simulation.sim_options import SimOptions, simulated_robot
+from robotctl.app.scoring.score import MapQuality
 from robotctl.config.robot_file import RobotConfig
 from robotctl.estimation.sensor_names import LIDAR
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.model.wall_map import WallMap
-from robotctl.planning.behave.mission.mission_file import Mission
 from robotctl.planning.guard.body import body_outline
 
 PIECE_M: Final = 0.05
@@ -75,21 +74,14 @@ class MapTruth:
         )
 
 
-def map_truth(options: SimOptions, room: World, mission: Mission, robot: RobotConfig) -> MapTruth:
+def map_truth(simulated: SimulatedRobot, room: World, start: SE2, robot: RobotConfig) -> MapTruth:
     """Return what the map of a run is scored against.
 
     The sensor is the lidar, if the robot has one and localises by it, else its sonars.
-
-    Raises
-    ------
-    SimulatorError
-        If the robot's file is wrong.
     """
-    simulated = simulated_robot(options.robot, options.overrides).simulation
-    uses_lidar = simulated.lidar is not None and LIDAR in robot.localisation.sensors
-    sensor = simulated.lidar if uses_lidar and simulated.lidar is not None else simulated.sonar
+    lidar, sonar = simulated.simulation.lidar, simulated.simulation.sonar
+    sensor = sonar if lidar is None or LIDAR not in robot.localisation.sensors else lidar
     radius_m = body_outline(robot.navigation.guard, robot.sonar).inscribed_m
-    start = options.start_of(mission).pose
     seen = room.seen_from(sensor.z_m).segments
     return MapTruth(
         WallMap(room.touchable),

@@ -3,33 +3,59 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from robotctl.app.simulation.camera_score import CameraScore
-from robotctl.app.simulation.journey_score import JourneyScore
-from robotctl.app.simulation.localisation_score import LocalisationScore
-from robotctl.app.simulation.map_truth import MapTruth
-from robotctl.app.simulation.score import (
-    CameraReport,
-    LocalisationReport,
-    MapQuality,
+from firmware_sim.config.config import RobotConfig as SimulatedRobot
+from firmware_sim.world.truth import Truth as SimulatedTruth
+from firmware_sim.world.world import World
+from robotctl.app.scoring.camera_score import CameraScore, camera_score
+from robotctl.app.scoring.journey_score import JourneyScore, journey_score
+from robotctl.app.scoring.localisation_score import LocalisationScore
+from robotctl.app.scoring.map_truth import MapTruth, map_truth
+from robotctl.app.scoring.score import (
     PoseError,
     PoseScore,
-    SlamReport,
+    Report,
     StampedPose,
+    Truth,
+    arrived,
+    bus_report,
+    loop_report,
+    run_message,
 )
+from robotctl.config.robot_file import RobotConfig
 from robotctl.errors import DiskError
 from robotctl.logs.formats.tum import write_tum
 from robotctl.maps.map_file import save_map
-from robotctl.messages.control import ControlState
+from robotctl.messages.control import ControlState, LoopStatistics, NavigationState
 from robotctl.messages.estimation import CameraView, LiveMap, LocalisationState
 from robotctl.messages.map_message import grid_of
 from robotctl.messages.world_pose import WorldPose
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.model.trajectory import Trajectory
+from robotctl.planning.behave.mission.mission_file import Mission
+
+
+@dataclass(frozen=True, slots=True)
+class RunFacts:
+    """What is known of a run without its messages; `Report` says what the fields are."""
+
+    robot: str
+    world: str
+    mission: Mission
+    seed: int
+    bus_kind: str
+    ended: str
+    duration_s: float
+    real_time_factor: float
+    faults: tuple[str, ...]
+    log_trouble: str
+    held_up_ms: float = 0.0
+    silent: tuple[str, ...] = ()
 
 
 class RunScore:
@@ -68,6 +94,26 @@ class RunScore:
         self._control: ControlState | None = None
         self._map: GridMap | None = None
         self._truths: list[StampedPose] | None = [] if is_recorded else None
+
+    @classmethod
+    def of(
+        cls,
+        robot: RobotConfig,
+        simulated: SimulatedRobot,
+        room: World,
+        start: SE2,
+        mission: Mission,
+        *,
+        is_recorded: bool,
+    ) -> RunScore:
+        """Return the score of a robot that starts in a room, as it is and as it is simulated."""
+        return cls(
+            map_truth(simulated, room, start, robot),
+            journey_score(simulated, room, start, mission, robot),
+            camera_score(robot, simulated, room),
+            has_localiser=robot.localisation.method != "none",
+            is_recorded=is_recorded,
+        )
 
     def truth(self, pose: StampedPose, people_m: Sequence[tuple[float, float]] = ()) -> None:
         """Take a true pose, and where people are then (x, y)."""
@@ -114,25 +160,49 @@ class RunScore:
         """Error of the pose that the robot uses."""
         return self._pose.result()
 
-    @property
-    def localisation_report(self) -> LocalisationReport | None:
-        """Score of the localiser; None without one."""
-        return self._localisation.result()
-
-    @property
-    def slam_report(self) -> SlamReport | None:
-        """Score of a drive by SLAM; None without."""
-        return self._localisation.slam()
-
-    @property
-    def map_quality(self) -> MapQuality | None:
-        """Quality of the map; None without one."""
-        return None if self._map is None else self._map_truth.quality(self._map)
-
-    @property
-    def camera_report(self) -> CameraReport | None:
-        """Score of the camera; None without one."""
-        return None if self._camera is None else self._camera.result()
+    def report(
+        self,
+        run: RunFacts,
+        control: ControlState,
+        navigation: NavigationState | None,
+        truth: Truth | SimulatedTruth,
+        loop: LoopStatistics,
+    ) -> Report:
+        """Return the report of a run, after its last messages."""
+        return Report(
+            robot=run.robot,
+            world=run.world,
+            mission=run.mission.name,
+            seed=run.seed,
+            bus_kind=run.bus_kind,
+            mission_completed=navigation is not None and navigation.mission_completed,
+            message=run_message(control, navigation),
+            ended=run.ended,
+            items_done=navigation.item if navigation else 0,
+            items=navigation.items if navigation else 0,
+            duration_s=round(run.duration_s, 3),
+            distance_m=round(truth.distance_m, 3),
+            collisions=truth.collisions,
+            ran_into=truth.ran_into,
+            unsafe_motions=truth.unsafe_motions,
+            unsafe_reason=truth.unsafe_reason,
+            **self.journey.report(),
+            arrived=arrived(run.mission, navigation),
+            plans=navigation.plans if navigation else 0,
+            recoveries=navigation.recoveries if navigation else 0,
+            pose_error=self.pose_error,
+            loop=loop_report(loop),
+            bus=bus_report(control.bus),
+            real_time_factor=run.real_time_factor,
+            held_up_ms=run.held_up_ms,
+            silent=run.silent,
+            faults=run.faults,
+            log_trouble=run.log_trouble,
+            localisation=self._localisation.result(),
+            slam=self._localisation.slam(),
+            map_quality=None if self._map is None else self._map_truth.quality(self._map),
+            camera=None if self._camera is None else self._camera.result(),
+        )
 
     def save(self, folder: Path, run: int, epoch_ns: int = 0) -> None:
         """Write the true path of a run, and its map, if there is one.

@@ -9,14 +9,14 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from robotctl.app.simulation.score import (
+from robotctl.app.scoring.score import (
     LocalisationReport,
     PoseScore,
     SlamReport,
     StampedPose,
     TruthMatcher,
 )
-from robotctl.app.simulation.slam_score import SlamScore
+from robotctl.app.scoring.slam_score import SlamScore
 from robotctl.estimation.kalman.chi_squared import chi2_bounds
 from robotctl.estimation.kalman.consistency import pose_nees, share_inside
 from robotctl.estimation.localisers import localiser_kind
