@@ -13,7 +13,7 @@ from robotctl.estimation.mcl.tuning import MclTuning
 from robotctl.estimation.ranging.likelihood_config import LikelihoodFieldConfig
 from robotctl.estimation.ranging.sonar_config import SonarModelConfig
 from robotctl.estimation.sensor_names import SENSORS
-from robotctl.estimation.slam.keyframes.config import SlamConfig
+from robotctl.estimation.slam_config import SlamConfig
 
 if TYPE_CHECKING:
     SensorName: TypeAlias = str

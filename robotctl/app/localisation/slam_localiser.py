@@ -27,7 +27,6 @@ from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.estimation.sensor_names import SONAR
 from robotctl.estimation.sensors.lidar import REHEARSED
 from robotctl.estimation.slam.incremental.smoother import IncrementalSmoother
-from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.heard_places import HeardPlaces
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe
 from robotctl.estimation.slam.keyframes.map_search import MapSearch
@@ -35,6 +34,7 @@ from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.estimation.slam.keyframes.motion import Place
 from robotctl.estimation.slam.keyframes.saved_map import KeyframeMap, SavedOdometry, as_saved
 from robotctl.estimation.slam.keyframes.tracker import LEAST_ECHOES
+from robotctl.estimation.slam_config import KeyframeConfig
 from robotctl.messages.control import ControlState
 from robotctl.messages.estimation import ClosedLoop, LiveMap, LocalisationState, SlamGraph
 from robotctl.messages.map_message import map_message

@@ -10,7 +10,7 @@ import numpy as np
 from robotctl.estimation.slam.front_end.agreement import View, agreement, view_of
 from robotctl.estimation.slam.front_end.point_to_line import Bins, Match, binned, refine
 from robotctl.estimation.slam.front_end.surface import Floats, Surface
-from robotctl.estimation.slam.keyframes.config import KeyframeConfig
+from robotctl.estimation.slam_config import KeyframeConfig
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
 

@@ -7,10 +7,10 @@ import math
 import numpy as np
 
 from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link, certain
-from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe, match_pair
 from robotctl.estimation.slam.keyframes.loops import LoopSearch
 from robotctl.estimation.slam.keyframes.straight_walls import StraightWalls
+from robotctl.estimation.slam_config import KeyframeConfig
 
 
 class Linking:

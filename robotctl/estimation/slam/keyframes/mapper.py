@@ -9,7 +9,6 @@ from __future__ import annotations
 from robotctl.estimation.places.visual.features import Features
 from robotctl.estimation.slam.front_end.surface import Floats, Surface, surface_of
 from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link
-from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.insertion import KeyframeInsertion
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe, keyframe_of
 from robotctl.estimation.slam.keyframes.known_places import KnownPlaces
@@ -27,6 +26,7 @@ from robotctl.estimation.slam.keyframes.robot_state import RobotState
 from robotctl.estimation.slam.keyframes.saved_map import KeyframeMap
 from robotctl.estimation.slam.keyframes.tracker import LEAST_ECHOES, Tracker, new_keyframe
 from robotctl.estimation.slam.keyframes.trail import Trail
+from robotctl.estimation.slam_config import KeyframeConfig
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
 

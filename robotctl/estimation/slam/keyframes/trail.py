@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from robotctl.estimation.slam.keyframes.back_end import BackEnd, certain
-from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe
 from robotctl.estimation.slam.keyframes.local_map import LocalMap, local_map
+from robotctl.estimation.slam_config import KeyframeConfig
 
 
 class Trail:
