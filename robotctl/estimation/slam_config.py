@@ -269,7 +269,7 @@ class VerificationConfig:
 
 
 @dataclass(frozen=True, slots=True)
-class LoopConfig:
+class LoopClosureConfig:
     """Which places are looked at for loops, and when a loop is closed.
 
     Parameters
@@ -471,7 +471,7 @@ class SlamConfig:
     links: LinkConfig = field(default_factory=LinkConfig)
     walls: StraightWallsConfig = field(default_factory=StraightWallsConfig)
     shapes: ShapeConfig = field(default_factory=ShapeConfig)
-    loops: LoopConfig = field(default_factory=LoopConfig)
+    loops: LoopClosureConfig = field(default_factory=LoopClosureConfig)
     verification: VerificationConfig = field(default_factory=VerificationConfig)
     relocalisation: RelocalisationConfig = field(default_factory=RelocalisationConfig)
     driving: DrivingConfig = field(default_factory=DrivingConfig)
