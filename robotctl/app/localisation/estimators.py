@@ -111,7 +111,7 @@ class Estimators:
     def step(
         self,
         control: ControlState,
-        scans: Sequence[SensorMessage],
+        seen: Sequence[SensorMessage],
         poses: Sequence[ExternalPose],
         now_ns: int,
     ) -> LocalisationState | None:
@@ -121,14 +121,14 @@ class Estimators:
             if self.localiser is not None:
                 self.localiser.begin_odometry()
         self._history.add(control.stamp_ns, control.T_odom_base, control.odom_epoch_ns)
-        messages = (control, *self._timely(scans, now_ns))
+        messages = (control, *self._timely(seen, now_ns))
         measured = {name: self._good(each, messages) for name, each in self._listeners.items()}
         images = [each for each in messages if isinstance(each, CameraView) and each.features]
-        seen = LocaliserInput(measured, self._timely(poses, now_ns), images)
+        inputs = LocaliserInput(measured, self._timely(poses, now_ns), images)
         if self.localiser is not None:
-            self._state = self._stamped(self.localiser.step(control, seen, now_ns), control)
+            self._state = self._stamped(self.localiser.step(control, inputs, now_ns), control)
         if self.mapper is not None:
-            self.mapper.step(self._state, seen)
+            self.mapper.step(self._state, inputs)
         return self._state
 
     def _stamped(self, state: LocalisationState, control: ControlState) -> LocalisationState:

@@ -243,8 +243,7 @@ class SlamLocaliser:
 
     def _take(self, scan: RangeScan, odometry: SE2) -> None:
         """Match a scan."""
-        echoes = np.isfinite(scan.ranges_m) & (scan.ranges_m < scan.max_range_m)
-        if not self.mapper.keyframes and np.count_nonzero(echoes) < 2 * LEAST_ECHOES:
+        if not self.mapper.keyframes and np.count_nonzero(scan.echoes) < 2 * LEAST_ECHOES:
             return
         if not self.mapper.keyframes:
             # What was driven before the first scan is known by odometry alone.

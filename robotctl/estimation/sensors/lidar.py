@@ -20,7 +20,6 @@ from robotctl.estimation.sensors.sensor import (
     CellUpdate,
     Detail,
     Listener,
-    SensedMap,
     SensedRobot,
     Sensor,
 )
@@ -31,6 +30,7 @@ from robotctl.model.recording import Recording
 from robotctl.model.sensors.measurement import RangeMeasurement
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.model.sensors.sonar import SonarMount
+from robotctl.model.world_map import WorldMap
 
 _BEAMS: Final = 24
 """Beams used of each scan, evenly spaced: neighbours have correlated errors."""
@@ -47,7 +47,7 @@ def _listener(_: SensedRobot) -> Listener[RangeScan]:
     return _listen
 
 
-def _likelihood(world_map: SensedMap, robot: SensedRobot) -> Callable[[RangeScan], LogLikelihood]:
+def _likelihood(world_map: WorldMap, robot: SensedRobot) -> Callable[[RangeScan], LogLikelihood]:
     return LikelihoodField(world_map.grid, robot.settings.lidar).measurement
 
 
