@@ -45,11 +45,13 @@ Picture: TypeAlias = ParticleCloud | LiveMap | SlamGraph
 Stamped = TypeVar("Stamped", bound=SensorMessage | ExternalPose)
 
 _PICTURE_NS: Final = 500_000_000
+"""Period of data for display [ns]."""
 _GIVEN_NS: Final = 10_000_000_000
 """Period of repeating the static map, for late subscribers [ns]."""
 _JUMP_M: Final = 0.25
 _JUMP_RAD: Final = 0.25
-"""Drift corrections between two steps are smaller."""
+"""Jump of the estimate between two steps from which a new epoch begins [m], [rad]: corrections of
+the drift are smaller. Logs and clients rely on it, so no file changes it."""
 _SHOWN: Final = 300
 """Particles in a picture."""
 _OLDEST_NS: Final = 2_000_000_000
@@ -79,7 +81,7 @@ class Estimators:
     history
         History of the odometry.
     robot
-        What is known of its sensors.
+        The robot as its sensors need to know it.
     """
 
     def __init__(

@@ -19,7 +19,7 @@ class MapSensors:
     world_map
         The map; sonars go by its walls where it has some.
     robot
-        What is known of the sensors.
+        The robot as its sensors need to know it.
     """
 
     def __init__(self, world_map: WorldMap, robot: SensedRobot) -> None:

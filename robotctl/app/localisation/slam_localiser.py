@@ -58,11 +58,11 @@ class SlamLocaliser:
     mapper
         Without a scan yet.
     sensor
-        What the scans are made of.
+        The sensor that the scans are made of.
     start
         `base` in `world` at the start.
     history
-        Of the odometry; kept up to date by the caller.
+        History of the odometry; kept up to date by the caller.
     saved
         A map to go on with, in place of a start; the robot is expected where it was last on it.
     file
@@ -272,7 +272,7 @@ class _Picture:
     def __init__(self, grid: OccupancyGrid, renewals: int) -> None:
         self.grid = grid
         self.renewals = renewals
-        """How many keyframes had got a new scan when it was begun."""
+        """Keyframes that had got a new scan when it was begun."""
         self.drawn = np.empty((0, 3))
         """Poses of keyframes in it; nan: not in it yet."""
 

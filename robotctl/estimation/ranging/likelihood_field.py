@@ -52,7 +52,7 @@ class LikelihoodField:
     grid
         The map; cells with at least 50 percent are obstacles.
     config
-        How beams are weighed.
+        Weights of beams.
 
     Raises
     ------
@@ -84,7 +84,7 @@ class LikelihoodField:
     def measurement(self, scan: RangeScan) -> LogLikelihood:
         """Return the function from poses to the log-likelihood of a scan.
 
-        Which beams are skipped is decided by the first poses that it is asked for, the belief; the
+        The first poses that it is asked for, the belief, decide which beams are skipped; the
         same beams then weigh all others, so that belief and other places compare.
         """
         return _ScanLikelihood(self, scan)
@@ -95,7 +95,7 @@ class LikelihoodField:
         Parameters
         ----------
         poses
-            Of `base` in `world`, (n, 3) [m, m, rad].
+            Poses of `base` in `world`, (n, 3) [m, m, rad].
         scan
             The measurement.
 

@@ -35,6 +35,7 @@ from robotctl.model.world_map import WorldMap
 _BEAMS: Final = 24
 """Beams used of each scan, evenly spaced: neighbours have correlated errors."""
 _BEAM_RAD: Final = math.radians(0.1)
+"""Opening of a beam [rad], next to nothing."""
 
 REHEARSED: Final = RangeScan(0, np.linspace(-1.0, 1.0, 21), np.full(21, 2.0), 10.0)
 

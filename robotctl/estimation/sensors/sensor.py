@@ -65,7 +65,7 @@ class Calibration:
     measurements
         All that a recording has of it, in the order of the times, beams alike in all.
     readings
-        What the localiser would take of a recording.
+        Measurements that the localiser would take of a recording.
     """
 
     beam_rad: Callable[[LocalisationConfig], float]
@@ -101,7 +101,7 @@ class Sensor(Generic[M]):
         Updates of the map, each with a key: it is made when the robot has moved since the last one
         of that key. Nothing by default.
     detail
-        How finely it draws the map.
+        Resolution of its drawing of the map.
     calibration
         None: `robotctl characterise` does not know the sensor.
     """
