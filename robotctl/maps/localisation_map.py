@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,17 +14,10 @@ from robotctl.maps.world import find_world, load_walls
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import UNKNOWN, GridMap
 from robotctl.model.wall_map import WallMap
+from robotctl.model.world_map import WorldMap
 
 _FEWEST = 2
 """Rows and columns: the direction of a wall shows in two."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LocalisationMap:
-    """A map; `walls` is None if it has only cells."""
-
-    grid: GridMap
-    walls: WallMap | None
 
 
 def find_map(name: str, beside: Path) -> Path:
@@ -43,7 +35,7 @@ def find_map(name: str, beside: Path) -> Path:
     return find_world(name, beside)
 
 
-def load_localisation_map(name: str, beside: Path) -> LocalisationMap:
+def load_localisation_map(name: str, beside: Path) -> WorldMap:
     """Read the map that `find_map` finds, to find a robot in it.
 
     Raises
@@ -57,7 +49,7 @@ def load_localisation_map(name: str, beside: Path) -> LocalisationMap:
     return found
 
 
-def load_any_map(name: str, beside: Path) -> LocalisationMap:
+def load_any_map(name: str, beside: Path) -> WorldMap:
     """Read the map that `find_map` finds; it may be empty.
 
     Raises
@@ -68,7 +60,7 @@ def load_any_map(name: str, beside: Path) -> LocalisationMap:
     path = find_map(name, beside)
     try:
         if path.suffix.lower() in MAPS:
-            return LocalisationMap(load_map(path), None)
+            return WorldMap(load_map(path), None)
         walls = load_walls(path)
     except ConfigError:
         from robotctl.logs.formats.recorded_log import is_log  # noqa: PLC0415 - loads all readers
@@ -79,10 +71,10 @@ def load_any_map(name: str, beside: Path) -> LocalisationMap:
                 "(.yaml)"
             ) from None
         raise
-    return LocalisationMap(grid_of_walls(walls), walls)
+    return WorldMap(grid_of_walls(walls), walls)
 
 
-def off_map(world_map: LocalisationMap, start: SE2) -> str:
+def off_map(world_map: WorldMap, start: SE2) -> str:
     """Say that a robot cannot start where it shall, by its map; "" where it can."""
     grid = world_map.grid
     row, column = grid.cell_of(np.array([[start.x_m, start.y_m]]))[0].tolist()
@@ -123,7 +115,7 @@ def _check_cells(grid: GridMap, path: Path) -> None:
     raise ConfigError(f"{path}: {reason}")
 
 
-def walls_of(world_map: LocalisationMap, name: str, method: str) -> WallMap:
+def walls_of(world_map: WorldMap, name: str, method: str) -> WallMap:
     """Return the walls of the map called `name`, for a localiser that needs some.
 
     Raises

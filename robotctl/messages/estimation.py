@@ -191,7 +191,10 @@ class PlanView(msgspec.Struct, frozen=True, tag=True):
 
 
 class GivenMap(msgspec.Struct, frozen=True, tag=True):
-    """The localiser's map, repeated for late subscribers."""
+    """The map that the localiser was given, repeated for late subscribers.
+
+    It has a type of its own because subscribers and logs tell it from the `LiveMap` that grows.
+    """
 
     stamp_ns: int
     map: LiveMap

@@ -42,7 +42,7 @@ class EkfLocaliser:
     ekf
         The filter, where it starts.
     robot
-        What is known of its sensors.
+        The robot as its sensors need to know it.
     walls
         The map.
     """

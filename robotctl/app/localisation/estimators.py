@@ -45,11 +45,13 @@ Picture: TypeAlias = ParticleCloud | LiveMap | SlamGraph
 Stamped = TypeVar("Stamped", bound=SensorMessage | ExternalPose)
 
 _PICTURE_NS: Final = 500_000_000
+"""Period of data for display [ns]."""
 _GIVEN_NS: Final = 10_000_000_000
 """Period of repeating the static map, for late subscribers [ns]."""
 _JUMP_M: Final = 0.25
 _JUMP_RAD: Final = 0.25
-"""Drift corrections between two steps are smaller."""
+"""Jump of the estimate between two steps from which a new epoch begins [m], [rad]: corrections of
+the drift are smaller. Logs and clients rely on it, so no file changes it."""
 _SHOWN: Final = 300
 """Particles in a picture."""
 _OLDEST_NS: Final = 2_000_000_000
@@ -79,7 +81,7 @@ class Estimators:
     history
         History of the odometry.
     robot
-        What is known of its sensors.
+        The robot as its sensors need to know it.
     """
 
     def __init__(
@@ -111,7 +113,7 @@ class Estimators:
     def step(
         self,
         control: ControlState,
-        scans: Sequence[SensorMessage],
+        seen: Sequence[SensorMessage],
         poses: Sequence[ExternalPose],
         now_ns: int,
     ) -> LocalisationState | None:
@@ -121,14 +123,14 @@ class Estimators:
             if self.localiser is not None:
                 self.localiser.begin_odometry()
         self._history.add(control.stamp_ns, control.T_odom_base, control.odom_epoch_ns)
-        messages = (control, *self._timely(scans, now_ns))
+        messages = (control, *self._timely(seen, now_ns))
         measured = {name: self._good(each, messages) for name, each in self._listeners.items()}
         images = [each for each in messages if isinstance(each, CameraView) and each.features]
-        seen = LocaliserInput(measured, self._timely(poses, now_ns), images)
+        inputs = LocaliserInput(measured, self._timely(poses, now_ns), images)
         if self.localiser is not None:
-            self._state = self._stamped(self.localiser.step(control, seen, now_ns), control)
+            self._state = self._stamped(self.localiser.step(control, inputs, now_ns), control)
         if self.mapper is not None:
-            self.mapper.step(self._state, seen)
+            self.mapper.step(self._state, inputs)
         return self._state
 
     def _stamped(self, state: LocalisationState, control: ControlState) -> LocalisationState:

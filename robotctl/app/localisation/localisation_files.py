@@ -53,8 +53,8 @@ def check_localisation(config: RobotConfig, robot: Path) -> None:
 def files_beside(config: RobotConfig, robot: Path) -> dict[Path, bytes]:
     """Return the files that a robot's file names by relative paths, by those paths.
 
-    Where the file goes elsewhere, they have to go along: map, image of a ROS map, places. What
-    comes with robotctl and what an absolute path names is found anyway.
+    They have to go along with a file that goes elsewhere: map, image of a ROS map, places. Files
+    that come with robotctl, and absolute paths, are found anyway.
 
     Raises
     ------

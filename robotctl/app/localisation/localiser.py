@@ -13,12 +13,13 @@ from robotctl.config.robot_file import RobotConfig
 from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.estimation.sensors.sensor import SensedRobot
-from robotctl.maps.localisation_map import LocalisationMap, load_localisation_map
+from robotctl.maps.localisation_map import load_localisation_map
 from robotctl.messages.control import ControlState, ExternalPose
 from robotctl.messages.estimation import CameraView, LiveMap, LocalisationState, SlamGraph
 from robotctl.model.geometry.pose_estimate import PoseEstimate, from_upper_triangle, upper_triangle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
+from robotctl.model.world_map import WorldMap
 
 _LEAST_VARIANCE: Final = 1e-6
 """Minimum variance: nothing measures better than 1 mm and 1 mrad [m^2, rad^2]."""
@@ -43,7 +44,7 @@ class LocaliserBegin(NamedTuple):
     state: Path | None = None
     """Folder of what survives restarts; None: there is none."""
 
-    def world_map(self) -> LocalisationMap:
+    def world_map(self) -> WorldMap:
         """Return the map that the robot's file names.
 
         Raises
@@ -104,7 +105,7 @@ class MadeLocaliser(NamedTuple):
 
     localiser: Localiser | None
     """None: the robot goes by odometry alone."""
-    world_map: LocalisationMap | None = None
+    world_map: WorldMap | None = None
     """The map that the robot localises itself in; None: it knows none."""
     drawing: GrowingMap | None = None
     """Draws the map that the localiser makes; None: it makes none."""

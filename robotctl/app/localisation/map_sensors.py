@@ -7,7 +7,8 @@ from typing import Any
 
 from robotctl.estimation.ranging.log_likelihood import LogLikelihood
 from robotctl.estimation.sensors.registry import load_sensors
-from robotctl.estimation.sensors.sensor import Measured, SensedMap, SensedRobot
+from robotctl.estimation.sensors.sensor import Measured, SensedRobot
+from robotctl.model.world_map import WorldMap
 
 
 class MapSensors:
@@ -18,10 +19,10 @@ class MapSensors:
     world_map
         The map; sonars go by its walls where it has some.
     robot
-        What is known of the sensors.
+        The robot as its sensors need to know it.
     """
 
-    def __init__(self, world_map: SensedMap, robot: SensedRobot) -> None:
+    def __init__(self, world_map: WorldMap, robot: SensedRobot) -> None:
         self._map = world_map
         self._robot = robot
         self._sensors = load_sensors()

@@ -28,9 +28,9 @@ class Mapper:
     grid
         The map, in `world`.
     robot
-        What is known of its sensors.
+        The robot as its sensors need to know it.
     history
-        Of the odometry.
+        History of the odometry.
     """
 
     def __init__(self, grid: OccupancyGrid, robot: SensedRobot, history: OdometryHistory) -> None:

@@ -56,9 +56,9 @@ class MclLocaliser:
     sensors
         Likelihoods of what they measure.
     settings
-        Which sensors are listened to, and how uncertain poses from outside are.
+        Sensors that are listened to, and the uncertainty of poses from outside.
     history
-        Of the odometry; kept up to date by the caller.
+        History of the odometry; kept up to date by the caller.
     places
         Recognises places; None: it knows none.
     """

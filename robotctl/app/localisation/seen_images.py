@@ -26,7 +26,7 @@ class SeenImages:
     Parameters
     ----------
     mapper
-        What it maps.
+        The mapper whose keyframes get images.
     """
 
     def __init__(self, mapper: SlamMapper) -> None:

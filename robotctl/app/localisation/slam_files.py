@@ -109,7 +109,7 @@ class KeyframeFile:
     path
         The file. A damaged one is renamed, and the map begins anew.
     sensor
-        By which the robot maps.
+        Sensor by which the robot maps.
     is_own
         Whether a map made by another sensor is renamed as well, instead of refused.
 

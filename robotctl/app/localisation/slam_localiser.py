@@ -59,11 +59,11 @@ class SlamLocaliser:
     mapper
         Without a scan yet.
     sensor
-        What the scans are made of.
+        The sensor that the scans are made of.
     start
         `base` in `world` at the start.
     history
-        Of the odometry; kept up to date by the caller.
+        History of the odometry; kept up to date by the caller.
     saved
         A map to go on with, in place of a start; the robot is expected where it was last on it.
     file
@@ -244,8 +244,7 @@ class SlamLocaliser:
 
     def _take(self, scan: RangeScan, odometry: SE2) -> None:
         """Match a scan."""
-        echoes = np.isfinite(scan.ranges_m) & (scan.ranges_m < scan.max_range_m)
-        if not self.mapper.keyframes and np.count_nonzero(echoes) < 2 * LEAST_ECHOES:
+        if not self.mapper.keyframes and np.count_nonzero(scan.echoes) < 2 * LEAST_ECHOES:
             return
         if not self.mapper.keyframes:
             # What was driven before the first scan is known by odometry alone.
@@ -274,7 +273,7 @@ class _Picture:
     def __init__(self, grid: OccupancyGrid, renewals: int) -> None:
         self.grid = grid
         self.renewals = renewals
-        """How many keyframes had got a new scan when it was begun."""
+        """Keyframes that had got a new scan when it was begun."""
         self.drawn = np.empty((0, 3))
         """Poses of keyframes in it; nan: not in it yet."""
 

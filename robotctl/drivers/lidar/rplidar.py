@@ -49,9 +49,11 @@ _STOP_NS: Final = 20_000_000
 _SILENT_NS: Final = 3_000_000_000
 """The motor of one that was at rest is up to speed by then [ns]."""
 _READ_S: Final = 0.05
+"""Longest wait for data [s]."""
 _MOST_SAMPLES: Final = 20_000
 """Maximum samples of a revolution; one without a beginning would fill the memory."""
 _BROKEN: Final = 2
+"""State of a lidar that reports a fault."""
 
 _OPEN_ERRORS: Final = (OSError, ValueError, termios.error)
 """Errors of pyserial for absent, busy and unsuitable devices."""

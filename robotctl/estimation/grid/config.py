@@ -10,7 +10,7 @@ from robotctl.errors import InvalidValue
 
 @dataclass(frozen=True, slots=True)
 class OccupancyGridConfig:
-    """How much one measurement says of a cell, in log odds (Elfes 1989).
+    """Evidence of one measurement for a cell, in log odds (Elfes 1989), and when it counts.
 
     Parameters
     ----------

@@ -23,9 +23,11 @@ _LATER_M: Final = 20.0
 _NEAR_M, _NEAR_RAD = 1.0, 0.6
 """Maximum difference between two poses that count as the same place [m], [rad]."""
 _AGREES_M: Final = 0.2
+"""Distance within which echoes of two visits are of the same thing [m]."""
 _SEEN_M: Final = 15.0
 """Range beyond which echoes move too much with a small turn [m]."""
 _TRIED, _PAIRS, _LEAST_PAIRS, _LEAST_ECHOES = 400, 60, 3, 20
+"""Poses tried, pairs compared, and the least pairs and echoes that say anything."""
 
 
 def revisit_agreement(scans: Sequence[RangeScan], poses: Sequence[SE2]) -> float | None:

@@ -162,7 +162,7 @@ def find_lines(scan: RangeScan, config: ScanLinesConfig | None = None) -> ScanLi
     steps = np.diff(scan.angles_rad)
     if len(steps) and not (np.all(steps > 0.0) or np.all(steps < 0.0)):
         raise ValueError("angles_rad must increase or decrease from beam to beam")
-    hit = np.flatnonzero(np.isfinite(scan.ranges_m) & (scan.ranges_m < scan.max_range_m))
+    hit = np.flatnonzero(scan.echoes)
     points, pieces = _pieces(scan, hit, config)
     is_round = _is_round(scan.angles_rad)
     if is_round and len(pieces) > 1:

@@ -21,7 +21,7 @@ from robotctl.estimation.mcl.tempering import bearable_exponent
 from robotctl.estimation.ranging.log_likelihood import LogLikelihood
 
 _STEPS = 10
-"""If the exponent is not 1 by then it is kept; the next measurement continues."""
+"""Steps of one measurement: if the exponent is not 1 by then it is kept, and the next continues."""
 _TRIALS = 2
 """Trials of each particle in each step: they make copies of one particle differ again."""
 _FINEST = 0.2
@@ -54,7 +54,7 @@ def anneal(
     rng
         Draws trials and their fate.
     measurements
-        Of how many measurements the log-likelihood is the sum.
+        Number of measurements that the log-likelihood is the sum of.
     """
     n = len(poses)
     logs = yield from evaluated_in_slices(log_likelihood, poses, measurements)

@@ -24,7 +24,7 @@ class Cluster:
     mean
         Pose of `base` in `world`, heading on the circle.
     covariance
-        Of (x, y, theta), (3, 3) [m, m, rad].
+        Covariance of (x, y, theta), (3, 3) [m, m, rad].
     """
 
     weight: float

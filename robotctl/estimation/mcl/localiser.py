@@ -1,6 +1,6 @@
 """Monte Carlo localisation: a belief of weighted particles, moved by odometry, weighed by sensors.
 
-Notes, section 4; Dellaert, Fox, Burgard, Thrun 1999. Beyond the textbook:
+Dellaert, Fox, Burgard, Thrun 1999. Beyond the textbook:
 
 - While the robot is tracked, poses drawn from all free space, the uniform probes, are weighed by
   the same measurement. The ratio of the two evidences is Bayes' factor between "as tracked" and
@@ -54,7 +54,7 @@ class MonteCarloLocaliser:
     config
         Settings.
     sample_free
-        Where the robot can be.
+        Draws poses where the robot can be.
     rng
         The only source of chance.
     symmetries
@@ -155,7 +155,7 @@ class MonteCarloLocaliser:
 
     @property
     def status(self) -> LocalisationStatus:
-        """How far the estimate may be trusted."""
+        """Trust in the estimate."""
         if self._lost or self.fits_nowhere:
             return LocalisationStatus.LOST
         if self._rival is None and self._belief.is_sure and not self._belief.searching:

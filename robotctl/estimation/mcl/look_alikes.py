@@ -48,11 +48,11 @@ def look_alikes(
     Parameters
     ----------
     belief
-        Where the search ended.
+        The belief in which the search ended.
     remembered
         Its measurements.
     sample_free, config, rng
-        Of the localiser.
+        The same as those of the localiser.
     symmetries
         Motions that carry the map nearly onto itself.
     """

@@ -19,6 +19,7 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 
 _CELL_M: Final = 0.2
+"""Side of a cell of the picture that is correlated [m]."""
 _CELLS: Final = 512
 """Cells of a side at most; those of a large map are larger."""
 _PEAKS: Final = 6

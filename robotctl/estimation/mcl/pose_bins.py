@@ -26,7 +26,7 @@ class BinSize:
     Parameters
     ----------
     side_m
-        Of its square [m], > 0.
+        Side of its square [m], > 0.
     headings
         Bins of a full turn, >= 1.
 
@@ -61,7 +61,7 @@ def kld_bound(bins: int, error: float, quantile: float) -> int:
     error
         Greatest divergence [nat], > 0.
     quantile
-        Of the standard normal distribution; 2.33 for 99 %.
+        Quantile of the standard normal distribution; 2.33 for 99 %.
     """
     return math.ceil(_bound(bins, error, quantile))
 

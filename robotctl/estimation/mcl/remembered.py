@@ -16,6 +16,8 @@ from robotctl.estimation.ranging.log_likelihood import LogLikelihood, evaluated
 from robotctl.model.geometry.se2 import SE2
 
 _MOST: Final = 16
+"""Measurements that are kept: older ones suffer from the drift of the odometry, and each takes as
+much time as a measurement."""
 
 
 class Remembered:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from robotctl.compiled import compiled
 
 _HALVINGS = 12
+"""Halvings of the exponent's interval: it is good to 1/4096."""
 _NEAR = 1.05
 """Tolerance of the effective size above the target."""
 

@@ -90,7 +90,7 @@ class MonitorConfig:
 
 @dataclass(frozen=True, slots=True)
 class RivalConfig:
-    """What another place must prove before it replaces the tracked one, see `Rival`.
+    """Evidence by which another place replaces the tracked one, see `Rival`.
 
     Parameters
     ----------

@@ -71,7 +71,7 @@ class BeamSkipping:
 
 @dataclass(frozen=True, slots=True)
 class LikelihoodFieldConfig:
-    """How beams are weighed.
+    """Weights of the beams of a scan.
 
     Parameters
     ----------

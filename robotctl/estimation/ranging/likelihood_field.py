@@ -52,7 +52,7 @@ class LikelihoodField:
     grid
         The map; cells with at least 50 percent are obstacles.
     config
-        How beams are weighed.
+        Weights of beams.
 
     Raises
     ------
@@ -84,7 +84,7 @@ class LikelihoodField:
     def measurement(self, scan: RangeScan) -> LogLikelihood:
         """Return the function from poses to the log-likelihood of a scan.
 
-        Which beams are skipped is decided by the first poses that it is asked for, the belief; the
+        The first poses that it is asked for, the belief, decide which beams are skipped; the
         same beams then weigh all others, so that belief and other places compare.
         """
         return _ScanLikelihood(self, scan)
@@ -95,7 +95,7 @@ class LikelihoodField:
         Parameters
         ----------
         poses
-            Of `base` in `world`, (n, 3) [m, m, rad].
+            Poses of `base` in `world`, (n, 3) [m, m, rad].
         scan
             The measurement.
 
@@ -116,7 +116,7 @@ class LikelihoodField:
 
     def _chosen(self, scan: RangeScan) -> _Beams:
         """Return the chosen beams of a scan, with the fields that they need."""
-        chosen = evenly_chosen(scan.ranges_m < scan.max_range_m, self.config.beams)
+        chosen = evenly_chosen(scan.echoes, self.config.beams)
         angles, ranges = scan.angles_rad[chosen], scan.ranges_m[chosen]
         points = np.stack([scan.x_m + ranges * np.cos(angles), scan.y_m + ranges * np.sin(angles)])
         levels = np.zeros(len(chosen), np.int64)
@@ -130,7 +130,7 @@ class LikelihoodField:
         self, poses: NDArray[np.float64], scan: RangeScan, levels: NDArray[np.int64]
     ) -> NDArray[np.bool_]:
         """Return which of the chosen beams end before the map allows, (k, n), from each pose."""
-        chosen = evenly_chosen(scan.ranges_m < scan.max_range_m, self.config.beams)
+        chosen = evenly_chosen(scan.echoes, self.config.beams)
         c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
         x = poses[:, 0] + c * scan.x_m - s * scan.y_m
         y = poses[:, 1] + s * scan.x_m + c * scan.y_m

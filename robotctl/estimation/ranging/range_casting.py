@@ -60,7 +60,7 @@ class RangeCaster:
         Parameters
         ----------
         poses
-            Of the sensor in world, (n, 3) [m, m, rad]; may lie outside of the map.
+            Poses of the sensor in world, (n, 3) [m, m, rad]; may lie outside of the map.
         angles_rad
             Directions of the beams from the sensor's heading, (k,) [rad].
         max_range_m

@@ -136,14 +136,14 @@ def learned(
     Parameters
     ----------
     mixture
-        Where the search starts.
+        Values from which the search starts.
     expected_m, measured_m
         z* and z of many beams, (m,) [m]; inf if the map has nothing in range and without an
         echo. Pairs of nan are left out.
     max_range_m
         The sensor's greatest range [m].
     iterations
-        Of expectation and maximisation.
+        Number of steps of expectation and maximisation.
     sigma_grows
         Whether sigma_per_m is learned too; else it stays.
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _CELL_M: Final = 0.5
+"""Side of a cell [m]."""
 _CELLS: Final = 5000
 """Cells at most, about: those of a large map are larger."""
 
@@ -28,7 +29,7 @@ class NearIndex:
     Attributes
     ----------
     lists
-        Where the list of each cell starts, (cells + 1,); numbers of the segments, all lists in a
+        Start of the list of each cell, (cells + 1,); numbers of the segments, all lists in a
         row; and below which distance of any place in the cell the segment cannot be [m].
     """
 

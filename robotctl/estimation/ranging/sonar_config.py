@@ -28,7 +28,7 @@ class SonarModelConfig:
     none
         Probability that an echo is missing, > 0; random + none < 1.
     independent_readings
-        How many independent sonars those of a ring are worth together, > 0.
+        Number of independent sonars that those of a ring are worth together, > 0.
 
     Raises
     ------

@@ -88,7 +88,7 @@ class SonarModel:
         Parameters
         ----------
         poses
-            Of `base` in `world`, (n, 3) [m, m, rad].
+            Poses of `base` in `world`, (n, 3) [m, m, rad].
         ranges_m
             One reading for each sonar [m]: inf without an echo, nan if there is no reading.
 

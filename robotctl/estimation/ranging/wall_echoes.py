@@ -36,6 +36,7 @@ _Indexed: TypeAlias = tuple[
 """Walls or corners, and the lists of those near each cell."""
 
 _TOUCH_M: Final = 1e-6
+"""Distance within which the end of a wall lies on another [m]: rounding."""
 _SQUARE: Final = 0.5
 """Corners whose arms have at most this cosine between them send sound back: 60 to 120 degrees."""
 _INSET_M: Final = 1e-3

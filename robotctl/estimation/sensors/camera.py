@@ -16,13 +16,13 @@ from robotctl.estimation.sensors.lidar import REHEARSED, scan_update
 from robotctl.estimation.sensors.sensor import (
     CellUpdate,
     Listener,
-    SensedMap,
     SensedRobot,
     Sensor,
 )
 from robotctl.messages.control import ControlState
 from robotctl.messages.estimation import CameraView, SensorMessage
 from robotctl.model.sensors.range_scan import RangeScan
+from robotctl.model.world_map import WorldMap
 
 _VAGUE_M: Final = 0.5
 """Ranges of a camera are seldom less sure [m]."""
@@ -38,7 +38,7 @@ def _listener(_: SensedRobot) -> Listener[RangeScan]:
     return _listen
 
 
-def _likelihood(world_map: SensedMap, robot: SensedRobot) -> Callable[[RangeScan], LogLikelihood]:
+def _likelihood(world_map: WorldMap, robot: SensedRobot) -> Callable[[RangeScan], LogLikelihood]:
     return LikelihoodField(world_map.grid, robot.settings.camera).measurement
 
 

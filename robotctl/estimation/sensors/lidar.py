@@ -20,7 +20,6 @@ from robotctl.estimation.sensors.sensor import (
     CellUpdate,
     Detail,
     Listener,
-    SensedMap,
     SensedRobot,
     Sensor,
 )
@@ -31,10 +30,12 @@ from robotctl.model.recording import Recording
 from robotctl.model.sensors.measurement import RangeMeasurement
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.model.sensors.sonar import SonarMount
+from robotctl.model.world_map import WorldMap
 
 _BEAMS: Final = 24
 """Beams used of each scan, evenly spaced: neighbours have correlated errors."""
 _BEAM_RAD: Final = math.radians(0.1)
+"""Opening of a beam [rad], next to nothing."""
 
 REHEARSED: Final = RangeScan(0, np.linspace(-1.0, 1.0, 21), np.full(21, 2.0), 10.0)
 
@@ -47,7 +48,7 @@ def _listener(_: SensedRobot) -> Listener[RangeScan]:
     return _listen
 
 
-def _likelihood(world_map: SensedMap, robot: SensedRobot) -> Callable[[RangeScan], LogLikelihood]:
+def _likelihood(world_map: WorldMap, robot: SensedRobot) -> Callable[[RangeScan], LogLikelihood]:
     return LikelihoodField(world_map.grid, robot.settings.lidar).measurement
 
 

@@ -15,11 +15,11 @@ from robotctl.estimation.ranging.log_likelihood import LogLikelihood
 from robotctl.messages.control import ControlState
 from robotctl.messages.estimation import SensorMessage
 from robotctl.model.geometry.se2 import SE2
-from robotctl.model.grid_map import GridMap
 from robotctl.model.recording import Recording
 from robotctl.model.sensors.measurement import RangeMeasurement
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.model.wall_map import WallMap
+from robotctl.model.world_map import WorldMap
 
 
 class SensedRobot(NamedTuple):
@@ -29,18 +29,6 @@ class SensedRobot(NamedTuple):
     """Its sonars, in the order of the ranges."""
     settings: LocalisationConfig
     has_camera: bool = False
-
-
-class SensedMap(Protocol):
-    """A map; `walls` is None if it has only cells."""
-
-    @property
-    def grid(self) -> GridMap:
-        """Its cells."""
-
-    @property
-    def walls(self) -> WallMap | None:
-        """Its walls."""
 
 
 class Measured(Protocol):
@@ -77,7 +65,7 @@ class Calibration:
     measurements
         All that a recording has of it, in the order of the times, beams alike in all.
     readings
-        What the localiser would take of a recording.
+        Measurements that the localiser would take of a recording.
     """
 
     beam_rad: Callable[[LocalisationConfig], float]
@@ -113,13 +101,13 @@ class Sensor(Generic[M]):
         Updates of the map, each with a key: it is made when the robot has moved since the last one
         of that key. Nothing by default.
     detail
-        How finely it draws the map.
+        Resolution of its drawing of the map.
     calibration
         None: `robotctl characterise` does not know the sensor.
     """
 
     listener: Callable[[SensedRobot], Listener[M]]
-    likelihood: Callable[[SensedMap, SensedRobot], Callable[[M], LogLikelihood]]
+    likelihood: Callable[[WorldMap, SensedRobot], Callable[[M], LogLikelihood]]
     rehearsal: Callable[[SensedRobot], M | None]
     source: Callable[[M], str]
     innovations: Callable[[PoseEkf, M, SensedRobot, WallMap], Iterator[Innovation | None]] = (

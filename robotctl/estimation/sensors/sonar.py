@@ -20,7 +20,6 @@ from robotctl.estimation.sensors.sensor import (
     CellUpdate,
     Detail,
     Listener,
-    SensedMap,
     SensedRobot,
     Sensor,
 )
@@ -33,6 +32,7 @@ from robotctl.model.sensors.new_sonar_readings import NewSonarReadings
 from robotctl.model.sensors.sonar import SonarMount, SonarReading
 from robotctl.model.sensors.sonar_mounts import mount_rows
 from robotctl.model.wall_map import WallMap
+from robotctl.model.world_map import WorldMap
 
 
 def _listener(robot: SensedRobot) -> Listener[SonarReading]:
@@ -46,9 +46,7 @@ def _listener(robot: SensedRobot) -> Listener[SonarReading]:
     return listen
 
 
-def _likelihood(
-    world_map: SensedMap, robot: SensedRobot
-) -> Callable[[SonarReading], LogLikelihood]:
+def _likelihood(world_map: WorldMap, robot: SensedRobot) -> Callable[[SonarReading], LogLikelihood]:
     room = world_map.grid if world_map.walls is None else world_map.walls
     model = SonarModel(room, robot.mounts, robot.settings.sonar)
     return lambda reading: model.measurement(np.array(reading.ranges_m))

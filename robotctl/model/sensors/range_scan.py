@@ -1,4 +1,11 @@
-"""A scan of a planar range sensor: a lidar, or the floor's boundary in a camera's picture."""
+"""A scan of a planar range sensor: a lidar, or the floor's boundary in a camera's picture.
+
+From the driver to the planner a scan of a lidar has three forms, each for a reason:
+`messages.lidar_port.LidarSweep`, a revolution as it was measured, each sample with its own time, by
+which the motion of the robot is taken out; `messages.estimation.LidarScan`, the same as from one
+place, in even steps, as bytes for sockets and logs; and this, with any directions, for all that
+computes with it.
+"""
 
 from __future__ import annotations
 
@@ -71,10 +78,15 @@ class RangeScan:
                 "sigmas_m must not be negative, and must be finite where there is a range"
             )
 
+    @property
+    def echoes(self) -> NDArray[np.bool_]:
+        """Beams that hit something within the maximum range, (n,); nan is no valid reading."""
+        hit: NDArray[np.bool_] = self.ranges_m < self.max_range_m
+        return hit
+
     def points_base(self) -> NDArray[np.float64]:
         """Return the end points of the beams that hit something, in `base`, (k, 2) [m]."""
-        hit = np.isfinite(self.ranges_m) & (self.ranges_m < self.max_range_m)
-        angles, ranges = self.angles_rad[hit], self.ranges_m[hit]
+        angles, ranges = self.angles_rad[self.echoes], self.ranges_m[self.echoes]
         return np.stack(
             [self.x_m + ranges * np.cos(angles), self.y_m + ranges * np.sin(angles)], axis=1
         )

@@ -18,7 +18,8 @@ from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import config_directory
 from robotctl.estimation.localisers import LOCALISERS
 from robotctl.estimation.sensor_names import SENSORS
-from robotctl.maps.localisation_map import LocalisationMap, load_localisation_map
+from robotctl.maps.localisation_map import load_localisation_map
+from robotctl.model.world_map import WorldMap
 from robotctl.planning.path.local.controllers import CONTROLLERS
 
 CONFIGS: Final = config_directory()
@@ -56,7 +57,5 @@ def _sense_by_grid() -> None:
     """Measure in a map of cells, as a ROS map is: beams that few particles agree with, too."""
     config = StackOptions("compile", str(CONFIGS / "diff_drive.toml"), (CAMERA,)).load()
     known = load_localisation_map(FLAT, Path())
-    for measurement in MapSensors(
-        LocalisationMap(known.grid, None), sensed_robot(config)
-    ).rehearsal():
+    for measurement in MapSensors(WorldMap(known.grid, None), sensed_robot(config)).rehearsal():
         measurement(np.zeros((1, 3)))

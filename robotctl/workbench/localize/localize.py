@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from robotctl.logs.formats.recorded_log import read_recording, read_reference
-from robotctl.maps.localisation_map import LocalisationMap, load_localisation_map
+from robotctl.maps.localisation_map import load_localisation_map
 from robotctl.model.grid_map import GridMap
 from robotctl.model.recording import Recording
 from robotctl.model.trajectory import Trajectory
+from robotctl.model.world_map import WorldMap
 from robotctl.workbench.localize.ekf import run_ekf
 from robotctl.workbench.localize.mcl import run_mcl
 from robotctl.workbench.localize.options import LocalizeError, LocalizeOptions, Progress
@@ -96,7 +97,7 @@ def localize_seeds(options: LocalizeOptions, seeds: int, progress: Progress) -> 
 def _run(
     options: LocalizeOptions,
     recording: Recording,
-    world_map: LocalisationMap | None,
+    world_map: WorldMap | None,
     progress: Progress,
 ) -> Localized:
     """Run a filter with one seed."""

@@ -23,10 +23,11 @@ from robotctl.estimation.ranging.log_likelihood import LogLikelihood
 from robotctl.estimation.sensor_names import LIDAR, SONAR
 from robotctl.estimation.sensors.sensor import SensedRobot
 from robotctl.logs.recorded_motion import increments, known_from_ns, noisy, reference_at, with_noise
-from robotctl.maps.localisation_map import LocalisationMap, off_map
+from robotctl.maps.localisation_map import off_map
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.recording import Recording
 from robotctl.model.sensors.range_scan import RangeScan
+from robotctl.model.world_map import WorldMap
 from robotctl.workbench.localize.mapping import choose_scans
 from robotctl.workbench.localize.options import (
     START_SIGMA_M,
@@ -58,7 +59,7 @@ class _Moment:
 def run_mcl(
     recording: Recording,
     options: LocalizeOptions,
-    world_map: LocalisationMap,
+    world_map: WorldMap,
     rng: np.random.Generator,
     progress: Progress,
 ) -> Run:
@@ -132,7 +133,7 @@ def _moments(recording: Recording, options: LocalizeOptions) -> list[_Moment]:
 def _made(
     recording: Recording,
     options: LocalizeOptions,
-    world_map: LocalisationMap,
+    world_map: WorldMap,
     moments: Sequence[_Moment],
     rng: np.random.Generator,
 ) -> tuple[MonteCarloLocaliser, MapSensors]:

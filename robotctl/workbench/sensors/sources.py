@@ -23,7 +23,7 @@ from robotctl.estimation.sensors.registry import load_sensors
 from robotctl.logs.formats.recorded_log import read_recording
 from robotctl.logs.formats.times import is_timeless
 from robotctl.logs.log_poses import best_poses
-from robotctl.maps.localisation_map import LocalisationMap, load_localisation_map
+from robotctl.maps.localisation_map import load_localisation_map
 from robotctl.model.drives.motion_noise import added_covariance
 from robotctl.model.drives.odometry_noise import MotionNoise
 from robotctl.model.geometry.se2 import SE2
@@ -31,6 +31,7 @@ from robotctl.model.recording import Recording
 from robotctl.model.sensors.measurement import MotionMeasurement
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.model.trajectory import Trajectory
+from robotctl.model.world_map import WorldMap
 from robotctl.workbench.localize.mapping import choose_scans
 
 Progress: TypeAlias = Callable[[str], None]
@@ -73,7 +74,7 @@ class Source:
     sensor: str
     recording: Recording
     poses: Trajectory
-    world_map: LocalisationMap
+    world_map: WorldMap
     mounts: tuple[SonarMount, ...]
     poses_by: str
     map_by: str
@@ -178,9 +179,7 @@ def _has(recording: Recording) -> str:
     return f", only {has[0]}" if has else ", neither of sonars nor of a lidar"
 
 
-def _map_of(
-    log: Path, recording: Recording, poses: Trajectory, config: RobotConfig
-) -> LocalisationMap:
+def _map_of(log: Path, recording: Recording, poses: Trajectory, config: RobotConfig) -> WorldMap:
     """Return a map of the even scans."""
     grid = OccupancyGrid(config.localisation.grid)
     chosen = [
@@ -193,7 +192,7 @@ def _map_of(
         grid.update_scans(rows.reshape(-1, 3), [scan for _, scan in chosen])
     except ValueError as error:
         raise CalibrationError(f"{log}: no map can be made of its scans: {error}") from error
-    return LocalisationMap(grid.to_map(), None)
+    return WorldMap(grid.to_map(), None)
 
 
 def simulated_drive(

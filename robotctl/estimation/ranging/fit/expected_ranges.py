@@ -35,12 +35,12 @@ _CHANGE: Final = 0.02
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sightlines:
-    """Which sensor measured where.
+    """Sensors, and the poses from which they measured.
 
     Parameters
     ----------
     poses
-        Of `base` in `world`, (m, 3) [m, m, rad].
+        Poses of `base` in `world`, (m, 3) [m, m, rad].
     sensors
         Number of the sensor, (m,).
     """
