@@ -11,7 +11,7 @@ from robotctl.estimation.grid.config import OccupancyGridConfig
 from robotctl.estimation.ranging.likelihood_config import LikelihoodFieldConfig
 from robotctl.estimation.ranging.sonar_config import SonarModelConfig
 from robotctl.estimation.sensor_names import SENSORS
-from robotctl.estimation.slam.keyframes.config import SlamConfig
+from robotctl.estimation.slam_config import SlamConfig
 
 if TYPE_CHECKING:
     SensorName: TypeAlias = str

@@ -11,10 +11,11 @@ import numpy as np
 
 from robotctl.estimation.slam.front_end.surface import Floats, surface_of
 from robotctl.estimation.slam.keyframes.back_end import BackEnd, certain
-from robotctl.estimation.slam.keyframes.config import KeyframeConfig, KnownPlacesConfig
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe, compared, keyframe_of, match_pair
 from robotctl.estimation.slam.keyframes.motion import CONTRADICTS, Place, PredictedMotion
 from robotctl.estimation.slam.keyframes.robot_state import RobotState
+from robotctl.estimation.slam_config import KnownPlacesConfig
 from robotctl.model.geometry.se2 import SE2
 
 

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from robotctl.estimation.slam.keyframes.candidates import ScanRecogniser
-from robotctl.estimation.slam.keyframes.config import SlamConfig
 from robotctl.estimation.slam.keyframes.shapes import Shapes
+from robotctl.estimation.slam_config import SlamConfig
 
 SCAN_RECOGNISERS: Final[Mapping[str, Callable[[SlamConfig], ScanRecogniser]]] = {
     "shape": lambda config: Shapes(config.shapes),

@@ -6,9 +6,9 @@ import numpy as np
 
 from robotctl.estimation.slam.front_end.surface import Floats
 from robotctl.estimation.slam.keyframes.back_end import BackEnd
-from robotctl.estimation.slam.keyframes.config import TrackingConfig
 from robotctl.estimation.slam.keyframes.motion import OdometryAnchor, Place, PredictedMotion
 from robotctl.estimation.slam.keyframes.trail import Trail
+from robotctl.estimation.slam_config import TrackingConfig
 from robotctl.model.geometry.se2 import SE2
 
 

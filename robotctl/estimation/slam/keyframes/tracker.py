@@ -12,11 +12,12 @@ from robotctl.estimation.slam.front_end.correlative import Window, search
 from robotctl.estimation.slam.front_end.point_to_line import NARROW_M, Match, refine
 from robotctl.estimation.slam.front_end.surface import Floats, Surface
 from robotctl.estimation.slam.keyframes.back_end import BackEnd
-from robotctl.estimation.slam.keyframes.config import KeyframeConfig, TrackingConfig
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe, compared, held, keyframe_of
 from robotctl.estimation.slam.keyframes.local_map import LocalMap, thinned
 from robotctl.estimation.slam.keyframes.motion import CONTRADICTS, OdometryAnchor, PredictedMotion
 from robotctl.estimation.slam.keyframes.robot_state import RobotState
+from robotctl.estimation.slam_config import TrackingConfig
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
 

@@ -5,7 +5,7 @@ import pytest
 
 from robotctl.estimation.places.visual.features import Features, features_message
 from robotctl.estimation.places.visual.orb import features_of
-from robotctl.estimation.slam.keyframes.config import KeyframeConfig, ShapeConfig, SlamConfig
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.estimation.slam.keyframes.motion import Place
 from robotctl.estimation.slam.keyframes.saved_map import (
@@ -17,6 +17,7 @@ from robotctl.estimation.slam.keyframes.saved_map import (
     whole_map,
 )
 from robotctl.estimation.slam.keyframes.seen_places import SeenPlaces
+from robotctl.estimation.slam_config import ShapeConfig, SlamConfig
 from robotctl.maps.vocabulary_file import load_vocabulary, shipped_vocabulary
 from robotctl.model.geometry.se2 import SE2
 from tests.estimation.places.visual.drawn import drawn_wall
