@@ -11,7 +11,6 @@ from robotctl.estimation.grid.config import OccupancyGridConfig
 from robotctl.estimation.ranging.likelihood_config import LikelihoodFieldConfig
 from robotctl.estimation.ranging.sonar_config import SonarModelConfig
 from robotctl.estimation.sensor_names import SENSORS
-from robotctl.estimation.slam_config import SlamConfig
 
 if TYPE_CHECKING:
     SensorName: TypeAlias = str
@@ -57,8 +56,6 @@ class LocalisationConfig:
     lidar, camera, sonar, grid
         Sensor parameters, for the particles and for the map. Ranges that a camera sees share the
         errors of its mount and of the robot's pitch, so they say less than a lidar's.
-    slam
-        Thresholds of SLAM's stages.
 
     Raises
     ------
@@ -83,7 +80,6 @@ class LocalisationConfig:
     )
     sonar: SonarModelConfig = field(default_factory=SonarModelConfig)
     grid: OccupancyGridConfig = field(default_factory=OccupancyGridConfig)
-    slam: SlamConfig = field(default_factory=SlamConfig)
 
     def __post_init__(self) -> None:
         for key in ("start_sigma_m", "start_sigma_deg"):

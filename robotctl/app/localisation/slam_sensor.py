@@ -57,7 +57,7 @@ def slam_sensor(config: RobotConfig, robot: SensedRobot) -> SlamSensor:
             'true goes on with the map; localisation.method = "mcl" finds the robot on the ROS '
             "map of a drive, localisation.map"
         )
-    return SlamSensor(name, robot, replace(source.config, tuning=settings.slam))
+    return SlamSensor(name, robot, replace(source.config, tuning=settings.slam.stages))
 
 
 def recognises_places(config: RobotConfig) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from robotctl.estimation.slam_config import SlamConfig
+from robotctl.estimation.slam_tuning import SlamTuning
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +81,7 @@ class KeyframeConfig:
     is_fixed: bool = False
     stretch_m: float = 0.0
     wheels: WheelNoise = field(default_factory=WheelNoise)
-    tuning: SlamConfig = field(default_factory=SlamConfig)
+    tuning: SlamTuning = field(default_factory=SlamTuning)
 
     @property
     def shared(self) -> float:

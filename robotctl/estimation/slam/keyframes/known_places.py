@@ -15,7 +15,7 @@ from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe, compared, keyframe_of, match_pair
 from robotctl.estimation.slam.keyframes.motion import CONTRADICTS, Place, PredictedMotion
 from robotctl.estimation.slam.keyframes.robot_state import RobotState
-from robotctl.estimation.slam_config import KnownPlacesConfig
+from robotctl.estimation.slam_tuning import KnownPlacesConfig
 from robotctl.model.geometry.se2 import SE2
 
 

@@ -21,7 +21,7 @@ from robotctl.estimation.slam.keyframes.keyframe import Keyframe
 from robotctl.estimation.slam.keyframes.recognisers import SCAN_RECOGNISERS
 from robotctl.estimation.slam.keyframes.shapes import AROUND
 from robotctl.estimation.slam.keyframes.verification import Closure, Verifier
-from robotctl.estimation.slam_config import Tolerance
+from robotctl.estimation.slam_tuning import Tolerance
 from robotctl.model.geometry.se2 import SE2
 
 

@@ -8,7 +8,7 @@ from robotctl.estimation.slam.front_end.surface import Floats
 from robotctl.estimation.slam.keyframes.back_end import BackEnd
 from robotctl.estimation.slam.keyframes.motion import OdometryAnchor, Place, PredictedMotion
 from robotctl.estimation.slam.keyframes.trail import Trail
-from robotctl.estimation.slam_config import TrackingConfig
+from robotctl.estimation.slam_tuning import TrackingConfig
 from robotctl.model.geometry.se2 import SE2
 
 

@@ -16,7 +16,7 @@ from robotctl.estimation.grown import Grown
 from robotctl.estimation.places.recogniser import Candidate, Recognition
 from robotctl.estimation.slam.front_end.surface import Floats
 from robotctl.estimation.slam.keyframes.candidates import PossiblePlaces
-from robotctl.estimation.slam_config import ShapeConfig
+from robotctl.estimation.slam_tuning import ShapeConfig
 from robotctl.model.geometry.points import moved
 from robotctl.model.geometry.se2 import SE2
 

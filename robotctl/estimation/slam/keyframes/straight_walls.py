@@ -17,7 +17,7 @@ from robotctl.estimation.slam.front_end.surface import Floats
 from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.keyframe import LOOSE, Keyframe, without_corridor
-from robotctl.estimation.slam_config import StraightWallsConfig
+from robotctl.estimation.slam_tuning import StraightWallsConfig
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.points import moved, rotation
 from robotctl.model.geometry.se2 import SE2

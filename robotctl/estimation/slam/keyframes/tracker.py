@@ -17,7 +17,7 @@ from robotctl.estimation.slam.keyframes.keyframe import Keyframe, compared, held
 from robotctl.estimation.slam.keyframes.local_map import LocalMap, thinned
 from robotctl.estimation.slam.keyframes.motion import CONTRADICTS, OdometryAnchor, PredictedMotion
 from robotctl.estimation.slam.keyframes.robot_state import RobotState
-from robotctl.estimation.slam_config import TrackingConfig
+from robotctl.estimation.slam_tuning import TrackingConfig
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
 

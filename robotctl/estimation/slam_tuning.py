@@ -1,4 +1,4 @@
-"""Thresholds of SLAM by scans, `localisation.slam`; light enough for every process to read."""
+"""Thresholds of the stages of SLAM by scans; light enough for every process to read."""
 
 from __future__ import annotations
 
@@ -411,7 +411,7 @@ class StraightWallsConfig:
 
 
 @dataclass(frozen=True, slots=True)
-class SlamConfig:
+class SlamTuning:
     """Thresholds of SLAM's stages, in the order in which a scan passes them.
 
     Parameters
