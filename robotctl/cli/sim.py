@@ -9,7 +9,7 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -28,6 +28,7 @@ from robotctl.cli.live.keys import Keys
 from robotctl.cli.logs.report import check_page, write_report
 from robotctl.drivers.mavlink.listening import busy_links
 from robotctl.errors import ConfigError, DiskError
+from robotctl.estimation.localisers import LOCALISERS, LocaliserName, localiser_kind
 from robotctl.estimation.sensor_names import SENSORS
 from robotctl.runtime.open_files import need_open_files
 
@@ -96,7 +97,7 @@ def sim(
         typer.Option(help="Fault scenario, file or name; status 3 if a fault did not begin."),
     ] = "",
     localiser: Annotated[
-        Literal["none", "ekf", "mcl"] | None,
+        LocaliserName | None,
         typer.Option(
             help="Localisation method; default: as the robot's file says, mcl for the errand."
         ),
@@ -184,7 +185,7 @@ def sim(
         raise ConfigError("--slam: not allowed with --localiser, --map and --start unknown")
     if not (mission or goal or world or slam):
         mission, localiser = ERRAND, localiser or "mcl"
-        start = start or ("unknown" if localiser == "mcl" else None)
+        start = start or ("unknown" if localiser_kind(localiser).searches_map else None)
     pose = _start(start or "known")
     if goal and mission:
         raise ConfigError("--goal: not allowed with --mission, which says where to drive")
@@ -283,7 +284,8 @@ def _refuse_what_has_no_effect(
         refuse_unused(ctx, "with --lockstep, whose time is virtual", "hard_real_time", "web")
     settings = options.settings(Path("the mission's own"))
     if load_robot(options.robot, settings).localisation.method == "none":
-        why = "without a localiser; add --localiser mcl or ekf"
+        on_map = " or ".join(name for name, kind in LOCALISERS.items() if kind.needs_map)
+        why = f"without a localiser; add --localiser {on_map}"
         unused = ("world_map", "sensors", *(["start"] if not options.start else []))
         refuse_unused(ctx, why, *unused)
 

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from robotctl.config.robot_file import RobotConfig
 from robotctl.errors import ConfigError
+from robotctl.estimation.localisers import localiser_kind
 from robotctl.estimation.sensor_names import CAMERA, LIDAR, SONAR
 from robotctl.estimation.sensors.sensor import SensedRobot
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
@@ -63,4 +64,5 @@ def slam_sensor(config: RobotConfig, robot: SensedRobot) -> SlamSensor:
 def recognises_places(config: RobotConfig) -> bool:
     """Return whether a robot looks for loops by the images of its camera."""
     settings = config.localisation
-    return config.has_camera and settings.method == "slam" and CAMERA in settings.sensors
+    matches_images = localiser_kind(settings.method).matches_images
+    return config.has_camera and matches_images and CAMERA in settings.sensors

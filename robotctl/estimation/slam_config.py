@@ -1,0 +1,50 @@
+"""Settings of SLAM while the robot drives; light enough for every process to read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+
+from robotctl.errors import InvalidValue
+from robotctl.estimation.slam_tuning import SlamTuning
+
+_MOST = 1e4
+
+
+@dataclass(frozen=True, slots=True)
+class SlamConfig:
+    """When SLAM takes a scan, and draws its map anew.
+
+    Parameters
+    ----------
+    update_min_m, update_min_rad
+        Motion after which a scan is taken [m], [rad], 0 to 1e4: a robot at rest sees the same.
+    rest_s
+        Time at rest after which a scan is taken [s], 0 to 1e4: the robot may have been moved by
+        hand.
+    redraw_shift_m
+        Motion of a keyframe since it was drawn from which the map is drawn anew [m], 0 to 1e4.
+    redraw_every_s
+        Minimum interval between two drawings [s], 0 to 1e4.
+    stages
+        Thresholds of its stages.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range.
+    """
+
+    update_min_m: float = 0.05
+    update_min_rad: float = 0.05
+    rest_s: float = 1.0
+    redraw_shift_m: float = 0.03
+    redraw_every_s: float = 2.0
+    stages: SlamTuning = field(default_factory=SlamTuning)
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            value = getattr(self, each.name)
+            if each.name == "stages":
+                continue  # they have checked themselves
+            if not 0.0 <= value <= _MOST:
+                raise InvalidValue(each.name, f"{value} found, 0 to {_MOST:g} allowed", value)
