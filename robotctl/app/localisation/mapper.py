@@ -28,9 +28,9 @@ class Mapper:
     grid
         The map, in `world`.
     robot
-        What is known of its sensors.
+        Mountings and settings of its sensors.
     history
-        Of the odometry.
+        History of the odometry.
     """
 
     def __init__(self, grid: OccupancyGrid, robot: SensedRobot, history: OdometryHistory) -> None:
@@ -81,7 +81,7 @@ class Mapper:
 
 
 def _moved(before: SE2 | None, after: SE2, config: OccupancyGridConfig) -> bool:
-    """Say whether the robot moved enough to see something new; None: it has seen nothing yet."""
+    """Return whether the robot moved enough to see something new; None: nothing seen yet."""
     if before is None:
         return True
     distance_m = math.hypot(after.x_m - before.x_m, after.y_m - before.y_m)

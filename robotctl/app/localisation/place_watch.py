@@ -33,7 +33,7 @@ class PlaceWatch:
     mounts
         Mounting of the sonars.
     area_m2
-        Of the floor on which the robot can be [m^2], > 0.
+        Area of the floor on which the robot can be [m^2], > 0.
     """
 
     def __init__(self, book: PlaceBook, mounts: Sequence[SonarMount], area_m2: float) -> None:

@@ -37,7 +37,7 @@ class VisualCandidate(Candidate[int]):
     share
         Inliers over the features of the image that has fewer.
     model
-        What the motion was fitted by: `plane`, `scene` or `none`.
+        Model of the fitted motion: `plane`, `scene` or `none`.
     """
 
     matches: int
@@ -55,7 +55,7 @@ class Sight:
     points, descriptors, groups
         (n, 2), (n, 4), (n,).
     aspect
-        Of the image.
+        Aspect ratio of the image.
     words, weights
         (k,) each, the bag.
     """

@@ -27,7 +27,7 @@ class KeyframeInsertion:
     config, keyframes, back_end
         The map.
     robot
-        Where the robot is on it.
+        State of the robot on it.
     linking
         Links by scans.
     """

@@ -41,7 +41,7 @@ class SlamMapper:
     images
         Images by which a camera recognises places, by keyframe.
     robot
-        Where the robot is on the map.
+        State of the robot on the map.
     tracker, known_places, loops, relocaliser
         Stages of `add`.
     epoch
@@ -163,7 +163,7 @@ class SlamMapper:
         Parameters
         ----------
         place
-            Where the robot is expected.
+            Expected place of the robot.
         odometry
             `base` in `odom` there.
         is_another

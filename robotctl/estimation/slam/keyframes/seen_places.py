@@ -38,12 +38,12 @@ class SeenPlaces:
     keyframes
         Keyframes whose images are known, in their order; first those that the map had.
     recognitions
-        What each of the others was recognised as; its places are numbers of images in `keyframes`.
+        Recognitions of the others; their places are numbers of images in `keyframes`.
 
     Parameters
     ----------
     vocabulary
-        Its words.
+        Words of the images.
     mapper
         Mapper of the keyframes; its scans verify what the camera suggests.
     """

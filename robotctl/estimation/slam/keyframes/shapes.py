@@ -1,4 +1,4 @@
-"""The shape of the surroundings of each keyframe: places that look alike, whatever their heading.
+"""Shape of the surroundings of keyframes: finds places that look alike, whatever the heading.
 
 What the last keyframes saw around is counted in rings and sectors; a turn of the robot shifts the
 sectors, so the best of all turns comes from one Fourier transform. Kim, Kim: Scan Context, IROS

@@ -1,7 +1,7 @@
-"""Walls that go straight on: what holds the heading of scans that share nothing with others.
+"""Straight walls, which hold the heading of scans that overlap with no others.
 
 A stretch of a corridor and the next show different pieces of its walls. Where a piece of the one
-lies in line with one of the other, as far as odometry can tell, both are taken for one wall.
+lies in line with one of the other, as far as odometry can tell, both are taken as one wall.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class StraightWalls:
         """The first keyframe of this odometry."""
 
     def begin_odometry(self) -> None:
-        """Take the next keyframe for the first of another odometry, which may begin elsewhere."""
+        """Treat the next keyframe as the first of another odometry, which may begin elsewhere."""
         self._first = len(self._keyframes)
 
     def link(self, number: int) -> int:
@@ -58,7 +58,7 @@ class StraightWalls:
         return count
 
     def _walls_of(self, number: int) -> tuple[Segment, ...]:
-        """Return the walls of a keyframe, which may have got another scan."""
+        """Return the walls of a keyframe, which may have another scan by now."""
         keyframe = self._keyframes[number]
         if number not in self._walls or self._walls[number][0] is not keyframe:
             self._walls[number] = keyframe, find_lines(keyframe.scan, _LINES).segments

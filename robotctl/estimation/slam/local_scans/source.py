@@ -31,11 +31,11 @@ class ScanSource(Generic[M_contra]):
     Parameters
     ----------
     config
-        What its scans are worth.
+        Settings of a mapper for its scans.
     maker
         Makes what makes its scans, for a robot; raises ValueError if the robot has no such sensor.
     recorded
-        What a recording has of it, with the odometry.
+        Measurements of a recording, each with the odometry.
     """
 
     config: KeyframeConfig
