@@ -15,7 +15,7 @@ from benchmarks import machine
 from robotctl.estimation.slam.keyframes.candidates import PossiblePlaces
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.estimation.slam.keyframes.shapes import AROUND, Shapes
-from robotctl.estimation.slam_config import ShapeConfig
+from robotctl.estimation.slam_tuning import ShapeConfig
 from robotctl.logs.formats.recorded_log import read_recording
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.recording import Recording

@@ -28,7 +28,7 @@ class Mapper:
     grid
         The map, in `world`.
     robot
-        The robot as its sensors need to know it.
+        Mountings and settings of its sensors.
     history
         History of the odometry.
     """
@@ -81,7 +81,7 @@ class Mapper:
 
 
 def _moved(before: SE2 | None, after: SE2, config: OccupancyGridConfig) -> bool:
-    """Say whether the robot moved enough to see something new; None: it has seen nothing yet."""
+    """Return whether the robot moved enough to see something new; None: nothing seen yet."""
     if before is None:
         return True
     distance_m = math.hypot(after.x_m - before.x_m, after.y_m - before.y_m)

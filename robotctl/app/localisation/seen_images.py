@@ -1,4 +1,4 @@
-"""The images of a robot that maps: those of its keyframes tell it where it has been before."""
+"""Images of keyframes, by which a robot that maps recognises where it has been before."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from robotctl.maps.vocabulary_file import load_vocabulary, shipped_vocabulary
 from robotctl.messages.estimation import CameraView, ImageFeatures
 
 _KEPT: Final = 64
-"""Images that wait for a keyframe of their time: that of a long stretch is half a minute old."""
+"""Number of images that wait for a keyframe of their time: one of a long stretch is 30 s old."""
 _REHEARSED: Final = 60
 """Features of an image, enough for it to be recognised."""
 
@@ -26,7 +26,7 @@ class SeenImages:
     Parameters
     ----------
     mapper
-        The mapper whose keyframes get images.
+        Mapper that the images are shown to.
     """
 
     def __init__(self, mapper: SlamMapper) -> None:
@@ -47,7 +47,7 @@ class SeenImages:
 
 
 def rehearse(mapper: SlamMapper) -> None:
-    """Compile, or load from the cache, all that recognising a place needs."""
+    """Warm up: compile, or load from the cache, all that recognising a place needs."""
     rng = np.random.default_rng(0)
     looks = [
         Features(

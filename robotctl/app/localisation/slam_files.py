@@ -109,7 +109,7 @@ class KeyframeFile:
     path
         The file. A damaged one is renamed, and the map begins anew.
     sensor
-        Sensor by which the robot maps.
+        Name of the sensor by which the robot maps.
     is_own
         Whether a map made by another sensor is renamed as well, instead of refused.
 
@@ -170,7 +170,7 @@ class KeyframeFile:
         return notices
 
     def step(self, mapper: SlamMapper, robot: RobotOnMap, now_ns: int) -> None:
-        """Have written what is new about a map; twice a second where the robot is on it."""
+        """Write what is new about a map, and twice a second the robot's place on it."""
         if not mapper.keyframes or mapper.is_lost:
             return
         change = self._changes.changes(mapper)
@@ -188,5 +188,5 @@ class KeyframeFile:
         self._log.add([encoded(change)])
 
     def close(self) -> None:
-        """Have all written, and let the file go."""
+        """Write everything and close the file."""
         self._log.close()

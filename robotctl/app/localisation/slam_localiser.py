@@ -27,6 +27,7 @@ from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.estimation.sensor_names import SONAR
 from robotctl.estimation.sensors.lidar import REHEARSED
 from robotctl.estimation.slam.incremental.smoother import IncrementalSmoother
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.heard_places import HeardPlaces
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe
 from robotctl.estimation.slam.keyframes.map_search import MapSearch
@@ -34,7 +35,6 @@ from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.estimation.slam.keyframes.motion import Place
 from robotctl.estimation.slam.keyframes.saved_map import KeyframeMap, SavedOdometry, as_saved
 from robotctl.estimation.slam.keyframes.tracker import LEAST_ECHOES
-from robotctl.estimation.slam_config import KeyframeConfig
 from robotctl.messages.control import ControlState
 from robotctl.messages.estimation import ClosedLoop, LiveMap, LocalisationState, SlamGraph
 from robotctl.messages.map_message import map_message
@@ -59,11 +59,11 @@ class SlamLocaliser:
     mapper
         Without a scan yet.
     sensor
-        The sensor that the scans are made of.
+        What the scans are made of.
     start
         `base` in `world` at the start.
     history
-        History of the odometry; kept up to date by the caller.
+        Of the odometry; kept up to date by the caller.
     saved
         A map to go on with, in place of a start; the robot is expected where it was last on it.
     file
@@ -84,7 +84,7 @@ class SlamLocaliser:
         by_images: bool = False,
     ) -> None:
         self.mapper = mapper
-        self.config = sensor.robot.settings.slam.driving
+        self.config = sensor.robot.settings.slam
         self._sensor, self._maker = sensor, sensor.maker()
         self._history = history
         self._file = file
@@ -244,7 +244,8 @@ class SlamLocaliser:
 
     def _take(self, scan: RangeScan, odometry: SE2) -> None:
         """Match a scan."""
-        if not self.mapper.keyframes and np.count_nonzero(scan.echoes) < 2 * LEAST_ECHOES:
+        echoes = np.isfinite(scan.ranges_m) & (scan.ranges_m < scan.max_range_m)
+        if not self.mapper.keyframes and np.count_nonzero(echoes) < 2 * LEAST_ECHOES:
             return
         if not self.mapper.keyframes:
             # What was driven before the first scan is known by odometry alone.
@@ -273,7 +274,7 @@ class _Picture:
     def __init__(self, grid: OccupancyGrid, renewals: int) -> None:
         self.grid = grid
         self.renewals = renewals
-        """Keyframes that had got a new scan when it was begun."""
+        """How many keyframes had got a new scan when it was begun."""
         self.drawn = np.empty((0, 3))
         """Poses of keyframes in it; nan: not in it yet."""
 

@@ -1,4 +1,4 @@
-"""The places that a robot knows by their signatures, and which of them it is at.
+"""Places known by their signatures, and which of them the robot is at.
 
 How much two visits to one place differ, and how much other places differ, is learnt from the book
 itself: each visit is compared with the most like one of its own place, and with the most like one
@@ -53,7 +53,7 @@ class PlaceBook:
     Parameters
     ----------
     places
-        Of different names.
+        Places, each of another name.
     signatures, config
         Settings.
 
@@ -244,9 +244,9 @@ class PlaceBook:
         Parameters
         ----------
         name
-            Of a new place, or of a known one.
+            Name of a new or a known place.
         signature
-            Of the visit.
+            Signature of the visit.
         pose
             `base` in `world`; None if unknown. A place is either in `world` with all of its visits,
             or with none.

@@ -60,7 +60,7 @@ def place_fix(
     recognition
         Measured at the robot's present place.
     area_m2
-        Of the floor on which it can be [m^2], > 0.
+        Area of the floor on which it can be [m^2], > 0.
     config
         Settings.
 

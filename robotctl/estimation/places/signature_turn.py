@@ -54,11 +54,11 @@ class Turn:
     Parameters
     ----------
     stamp_ns
-        Its last reading [ns].
+        Time of its last reading [ns].
     began, odometry
         `base` at its first and at its last reading, in the frame of the odometry.
     signature
-        Around `base` as it stands at the last.
+        Signature around `base` at the last reading.
     """
 
     stamp_ns: int
@@ -75,9 +75,9 @@ class TurnCollector:
     Parameters
     ----------
     mounts
-        Where the sonars sit, in the order of the ranges.
+        Mounting of the sonars, in the order of the ranges.
     config
-        Of the signatures.
+        Settings of the signatures.
     turn
         Criteria of a turn.
     """
@@ -154,7 +154,7 @@ def around_base(
     Parameters
     ----------
     poses
-        Of `base`, (n, 3) [m, m, rad].
+        Poses of `base`, (n, 3) [m, m, rad].
     mounts
         x, y, heading of each sonar in `base`, (s, 3) [m, m, rad].
     ranges_m

@@ -202,7 +202,7 @@ class SignatureIndex:
     Parameters
     ----------
     signatures
-        Of one number of bearings.
+        Known signatures, all of the same number of bearings.
     config
         How they are compared.
 
@@ -248,7 +248,7 @@ class Comparison:
     def bounds(self) -> NDArray[np.float64]:
         """Return a lower bound of each known signature's difference at any shift, (k,).
 
-        By the depth histograms, which know no bearing; 0 if a bearing is missing in one of both.
+        Uses the depth histograms, which are independent of bearing; 0 if either lacks a bearing.
         """
         known, new = self._known, self._new
         bound: NDArray[np.float64] = 0.5 * np.square(known.mean - new.mean).sum(axis=1)

@@ -52,11 +52,11 @@ def position_covariance(
     known
         Signature of the visit.
     heading_rad
-        Of `base` at the visit, in the frame of the covariance [rad].
+        Heading of `base` at the visit, in the frame of the covariance [rad].
     difference
         D that is to be explained, > 0.
     config
-        Of the signatures; nothing is known of what lies beyond the maximum range.
+        Settings of the signatures; nothing beyond the maximum range is known.
     """
     echo = np.nan_to_num(1.0 - known.silence)
     nearer = echo * _nearer(known.depth_m, heading_rad)

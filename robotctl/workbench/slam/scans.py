@@ -17,6 +17,7 @@ from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.estimation.sensor_names import LIDAR
 from robotctl.estimation.sensors.sensor import SensedRobot
 from robotctl.estimation.slam.front_end.surface import surface_of
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.heard_places import HeardPlaces
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.estimation.slam.keyframes.motion import Place
@@ -25,7 +26,6 @@ from robotctl.estimation.slam.keyframes.tracker import LEAST_ECHOES
 from robotctl.estimation.slam.local_scans.registry import load_source
 from robotctl.estimation.slam.local_scans.source import ScanSource
 from robotctl.estimation.slam.robust.robust_cost import OFF
-from robotctl.estimation.slam_config import KeyframeConfig
 from robotctl.logs.formats.image_folder import TimedImage
 from robotctl.logs.formats.keyframes_log import load_keyframes
 from robotctl.logs.formats.recorded_log import read_recording

@@ -7,6 +7,7 @@ import pytest
 
 from robotctl.app.localisation.seen_images import SeenImages
 from robotctl.estimation.places.visual.features import Features, features_in
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.seen_places import SeenPlaces
 from robotctl.messages.estimation import CameraView, ImageFeatures
 
@@ -38,7 +39,7 @@ def shown(monkeypatch):
 
 def test_each_keyframe_gets_the_image_nearest_in_time_if_there_is_one(shown):
     old = [SimpleNamespace(stamp_ns=0)]
-    mapper = SimpleNamespace(keyframes=old, images={}, loops=None)
+    mapper = SimpleNamespace(config=KeyframeConfig(), keyframes=old, images={}, loops=None)
     images = SeenImages(mapper)
     images.add([view(0, 1), view(250, 2), view(500, 3), view(5000, 4)])
     # A stretch tells where the robot was half a minute ago; nobody looked at 2 s, and

@@ -10,41 +10,18 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.estimation.places.recogniser import Candidate, Recognition
+from robotctl.estimation.places.visual.config import VisualConfig
 from robotctl.estimation.places.visual.features import Descriptors, Features
 from robotctl.estimation.places.visual.geometry import common_geometry
 from robotctl.estimation.places.visual.index import InvertedIndex
 from robotctl.estimation.places.visual.matching import match
 from robotctl.estimation.places.visual.vocabulary import Vocabulary
 from robotctl.model.geometry.se2 import SE2
-
-CANDIDATES: Final = 5
-"""Images whose geometry is looked at, those of most score."""
-LEAST_FEATURES: Final = 50
-"""Minimum features of an image that can be recognised; a plain wall has fewer."""
-LEAST_LOG10_CHANCE: Final = -6.0
-"""Maximum log10 of the probability that a fit is chance: one in a million."""
-LEAST_SHARE: Final = 0.1
-"""Share of an image's features that must fit; alike doors and lamps elsewhere are fewer."""
-ALONE_SHARE: Final = 0.2
-"""Share that counts without another image's word."""
-RIVAL: Final = 0.6
-"""Share of the best fit from which another place makes it ambiguous."""
-NEAR: Final = 3
-"""Images before and after one that show the same place, at least."""
-REMEMBERED: Final = 3
-"""Images before the last whose candidates confirm its own."""
-_SCORE: Final = 0.5
-"""Minimum share of the best score for an image to be a candidate."""
-_FEW: Final = 100
-"""Features below which shares are of this many."""
-_ALIKE: Final = 0.4
-"""Score from which on two images are much the same: of a camera that stands or creeps."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -60,7 +37,7 @@ class VisualCandidate(Candidate[int]):
     share
         Inliers over the features of the image that has fewer.
     model
-        What the motion was fitted by: `plane`, `scene` or `none`.
+        Model of the fitted motion: `plane`, `scene` or `none`.
     """
 
     matches: int
@@ -78,7 +55,7 @@ class Sight:
     points, descriptors, groups
         (n, 2), (n, 4), (n,).
     aspect
-        Of the image.
+        Aspect ratio of the image.
     words, weights
         (k,) each, the bag.
     """
@@ -110,22 +87,31 @@ class VisualPlaces:
     Parameters
     ----------
     vocabulary
-        Its words.
+        Words of the images.
     gap
-        How many of the last images are of the same visit and are not looked at.
+        Number of the last images that are of the same visit and are left out.
     seed
-        Of the fits.
+        Seed of the fits.
+    config
+        When an image is recognised.
     """
 
-    def __init__(self, vocabulary: Vocabulary, gap: int = 10, seed: int = 0) -> None:
+    def __init__(
+        self,
+        vocabulary: Vocabulary,
+        gap: int = 10,
+        seed: int = 0,
+        config: VisualConfig | None = None,
+    ) -> None:
         self.vocabulary = vocabulary
+        self.config = config or VisualConfig()
         self._gap = gap
         self._seed = seed
         self._index = InvertedIndex(vocabulary.words)
         self._sights: list[Sight] = []
         self._reach: list[int] = []
         self._closures: list[tuple[int, int]] = []
-        self._before: deque[tuple[int, ...]] = deque(maxlen=REMEMBERED)
+        self._before: deque[tuple[int, ...]] = deque(maxlen=self.config.remembered)
 
     def __len__(self) -> int:
         return len(self._sights)
@@ -133,7 +119,7 @@ class VisualPlaces:
     def add(self, sight: Sight) -> None:
         """Remember an image, the next in the order of the drive."""
         scores = self._index.scores(sight.words, sight.weights)
-        self._reach.append(_alike_before(scores))
+        self._reach.append(_alike_before(scores, self.config.alike))
         self._index.add(sight.words, sight.weights)
         self._sights.append(sight)
 
@@ -148,12 +134,14 @@ class VisualPlaces:
             Whether it follows the last image in the drive: then those of the same visit are left
             out. `add` remembers it afterwards.
         """
-        if len(sensed.points) < LEAST_FEATURES:
+        if len(sensed.points) < self.config.least_features:
             self._before.append(())
             return Recognition((), f"only {len(sensed.points)} features")
         scores = self._index.scores(sensed.words, sensed.weights)
         if is_next:
-            scores = scores[: max(0, len(scores) - self._gap - _alike_before(scores))]
+            scores = scores[
+                : max(0, len(scores) - self._gap - _alike_before(scores, self.config.alike))
+            ]
         looked_at = [self._verified(sensed, image, scores) for image in self._peaks(scores)]
         judged = self._judged(looked_at)
         self._before.append(tuple(each.place for each in looked_at if not each.refusal))
@@ -168,9 +156,9 @@ class VisualPlaces:
     def _peaks(self, scores: NDArray[np.float64]) -> list[int]:
         """Return the images of most score, without those near a better one."""
         peaks: list[int] = []
-        least = _SCORE * float(scores.max(initial=0.0))
-        for image in np.argsort(-scores, kind="stable")[: 10 * CANDIDATES].tolist():
-            if scores[image] <= least or len(peaks) == CANDIDATES:
+        least = self.config.least_score * float(scores.max(initial=0.0))
+        for image in np.argsort(-scores, kind="stable")[: 10 * self.config.candidates].tolist():
+            if scores[image] <= least or len(peaks) == self.config.candidates:
                 break
             if not any(self._are_near(image, other) for other in peaks):
                 peaks.append(image)
@@ -178,14 +166,14 @@ class VisualPlaces:
 
     def _are_near(self, image: int, other: int) -> bool:
         """Return whether two images are of one stretch that shows the same place."""
-        return abs(image - other) <= max(NEAR, self._reach[max(image, other)])
+        return abs(image - other) <= max(self.config.near, self._reach[max(image, other)])
 
     def _verified(self, sight: Sight, image: int, scores: NDArray[np.float64]) -> VisualCandidate:
         """Return a candidate, refused if its geometry does not fit."""
         known = self._sights[image]
         pairs = match(sight.descriptors, sight.groups, known.descriptors, known.groups)
-        fewer = max(_FEW, min(len(sight.points), len(known.points)))
-        if len(pairs) < LEAST_SHARE * fewer:
+        fewer = max(self.config.few, min(len(sight.points), len(known.points)))
+        if len(pairs) < self.config.least_share * fewer:
             score = float(scores[image])
             return VisualCandidate(
                 image, SE2(), score, "few features match",
@@ -199,9 +187,9 @@ class VisualPlaces:
         )
         share = len(fit.inliers) / fewer
         refusal = ""
-        if fit.log10_chance > LEAST_LOG10_CHANCE:
+        if fit.log10_chance > self.config.log10_chance:
             refusal = "no common geometry"
-        elif share < LEAST_SHARE:
+        elif share < self.config.least_share:
             refusal = "too little in common"
         return VisualCandidate(
             image, SE2(), float(scores[image]), refusal,
@@ -216,12 +204,13 @@ class VisualPlaces:
         best = max(fitting, key=lambda each: each.share)
         refusal = ""
         if any(
-            each.share > RIVAL * best.share and not self._are_one_place(each.place, best.place)
+            each.share > self.config.rival * best.share
+            and not self._are_one_place(each.place, best.place)
             for each in looked_at
             if each is not best
         ):
             refusal = "ambiguous"
-        elif best.share < ALONE_SHARE and not any(
+        elif best.share < self.config.alone_share and not any(
             self._are_near(best.place, earlier) for found in self._before for earlier in found
         ):
             refusal = "not confirmed by the images before"
@@ -241,7 +230,7 @@ class VisualPlaces:
         )
 
 
-def _alike_before(scores: NDArray[np.float64]) -> int:
+def _alike_before(scores: NDArray[np.float64], alike: float) -> int:
     """Return how many of the last images are much the same as a new one, without a break."""
-    differ = np.flatnonzero(scores[::-1] < _ALIKE)
+    differ = np.flatnonzero(scores[::-1] < alike)
     return int(differ[0]) if len(differ) else len(scores)

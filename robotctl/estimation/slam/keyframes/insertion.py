@@ -8,11 +8,11 @@ import numpy as np
 
 from robotctl.estimation.slam.front_end.point_to_line import Match
 from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe
 from robotctl.estimation.slam.keyframes.linking import Linking
 from robotctl.estimation.slam.keyframes.motion import Place
 from robotctl.estimation.slam.keyframes.robot_state import RobotState
-from robotctl.estimation.slam_config import KeyframeConfig
 from robotctl.model.geometry.se2 import SE2
 
 _UNKNOWN: Final = np.diag(1.0 / np.array([0.3, 0.3, 0.2]) ** 2)
@@ -27,7 +27,7 @@ class KeyframeInsertion:
     config, keyframes, back_end
         The map.
     robot
-        Where the robot is on it.
+        State of the robot on it.
     linking
         Links by scans.
     """

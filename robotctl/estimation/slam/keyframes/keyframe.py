@@ -1,4 +1,4 @@
-"""Scans that are kept, and links between them."""
+"""Keyframes: scans that are kept, and how two of them are matched."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ import numpy as np
 from robotctl.estimation.slam.front_end.agreement import View, agreement, view_of
 from robotctl.estimation.slam.front_end.point_to_line import Bins, Match, binned, refine
 from robotctl.estimation.slam.front_end.surface import Floats, Surface
-from robotctl.estimation.slam_config import KeyframeConfig
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
 
 LOOSE = np.diag(1.0 / np.array([0.3, 0.3, 0.1]) ** 2)
-"""Holds a match along corridors near its start; of no weight elsewhere."""
+"""Prior that holds a match along corridors near its start; without weight elsewhere."""
 _SHARE: Final = 0.25
 CORRIDOR: Final = 0.15
-"""Information along, beside that across, with which a stretch counts as a corridor."""
+"""Ratio of the information along to that across, below which a stretch is a corridor."""
 _LEAST: Final = np.array([1.0, 1.0, 25.0])
 _BENT: Final = np.array([0.03, 0.03, 0.01]) ** 2
-"""Variances by which the odometry bends a stretch [m^2, m^2, rad^2]."""
+"""Variances by which odometry bends a stretch [m^2, m^2, rad^2]: measured, not tuned."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,9 +35,9 @@ class Keyframe:
     scan
         The scan.
     surface, bins, view
-        Its echoes, those sorted, and its ranges by direction; all in its `base`.
+        Echoes, echoes sorted for refinement, and ranges by direction; all in its `base`.
     travelled_m
-        Length of the way so far [m].
+        Distance travelled so far [m].
     """
 
     stamp_ns: int
@@ -48,7 +48,7 @@ class Keyframe:
     travelled_m: float
 
     def sees(self, other: Keyframe, pose: SE2) -> float:
-        """Return the share of the echoes of another one, at a pose in it, that it has, too."""
+        """Return the share of another one's echoes, at a pose in this one, that it sees, too."""
         surface = other.surface
         return agreement(self.view, surface.points, surface.weights, pose).agrees
 
@@ -59,9 +59,9 @@ def keyframe_of(scan: RangeScan, surface: Surface, travelled_m: float) -> Keyfra
 
 
 def compared(old: Keyframe, new: Keyframe, pose: SE2) -> tuple[float, float]:
-    """Return of two scans how much is the same at least, and contradicts at most, 0 to 1.
+    """Return the minimum overlap and the maximum contradiction of two scans, 0 to 1.
 
-    The first is a share of all echoes, the second of those that the other scan says something of.
+    Overlap is a share of all echoes, contradiction one of those that the other scan could see.
     """
     there = agreement(old.view, new.surface.points, new.surface.weights, pose)
     back = agreement(new.view, old.surface.points, old.surface.weights, pose.inverse())
@@ -92,10 +92,10 @@ def match_pair(
 
 
 def honest(information: Floats) -> Floats:
-    """Return what a match of scans that were made along the odometry says, (3, 3).
+    """Return the information (3, 3) of a match of scans gathered along the odometry.
 
-    Echoes of one stretch share its errors, and where most of them lie along a corridor the few
-    others say little of the place along it.
+    Echoes of one stretch share its errors; where most lie along a corridor, the few others say
+    little about the position along it.
     """
     H = without_corridor(_SHARE * information)
     result: Floats = np.linalg.inv(np.linalg.inv(H + np.diag(_LEAST)) + np.diag(_BENT))
@@ -103,9 +103,9 @@ def honest(information: Floats) -> Floats:
 
 
 def held(match: Match, start: SE2, share: float) -> SE2:
-    """Return the pose of a match, at the start along a corridor, if it is of one.
+    """Return the pose of a match; in a corridor, with the position along it from the start.
 
-    A corridor gives less than a share of the information across along it.
+    A corridor has less than `share` of the information across it along it.
     """
     along = _corridor(match.information, share)
     if along is None:
@@ -116,7 +116,7 @@ def held(match: Match, start: SE2, share: float) -> SE2:
 
 
 def without_corridor(information: Floats) -> Floats:
-    """Return an information (3, 3) without that along a corridor, if it is of one."""
+    """Return an information matrix (3, 3) without the part along a corridor, if there is one."""
     along = _corridor(information, CORRIDOR)
     if along is None:
         return information
@@ -127,7 +127,7 @@ def without_corridor(information: Floats) -> Floats:
 
 
 def _corridor(information: Floats, share: float) -> Floats | None:
-    """Return the direction (2,) of which an information (3, 3) says next to nothing, if any."""
+    """Return the direction (2,) in which an information matrix (3, 3) is nearly zero, if any."""
     H = information
     by_place = H[:2, :2] - np.outer(H[:2, 2], H[:2, 2]) / max(H[2, 2], 1e-9)
     seen, directions = np.linalg.eigh(by_place)

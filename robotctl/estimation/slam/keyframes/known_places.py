@@ -1,6 +1,6 @@
-"""Places that are on the map already: they get no keyframe more, and a new scan where they changed.
+"""Places that are on the map already: no more keyframes, but a new scan where they changed.
 
-So a robot that stays in one building keeps a map of one size, which shows what was seen last.
+A robot that stays in one building keeps a map of constant size, which shows what was seen last.
 """
 
 from __future__ import annotations
@@ -11,10 +11,11 @@ import numpy as np
 
 from robotctl.estimation.slam.front_end.surface import Floats, surface_of
 from robotctl.estimation.slam.keyframes.back_end import BackEnd, certain
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe, compared, keyframe_of, match_pair
 from robotctl.estimation.slam.keyframes.motion import CONTRADICTS, Place, PredictedMotion
 from robotctl.estimation.slam.keyframes.robot_state import RobotState
-from robotctl.estimation.slam_config import KeyframeConfig, KnownPlacesConfig
+from robotctl.estimation.slam_tuning import KnownPlacesConfig
 from robotctl.model.geometry.se2 import SE2
 
 
@@ -25,15 +26,15 @@ class Known:
     Parameters
     ----------
     number
-        Of the keyframe.
+        Number of the keyframe.
     pose
-        Of `base` in it.
+        Pose of `base` in it.
     contradicts
-        Share of what the two scans say of each other.
+        Fraction of contradicting points of the two scans.
     is_young
-        Whether its scan was taken on the last metres.
+        Whether its scan was taken within the last metres.
     information
-        Of the pose, (3, 3) in its own frame; None: no match tells it.
+        Information (3, 3) of the pose in its own frame; None without a match.
     """
 
     number: int
@@ -43,7 +44,7 @@ class Known:
     information: Floats | None = None
 
     def weighed(self, start: SE2, covariance: Floats) -> tuple[Known, Floats] | None:
-        """Return the place and its covariance, with the pose that a start and the match tell.
+        """Return the place with the fused pose of odometry and match, and its covariance.
 
         None if the two contradict each other, or nothing was matched.
 
@@ -81,7 +82,7 @@ def known_place(
     keyframes, back_end
         The map.
     config
-        Of the mapper.
+        Settings of the mapper.
     """
     at, limits = back_end.pose(reference) @ pose, config.tuning.known
     away = np.hypot(*(back_end.poses[:, :2] - (at.x_m, at.y_m)).T)
@@ -125,7 +126,7 @@ def renewed(new: Keyframe, pose: SE2) -> Keyframe:
 
 
 def _is_open(old: Keyframe, pose: SE2) -> bool:
-    """Return whether no wall that a keyframe saw stands between it and a pose."""
+    """Return whether no wall seen by a keyframe stands between it and a pose."""
     x, y = pose.x_m - old.view.x_m, pose.y_m - old.view.y_m
     sectors = len(old.view.nearest)
     sector = int(np.floor(np.arctan2(y, x) * sectors / (2.0 * np.pi))) % sectors
@@ -162,7 +163,7 @@ class KnownPlaces:
     config, keyframes, back_end
         The map.
     robot
-        Where the robot is on it.
+        State of the robot on it.
 
     Attributes
     ----------
@@ -190,7 +191,7 @@ class KnownPlaces:
         return self._probation is not None
 
     def begin_probation(self) -> None:
-        """Have the keyframes that are passed from now on confirm where the robot was found."""
+        """Start judging a relocalisation by the keyframes that are passed."""
         self._probation = Probation(self._config.tuning.known)
 
     def step(self, new: Keyframe, pose: SE2) -> bool:

@@ -1,4 +1,4 @@
-"""Links of a new keyframe: with those passed last, and with old ones beside it."""
+"""Links of a new keyframe with those passed last, and with old ones beside it."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import math
 import numpy as np
 
 from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link, certain
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe, match_pair
 from robotctl.estimation.slam.keyframes.loops import LoopSearch
 from robotctl.estimation.slam.keyframes.straight_walls import StraightWalls
-from robotctl.estimation.slam_config import KeyframeConfig
 
 
 class Linking:
-    """Links new keyframes; where the map is not sure of its old places, it has loops looked for.
+    """Links new keyframes; where the poses of old ones are uncertain, searches for loops.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ class Linking:
         self._straight = StraightWalls(config, keyframes, back_end)
 
     def begin_odometry(self) -> None:
-        """Have walls of stretches before and after a new odometry not be compared."""
+        """Compare no walls of stretches before and after a change of odometry."""
         self._straight.begin_odometry()
 
     def link_last(self, number: int, passed: list[int]) -> int:
@@ -47,37 +47,37 @@ class Linking:
             return self._straight.link(number)
         return sum(self._link(other, number) for other in reversed(passed))
 
-    def _link(self, first: int, second: int, doubt: tuple[float, float] | None = None) -> bool:
+    def _link(self, first: int, second: int, sigmas: tuple[float, float] | None = None) -> bool:
         """Match two keyframes where they are and link them; return whether they match.
 
-        With a doubt [m], [rad] the link is one of a loop; stretches, of few echoes, have to lie
-        within three times of it.
+        With standard deviations `sigmas` [m], [rad] the link closes a loop; stretches, which have
+        few echoes, must lie within three of them.
         """
         start, wide_m = self._back_end.between(first, second), 0.15
-        if doubt is not None:
-            wide_m = float(np.clip(3.0 * doubt[0], 0.15, 0.5))
+        if sigmas is not None:
+            wide_m = float(np.clip(3.0 * sigmas[0], 0.15, 0.5))
         old, new = self._keyframes[first], self._keyframes[second]
         pair = match_pair(old, new, start, self._config, wide_m)
         if pair is None:
             return False
-        if doubt is not None and self._config.stretch_m:
+        if sigmas is not None and self._config.stretch_m:
             off = start.inverse() @ pair.pose
             turn_rad = abs(off.theta_rad)
-            if math.hypot(off.x_m, off.y_m) > wide_m or turn_rad > max(3.0 * doubt[1], 0.1):
+            if math.hypot(off.x_m, off.y_m) > wide_m or turn_rad > max(3.0 * sigmas[1], 0.1):
                 return False
-        is_loop = doubt is not None
+        is_loop = sigmas is not None
         self._back_end.link(Link(first, second, pair.pose, pair.information, is_loop))
         return True
 
     def link_near(self, number: int, passed: list[int], *, has_odometry: bool) -> None:
-        """Link a keyframe with old ones near it; those that may be near are loops to look for.
+        """Link a keyframe with old ones near it; those that may be near are candidates for loops.
 
         Parameters
         ----------
         number
-            Of the new keyframe.
+            Number of the new keyframe.
         passed
-            Those that were passed last.
+            Keyframes passed last.
         has_odometry
             Whether there is odometry.
         """

@@ -16,11 +16,12 @@ from robotctl.estimation.slam.keyframes.candidates import (
     PossiblePlaces,
     nearest_of_each_visit,
 )
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe
 from robotctl.estimation.slam.keyframes.recognisers import SCAN_RECOGNISERS
 from robotctl.estimation.slam.keyframes.shapes import AROUND
 from robotctl.estimation.slam.keyframes.verification import Closure, Verifier
-from robotctl.estimation.slam_config import KeyframeConfig, Tolerance
+from robotctl.estimation.slam_tuning import Tolerance
 from robotctl.model.geometry.se2 import SE2
 
 

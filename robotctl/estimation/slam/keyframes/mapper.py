@@ -9,6 +9,7 @@ from __future__ import annotations
 from robotctl.estimation.places.visual.features import Features
 from robotctl.estimation.slam.front_end.surface import Floats, Surface, surface_of
 from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.insertion import KeyframeInsertion
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe, keyframe_of
 from robotctl.estimation.slam.keyframes.known_places import KnownPlaces
@@ -26,7 +27,6 @@ from robotctl.estimation.slam.keyframes.robot_state import RobotState
 from robotctl.estimation.slam.keyframes.saved_map import KeyframeMap
 from robotctl.estimation.slam.keyframes.tracker import LEAST_ECHOES, Tracker, new_keyframe
 from robotctl.estimation.slam.keyframes.trail import Trail
-from robotctl.estimation.slam_config import KeyframeConfig
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
 
@@ -41,7 +41,7 @@ class SlamMapper:
     images
         Images by which a camera recognises places, by keyframe.
     robot
-        Where the robot is on the map.
+        State of the robot on the map.
     tracker, known_places, loops, relocaliser
         Stages of `add`.
     epoch
@@ -163,7 +163,7 @@ class SlamMapper:
         Parameters
         ----------
         place
-            Where the robot is expected.
+            Expected place of the robot.
         odometry
             `base` in `odom` there.
         is_another

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from robotctl.estimation.slam.front_end.surface import Floats
-from robotctl.estimation.slam_config import WheelNoise
+from robotctl.estimation.slam.keyframes.config import WheelNoise
 from robotctl.model.geometry.se2 import SE2
 
 

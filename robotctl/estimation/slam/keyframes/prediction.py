@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.motion import (
     AFTER_A_BREAK,
     PredictedMotion,
@@ -9,7 +10,6 @@ from robotctl.estimation.slam.keyframes.motion import (
     by_velocity,
 )
 from robotctl.estimation.slam.keyframes.robot_state import RobotState
-from robotctl.estimation.slam_config import KeyframeConfig
 from robotctl.model.geometry.se2 import SE2
 
 

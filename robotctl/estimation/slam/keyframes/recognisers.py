@@ -7,8 +7,8 @@ from typing import Final
 
 from robotctl.estimation.slam.keyframes.candidates import ScanRecogniser
 from robotctl.estimation.slam.keyframes.shapes import Shapes
-from robotctl.estimation.slam_config import SlamConfig
+from robotctl.estimation.slam_tuning import SlamTuning
 
-SCAN_RECOGNISERS: Final[Mapping[str, Callable[[SlamConfig], ScanRecogniser]]] = {
+SCAN_RECOGNISERS: Final[Mapping[str, Callable[[SlamTuning], ScanRecogniser]]] = {
     "shape": lambda config: Shapes(config.shapes),
 }

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from robotctl.estimation.slam.front_end.surface import Surface
 from robotctl.estimation.slam.keyframes.back_end import BackEnd
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe, keyframe_of
 from robotctl.estimation.slam.keyframes.map_search import MapSearch
 from robotctl.estimation.slam.keyframes.motion import Place, PredictedMotion
 from robotctl.estimation.slam.keyframes.robot_state import RobotState
 from robotctl.estimation.slam.keyframes.tracker import LEAST_ECHOES
-from robotctl.estimation.slam_config import KeyframeConfig
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
 

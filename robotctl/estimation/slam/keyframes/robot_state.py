@@ -1,4 +1,4 @@
-"""Where the robot is on the map: the state that the stages of `SlamMapper` share."""
+"""State of the robot on the map, which the stages of `SlamMapper` share."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from robotctl.estimation.slam.front_end.surface import Floats
 from robotctl.estimation.slam.keyframes.back_end import BackEnd
 from robotctl.estimation.slam.keyframes.motion import OdometryAnchor, Place, PredictedMotion
 from robotctl.estimation.slam.keyframes.trail import Trail
-from robotctl.estimation.slam_config import TrackingConfig
+from robotctl.estimation.slam_tuning import TrackingConfig
 from robotctl.model.geometry.se2 import SE2
 
 
@@ -25,7 +25,7 @@ class RobotState:
         `base` in `odom` at the last scan, None if unknown; whether the motion to that scan was
         measured.
     anchor
-        Where odometry leads on from, for the link to the next keyframe.
+        Pose that odometry continues from, for the link to the next keyframe.
     covariance
         Covariance (3, 3) of the pose on the map of the last keyframes, in its own frame
         [m, m, rad].

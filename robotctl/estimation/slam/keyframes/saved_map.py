@@ -24,10 +24,10 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
 
 HEADING: Final = b"robotctl-keyframes 1\n"
-"""How a file of changes begins."""
+"""First bytes of a file of changes."""
 
 MOST_IMAGES: Final = 1000
-"""The last ones are kept: 20 kB each."""
+"""Maximum number of images kept, the last ones: 20 kB each."""
 
 Row = tuple[float, float, float]
 
@@ -38,7 +38,7 @@ class SavedScan(msgspec.Struct, frozen=True, array_like=True):
     Parameters
     ----------
     number
-        Of the keyframe; one that is there has this scan from now on.
+        Number of the keyframe; an existing one gets this scan.
     stamp_ns, travelled_m
         As in `Keyframe`.
     x_m, y_m, max_range_m
@@ -83,18 +83,18 @@ class Change(msgspec.Struct, frozen=True, omit_defaults=True):
     frame
         `map` in `world`: x, y [m], theta [rad].
     sensor
-        Of the scans; empty: not said, or a lidar.
+        Name of the sensor of the scans; empty: unknown, or a lidar.
     scans
         Keyframes that are new, or have another scan.
     new_poses
-        Where those behind the last of `poses` began, (k, 3) "<f8".
+        Initial poses of the keyframes after those of `poses`, (k, 3) "<f8".
     links
         New ones, (l, 12) "<f8": first, second, x, y, theta, upper triangle of the information,
         whether it is of a loop.
     poses, weights
-        Of all keyframes, (n, 3), and of all links, (m,), "<f8"; empty: as they were.
+        Poses of all keyframes, (n, 3), weights of all links, (m,), "<f8"; empty: unchanged.
     images
-        By the keyframe that is new.
+        Images by new keyframe.
     place, odometry
         The robot's keyframe and `base` in it; its odometry there.
     """
@@ -120,13 +120,13 @@ class KeyframeMap:
     frame
         `map` in `world`.
     sensor
-        Of the scans.
+        Name of the sensor of the scans.
     keyframes, images
         Scans that are kept; images by which places are known, by keyframe.
     poses
-        Theirs in `map`, (n, 3) [m, m, rad].
+        Poses of the keyframes in `map`, (n, 3) [m, m, rad].
     links, weights
-        Between them, and how much each counts.
+        Links between them, and the weight of each.
     place, odometry
         The robot's last place: a keyframe, and `base` in it; its odometry there, None: not known.
     """
@@ -157,7 +157,7 @@ def compacted(records: Sequence[bytes]) -> list[bytes]:
     Raises
     ------
     ValueError
-        If one is no change.
+        If a record is invalid.
     """
     return [encoded(joined_changes(records))] if records else []
 
@@ -168,7 +168,7 @@ def joined_changes(records: Sequence[bytes]) -> Change:
     Raises
     ------
     ValueError
-        If one is none.
+        If a record is invalid.
     """
     whole, scans, images = Change(), dict[int, SavedScan](), dict[int, ImageFeatures]()
     poses, weights, links = b"", b"", []
@@ -224,7 +224,7 @@ def restored(records: Sequence[bytes]) -> KeyframeMap | None:
     Raises
     ------
     ValueError
-        If they make no map.
+        If they do not make up a map.
     """
     change = joined_changes(records)
     if not change.scans or change.frame is None or change.place is None:
@@ -280,7 +280,7 @@ class Mapped(Protocol):
 
 
 class ChangeLog:
-    """Tells what is new about a map since it was asked last."""
+    """Reports what is new about a map since the last call."""
 
     def __init__(self) -> None:
         self._keyframes: list[Keyframe] = []
@@ -289,17 +289,17 @@ class ChangeLog:
         self._epoch = 0
 
     def forget(self) -> None:
-        """Tell all, at the next time."""
+        """Report everything at the next call."""
         self._epoch = -1
 
     def skip(self, saved: KeyframeMap) -> None:
-        """Take a map for told."""
+        """Count a map as reported."""
         self._keyframes = list(saved.keyframes)
         self._images = len(saved.images)
         self._links = len(saved.links)
 
     def changes(self, mapper: Mapped) -> Change:
-        """Return what is new: scans, images, links; after a closed loop all poses and weights."""
+        """Return new scans, images and links; after a closed loop, all poses and weights."""
         known, before = len(self._keyframes), self._links
         keyframes, back_end = mapper.keyframes, mapper.back_end
         numbers = [

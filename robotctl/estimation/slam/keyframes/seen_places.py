@@ -10,7 +10,6 @@ import numpy as np
 from robotctl.estimation.places.recogniser import Candidate, Recognition
 from robotctl.estimation.places.visual.features import Features
 from robotctl.estimation.places.visual.recognition import (
-    LEAST_FEATURES,
     VisualCandidate,
     VisualPlaces,
     sight_of,
@@ -39,18 +38,18 @@ class SeenPlaces:
     keyframes
         Keyframes whose images are known, in their order; first those that the map had.
     recognitions
-        What each of the others was recognised as; its places are numbers of images in `keyframes`.
+        Recognitions of the others; their places are numbers of images in `keyframes`.
 
     Parameters
     ----------
     vocabulary
-        Its words.
+        Words of the images.
     mapper
         Mapper of the keyframes; its scans verify what the camera suggests.
     """
 
     def __init__(self, vocabulary: Vocabulary, mapper: SlamMapper) -> None:
-        self._places = VisualPlaces(vocabulary)
+        self._places = VisualPlaces(vocabulary, config=mapper.config.tuning.images)
         self._mapper = mapper
         self._looked_at = len(mapper.keyframes)
         self._last_ns: int | None = None
@@ -98,7 +97,7 @@ class SeenPlaces:
         found = recognition.found
         if found is not None:
             return Recognition((Candidate(self.keyframes[found.place], found.pose, found.score),))
-        if len(sensed.features) >= LEAST_FEATURES:
+        if len(sensed.features) >= self._places.config.least_features:
             self._mapper.images[sensed.keyframe] = Features(
                 sight.points, sight.descriptors, sight.aspect
             )

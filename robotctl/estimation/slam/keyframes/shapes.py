@@ -1,4 +1,4 @@
-"""The shape of the surroundings of each keyframe: places that look alike, whatever their heading.
+"""Shape of the surroundings of keyframes: finds places that look alike, whatever the heading.
 
 What the last keyframes saw around is counted in rings and sectors; a turn of the robot shifts the
 sectors, so the best of all turns comes from one Fourier transform. Kim, Kim: Scan Context, IROS
@@ -16,7 +16,7 @@ from robotctl.estimation.grown import Grown
 from robotctl.estimation.places.recogniser import Candidate, Recognition
 from robotctl.estimation.slam.front_end.surface import Floats
 from robotctl.estimation.slam.keyframes.candidates import PossiblePlaces
-from robotctl.estimation.slam_config import ShapeConfig
+from robotctl.estimation.slam_tuning import ShapeConfig
 from robotctl.model.geometry.points import moved
 from robotctl.model.geometry.se2 import SE2
 

@@ -1,7 +1,7 @@
-"""Walls that go straight on: what holds the heading of scans that share nothing with others.
+"""Straight walls, which hold the heading of scans that overlap with no others.
 
 A stretch of a corridor and the next show different pieces of its walls. Where a piece of the one
-lies in line with one of the other, as far as odometry can tell, both are taken for one wall.
+lies in line with one of the other, as far as odometry can tell, both are taken as one wall.
 """
 
 from __future__ import annotations
@@ -15,8 +15,9 @@ from robotctl.estimation.landmarks.line_fitting import BeamNoise
 from robotctl.estimation.landmarks.scan_lines import ScanLinesConfig, Segment, find_lines
 from robotctl.estimation.slam.front_end.surface import Floats
 from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.keyframe import LOOSE, Keyframe, without_corridor
-from robotctl.estimation.slam_config import KeyframeConfig, StraightWallsConfig
+from robotctl.estimation.slam_tuning import StraightWallsConfig
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.points import moved, rotation
 from robotctl.model.geometry.se2 import SE2
@@ -39,7 +40,7 @@ class StraightWalls:
         """The first keyframe of this odometry."""
 
     def begin_odometry(self) -> None:
-        """Take the next keyframe for the first of another odometry, which may begin elsewhere."""
+        """Treat the next keyframe as the first of another odometry, which may begin elsewhere."""
         self._first = len(self._keyframes)
 
     def link(self, number: int) -> int:
@@ -57,7 +58,7 @@ class StraightWalls:
         return count
 
     def _walls_of(self, number: int) -> tuple[Segment, ...]:
-        """Return the walls of a keyframe, which may have got another scan."""
+        """Return the walls of a keyframe, which may have another scan by now."""
         keyframe = self._keyframes[number]
         if number not in self._walls or self._walls[number][0] is not keyframe:
             self._walls[number] = keyframe, find_lines(keyframe.scan, _LINES).segments

@@ -12,11 +12,12 @@ from robotctl.estimation.slam.front_end.correlative import Window, search
 from robotctl.estimation.slam.front_end.point_to_line import NARROW_M, Match, refine
 from robotctl.estimation.slam.front_end.surface import Floats, Surface
 from robotctl.estimation.slam.keyframes.back_end import BackEnd
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe, compared, held, keyframe_of
 from robotctl.estimation.slam.keyframes.local_map import LocalMap, thinned
 from robotctl.estimation.slam.keyframes.motion import CONTRADICTS, OdometryAnchor, PredictedMotion
 from robotctl.estimation.slam.keyframes.robot_state import RobotState
-from robotctl.estimation.slam_config import KeyframeConfig, TrackingConfig
+from robotctl.estimation.slam_tuning import TrackingConfig
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
 
@@ -31,11 +32,11 @@ class Tracked:
     Parameters
     ----------
     pose
-        Of `base` in the frame of the local map.
+        Pose of `base` in the frame of the local map.
     match
         None if the scan does not fit anywhere near: the pose is the predicted one then.
     score
-        Of the search.
+        Score of the search, 0 to 1.
     has_slipped
         Whether odometry contradicts the match.
     """
@@ -49,7 +50,7 @@ class Tracked:
 def track(
     local: LocalMap, surface: Surface, last: SE2, predicted: PredictedMotion, config: KeyframeConfig
 ) -> Tracked:
-    """Return where a scan was taken, after a motion from a last pose on a local map."""
+    """Return the pose of a scan on a local map, after a predicted motion from the last pose."""
     prior, limits = last @ predicted.motion, config.tuning.tracking
     score, match = _attempt(local, surface, prior, predicted, limits)
     if score < limits.sure_score or match.inliers < config.least_inliers:
@@ -206,9 +207,9 @@ def _held(
     predicted: PredictedMotion,
     limits: TrackingConfig,
 ) -> Match:
-    """Return a match which the prior holds along a corridor, if it is in one.
+    """Return a match; in a corridor, with the position along it from the prior.
 
-    There the search prefers to stand still, where all of a scan overlaps with the map. Zhang,
+    There the search would prefer no motion, where all of a scan overlaps with the map. Zhang,
     Kaess, Singh: On degeneracy of optimization-based state estimation problems, ICRA 2016.
     """
     start = held(match, prior, limits.corridor)
@@ -219,7 +220,7 @@ def _held(
 
 
 def _contradicts(prior: SE2, predicted: PredictedMotion, match: Match) -> bool:
-    """Return whether the match is too far from what was predicted."""
+    """Return whether the match contradicts the prediction."""
     r = np.array((prior.inverse() @ match.pose).log())
     S = predicted.covariance + np.linalg.inv(match.information + 1e-3 * np.eye(3))
     return float(r @ np.linalg.solve(S, r)) > CONTRADICTS

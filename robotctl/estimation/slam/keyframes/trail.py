@@ -1,17 +1,17 @@
-"""The keyframes that were passed last: what a scan is matched and linked with."""
+"""Keyframes passed last, which a scan is matched and linked with."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from robotctl.estimation.slam.keyframes.back_end import BackEnd, certain
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe
 from robotctl.estimation.slam.keyframes.local_map import LocalMap, local_map
-from robotctl.estimation.slam_config import KeyframeConfig
 
 
 class Trail:
-    """Numbers of keyframes, the one that was passed last at the end.
+    """Numbers of keyframes in the order of passing, the last one at the end.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ class Trail:
         self._local: LocalMap | None = None
 
     def last(self, count: int) -> list[int]:
-        """Return the last ones, at most so many."""
+        """Return the last ones, at most `count`."""
         return self._numbers[-count:]
 
     @property
@@ -44,7 +44,7 @@ class Trail:
         return self._local
 
     def redraw(self) -> None:
-        """Draw the map again: keyframes moved, or have other scans."""
+        """Rebuild the map: keyframes moved, or have other scans."""
         self._local = None
 
     def add(self, number: int) -> None:
@@ -55,7 +55,7 @@ class Trail:
         self._numbers = [*[each for each in self._numbers if each != number][-before:], number]
 
     def begin(self, number: int | None = None) -> None:
-        """Be at a keyframe, as if those around it had been passed; None: at an unknown place."""
+        """Start at a keyframe, as if those around it had been passed; None: at an unknown place."""
         self._numbers, self._local = [], None
         if number is None:
             return

@@ -15,9 +15,9 @@ from robotctl.estimation.slam.front_end.correlative import Window
 from robotctl.estimation.slam.front_end.surface import Surface, joined
 from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link
 from robotctl.estimation.slam.keyframes.candidates import POSITION, LoopCandidate
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.keyframe import CORRIDOR, Keyframe, held, match_pair
 from robotctl.estimation.slam.keyframes.local_map import local_map, thinned
-from robotctl.estimation.slam_config import KeyframeConfig
 from robotctl.model.geometry.se2 import SE2
 
 

@@ -1,1 +1,1 @@
-"""Scans that SLAM matches: of a lidar, or local ones made of what other sensors see on some way."""
+"""Scans that SLAM matches: those of a lidar, or local ones gathered along the way."""

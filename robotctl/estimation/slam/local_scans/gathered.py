@@ -1,4 +1,4 @@
-"""A local scan: what a sensor that sees little at once has seen on a stretch of the way.
+"""Local scans: what a sensor that sees little at once has seen along a stretch.
 
 Echoes lie in the frame of the odometry, which over so short a stretch is good to a centimetre or
 two. They are put together as seen from the middle of the stretch, so that a place looks the same
@@ -21,13 +21,13 @@ from robotctl.model.recording import RecordedScan
 from robotctl.model.sensors.range_scan import RangeScan
 
 TURN_M: Final = 0.2
-"""A turn of a radian counts as so much way: turning shows something new as well."""
+"""Distance that a turn of one radian counts as [m]: turning shows something new as well."""
 _SECTORS: Final = 180
 _EVERY_M: Final = 0.25
 _TOGETHER_M: Final = 0.15
-"""Echoes in a sector that are this near each other are of one surface."""
+"""Maximum distance between echoes of one surface in a sector [m]."""
 _COMPANY: Final = 3
-"""Echoes, with itself, around each one that counts: a single one may be anything."""
+"""Minimum number of echoes around one, itself included: a single one may be anything."""
 
 
 class _Stop(NamedTuple):
@@ -55,10 +55,10 @@ class GatheredScans:
         self._last: SE2 | None = None
         self._stop_m = -math.inf
         self.way_m = 0.0
-        """Length of the way so far, with turns."""
+        """Distance travelled so far, turns included [m]."""
 
     def move(self, stamp_ns: int, odometry: SE2) -> None:
-        """Go on to a pose of `base` in `odom`."""
+        """Move to a pose of `base` in `odom`."""
         if self._last is not None:
             step = self._last.inverse() @ odometry
             self.way_m += math.hypot(step.x_m, step.y_m) + TURN_M * abs(step.theta_rad)
@@ -68,12 +68,12 @@ class GatheredScans:
             self._stops.append(_Stop(stamp_ns, self.way_m, odometry))
 
     def see(self, way_m: float, points_odom: NDArray[np.float64]) -> None:
-        """Add echoes (n, 2) in `odom` that were seen at a place of the way; n may be 0."""
+        """Add echoes (n, 2) in `odom` that were seen at a travelled distance; n may be 0."""
         if len(points_odom):
             self._echoes.append((way_m, points_odom))
 
     def take(self, seen_m: float) -> list[RecordedScan]:
-        """Return the scans that are complete, when all is added up to a place of the way."""
+        """Return the scans that are complete, once all up to a travelled distance is added."""
         scans = []
         while self._stops and self._stops[0].way_m + self._half_m <= seen_m:
             stop = self._stops.popleft()

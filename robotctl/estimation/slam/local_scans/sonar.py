@@ -3,9 +3,9 @@
 A sonar tells how far something is, not where in its cone: it hears where the wall is nearest,
 square to it at a distance d, or on an edge of the cone at d / cos(incidence). While the robot
 moves, d to one piece of wall changes with the place as the wall's direction says: d_j = d_i - n
-(p_j - p_i), with n square to the wall. So neighbouring readings tell n, and what few of them bear
-out, an echo of another sonar or of a person, is left out. A corner or a post fits as well: over so
-short a way it looks like a wall square to the sound.
+(p_j - p_i), with n square to the wall. So neighbouring readings determine n, and what few of them
+confirm, an echo of another sonar or of a person, is left out. A corner or a post fits as well: over
+so short a distance it looks like a wall square to the sound.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from robotctl.estimation.ranging.sonar_config import SonarModelConfig
 from robotctl.estimation.sensors.sensor import SensedRobot
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.local_scans.gathered import GatheredScans
 from robotctl.estimation.slam.local_scans.source import CALIBRATED, ScanSource
-from robotctl.estimation.slam_config import KeyframeConfig
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.recording import RecordedScan
 from robotctl.model.sensors.sonar import SonarMount, SonarReading
@@ -29,15 +29,15 @@ from robotctl.model.sensors.sonar_mounts import mount_rows
 
 STRETCH_M: Final = 2.0
 _NEAR_M: Final = 0.2
-"""Readings on the way up to here before and after bear each other out."""
+"""Distance before and after a reading within which others confirm it [m]."""
 _STEP_M: Final = 0.01
 _STEP_RAD: Final = 0.015
-"""Spacing of readings along the way [m], and of the directions of walls that are tried [rad]."""
+"""Spacing of readings along the way [m], and of the wall directions tried [rad]."""
 _FITS_M: Final = 0.03
 _LEAST: Final = 4
 _SHARE: Final = 0.65
 _VAGUE_M: Final = 0.2
-"""Echoes that may lie anywhere on a longer arc are left out."""
+"""Maximum length of the arc on which an echo may lie [m]."""
 _NOISE_M: Final = 0.01
 
 
@@ -79,7 +79,7 @@ def echo_direction(
     if most < max(_LEAST, _SHARE * len(near)):
         return None
     squares = np.where(fits, residuals**2, 0.0).sum(axis=1) + _FITS_M**2 * (most - counts)
-    # As chi2: what is less than 4 more than the least is as good.
+    # Chi-squared: within 4 of the minimum is as good.
     good = edges[squares <= squares.min() + 4.0 * _NOISE_M**2]
     if (good.max() - good.min()) * own[3] > _VAGUE_M:
         return None
@@ -111,7 +111,7 @@ class SonarScans:
         self._max_range_m = config.max_range_m
         self._gathered = GatheredScans(STRETCH_M, config.max_range_m)
         self._rows: list[list[tuple[float, NDArray[np.float64]]]] = [[] for _ in mounts]
-        """Last readings of each sonar: place on the way; x, y, direction, range."""
+        """Last readings of each sonar: distance travelled; x, y, direction, range."""
         self._next = [0] * len(mounts)
         """The first of those whose echo has not been placed yet."""
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
 
 from robotctl.estimation.sensors.sensor import SensedRobot
-from robotctl.estimation.slam_config import KeyframeConfig, WheelNoise
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig, WheelNoise
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.recording import RecordedScan, Recording
 
@@ -31,11 +31,11 @@ class ScanSource(Generic[M_contra]):
     Parameters
     ----------
     config
-        What its scans are worth.
+        Settings of a mapper for its scans.
     maker
         Makes what makes its scans, for a robot; raises ValueError if the robot has no such sensor.
     recorded
-        What a recording has of it, with the odometry.
+        Measurements of a recording, each with the odometry.
     """
 
     config: KeyframeConfig

@@ -43,7 +43,7 @@ def described(
     passages
         All of the map, with coordinates.
     numbers
-        Of the places, by name.
+        Numbers of the places, by name.
     """
     mine = [each for each in passages if place.name in each.between]
     mine.sort(key=lambda each: _bearing_rad(place, each.x_m, each.y_m))

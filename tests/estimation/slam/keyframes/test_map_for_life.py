@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.loops import LoopSearch
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.estimation.slam.keyframes.saved_map import ChangeLog, compacted, encoded, restored
-from robotctl.estimation.slam_config import KeyframeConfig
 from robotctl.model.geometry.se2 import SE2
 from tests.estimation.slam.keyframes.test_slam_mapper import OFFICE, ROUND
 from tests.estimation.slam.lidar_world import along, box, drifting, scan_of

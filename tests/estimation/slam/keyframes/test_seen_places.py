@@ -5,6 +5,7 @@ import pytest
 
 from robotctl.estimation.places.visual.features import Features, features_message
 from robotctl.estimation.places.visual.orb import features_of
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.estimation.slam.keyframes.motion import Place
 from robotctl.estimation.slam.keyframes.saved_map import (
@@ -16,7 +17,7 @@ from robotctl.estimation.slam.keyframes.saved_map import (
     whole_map,
 )
 from robotctl.estimation.slam.keyframes.seen_places import SeenPlaces
-from robotctl.estimation.slam_config import KeyframeConfig, ShapeConfig, SlamConfig
+from robotctl.estimation.slam_tuning import ShapeConfig, SlamTuning
 from robotctl.maps.vocabulary_file import load_vocabulary, shipped_vocabulary
 from robotctl.model.geometry.se2 import SE2
 from tests.estimation.places.visual.drawn import drawn_wall
@@ -93,7 +94,7 @@ def test_a_place_that_is_known_again_by_its_image_closes_the_loop(is_alike):
         [box(0.0, 0.0, 20.0, 12.0), box(2.0, 2.0, 16.0, 8.0), *(box(*each) for each in things)]
     )
     poses = along([(1.0, 1.0), (19.0, 1.0), (19.0, 11.0), (1.0, 11.0), (1.0, 1.0), (9.0, 1.0)])
-    no_shapes = KeyframeConfig(tuning=SlamConfig(shapes=ShapeConfig(candidates=0)))
+    no_shapes = KeyframeConfig(tuning=SlamTuning(shapes=ShapeConfig(candidates=0)))
     rng, mapper = np.random.default_rng(1), SlamMapper(no_shapes)
     seen = SeenPlaces(load_vocabulary(shipped_vocabulary()), mapper)
     for number, pose in enumerate(poses):

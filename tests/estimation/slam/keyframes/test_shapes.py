@@ -5,7 +5,7 @@ import pytest
 
 from robotctl.estimation.slam.keyframes.candidates import PossiblePlaces
 from robotctl.estimation.slam.keyframes.shapes import REACH_M, Shapes, shape_of
-from robotctl.estimation.slam_config import ShapeConfig
+from robotctl.estimation.slam_tuning import ShapeConfig
 from robotctl.model.geometry.points import moved
 from robotctl.model.geometry.se2 import SE2
 

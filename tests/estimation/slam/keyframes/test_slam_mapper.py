@@ -6,7 +6,9 @@ import pytest
 from robotctl.estimation.places.recogniser import Candidate
 from robotctl.estimation.slam.keyframes import loops
 from robotctl.estimation.slam.keyframes.back_end import Link
+from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
+from robotctl.estimation.slam_tuning import LoopConfig, SlamTuning, Tolerance
 from robotctl.model.geometry.points import align, moved
 from robotctl.model.geometry.se2 import SE2
 from tests.estimation.slam.lidar_world import along, box, drifting, scan_of
@@ -26,9 +28,9 @@ OFFICE = np.concatenate(
 ROUND = [(1.0, 1.0), (13.0, 1.0), (13.0, 9.0), (1.0, 9.0), (1.0, 1.0), (13.0, 1.0)]
 
 
-def drive(walls, poses, odometry, rng, reach_m=12.0):
+def drive(walls, poses, odometry, rng, config=None, reach_m=12.0):
     """Return the mapper after a drive, and its poses (n, 3)."""
-    mapper, places = SlamMapper(), []
+    mapper, places = SlamMapper(config), []
     for number, pose in enumerate(poses):
         scan = scan_of(walls, pose, rng, reach_m=reach_m, stamp_ns=number * 500_000_000)
         places.append(mapper.add(scan, None if odometry is None else odometry[number]))
@@ -113,9 +115,17 @@ def test_a_hint_counts_only_where_scans_bear_it_out(monkeypatch, off_m):
 
 def test_a_place_seen_from_the_other_side_matches_scans_that_see_the_same(monkeypatch):
     monkeypatch.setattr(loops, "certain", lambda doubts: np.zeros(len(doubts), np.bool_))
+    near = SlamTuning(loops=LoopConfig(image=Tolerance(0.3, 0.2)))
     rng = np.random.default_rng(2)
     poses = along([(1.0, 9.0), (1.0, 1.0), (13.0, 1.0), (1.0, 1.0)])
-    mapper, _ = drive(OFFICE, poses, drifting(poses, rng), rng, reach_m=4.0)
+    mapper, _ = drive(
+        OFFICE,
+        poses,
+        drifting(poses, rng),
+        rng,
+        KeyframeConfig(tuning=near),
+        reach_m=4.0,
+    )
     true = [poses[round(2e-9 * each.stamp_ns)] for each in mapper.keyframes]
     mapper.loops.log.clear()
     for new in (len(true) - 7, len(true) - 9):

@@ -6,7 +6,7 @@ import pytest
 from robotctl.estimation.landmarks.line_fitting import BeamNoise
 from robotctl.estimation.landmarks.scan_lines import ScanLinesConfig, find_lines
 from robotctl.estimation.slam.keyframes.straight_walls import aligned
-from robotctl.estimation.slam_config import StraightWallsConfig
+from robotctl.estimation.slam_tuning import StraightWallsConfig
 from robotctl.model.geometry.se2 import SE2
 from tests.estimation.slam.lidar_world import scan_of
 
