@@ -236,7 +236,7 @@ class NavigationAdapter:
             return NavigationInputs(
                 _UNKNOWN, Twist(0.0, 0.0), (), (), False, taken, True, attended, lost, heard=False
             )
-        self._sightings.take(control, seen, now_ns)
+        self._notices += self._sightings.take(control, seen, now_ns)
         known = self._world.pose(control)
         pose = control.T_odom_base if known is None else known
         fresh = now_ns - control.stamp_ns <= STATE_MAX_AGE_NS
@@ -321,9 +321,9 @@ class NavigationAdapter:
 
     def take_notices(self) -> list[str]:
         """Return sentences for people since the last call."""
-        own, self._notices = self._notices, []
-        others = (self._sightings, self.navigator, self.fence)
-        return own + [said for each in others for said in each.take_notices()]
+        said = self.navigator.take_notices()
+        notices, self._notices = [*self._notices, *said, *self.fence.take_notices()], []
+        return notices
 
     def _in_time(
         self, requests: Sequence[NavigationRequest], now_ns: int

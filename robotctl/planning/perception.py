@@ -23,7 +23,7 @@ _SCAN_LIFE_NS = 500_000_000
 """An older scan says nothing of what is around now [ns]."""
 
 
-class Surroundings:
+class Perception:
     """Lets guard and pilot see what the sensors see.
 
     Parameters
