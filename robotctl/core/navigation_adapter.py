@@ -234,7 +234,16 @@ class NavigationAdapter:
         if control is None:
             self._armings = None
             return NavigationInputs(
-                _UNKNOWN, Twist(0.0, 0.0), (), (), False, taken, True, attended, lost, heard=False
+                _UNKNOWN,
+                Twist(0.0, 0.0),
+                (),
+                (),
+                False,
+                taken,
+                True,
+                attended,
+                lost,
+                control_is_fresh=False,
             )
         self._notices += self._sightings.take(control, seen, now_ns)
         known = self._world.pose(control)
@@ -250,12 +259,12 @@ class NavigationAdapter:
             pose=pose,
             twist=control.twist,
             ranges_m=control.sonar_m,
-            heard_ns=control.sonar_stamp_ns,
+            received_ns=control.sonar_stamp_ns,
             enabled=enabled,
             localised=self._world.is_sure(control),
             attended=attended,
             station_lost=lost,
-            heard=fresh,
+            control_is_fresh=fresh,
             requests=taken,
             blind=self._sightings.blindness(now_ns),
             floor_base=self._sightings.floor_base,
