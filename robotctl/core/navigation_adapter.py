@@ -234,9 +234,18 @@ class NavigationAdapter:
         if control is None:
             self._armings = None
             return NavigationInputs(
-                _UNKNOWN, Twist(0.0, 0.0), (), (), False, taken, True, attended, lost, heard=False
+                _UNKNOWN,
+                Twist(0.0, 0.0),
+                (),
+                (),
+                False,
+                taken,
+                True,
+                attended,
+                lost,
+                control_is_fresh=False,
             )
-        self._sightings.take(control, seen, now_ns)
+        self._notices += self._sightings.take(control, seen, now_ns)
         known = self._world.pose(control)
         pose = control.T_odom_base if known is None else known
         fresh = now_ns - control.stamp_ns <= STATE_MAX_AGE_NS
@@ -250,12 +259,12 @@ class NavigationAdapter:
             pose=pose,
             twist=control.twist,
             ranges_m=control.sonar_m,
-            heard_ns=control.sonar_stamp_ns,
+            received_ns=control.sonar_stamp_ns,
             enabled=enabled,
             localised=self._world.is_sure(control),
             attended=attended,
             station_lost=lost,
-            heard=fresh,
+            control_is_fresh=fresh,
             requests=taken,
             blind=self._sightings.blindness(now_ns),
             floor_base=self._sightings.floor_base,
@@ -321,9 +330,9 @@ class NavigationAdapter:
 
     def take_notices(self) -> list[str]:
         """Return sentences for people since the last call."""
-        own, self._notices = self._notices, []
-        others = (self._sightings, self.navigator, self.fence)
-        return own + [said for each in others for said in each.take_notices()]
+        said = self.navigator.take_notices()
+        notices, self._notices = [*self._notices, *said, *self.fence.take_notices()], []
+        return notices
 
     def _in_time(
         self, requests: Sequence[NavigationRequest], now_ns: int

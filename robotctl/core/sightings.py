@@ -66,16 +66,18 @@ class Sightings:
             self._view_life_ns = max(_VIEW_LIFE_NS, round(_MISSED * 1e9 / camera_rate_hz))
         self._view_ns: int | None = None
         """When the last view of the camera came [ns]."""
-        self._notices: list[str] = []
 
     def take(
         self, control: ControlState, seen: Sequence[LidarScan | CameraView], now_ns: int
-    ) -> None:
-        """Take a control state, and what the camera saw since the last: the floor while armed."""
-        odometry = control.T_odom_base
+    ) -> list[str]:
+        """Take a control state, and what the camera saw since the last: the floor while armed.
+
+        Return sentences for people.
+        """
+        odometry, notices = control.T_odom_base, []
         if control.odom_epoch_ns != self._odom_epoch_ns:
             self._odom_epoch_ns = control.odom_epoch_ns
-            self._forget(control, odometry)
+            notices = self._forget(control, odometry)
         self._odometry.add(control.stamp_ns, odometry)
         views = [each for each in seen if isinstance(each, CameraView)]
         for view in views if control.state in POWERED else ():
@@ -85,6 +87,7 @@ class Sightings:
         self.floor_base = self._floor.around(odometry)
         if any(now_ns - each.stamp_ns <= _PICTURE_LIFE_NS for each in views):
             self._view_ns = now_ns
+        return notices
 
     def blindness(self, now_ns: int) -> str:
         """Return why the floor ahead is not seen now, empty if it is, or need not be."""
@@ -122,17 +125,13 @@ class Sightings:
             for marker in view.markers
         ]
 
-    def take_notices(self) -> list[str]:
-        """Return sentences for people since the last call."""
-        notices, self._notices = self._notices, []
-        return notices
-
-    def _forget(self, control: ControlState, odometry: SE2) -> None:
+    def _forget(self, control: ControlState, odometry: SE2) -> list[str]:
         """Forget the floor; what lies below the picture of a moving robot is then unknown."""
         self._odometry, self._floor = OdometryHistory(), FloorMemory()
-        if self._has_camera and control.armings:
-            self._floor.doubt(odometry, self._guard.nose_m, self._guard.half_width_m)
-            self._notices.append(_UNSEEN)
+        if not (self._has_camera and control.armings):
+            return []
+        self._floor.doubt(odometry, self._guard.nose_m, self._guard.half_width_m)
+        return [_UNSEEN]
 
 
 def _floor_view(view: CameraView) -> FloorView:

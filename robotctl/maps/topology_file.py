@@ -16,9 +16,9 @@ from robotctl.errors import ConfigError
 from robotctl.planning.map.topological.graph import (
     Exit,
     Passage,
+    PlaceView,
     TopologicalMap,
     TopologicalPlace,
-    View,
 )
 from robotctl.runtime.storage.atomic_file import write_whole
 
@@ -129,11 +129,11 @@ def _position(item: TopologicalPlace | Passage) -> Iterator[str]:
         yield f"x_m = {item.x_m:.3f}\ny_m = {item.y_m:.3f}"
 
 
-def _polar(item: Exit | View) -> str:
+def _polar(item: Exit | PlaceView) -> str:
     return f"bearing_deg = {item.bearing_deg:.1f}\ndistance_m = {item.distance_m:.2f}"
 
 
-def _depth(item: TopologicalPlace | View) -> str:
+def _depth(item: TopologicalPlace | PlaceView) -> str:
     return f"depth_m = [{', '.join(f'{each:.2f}' for each in item.depth_m)}]"
 
 

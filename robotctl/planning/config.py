@@ -13,6 +13,7 @@ MOST_BLOCKED_S: Final = 1e6
 LONGEST_WAIT_S: Final = 86400.0
 MOST_RETRIES: Final = 1000
 FARTHEST_BACK_M: Final = 5.0
+MOST_RESERVE: Final = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,6 +196,62 @@ class RecoveryConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class JourneyConfig:
+    """When journeys are planned again, and when they are in trouble.
+
+    Parameters
+    ----------
+    replan_s
+        Interval between two searches for a better path [s], > 0.
+    better
+        Share of the present path's cost below which another path replaces it, in (0, 1].
+    off_path_m
+        Distance from the path beyond which the robot plans from where it is [m], > 0.
+    stuck_s
+        Standing time after which a robot that wants to drive begins to recover [s], > 0.
+    patience_s
+        Standing time after which it does near a person, who is likely to move on [s], > 0.
+    blind_max_s
+        Time without a scan after which it gives up [s], > 0.
+    turning_reserve
+        Planned over minimum turning radius of a robot that steers, in [1, 10]: leaves room for
+        corrections.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range.
+    """
+
+    replan_s: float = 1.0
+    better: float = 0.9
+    off_path_m: float = 0.6
+    stuck_s: float = 1.5
+    patience_s: float = 6.0
+    blind_max_s: float = 10.0
+    turning_reserve: float = 1.3
+
+    def __post_init__(self) -> None:
+        for key in ("replan_s", "stuck_s", "patience_s", "blind_max_s"):
+            value = getattr(self, key)
+            if not 0.0 < value <= LONGEST_WAIT_S:
+                allowed = f"above 0 to {LONGEST_WAIT_S:g} allowed"
+                raise InvalidValue(key, f"{value} found, {allowed}", value)
+        if not 0.0 < self.off_path_m < math.inf:
+            raise InvalidValue(
+                "off_path_m", f"{self.off_path_m} found, a number > 0 allowed", self.off_path_m
+            )
+        if not 0.0 < self.better <= 1.0:
+            raise InvalidValue("better", f"{self.better} found, (0, 1] allowed", self.better)
+        if not 1.0 <= self.turning_reserve <= MOST_RESERVE:
+            raise InvalidValue(
+                "turning_reserve",
+                f"{self.turning_reserve} found, 1 to {MOST_RESERVE:g} allowed",
+                self.turning_reserve,
+            )
+
+
+@dataclass(frozen=True, slots=True)
 class PilotConfig:
     """How journeys are planned and driven.
 
@@ -245,9 +302,9 @@ class NavigationConfig:
         Maximum speed of RTL [m/s], > 0.
     look_around_speed_m_s
         Largest speed of a robot that does not know where it is [m/s], > 0.
-    pursuit, guard, wall, pilot, recovery
-        Following paths, minding obstacles, following walls, driving by plan, and what to do where
-        that does not get on.
+    pursuit, guard, wall, pilot, journey, recovery
+        Following paths, minding obstacles, following walls, driving by plan, when to plan again,
+        and what to do where that does not get on.
 
     Raises
     ------
@@ -263,6 +320,7 @@ class NavigationConfig:
     guard: GuardConfig = field(default_factory=GuardConfig)
     wall: WallConfig = field(default_factory=WallConfig)
     pilot: PilotConfig = field(default_factory=PilotConfig)
+    journey: JourneyConfig = field(default_factory=JourneyConfig)
     recovery: RecoveryConfig = field(default_factory=RecoveryConfig)
 
     def __post_init__(self) -> None:

@@ -33,7 +33,7 @@ class NavigationInputs(NamedTuple):
 
     Any other number of ranges counts as all missing.
     """
-    heard_ns: tuple[int, ...]
+    received_ns: tuple[int, ...]
     """When each range came [ns]: one that came before the last step is not taken again."""
     enabled: bool
     """The control core follows commands now: armed and without fault."""
@@ -45,7 +45,7 @@ class NavigationInputs(NamedTuple):
     """Whether the required operator is present."""
     station_lost: bool = False
     """A ground station that was there is lost since the last step."""
-    heard: bool = True
+    control_is_fresh: bool = True
     """The control core has published recently; otherwise it is not `enabled` either."""
     late_ns: int = 0
     """How long the process was kept from this step, by its own measure [ns]."""

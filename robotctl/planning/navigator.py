@@ -25,8 +25,8 @@ from robotctl.planning.commander import Commander
 from robotctl.planning.config import NavigationConfig
 from robotctl.planning.guard.obstacle_guard import ObstacleGuard
 from robotctl.planning.navigation_step import NavigationInputs, NavigationOutputs
+from robotctl.planning.perception import Perception
 from robotctl.planning.supervision import Supervision
-from robotctl.planning.surroundings import Surroundings
 
 if TYPE_CHECKING:
     from robotctl.planning.behave.behaviours.outlook import Outlook  # which loads numpy
@@ -108,7 +108,7 @@ class Navigator:
         )
         crumbs = Breadcrumbs(home, steered=drive.steered)
         self._robot = NavigatedRobot(config, drive, mounts, guard, crumbs, sees_markers, places)
-        self._surroundings = Surroundings(self._robot)
+        self._perception = Perception(self._robot)
         self._supervision = Supervision()
         self._modes = Modes(mission, self._robot, limits)
         self._commander = Commander(self._robot, self._modes, self._supervision)
@@ -199,7 +199,7 @@ class Navigator:
         """Return the velocity of the present mode, rest where the robot must not move."""
         if not inputs.are_finite:
             return self._stand("no valid pose or velocity")
-        situation = self._surroundings.observe(inputs, now_ns)
+        situation = self._perception.observe(inputs, now_ns)
         if reason := self._supervision.reason_to_stand(inputs, self._modes.mode):
             return self._stand(reason)
         return self._modes.step(situation, now_ns, localised=inputs.localised)

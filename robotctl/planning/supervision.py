@@ -32,13 +32,13 @@ class Supervision:
 
     def update(self, inputs: NavigationInputs, mode: Mode, now_ns: int) -> str:
         """Take the inputs of a step; return why the robot must go to HOLD, empty if it need not."""
-        stopped = self._enabled and inputs.heard and not inputs.enabled
+        stopped = self._enabled and inputs.control_is_fresh and not inputs.enabled
         self._attended = inputs.attended
-        if inputs.heard:
+        if inputs.control_is_fresh:
             self._enabled = inputs.enabled
         if stopped:
             self._stopped_ns = now_ns
-        stall = self._stalls.step(now_ns, inputs.late_ns, heard=inputs.heard)
+        stall = self._stalls.step(now_ns, inputs.late_ns, control_is_fresh=inputs.control_is_fresh)
         self._stall = stall if self._enabled else None
         if mode in BY_HAND:
             return ""
@@ -79,7 +79,7 @@ class Supervision:
                 return f"waits: {inputs.blind}"
         if inputs.enabled:
             return ""
-        return "not armed" if inputs.heard else SILENT
+        return "not armed" if inputs.control_is_fresh else SILENT
 
     def _note_blindness(self, blind: str, mode: Mode) -> None:
         """Report a robot in a mode of its own that stands because it sees no floor."""

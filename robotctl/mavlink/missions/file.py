@@ -20,7 +20,7 @@ from robotctl.model.geometry.se2 import SE2
 _MARK: Final = "# MAVLink: "
 
 
-class Kept(NamedTuple):
+class UploadedMission(NamedTuple):
     """Content of the first line."""
 
     items: tuple[MissionItem, ...]
@@ -30,14 +30,14 @@ class Kept(NamedTuple):
     """Origin by which places on the globe became those of `world`; None: there are none."""
 
 
-NOTHING: Final = Kept((), (), None)
+NOTHING: Final = UploadedMission((), (), None)
 
 
 @dataclass(frozen=True, slots=True)
 class MissionPlan:
     """A mission that came over MAVLink."""
 
-    kept: Kept = NOTHING
+    kept: UploadedMission = NOTHING
     content: bytes = b""
     """The mission file that was made of it."""
 
@@ -70,7 +70,7 @@ class MissionPlan:
         return first_from(self.sources, seq)
 
 
-def mission_file(kept: Kept, meaning: Translation, home: SE2) -> bytes:
+def mission_file(kept: UploadedMission, meaning: Translation, home: SE2) -> bytes:
     """Return the file."""
     origin = None if kept.origin is None else astuple(kept.origin)
     said = json.dumps((kept.items, kept.sources, origin), separators=(",", ":"))
@@ -86,14 +86,14 @@ def mission_file(kept: Kept, meaning: Translation, home: SE2) -> bytes:
     return ("\n".join(lines) + "\n").encode()
 
 
-def read_mission_file(content: bytes) -> Kept | None:
+def read_mission_file(content: bytes) -> UploadedMission | None:
     """Return what the first line says; None: it is no such file."""
     first = content.decode(errors="replace").partition("\n")[0]
     if not first.startswith(_MARK):
         return None
     try:
         items, sources, origin = json.loads(first.removeprefix(_MARK))
-        return Kept(
+        return UploadedMission(
             tuple(
                 MissionItem(command, frame, tuple(params), *rest)
                 for command, frame, params, *rest in items

@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import common
 
 from robotctl.mavlink.frames import ned_from_enu, yaw_ned_from_theta
 from robotctl.mavlink.globe import Origin
-from robotctl.mavlink.missions.file import NOTHING, Kept, MissionPlan, read_mission_file
+from robotctl.mavlink.missions.file import NOTHING, MissionPlan, UploadedMission, read_mission_file
 from robotctl.mavlink.missions.item import MissionItem
 
 _NONE: Final = (0.0, 0.0, 0.0, 0.0)
@@ -55,7 +55,7 @@ class _Writer:
         self._items = [home]
         self._speed_m_s = _OWN_SPEED
 
-    def write(self, tables: list[dict[str, Any]]) -> Kept:
+    def write(self, tables: list[dict[str, Any]]) -> UploadedMission:
         """Return the items, and for each of the file the number of the first that it became."""
         if sum(each["kind"] in _FLOW for each in tables) > 1:
             raise _Unsaid
@@ -72,7 +72,7 @@ class _Writer:
                 params = self._items[seq].params
                 params = (float(sources[number]), *params[1:])
                 self._items[seq] = self._items[seq]._replace(params=params)
-        return Kept(tuple(self._items), tuple(sources), None)
+        return UploadedMission(tuple(self._items), tuple(sources), None)
 
     def _item(self, table: dict[str, Any]) -> None:
         """Write one item; where a jump leads is filled in later."""

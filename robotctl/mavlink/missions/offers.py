@@ -23,7 +23,7 @@ MOST_ANSWERS: Final = 32
 """Invented stations must not fill the memory."""
 
 
-class Plan(Protocol):
+class OfferedPlan(Protocol):
     """A mission, a fence, or rally points of a ground station."""
 
     @property
@@ -43,7 +43,7 @@ class Plan(Protocol):
         """Origin by which places on the globe were turned into those of `world`; None: none."""
 
 
-P = TypeVar("P", bound=Plan)
+P = TypeVar("P", bound=OfferedPlan)
 
 
 class PlanKind(Protocol[P]):

@@ -6,7 +6,7 @@ The first item is home, as ArduPilot has it, and no item of the mission.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, NamedTuple
 
@@ -21,15 +21,6 @@ from robotctl.model.geometry.se2 import SE2
 HOME: Final = 1
 """Items before the mission's own."""
 PLACES: Final = frozenset({common.MAV_CMD_NAV_WAYPOINT, common.MAV_CMD_NAV_LOITER_TIME})
-_DELAYS: Final = frozenset({common.MAV_CMD_NAV_DELAY, common.MAV_CMD_CONDITION_DELAY})
-_LOOKS: Final = frozenset(
-    {
-        common.MAV_CMD_DO_SET_ROI,
-        common.MAV_CMD_DO_SET_ROI_LOCATION,
-        common.MAV_CMD_DO_SET_ROI_NONE,
-    }
-)
-"""Commands that point a camera: the robot's does not turn."""
 _LONGEST_S: Final = 86_400.0
 _FASTEST_M_S: Final = 100.0
 _MOST_TIMES: Final = 32_767
@@ -54,7 +45,7 @@ class BadItem(Exception):  # noqa: N818 - what it is, not that it went wrong
         self.result = result
 
 
-class Surroundings(NamedTuple):
+class MissionContext(NamedTuple):
     """Context on which the meaning of an item depends."""
 
     home: SE2
@@ -91,7 +82,7 @@ def first_from(sources: Sequence[int], seq: int) -> int | None:
     return next((k for k, source in enumerate(sources) if source >= seq), None)
 
 
-def check_item(item: MissionItem, seq: int, around: Surroundings) -> None:
+def check_item(item: MissionItem, seq: int, around: MissionContext) -> None:
     """Check a single item. Home is not driven: only its numbers count.
 
     Raises
@@ -132,7 +123,7 @@ def check_altitude(item: MissionItem, seq: int) -> None:
         raise BadItem(seq, common.MAV_MISSION_INVALID_PARAM7, why)
 
 
-def translate(items: Sequence[MissionItem], around: Surroundings) -> Translation:
+def translate(items: Sequence[MissionItem], around: MissionContext) -> Translation:
     """Return what the items after home mean.
 
     Raises
@@ -163,7 +154,7 @@ def translate(items: Sequence[MissionItem], around: Surroundings) -> Translation
 class _Translator:
     """Goes through the items; a change of speed counts for those after it."""
 
-    def __init__(self, around: Surroundings) -> None:
+    def __init__(self, around: MissionContext) -> None:
         self.done = Translation()
         self.jumps: list[tuple[int, int, int]] = []
         """Number of each jump, its index among the items of ours, and its target's number."""
@@ -173,26 +164,30 @@ class _Translator:
     def add(self, item: MissionItem, seq: int) -> None:
         """Translate one item."""
         check_params(item, seq)
-        command = item.command
-        if command in PLACES:
-            self._drive_to(
-                seq, *bounded_place(item, seq, self._around.origin), self._heading_deg(item)
-            )
-            self._wait(seq, item.params[0])
-        elif command == common.MAV_CMD_NAV_RETURN_TO_LAUNCH:
-            home = self._around.home
-            self._drive_to(seq, home.x_m, home.y_m, None)
-        elif command in _DELAYS:
-            self._wait(seq, item.params[0])
-        elif command == common.MAV_CMD_DO_CHANGE_SPEED:
-            self._change_speed(seq, item.params[1])
-        elif command == common.MAV_CMD_DO_JUMP:
-            self._jump(seq, item.params)
-        elif command in _LOOKS:
-            number = seq - self._around.hidden
-            self.done.notes.append(f"item {number}: the camera does not turn, ignored")
-        else:
-            raise BadItem(seq, _UNSUPPORTED, f"command {command} is not supported")
+        translate_item = _COMMANDS.get(item.command)
+        if translate_item is None:
+            raise BadItem(seq, _UNSUPPORTED, f"command {item.command} is not supported")
+        translate_item(self, item, seq)
+
+    def drive_to(self, item: MissionItem, seq: int) -> None:
+        """Drive to the item's place, and wait there."""
+        place = bounded_place(item, seq, self._around.origin)
+        self._drive_to(seq, *place, self._heading_deg(item))
+        self._wait(seq, item.params[0])
+
+    def drive_home(self, item: MissionItem, seq: int) -> None:  # noqa: ARG002
+        """Drive to where the robot started."""
+        home = self._around.home
+        self._drive_to(seq, home.x_m, home.y_m, None)
+
+    def wait(self, item: MissionItem, seq: int) -> None:
+        """Stand for a while."""
+        self._wait(seq, item.params[0])
+
+    def ignore_camera(self, item: MissionItem, seq: int) -> None:  # noqa: ARG002
+        """Leave out a command that turns a camera: the robot's does not turn."""
+        number = seq - self._around.hidden
+        self.done.notes.append(f"item {number}: the camera does not turn, ignored")
 
     def _append(self, seq: int, **table: object) -> None:
         self.done.items.append(table)
@@ -216,8 +211,9 @@ class _Translator:
             raise BadItem(seq, common.MAV_MISSION_INVALID_PARAM1, why)
         self._append(seq, kind="wait", duration_s=seconds)
 
-    def _change_speed(self, seq: int, speed_m_s: float) -> None:
+    def change_speed(self, item: MissionItem, seq: int) -> None:
         """Take another speed; -1 is the robot's own again, -2 no change."""
+        speed_m_s = item.params[1]
         if speed_m_s == -2.0:
             return
         if speed_m_s == -1.0:
@@ -228,8 +224,9 @@ class _Translator:
             why = f"{speed_m_s:g} m/s found, above 0 to {_FASTEST_M_S:g} allowed, or -1, -2"
             raise BadItem(seq, common.MAV_MISSION_INVALID_PARAM2, why)
 
-    def _jump(self, seq: int, params: tuple[float, float, float, float]) -> None:
-        target, times = params[:2]
+    def jump(self, item: MissionItem, seq: int) -> None:
+        """Go on with another item, a number of times; -1: always."""
+        target, times = item.params[:2]
         if math.isnan(target) or target != int(target):
             why = f"jumps to {target:g}, a whole number allowed"
             raise BadItem(seq, common.MAV_MISSION_INVALID_PARAM1, why)
@@ -251,6 +248,20 @@ class _Translator:
         if math.isnan(yaw_deg) or yaw_deg == 0.0:
             return None
         return math.degrees(theta_from_yaw_ned(math.radians(yaw_deg)))
+
+
+_COMMANDS: Final[dict[int, Callable[[_Translator, MissionItem, int], None]]] = {
+    **dict.fromkeys(PLACES, _Translator.drive_to),
+    common.MAV_CMD_NAV_RETURN_TO_LAUNCH: _Translator.drive_home,
+    common.MAV_CMD_NAV_DELAY: _Translator.wait,
+    common.MAV_CMD_CONDITION_DELAY: _Translator.wait,
+    common.MAV_CMD_DO_CHANGE_SPEED: _Translator.change_speed,
+    common.MAV_CMD_DO_JUMP: _Translator.jump,
+    common.MAV_CMD_DO_SET_ROI: _Translator.ignore_camera,
+    common.MAV_CMD_DO_SET_ROI_LOCATION: _Translator.ignore_camera,
+    common.MAV_CMD_DO_SET_ROI_NONE: _Translator.ignore_camera,
+}
+"""Translation of each command; another one is one method and one line here."""
 
 
 def bounded_place(item: MissionItem, seq: int, origin: Origin | None) -> tuple[float, float]:

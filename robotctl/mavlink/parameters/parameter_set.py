@@ -25,7 +25,7 @@ from robotctl.mavlink.parameters.table import PARAMETERS
 from robotctl.mavlink.parameters.words import words
 
 
-class Problem(enum.IntEnum):
+class ParamError(enum.IntEnum):
     """Why a parameter cannot be read or set: MAV_PARAM_ERROR."""
 
     DOES_NOT_EXIST = common.MAV_PARAM_ERROR_DOES_NOT_EXIST
@@ -38,7 +38,7 @@ class Problem(enum.IntEnum):
 class ParameterRefused(Exception):  # noqa: N818 - is answered, no defect
     """A value is not taken; the text says what was found and what is allowed."""
 
-    def __init__(self, problem: Problem, text: str) -> None:
+    def __init__(self, problem: ParamError, text: str) -> None:
         super().__init__(text)
         self.problem = problem
 
@@ -177,10 +177,10 @@ class ParameterSet:
             wanted = replaced(self._wanted, parameter.key, value)
         except InvalidValue as error:
             text = f"{parameter.name}: {error}"
-            raise ParameterRefused(Problem.VALUE_OUT_OF_RANGE, text) from None
+            raise ParameterRefused(ParamError.VALUE_OUT_OF_RANGE, text) from None
         if wrong := problems(wanted, self._rules):
             text = f"{parameter.name}: {'; '.join(wrong)}"
-            raise ParameterRefused(Problem.VALUE_OUT_OF_RANGE, text)
+            raise ParameterRefused(ParamError.VALUE_OUT_OF_RANGE, text)
         return wanted
 
     def _take_effect(self, parameter: Parameter) -> None:
@@ -223,28 +223,30 @@ def _checked(parameter: Parameter, raw: float, kind: int, old: Value, default: V
     """Return the value that a number of PARAM_SET means."""
     name = parameter.name
     if parameter.change is Change.NEVER:
-        raise ParameterRefused(Problem.READ_ONLY, f"{name} stands in the robot's file only")
+        raise ParameterRefused(ParamError.READ_ONLY, f"{name} stands in the robot's file only")
     if kind not in {INT32, REAL32}:
         text = f"{name}: type {kind} found, no parameter is of that; {kind_of(old)} allowed"
-        raise ParameterRefused(Problem.TYPE_UNSUPPORTED, text)
+        raise ParameterRefused(ParamError.TYPE_UNSUPPORTED, text)
     if kind not in {kind_of(old), REAL32}:
         raise ParameterRefused(
-            Problem.TYPE_MISMATCH, f"{name}: type {kind} found, {kind_of(old)} allowed"
+            ParamError.TYPE_MISMATCH, f"{name}: type {kind} found, {kind_of(old)} allowed"
         )
     if not math.isfinite(raw):
-        raise ParameterRefused(Problem.VALUE_OUT_OF_RANGE, f"{name}: {raw} is no number")
+        raise ParameterRefused(ParamError.VALUE_OUT_OF_RANGE, f"{name}: {raw} is no number")
     if not isinstance(old, float) and raw != int(raw):
         raise ParameterRefused(
-            Problem.TYPE_MISMATCH, f"{name}: {raw:g} found, a whole number allowed"
+            ParamError.TYPE_MISMATCH, f"{name}: {raw:g} found, a whole number allowed"
         )
     if isinstance(old, bool) and raw not in {0.0, 1.0}:
-        raise ParameterRefused(Problem.VALUE_OUT_OF_RANGE, f"{name}: {raw:g} found, 0 or 1 allowed")
+        raise ParameterRefused(
+            ParamError.VALUE_OUT_OF_RANGE, f"{name}: {raw:g} found, 0 or 1 allowed"
+        )
     value = shortest(raw) if isinstance(old, float) else type(old)(raw)
     if single(default) == single(value):
         return default
     if not single(parameter.low) <= raw <= single(parameter.high):
         allowed = f"{parameter.low:g} to {parameter.high:g} allowed"
-        raise ParameterRefused(Problem.VALUE_OUT_OF_RANGE, f"{name}: {raw:g} found, {allowed}")
+        raise ParameterRefused(ParamError.VALUE_OUT_OF_RANGE, f"{name}: {raw:g} found, {allowed}")
     return value
 
 

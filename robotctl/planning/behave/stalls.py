@@ -27,8 +27,8 @@ WITHIN_NS: Final = 60_000_000_000
 _LATE_NS: Final = 50_000_000
 """Delay from which on others or a signal kept a process from the processor [ns]."""
 
-_LATELY_NS: Final = 1_000_000_000
-"""Time for which that explains what was not heard [ns]: messages wait for the processor, too."""
+_EXPLAINS_NS: Final = 1_000_000_000
+"""Time for which such a delay explains missing messages [ns]: they wait for the processor, too."""
 
 
 class Stall(NamedTuple):
@@ -58,11 +58,11 @@ class StallWatch:
         """Since when it is over, if it stays so [ns]."""
         self._begins_ns: deque[int] = deque(maxlen=MOST)
         """When the last stalls began."""
-        self._late_ns, self._late_at_ns = 0, -_LATELY_NS
+        self._late_ns, self._late_at_ns = 0, -_EXPLAINS_NS
         """How long it was kept from a step last, and when that was [ns]."""
         self._words = ""
 
-    def step(self, now_ns: int, late_ns: int, *, heard: bool) -> Stall | None:
+    def step(self, now_ns: int, late_ns: int, *, control_is_fresh: bool) -> Stall | None:
         """Return the stall that is not over at `now_ns`; None: all is well.
 
         Parameters
@@ -71,7 +71,7 @@ class StallWatch:
             The time of this step [ns].
         late_ns
             How long the process was kept from it, by its own measure [ns].
-        heard
+        control_is_fresh
             Whether control's state is fresh.
         """
         self.over = ""
@@ -79,7 +79,7 @@ class StallWatch:
         self._last_ns = now_ns
         if late_ns > _LATE_NS:
             self._late_ns, self._late_at_ns = late_ns, now_ns
-        if gap_ns <= GAP_NS and heard:
+        if gap_ns <= GAP_NS and control_is_fresh:
             if self._began_ns is None:
                 self._good_ns = now_ns
                 return None
@@ -124,7 +124,7 @@ class StallWatch:
 
     def _cause(self, now_ns: int, gap_ns: int) -> str:
         """Return what holds navigation up, by its own measure."""
-        starved = now_ns - self._late_at_ns <= _LATELY_NS
+        starved = now_ns - self._late_at_ns <= _EXPLAINS_NS
         if gap_ns > GAP_NS:
             why = "kept from the processor, or stopped" if starved else "a step took that long"
             return f"navigation was held up ({why})"

@@ -36,7 +36,7 @@ _HIDDEN_M: Final = 1.5
 """Range beyond which a person who leaves one beam enters another [m]."""
 
 
-class Approach(NamedTuple):
+class ApproachingEcho(NamedTuple):
     """Something that comes nearer to a sonar."""
 
     range_m: float
@@ -45,7 +45,7 @@ class Approach(NamedTuple):
     """Closing speed of the thing itself [m/s]; < 0: it goes away."""
 
 
-STANDS: Final = Approach(math.inf, 0.0)
+STANDS: Final = ApproachingEcho(math.inf, 0.0)
 """Nothing comes nearer or goes away."""
 
 
@@ -60,7 +60,7 @@ class EchoMotion:
 
     def __init__(self, mounts: Sequence[SonarMount]) -> None:
         self._sights = [_Sight(mount) for mount in mounts]
-        self._strangers: list[tuple[float, int]] = [(math.inf, -_HIDDEN_NS)] * len(mounts)
+        self._recent_movers: list[tuple[float, int]] = [(math.inf, -_HIDDEN_NS)] * len(mounts)
         """Range [m] and time [ns] at which each sonar last saw something that may move."""
 
     def step(
@@ -69,7 +69,7 @@ class EchoMotion:
         new: Sequence[bool],
         heard_ns: Sequence[int],
         twist: Twist,
-    ) -> tuple[Approach, ...]:
+    ) -> tuple[ApproachingEcho, ...]:
         """Return what moves in the beams, or is hidden between them; `STANDS`: nothing does.
 
         Parameters
@@ -89,11 +89,11 @@ class EchoMotion:
 
     def expect(
         self,
-        seen: Sequence[Approach],
+        seen: Sequence[ApproachingEcho],
         ranges_m: Sequence[float],
         may_move: Sequence[bool],
         now_ns: int,
-    ) -> tuple[Approach, ...]:
+    ) -> tuple[ApproachingEcho, ...]:
         """Return what has to be expected to come nearer.
 
         Somebody who walks across the beam comes no nearer at first, and the next step may be
@@ -111,11 +111,11 @@ class EchoMotion:
         """
         for i, may in enumerate(may_move):
             if may:
-                self._strangers[i] = ranges_m[i], now_ns
+                self._recent_movers[i] = ranges_m[i], now_ns
         expected = []
-        for each, (range_m, stamp_ns) in zip(seen, self._strangers, strict=True):
+        for each, (range_m, stamp_ns) in zip(seen, self._recent_movers, strict=True):
             since_s = (now_ns - stamp_ns) * 1e-9
-            walks = Approach(max(range_m - _WALKS_M_S * since_s, 0.0), _WALKS_M_S)
+            walks = ApproachingEcho(max(range_m - _WALKS_M_S * since_s, 0.0), _WALKS_M_S)
             is_there = each is STANDS and now_ns - stamp_ns < _HIDDEN_NS
             expected.append(walks if is_there else each)
         return tuple(expected)
@@ -179,15 +179,15 @@ class _Sight:
         if seen.speed_m_s > 0.0 and seen.range_m < _HIDDEN_M:
             self._hidden, self._hidden_ns = seen, self._stamp_ns
 
-    def _seen(self, twist: Twist) -> Approach:
+    def _seen(self, twist: Twist) -> ApproachingEcho:
         """Return what moves in the beam; `STANDS` if nothing does, or that is unknown."""
         _, across_m_s = self._own_m_s(twist)
         least_m_s = _STANDS_M_S + _SLANT * abs(across_m_s + twist.omega_rad_s * self._range_m)
         if self._count < _SURE or abs(self._nears_m_s) <= least_m_s:
             return STANDS
-        return Approach(self._range_m, self._nears_m_s)
+        return ApproachingEcho(self._range_m, self._nears_m_s)
 
-    def approach(self, twist: Twist, now_ns: int) -> Approach:
+    def approach(self, twist: Twist, now_ns: int) -> ApproachingEcho:
         """Return what moves in the beam, or has just left it and may be beside it."""
         if (now_ns - self._stamp_ns) * 1e-9 > _LONGEST_S and self._count:
             self._hide(twist)
@@ -198,4 +198,4 @@ class _Sight:
         if seen is STANDS:
             return seen
         range_m, speed_m_s = seen
-        return Approach(max(range_m - speed_m_s * (now_ns - seen_ns) * 1e-9, 0.0), speed_m_s)
+        return ApproachingEcho(max(range_m - speed_m_s * (now_ns - seen_ns) * 1e-9, 0.0), speed_m_s)

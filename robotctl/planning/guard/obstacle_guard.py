@@ -11,7 +11,7 @@ from robotctl.model.rectangle import Rectangle
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.config import GuardConfig
 from robotctl.planning.guard.course import LEAST_CLOSING, Course, Point
-from robotctl.planning.guard.echo_motion import STANDS, Approach
+from robotctl.planning.guard.echo_motion import STANDS, ApproachingEcho
 
 if TYPE_CHECKING:  # numpy would be slow to load for each process that reads a robot's file
     import numpy as np
@@ -138,7 +138,7 @@ class ObstacleGuard:
         self._history = [[] for _ in range(self._count)]
         self._floor: Sequence[Point] = ()
         self._points: NDArray[np.float64] | None = None
-        self._approaches: Sequence[Approach] = ()
+        self._approaches: Sequence[ApproachingEcho] = ()
         self._passed: NDArray[np.float64] | None = None
         self._twist = _REST
 
@@ -153,7 +153,7 @@ class ObstacleGuard:
         new: Sequence[bool],
         floor_base: Sequence[Point] = (),
         points_base: NDArray[np.float64] | None = None,
-        approaches: Sequence[Approach] = (),
+        approaches: Sequence[ApproachingEcho] = (),
         passed_base: NDArray[np.float64] | None = None,
         twist: Twist = _REST,
     ) -> None:

@@ -17,9 +17,9 @@ from robotctl.config_values import replaced, value_at, with_values
 from robotctl.mavlink.parameters.parameter import INT32, REAL32, Change, shortest, single
 from robotctl.mavlink.parameters.parameter_set import (
     Configurations,
+    ParamError,
     ParameterRefused,
     ParameterSet,
-    Problem,
 )
 from robotctl.mavlink.parameters.table import PARAMETERS
 
@@ -127,16 +127,16 @@ def test_a_telemetry_that_was_restarted_brings_the_live_values_into_force_again(
 
 def test_what_is_wrong_is_refused_and_said():
     _, put = parameters()
-    assert refusal(put, "LIM_V_MAX", math.nan)[0] is Problem.VALUE_OUT_OF_RANGE
-    assert refusal(put, "LIM_V_MAX", math.inf)[0] is Problem.VALUE_OUT_OF_RANGE
+    assert refusal(put, "LIM_V_MAX", math.nan)[0] is ParamError.VALUE_OUT_OF_RANGE
+    assert refusal(put, "LIM_V_MAX", math.inf)[0] is ParamError.VALUE_OUT_OF_RANGE
     out = refusal(put, "CTL_L_KP", 101)
-    assert out == (Problem.VALUE_OUT_OF_RANGE, "CTL_L_KP: 101 found, 0 to 100 allowed")
-    assert refusal(put, "CTL_L_KP", 1, INT32)[0] is Problem.TYPE_MISMATCH
-    assert refusal(put, "SAF_ARM_MS", 1000.5)[0] is Problem.TYPE_MISMATCH
-    assert refusal(put, "SAF_ARM_MS", 1000, 4)[0] is Problem.TYPE_UNSUPPORTED
-    assert refusal(put, "GEO_TRACK", 0.4)[0] is Problem.READ_ONLY
+    assert out == (ParamError.VALUE_OUT_OF_RANGE, "CTL_L_KP: 101 found, 0 to 100 allowed")
+    assert refusal(put, "CTL_L_KP", 1, INT32)[0] is ParamError.TYPE_MISMATCH
+    assert refusal(put, "SAF_ARM_MS", 1000.5)[0] is ParamError.TYPE_MISMATCH
+    assert refusal(put, "SAF_ARM_MS", 1000, 4)[0] is ParamError.TYPE_UNSUPPORTED
+    assert refusal(put, "GEO_TRACK", 0.4)[0] is ParamError.READ_ONLY
     problem, text = refusal(put, "GRD_DECEL", 3.0)
-    assert problem is Problem.VALUE_OUT_OF_RANGE
+    assert problem is ParamError.VALUE_OUT_OF_RANGE
     assert "limits.a_max_m_s2" in text
     assert put("SAF_ARM_MS", 2000.0, REAL32)  # many send nothing else
 
@@ -165,7 +165,10 @@ def test_each_parameter_refuses_what_is_out_of_its_range(name):
             for kind in {REAL32, REAL32 if isinstance(value, float) else INT32}:
                 with pytest.raises(ParameterRefused) as refused:
                     found.set(parameter, wrong, kind)
-                assert refused.value.problem in {Problem.VALUE_OUT_OF_RANGE, Problem.TYPE_MISMATCH}
+                assert refused.value.problem in {
+                    ParamError.VALUE_OUT_OF_RANGE,
+                    ParamError.TYPE_MISMATCH,
+                }
                 assert str(refused.value).startswith(parameter.name)
     assert found.changes() == {}
 
@@ -187,7 +190,7 @@ def test_each_parameter_refuses_what_is_out_of_its_range(name):
 def test_what_contradicts_another_value_is_refused(name, value, says):
     found, put = parameters()
     problem, text = refusal(put, name, value)
-    assert problem is Problem.VALUE_OUT_OF_RANGE
+    assert problem is ParamError.VALUE_OUT_OF_RANGE
     assert says in text
     assert found.changes() == {}
 

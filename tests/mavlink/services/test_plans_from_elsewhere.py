@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import common as m
 from robotctl.mavlink.globe import Origin
 from robotctl.mavlink.missions.fence_items import fence_items, fence_of
 from robotctl.mavlink.missions.of_file import plan_of_file
-from robotctl.mavlink.missions.translate import Surroundings, translate
+from robotctl.mavlink.missions.translate import MissionContext, translate
 from robotctl.messages.fence import FenceFile, FenceState
 from robotctl.messages.mission import LoadMission
 from robotctl.messages.plans import BoundsView, MissionView
@@ -144,7 +144,7 @@ def test_items_that_a_station_sends_back_mean_the_same(items, origin):
         lines += ["[[item]]", *(f"{key} = {value!r}" for key, value in each.items())]
     text = "\n".join(lines).replace("'", '"')
     plan = plan_of_file(text.encode(), origin)
-    meaning = translate(plan.items, Surroundings(SE2(), origin, plans=True))
+    meaning = translate(plan.items, MissionContext(SE2(), origin, plans=True))
     assert len(meaning.items) == len(items)
     for found, wanted in zip(meaning.items, items, strict=True):
         assert found["kind"] == wanted["kind"]

@@ -17,7 +17,7 @@ class Steps:
 
     def step(self, gap_ns=PERIOD_NS, late_ns=0, *, heard=True):
         self.now_ns += gap_ns
-        stall = self.watch.step(self.now_ns, late_ns, heard=heard)
+        stall = self.watch.step(self.now_ns, late_ns, control_is_fresh=heard)
         self.told += [self.watch.over] if self.watch.over else []
         return stall
 

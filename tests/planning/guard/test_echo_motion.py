@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from robotctl.model.geometry.twist import Twist
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.config import GuardConfig
-from robotctl.planning.guard.echo_motion import STANDS, Approach, EchoMotion
+from robotctl.planning.guard.echo_motion import STANDS, ApproachingEcho, EchoMotion
 from robotctl.planning.guard.obstacle_guard import ObstacleGuard
 
 DT_S = 0.05
@@ -85,7 +85,7 @@ def test_the_robot_stands_when_somebody_who_comes_towards_it_is_there(walks):
 
 def test_a_robot_that_passes_somebody_at_its_side_need_not_stop_in_their_way():
     guard = ObstacleGuard(CONFIG, [FRONT, SIDE])
-    guard.observe((4.0, 0.5), (True, True), approaches=(STANDS, Approach(0.5, 0.7)))
+    guard.observe((4.0, 0.5), (True, True), approaches=(STANDS, ApproachingEcho(0.5, 0.7)))
     for omega in (-0.01, -0.05, -0.1):
         assert guard.step(0.4, omega).v_max_m_s >= 0.4
     towards = guard.step(0.4, -1.0)
@@ -118,7 +118,7 @@ def test_a_sonar_that_falls_silent_knows_nothing_any_more():
 
 
 def test_what_may_move_is_expected_to_walk_unless_it_goes_away():
-    seen = (STANDS, STANDS, Approach(0.5, -0.6), Approach(0.7, 1.1))
+    seen = (STANDS, STANDS, ApproachingEcho(0.5, -0.6), ApproachingEcho(0.7, 1.1))
     motion, may_move = EchoMotion([FRONT] * 4), (True, False, True, True)
     found = motion.expect(seen, (0.4, 0.5, 0.5, 0.7), may_move, 1_000_000_000)
     assert found[0].range_m == 0.4

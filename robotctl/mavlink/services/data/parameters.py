@@ -25,7 +25,7 @@ from robotctl.mavlink.command import (
 )
 from robotctl.mavlink.context import Context
 from robotctl.mavlink.parameters.parameter import MOST_LETTERS, REAL32, Parameter, kind_of
-from robotctl.mavlink.parameters.parameter_set import ParameterRefused, Problem
+from robotctl.mavlink.parameters.parameter_set import ParamError, ParameterRefused
 from robotctl.mavlink.parameters.published import values_of
 from robotctl.mavlink.service import Microservice
 from robotctl.messages.control import Severity
@@ -225,7 +225,7 @@ class Parameters(Microservice):
         if index is not None and 0 <= index < len(self._set.parameters):
             self._context.links.reply(self._message(self._set.parameters[index]), peer)
         else:
-            self._refuse(Problem.DOES_NOT_EXIST, message, peer, message.param_index)
+            self._refuse(ParamError.DOES_NOT_EXIST, message, peer, message.param_index)
 
     def _put(self, message: Message, peer: Peer, now_ns: int) -> None:
         """Set a parameter; the answer follows once the new value is kept."""
@@ -235,7 +235,7 @@ class Parameters(Microservice):
                 near = difflib.get_close_matches(message.param_id, self._names, n=1)
                 hint = f"; did you mean {near[0]}?" if near else ""
                 self._context.tell_asker(now_ns, f"Parameter {message.param_id}: unknown{hint}")
-            self._refuse(Problem.DOES_NOT_EXIST, message, peer, NO_INDEX)
+            self._refuse(ParamError.DOES_NOT_EXIST, message, peer, NO_INDEX)
             return
         self._puts[peer] += 1
         if self._puts[peer] > MOST_SETS:
@@ -325,7 +325,7 @@ class Parameters(Microservice):
             index,
         )
 
-    def _refuse(self, problem: Problem, message: Message, peer: Peer, index: int | None) -> None:
+    def _refuse(self, problem: ParamError, message: Message, peer: Peer, index: int | None) -> None:
         """Send PARAM_ERROR."""
         index = NO_INDEX if index is None else index
         name = message.param_id.encode("ascii", "replace")[:MOST_LETTERS]

@@ -13,7 +13,7 @@ from robotctl.mavlink.catalogue import Stream
 from robotctl.mavlink.command import ACCEPTED, DENIED, TEMPORARILY_REJECTED, Command
 from robotctl.mavlink.context import Context, Request
 from robotctl.mavlink.frames import ned_from_enu
-from robotctl.mavlink.missions.file import Kept, MissionPlan, mission_file
+from robotctl.mavlink.missions.file import MissionPlan, UploadedMission, mission_file
 from robotctl.mavlink.missions.item import MissionItem, item_of
 from robotctl.mavlink.missions.of_file import plan_of_file
 from robotctl.mavlink.missions.transfer import GUIDED_ITEM, MISSION, Transfer
@@ -21,7 +21,7 @@ from robotctl.mavlink.missions.translate import (
     HOME,
     PLACES,
     BadItem,
-    Surroundings,
+    MissionContext,
     bounded_place,
     check_item,
     translate,
@@ -100,7 +100,7 @@ class Missions(Transfer[MissionPlan]):
         meaning = translate(items, self._around)
         by_globe = any(each.is_global and each.command in PLACES for each in items[HOME:])
         origin = self._context.origin if by_globe else None
-        kept = Kept(tuple(items), tuple(meaning.sources), origin)
+        kept = UploadedMission(tuple(items), tuple(meaning.sources), origin)
         content = mission_file(kept, meaning, self._context.home)
         return MissionPlan(kept, content), meaning.notes
 
@@ -182,9 +182,9 @@ class Missions(Transfer[MissionPlan]):
     # How far it is.
 
     @property
-    def _around(self) -> Surroundings:
+    def _around(self) -> MissionContext:
         robot = self._context.robot
-        return Surroundings(self._context.home, self._context.origin, robot.plans, self.hidden)
+        return MissionContext(self._context.home, self._context.origin, robot.plans, self.hidden)
 
     def _is_loaded(self, navigation: NavigationState) -> bool:
         """Return whether the robot's mission is the one that came over MAVLink."""

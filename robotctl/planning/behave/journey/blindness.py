@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 from robotctl.planning.behave.behaviours.behaviour import BehaviourOutput, failed
-
-_BLIND_NS: Final = 10_000_000_000
-"""A robot that sees nothing for this long gives up [ns]."""
 
 
 class BlindWait:
-    """Lets the robot stand while it sees nothing, for a while."""
+    """Lets the robot stand while it sees nothing, for a while.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    longest_s
+        Time after which it gives up [s].
+    """
+
+    def __init__(self, longest_s: float) -> None:
+        self._longest_s = longest_s
         self._since_ns = 0
         """When it began [ns]; 0: the robot sees."""
 
@@ -24,6 +26,6 @@ class BlindWait:
     def step(self, blindness: str, now_ns: int) -> BehaviourOutput:
         """Return rest, with why nothing is seen; failed after a while."""
         self._since_ns = self._since_ns or now_ns
-        if now_ns - self._since_ns > _BLIND_NS:
-            return failed(f"{blindness} for {_BLIND_NS / 1e9:g} s")
+        if now_ns - self._since_ns > round(1e9 * self._longest_s):
+            return failed(f"{blindness} for {self._longest_s:g} s")
         return BehaviourOutput(0.0, 0.0, text=f"waiting: {blindness}")

@@ -73,8 +73,8 @@ class Journey(Behaviour):
         self._speed_m_s = speed_m_s
         self._replanner = Replanner(tools, goal)
         self._turn_round = TurnRound(tools)
-        self._stuck = StuckWatch(tools.world)
-        self._blind = BlindWait()
+        self._stuck = StuckWatch(tools.world, tools.journey)
+        self._blind = BlindWait(tools.journey.blind_max_s)
         self._closed: _Closed | None = None
         self.reset()
 

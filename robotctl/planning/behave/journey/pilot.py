@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Final, TypeVar
+from typing import TypeVar
 
 from robotctl.control.limiter import LimitsConfig
 from robotctl.errors import InvalidValue
@@ -34,9 +34,6 @@ from robotctl.planning.path.global_planning.plan import GoesOn, Planner, Planner
 from robotctl.planning.path.global_planning.planners import PLANNERS
 from robotctl.planning.path.local.controller import ControllerConfig
 from robotctl.planning.path.local.controllers import CONTROLLERS
-
-_TURNING_RESERVE: Final = 1.3
-"""Planned over minimum turning radius: leaves room for corrections."""
 
 
 class MapPilot:
@@ -85,7 +82,7 @@ class MapPilot:
         topology: TopologicalMap | None = None,
         budget: Callable[[], GoesOn] = lambda: lambda: True,
     ) -> None:
-        radius_m = _TURNING_RESERVE * drive.min_turning_radius_m
+        radius_m = config.journey.turning_reserve * drive.min_turning_radius_m
         world = LiveWorld(
             footprint,
             mounts,
@@ -110,6 +107,7 @@ class MapPilot:
             ),
             make_controller(local, drive, limits, footprint),
             local,
+            config.journey,
             config.recovery,
         )
         self._own_recovery = config.recovery

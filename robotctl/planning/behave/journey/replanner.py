@@ -12,14 +12,8 @@ from robotctl.planning.path.global_planning.goal import Goal
 from robotctl.planning.path.global_planning.plan import PlanFailure
 from robotctl.planning.path.global_planning.route import Route
 
-_REPLAN_NS: Final = 1_000_000_000
-"""Interval between two searches for a better path [ns]."""
 _REDIRECTED_NS: Final = 500_000_000
 """Shortest time between two plans while the goal moves [ns]."""
-_BETTER: Final = 0.9
-"""A path that costs less than this share of the present one replaces it."""
-_OFF_PATH_M: Final = 0.6
-"""Distance from the path beyond which the robot plans from where it is [m]."""
 
 
 class Replanner:
@@ -50,6 +44,7 @@ class Replanner:
 
     def __init__(self, tools: JourneyTools, goal: Goal) -> None:
         self._tools = tools
+        self._replan_ns = round(1e9 * tools.journey.replan_s)
         self.goal = goal
         self.plans = 0
         self.reset()
@@ -78,10 +73,10 @@ class Replanner:
         """Return whether it is time to plan: there is no path, it is far away, or a while ago."""
         route = self.route
         turned_round = self._planned_reverse is not self._tools.paths.reverse
-        if route is None or turned_round or route.advance(pose) > _OFF_PATH_M:
+        if route is None or turned_round or route.advance(pose) > self._tools.journey.off_path_m:
             self.route = None
             return True
-        every_ns = _REDIRECTED_NS if self.is_redirected else _REPLAN_NS
+        every_ns = _REDIRECTED_NS if self.is_redirected else self._replan_ns
         return now_ns - self.planned_ns >= every_ns
 
     def plan(self, pose: SE2, now_ns: int) -> Route | PlanFailure:
@@ -97,7 +92,7 @@ class Replanner:
         if isinstance(answer, PlanFailure):
             return old or answer
         if old is not None and old.leads_there:
-            is_better = answer.length_m <= _BETTER * old.left_m
+            is_better = answer.length_m <= self._tools.journey.better * old.left_m
             if not is_better or self._tools.paths.is_doubtful(answer, pose):
                 return old
         self._take_aim()

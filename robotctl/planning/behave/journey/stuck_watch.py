@@ -8,13 +8,10 @@ from typing import Final
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behave.behaviours.behaviour import BehaviourInput
+from robotctl.planning.config import JourneyConfig
 from robotctl.planning.map.live_world import LiveWorld
 from robotctl.planning.path.local.controller import LocalMotion
 
-_STUCK_NS: Final = 1_500_000_000
-"""A robot that wants to drive and stands for this long is in trouble [ns]."""
-_PATIENT_NS: Final = 6_000_000_000
-"""The same near a person, who is likely to move on [ns]."""
 _STANDS_M_S: Final = 0.02
 _STANDS_RAD_S: Final = 0.05
 _LEFT_M: Final = 0.03
@@ -29,10 +26,14 @@ class StuckWatch:
     ----------
     world
         Knows whether a person is near.
+    config
+        How long it may stand.
     """
 
-    def __init__(self, world: LiveWorld) -> None:
+    def __init__(self, world: LiveWorld, config: JourneyConfig) -> None:
         self._world = world
+        self._stuck_ns = round(1e9 * config.stuck_s)
+        self._patience_ns = round(1e9 * config.patience_s)
         self._since_ns: int | None = None
         """When the robot came to stand [ns]; None: it moves."""
         self._pose = SE2()
@@ -56,14 +57,14 @@ class StuckWatch:
                 self.begin(pose, now_ns)
         elif not motion.blocked and self._has_left(pose):
             self._since_ns = None
-        longest_ns = _PATIENT_NS if self._world.is_somebody_near(pose) else _STUCK_NS
+        longest_ns = self._patience_ns if self._world.is_somebody_near(pose) else self._stuck_ns
         return self._since_ns is not None and now_ns - self._since_ns > longest_ns
 
     def is_patient(self, pose: SE2, now_ns: int) -> bool:
         """Return whether the robot, having waited for a person nearby, goes on waiting."""
         if self._since_ns is None or not self._world.is_somebody_near(pose):
             return False
-        return now_ns - self._since_ns <= _PATIENT_NS
+        return now_ns - self._since_ns <= self._patience_ns
 
     @property
     def stands(self) -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.planning.behave.behaviours.outlook import NOWHERE
-from robotctl.planning.config import RecoveryConfig
+from robotctl.planning.config import JourneyConfig, RecoveryConfig
 from robotctl.planning.map.live_world import LiveWorld
 from robotctl.planning.path.global_planning.path_finder import PathFinder
 from robotctl.planning.path.local.controller import Controller, ControllerConfig
@@ -24,6 +24,8 @@ class JourneyTools:
         What is known, and plans through that.
     controller, config
         Follows a path; its settings.
+    journey
+        When journeys are planned again, and when they are in trouble.
     recovery
         How patient journeys are.
     shown
@@ -34,5 +36,6 @@ class JourneyTools:
     paths: PathFinder
     controller: Controller
     config: ControllerConfig
+    journey: JourneyConfig
     recovery: RecoveryConfig
     shown: tuple[NDArray[np.float64], NDArray[np.float64]] = field(default=(NOWHERE, NOWHERE))

@@ -99,7 +99,7 @@ class Travel(Behaviour):
         self._looks_of = places.looks
         self._goal = goal
         self._approach = approach
-        self._blind = BlindWait()
+        self._blind = BlindWait(tools.journey.blind_max_s)
         self._finder = PlaceFinder(tools, places, roam, start, self._blind)
         self.reset()
 

@@ -11,7 +11,7 @@ from robotctl.planning.behave.behaviours.registry import kind_of
 from robotctl.toml_source import nearest
 
 
-class Problem(NamedTuple):
+class ItemProblem(NamedTuple):
     """Error in an item: its index, the key to blame, and the reason."""
 
     item: int
@@ -54,7 +54,7 @@ def item_index(items: Sequence[Item], wanted: Target) -> int:
     return found[0]
 
 
-def flow_problems(items: Sequence[Item]) -> Iterator[Problem]:
+def flow_problems(items: Sequence[Item]) -> Iterator[ItemProblem]:
     """Yield why a mission's repeats and jumps cannot be followed."""
     loops, is_whole = {}, True
     for index, item in enumerate(items):
@@ -63,12 +63,12 @@ def flow_problems(items: Sequence[Item]) -> Iterator[Problem]:
                 loops[index] = _loop_of(items, index, item)
             except ValueError as error:
                 is_whole = False
-                yield Problem(index, _key(item), str(error))
+                yield ItemProblem(index, _key(item), str(error))
     if is_whole:
         yield from _motionless(items, loops)
 
 
-def _motionless(items: Sequence[Item], loops: dict[int, Loop]) -> Iterator[Problem]:
+def _motionless(items: Sequence[Item], loops: dict[int, Loop]) -> Iterator[ItemProblem]:
     """Yield endless rounds in which no item drives.
 
     What leads back a limited number of times is passed in the end, so each item has one successor
@@ -90,7 +90,7 @@ def _motionless(items: Sequence[Item], loops: dict[int, Loop]) -> Iterator[Probl
             if last not in blamed:
                 blamed.add(last)
                 why = "needed here: the items between go on without end, and none of them drives"
-                yield Problem(last, "times", why)
+                yield ItemProblem(last, "times", why)
 
 
 def _drives(item: Item) -> bool:

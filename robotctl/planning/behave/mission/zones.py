@@ -9,11 +9,11 @@ from robotctl.planning.behave.behaviours.follow_path import DriveItem
 from robotctl.planning.behave.behaviours.goto import GotoItem
 from robotctl.planning.behave.behaviours.item import Item
 from robotctl.planning.behave.behaviours.straight_to import StraightToItem
-from robotctl.planning.behave.mission.flow import Problem
+from robotctl.planning.behave.mission.flow import ItemProblem
 from robotctl.planning.map.zone import Point, Zone
 
 
-def zone_problems(items: Sequence[Item], zones: Sequence[Zone]) -> Iterator[Problem]:
+def zone_problems(items: Sequence[Item], zones: Sequence[Zone]) -> Iterator[ItemProblem]:
     """Yield the items that no planner leads round a keep-out zone, or whose goal is in one."""
     for index, item in enumerate(items):
         for zone in zones:
@@ -21,9 +21,11 @@ def zone_problems(items: Sequence[Item], zones: Sequence[Zone]) -> Iterator[Prob
                 continue
             match item:
                 case DriveItem() if _leads_through(item.waypoints, zone):
-                    yield Problem(index, "waypoints", f"lead through the keep-out zone {zone.name}")
+                    yield ItemProblem(
+                        index, "waypoints", f"lead through the keep-out zone {zone.name}"
+                    )
                 case GotoItem() | StraightToItem() if zone.contains((item.x_m, item.y_m)):
-                    yield Problem(index, "x_m", f"the goal is in the keep-out zone {zone.name}")
+                    yield ItemProblem(index, "x_m", f"the goal is in the keep-out zone {zone.name}")
 
 
 def _leads_through(points: Sequence[Point], zone: Zone) -> bool:

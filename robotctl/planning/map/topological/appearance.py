@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.model.grid_map import GridMap
-from robotctl.planning.map.topological.graph import Exit, Passage, TopologicalPlace, View
+from robotctl.planning.map.topological.graph import Exit, Passage, PlaceView, TopologicalPlace
 
 BEARINGS: Final = 180
 REACH_M: Final = 12.0
@@ -56,7 +56,7 @@ def described(
         exits.append(Exit(passage.name, bearing_deg, distance_m, _degrees(heading_rad - turn_rad)))
     number = numbers[place.name]
     views = [
-        View(*_polar(place, turn_rad, x_m, y_m), seen_from(grid, x_m, y_m, turn_rad))
+        PlaceView(*_polar(place, turn_rad, x_m, y_m), seen_from(grid, x_m, y_m, turn_rad))
         for x_m, y_m in _spots(grid, (labels == number), room_m, (place.x_m, place.y_m))
     ]
     return replace(

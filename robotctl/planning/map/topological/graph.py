@@ -41,7 +41,7 @@ class Exit:
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class PlaceView:
     """Appearance of a place from a spot other than its middle, in the frame of the place.
 
     Parameters
@@ -95,7 +95,7 @@ class TopologicalPlace:
     width_m: float
     depth_m: tuple[float, ...] = ()
     exit: tuple[Exit, ...] = ()
-    view: tuple[View, ...] = ()
+    view: tuple[PlaceView, ...] = ()
     x_m: float = math.nan
     y_m: float = math.nan
 
@@ -114,7 +114,7 @@ class TopologicalPlace:
         return SE2(x_m, y_m, math.radians(found.heading_deg))
 
 
-def spot(item: Exit | View) -> tuple[float, float]:
+def spot(item: Exit | PlaceView) -> tuple[float, float]:
     """Return where something is in the frame of its place [m]."""
     bearing_rad = math.radians(item.bearing_deg)
     return item.distance_m * math.cos(bearing_rad), item.distance_m * math.sin(bearing_rad)

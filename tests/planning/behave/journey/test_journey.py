@@ -5,11 +5,12 @@ import math
 import numpy as np
 import pytest
 
+from robotctl.errors import InvalidValue
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behave.behaviours.behaviour import Status
 from robotctl.planning.behave.behaviours.recovery import LADDER, Ladder, Rung
-from robotctl.planning.config import NavigationConfig, PilotConfig
+from robotctl.planning.config import JourneyConfig, NavigationConfig, PilotConfig
 from robotctl.planning.map.seen import Seen
 from robotctl.planning.map.zone import Zone
 from robotctl.planning.path.global_planning.goal import Goal
@@ -106,12 +107,31 @@ def test_without_scans_it_stands_and_with_new_ones_it_drives_on():
     assert bench.drive(5.0, 2.0, each=blinks).status is Status.DONE
 
 
-def test_a_robot_that_stays_blind_gives_up():
-    bench = Bench(room(), room())
+@pytest.mark.parametrize("longest_s", [10.0, 4.0])
+def test_a_robot_that_stays_blind_gives_up(longest_s):
+    config = NavigationConfig(journey=JourneyConfig(blind_max_s=longest_s))
+    bench = Bench(room(), room(), config=config)
     bench.sees = False
     end = bench.drive(5.0, 2.0)
-    assert end.text == "the lidar gives no scans for 10 s"
-    assert 9.0 < bench.now_ns * 1e-9 < 11.0
+    assert end.text == f"the lidar gives no scans for {longest_s:g} s"
+    assert longest_s - 1.0 < bench.now_ns * 1e-9 < longest_s + 1.0
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("replan_s", 0.0),
+        ("stuck_s", math.nan),
+        ("patience_s", 86_401.0),
+        ("blind_max_s", -1.0),
+        ("off_path_m", math.inf),
+        ("better", 1.1),
+        ("turning_reserve", 0.9),
+    ],
+)
+def test_settings_of_journeys_out_of_range_are_refused_by_name(key, value):
+    with pytest.raises(InvalidValue, match=rf"{key}.*found, .*allowed"):
+        JourneyConfig(**{key: value})
 
 
 def test_nothing_is_driven_backwards_where_no_sensor_has_seen_the_floor():
@@ -181,9 +201,17 @@ def test_a_ladder_goes_up_without_progress_and_begins_anew_with_it():
     assert Rung.LOOK_AROUND not in [Ladder(can_turn=False).climb() for _ in LADDER]
 
 
-@pytest.mark.parametrize(("away_m", "patient_s"), [(1.0, 6.0), (3.0, 1.5)])
-def test_a_robot_that_stands_is_in_trouble_later_where_somebody_is_near(away_m, patient_s):
-    bench = Bench(room(), room())
+@pytest.mark.parametrize(
+    ("config", "away_m", "patient_s"),
+    [
+        (JourneyConfig(), 1.0, 6.0),
+        (JourneyConfig(), 3.0, 1.5),
+        (JourneyConfig(stuck_s=3.0, patience_s=2.0), 1.0, 2.0),
+        (JourneyConfig(stuck_s=3.0, patience_s=2.0), 3.0, 3.0),
+    ],
+)
+def test_a_robot_that_stands_is_in_trouble_later_where_somebody_is_near(config, away_m, patient_s):
+    bench = Bench(room(), room(), config=NavigationConfig(journey=config))
     nothing = LocalMotion(0.0, 0.0, np.empty((0, 3)), text="waits for somebody to pass")
     bench.pilot.tools.controller.step = lambda _: nothing
     began = []

@@ -12,6 +12,7 @@ from robotctl.model.geometry.twist import Twist
 from robotctl.planning.behave.behaviours.behaviour import BehaviourInput, BehaviourOutput, Status
 from robotctl.planning.behave.journey.approach import Approach
 from robotctl.planning.behave.journey.travel import Travel
+from robotctl.planning.config import JourneyConfig
 from robotctl.planning.map.topological.recognition import appearances
 from tests.planning.map.topological.little_world import LittleWorld, corridors, little_world
 
@@ -95,7 +96,7 @@ class Robot:
 
 
 def travel(robot, looks, goal, start=""):
-    tools = SimpleNamespace(world=robot, paths=robot)
+    tools = SimpleNamespace(world=robot, paths=robot, journey=JourneyConfig())
     places = SimpleNamespace(map=robot.world.map, looks=looks)
     approach = Approach(robot, robot.journey, 0.5)
     return Travel(tools, places, approach, robot.exploration, goal, start)

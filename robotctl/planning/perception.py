@@ -23,7 +23,7 @@ _SCAN_LIFE_NS = 500_000_000
 """An older scan says nothing of what is around now [ns]."""
 
 
-class Surroundings:
+class Perception:
     """Lets guard and pilot see what the sensors see.
 
     Parameters
@@ -36,7 +36,7 @@ class Surroundings:
         self._robot = robot
         self._echo_motion = EchoMotion(robot.mounts)
         self._passed = EchoMemory(robot.mounts, body_rectangle(robot.config.guard, robot.mounts))
-        self._heard_ns = (-1,) * len(robot.mounts)
+        self._received_ns = (-1,) * len(robot.mounts)
         self._hidden = ScanMemory(body_rectangle(robot.config.guard, robot.mounts))
         self._scan: tuple[SE2, RangeScan, int] | None = None
         """The last, with `base` in `odom` at its time, and when it came [ns]."""
@@ -45,12 +45,12 @@ class Surroundings:
 
     def observe(self, inputs: NavigationInputs, now_ns: int) -> BehaviourInput:
         """Take in what is new; return it for behaviours."""
-        ranges, heard_ns = inputs.ranges_m, inputs.heard_ns
+        ranges, received_ns = inputs.ranges_m, inputs.received_ns
         count, pilot = len(self._robot.mounts), self._robot.pilot
-        if len(ranges) != count or len(heard_ns) != count:
-            ranges, heard_ns = (math.nan,) * count, (0,) * count
-        new = tuple(now > then for now, then in zip(heard_ns, self._heard_ns, strict=True))
-        self._heard_ns = heard_ns
+        if len(ranges) != count or len(received_ns) != count:
+            ranges, received_ns = (math.nan,) * count, (0,) * count
+        new = tuple(now > then for now, then in zip(received_ns, self._received_ns, strict=True))
+        self._received_ns = received_ns
         if inputs.epoch != self._epoch:  # all was seen from a wrong place
             self._epoch, self._scan = inputs.epoch, None
             self._passed.reset()
@@ -62,7 +62,7 @@ class Surroundings:
             if self._robot.drive.holonomic:
                 self._hidden.see(T_odom_base, scan, now_ns)
         points = self._scanned(inputs, now_ns)
-        approaches = self._echo_motion.step(ranges, new, heard_ns, inputs.twist)
+        approaches = self._echo_motion.step(ranges, new, received_ns, inputs.twist)
         heard = tuple(  # what moves leaves no marks
             reading if is_new and approach is STANDS else math.nan
             for reading, is_new, approach in zip(ranges, new, approaches, strict=True)
