@@ -20,9 +20,9 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 
 from robotctl.errors import LinkError
 from robotctl.web.config import LAST_PORT, WebConfig
+from robotctl.web.pages import MAX_MESSAGE_BYTES
 from robotctl.web.plan_uploads import MAX_PLAN_BYTES
 from robotctl.web.rate import RateLimit
-from robotctl.web.server import MAX_MESSAGE_BYTES
 
 PORTS: Final = 100
 """Ports that are tried, from the configured one on."""

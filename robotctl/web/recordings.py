@@ -18,7 +18,7 @@ from starlette.routing import BaseRoute, Route
 from starlette.types import Receive, Scope, Send
 
 from robotctl.web.access import HEADERS, Access
-from robotctl.web.server import LINK_NEEDED, asker_of
+from robotctl.web.pages import LINK_NEEDED, asker_of
 
 _PART_BYTES: Final = 256 * 1024
 

@@ -6,59 +6,41 @@ import asyncio
 import itertools
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Final
 
 import msgspec
 from starlette.applications import Starlette
-from starlette.requests import HTTPConnection, Request
-from starlette.responses import PlainTextResponse, Response
-from starlette.routing import BaseRoute, Route, WebSocketRoute
+from starlette.responses import PlainTextResponse
+from starlette.routing import BaseRoute, WebSocketRoute
 from starlette.types import ASGIApp
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from robotctl.config_values import Value
 from robotctl.errors import RobotctlError
-from robotctl.messages.control import ControlRequest, NavigationRequest
-from robotctl.messages.mission import LoadMission
-from robotctl.messages.recording import SetRecording
-from robotctl.messages.tuning import ParameterRequest
-from robotctl.web.access import HEADERS, Access, Asker, Role
-from robotctl.web.assets import Assets
-from robotctl.web.desk import LOOK_ONLY, Desk, Now, Save
+from robotctl.web.access import HEADERS, Access, Role
+from robotctl.web.desk import Desk, Save
 from robotctl.web.outbox import Outbox
-from robotctl.web.plan_uploads import (
-    MAX_PLAN_BYTES,
-    AnyUpload,
-    BadPlan,
-    Offered,
-    PlanStore,
-    mission_tree,
-    offered,
-    read_upload,
-)
+from robotctl.web.pages import LINK_NEEDED, Pages, asker_of
 from robotctl.web.published import GivenMap, ParameterAnswer, Published, read, with_tag
 from robotctl.web.rate import RateLimit
+from robotctl.web.robot_side import PictureSource, RobotSide
+from robotctl.web.robot_view import Now
 from robotctl.web.wire import (
     PROTOCOL,
-    CameraPicture,
     ComputerState,
     Downward,
     Driver,
     Hello,
     LiveMessage,
     Refused,
-    RobotOutline,
     Saved,
     StopMessage,
     encode,
     frame,
 )
 
-MAX_MESSAGE_BYTES: Final = 4096
-"""Longest message from a page, and longest body of a POST."""
 MAX_CLIENTS: Final = 16
 """Maximum connections of each kind and role: clients that may only look cannot use up those of
 others."""
@@ -70,21 +52,12 @@ drives or waits for the answer to a stop [s]. Waking up costs more than all else
 _NOTICES: Final = 50
 """Notices that a new client is told, the newest."""
 _POLICY: Final = 1008
-LINK_NEEDED: Final = "a token is needed: open the link that the robot prints, or `robotctl web`"
 FRAME_BYTES: Final = 16_384
 """Size of a frame from which on nothing is added, so that a slow link is sent what is new."""
 COMPUTER_NS: Final = 2_000_000_000
 """Period of the computer's figures [ns]."""
 PICTURE_S: Final = 0.2
 """Shortest interval between two pictures of the camera [s]."""
-_BODY_S: Final = 5.0
-"""Time for the body of a POST [s]."""
-
-
-class Session(msgspec.Struct, forbid_unknown_fields=True):
-    """Body of POST /session."""
-
-    token: str
 
 
 @dataclass(eq=False, slots=True)
@@ -121,58 +94,6 @@ class Connection:
             self.outbox.show(topic, data)
 
 
-class PictureSource(Protocol):
-    """The robot's camera, for who looks on."""
-
-    def picture(self, view: bytes | None) -> CameraPicture | None:
-        """Return the newest picture with the camera's newest published view; None: no new one.
-
-        It takes some milliseconds, and is called by threads, one at a time.
-        """
-
-    def close(self) -> None:
-        """Receive no more pictures until the next is asked for."""
-
-
-@dataclass(slots=True)
-class RobotSide:
-    """The robot as the server reaches it.
-
-    Parameters
-    ----------
-    outline
-        What does not change.
-    now
-        The present by both clocks.
-    to_control, to_navigation, to_telemetry, to_recorder
-        Hand on a request; whether a process was there to take it.
-    say
-        Tell logs and ground stations.
-    stores
-        Keep plans over restarts, by their kind.
-    camera
-        Pictures of the camera; None: there is none.
-    computer
-        Figures of the computer, asked for in a thread, since a disk may hang; None: there are none.
-    save
-        Write parameters, by their keys, into the robot's file, in any thread; return the names of
-        the file and of a copy of the old one, and the keys that are new. Raises `RobotctlError` or
-        `OSError` where that cannot be.
-    """
-
-    outline: RobotOutline
-    now: Callable[[], Now]
-    to_control: Callable[[ControlRequest], bool]
-    to_navigation: Callable[[NavigationRequest], bool]
-    say: Callable[[str], None]
-    to_telemetry: Callable[[ParameterRequest], bool]
-    to_recorder: Callable[[SetRecording], bool]
-    save: Callable[[Mapping[str, Value]], tuple[str, str, tuple[str, ...]]]
-    stores: Mapping[str, PlanStore] = field(default_factory=dict)
-    camera: PictureSource | None = None
-    computer: Callable[[], ComputerState] | None = None
-
-
 class PageServer:
     """The application: pages, sockets, and the desk behind them.
 
@@ -201,7 +122,6 @@ class PageServer:
         self._robot = robot
         self._desk = desk
         self._access = access
-        self._assets = Assets(static)
         self._live: dict[int, Connection] = {}
         self._stops: set[Connection] = set()
         self._numbers = itertools.count(1)
@@ -215,20 +135,12 @@ class PageServer:
         """When the computer's figures are due [ns]."""
         self._reading_computer: asyncio.Task[None] | None = None
         self._filming: asyncio.Task[None] | None = None
-        self._reading = asyncio.Lock()
-        """Held while a plan is checked: one at a time, so that they leave time for all else."""
         self._saves: set[asyncio.Task[None]] = set()
         self._decode_live = msgspec.json.Decoder(LiveMessage).decode
         self._decode_stop = msgspec.json.Decoder(StopMessage).decode
-        self._decode_session = msgspec.json.Decoder(Session).decode
         self.app: ASGIApp = Starlette(
             routes=[
-                Route("/", self._page),
-                Route("/session", self._rights, methods=["GET"]),
-                Route("/session", self._session, methods=["POST"]),
-                Route("/assets/{name}", self._asset),
-                Route("/plans", self._plan, methods=["POST"]),
-                Route("/toml", self._toml, methods=["POST"]),
+                *Pages(robot, desk, access, static, self._hand_on).routes,
                 WebSocketRoute("/live", self._live_socket),
                 WebSocketRoute("/stop", self._stop_socket),
                 *routes,
@@ -508,130 +420,6 @@ class PageServer:
                 await socket.send_bytes(frame(messages))
             except (WebSocketDisconnect, RuntimeError):
                 return
-
-    # Pages
-
-    async def _page(self, request: Request) -> Response:
-        """Return the page itself, which says nothing of the robot."""
-        return self._file(request, "index.html")
-
-    async def _asset(self, request: Request) -> Response:
-        """Return a part of the page."""
-        return self._file(request, request.path_params["name"])
-
-    def _file(self, request: Request, name: str) -> Response:
-        if objection := self._access.objection(asker_of(request), needs_origin=False):
-            return PlainTextResponse(objection, 403, HEADERS)
-        return self._assets.answer(request, name, HEADERS)
-
-    async def _rights(self, request: Request) -> Response:
-        """Return the role of a browser."""
-        asker = asker_of(request)
-        objection = self._access.objection(asker, needs_origin=False)
-        role = self._access.role(asker)
-        if objection or role is None:
-            return PlainTextResponse(objection or LINK_NEEDED, 403, HEADERS)
-        return PlainTextResponse(role, 200, HEADERS)
-
-    async def _session(self, request: Request) -> Response:
-        """Exchange a token for a cookie."""
-        asker = asker_of(request)
-        if objection := self._access.objection(asker, needs_origin=True):
-            return PlainTextResponse(objection, 403, HEADERS)
-        body = await _body(request, MAX_MESSAGE_BYTES)
-        if isinstance(body, Response):
-            return body
-        try:
-            token = self._decode_session(body).token
-        except (msgspec.DecodeError, UnicodeError):
-            return PlainTextResponse('{"token": "..."} is expected', 400, HEADERS)
-        given = self._access.exchange(token)
-        if given is None:
-            return PlainTextResponse("this token is none of this robot", 403, HEADERS)
-        response = PlainTextResponse(given[0], 200, HEADERS)
-        response.set_cookie(
-            self._access.cookie,
-            given[1],
-            max_age=30 * 86400,
-            httponly=True,
-            secure=request.url.scheme == "https",
-            samesite="strict",
-        )
-        return response
-
-    async def _plan(self, request: Request) -> Response:
-        """Hand a mission, a fence or zones on to navigation, or say what is wrong with them."""
-        body = await self._admitted(request, Role.DRIVE)
-        if isinstance(body, Response):
-            return body
-        now = self._robot.now()
-        try:
-            async with self._reading:
-                upload = await asyncio.to_thread(read_upload, body)
-                if objection := self._desk.plan_objection(upload.client, upload.at_ms, now):
-                    return PlainTextResponse(objection, 409, HEADERS)
-                plan = await asyncio.to_thread(self._offered, upload, now)
-        except BadPlan as error:
-            return PlainTextResponse(str(error), 422, HEADERS)
-        if plan.content and not plan.file:
-            self._robot.say(f"the {plan.kind} cannot be saved, a restart will lose it")
-        self._desk.offer(upload.client, upload.id, plan, self._robot.now())
-        self._hand_on()
-        return Response(msgspec.json.encode({"crc": plan.crc}), 200, HEADERS, "application/json")
-
-    def _offered(self, upload: AnyUpload, now: Now) -> Offered:
-        """Return a plan that is checked, and saved beside the one that the robot has."""
-        plan = offered(upload, now.robot_ns)
-        store = self._robot.stores.get(plan.kind)
-        if store is None or not plan.content:
-            return plan
-        plan = plan._replace(file=store.save(plan.content))
-        if isinstance(plan.request, LoadMission):
-            plan = plan._replace(request=msgspec.structs.replace(plan.request, file=plan.file))
-        return plan
-
-    async def _toml(self, request: Request) -> Response:
-        """Return a mission's file as the page edits it."""
-        body = await self._admitted(request, Role.LOOK)
-        if isinstance(body, Response):
-            return body
-        try:
-            async with self._reading:
-                tree = await asyncio.to_thread(mission_tree, body)
-        except BadPlan as error:
-            return PlainTextResponse(str(error), 422, HEADERS)
-        return Response(msgspec.json.encode(tree), 200, HEADERS, "application/json")
-
-    async def _admitted(self, request: Request, needed: Role) -> bytes | Response:
-        """Return the body of a POST by a page that has a role; else the refusal."""
-        asker = asker_of(request)
-        objection = self._access.objection(asker, needs_origin=True)
-        role = self._access.role(asker)
-        if objection or role is None or (needed is Role.DRIVE and role is not Role.DRIVE):
-            why = objection or (LINK_NEEDED if role is None else LOOK_ONLY)
-            return PlainTextResponse(why, 403, HEADERS)
-        return await _body(request, MAX_PLAN_BYTES)
-
-
-async def _body(request: Request, most: int) -> bytes | Response:
-    """Return the body of a POST; the refusal of one that is too long or too slow."""
-    body = b""
-    try:
-        async with asyncio.timeout(_BODY_S):
-            async for part in request.stream():
-                body += part
-                if len(body) > most:
-                    return PlainTextResponse(f"too long: {most} bytes allowed", 413, HEADERS)
-    except TimeoutError:
-        return PlainTextResponse("too slow", 408, HEADERS)
-    return body
-
-
-def asker_of(connection: HTTPConnection) -> Asker:
-    """Return where a request came to, and what it says of itself."""
-    server = connection.scope.get("server") or ("", 0)
-    headers = connection.headers
-    return Asker(str(server[0]), headers.get("host"), headers.get("origin"), connection.cookies)
 
 
 async def _close(socket: WebSocket, reason: str) -> None:

@@ -8,7 +8,7 @@ import msgspec
 import pytest
 
 from robotctl.app.processes.navigator import make_navigation
-from robotctl.app.processes.plan_files import PlanFiles, load_zones
+from robotctl.app.processes.plan_files import PlanFiles, load_bounds
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file, load_robot
 from robotctl.core.told_views import ToldViews
@@ -117,9 +117,9 @@ def test_drawn_zones_outlive_a_restart_and_a_damaged_file_is_said(tmp_path):
     files = PlanFiles(str(tmp_path), "zones")
     files.save(content)
     files.keep(content)
-    assert load_zones(str(tmp_path)) == (SetZones(0, ZONES, zlib.crc32(content)),)
+    assert load_bounds(str(tmp_path), "zones") == (SetZones(0, ZONES, zlib.crc32(content)),)
     files.keep(b"")
-    assert load_zones(str(tmp_path)) == ()
+    assert load_bounds(str(tmp_path), "zones") == ()
     files.save(b"{")
     with pytest.raises(DiskError, match="zones cannot be read"):
-        load_zones(str(tmp_path))
+        load_bounds(str(tmp_path), "zones")

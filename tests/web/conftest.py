@@ -24,8 +24,9 @@ from robotctl.messages.control import (
 )
 from robotctl.web.access import Access
 from robotctl.web.config import WebConfig
-from robotctl.web.desk import Desk, Now
+from robotctl.web.desk import Desk
 from robotctl.web.listening import PageHost, listen
+from robotctl.web.robot_view import Now
 from robotctl.web.server import PageServer, RobotSide
 from robotctl.web.wire import ComputerState, RobotOutline
 

@@ -15,8 +15,9 @@ from robotctl.messages.control import (
     SetMode,
 )
 from robotctl.model.geometry.localisation import LocalisationStatus
-from robotctl.web.desk import Desk, Now
+from robotctl.web.desk import Desk
 from robotctl.web.published import ControlState, LocalisationState
+from robotctl.web.robot_view import Now
 from robotctl.web.wire import (
     ArmRequest,
     GoTo,

@@ -20,7 +20,7 @@ from robotctl.messages.mission import AbortMission, GoAhead, JumpToItem, LoadMis
 from robotctl.messages.plans import BoundsView, MissionView, SetZones, ZonesFile
 from robotctl.model.fence import Fence
 from robotctl.web.access import Role
-from robotctl.web.desk import Desk, Now
+from robotctl.web.desk import Desk
 from robotctl.web.plan_uploads import (
     MAX_PLAN_BYTES,
     BadPlan,
@@ -31,6 +31,7 @@ from robotctl.web.plan_uploads import (
     offered,
     read_upload,
 )
+from robotctl.web.robot_view import Now
 from robotctl.web.wire import CameraPicture
 from tests.web.conftest import Served
 from tests.web.test_server import TOKENS, cookie_of, of, take_over, wait

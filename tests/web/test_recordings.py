@@ -14,9 +14,10 @@ from robotctl.app.processes.recordings import RecordingFolder
 from robotctl.messages.recording import SetRecording
 from robotctl.runtime.storage.ring_file import hold
 from robotctl.web.access import Access, Role
-from robotctl.web.desk import Desk, Now
+from robotctl.web.desk import Desk
 from robotctl.web.published import RecorderState
 from robotctl.web.recordings import RecordingPages
+from robotctl.web.robot_view import Now
 from robotctl.web.wire import RecordRequest, Refused
 from tests.web.conftest import Served
 from tests.workbench.view.recorded import EPOCH_NS, PERIOD_NS, write_run

@@ -18,8 +18,9 @@ from robotctl.messages.tuning import (
     SetParameter,
 )
 from robotctl.web.access import Role
-from robotctl.web.desk import Desk, Now, Save
+from robotctl.web.desk import Desk, Save
 from robotctl.web.published import read
+from robotctl.web.robot_view import Now
 from robotctl.web.wire import (
     Refused,
     ResetRequest,

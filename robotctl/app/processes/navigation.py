@@ -14,7 +14,7 @@ import zmq
 from robotctl.app.localisation.load_estimators import load_estimators
 from robotctl.app.processes.entry import enter
 from robotctl.app.processes.navigator import equip, load_mission, make_navigation
-from robotctl.app.processes.plan_files import load_fence, load_rally, load_zones
+from robotctl.app.processes.plan_files import load_bounds
 from robotctl.app.processes.progress import StoredProgress, last_pose, load_progress
 from robotctl.app.supervision.signals import StopFlag
 from robotctl.config.options import StackOptions
@@ -71,12 +71,12 @@ def take_bounds(adapter: NavigationAdapter, options: StackOptions) -> tuple[str,
     """Keep to the fence from the first step on, and know the rally points; return notices."""
     notices = []
     try:
-        adapter.bound_by(load_fence(options.state))
+        adapter.bound_by(load_bounds(options.state, "fence"))
     except DiskError as error:
         adapter.fence.is_damaged = True
         notices.append(f"{error}; until then the robot stands")
     try:
-        adapter.bound_by(load_rally(options.state))
+        adapter.bound_by(load_bounds(options.state, "rally points"))
     except DiskError as error:
         notices.append(f"{error}: RTL drives home")
     return tuple(notices)
@@ -108,7 +108,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     estimators = load_estimators(config, options, last_pose(saved, options), say)
     scans_count = equip(adapter.navigator, config, options, estimators, say, plan_s=_PLAN_S)
     try:
-        adapter.bound_by(load_zones(options.state))
+        adapter.bound_by(load_bounds(options.state, "zones"))
     except DiskError as error:
         say(str(error))
     tick = NavigationTick(adapter, estimators, Operator(requests.receive, publisher.send))

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Final, TypeVar
+from typing import Any, Final, TypeAlias
 from zlib import crc32
 
 import msgspec
@@ -14,10 +15,17 @@ from robotctl.messages.fence import FenceFile, RallyFile, SetFence, SetRally
 from robotctl.messages.plans import SetZones, ZonesFile
 from robotctl.runtime.storage.atomic_file import write_whole
 
-F = TypeVar("F", FenceFile, RallyFile, ZonesFile)
+Bounds: TypeAlias = SetFence | SetRally | SetZones
 
 ENDINGS: Final = {"mission": "toml", "fence": "json", "rally points": "json", "zones": "json"}
 """Endings of the files of each kind."""
+
+_BOUNDS: Final[dict[str, tuple[type[Any], Callable[[Any, int], Bounds]]]] = {
+    "fence": (FenceFile, lambda file, crc: SetFence(0, file.fence, crc)),
+    "rally points": (RallyFile, lambda file, crc: SetRally(0, file.places, crc)),
+    "zones": (ZonesFile, lambda file, crc: SetZones(0, file.zones, crc)),
+}
+"""Content of each file, and the request that it is from its start."""
 
 
 class PlanFiles:
@@ -85,46 +93,26 @@ def plan_stores(directory: str) -> dict[str, PlanFiles]:
     return {kind: PlanFiles(directory, kind) for kind in ENDINGS}
 
 
-def load_fence(directory: str) -> tuple[SetFence, ...]:
-    """Return the fence that a robot of this folder has from its start, none or one.
+def load_bounds(directory: str, kind: str) -> tuple[Bounds, ...]:
+    """Return the fence, rally points or zones that a robot of this folder starts with: one or none.
+
+    Parameters
+    ----------
+    directory
+        Folder of the plans; "": there is none.
+    kind
+        "fence", "rally points" or "zones".
 
     Raises
     ------
     DiskError
         If the file is damaged, or cannot be read.
     """
-    content, found = _decoded(directory, "fence", FenceFile)
-    return () if found is None else (SetFence(0, found.fence, crc32(content)),)
-
-
-def load_rally(directory: str) -> tuple[SetRally, ...]:
-    """Return the rally points that a robot of this folder has from its start, none or one set.
-
-    Raises
-    ------
-    DiskError
-        If the file is damaged, or cannot be read.
-    """
-    content, found = _decoded(directory, "rally points", RallyFile)
-    return () if found is None else (SetRally(0, found.places, crc32(content)),)
-
-
-def load_zones(directory: str) -> tuple[SetZones, ...]:
-    """Return the drawn zones that a robot of this folder has from its start, none or one set.
-
-    Raises
-    ------
-    DiskError
-        If the file is damaged, or cannot be read.
-    """
-    content, found = _decoded(directory, "zones", ZonesFile)
-    return () if found is None else (SetZones(0, found.zones, crc32(content)),)
-
-
-def _decoded(directory: str, kind: str, form: type[F]) -> tuple[bytes, F | None]:
-    """Return a file's content and what it says; None: there is none."""
+    form, request = _BOUNDS[kind]
     try:
         content = PlanFiles(directory, kind).read()
-        return content, msgspec.json.decode(content, type=form) if content else None
+        if not content:
+            return ()
+        return (request(msgspec.json.decode(content, type=form), crc32(content)),)
     except (OSError, msgspec.DecodeError, ValueError) as error:
         raise DiskError(f"{directory}: the {kind} cannot be read, upload anew: {error}") from error

@@ -37,12 +37,14 @@ from robotctl.runtime.ipc.topics import (
 )
 from robotctl.web.access import Access, Role
 from robotctl.web.config import LOOPBACK_NAMES, WebConfig
-from robotctl.web.desk import Desk, Now
+from robotctl.web.desk import Desk
 from robotctl.web.links import WebLinks, read_links, write_links
 from robotctl.web.listening import PageHost, address_towards_others, listen
 from robotctl.web.recordings import RecordingPages
+from robotctl.web.robot_side import PictureSource, RobotSide
+from robotctl.web.robot_view import Now
 from robotctl.web.secret_files import certificate_of, fingerprint_of, tokens_of
-from robotctl.web.server import PageServer, PictureSource, RobotSide
+from robotctl.web.server import PageServer
 from robotctl.web.wire import RobotOutline, SonarOutline
 
 _ARM_NS: Final = 1_000_000_000

@@ -186,6 +186,22 @@ def local_slope(values: ArrayLike, dt_s: float, half_window: int) -> NDArray[np.
     return slope
 
 
+def _gains(
+    columns: NDArray[np.float64], scale: NDArray[np.float64], u: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return kv, ks and ka of least squares, with ks and ka >= 0."""
+    gains = np.zeros(3)
+    free = [0, 1, 2]
+    while True:
+        gains[free] = np.linalg.lstsq(columns[:, free], u, rcond=None)[0]
+        # A negative friction or inertia is noise; kv may not be removed, so its sign is checked.
+        worst = int(np.argmin(gains * scale))
+        if worst == 0 or gains[worst] >= 0.0:
+            return gains
+        free.remove(worst)
+        gains[worst] = 0.0
+
+
 def fit_feedforward(
     voltage_v: ArrayLike,
     omega_rad_s: ArrayLike,
@@ -232,16 +248,7 @@ def fit_feedforward(
         raise ValueError(
             "record: kv, ks and ka cannot be told apart; drive at several speeds and accelerate"
         )
-    gains = np.zeros(3)
-    free = [0, 1, 2]
-    while True:
-        gains[free] = np.linalg.lstsq(columns[:, free], u, rcond=None)[0]
-        # A negative friction or inertia is noise; kv may not be removed, so it is checked below.
-        worst = int(np.argmin(gains * scale))
-        if worst == 0 or gains[worst] >= 0.0:
-            break
-        free.remove(worst)
-        gains[worst] = 0.0
+    gains = _gains(columns, scale, u)
     if not gains[0] > 0.0:
         raise ValueError(f"kv: {gains[0]:.4g} fitted; is the encoder or the motor reversed?")
     residual = u - columns @ gains

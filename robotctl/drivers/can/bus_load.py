@@ -176,11 +176,7 @@ def budget(
         if message.name == SYNC and DRIVE in elsewhere:
             continue  # no other node of ours waits for it
         period_ms = _period_ms(message, sync, rate_hz, steered=steered)
-        if message.arbitration_id & FD_FLAG and not bus.data_bitrate:
-            raise ConfigError(
-                f"{dbc.path}: {message.name} is a message of CAN FD, but can.data_bitrate of the "
-                f'bus "{bus.name}" is 0; set it to the drives\' data bit rate'
-            )
+        _check_fd(message.arbitration_id, f"{dbc.path}: {message.name} is a message", bus)
         bits = worst_case_bits(message.arbitration_id, message.length)
         load = bits.seconds(bus) / period_ms * 1000
         rows.append(MessageLoad(message.name, message.arbitration_id, period_ms, bits, load))
@@ -192,14 +188,19 @@ def budget(
 
 def _foreign_load(frame: Cyclic, bus: CanConfig) -> MessageLoad:
     """Return the load of a frame that the DBC does not have."""
-    if frame.arbitration_id & FD_FLAG and not bus.data_bitrate:
-        raise ConfigError(
-            f'{frame.name} is a frame of CAN FD, but can.data_bitrate of the bus "{bus.name}" is '
-            "0; set it to the drives' data bit rate"
-        )
+    _check_fd(frame.arbitration_id, f"{frame.name} is a frame", bus)
     bits = worst_case_bits(frame.arbitration_id, frame.length)
     load = bits.seconds(bus) * frame.rate_hz
     return MessageLoad(frame.name, frame.arbitration_id, 1000.0 / frame.rate_hz, bits, load)
+
+
+def _check_fd(arbitration_id: int, what: str, bus: CanConfig) -> None:
+    """Raise ConfigError for a frame of CAN FD on a bus without it."""
+    if arbitration_id & FD_FLAG and not bus.data_bitrate:
+        raise ConfigError(
+            f'{what} of CAN FD, but can.data_bitrate of the bus "{bus.name}" is 0; set it to the '
+            "drives' data bit rate"
+        )
 
 
 def _period_ms(message: Message, sync: Message, rate_hz: float, *, steered: bool) -> float:

@@ -106,16 +106,9 @@ def find_obstacles(
         ):
             continue
         distinct = _certain(things, boundary.cells[mine], mine)
+        seen = columns.ranges_m, columns.floor_m, columns.own_m
         ends = [
-            _goes_on_behind(
-                columns.ranges_m,
-                columns.floor_m,
-                columns.own_m,
-                end,
-                step,
-                config.obstacle_gap_m,
-                distinct,
-            )
+            _goes_on_behind(*seen, end, step, config.obstacle_gap_m, distinct)
             for end, step in ((first, -1), (last, 1))
         ]
         if _NO in ends or ends == [_CUT, _CUT]:

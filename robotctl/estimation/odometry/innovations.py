@@ -72,20 +72,36 @@ def whitened_innovations(
     step, done = 0, 0.0
     for i in range(len(reference_s)):
         goal = reference_s[i] - delay_s
-        while step < len(moves) and goal > stamps_s[step]:
-            share = 1.0
-            if goal < stamps_s[step + 1]:
-                share = (goal - stamps_s[step]) / (stamps_s[step + 1] - stamps_s[step])
-            if share > done:
-                _move(pose, P, (share - done) * moves[step], growth)
-                done = share
-            if share < 1.0:
-                break
-            step, done = step + 1, 0.0
+        step, done = _follow(pose, P, stamps_s, moves, growth, goal, step, done)
         late = reference_variance[2] * speed_m_s[i] ** 2
         variance = np.array([reference_variance[0], reference_variance[1], late])
         log_det += _correct(pose, P, reference[i], variance, lever_m, outlier, out[i])
     return out, log_det
+
+
+@compiled
+def _follow(
+    pose: NDArray[np.float64],
+    P: NDArray[np.float64],
+    stamps_s: NDArray[np.float64],
+    moves: NDArray[np.float64],
+    growth: NDArray[np.float64],
+    goal: float,
+    step: int,
+    done: float,
+) -> tuple[int, float]:
+    """Move pose and covariance to a time [s]; return the step reached and the share of it done."""
+    while step < len(moves) and goal > stamps_s[step]:
+        share = 1.0
+        if goal < stamps_s[step + 1]:
+            share = (goal - stamps_s[step]) / (stamps_s[step + 1] - stamps_s[step])
+        if share > done:
+            _move(pose, P, (share - done) * moves[step], growth)
+            done = share
+        if share < 1.0:
+            break
+        step, done = step + 1, 0.0
+    return step, done
 
 
 @compiled

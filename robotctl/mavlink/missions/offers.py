@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Final, Generic, Protocol, TypeVar
+from typing import Final, Generic
 
 from pymavlink.dialects.v20 import common
 
-from robotctl.mavlink.context import Answer, Context, PlanStore, Request
-from robotctl.mavlink.globe import Origin
-from robotctl.mavlink.missions.item import MissionItem
+from robotctl.mavlink.context import Answer, Context, PlanStore
+from robotctl.mavlink.missions.plan_service import P, PlanService
 from robotctl.messages.control import NavigationState, Severity
 
 ACCEPTED: Final[int] = common.MAV_MISSION_ACCEPTED
@@ -21,48 +20,6 @@ ANSWER_NS: Final = 1_200_000_000
 QGroundControl waits 1.5 s for the answer."""
 MOST_ANSWERS: Final = 32
 """Invented stations must not fill the memory."""
-
-
-class OfferedPlan(Protocol):
-    """A mission, a fence, or rally points of a ground station."""
-
-    @property
-    def items(self) -> tuple[MissionItem, ...]:
-        """Items as they came."""
-
-    @property
-    def content(self) -> bytes:
-        """Content of the file that was made of it; empty: there is none."""
-
-    @property
-    def crc(self) -> int:
-        """CRC-32 by which navigation names it; 0: there is none."""
-
-    @property
-    def origin(self) -> Origin | None:
-        """Origin by which places on the globe were turned into those of `world`; None: none."""
-
-
-P = TypeVar("P", bound=OfferedPlan)
-
-
-class PlanKind(Protocol[P]):
-    """Differences between the kinds of plans for navigation."""
-
-    word: ClassVar[str]
-
-    @property
-    def plan(self) -> P:
-        """The last plan that was navigation's."""
-
-    def request(self, plan: P, file: str, now_ns: int) -> Request:
-        """Return the request to navigation to take a plan, which is kept in a file."""
-
-    def is_taken(self, plan: P, navigation: NavigationState) -> bool:
-        """Return whether navigation has a plan."""
-
-    def adopt(self, plan: P, navigation: NavigationState) -> None:
-        """Note that a plan is navigation's."""
 
 
 @dataclass(slots=True)
@@ -93,7 +50,7 @@ class Offers(Generic[P]):
         Keeps plans over a restart.
     """
 
-    def __init__(self, context: Context, kind: PlanKind[P], store: PlanStore) -> None:
+    def __init__(self, context: Context, kind: PlanService[P], store: PlanStore) -> None:
         self._context = context
         self._kind = kind
         self._store = store

@@ -1,10 +1,9 @@
-"""Kernels that work on recordings: calibration of wheels and camera, SLAM by landmarks."""
+"""Kernels that work on recordings: calibration of wheels, SLAM by landmarks."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from robotctl.estimation.camera.calibration.homography import find_homography
 from robotctl.estimation.grid.wall_raster import grid_of_walls
 from robotctl.estimation.landmarks.models import S
 from robotctl.estimation.odometry.innovations import OUTLIER, whitened_innovations
@@ -30,8 +29,6 @@ def warm_up() -> None:
         steps, np.full((5, 2), 0.1), np.zeros(3), np.ones(3), np.ones(3),
         steps[1:], np.zeros((5, 3)), np.ones(5), np.ones(3), np.zeros(2), 0.0, OUTLIER,
     )  # fmt: skip
-    corners = np.array([[x, y] for x in (1.0, 2.0, 3.0) for y in (-1.0, 0.0, 1.0)])
-    find_homography(corners, 100.0 * corners + 320.0, np.random.default_rng(0))
     walls = grid_of_walls(WallMap(np.array([[0.0, 0.0, 4.0, 0.0], [4.0, 0.0, 4.0, 4.0]])))
     config = LikelihoodFieldConfig(skipping=BeamSkipping(enabled=True))
     LikelihoodField(walls, config).measurement(REHEARSED)(np.ones((2, 3)))

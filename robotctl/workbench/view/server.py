@@ -20,8 +20,9 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from robotctl.web.access import HEADERS, Access, Role
 from robotctl.web.assets import Assets
+from robotctl.web.pages import asker_of
 from robotctl.web.replay_wire import Align, Pause, Play, Playback, ReplayMessage, Seek
-from robotctl.web.server import MAX_CLIENTS, asker_of
+from robotctl.web.server import MAX_CLIENTS
 from robotctl.web.wire import PROTOCOL, Hello, Ping, Pong, RecordedRun, encode, frame
 from robotctl.workbench.view.playback import PlaybackClock
 from robotctl.workbench.view.run import ReplayedRun

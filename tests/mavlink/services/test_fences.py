@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as m
 
 from robotctl.app.processes.navigation import take_bounds
-from robotctl.app.processes.plan_files import PlanFiles, load_fence
+from robotctl.app.processes.plan_files import PlanFiles, load_bounds
 from robotctl.control.limiter import LimitsConfig
 from robotctl.core.fence_keeper import DAMAGED, FenceKeeper
 from robotctl.mavlink.globe import Origin
@@ -290,7 +290,7 @@ def test_a_fence_outlives_a_power_cut_for_navigation_and_telemetry(make_bench, t
     navigation = started()
     navigation.step()
     assert navigation.upload(PLAN) == ACCEPTED
-    (kept,) = load_fence(str(tmp_path))
+    (kept,) = load_bounds(str(tmp_path), "fence")
     assert kept.fence == SHAPES
     again = started()
     again.fence = FenceState(kept.crc, True)  # navigation has read the file, too

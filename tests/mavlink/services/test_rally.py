@@ -4,7 +4,7 @@ import math
 
 from pymavlink.dialects.v20 import common as m
 
-from robotctl.app.processes.plan_files import PlanFiles, load_rally
+from robotctl.app.processes.plan_files import PlanFiles, load_bounds
 from robotctl.mavlink.telemetry import Telemetry
 from robotctl.messages.fence import SetRally
 
@@ -61,7 +61,7 @@ def test_rally_points_are_taken_kept_and_cleared(make_bench, tmp_path):
     assert navigation.upload(items) == (m.MAV_MISSION_ACCEPTED, RALLY)
     assert navigation.places == PLACES
     assert navigation.count() == (2, RALLY)
-    (kept,) = load_rally(str(tmp_path))
+    (kept,) = load_bounds(str(tmp_path), "rally points")
     assert (kept.places, kept.crc) == (PLACES, navigation.crc)
     bad = [item(0, PLACES[0]), item(1, PLACES[1], 16)]
     assert navigation.upload(bad) == (m.MAV_MISSION_UNSUPPORTED, RALLY)
@@ -70,4 +70,4 @@ def test_rally_points_are_taken_kept_and_cleared(make_bench, tmp_path):
     navigation.step()
     navigation.step()
     assert navigation.places == ()
-    assert load_rally(str(tmp_path)) == ()
+    assert load_bounds(str(tmp_path), "rally points") == ()

@@ -64,9 +64,11 @@ from robotctl.messages.tuning import ParameterAnswer, ResetParameters
 from robotctl.model.fence import Fence
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.web.access import Access, Role
-from robotctl.web.desk import Desk, Now
+from robotctl.web.desk import Desk
 from robotctl.web.recordings import RecordingPages
-from robotctl.web.server import PageServer, PictureSource, RobotSide
+from robotctl.web.robot_side import PictureSource, RobotSide
+from robotctl.web.robot_view import Now
+from robotctl.web.server import PageServer
 from robotctl.web.wire import ComputerState, RobotOutline, SonarOutline
 
 T = TypeVar("T")

@@ -19,6 +19,7 @@ from robotctl.estimation.camera.calibration.homography import (
     GATE,
     PointNoise,
     find_homography,
+    whitening,
 )
 from robotctl.model.sensors.camera import CameraIntrinsics, CameraMount
 from robotctl.model.sensors.camera_geometry import CameraGeometry, mount_of_pose
@@ -114,10 +115,7 @@ def fit_mount(
     ValueError
         If the points do not determine it, or contradict each other; says why.
     """
-    if not lens_known:
-        middle = ((lens.width_px - 1) / 2.0, (lens.height_px - 1) / 2.0)
-        lens = CameraIntrinsics(lens.width_px, lens.height_px, 1.0, 1.0, *middle)
-    straight = straightened(pixels, lens) if lens_known else pixels
+    lens, straight = (lens, straightened(pixels, lens)) if lens_known else (_plain(lens), pixels)
     if not np.isfinite(straight).all():
         raise ValueError("some pixels lie outside the lens's field of view: is it the right lens?")
     homography, agree = find_homography(ground, straight, rng, noise)
@@ -141,14 +139,25 @@ def fit_mount(
     degrees = 2 * int(agree.sum()) - len(keys)
     if degrees > 0:
         P = P * max(1.0, chi2 / degrees)
-    if not lens_known and not P[6, 6] < (_FOCAL_SIGMA * values[6]) ** 2:
-        raise ValueError(
-            f"these points do not determine the focal length ({values[6]:.0f} px, standard "
-            "deviation "
-            f"{math.sqrt(P[6, 6]):.0f}): calibrate the lens, or spread the points"
-        )
+    if not lens_known:
+        _check_focal(values[6], math.sqrt(P[6, 6]))
     residuals = pixels - camera.project_ground(ground)
     return MountFit(camera.intrinsics, camera.mount, keys, P, agree, residuals, chi2, degrees)
+
+
+def _plain(lens: CameraIntrinsics) -> CameraIntrinsics:
+    """Return a lens of focal length 1 that bends nothing, of the same picture."""
+    middle = ((lens.width_px - 1) / 2.0, (lens.height_px - 1) / 2.0)
+    return CameraIntrinsics(lens.width_px, lens.height_px, 1.0, 1.0, *middle)
+
+
+def _check_focal(focal_px: float, sigma_px: float) -> None:
+    """Raise ValueError if the points do not determine the focal length."""
+    if not sigma_px < _FOCAL_SIGMA * focal_px:
+        raise ValueError(
+            f"these points do not determine the focal length ({focal_px:.0f} px, standard "
+            f"deviation {sigma_px:.0f}): calibrate the lens, or spread the points"
+        )
 
 
 def focal_length(H: NDArray[np.float64], lens: CameraIntrinsics) -> float:
@@ -224,9 +233,7 @@ def _whitening(
     camera: CameraGeometry, ground: NDArray[np.float64], noise: PointNoise
 ) -> NDArray[np.float64]:
     """Return W with W^T W the inverse covariance of a pixel's residual, (n, 2, 2)."""
-    J = _by_ground(camera, ground)
-    C = noise.sigma_px**2 * np.eye(2) + noise.sigma_m**2 * J @ np.swapaxes(J, 1, 2)
-    return np.linalg.inv(np.linalg.cholesky(np.nan_to_num(C, nan=1.0))).astype(np.float64)
+    return whitening(np.nan_to_num(_by_ground(camera, ground)), noise)
 
 
 def _agreeing(

@@ -53,12 +53,12 @@ class Fences(Transfer[FencePlan]):
         navigation = self._context.fresh_navigation(now_ns)
         wanted = command.whole(0)
         if wanted not in {0, 1}:
-            self._say(now_ns, f"{command.params[0]:g} found, 0 or 1 allowed")
+            self.say(now_ns, f"{command.params[0]:g} found, 0 or 1 allowed")
             return DENIED
         if navigation is None:
             return TEMPORARILY_REJECTED
         if not navigation.fence.crc:
-            self._say(now_ns, "there is none")
+            self.say(now_ns, "there is none")
             return DENIED
         self._context.requests.append(EnableFence(now_ns, wanted == 1))
         return ACCEPTED

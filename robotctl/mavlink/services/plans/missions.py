@@ -12,17 +12,15 @@ from pymavlink.dialects.v20 import common
 from robotctl.mavlink.catalogue import Stream
 from robotctl.mavlink.command import ACCEPTED, DENIED, TEMPORARILY_REJECTED, Command
 from robotctl.mavlink.context import Context, Request
-from robotctl.mavlink.frames import ned_from_enu
 from robotctl.mavlink.missions.file import MissionPlan, UploadedMission, mission_file
-from robotctl.mavlink.missions.item import MissionItem, item_of
+from robotctl.mavlink.missions.item import MissionItem
 from robotctl.mavlink.missions.of_file import plan_of_file
-from robotctl.mavlink.missions.transfer import GUIDED_ITEM, MISSION, Transfer
+from robotctl.mavlink.missions.single_items import guided_place, hidden_items, home_item
+from robotctl.mavlink.missions.transfer import MISSION, Transfer
 from robotctl.mavlink.missions.translate import (
     HOME,
     PLACES,
-    BadItem,
     MissionContext,
-    bounded_place,
     check_item,
     translate,
 )
@@ -63,7 +61,7 @@ class Missions(Transfer[MissionPlan]):
         if seq is None:
             return DENIED
         if objection := self._objection(command.peer, command.sender, now_ns):
-            self._say(now_ns, objection)
+            self.say(now_ns, objection)
             return TEMPORARILY_REJECTED
         return ACCEPTED if self._jump(seq + self.hidden, now_ns) else DENIED
 
@@ -93,11 +91,11 @@ class Missions(Transfer[MissionPlan]):
 
     def check(self, item: MissionItem, seq: int) -> None:
         """Check a single item."""
-        check_item(item, seq, self._around)
+        check_item(item, seq, _around(self._context))
 
     def plan_of(self, items: list[MissionItem]) -> tuple[MissionPlan, list[str]]:
         """Return the mission of ours."""
-        meaning = translate(items, self._around)
+        meaning = translate(items, _around(self._context))
         by_globe = any(each.is_global and each.command in PLACES for each in items[HOME:])
         origin = self._context.origin if by_globe else None
         kept = UploadedMission(tuple(items), tuple(meaning.sources), origin)
@@ -125,66 +123,31 @@ class Missions(Transfer[MissionPlan]):
     def listed(self, now_ns: int) -> tuple[MissionItem, ...]:
         """Return the items; none while navigation has another mission, or is silent."""
         items = self._plan.items if self._is_there(now_ns) else ()
-        return (self._home(), *items[HOME:]) if items else ()
+        return (home_item(self._context), *items[HOME:]) if items else ()
 
     @property
     def hidden(self) -> int:
         """Home, where the personality has it in no mission."""
-        return 0 if self._context.personality.has_home_item else HOME
+        return hidden_items(self._context)
 
     def always(self) -> tuple[MissionItem, ...]:
         """Return home: ArduPilot's may always be read, and dronekit waits for it."""
-        return () if self.hidden else (self._home(),)
+        return () if self.hidden else (home_item(self._context),)
 
     def take_single(self, message: Message, peer: Peer, now_ns: int) -> int:
         """Drive to a place at once, in GUIDED: `simple_goto` of dronekit, `guided` of MAVProxy."""
-        result, why, place = self._single(message, peer, now_ns)
+        result, why, place = guided_place(self._context, message, peer, now_ns)
         if why:
-            self._say(now_ns, f"a single item: {why}")
+            self.say(now_ns, f"a single item: {why}")
         if place is not None:
             self._context.requests.append(PositionTarget(now_ns, *place))
         return result
 
-    def _single(
-        self, message: Message, peer: Peer, now_ns: int
-    ) -> tuple[int, str, tuple[float, float] | None]:
-        """Return the result, why it is not driven to, and else the place in `world` [m]."""
-        context, item = self._context, item_of(message)
-        denied = int(common.MAV_MISSION_DENIED)
-        if message.current != GUIDED_ITEM or item.command != common.MAV_CMD_NAV_WAYPOINT:
-            return int(common.MAV_MISSION_UNSUPPORTED), "only a way-point is driven to", None
-        if not context.is_armed(now_ns) or context.mode(now_ns) is not Mode.GUIDED:
-            return denied, "arm first, in GUIDED", None
-        if why := context.held_back.objection(peer, source(message), now_ns):
-            return denied, why, None
-        try:
-            place = bounded_place(item, 0, context.origin)
-        except BadItem as error:
-            return error.result, error.why, None
-        if why := context.fence_objection(*place, now_ns):
-            return denied, why, None
-        return int(common.MAV_MISSION_ACCEPTED), "", place
-
     def hidden_items(self) -> list[MissionItem]:
         """Return home, if it is hidden."""
-        return [self._home()] * self.hidden
-
-    def _home(self) -> MissionItem:
-        """Return where the robot started, in degrees where that can be said."""
-        home, origin = self._context.home, self._context.origin
-        command, params = common.MAV_CMD_NAV_WAYPOINT, (0.0, 0.0, 0.0, 0.0)
-        if origin is not None:
-            place = origin.from_world(home.x_m, home.y_m)
-            return MissionItem(command, common.MAV_FRAME_GLOBAL, params, *place, origin.altitude_m)
-        north, east = ned_from_enu(home.x_m, home.y_m)
-        return MissionItem(command, common.MAV_FRAME_LOCAL_NED, params, north, east, 0.0)
+        return [home_item(self._context)] * self.hidden
 
     # How far it is.
-
-    @property
-    def _around(self) -> MissionContext:
-        robot = self._context.robot
-        return MissionContext(self._context.home, self._context.origin, robot.plans, self.hidden)
 
     def _is_loaded(self, navigation: NavigationState) -> bool:
         """Return whether the robot's mission is the one that came over MAVLink."""
@@ -209,8 +172,8 @@ class Missions(Transfer[MissionPlan]):
             why = f"there is no item {message.seq} to go on with"
             result = common.MAV_MISSION_INVALID_SEQUENCE
         if why:
-            self._say(now_ns, why)
-            self._acknowledge(source(message), peer, result)
+            self.say(now_ns, why)
+            self.acknowledge(source(message), peer, result)
 
     def _objection(self, peer: Peer, sender: tuple[int, int], now_ns: int) -> str:
         """Return why no item may be chosen now; empty: it may.
@@ -254,6 +217,11 @@ class Missions(Transfer[MissionPlan]):
         total = max(len(self._plan.items) - HOME, 0) if self._is_there(now_ns) else 0
         seq = max(self.seq(now_ns) - self.hidden, 0)
         return [common.MAVLink_mission_current_message(seq, total, state, mode)]
+
+
+def _around(context: Context) -> MissionContext:
+    """Return what a mission is translated with."""
+    return MissionContext(context.home, context.origin, context.robot.plans, hidden_items(context))
 
 
 def _state_of(navigation: NavigationState) -> int:
