@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from robotctl.cli.arguments import PatchFile
+from robotctl.cli.calibration import calibrated
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import advise_keeping, check_files, give_patch, write_file
 from robotctl.cli.options import takes_options
-from robotctl.errors import CalibrationError, ConfigError
+from robotctl.errors import ConfigError
 from robotctl.workbench.camera.options import CameraCalibrateOptions
 
 if TYPE_CHECKING:
     from robotctl.workbench.camera.calibrate import CameraCalibrateResult
-
-ABORTED = 1
 
 
 @takes_options
@@ -45,11 +43,7 @@ def calibrate(
     progress = plain_console(stderr=True)
     if (options.floor or options.points) and cache_is_cold():
         progress.print(f"{COMPILING} …", soft_wrap=True)
-    try:
-        result = calibrate_camera(options, lambda line: progress.print(f"{line} …"))
-    except CalibrationError as error:
-        progress.print(f"robotctl: {error}", soft_wrap=True)
-        sys.exit(ABORTED)
+    result = calibrated(calibrate_camera, options)
     _tell(result)
     if show is not None:
         _draw(result, show)
