@@ -1,4 +1,4 @@
-"""What all commands that calibrate have in common: how they are aborted, and refuse a patch."""
+"""Common ends of commands that calibrate: aborted, or without a patch."""
 
 from __future__ import annotations
 

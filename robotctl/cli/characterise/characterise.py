@@ -10,7 +10,7 @@ import typer
 
 from robotctl.cli.arguments import PatchFile, refuse_unused
 from robotctl.cli.calibration import calibrated, refuse_patch
-from robotctl.cli.console import plain_console
+from robotctl.cli.console import plain_console, say_compiling
 from robotctl.cli.files import advise_keeping, check_files, give_patch, give_plot
 from robotctl.cli.options import takes_options
 from robotctl.workbench.sensors.options import CharacteriseOptions
@@ -40,12 +40,10 @@ def characterise(
         refuse_unused(ctx, "without --log", "max_range_m", "time_unit")
     check_files(out, plot=plot)
     # They take a second or more to load.
-    from robotctl.compiled import COMPILING, cache_is_cold  # noqa: PLC0415
     from robotctl.workbench.sensors.characterise import characterise as run  # noqa: PLC0415
 
     progress = plain_console(stderr=True)
-    if cache_is_cold():
-        progress.print(COMPILING, soft_wrap=True)
+    say_compiling(progress)
     result = calibrated(run, options)
     sys.exit(_show(result, plot, out))
 

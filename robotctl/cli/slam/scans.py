@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
+from robotctl.cli.console import say_compiling
 from robotctl.cli.progress import progress_bar
 from robotctl.cli.slam.output import error_words, write_slam
 from robotctl.words import counted
@@ -20,12 +21,10 @@ def slam_by_scans(options: SlamOptions, sensor: str, out: Path, console: Console
     """Make trajectory, map and graph of a recorded drive and write them into a folder."""
     with progress_bar(console, options.log.name, "SLAM") as tell:
         # It takes a second or more, in which nothing would be seen.
-        from robotctl.compiled import COMPILING, cache_is_cold  # noqa: PLC0415
         from robotctl.workbench.slam.scan_files import write_scan_results  # noqa: PLC0415
         from robotctl.workbench.slam.scans import scan_slam  # noqa: PLC0415
 
-        if cache_is_cold():
-            console.print(COMPILING, soft_wrap=True)
+        say_compiling(console)
         result = scan_slam(
             options.log, options.time_unit, tell, options.onto, sensor, options.images
         )
