@@ -62,6 +62,13 @@ def write_file(file: Path, write: Callable[[Path], object]) -> None:
         raise kind(f"{file}: cannot be written: {error.strerror or error}") from error
 
 
+def give_plot(file: Path | None, save: Callable[[Path], object]) -> None:
+    """Write a plot and say where, if it is asked for."""
+    if file is not None:
+        write_file(file, save)
+        print(f"plot: {file}")
+
+
 def give_patch(patch: str, file: Path | None) -> None:
     """Write a configuration patch and say where, or show it."""
     if file is None:

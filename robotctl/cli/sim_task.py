@@ -22,12 +22,12 @@ ERRAND: Final = "errand"
 PATROL, FLATS = "patrol", ("flat", "flat_lived_in")
 """The default mission, and the worlds with room for it."""
 GOAL_WORLD: Final = "flat"
-"""Where a goal lies unless the user says."""
+"""World of a goal unless the user says."""
 
 
 @dataclass(frozen=True, slots=True)
 class SimTask:
-    """Where the simulated robot drives, and what it knows."""
+    """Task of a simulated robot: where it drives, and what it knows."""
 
     mission: Annotated[
         str,

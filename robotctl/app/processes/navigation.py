@@ -25,6 +25,7 @@ from robotctl.core.operator import Operator
 from robotctl.errors import DiskError, RobotctlError
 from robotctl.messages.control import ControlState, NavigationRequest, Notice, Severity
 from robotctl.messages.estimation import SensorMessage
+from robotctl.messages.ports import Clock
 from robotctl.model.geometry.se2 import SE2
 from robotctl.runtime.ipc.heartbeat import ProcessHeartbeat
 from robotctl.runtime.ipc.topics import (
@@ -96,7 +97,6 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     )
     publisher = Publisher(context, endpoints.navigation_state)
     to_control = RequestSender(context, endpoints.control_requests)
-    heartbeat = ProcessHeartbeat(os.environ)
     adapter = make_navigation(config, options)
     saved, notes = load_progress(options)
     if notes := (*notes, *resume(adapter, options, saved), *take_bounds(adapter, options)):
@@ -115,38 +115,50 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     heard = [endpoints.lidar] if scans_count else []
     heard += [endpoints.camera] if config.has_camera else []
     sensors = Subscriber[_Heard](context, tuple(heard), _Heard)
+    try:
+        _navigate(tick, clock, stopped, states, sensors, to_control)
+    finally:
+        context.destroy(linger=0)
+        if estimators is not None:
+            estimators.close()
+
+
+def _navigate(
+    tick: NavigationTick,
+    clock: Clock,
+    stopped: StopFlag,
+    states: Subscriber[ControlState | Notice],
+    sensors: Subscriber[_Heard],
+    to_control: RequestSender,
+) -> None:
+    """Step at the rate of navigation until it is stopped."""
+    heartbeat = ProcessHeartbeat(os.environ)
     control: ControlState | None = None
     # A full collection over all compiled code that was loaded takes 0.1 s, two steps.
     gc.collect()
     gc.freeze()
     deadline_ns = clock.now_ns()
     lost_ns = 0
-    try:
-        while not stopped():
-            deadline_ns = max(deadline_ns + tick.period_ns, clock.now_ns())
-            clock.sleep_until(deadline_ns)
-            # What it was kept from the processor: it woke late, or a step took longer than it
-            # computed.
-            woken_ns, computed_ns = clock.now_ns(), time.process_time_ns()
-            late_ns = lost_ns + woken_ns - deadline_ns
-            for message in states.receive():
-                control = message if isinstance(message, ControlState) else control
-            seen = [each for each in sensors.receive() if not isinstance(each, Notice)]
-            tick.receive(control, seen, late_ns)
-            begin_ns = clock.now_ns()
-            tick.localise(begin_ns)
-            localised_ns = clock.now_ns()
-            command, _ = tick.navigate(begin_ns)
-            to_control.send(command)
-            done_ns = clock.now_ns()
-            tick.publish(begin_ns, (localised_ns - begin_ns) / 1000, (done_ns - begin_ns) / 1000)
-            heartbeat.beat()
-            computed_ns = time.process_time_ns() - computed_ns
-            lost_ns = max(0, clock.now_ns() - woken_ns - computed_ns)
-    finally:
-        context.destroy(linger=0)
-        if estimators is not None:
-            estimators.close()
+    while not stopped():
+        deadline_ns = max(deadline_ns + tick.period_ns, clock.now_ns())
+        clock.sleep_until(deadline_ns)
+        # Time without the processor: it woke late, or a step took longer than it computed.
+        woken_ns, computed_ns = clock.now_ns(), time.process_time_ns()
+        late_ns = lost_ns + woken_ns - deadline_ns
+        for message in states.receive():
+            control = message if isinstance(message, ControlState) else control
+        seen = [each for each in sensors.receive() if not isinstance(each, Notice)]
+        tick.receive(control, seen, late_ns)
+        begin_ns = clock.now_ns()
+        tick.localise(begin_ns)
+        localised_ns = clock.now_ns()
+        command, _ = tick.navigate(begin_ns)
+        to_control.send(command)
+        done_ns = clock.now_ns()
+        tick.publish(begin_ns, (localised_ns - begin_ns) / 1000, (done_ns - begin_ns) / 1000)
+        heartbeat.beat()
+        computed_ns = time.process_time_ns() - computed_ns
+        lost_ns = max(0, clock.now_ns() - woken_ns - computed_ns)
 
 
 if __name__ == "__main__":

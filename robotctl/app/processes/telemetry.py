@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterable
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Final
@@ -28,6 +29,7 @@ from robotctl.mavlink.parameters.parameter_set import Configurations, ParameterS
 from robotctl.mavlink.parameters.published import table_of
 from robotctl.mavlink.telemetry import Telemetry
 from robotctl.messages.control import ControlRequest, EmergencyStop, NavigationRequest
+from robotctl.messages.ports import Clock
 from robotctl.messages.tuning import ParameterRequest
 from robotctl.model.geometry.se2 import SE2
 from robotctl.runtime.ipc.heartbeat import ProcessHeartbeat
@@ -69,6 +71,48 @@ def parameters_of(config: RobotConfig, options: StackOptions) -> ParameterSet:
     return ParameterSet(Configurations(options.load_file(), config, contradictions), wanted)
 
 
+class RobotRequests:
+    """Senders of requests; an emergency stop waits for a control process that is not there yet."""
+
+    def __init__(self, to_control: RequestSender, to_navigation: RequestSender) -> None:
+        self._to_control = to_control
+        self._to_navigation = to_navigation
+        self._stop: EmergencyStop | None = None
+
+    def send(self, requests: Iterable[object]) -> None:
+        """Send requests to the processes that they are for."""
+        for request in requests:
+            if isinstance(request, NavigationRequest):
+                self._to_navigation.send(request)
+            if not isinstance(request, ControlRequest):
+                continue
+            if not self._to_control.send(request) and isinstance(request, EmergencyStop):
+                self._stop = request
+        if self._stop is not None and self._to_control.send(self._stop):
+            self._stop = None
+
+
+class Parting:
+    """End of the process: after a signal it goes on for `FAREWELL_NS`, to say what has happened."""
+
+    def __init__(self, telemetry: Telemetry, clock: Clock, stopped: StopFlag) -> None:
+        self._telemetry = telemetry
+        self._clock = clock
+        self._stopped = stopped
+        self._parent = os.getppid()
+        self._end_ns: int | None = None
+
+    def is_over(self) -> bool:
+        """Return whether to end now."""
+        now_ns = self._clock.now_ns()
+        if self._end_ns is None and self._stopped():
+            self._end_ns = now_ns + FAREWELL_NS
+        if self._end_ns is not None and os.getppid() != self._parent:
+            self._parent = os.getppid()
+            self._telemetry.say(now_ns, "the supervisor ended: so does robotctl")
+        return self._end_ns is not None and now_ns >= self._end_ns
+
+
 def _keep(telemetry: Telemetry, keys: SigningFiles, tlog: TlogRecorder, now_ns: int) -> None:
     """Keep what outlives this process."""
     keys.save(now_ns)
@@ -92,17 +136,24 @@ def _publish(telemetry: Telemetry, notices: Publisher, parameters: Publisher) ->
         parameters.send(each)
 
 
+def _states(
+    context: zmq.Context[zmq.Socket[bytes]], endpoints: Endpoints, config: RobotConfig
+) -> Subscriber[State]:
+    """Return what the other processes publish."""
+    heard = [endpoints.control_state, endpoints.navigation_state, endpoints.recorder_notices]
+    heard.append(endpoints.supervisor_notices)
+    heard += [endpoints.lidar] if config.lidar is not None else []
+    heard += [endpoints.camera] if config.has_camera else []
+    return Subscriber[State](context, tuple(heard), State)
+
+
 def run(config: RobotConfig, options: StackOptions) -> None:
     """Serve the links until SIGTERM or SIGINT."""
     stopped = StopFlag()
     clock = options.open_clock()
     endpoints = Endpoints(endpoint_directory(options.instance))
     context = zmq.Context()
-    heard = [endpoints.control_state, endpoints.navigation_state, endpoints.recorder_notices]
-    heard.append(endpoints.supervisor_notices)
-    heard += [endpoints.lidar] if config.lidar is not None else []
-    heard += [endpoints.camera] if config.has_camera else []
-    states = Subscriber[State](context, tuple(heard), State)
+    states = _states(context, endpoints, config)
     to_control = RequestSender(context, endpoints.control_requests)
     to_navigation = RequestSender(context, endpoints.navigation_requests)
     to_supervisor = RequestSender(context, endpoints.supervisor_requests)
@@ -139,28 +190,13 @@ def run(config: RobotConfig, options: StackOptions) -> None:
             folders=served_folders(options),
             can=tap,
         )
+        parting = Parting(telemetry, clock, stopped)
+        to_robot = RobotRequests(to_control, to_navigation)
         heartbeat = ProcessHeartbeat(os.environ)
-        # The one request that is kept for a control process that is not there yet.
-        stop: EmergencyStop | None = None
         deadline_ns = clock.now_ns()
-        parent = os.getppid()
-        end_ns: int | None = None
-        while end_ns is None or clock.now_ns() < end_ns:
-            if end_ns is None and stopped():
-                end_ns = clock.now_ns() + FAREWELL_NS
-            if end_ns is not None and os.getppid() != parent:
-                parent = os.getppid()
-                telemetry.say(clock.now_ns(), "the supervisor ended: so does robotctl")
+        while not parting.is_over():
             received = [*states.receive(), *requests.receive()]
-            for request in telemetry.step(clock.now_ns(), received):
-                if isinstance(request, NavigationRequest):
-                    to_navigation.send(request)
-                if not isinstance(request, ControlRequest):
-                    continue
-                if not to_control.send(request) and isinstance(request, EmergencyStop):
-                    stop = request
-            if stop is not None and to_control.send(stop):
-                stop = None
+            to_robot.send(telemetry.step(clock.now_ns(), received))
             _publish(telemetry, publisher, parameter_publisher)
             _keep(telemetry, keys, tlog, clock.now_ns())
             heartbeat.beat()

@@ -42,7 +42,7 @@ from robotctl.planning.behave.mission.mission_file import Mission
 
 @dataclass(frozen=True, slots=True)
 class RunFacts:
-    """What is known of a run without its messages; `Report` says what the fields are."""
+    """Facts of a run that no message has; `Report` says what the fields are."""
 
     robot: str
     world: str

@@ -1,4 +1,4 @@
-"""What connects a simulated run with its processes: sockets, a clock file, and their folder."""
+"""Links of a simulated run with its processes: sockets, a clock file, and their folder."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ def _scenario(name: str) -> Path:
 
 @dataclass(frozen=True, slots=True)
 class SimOptions:
-    """What to simulate.
+    """Settings of a simulated run.
 
     Raises
     ------

@@ -9,17 +9,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from robotctl.cli.arguments import PatchFile, refuse_unused
+from robotctl.cli.calibration import calibrated, refuse_patch
 from robotctl.cli.console import plain_console
-from robotctl.cli.files import advise_keeping, check_files, give_patch, write_file
+from robotctl.cli.files import advise_keeping, check_files, give_patch, give_plot
 from robotctl.cli.options import takes_options
-from robotctl.errors import CalibrationError
 from robotctl.workbench.odometry.options import OdometryCalibrateOptions
 
 if TYPE_CHECKING:
     from robotctl.workbench.odometry.calibrate_odometry import OdometryCalibrateResult
 
-ABORTED = 1
-WORSE = 3
 
 app = typer.Typer(no_args_is_help=True, help="Calibrate the robot from drives and recordings.")
 
@@ -59,21 +57,14 @@ def odometry(
     from robotctl.workbench.odometry.calibrate_odometry import calibrate_odometry  # noqa: PLC0415
 
     check_files(out, plot=plot)
-    progress = plain_console(stderr=True)
-    try:
-        result = calibrate_odometry(options, lambda line: progress.print(f"{line} …"))
-    except CalibrationError as error:
-        progress.print(f"robotctl: {error}", soft_wrap=True)
-        sys.exit(ABORTED)
+    result = calibrated(calibrate_odometry, options)
     console = plain_console()
     console.print(drive_table(result))
     for line in reference_lines(result):
         console.print(line)
     if result.checks:
         console.print(check_table(result))
-    if plot is not None:
-        write_file(plot, lambda file: save_plot(result, file))
-        print(f"plot: {plot}")
+    give_plot(plot, lambda file: save_plot(result, file))
     sys.exit(_conclude(result, out))
 
 
@@ -84,12 +75,8 @@ def _conclude(result: OdometryCalibrateResult, out: Path | None) -> int:
     for sentence in (*result.notes, *result.hidden):
         print(sentence)
     if result.objections:
-        print("Odometry is worse with the new values; keep the present ones:")
-        for objection in result.objections:
-            print(f"  {objection}")
-        if out is not None:
-            print(f"{out} was not written.")
-        return WORSE
+        sentence = "Odometry is worse with the new values; keep the present ones:"
+        return refuse_patch(sentence, result.objections, out)
     give_patch(patch_text(result), out)
     advise_keeping(result.options.robot, patch_values(result))
     return 0

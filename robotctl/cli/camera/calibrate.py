@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from robotctl.cli.arguments import PatchFile
-from robotctl.cli.console import plain_console
+from robotctl.cli.calibration import calibrated
+from robotctl.cli.console import plain_console, say_compiling
 from robotctl.cli.files import advise_keeping, check_files, give_patch, write_file
 from robotctl.cli.options import takes_options
-from robotctl.errors import CalibrationError, ConfigError
+from robotctl.errors import ConfigError
 from robotctl.workbench.camera.options import CameraCalibrateOptions
 
 if TYPE_CHECKING:
     from robotctl.workbench.camera.calibrate import CameraCalibrateResult
-
-ABORTED = 1
 
 
 @takes_options
@@ -33,7 +31,6 @@ def calibrate(
 
     Status 0: found. 1: the pictures or points do not determine it. 2: bad input.
     """
-    from robotctl.compiled import COMPILING, cache_is_cold  # noqa: PLC0415 - numba
     from robotctl.workbench.camera.calibrate import calibrate_camera  # noqa: PLC0415
     from robotctl.workbench.camera.pictures import check_suffix  # noqa: PLC0415
 
@@ -43,13 +40,9 @@ def calibrate(
         if options.floor is None:
             raise ConfigError("--show needs --floor PICTURE to draw into")
     progress = plain_console(stderr=True)
-    if (options.floor or options.points) and cache_is_cold():
-        progress.print(f"{COMPILING} …", soft_wrap=True)
-    try:
-        result = calibrate_camera(options, lambda line: progress.print(f"{line} …"))
-    except CalibrationError as error:
-        progress.print(f"robotctl: {error}", soft_wrap=True)
-        sys.exit(ABORTED)
+    if options.floor or options.points:
+        say_compiling(progress, " …")
+    result = calibrated(calibrate_camera, options)
     _tell(result)
     if show is not None:
         _draw(result, show)

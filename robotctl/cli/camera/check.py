@@ -11,7 +11,7 @@ import typer
 from rich.table import Table
 
 from robotctl.cli.console import plain_console
-from robotctl.cli.files import check_files, write_file
+from robotctl.cli.files import check_files, give_plot
 from robotctl.cli.options import takes_options
 from robotctl.errors import CalibrationError
 from robotctl.workbench.camera.options import CheckOptions
@@ -45,9 +45,7 @@ def check(
     console = plain_console()
     console.print(_points_table(result))
     console.print(_bands_table(result))
-    if plot is not None:
-        write_file(plot, lambda file: save_plot(result, file))
-        print(f"plot: {plot}")
+    give_plot(plot, lambda file: save_plot(result, file))
     for doubt in result.doubts:
         print(doubt)
     if result.doubts:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from robotctl.cli.console import plain_console
+from robotctl.cli.console import plain_console, say_compiling
 from robotctl.cli.files import check_files, write_file
 from robotctl.cli.options import takes_options
 from robotctl.errors import ConfigError
@@ -94,11 +94,9 @@ def _run(
 ) -> None:
     """Look at all pictures, show and write what was asked for."""
     check_files(csv, json)
-    from robotctl.compiled import COMPILING, cache_is_cold  # noqa: PLC0415 - numba
 
     progress = plain_console(stderr=True)
-    if cache_is_cold():
-        progress.print(f"{COMPILING} …")
+    say_compiling(progress, " …")
     from robotctl.workbench.camera import seeing as app  # noqa: PLC0415 - OpenCV and numba
 
     seeing = app.Seeing(options)

@@ -9,17 +9,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from robotctl.cli.arguments import PatchFile, refuse_unused
-from robotctl.cli.console import plain_console
-from robotctl.cli.files import advise_keeping, check_files, give_patch, write_file
+from robotctl.cli.calibration import calibrated, refuse_patch
+from robotctl.cli.console import plain_console, say_compiling
+from robotctl.cli.files import advise_keeping, check_files, give_patch, give_plot
 from robotctl.cli.options import takes_options
-from robotctl.errors import CalibrationError
 from robotctl.workbench.sensors.options import CharacteriseOptions
 
 if TYPE_CHECKING:
     from robotctl.workbench.sensors.characterise import Characterisation
-
-ABORTED = 1
-WORSE = 3
 
 
 @takes_options
@@ -43,17 +40,11 @@ def characterise(
         refuse_unused(ctx, "without --log", "max_range_m", "time_unit")
     check_files(out, plot=plot)
     # They take a second or more to load.
-    from robotctl.compiled import COMPILING, cache_is_cold  # noqa: PLC0415
     from robotctl.workbench.sensors.characterise import characterise as run  # noqa: PLC0415
 
     progress = plain_console(stderr=True)
-    if cache_is_cold():
-        progress.print(COMPILING, soft_wrap=True)
-    try:
-        result = run(options, lambda line: progress.print(f"{line} …"))
-    except CalibrationError as error:
-        progress.print(f"robotctl: {error}", soft_wrap=True)
-        sys.exit(ABORTED)
+    say_compiling(progress)
+    result = calibrated(run, options)
     sys.exit(_show(result, plot, out))
 
 
@@ -67,14 +58,10 @@ def _show(result: Characterisation, plot: Path | None, out: Path | None) -> int:
     console.print(fit_table(result))
     for line in words(result):
         console.print(line, soft_wrap=True)
-    if plot is not None:
-        write_file(plot, lambda file: save_plot(result, file))
-        print(f"plot: {plot}")
+    give_plot(plot, lambda file: save_plot(result, file))
     if result.told_after < result.told_before:
-        print("With the new settings readings say less about the place; keep the present ones.")
-        if out is not None:
-            print(f"{out} was not written.")
-        return WORSE
+        sentence = "With the new settings readings say less about the place; keep the present ones."
+        return refuse_patch(sentence, (), out)
     console.print(patch_table(result))
     give_patch(patch_text(result), out)
     advise_keeping(result.options.robot, patch_values(result))

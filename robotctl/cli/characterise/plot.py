@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtr  # type: ignore[import-untyped]
 
+from robotctl.cli.picture import drawing
 from robotctl.estimation.ranging.range_mixture import densities
 from robotctl.workbench.sensors.characterise import Characterisation
 
@@ -18,24 +19,21 @@ _BIN_DEG = 2.5
 
 def save_plot(result: Characterisation, file: Path) -> None:
     """Draw errors near and far, and the share of readings with an echo."""
-    from matplotlib.figure import Figure  # noqa: PLC0415 - an extra
-
-    figure = Figure(figsize=(13.0, 4.2), dpi=120, layout="constrained")
-    near, far, echoes = figure.subplots(1, 3)
-    fit = result.fit
-    sigma_m = float(fit.ranges.mixture.sigma_at(np.array(fit.ranges.typical_m)))
-    offset_m = fit.ranges.mixture.offset_m
-    reach_m = 1.1 * float(fit.measured_m[np.isfinite(fit.measured_m)].max())
-    inner_m = _INNER_SIGMAS * sigma_m
-    _errors(near, result, np.linspace(offset_m - inner_m, offset_m + inner_m, 81))
-    _errors(far, result, np.linspace(-reach_m, reach_m, 121))
-    far.set_yscale("log")
-    near.set_title("errors of ranges")
-    far.set_title("all of them, logarithmic")
-    near.legend()
-    _echoes(echoes, result)
-    figure.suptitle(f"{result.config.robot.name}: {result.source.sensor}")
-    figure.savefig(file)
+    with drawing(file, 13.0, 4.2) as figure:
+        near, far, echoes = figure.subplots(1, 3)
+        fit = result.fit
+        sigma_m = float(fit.ranges.mixture.sigma_at(np.array(fit.ranges.typical_m)))
+        offset_m = fit.ranges.mixture.offset_m
+        reach_m = 1.1 * float(fit.measured_m[np.isfinite(fit.measured_m)].max())
+        inner_m = _INNER_SIGMAS * sigma_m
+        _errors(near, result, np.linspace(offset_m - inner_m, offset_m + inner_m, 81))
+        _errors(far, result, np.linspace(-reach_m, reach_m, 121))
+        far.set_yscale("log")
+        near.set_title("errors of ranges")
+        far.set_title("all of them, logarithmic")
+        near.legend()
+        _echoes(echoes, result)
+        figure.suptitle(f"{result.config.robot.name}: {result.source.sensor}")
 
 
 def _errors(panel: Any, result: Characterisation, edges: np.ndarray[Any, Any]) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from robotctl.cli.console import plain_console
+from robotctl.cli.console import plain_console, say_compiling
 from robotctl.cli.files import check_files, write_file
 from robotctl.cli.options import takes_options
 from robotctl.cli.progress import progress_bar
@@ -87,11 +87,10 @@ def _localised(options: LocalizeOptions, seeds: int) -> list[Localized]:
     console = plain_console(stderr=True)
     with progress_bar(console, options.log.name, "localising") as tell:
         # It takes a second or more, in which nothing would be seen.
-        from robotctl.compiled import COMPILING, cache_is_cold  # noqa: PLC0415
         from robotctl.workbench.localize.localize import localize_seeds  # noqa: PLC0415
 
-        if options.method == "mcl" and cache_is_cold():
-            console.print(COMPILING, soft_wrap=True)
+        if options.method == "mcl":
+            say_compiling(console)
         results = localize_seeds(options, seeds, tell)
     for note in (*results[0].recording.notes, *results[0].run.notes):
         console.print(f"note: {note}", soft_wrap=True)

@@ -6,41 +6,36 @@ from pathlib import Path
 
 import numpy as np
 
-from robotctl.cli.map.picture import draw_map
+from robotctl.cli.picture import draw_map, drawing, see_from_above
 from robotctl.workbench.localize.localize import Localized
 from robotctl.workbench.localize.report import position_errors
 
 
 def save_plot(result: Localized, file: Path) -> None:
     """Draw map, reference and estimate, and the distance between the two over time."""
-    from matplotlib.figure import Figure  # noqa: PLC0415 - an extra
-
-    figure = Figure(figsize=(9.0, 10.0), dpi=120, layout="constrained")
-    above, below = figure.subplots(2, 1, height_ratios=(3, 1))
-    if result.grid is not None:
-        draw_map(above, result.grid)
-    for x, y in result.recording.landmarks.values():
-        above.plot(x, y, "k^", markersize=5)
-    known = [(each.x_m, each.y_m) for each in result.run.references if each is not None]
-    if known:
-        above.plot(*np.array(known).T, color="tab:green", linewidth=2.5, label="reference")
-    trajectory = result.trajectory
-    above.plot(
-        trajectory.poses[:, 0],
-        trajectory.poses[:, 1],
-        color="tab:red",
-        linewidth=1.0,
-        label="estimate",
-    )
-    above.set_aspect("equal", adjustable="datalim")
-    above.set_xlabel("x, m")
-    above.set_ylabel("y, m")
-    above.legend(loc="upper right")
-    time_s = 1e-9 * (trajectory.stamps_ns - trajectory.stamps_ns[0])
-    below.plot(time_s, position_errors(result.run), linewidth=0.8)
-    below.set_xlabel("time, s")
-    below.set_ylabel("position error, m")
-    below.set_ylim(bottom=0.0)
-    below.grid(visible=True, alpha=0.3)
-    figure.suptitle(result.recording.name)
-    figure.savefig(file)
+    with drawing(file, 9.0, 10.0) as figure:
+        above, below = figure.subplots(2, 1, height_ratios=(3, 1))
+        if result.grid is not None:
+            draw_map(above, result.grid)
+        for x, y in result.recording.landmarks.values():
+            above.plot(x, y, "k^", markersize=5)
+        known = [(each.x_m, each.y_m) for each in result.run.references if each is not None]
+        if known:
+            above.plot(*np.array(known).T, color="tab:green", linewidth=2.5, label="reference")
+        trajectory = result.trajectory
+        above.plot(
+            trajectory.poses[:, 0],
+            trajectory.poses[:, 1],
+            color="tab:red",
+            linewidth=1.0,
+            label="estimate",
+        )
+        see_from_above(above, "datalim")
+        above.legend(loc="upper right")
+        time_s = 1e-9 * (trajectory.stamps_ns - trajectory.stamps_ns[0])
+        below.plot(time_s, position_errors(result.run), linewidth=0.8)
+        below.set_xlabel("time, s")
+        below.set_ylabel("position error, m")
+        below.set_ylim(bottom=0.0)
+        below.grid(visible=True, alpha=0.3)
+        figure.suptitle(result.recording.name)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from robotctl.cli.console import plain_console
+from robotctl.cli.console import plain_console, say_compiling
 from robotctl.cli.options import takes_options
 from robotctl.cli.progress import progress_bar
 from robotctl.model.grid_map import count_values
@@ -18,12 +18,10 @@ if TYPE_CHECKING:
 def map_log(options: MapOptions) -> None:
     """Map the lidar scans of a recorded log, at its reference poses or its odometry."""
     # It loads numba and OpenCV, which other subcommands can do without.
-    from robotctl.compiled import COMPILING, cache_is_cold  # noqa: PLC0415
     from robotctl.workbench.localize.mapping import make_map  # noqa: PLC0415
 
     console = plain_console(stderr=True)
-    if cache_is_cold():
-        console.print(COMPILING, soft_wrap=True)
+    say_compiling(console)
     with progress_bar(console, options.log.name, "mapping") as tell:
         result = make_map(options, tell)
     for note in result.notes:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from robotctl.cli.console import plain_console
-from robotctl.cli.files import check_files, write_file
+from robotctl.cli.files import check_files, give_plot, write_file
 from robotctl.cli.progress import progress_bar
 from robotctl.words import counted
 
@@ -97,8 +97,7 @@ def match(
     if plot is not None:
         from robotctl.cli.places.plot import save_matched  # noqa: PLC0415 - an extra
 
-        write_file(plot, lambda file: save_matched(matched, right, file))
-        print(f"plot: {plot}")
+        give_plot(plot, lambda file: save_matched(matched, right, file))
 
 
 def _lines(matched: MatchedImages) -> Iterator[str]:

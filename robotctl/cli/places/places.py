@@ -14,7 +14,7 @@ from rich.table import Table
 
 from robotctl.cli.arguments import refuse_unused
 from robotctl.cli.console import plain_console
-from robotctl.cli.files import check_files, write_file
+from robotctl.cli.files import check_files, give_plot
 from robotctl.cli.options import takes_options
 from robotctl.cli.places.images import match, train_vocabulary
 from robotctl.words import counted
@@ -89,8 +89,7 @@ def recognise(ctx: typer.Context, book: Book, source: PlaceSource, plot: Plot = 
         from robotctl.cli.places.plot import save_recognition  # noqa: PLC0415
         from robotctl.maps.place_file import load_book  # noqa: PLC0415
 
-        write_file(plot, lambda file: save_recognition(load_book(book), found, file))
-        print(f"plot: {plot}")
+        give_plot(plot, lambda file: save_recognition(load_book(book), found, file))
     sys.exit(REFUSED if any(each.recognition.refusal for each in found) else 0)
 
 
@@ -109,8 +108,7 @@ def list_places(book: Book, plot: Plot = None) -> None:
     if plot is not None:
         from robotctl.cli.places.plot import save_places  # noqa: PLC0415
 
-        write_file(plot, lambda file: save_places(known, file))
-        print(f"plot: {plot}")
+        give_plot(plot, lambda file: save_places(known, file))
 
 
 @contextmanager

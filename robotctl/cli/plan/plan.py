@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from robotctl.cli.arguments import refuse_unused
-from robotctl.cli.console import plain_console
+from robotctl.cli.console import plain_console, say_compiling
 from robotctl.cli.files import check_files, write_file
 from robotctl.cli.options import takes_options
 from robotctl.cli.topology.topology import way_lines
@@ -49,15 +49,13 @@ def plan(
     _check_given(places or [], options)
     check_files(out, report, plot=plot)
     # It loads numba, which other subcommands can do without.
-    from robotctl.compiled import COMPILING, cache_is_cold  # noqa: PLC0415
     from robotctl.workbench.planning.plan import (  # noqa: PLC0415
         make_plan,
         write_path,
         write_report,
     )
 
-    if cache_is_cold():
-        plain_console(stderr=True).print(COMPILING, soft_wrap=True)
+    say_compiling(plain_console(stderr=True))
     result = make_plan(options)
     found = result.report()["found"]
     if report is not None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robotctl.cli.map.picture import draw_map
+from robotctl.cli.picture import draw_map, drawing, see_from_above
 from robotctl.planning.path.global_planning.plan import PlanFailure
 from robotctl.workbench.planning.plan import PlanResult
 
@@ -17,32 +17,27 @@ _OUTLINES = 40
 
 def save_plot(result: PlanResult, file: Path) -> None:
     """Draw the map, and the path with the robot's outline along it, or the place that fails."""
-    from matplotlib.figure import Figure  # noqa: PLC0415 - an extra
-
-    figure = Figure(figsize=(9.0, 9.0), dpi=120, layout="constrained")
-    axes = figure.subplots()
-    draw_map(axes, result.space.grid)
-    answer = result.answer
-    if isinstance(answer, PlanFailure):
-        if answer.place is not None:
-            axes.plot(*answer.place, "rx", markersize=14, markeredgewidth=3)
-        figure.suptitle(answer.text, wrap=True, fontsize="medium")
-    else:
-        poses = answer.poses
-        corners = np.array(result.space.footprint.corners)
-        if len(corners):
-            shown = poses[:: max(1, math.ceil(len(poses) / _OUTLINES))]
-            for x, y, theta in (*shown, poses[-1]):
-                turn = np.array(
-                    [[math.cos(theta), math.sin(theta)], [-math.sin(theta), math.cos(theta)]]
-                )
-                axes.fill(*(corners @ turn + (x, y)).T, color="tab:blue", alpha=0.25)
-        axes.plot(poses[:, 0], poses[:, 1], color="tab:red", linewidth=1.5)
-        axes.plot(*poses[0, :2], "o", color="tab:green", label="start")
-        axes.plot(*poses[-1, :2], "*", color="tab:orange", markersize=12, label="goal")
-        axes.legend(loc="upper right")
-        figure.suptitle(f"{result.options.planner}: {answer.length_m:.2f} m")
-    axes.set_aspect("equal")
-    axes.set_xlabel("x, m")
-    axes.set_ylabel("y, m")
-    figure.savefig(file)
+    with drawing(file, 9.0, 9.0) as figure:
+        axes = figure.subplots()
+        draw_map(axes, result.space.grid)
+        answer = result.answer
+        if isinstance(answer, PlanFailure):
+            if answer.place is not None:
+                axes.plot(*answer.place, "rx", markersize=14, markeredgewidth=3)
+            figure.suptitle(answer.text, wrap=True, fontsize="medium")
+        else:
+            poses = answer.poses
+            corners = np.array(result.space.footprint.corners)
+            if len(corners):
+                shown = poses[:: max(1, math.ceil(len(poses) / _OUTLINES))]
+                for x, y, theta in (*shown, poses[-1]):
+                    turn = np.array(
+                        [[math.cos(theta), math.sin(theta)], [-math.sin(theta), math.cos(theta)]]
+                    )
+                    axes.fill(*(corners @ turn + (x, y)).T, color="tab:blue", alpha=0.25)
+            axes.plot(poses[:, 0], poses[:, 1], color="tab:red", linewidth=1.5)
+            axes.plot(*poses[0, :2], "o", color="tab:green", label="start")
+            axes.plot(*poses[-1, :2], "*", color="tab:orange", markersize=12, label="goal")
+            axes.legend(loc="upper right")
+            figure.suptitle(f"{result.options.planner}: {answer.length_m:.2f} m")
+        see_from_above(axes)

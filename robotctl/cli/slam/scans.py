@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
+from robotctl.cli.console import say_compiling
 from robotctl.cli.progress import progress_bar
 from robotctl.cli.slam.output import error_words, write_slam
 from robotctl.words import counted
@@ -20,12 +21,10 @@ def slam_by_scans(options: SlamOptions, sensor: str, out: Path, console: Console
     """Make trajectory, map and graph of a recorded drive and write them into a folder."""
     with progress_bar(console, options.log.name, "SLAM") as tell:
         # It takes a second or more, in which nothing would be seen.
-        from robotctl.compiled import COMPILING, cache_is_cold  # noqa: PLC0415
         from robotctl.workbench.slam.scan_files import write_scan_results  # noqa: PLC0415
         from robotctl.workbench.slam.scans import scan_slam  # noqa: PLC0415
 
-        if cache_is_cold():
-            console.print(COMPILING, soft_wrap=True)
+        say_compiling(console)
         result = scan_slam(
             options.log, options.time_unit, tell, options.onto, sensor, options.images
         )
@@ -65,39 +64,35 @@ def _sentence(report: dict[str, Any]) -> str:
 def save_scan_plot(result: ScanResult, file: Path) -> None:
     """Draw the map with trajectory and closed loops; a reference is turned onto them."""
     import numpy as np  # noqa: PLC0415
-    from matplotlib.figure import Figure  # noqa: PLC0415 - an extra
 
-    from robotctl.cli.map.picture import draw_map  # noqa: PLC0415
+    from robotctl.cli.picture import draw_map, drawing, see_from_above  # noqa: PLC0415
     from robotctl.model.geometry.points import align, moved  # noqa: PLC0415
 
-    figure = Figure(figsize=(11.0, 11.0), dpi=150, layout="constrained")
-    axes = figure.subplots()
-    draw_map(axes, result.grid.map_rows(strays=0.0002).whole())
-    path = result.estimate
-    pairs = [
-        (own, (true.x_m, true.y_m))
-        for own, stamp_ns in zip(path.poses, path.stamps_ns.tolist(), strict=True)
-        if result.recording.reference is not None
-        and (true := result.recording.reference.at(stamp_ns)) is not None
-    ]
-    if len(pairs) > 1:
-        places = np.array([each for _, each in pairs])
-        motion = align(places, np.array([own[:2] for own, _ in pairs]))
-        axes.plot(*moved(motion, places).T, color="tab:green", linewidth=1.0, label="reference")
-    axes.plot(*path.poses[:, :2].T, color="tab:red", linewidth=0.7, label="trajectory")
-    poses = result.mapper.back_end.poses
-    for number, loop in enumerate(each for each in result.mapper.loops.log if not each.reason):
-        axes.plot(
-            *poses[[loop.keyframe, loop.other], :2].T,
-            "o-",
-            color="tab:blue",
-            markersize=3,
-            linewidth=1.0,
-            label="closed loop" if number == 0 else None,
-        )
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel("x, m")
-    axes.set_ylabel("y, m")
-    axes.legend(loc="best")
-    figure.suptitle(result.recording.name)
-    figure.savefig(file)
+    with drawing(file, 11.0, 11.0, dpi=150) as figure:
+        axes = figure.subplots()
+        draw_map(axes, result.grid.map_rows(strays=0.0002).whole())
+        path = result.estimate
+        pairs = [
+            (own, (true.x_m, true.y_m))
+            for own, stamp_ns in zip(path.poses, path.stamps_ns.tolist(), strict=True)
+            if result.recording.reference is not None
+            and (true := result.recording.reference.at(stamp_ns)) is not None
+        ]
+        if len(pairs) > 1:
+            places = np.array([each for _, each in pairs])
+            motion = align(places, np.array([own[:2] for own, _ in pairs]))
+            axes.plot(*moved(motion, places).T, color="tab:green", linewidth=1.0, label="reference")
+        axes.plot(*path.poses[:, :2].T, color="tab:red", linewidth=0.7, label="trajectory")
+        poses = result.mapper.back_end.poses
+        for number, loop in enumerate(each for each in result.mapper.loops.log if not each.reason):
+            axes.plot(
+                *poses[[loop.keyframe, loop.other], :2].T,
+                "o-",
+                color="tab:blue",
+                markersize=3,
+                linewidth=1.0,
+                label="closed loop" if number == 0 else None,
+            )
+        see_from_above(axes, "datalim")
+        axes.legend(loc="best")
+        figure.suptitle(result.recording.name)

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 
-from robotctl.cli.console import plain_console
+from robotctl.cli.console import plain_console, say_compiling
 from robotctl.cli.options import takes_options
 from robotctl.cli.progress import progress_bar
 from robotctl.cli.slam.output import error_words, write_slam
@@ -45,11 +45,9 @@ def _slam_by_landmarks(options: SlamOptions, out: Path, console: Console) -> Non
     """Make trajectory and map of landmarks, and write them into a folder."""
     with progress_bar(console, options.log.name, "SLAM") as tell:
         # It takes a second or more, in which nothing would be seen.
-        from robotctl.compiled import COMPILING, cache_is_cold  # noqa: PLC0415
         from robotctl.workbench.slam import slam as work  # noqa: PLC0415
 
-        if cache_is_cold():
-            console.print(COMPILING, soft_wrap=True)
+        say_compiling(console)
         result = work.slam(options, tell)
 
     def draw(file: Path) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from robotctl.cli.files import check_files, write_file
+from robotctl.cli.files import check_files, give_plot, write_file
 from robotctl.cli.options import takes_options
 from robotctl.config.arguments import DEFAULT_ROBOT, Overrides, RobotFile
 from robotctl.words import counted
@@ -59,8 +59,7 @@ def build_command(
     if plot is not None:
         from robotctl.cli.topology.plot import save_plot  # noqa: PLC0415 - an extra
 
-        write_file(plot, lambda file: save_plot(built, file))
-        print(f"plot: {plot}")
+        give_plot(plot, lambda file: save_plot(built, file))
 
 
 @app.command("name")

@@ -10,17 +10,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from robotctl.cli.arguments import PatchFile
+from robotctl.cli.calibration import calibrated, refuse_patch
 from robotctl.cli.console import plain_console
-from robotctl.cli.files import check_files, give_patch, write_file
+from robotctl.cli.files import check_files, give_patch, give_plot
 from robotctl.cli.options import takes_options
 from robotctl.config.patch import as_overrides
 from robotctl.workbench.tuning.options import TuneOptions
 
 if TYPE_CHECKING:
     from robotctl.workbench.tuning.tune import TuneResult
-
-ABORTED = 1
-WORSE = 3
 
 
 @takes_options
@@ -43,18 +41,11 @@ def tune(
     from robotctl.workbench.tuning.tune import tune as run_tuning  # noqa: PLC0415
 
     check_files(out, plot=plot)
-    progress = plain_console(stderr=True)
-    try:
-        result = run_tuning(options, lambda line: progress.print(f"{line} …"))
-    except ExperimentError as error:
-        progress.print(f"robotctl: {error}", soft_wrap=True)
-        sys.exit(ABORTED)
+    result = calibrated(run_tuning, options, ExperimentError)
     console = plain_console()
     console.print(response_table(result))
     console.print(wheel_table(result))
-    if plot is not None:
-        write_file(plot, lambda file: save_plot(result, file))
-        print(f"plot: {plot}")
+    give_plot(plot, lambda file: save_plot(result, file))
     sys.exit(_conclude(result, out))
 
 
@@ -63,12 +54,8 @@ def _conclude(result: TuneResult, out: Path | None) -> int:
     from robotctl.workbench.tuning.patch import patch_values  # noqa: PLC0415
 
     if result.objections:
-        print("The new gains are worse; keep the present ones:")
-        for objection in result.objections:
-            print(f"  {objection}")
-        if out is not None:
-            print(f"{out} was not written.")
-        return WORSE
+        sentence = "The new gains are worse; keep the present ones:"
+        return refuse_patch(sentence, result.objections, out)
     for shortcoming in result.shortcomings:
         print(f"beware: even with the new gains the robot {shortcoming}")
     options = result.options

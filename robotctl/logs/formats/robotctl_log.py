@@ -4,10 +4,7 @@ Odometry comes from the topic `control`, scans from the topics `lidar` and `came
 believed of its place from `localisation`. Sonar mounting and readings are in `control-0001.rec`
 beside it; without that their ranges come from `control` too (`own_sonars`). The reference is
 `truth-0001.tum` in the folder, of the run whose logs begin with `robot-0001.mcap`, where there is
-one (its times are those of the log); older versions called it `truth.tum`. A folder is assumed to
-hold one robot. Logs of older versions do not distinguish a missing echo from a failed sonar: there
-a reading without a range is a missing echo if its time is new, since the time of one that failed or
-is not there stays.
+one (its times are those of the log). A folder is assumed to hold one robot.
 See docs/logs.md.
 """
 
@@ -33,6 +30,7 @@ from robotctl.logs.formats.robotctl_messages import (
     LoggedScan,
     LoggedState,
     LoggedView,
+    is_outdated,
     logged_belief,
     logged_scan,
     logged_state,
@@ -49,9 +47,6 @@ from robotctl.model.recording import RecordedScan, RecordedSonar, Recording
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.model.sensors.sonar import SonarReading
 from robotctl.model.trajectory import Trajectory
-
-TRUTH: Final = "truth.tum"
-"""The truth in a folder of an older version, which kept that of its last run."""
 
 _NUMBER: Final = re.compile(r"(?:robot|truth)-(\d+)\.(?:mcap|tum)")
 _STATES, _BELIEFS = "control states", "states of the localiser"
@@ -96,7 +91,7 @@ def truth_files(path: Path) -> list[Path]:
     end: then the robot's place is unknown.
     """
     folder = _folder(path)
-    truths = sorted([*folder.glob(TRUTH), *folder.glob("truth-[0-9]*.tum")], key=_number)
+    truths = sorted(folder.glob("truth-[0-9]*.tum"), key=_number)
     if not path.is_dir():
         truths = [each for each in truths if _number(each) <= _number(path)][-1:]
     return [each for each in truths if each.stat().st_size]
@@ -183,6 +178,11 @@ def _take_in(file: Path, timeline: Timeline[str], notes: list[str]) -> None:
         try:
             value = read(message.data, message.log_time)
         except (msgspec.DecodeError, ValueError) as error:
+            if topic == "control" and is_outdated(message.data):
+                raise LogFormatError(
+                    f"{file}: written by a version before 0.1.0, whose poses have another form; "
+                    "logs of 0.1.0 and later can be read"
+                ) from error
             timeline.leave_out(source, message.log_time, str(error))
             continue
         if isinstance(value, LoggedState):

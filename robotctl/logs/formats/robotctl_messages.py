@@ -1,8 +1,4 @@
-"""Messages read back from our own logs, in the present and the former format.
-
-In logs of older versions poses are `x_m`, `y_m`, `theta_rad` of the message itself, ranges are
-lists, and null stands for infinity and nan alike: it is taken for infinity, see `robotctl_log`.
-"""
+"""Messages read back from our own logs."""
 
 from __future__ import annotations
 
@@ -33,7 +29,7 @@ class LoggedState:
     corrected_rad
         By how much its gyro has turned the odometry so far [rad]; None while it tells nothing.
     odom_epoch_ns
-        When the frame of the odometry began [ns]; 0 in logs of older versions.
+        When the frame of the odometry began [ns].
     """
 
     stamp_ns: int
@@ -106,19 +102,9 @@ class _State(msgspec.Struct):
     odom_epoch_ns: int = 0
 
 
-class _OldState(_Pose):
-    stamp_ns: int
-    sonar_m: list[float | None] = []
-    sonar_stamp_ns: list[int] = []
-
-
 class _Belief(msgspec.Struct):
     status: int
     T_world_odom: _Pose
-
-
-class _OldBelief(_Pose):
-    status: int
 
 
 class _Beam(msgspec.Struct):
@@ -150,23 +136,17 @@ class _Laser(msgspec.Struct):
     start_angle: float
     end_angle: float
     max_range: float
-    ranges: list[float | None]
+    ranges: list[float]
 
 
 _STATE: Final = msgspec.json.Decoder(_State)
-_OLD_STATE: Final = msgspec.json.Decoder(_OldState)
 _BELIEF: Final = msgspec.json.Decoder(_Belief)
-_OLD_BELIEF: Final = msgspec.json.Decoder(_OldBelief)
 _VIEW: Final = msgspec.json.Decoder(_View)
 _LASER: Final = msgspec.json.Decoder(_Laser)
 
 
 def logged_state(data: bytes) -> LoggedState:
     """Return a message of the topic `control`; raises `msgspec.DecodeError` if it is none."""
-    if b'"T_odom_base"' not in data:
-        old = _OLD_STATE.decode(data)
-        ranges_m = tuple(math.inf if each is None else each for each in old.sonar_m)
-        return LoggedState(old.stamp_ns, old.value(), ranges_m, tuple(old.sonar_stamp_ns))
     state = _STATE.decode(data)
     return LoggedState(
         state.stamp_ns,
@@ -178,11 +158,13 @@ def logged_state(data: bytes) -> LoggedState:
     )
 
 
+def is_outdated(data: bytes) -> bool:
+    """Return whether a message of the topic `control` is of a version before 0.1.0."""
+    return b'"theta_rad"' in data and b'"T_odom_base"' not in data
+
+
 def logged_belief(data: bytes) -> LoggedBelief:
     """Return a message of the topic `localisation`; raises as `logged_state`."""
-    if b'"T_world_odom"' not in data:
-        old = _OLD_BELIEF.decode(data)
-        return LoggedBelief(old.status, old.value())
     belief = _BELIEF.decode(data)
     return LoggedBelief(belief.status, belief.T_world_odom.value())
 
@@ -213,8 +195,8 @@ def logged_view(data: bytes) -> LoggedView | None:
     return LoggedView(view.x_m, view.y_m, view.max_range_m, beams)
 
 
-def _range_m(written: float | None) -> float:
+def _range_m(written: float) -> float:
     """Return a range of a scan [m]; inf: no echo, nan: no valid reading."""
-    if written is None or written >= OUT_OF_RANGE_M:
+    if written >= OUT_OF_RANGE_M:
         return math.inf
     return math.nan if written <= -OUT_OF_RANGE_M else written

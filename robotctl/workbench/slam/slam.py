@@ -34,8 +34,6 @@ from robotctl.workbench.slam.result import Estimated, Landmarks, SlamResult
 
 Progress: TypeAlias = Callable[[int, int], None]
 
-FEATURES: Final = ("landmarks",)
-SOLVERS: Final = ("ekf", "graph", "submaps")
 _TOLD: Final = 1000
 
 

@@ -24,7 +24,6 @@ _RAMP_PER_S: Final = 0.2
 _STEPS_FORWARDS: Final = (1.0, 0.5, 1.0, 0.5, 1.0, 0.5, 0.75, 0.25)
 _STEPS_BACKWARDS: Final = (0.5, 1.0, 0.5, 1.0, 0.5, 0.25)
 _TURN_S: Final = 0.3
-_RELAY_SHARE: Final = 0.6
 _RELAY_AMPLITUDE: Final = 0.3
 _RELAY_HYSTERESIS: Final = 0.1
 _RELAY_SWITCHES: Final = 40

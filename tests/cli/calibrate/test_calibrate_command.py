@@ -5,8 +5,8 @@ import tomllib
 
 import pytest
 
+from robotctl.cli import calibration
 from robotctl.cli import main as command_line
-from robotctl.cli.calibrate import calibrate
 from robotctl.workbench.odometry.calibrate_checks import Check
 from robotctl.workbench.odometry.calibrate_odometry import calibrate_odometry
 from tests.cli.command import status_of
@@ -48,7 +48,7 @@ def test_values_that_make_it_worse_are_not_written(monkeypatch, capsys, tmp_path
         return dataclasses.replace(result, checks=(Check("this", 0.1, 0.2),))
 
     monkeypatch.setattr("robotctl.workbench.odometry.calibrate_odometry.calibrate_odometry", worse)
-    assert run("--log", log, *settings(), "--out", patch) == calibrate.WORSE
+    assert run("--log", log, *settings(), "--out", patch) == calibration.WORSE
     printed = capsys.readouterr().out
     assert "worse with the new values" in printed
     assert "this: 0.2000 m, before 0.1000 m" in printed
@@ -57,7 +57,7 @@ def test_values_that_make_it_worse_are_not_written(monkeypatch, capsys, tmp_path
 
 def test_data_that_are_too_few_end_with_a_sentence(capsys, tmp_path):
     short = write_lego(tmp_path / "short.txt", 1.0, 1.0, metres=1.0)
-    assert run("--log", short, *settings()) == calibrate.ABORTED
+    assert run("--log", short, *settings()) == calibration.ABORTED
     assert "at least 3 m are needed" in capsys.readouterr().err
 
 

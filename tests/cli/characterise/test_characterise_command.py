@@ -8,8 +8,8 @@ import pytest
 
 from robotctl.app.simulation.lockstep import LockstepRun
 from robotctl.app.simulation.sim_options import SimOptions
+from robotctl.cli import calibration
 from robotctl.cli import main as command_line
-from robotctl.cli.characterise import characterise as command
 from robotctl.config.robot_file import find_file
 from robotctl.workbench.sensors import characterise as work
 from tests.cli.command import status_of
@@ -66,7 +66,7 @@ def test_settings_that_tell_places_less_well_are_not_written(monkeypatch, capsys
 
     monkeypatch.setattr(work, "characterise", worse)
     words = ("--log", log, "--map", "flat", "--out", patch)
-    assert run(*words) == command.WORSE
+    assert run(*words) == calibration.WORSE
     printed = capsys.readouterr().out
     assert "readings say less about the place" in printed
     assert f"{patch} was not written" in printed
@@ -77,12 +77,12 @@ def test_a_recording_without_poses_ends_with_a_sentence(capsys, tmp_path, log):
     shutil.copytree(log, tmp_path / "log")
     (tmp_path / "log" / "truth-0001.tum").unlink()
     words = ("--log", tmp_path / "log", "--map", "flat")
-    assert run(*words) == command.ABORTED
+    assert run(*words) == calibration.ABORTED
     assert "the poses of the readings are unknown" in capsys.readouterr().err
 
 
 def test_a_room_that_is_another_ends_with_a_sentence(capsys, log):
-    assert run("--log", log, "--map", "corridor_loop") == command.ABORTED
+    assert run("--log", log, "--map", "corridor_loop") == calibration.ABORTED
     assert "Is it the right map" in capsys.readouterr().err
 
 

@@ -134,7 +134,7 @@ def test_a_scan_of_the_lidar_comes_back_with_the_odometry_of_its_time(folder):
 def test_the_truth_beside_the_logs_is_the_reference(folder):
     poses = np.array([[5.0, 0.0, 0.0], [7.0, 0.0, 0.0]])
     stamps_ns = EPOCH_NS + np.array([1, 3]) * 10**9
-    write_tum(folder / "truth.tum", Trajectory(stamps_ns, poses))
+    write_tum(folder / "truth-0001.tum", Trajectory(stamps_ns, poses))
     recording = read_recording(folder)
     assert recording.reference.poses == pytest.approx(poses)
     assert recording.scans[0].reference.x_m == pytest.approx(5.5)
@@ -148,7 +148,7 @@ def write_truth(path, begin_s, x_m):
 def test_the_truth_of_a_log_is_that_with_its_number_or_the_last_before(tmp_path):
     for number in range(1, 6):
         write(tmp_path / f"robot-{number:04d}.mcap", state(number, 0.0), state(number + 1, 0.0))
-    write_truth(tmp_path / "truth.tum", 1, 10.0)
+    write_truth(tmp_path / "truth-0001.tum", 1, 10.0)
     write_truth(tmp_path / "truth-0002.tum", 2, 20.0)
     write_truth(tmp_path / "truth-0003.tum", 3, 30.0)
     (tmp_path / "truth-0005.tum").write_bytes(b"")
@@ -208,39 +208,12 @@ def write_old(path, **topics):
         writer.finish()
 
 
-def test_a_log_of_an_older_version_is_read_as_before(tmp_path):
+def test_a_log_of_a_version_before_the_first_release_is_refused(tmp_path):
     path = tmp_path / "robot-0001.mcap"
-    heard = {"sonar_m": [1.5, None, None], "sonar_stamp_ns": [1_900_000_000, 1_800_000_000, 0]}
-    deaf = {"sonar_m": [None] * 3, "sonar_stamp_ns": [0, 0, 0]}
-    write_old(
-        path,
-        control=[
-            (1, {"stamp_ns": 10**9, "x_m": 0.0, "y_m": 0.0, "theta_rad": 0.0} | deaf),
-            (2, {"stamp_ns": 2 * 10**9, "x_m": 1.0, "y_m": 0.0, "theta_rad": 0.0} | heard),
-        ],
-        localisation=[(2, {"status": 1, "x_m": 10.0, "y_m": 20.0, "theta_rad": 0.0, "nis": None})],
-        lidar=[
-            (
-                2,
-                {
-                    "pose": {"position": {"x": 0.1, "y": 0.05, "z": 0.0}},
-                    "start_angle": -0.5,
-                    "end_angle": 0.0,
-                    "ranges": [1.0, None, 2.5],
-                    "max_range": 12.0,
-                },
-            )
-        ],
-    )
-    recording = read_recording(path)
-    assert recording.odometry.poses.tolist() == [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
-    assert recording.believed.poses.tolist() == [[11.0, 20.0, 0.0]]
-    np.testing.assert_array_equal(recording.scans[0].scan.ranges_m, [1.0, math.inf, 2.5])
-    assert (recording.scans[0].scan.x_m, recording.scans[0].scan.max_range_m) == (0.1, 12.0)
-    # Null with a new time is an echo that is missing; with that of long ago it says nothing.
-    silent, echo = [entry.reading.ranges_m for entry in recording.sonars]
-    np.testing.assert_array_equal(silent, [math.nan, math.inf, math.nan])
-    np.testing.assert_array_equal(echo, [1.5, math.nan, math.nan])
+    pose = {"stamp_ns": 10**9, "x_m": 0.0, "y_m": 0.0, "theta_rad": 0.0}
+    write_old(path, control=[(1, pose | {"sonar_m": [None], "sonar_stamp_ns": [0]})])
+    with pytest.raises(LogFormatError, match=r"robot-0001\.mcap: written by a version before 0\.1"):
+        read_recording(path)
 
 
 def test_a_sonar_that_fails_is_not_taken_for_one_that_hears_nothing(tmp_path):

@@ -1,13 +1,33 @@
-"""A map in a picture; needs the extra `plot`."""
+"""Pictures that commands draw; they need the extra `plot`."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.model.grid_map import GridMap
+
+
+@contextmanager
+def drawing(file: Path, width: float, height: float, dpi: int = 120) -> Iterator[Any]:
+    """Yield a figure of matplotlib of so many inches, and save it."""
+    from matplotlib.figure import Figure  # noqa: PLC0415 - an extra
+
+    figure = Figure(figsize=(width, height), dpi=dpi, layout="constrained")
+    yield figure
+    figure.savefig(file)
+
+
+def see_from_above(axes: Any, adjustable: str = "box") -> None:
+    """Show a plane to scale, x and y in metres."""
+    axes.set_aspect("equal", adjustable=adjustable)
+    axes.set_xlabel("x, m")
+    axes.set_ylabel("y, m")
 
 
 def draw_map(axes: Any, grid: GridMap) -> None:
