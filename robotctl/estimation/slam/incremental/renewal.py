@@ -211,9 +211,7 @@ def _eliminate_all(  # noqa: C901 - one compiled loop
     for s in range(total):
         low = symbolic.row_starts[s]
         rows = symbolic.row_starts[s + 1] - low
-        columns = symbolic.columns[s + 1] - symbolic.columns[s]
-        if s == total - 1:
-            columns -= 1  # of the gradient
+        columns = _columns(symbolic, s)
         size = rows - columns
         panel = panels[symbolic.panel_starts[s] : symbolic.panel_starts[s] + rows * columns]
         update = updates[update_starts[s] : update_starts[s] + size * size]
@@ -324,7 +322,8 @@ def _homes(
 def _columns(symbolic: Symbolic, s: int) -> int:
     """Return how many columns of a front are eliminated: that of the gradient is not."""
     last = 1 if s == len(symbolic.parents) - 1 else 0
-    return symbolic.columns[s + 1] - symbolic.columns[s] - last
+    count: int = symbolic.columns[s + 1] - symbolic.columns[s] - last
+    return count
 
 
 @compiled
