@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
+from rich.console import Console
 
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
@@ -58,11 +59,7 @@ def optimize(
     from robotctl.compiled import COMPILING, cache_is_cold  # noqa: PLC0415
     from robotctl.estimation.slam.solvers.registry import IN_ORDER  # noqa: PLC0415
     from robotctl.logs.graphs.graph_files import format_of  # noqa: PLC0415
-    from robotctl.workbench.graphs.optimize import (  # noqa: PLC0415
-        OptimizeOptions,
-        write_graph,
-        write_report,
-    )
+    from robotctl.workbench.graphs.optimize import OptimizeOptions  # noqa: PLC0415
     from robotctl.workbench.graphs.optimize import optimize as work  # noqa: PLC0415
 
     written = None if out is None else format_of(out)
@@ -80,6 +77,22 @@ def optimize(
     )
     with progress_bar(console, graph.name, "optimising") as tell:
         result = work(options, lambda _, done, total: tell(done, total))
+    _write(result, console, out, report, plot, animate)
+    print(summary(result))
+    if written is not None and len(result.file.fixed) and not written.has_fixed:
+        print(f"note: {out}: {written.name} has no word for fixed variables; g2o has")
+    if not result.solution.is_converged:
+        raise typer.Exit(1)
+
+
+def _write(
+    result: OptimizeResult, console: Console, out: Path | None, report: Path | None,
+    plot: Path | None, animate: Path | None,
+) -> None:  # fmt: skip
+    """Write the files that were asked for."""
+    from robotctl.cli.progress import progress_bar  # noqa: PLC0415
+    from robotctl.workbench.graphs.optimize import write_graph, write_report  # noqa: PLC0415
+
     if report is not None:
         write_file(report, lambda file: write_report(result, file))
     if out is not None:
@@ -91,13 +104,8 @@ def optimize(
     if animate is not None:
         from robotctl.cli.optimize.plot import save_animation  # noqa: PLC0415 - an extra
 
-        with progress_bar(console, graph.name, "drawing") as tell:
+        with progress_bar(console, result.options.graph.name, "drawing") as tell:
             write_file(animate, lambda file: save_animation(result, file, tell))
-    print(summary(result))
-    if written is not None and len(result.file.fixed) and not written.has_fixed:
-        print(f"note: {out}: {written.name} has no word for fixed variables; g2o has")
-    if not result.solution.is_converged:
-        raise typer.Exit(1)
 
 
 def _kept_in_place(result: OptimizeResult) -> str:

@@ -26,7 +26,6 @@ from robotctl.estimation.slam.graph.factor import FactorBlock, FactorKind
 from robotctl.estimation.slam.graph.variables import POINT2, POINT3, SE2, SE3, Floats
 from robotctl.logs.graphs.graph_format import (
     GraphFile,
-    GraphFormat,
     GraphFormatError,
     factor_lines,
     ids_of,
@@ -36,9 +35,8 @@ from robotctl.logs.graphs.tagged_text import (
     Tag,
     factor_tag,
     lines_of,
-    read_tagged,
     symmetric,
-    tags_of,
+    tagged_format,
     triangle,
     upper,
     variable_tag,
@@ -124,7 +122,8 @@ _FACTORS: Final = {
 _WITH_OFFSET: Final = (PRIOR_3D, SEEN_3D)
 
 
-def _write(path: Path, file: GraphFile) -> None:
+def _lines(path: Path, file: GraphFile) -> list[str]:
+    """Return the lines of a graph."""
     text = []
     if any(block.kind in _WITH_OFFSET for block in file.graph.blocks):
         text.append("PARAMS_SE3OFFSET 0 0 0 0 0 0 0 1")
@@ -147,14 +146,7 @@ def _write(path: Path, file: GraphFile) -> None:
         return lines_of(_FACTORS[block.kind], ids, numbers)
 
     text += factor_lines(path, file, "g2o", lines)
-    path.write_text("\n".join(text) + "\n", encoding="ascii")
+    return text
 
 
-G2O: Final = GraphFormat(
-    "g2o",
-    ".g2o",
-    lambda path: bool(tags_of(path) & TAGS.keys()),
-    lambda path: read_tagged(path, TAGS, "FIX"),
-    _write,
-    has_fixed=True,
-)
+G2O: Final = tagged_format("g2o", ".g2o", TAGS, _lines, fix="FIX")

@@ -20,7 +20,6 @@ from robotctl.estimation.slam.graph.factor import FactorBlock, inverses, is_defi
 from robotctl.estimation.slam.graph.variables import LARGEST, SE2, Floats, VariableKind
 from robotctl.logs.graphs.graph_format import (
     GraphFile,
-    GraphFormat,
     GraphFormatError,
     factor_lines,
     ids_of,
@@ -30,9 +29,8 @@ from robotctl.logs.graphs.tagged_text import (
     Tag,
     factor_tag,
     lines_of,
-    read_tagged,
     symmetric,
-    tags_of,
+    tagged_format,
     triangle,
     upper,
 )
@@ -83,7 +81,7 @@ TAGS: Final[dict[str, Tag]] = {
 }
 
 
-def _lines(path: Path, file: GraphFile, block: FactorBlock) -> list[str] | None:
+def _factor_lines(path: Path, file: GraphFile, block: FactorBlock) -> list[str] | None:
     ids, z, information = ids_of(file, block), block.measurements, block.information
     if block.kind not in (BETWEEN_2D, SEEN_2D, RANGE_BEARING):
         return None
@@ -115,7 +113,8 @@ def _seen(file: GraphFile, kind: VariableKind) -> set[int]:
     }
 
 
-def _write(path: Path, file: GraphFile) -> None:
+def _lines(path: Path, file: GraphFile) -> list[str]:
+    """Return the lines of a graph."""
     text = []
     for kind, ids in file.graph.ids.items():
         if kind is SE2:
@@ -129,14 +128,8 @@ def _write(path: Path, file: GraphFile) -> None:
                     f"{path}: GTSAM's text has points only where something sees them, and nothing "
                     f"sees {unseen} of the graph's"
                 )
-    text += factor_lines(path, file, "GTSAM's text", lambda block: _lines(path, file, block))
-    path.write_text("\n".join(text) + "\n", encoding="ascii")
+    text += factor_lines(path, file, "GTSAM's text", lambda block: _factor_lines(path, file, block))
+    return text
 
 
-GTSAM: Final = GraphFormat(
-    "GTSAM's text",
-    ".txt",
-    lambda path: bool(tags_of(path) & _OWN),
-    lambda path: read_tagged(path, TAGS),
-    _write,
-)
+GTSAM: Final = tagged_format("GTSAM's text", ".txt", TAGS, _lines, own=_OWN)

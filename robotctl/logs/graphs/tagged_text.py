@@ -18,7 +18,7 @@ from robotctl.estimation.slam.graph.factor import FactorKind, Ints
 from robotctl.estimation.slam.graph.factor_graph import FactorGraph
 from robotctl.estimation.slam.graph.variables import LARGEST, SE2, SE3, Floats, VariableKind
 from robotctl.logs.formats.log_text import LogText, first_words, is_number, read_text
-from robotctl.logs.graphs.graph_format import GraphFile, GraphFormatError
+from robotctl.logs.graphs.graph_format import GraphFile, GraphFormat, GraphFormatError
 from robotctl.logs.graphs.merging import Merging
 from robotctl.toml_source import nearest
 
@@ -91,6 +91,44 @@ class Tag:
 def tags_of(path: Path) -> set[str]:
     """Return the tags at the beginning of a text file."""
     return {words[0] for line in first_words(path).splitlines() if (words := line.split())}
+
+
+def tagged_format(
+    name: str,
+    suffix: str,
+    tags: Mapping[str, Tag],
+    lines: Callable[[Path, GraphFile], list[str]],
+    *,
+    own: Iterable[str] | None = None,
+    fix: str = "",
+    merge: str = "",
+) -> GraphFormat:
+    """Return a format whose files are lines of a tag.
+
+    Parameters
+    ----------
+    name, suffix
+        See `GraphFormat`.
+    tags, fix, merge
+        See `read_tagged`.
+    lines
+        From path and graph to the lines of its file; raises `GraphFormatError`.
+    own
+        Tags that tell the format; default: all that are read.
+    """
+    telling = set(tags if own is None else own)
+
+    def write(path: Path, file: GraphFile) -> None:
+        path.write_text("\n".join(lines(path, file)) + "\n", encoding="ascii")
+
+    return GraphFormat(
+        name,
+        suffix,
+        lambda path: bool(tags_of(path) & telling),
+        lambda path: read_tagged(path, tags, fix, merge),
+        write,
+        has_fixed=bool(fix),
+    )
 
 
 def read_tagged(path: Path, tags: Mapping[str, Tag], fix: str = "", merge: str = "") -> GraphFile:

@@ -19,7 +19,6 @@ from robotctl.estimation.slam.graph.factor import FactorBlock, is_semidefinite
 from robotctl.estimation.slam.graph.variables import SE2, SE3, Floats
 from robotctl.logs.graphs.graph_format import (
     GraphFile,
-    GraphFormat,
     GraphFormatError,
     factor_lines,
     ids_of,
@@ -29,9 +28,8 @@ from robotctl.logs.graphs.tagged_text import (
     Tag,
     factor_tag,
     lines_of,
-    read_tagged,
     symmetric,
-    tags_of,
+    tagged_format,
     triangle,
     upper,
     variable_tag,
@@ -108,7 +106,7 @@ def edge2_lines(file: GraphFile, block: FactorBlock) -> list[str]:
     return lines_of("EDGE2", ids_of(file, block), numbers)
 
 
-def _lines(file: GraphFile, block: FactorBlock) -> list[str] | None:
+def _factor_lines(file: GraphFile, block: FactorBlock) -> list[str] | None:
     if block.kind is BETWEEN_2D:
         return edge2_lines(file, block)
     if block.kind is not BETWEEN_3D:
@@ -120,7 +118,8 @@ def _lines(file: GraphFile, block: FactorBlock) -> list[str] | None:
     )
 
 
-def _write(path: Path, file: GraphFile) -> None:
+def _lines(path: Path, file: GraphFile) -> list[str]:
+    """Return the lines of a graph."""
     text = []
     gone, kept = file.merged.T
     for kind, ids in file.graph.ids.items():
@@ -131,15 +130,9 @@ def _write(path: Path, file: GraphFile) -> None:
         poses = file.values[kind][rows]
         tag, numbers = ("VERTEX2", poses) if kind is SE2 else ("VERTEX3", euler_poses(poses))
         text += lines_of(tag, names[:, None], numbers)
-    text += factor_lines(path, file, "TORO", lambda block: _lines(file, block))
+    text += factor_lines(path, file, "TORO", lambda block: _factor_lines(file, block))
     text += [f"EQUIV {a} {b}" for a, b in file.merged[:, ::-1].tolist()]
-    path.write_text("\n".join(text) + "\n", encoding="ascii")
+    return text
 
 
-TORO: Final = GraphFormat(
-    "TORO",
-    ".graph",
-    lambda path: bool(tags_of(path) & TAGS.keys()),
-    lambda path: read_tagged(path, TAGS, merge="EQUIV"),
-    _write,
-)
+TORO: Final = tagged_format("TORO", ".graph", TAGS, _lines, merge="EQUIV")

@@ -154,7 +154,45 @@ def joint_compatibility(
 
 
 @compiled
-def _branch_and_bound(  # noqa: C901 - one loop nest
+def _extend(
+    L: Array, y: Array, p: int, measured: Indices, feature: Indices, innovations: Array, G: Array,
+    R: Array,
+) -> float:  # fmt: skip
+    """Add the two rows of pair p to the factor L of a set, and to y; return the distance of it.
+
+    Parameters
+    ----------
+    L, y
+        Cholesky factor of the joint innovation covariance, and L^-1 times the innovations.
+    measured, feature
+        Measurement and feature of each pair, up to p.
+    innovations, G, R
+        As of `joint_compatibility`.
+    """
+    a, i = measured[p], feature[p]
+    total = 0.0
+    for r in range(2):
+        row = 2 * p + r
+        left = innovations[a, i, r]
+        for column in range(row + 1):
+            q, c = column // 2, column % 2
+            value = G[2 * i + r, 2 * feature[q] + c]
+            if q == p:
+                value += R[a, r, c]
+            for z in range(column):
+                value -= L[row, z] * L[column, z]
+            if column == row:
+                L[row, row] = math.sqrt(value)
+            else:
+                L[row, column] = value / L[column, column]
+                left -= L[row, column] * y[column]
+        y[row] = left / L[row, row]
+        total += y[row] * y[row]
+    return total
+
+
+@compiled
+def _branch_and_bound(
     innovations: Array, G: Array, R: Array, nis: Array, order: Indices, gates: Array, most: int
 ) -> Indices:
     """Search the tree whose level a says of which feature measurement a is.
@@ -202,24 +240,7 @@ def _branch_and_bound(  # noqa: C901 - one loop nest
             continue
         p = pairs[a]
         measured[p], feature[p] = a, i
-        total = distance[a]
-        for r in range(2):
-            row = 2 * p + r
-            left = innovations[a, i, r]
-            for column in range(row + 1):
-                q, c = column // 2, column % 2
-                value = G[2 * i + r, 2 * feature[q] + c]
-                if q == p:
-                    value += R[a, r, c]
-                for z in range(column):
-                    value -= L[row, z] * L[column, z]
-                if column == row:
-                    L[row, row] = math.sqrt(value)
-                else:
-                    L[row, column] = value / L[column, column]
-                    left -= L[row, column] * y[column]
-            y[row] = left / L[row, row]
-            total += y[row] * y[row]
+        total = distance[a] + _extend(L, y, p, measured, feature, innovations, G, R)
         if total <= gates[p + 1]:
             chosen[a] = i
             taken[i] = True

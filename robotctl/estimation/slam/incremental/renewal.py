@@ -211,9 +211,7 @@ def _eliminate_all(  # noqa: C901 - one compiled loop
     for s in range(total):
         low = symbolic.row_starts[s]
         rows = symbolic.row_starts[s + 1] - low
-        columns = symbolic.columns[s + 1] - symbolic.columns[s]
-        if s == total - 1:
-            columns -= 1  # of the gradient
+        columns = _columns(symbolic, s)
         size = rows - columns
         panel = panels[symbolic.panel_starts[s] : symbolic.panel_starts[s] + rows * columns]
         update = updates[update_starts[s] : update_starts[s] + size * size]
@@ -269,7 +267,129 @@ def _add_any(
 
 
 @compiled
-def renew(  # noqa: C901 - one compiled loop
+def _analysed(
+    cliques: Cliques, links: Links, variables: Ints, orphans: Ints, local: Ints,
+    is_new: NDArray[np.bool_],
+) -> Symbolic:  # fmt: skip
+    """Return the structure of the factor of the affected variables, the gradient behind them."""
+    n = len(variables)
+    dof, is_last = np.empty(n + 1, np.int64), np.empty(n, np.bool_)
+    for i in range(n):
+        dof[i], is_last[i] = links.dof[variables[i]], is_new[variables[i]]
+    dof[n] = 1
+    starts, neighbours = _graph(cliques, links, variables, orphans, local)
+    order = np.empty(n + 1, np.int64)
+    order[:n] = minimum_degree(starts[: n + 1], neighbours, dof[:n], is_last)
+    order[n] = n
+    wide_starts, wide = _with_gradient(starts, neighbours, n)
+    return analyse(wide_starts, wide, order, dof)
+
+
+@compiled
+def _column_maps(
+    symbolic: Symbolic, links: Links, variables: Ints, position: Ints
+) -> tuple[Ints, Ints]:
+    """Return the affected column of each column of the whole system, else -1, and the inverse."""
+    n = len(variables)
+    column_of = np.full(len(links.owner), -1, np.int64)
+    whole = np.full(symbolic.scalars[n + 1], -1, np.int64)
+    for i in range(n):
+        v = variables[i]
+        for k in range(links.dof[v]):
+            column_of[links.offsets[v] + k] = symbolic.scalars[position[i]] + k
+            whole[symbolic.scalars[position[i]] + k] = links.offsets[v] + k
+    return column_of, whole
+
+
+@compiled
+def _homes(
+    symbolic: Symbolic, cliques: Cliques, links: Links, orphans: Ints, local: Ints, position: Ints
+) -> Ints:
+    """Return the new front that takes the update of each orphan: that of its first row."""
+    homes = np.full(len(orphans), len(symbolic.parents) - 1, np.int64)
+    for k in range(len(orphans)):
+        c = orphans[k]
+        least = len(position) - 1
+        for at in range(
+            cliques.row_starts[c] + cliques.columns[c], cliques.row_starts[c] + cliques.rows[c] - 1
+        ):
+            least = min(least, position[local[links.owner[cliques.row_pool[at]]]])
+        homes[k] = symbolic.supernode[least]
+    return homes
+
+
+@compiled
+def _columns(symbolic: Symbolic, s: int) -> int:
+    """Return how many columns of a front are eliminated: that of the gradient is not."""
+    last = 1 if s == len(symbolic.parents) - 1 else 0
+    count: int = symbolic.columns[s + 1] - symbolic.columns[s] - last
+    return count
+
+
+@compiled
+def _update_starts(symbolic: Symbolic) -> Ints:
+    """Return where the update of each front begins, and the end of all."""
+    total = len(symbolic.parents)
+    starts = np.zeros(total + 1, np.int64)
+    for s in range(total):
+        size = symbolic.row_starts[s + 1] - symbolic.row_starts[s] - _columns(symbolic, s)
+        starts[s + 1] = starts[s] + size * size
+    return starts
+
+
+@compiled
+def _damp(symbolic: Symbolic, variables: int, damping: float, panels: Floats) -> None:
+    """Enlarge the diagonal of the first positions by `damping` times itself, and a little."""
+    for k in range(variables):
+        place, stride = _place(symbolic, k, k)
+        for j in range(symbolic.scalars[k + 1] - symbolic.scalars[k]):
+            panels[place + j * (stride + 1)] *= 1.0 + damping
+            panels[place + j * (stride + 1)] += 1e-6 * damping
+
+
+@compiled
+def _stored(
+    symbolic: Symbolic, cliques: Cliques, links: Links, clique_of: Ints, whole: Ints,
+    panels: Floats, updates: Floats, update_starts: Ints,
+) -> Cliques:  # fmt: skip
+    """Return the tree with the new fronts as its last cliques; `clique_of` is changed."""
+    total, used = len(symbolic.parents), cliques.used
+    base, row_at, at = used[0], used[1], used[2]
+    pool = grown_floats(cliques.pool, at, len(panels) + len(updates))
+    row_pool = grown_ints(cliques.row_pool, row_at, len(symbolic.rows))
+    parents = grown_ints(cliques.parents, base, total)
+    columns_of = grown_ints(cliques.columns, base, total)
+    rows_of = grown_ints(cliques.rows, base, total)
+    row_starts = grown_ints(cliques.row_starts, base, total)
+    panel_starts = grown_ints(cliques.panel_starts, base, total)
+    own_updates = grown_ints(cliques.update_starts, base, total)
+    for s in range(total):
+        c = base + s
+        rows = symbolic.row_starts[s + 1] - symbolic.row_starts[s]
+        columns = _columns(symbolic, s)
+        parents[c] = base + symbolic.parents[s] if symbolic.parents[s] >= 0 else -1
+        columns_of[c], rows_of[c] = columns, rows
+        row_starts[c], panel_starts[c] = row_at, at
+        for k in range(rows):
+            row_pool[row_at + k] = whole[symbolic.rows[symbolic.row_starts[s] + k]]
+            if k < columns:
+                clique_of[links.owner[row_pool[row_at + k]]] = c
+        row_at += rows
+        for k in range(rows * columns):
+            pool[at + k] = panels[symbolic.panel_starts[s] + k]
+        at += rows * columns
+        own_updates[c] = at
+        for k in range(update_starts[s + 1] - update_starts[s]):
+            pool[at + k] = updates[update_starts[s] + k]
+        at += update_starts[s + 1] - update_starts[s]
+    used[0], used[1], used[2] = base + total, row_at, at
+    return Cliques(
+        parents, columns_of, rows_of, row_starts, panel_starts, own_updates, row_pool, pool, used
+    )
+
+
+@compiled
+def renew(
     cliques: Cliques, links: Links, clique_of: Ints, touched: Ints, is_new: NDArray[np.bool_]
 ) -> tuple[Cliques, int]:
     """Eliminate again all that factors of some variables reach.
@@ -296,53 +416,22 @@ def renew(  # noqa: C901 - one compiled loop
     variables, orphans = _affected(cliques, clique_of, touched, links.owner)
     n = len(variables)
     local = np.full(len(clique_of), -1, np.int64)
-    dof, is_last = np.empty(n + 1, np.int64), np.empty(n, np.bool_)
     for i in range(n):
         local[variables[i]] = i
-        dof[i], is_last[i] = links.dof[variables[i]], is_new[variables[i]]
-    dof[n] = 1
-    starts, neighbours = _graph(cliques, links, variables, orphans, local)
-    order = np.empty(n + 1, np.int64)
-    order[:n] = minimum_degree(starts[: n + 1], neighbours, dof[:n], is_last)
-    order[n] = n
-    wide_starts, wide = _with_gradient(starts, neighbours, n)
-    symbolic = analyse(wide_starts, wide, order, dof)
+    symbolic = _analysed(cliques, links, variables, orphans, local, is_new)
     position = np.empty(n + 1, np.int64)
     for k in range(n + 1):
         position[symbolic.order[k]] = k
-    column_of = np.full(len(links.owner), -1, np.int64)  # of the affected system
-    whole = np.full(symbolic.scalars[n + 1], -1, np.int64)
-    for i in range(n):
-        v = variables[i]
-        for k in range(links.dof[v]):
-            column_of[links.offsets[v] + k] = symbolic.scalars[position[i]] + k
-            whole[symbolic.scalars[position[i]] + k] = links.offsets[v] + k
-    total = len(symbolic.parents)
-    homes = np.full(len(orphans), total - 1, np.int64)
-    for k in range(len(orphans)):
-        c = orphans[k]
-        least = n
-        for at in range(
-            cliques.row_starts[c] + cliques.columns[c], cliques.row_starts[c] + cliques.rows[c] - 1
-        ):
-            least = min(least, position[local[links.owner[cliques.row_pool[at]]]])
-        homes[k] = symbolic.supernode[least]
-    update_starts, need = np.zeros(total + 1, np.int64), 0
-    for s in range(total):
-        columns = symbolic.columns[s + 1] - symbolic.columns[s] - (1 if s == total - 1 else 0)
-        size = symbolic.row_starts[s + 1] - symbolic.row_starts[s] - columns
-        update_starts[s + 1] = update_starts[s] + size * size
-    updates = np.empty(update_starts[total])
+    column_of, whole = _column_maps(symbolic, links, variables, position)
+    homes = _homes(symbolic, cliques, links, orphans, local, position)
+    update_starts = _update_starts(symbolic)
+    updates = np.empty(update_starts[-1])
     damping = 0.0
     while True:
-        panels = np.zeros(symbolic.panel_starts[total])
+        panels = np.zeros(symbolic.panel_starts[-1])
         _assemble(symbolic, links, variables, local, position, panels)
         if damping > 0.0:
-            for k in range(n):
-                place, stride = _place(symbolic, k, k)
-                for j in range(symbolic.scalars[k + 1] - symbolic.scalars[k]):
-                    panels[place + j * (stride + 1)] *= 1.0 + damping
-                    panels[place + j * (stride + 1)] += 1e-6 * damping
+            _damp(symbolic, n, damping, panels)
         if _eliminate_all(
             symbolic, cliques, orphans, homes, column_of, panels, updates, update_starts
         ):
@@ -350,52 +439,7 @@ def renew(  # noqa: C901 - one compiled loop
         damping = max(1e-9, 100.0 * damping)
         if damping > _MOST_DAMPING:
             return cliques, -1
-    used = cliques.used
-    base, row_at, at = used[0], used[1], used[2]
-    need = len(panels) + len(updates)
-    pool = grown_floats(cliques.pool, at, need)
-    row_pool = grown_ints(cliques.row_pool, row_at, len(symbolic.rows))
-    parents = grown_ints(cliques.parents, base, total)
-    columns_of, rows_of = (
-        grown_ints(cliques.columns, base, total),
-        grown_ints(cliques.rows, base, total),
-    )
-    row_starts = grown_ints(cliques.row_starts, base, total)
-    panel_starts = grown_ints(cliques.panel_starts, base, total)
-    own_updates = grown_ints(cliques.update_starts, base, total)
-    for s in range(total):
-        c = base + s
-        rows = symbolic.row_starts[s + 1] - symbolic.row_starts[s]
-        columns = symbolic.columns[s + 1] - symbolic.columns[s] - (1 if s == total - 1 else 0)
-        parents[c] = base + symbolic.parents[s] if symbolic.parents[s] >= 0 else -1
-        columns_of[c], rows_of[c] = columns, rows
-        row_starts[c], panel_starts[c] = row_at, at
-        for k in range(rows):
-            row_pool[row_at + k] = whole[symbolic.rows[symbolic.row_starts[s] + k]]
-            if k < columns:
-                clique_of[links.owner[row_pool[row_at + k]]] = c
-        row_at += rows
-        for k in range(rows * columns):
-            pool[at + k] = panels[symbolic.panel_starts[s] + k]
-        at += rows * columns
-        own_updates[c] = at
-        for k in range(update_starts[s + 1] - update_starts[s]):
-            pool[at + k] = updates[update_starts[s] + k]
-        at += update_starts[s + 1] - update_starts[s]
+    base = cliques.used[0]
     for k in range(len(orphans)):
-        parents[orphans[k]] = base + homes[k]
-    used[0], used[1], used[2] = base + total, row_at, at
-    return (
-        Cliques(
-            parents,
-            columns_of,
-            rows_of,
-            row_starts,
-            panel_starts,
-            own_updates,
-            row_pool,
-            pool,
-            used,
-        ),
-        base,
-    )
+        cliques.parents[orphans[k]] = base + homes[k]
+    return _stored(symbolic, cliques, links, clique_of, whole, panels, updates, update_starts), base

@@ -1,7 +1,7 @@
 """The matrix J^T Omega J of least squares, added up where its Cholesky factor will stand.
 
 One compiled loop for each size of residuals and increments: with constant bounds the compiler
-unrolls it.
+unrolls it. A loop stands whole: numba keeps no compiled code of functions that close over others.
 """
 
 from __future__ import annotations

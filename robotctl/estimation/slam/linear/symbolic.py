@@ -201,9 +201,129 @@ def _supernodes(parent: Ints, counts: Ints, begins: Ints, below: Ints, widths: I
 
 
 @compiled
-def analyse(  # noqa: C901 - one compiled loop
-    starts: Ints, neighbours: Ints, order: Ints, dof: Ints
-) -> Symbolic:
+def _in_order(
+    begins: Ints, below: Ints, order: Ints, parent: Ints, post: Ints
+) -> tuple[Ints, Ints, Ints, Ints]:
+    """Return variables, parents and structures, where they begin and all, in another order.
+
+    Parameters
+    ----------
+    begins, below, order, parent
+        As they are.
+    post
+        Which position stands at each place of the new order.
+    """
+    n = len(order)
+    renamed = np.empty(n, np.int64)
+    for k in range(n):
+        renamed[post[k]] = k
+    new_order, new_parent = np.empty(n, np.int64), np.empty(n, np.int64)
+    new_begins, new_below = np.zeros(n + 1, np.int64), np.empty(len(below), np.int64)
+    at = 0
+    for k in range(n):
+        j = post[k]
+        new_order[k] = order[j]
+        new_parent[k] = -1 if parent[j] < 0 else renamed[parent[j]]
+        for old in range(begins[j], begins[j + 1]):
+            new_below[at] = renamed[below[old]]
+            at += 1
+        new_begins[k + 1] = at
+    return new_order, new_parent, new_begins, new_below
+
+
+@compiled
+def _fronts(
+    firsts: Ints, scalars: Ints, parent: Ints, begins: Ints, below: Ints
+) -> tuple[Ints, Ints, Ints, Ints, Ints]:
+    """Return the fronts of supernodes, which begin at the positions `firsts`.
+
+    Returns
+    -------
+    supernode : ndarray, (n,)
+    columns, parents, row_starts, panel_starts : ndarray
+        See `Symbolic`.
+    """
+    total = len(firsts) - 1
+    supernode, columns = np.empty(len(parent), np.int64), np.empty(total + 1, np.int64)
+    for s in range(total + 1):
+        columns[s] = scalars[firsts[s]]
+    for s in range(total):
+        for k in range(firsts[s], firsts[s + 1]):
+            supernode[k] = s
+    parents, row_starts = np.full(total, -1, np.int64), np.zeros(total + 1, np.int64)
+    panel_starts = np.zeros(total + 1, np.int64)
+    for s in range(total):
+        last = firsts[s + 1] - 1
+        width = columns[s + 1] - columns[s]
+        height = width
+        for at in range(begins[last], begins[last + 1]):
+            height += scalars[below[at] + 1] - scalars[below[at]]
+        row_starts[s + 1] = row_starts[s] + height
+        panel_starts[s + 1] = panel_starts[s] + width * height
+        if parent[last] >= 0:
+            parents[s] = supernode[parent[last]]
+    return supernode, columns, parents, row_starts, panel_starts
+
+
+@compiled
+def _rows_of_fronts(
+    firsts: Ints, scalars: Ints, columns: Ints, row_starts: Ints, begins: Ints, below: Ints
+) -> Ints:
+    """Return the rows of all fronts, ascending in each."""
+    n, total = len(scalars) - 1, len(firsts) - 1
+    rows, filled = np.empty(row_starts[total], np.int64), np.empty(total, np.int64)
+    # By the positions that have each position below them, all rows come out ascending.
+    head, following = np.full(n, -1, np.int64), np.full(len(below), -1, np.int64)
+    owner = np.empty(len(below), np.int64)
+    for s in range(total):
+        filled[s] = row_starts[s]
+        for column in range(columns[s], columns[s + 1]):
+            rows[filled[s]] = column
+            filled[s] += 1
+        for at in range(begins[firsts[s + 1] - 1], begins[firsts[s + 1]]):
+            owner[at], following[at] = s, head[below[at]]
+            head[below[at]] = at
+    for i in range(n):
+        at = head[i]
+        while at >= 0:
+            s = owner[at]
+            for row in range(scalars[i], scalars[i + 1]):
+                rows[filled[s]] = row
+                filled[s] += 1
+            at = following[at]
+    return rows
+
+
+@compiled
+def _places_in_parents(columns: Ints, parents: Ints, row_starts: Ints, rows: Ints) -> Ints:
+    """Return the place of each row in the front of the parent; 0 for columns."""
+    relative, place = np.zeros(len(rows), np.int64), np.zeros(columns[-1], np.int64)
+    for s in range(len(parents) - 1, -1, -1):
+        if parents[s] >= 0:
+            up = parents[s]
+            for at in range(row_starts[up], row_starts[up + 1]):
+                place[rows[at]] = at - row_starts[up]
+            for at in range(row_starts[s] + columns[s + 1] - columns[s], row_starts[s + 1]):
+                relative[at] = place[rows[at]]
+    return relative
+
+
+@compiled
+def _stack_size(columns: Ints, parents: Ints, row_starts: Ints) -> int:
+    """Return how many numbers the updates on their way to the parents take at most."""
+    waiting, peak, top = np.zeros(len(parents), np.int64), 0, 0
+    for s in range(len(parents)):
+        below = row_starts[s + 1] - row_starts[s] - (columns[s + 1] - columns[s])
+        size = below * below
+        peak = max(peak, top + size)
+        top += size - waiting[s]
+        if parents[s] >= 0:
+            waiting[parents[s]] += size
+    return peak
+
+
+@compiled
+def analyse(starts: Ints, neighbours: Ints, order: Ints, dof: Ints) -> Symbolic:
     """Return the structure of the factor of a graph in an order of elimination.
 
     Parameters
@@ -213,105 +333,36 @@ def analyse(  # noqa: C901 - one compiled loop
     order
         Variables, the first to be eliminated first; it is refined so that subtrees hang together.
     dof
-        Of each variable.
+        Degrees of freedom of each variable.
     """
     n = len(order)
     position = np.empty(n, np.int64)
     for k in range(n):
         position[order[k]] = k
-    parent = _elimination_tree(starts, neighbours, order, position)
-    begins, below = _structures(starts, neighbours, order, position, parent)
-    post = _postorder(parent, begins[1:] - begins[:-1])
-    renamed = np.empty(n, np.int64)
+    tree = _elimination_tree(starts, neighbours, order, position)
+    begins, below = _structures(starts, neighbours, order, position, tree)
+    post = _postorder(tree, begins[1:] - begins[:-1])
+    variables, parent, begins, below = _in_order(begins, below, order, tree, post)
+    widths, scalars = np.empty(n, np.int64), np.zeros(n + 1, np.int64)
     for k in range(n):
-        renamed[post[k]] = k
-    new_order, new_parent, widths = (
-        np.empty(n, np.int64),
-        np.empty(n, np.int64),
-        np.empty(n, np.int64),
-    )
-    new_begins, new_below = np.zeros(n + 1, np.int64), np.empty(len(below), np.int64)
-    scalars = np.zeros(n + 1, np.int64)
-    for k in range(n):
-        j = post[k]
-        new_order[k] = order[j]
-        new_parent[k] = -1 if parent[j] < 0 else renamed[parent[j]]
-        widths[k] = dof[order[j]]
+        widths[k] = dof[variables[k]]
         scalars[k + 1] = scalars[k] + widths[k]
-        at = new_begins[k]
-        for old in range(begins[j], begins[j + 1]):
-            new_below[at] = renamed[below[old]]
-            at += 1
-        new_begins[k + 1] = at
-    counts = new_begins[1:] - new_begins[:-1]
-    firsts = _supernodes(new_parent, counts, new_begins, new_below, widths)
-    total = len(firsts) - 1
-    supernode, columns = np.empty(n, np.int64), np.empty(total + 1, np.int64)
-    for s in range(total + 1):
-        columns[s] = scalars[firsts[s]]
-    parents, row_starts = np.full(total, -1, np.int64), np.zeros(total + 1, np.int64)
-    panel_starts = np.zeros(total + 1, np.int64)
-    for s in range(total):
-        for k in range(firsts[s], firsts[s + 1]):
-            supernode[k] = s
-    for s in range(total):
-        last = firsts[s + 1] - 1
-        height = columns[s + 1] - columns[s]
-        panel_starts[s + 1] = height
-        for at in range(new_begins[last], new_begins[last + 1]):
-            height += widths[new_below[at]]
-        row_starts[s + 1] = row_starts[s] + height
-        panel_starts[s + 1] = panel_starts[s] + panel_starts[s + 1] * height
-        if new_parent[last] >= 0:
-            parents[s] = supernode[new_parent[last]]
-    rows, relative = np.empty(row_starts[total], np.int64), np.zeros(row_starts[total], np.int64)
-    filled = np.empty(total, np.int64)
-    # By the positions that have each position below them, all rows come out ascending.
-    head, following = np.full(n, -1, np.int64), np.full(len(new_below), -1, np.int64)
-    owner = np.empty(len(new_below), np.int64)
-    for s in range(total):
-        filled[s] = row_starts[s]
-        for column in range(columns[s], columns[s + 1]):
-            rows[filled[s]] = column
-            filled[s] += 1
-        for at in range(new_begins[firsts[s + 1] - 1], new_begins[firsts[s + 1]]):
-            owner[at], following[at] = s, head[new_below[at]]
-            head[new_below[at]] = at
-    for i in range(n):
-        at = head[i]
-        while at >= 0:
-            s = owner[at]
-            for row in range(scalars[i], scalars[i + 1]):
-                rows[filled[s]] = row
-                filled[s] += 1
-            at = following[at]
-    place = np.zeros(scalars[n], np.int64)
-    waiting, peak, top = np.zeros(total, np.int64), 0, 0
-    for s in range(total - 1, -1, -1):  # places in a parent, for each of its children
-        if parents[s] >= 0:
-            up = parents[s]
-            for at in range(row_starts[up], row_starts[up + 1]):
-                place[rows[at]] = at - row_starts[up]
-            for at in range(row_starts[s] + columns[s + 1] - columns[s], row_starts[s + 1]):
-                relative[at] = place[rows[at]]
-    for s in range(total):
-        below_s = row_starts[s + 1] - row_starts[s] - (columns[s + 1] - columns[s])
-        size = below_s * below_s
-        peak = max(peak, top + size)
-        top += size - waiting[s]
-        if parents[s] >= 0:
-            waiting[parents[s]] += size
+    firsts = _supernodes(parent, begins[1:] - begins[:-1], begins, below, widths)
+    supernode, columns, parents, row_starts, panel_starts = _fronts(
+        firsts, scalars, parent, begins, below
+    )
+    rows = _rows_of_fronts(firsts, scalars, columns, row_starts, begins, below)
     return Symbolic(
-        new_order,
+        variables,
         scalars,
         supernode,
         columns,
         parents,
         row_starts,
         rows,
-        relative,
+        _places_in_parents(columns, parents, row_starts, rows),
         panel_starts,
-        peak,
+        _stack_size(columns, parents, row_starts),
     )
 
 
