@@ -17,7 +17,7 @@ from robotctl.model.grid_map import UNKNOWN, GridMap
 from robotctl.model.wall_map import WallMap
 
 _FEWEST = 2
-"""Rows and columns: the direction of a wall shows in two."""
+"""Minimum rows and columns, which show the direction of a wall."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,7 +36,7 @@ def find_map(name: str, beside: Path) -> Path:
     Raises
     ------
     ConfigError
-        If there is none.
+        If there is no such file.
     """
     if not name:
         raise ConfigError("localisation.map: no map is given; a world (.toml) or a ROS map (.yaml)")
@@ -44,12 +44,12 @@ def find_map(name: str, beside: Path) -> Path:
 
 
 def load_localisation_map(name: str, beside: Path) -> LocalisationMap:
-    """Read the map that `find_map` finds, to find a robot in it.
+    """Read the map that `find_map` finds, for localisation.
 
     Raises
     ------
     ConfigError
-        If there is none, it is wrong, or no robot can find itself in it.
+        If there is no such file, it is invalid, or no robot can localise itself in it.
     """
     found = load_any_map(name, beside)
     if found.walls is None:
@@ -63,7 +63,7 @@ def load_any_map(name: str, beside: Path) -> LocalisationMap:
     Raises
     ------
     ConfigError
-        If there is none, or it is wrong.
+        If there is no such file, or it is invalid.
     """
     path = find_map(name, beside)
     try:
@@ -83,7 +83,7 @@ def load_any_map(name: str, beside: Path) -> LocalisationMap:
 
 
 def off_map(world_map: LocalisationMap, start: SE2) -> str:
-    """Say that a robot cannot start where it shall, by its map; "" where it can."""
+    """Return why a robot cannot start at a pose by its map; "" if it can."""
     grid = world_map.grid
     row, column = grid.cell_of(np.array([[start.x_m, start.y_m]]))[0].tolist()
     rows, columns = grid.cells.shape
@@ -103,12 +103,12 @@ def off_map(world_map: LocalisationMap, start: SE2) -> str:
 
 
 def _check_cells(grid: GridMap, path: Path) -> None:
-    """Refuse a map in which no robot can find itself.
+    """Refuse a map in which no robot can localise itself.
 
     Raises
     ------
     ConfigError
-        If it is; says why.
+        If it is such a map, with the reason.
     """
     rows, columns = grid.cells.shape
     hint = "are negate and the thresholds right?"

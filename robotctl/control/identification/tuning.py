@@ -44,12 +44,12 @@ def simc_pi(model: FirstOrderModel, closed_loop_s: float | None = None) -> PidGa
     model
         The process; its gain and time constant must be positive.
     closed_loop_s
-        Wanted time constant tau_c of the closed loop [s], >= 0; None takes theta.
+        Desired time constant tau_c of the closed loop [s], >= 0; None: theta.
 
     Raises
     ------
     ValueError
-        If the model is not of that kind, or tau_c + theta is 0.
+        If gain or time constant is not positive, or tau_c + theta is 0.
     """
     tau_c = model.delay_s if closed_loop_s is None else closed_loop_s
     kc = _lag_gain(model, tau_c)
@@ -80,7 +80,7 @@ def lambda_pi(model: FirstOrderModel, closed_loop_s: float) -> PidGains:
 
 
 def _lag_gain(model: FirstOrderModel, closed_loop_s: float) -> float:
-    """Return tau / (K (tau_c + theta)), after a check."""
+    """Return tau / (K (tau_c + theta)); raises ValueError as `simc_pi`."""
     if not (model.gain > 0.0 and model.time_constant_s > 0.0 and model.delay_s >= 0.0):
         raise ValueError(f"model: {model} found, gain and time constant > 0, delay >= 0 allowed")
     if not (closed_loop_s >= 0.0 and 0.0 < closed_loop_s + model.delay_s < math.inf):
@@ -103,7 +103,7 @@ class Relay:
     hysteresis
         Half the width epsilon of the hysteresis, >= 0 [rad/s]; above the noise.
     bias
-        Middle of the output [V]: about what holds the set-point.
+        Middle of the output [V], about the voltage at the set-point.
 
     Raises
     ------
@@ -122,7 +122,7 @@ class Relay:
         self.reset()
 
     def reset(self) -> None:
-        """Begin with the high output."""
+        """Restart with the high output."""
         self._high = True
 
     def step(self, setpoint: float, measurement: float) -> float:
@@ -151,14 +151,14 @@ def measure_oscillation(
 ) -> Oscillation:
     """Return period and amplitude of the oscillation in a relay experiment's record.
 
-    Medians over the cycles, so that a disturbed one does no harm.
+    They are medians over the cycles, so that a disturbed one does no harm.
 
     Parameters
     ----------
     time_s, response
         The record, shape (n,) each, times increasing [s].
     skip_cycles
-        Cycles at the beginning that do not count, >= 0.
+        Cycles to skip at the beginning, >= 0.
 
     Raises
     ------
@@ -187,7 +187,7 @@ def measure_oscillation(
 def _rises(
     t: NDArray[np.float64], y: NDArray[np.float64], middle: float, noise: float
 ) -> list[float]:
-    """Return when y rises through the middle, interpolated.
+    """Return the times at which y rises through the middle, interpolated.
 
     It must come from below `middle - noise` and continue above `middle + noise`.
     """

@@ -1,7 +1,7 @@
 """Messages read back from our own logs, in the present and the former format.
 
 In logs of older versions poses are `x_m`, `y_m`, `theta_rad` of the message itself, ranges are
-lists, and null stands for infinity and nan alike: it is taken for infinity, see `robotctl_log`.
+lists, and null stands for both infinity and nan: it is read as infinity, see `robotctl_log`.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ class LoggedState:
     Parameters
     ----------
     stamp_ns
-        By the robot's clock [ns].
+        Time by the robot's clock [ns].
     T_odom_base
-        Where the odometry is.
+        Pose of the odometry.
     sonar_m
         Last range of each sonar [m]; inf: no echo, nan: no valid reading.
     sonar_stamp_ns
-        When each came [ns].
+        Arrival time of each [ns].
     corrected_rad
-        By how much its gyro has turned the odometry so far [rad]; None while it tells nothing.
+        Contribution of its gyro to the odometry's turn so far [rad]; None without gyro data.
     odom_epoch_ns
-        When the frame of the odometry began [ns]; 0 in logs of older versions.
+        Start of the odometry's frame [ns]; 0 in logs of older versions.
     """
 
     stamp_ns: int
@@ -54,7 +54,7 @@ class LoggedBelief:
 
 @dataclass(frozen=True, slots=True)
 class LoggedScan:
-    """Scan of the lidar, which stands at `x_m`, `y_m` of `base` [m, rad]."""
+    """Scan of the lidar, which is at `x_m`, `y_m` of `base` [m, rad]."""
 
     x_m: float
     y_m: float
@@ -162,7 +162,7 @@ _LASER: Final = msgspec.json.Decoder(_Laser)
 
 
 def logged_state(data: bytes) -> LoggedState:
-    """Return a message of the topic `control`; raises `msgspec.DecodeError` if it is none."""
+    """Return a message of the topic `control`; raises `msgspec.DecodeError` if invalid."""
     if b'"T_odom_base"' not in data:
         old = _OLD_STATE.decode(data)
         ranges_m = tuple(math.inf if each is None else each for each in old.sonar_m)

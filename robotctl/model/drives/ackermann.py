@@ -40,10 +40,10 @@ class AckermannDrive(SteeredDrive):
     wheel_radius_m
         Radius of the wheels [m], > 0.
     steering_max_rad
-        Largest angle of the virtual centre wheel [rad], in (0, pi/2), such that the centre of
+        Maximum angle of the virtual centre wheel [rad], in (0, pi/2), such that the centre of
         rotation stays outside of the track.
     steering_rate_max_rad_s
-        Fastest steering [rad/s], > 0.
+        Maximum steering rate [rad/s], > 0.
     counts_per_revolution
         Quadrature counts per turn of the carrier, > 0.
     steering_offset_rad

@@ -1,4 +1,4 @@
-"""Many motions at once of drives with a steering.
+"""Many motions at once of drives with one steered axle.
 
 Without numpy at import, since the control process loads the drives.
 """
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 def bent(
     rolled_m: NDArray[np.float64], angles_rad: NDArray[np.float64], wheelbase_m: float
 ) -> NDArray[np.float64]:
-    """Return moves (n, 3), as of a `Twist`, of a drive whose rear wheels roll so far [m]."""
+    """Return moves (n, 3), as of a `Twist`, for distances rolled by the rear wheels [m]."""
     import numpy as np  # noqa: PLC0415 - see above
 
     turned = rolled_m * np.tan(angles_rad) / wheelbase_m
@@ -25,7 +25,7 @@ def bent(
 def pivoted(
     rolled_m: NDArray[np.float64], angles_rad: NDArray[np.float64], wheelbase_m: float
 ) -> NDArray[np.float64]:
-    """Return moves (n, 3), as of a `Twist`, of a drive whose steered wheel rolls so far [m]."""
+    """Return moves (n, 3), as of a `Twist`, for distances rolled by the steered wheel [m]."""
     import numpy as np  # noqa: PLC0415 - see above
 
     turned = rolled_m * np.sin(angles_rad) / wheelbase_m
@@ -35,9 +35,9 @@ def pivoted(
 def steered_rows(
     moves: NDArray[np.float64], wheelbase_m: float, offset_rad: float, *, front: bool
 ) -> NDArray[np.float64]:
-    """Return how far the driven wheel rolls [m] and the servo's angle [rad] for moves, (n, 2).
+    """Return the driven wheel's distance [m] and the servo angle [rad] for moves, (n, 2).
 
-    `front`: the steered wheel is the driven one. Without a way the servo stands at 0.
+    `front`: the steered wheel is the driven one. Without motion the servo stands at 0.
     """
     import numpy as np  # noqa: PLC0415 - see above
 

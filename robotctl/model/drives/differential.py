@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 RATIOS: Final = (0.5, 2.0)
-"""Least and greatest ratio of the wheel radii."""
+"""Minimum and maximum ratio of the wheel radii."""
 
 
 @dataclass(frozen=True, slots=True)

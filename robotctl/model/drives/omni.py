@@ -30,7 +30,7 @@ class OmniDrive:
     kind
         Always "omni".
     wheels
-        3 or 4, evenly spaced.
+        Number of wheels, 3 or 4, evenly spaced.
     wheel_distance_m
         Distance of the contact points from `base` [m], > 0.
     wheel_radius_m
@@ -38,8 +38,8 @@ class OmniDrive:
     counts_per_revolution
         Quadrature counts per turn of a wheel, > 0.
     first_wheel_deg
-        Where wheel 1 stands [deg], counter-clockwise from forward, in [-180, 180]; the others
-        follow counter-clockwise.
+        Bearing of wheel 1 [deg], counter-clockwise from forward, in [-180, 180]; the others follow
+        counter-clockwise.
 
     Raises
     ------

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 SLIP_FACTORS: Final = (1.0, 5.0)
-"""Least and greatest ratio of the effective and the geometric track width."""
+"""Minimum and maximum ratio of effective to geometric track width."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class SkidSteerDrive:
     counts_per_revolution
         Quadrature counts per turn of a wheel, > 0.
     wheels_per_side
-        2 or 3.
+        Wheels on each side, 2 or 3.
     slip_factor
         Effective over geometric track width, in [1, 5]; from calibration.
 

@@ -46,23 +46,23 @@ class SteeredDrive:
 
     @property
     def min_turning_radius_m(self) -> float:
-        """Smallest radius L / tan(s) of the path of `base` that both sides allow [m]."""
+        """Minimum radius L / tan(s) of the path of `base` to both sides [m]."""
         reach_rad = self.steering_max_rad - abs(self.steering_offset_rad)
         return self.wheelbase_m / math.tan(reach_rad)
 
     @property
     def joint_max_rad(self) -> tuple[float, ...]:
-        """Largest angle of the steering to either side [rad]."""
+        """Maximum steering angle to either side [rad]."""
         return (self.steering_max_rad,)
 
     @property
     def joint_rate_max_rad_s(self) -> tuple[float, ...]:
-        """Fastest motion of the steering [rad/s]."""
+        """Maximum steering rate [rad/s]."""
         return (self.steering_rate_max_rad_s,)
 
     @property
     def wheel_radii_m(self) -> tuple[float, ...]:
-        """Radius of the one wheel that is measured [m]."""
+        """Radius of the wheel with the encoder [m]."""
         return (self.wheel_radius_m,)
 
     def inverse(
@@ -71,7 +71,7 @@ class SteeredDrive:
         """Return wheel speed and steering for a body velocity.
 
         A curvature out of reach is clamped and v is kept. v = 0 keeps the present steering
-        `joints_meas_rad` [rad], within the linkage, as no steering then turns the robot.
+        `joints_meas_rad` [rad], within the linkage, since steering then does not turn the robot.
         """
         v_m_s = twist.v_m_s
         if v_m_s == 0.0:
@@ -88,7 +88,7 @@ class SteeredDrive:
         return ActuatorReference((v_wheel / self.wheel_radius_m,), (steering_rad,))
 
     def wheel_speed_m_s(self, v_m_s: float, steering_rad: float) -> float:  # noqa: ARG002
-        """Return the speed over ground that the motor gives its wheel, for one of `base` [m/s]."""
+        """Return the ground speed of the driven wheel for a speed of `base` [m/s]."""
         return v_m_s
 
     def turning_radius_m(self, steering_rad: float) -> float:

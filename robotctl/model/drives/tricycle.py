@@ -36,9 +36,9 @@ class TricycleDrive(SteeredDrive):
     wheel_radius_m
         Radius of the driven wheel [m], > 0.
     steering_max_rad
-        Largest steering angle to either side [rad], in (0, pi/2).
+        Maximum steering angle to either side [rad], in (0, pi/2).
     steering_rate_max_rad_s
-        Fastest steering [rad/s], > 0.
+        Maximum steering rate [rad/s], > 0.
     counts_per_revolution
         Quadrature counts per turn of the driven wheel, > 0.
     steering_offset_rad
@@ -72,7 +72,7 @@ class TricycleDrive(SteeredDrive):
         require_offset(self.steering_offset_rad, self.steering_max_rad)
 
     def wheel_speed_m_s(self, v_m_s: float, steering_rad: float) -> float:
-        """Return the speed over ground that the motor gives its wheel, for one of `base` [m/s]."""
+        """Return the ground speed of the driven wheel for a speed of `base` [m/s]."""
         return v_m_s / math.cos(steering_rad) if self.driven == "front" else v_m_s
 
     def forward(self, wheels_rad_s: tuple[float, ...], joints_rad: tuple[float, ...]) -> Twist:
