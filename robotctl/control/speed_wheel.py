@@ -55,7 +55,7 @@ class ReportedVelocity:
         self.velocity_rad_s = 0.0
         self._ticks, self._stamp_us = ticks, stamp_us
 
-    def update(self, ticks: int, stamp_us: int, told_rad_s: float | None) -> float:
+    def update(self, ticks: int, stamp_us: int, reported_rad_s: float | None) -> float:
         """Take a position, its time [us, rolling over at 2^20] and a reported velocity [rad/s]."""
         elapsed_us = (stamp_us - self._stamp_us) & _ROLL_OVER_US
         step = ticks - self._ticks
@@ -65,8 +65,8 @@ class ReportedVelocity:
             self.jumps += 1
         else:
             self._total += step
-        if told_rad_s is not None:
-            self.velocity_rad_s = told_rad_s
+        if reported_rad_s is not None:
+            self.velocity_rad_s = reported_rad_s
         return self.velocity_rad_s
 
 

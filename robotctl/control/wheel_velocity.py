@@ -145,7 +145,7 @@ class WheelVelocityEstimator:
         self,
         count_u16: int,
         timestamp_us_u20: int,
-        told_rad_s: float | None = None,  # noqa: ARG002 - all estimators share one signature
+        reported_rad_s: float | None = None,  # noqa: ARG002 - all estimators share one signature
     ) -> float:
         """Take one latched sample and return the velocity [rad/s].
 
@@ -159,7 +159,7 @@ class WheelVelocityEstimator:
             Encoder count, rolling over at 2^16 (a signed reading of the same bits will do).
         timestamp_us_u20
             Time of the latch [us], rolling over at 2^20.
-        told_rad_s
+        reported_rad_s
             Velocity reported by the drive [rad/s]; not used.
         """
         if not self._started:

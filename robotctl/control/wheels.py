@@ -31,7 +31,7 @@ class VelocityEstimator(Protocol):
     def resume(self, ticks: int, stamp_us: int) -> None:
         """Continue after a gap of unknown length: the angle counts, the velocity restarts at 0."""
 
-    def update(self, ticks: int, stamp_us: int, told_rad_s: float | None) -> float:
+    def update(self, ticks: int, stamp_us: int, reported_rad_s: float | None) -> float:
         """Take a position and the drive's reported velocity [rad/s]; return the velocity."""
 
 

@@ -155,7 +155,7 @@ class Supervised:
         self._beats = 0
         self._stalled_s = 0.0
         self._hung = self._renewed = False
-        self._told_s = 0.0
+        self._reported_s = 0.0
         """Length of the pause when last reported [s]; 0: none."""
         self._cause = ""
         self._killed_for_memory = 0
@@ -177,7 +177,7 @@ class Supervised:
         self._started_s = self._stepped_s = now_s
         self._beats, self._stalled_s = 0, 0.0
         self._hung = self._renewed = False
-        self._told_s, self._cause = 0.0, ""
+        self._reported_s, self._cause = 0.0, ""
         self._killed_for_memory = killed_for_memory()
         monitor = self._monitor = HeartbeatMonitor()
         self._process = start_child(
@@ -228,8 +228,8 @@ class Supervised:
             self._beats = beats
             self.phase = ProcessPhase.READY
             self.was_ready = True
-            told_s, self._told_s = self._told_s, 0.0
-            return self._pause(process, paused_s, over=True) if told_s else None
+            reported_s, self._reported_s = self._reported_s, 0.0
+            return self._pause(process, paused_s, over=True) if reported_s else None
         self._stalled_s += pause_s
         patience_s = self.role.stall_s if self.phase is ProcessPhase.READY else self.role.start_s
         if self._stalled_s > patience_s:
@@ -239,10 +239,10 @@ class Supervised:
             process.kill()
         elif (
             self.phase is ProcessPhase.READY
-            and not self._told_s
+            and not self._reported_s
             and self._stalled_s > self.role.held_s
         ):
-            self._told_s, self._cause = self._stalled_s, state_of(process.pid)
+            self._reported_s, self._cause = self._stalled_s, state_of(process.pid)
             return self._pause(process, self._stalled_s, over=False)
         return None
 

@@ -6,7 +6,6 @@ V/rad, kd in V s^2/rad. For a controller Kc (1 + 1 / (Ti s) + Td s) they are Kc,
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import math
 from dataclasses import dataclass
@@ -16,7 +15,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from robotctl.control.identification.identification import FirstOrderModel
-from robotctl.control.pid import PidConfig
 
 
 class PidGains(NamedTuple):
@@ -25,10 +23,6 @@ class PidGains(NamedTuple):
     kp: float
     ki: float
     kd: float = 0.0
-
-    def apply_to(self, config: PidConfig) -> PidConfig:
-        """Return the configuration with these gains and everything else unchanged."""
-        return dataclasses.replace(config, kp=self.kp, ki=self.ki, kd=self.kd)
 
 
 def simc_pi(model: FirstOrderModel, closed_loop_s: float | None = None) -> PidGains:
@@ -54,29 +48,6 @@ def simc_pi(model: FirstOrderModel, closed_loop_s: float | None = None) -> PidGa
     tau_c = model.delay_s if closed_loop_s is None else closed_loop_s
     kc = _lag_gain(model, tau_c)
     return PidGains(kc, kc / min(model.time_constant_s, 4.0 * (tau_c + model.delay_s)))
-
-
-def lambda_pi(model: FirstOrderModel, closed_loop_s: float) -> PidGains:
-    """Return lambda-tuned PI gains: the zero cancels tau, the closed loop is 1 / (lambda s + 1).
-
-    Slower against disturbances than `simc_pi` where tau is long, and never overshooting a step.
-
-    Source: K. J. Astrom and T. Hagglund, *Advanced PID Control* (ISA 2006), section 6.5.
-
-    Parameters
-    ----------
-    model
-        The process; its gain and time constant must be positive.
-    closed_loop_s
-        lambda [s], >= 0; robust from about three times the delay.
-
-    Raises
-    ------
-    ValueError
-        If the model is not of that kind, or lambda + theta is 0.
-    """
-    kc = _lag_gain(model, closed_loop_s)
-    return PidGains(kc, kc / model.time_constant_s)
 
 
 def _lag_gain(model: FirstOrderModel, closed_loop_s: float) -> float:

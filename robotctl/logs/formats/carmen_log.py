@@ -183,10 +183,10 @@ def _placed(
     in_place = all(np.all(np.abs(scan.laser - scan.robot) < _SAME) for scan in scans)
     robot = reference if in_place else robot
     beams = [scan.fan or _fan(lines, rear, len(scan.ranges_m)) for scan in scans]
-    told_m = [told if told > 0.0 else math.inf for _, _, told in beams]
+    stated_m = [stated if stated > 0.0 else math.inf for _, _, stated in beams]
     readings = [scan.ranges_m for scan in scans]
     places = np.array([scan.robot[:2] for scan in scans])
-    reaches_m = reaches(word, readings, places, told_m, max_range_m, lines.notes)
+    reaches_m = reaches(word, readings, places, stated_m, max_range_m, lines.notes)
     fans: dict[tuple[int, float, float], NDArray[np.float64]] = {}
     shapes = []
     for scan, (first, step, _), reach_m in zip(scans, beams, reaches_m, strict=True):

@@ -78,7 +78,7 @@ def reaches(
     what: str,
     scans: Sequence[NDArray[np.float64]],
     places: NDArray[np.float64],
-    told_m: Sequence[float],
+    stated_m: Sequence[float],
     max_range_m: float | None,
     notes: list[str],
 ) -> list[float]:
@@ -93,7 +93,7 @@ def reaches(
         Name of the laser, for people.
     scans, places
         As for `no_echo_codes`.
-    told_m
+    stated_m
         Maximum range of each scan according to the log [m]; inf if not stated.
     max_range_m
         Value of the user [m]; None: not given.
@@ -112,19 +112,19 @@ def reaches(
         )
     least_m = min((code.reach_m for code in codes), default=math.inf)
     echoes = beyond = 0
-    for ranges, reach_m in zip(scans, told_m, strict=True):
+    for ranges, reach_m in zip(scans, stated_m, strict=True):
         echo = ranges[(ranges > 0.0) & (ranges < least_m - _TOLERANCE_M)]
         echoes += len(echo)
         beyond += int(np.count_nonzero(echo > reach_m + _TOLERANCE_M))
     if beyond > max(_FEW, _DENIED * echoes):
         notes.append(
-            f"{what}: the log tells of a reach of {min(told_m):g} m, but {beyond / echoes:.0%} of "
+            f"{what}: the log tells of a reach of {min(stated_m):g} m, but {beyond / echoes:.0%} of "
             "the echoes lie beyond it: not believed"
         )
-        told_m = [math.inf] * len(scans)
+        stated_m = [math.inf] * len(scans)
     return [
         reach_m if math.isfinite(reach_m := min(least_m, each)) else _UNKNOWN_REACH_M
-        for each in told_m
+        for each in stated_m
     ]
 
 

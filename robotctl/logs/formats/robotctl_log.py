@@ -148,7 +148,7 @@ def read_own(path: Path, *, with_sonars: bool = True) -> Recording:
         gyro_turns_rad=_gyro_turns_rad([states[row] for row in odometry.rows.tolist()]),
         reference=reference,
         believed=_believed(found.get(_BELIEFS), known),
-        sonars=_heard(sonars.readings, odometry),
+        sonars=_placed_readings(sonars.readings, odometry),
         sonar_mounts=sonars.mounts,
         views=_placed(found.get(_CAMERA), odometry, reference),
         notes=(*notes, *sonars.notes),
@@ -261,7 +261,9 @@ def _believed(states: Series | None, odometry: Trajectory) -> Trajectory | None:
     return Trajectory.of(poses, poses.values()) if poses else None
 
 
-def _heard(readings: Sequence[SonarReading], odometry: Odometry) -> tuple[RecordedSonar, ...]:
+def _placed_readings(
+    readings: Sequence[SonarReading], odometry: Odometry
+) -> tuple[RecordedSonar, ...]:
     """Return the readings within the log's time; the records beside it have more."""
     begin_ns, end_ns = odometry.trajectory.stamps_ns[[0, -1]].tolist()
     inside = [each for each in readings if begin_ns <= each.stamp_ns <= end_ns]

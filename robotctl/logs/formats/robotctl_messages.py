@@ -89,7 +89,7 @@ class _Sonar(msgspec.Struct):
     out_of_range: bool = False
     range_m: float = math.nan
 
-    def heard_m(self) -> float:
+    def reading_m(self) -> float:
         """Return the range [m]; inf: no echo, nan: no valid reading."""
         return math.inf if self.out_of_range else self.range_m
 
@@ -171,7 +171,7 @@ def logged_state(data: bytes) -> LoggedState:
     return LoggedState(
         state.stamp_ns,
         state.T_odom_base.value(),
-        tuple(each.heard_m() for each in state.sonars),
+        tuple(each.reading_m() for each in state.sonars),
         tuple(each.stamp_ns for each in state.sonars),
         None if state.imu is None else state.imu.corrected_rad,
         state.odom_epoch_ns,

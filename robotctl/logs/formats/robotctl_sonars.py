@@ -153,7 +153,7 @@ def _contradicts(frames: _Frames, states: Sequence[tuple[int, LoggedState]]) -> 
     begin_ns, end_ns = min(frames)[0], max(frames)[0]
     first = bisect_left(states, begin_ns, key=_stamp_ns)
     same = [
-        _heard(frames, stamp_ns, index) == range_m
+        _range_in_frames(frames, stamp_ns, index) == range_m
         for _, state in states[first : bisect_right(states, end_ns, key=_stamp_ns)]
         for index, (stamp_ns, range_m) in enumerate(
             zip(state.sonar_stamp_ns, state.sonar_m, strict=True)
@@ -168,7 +168,7 @@ def _stamp_ns(state: tuple[int, LoggedState]) -> int:
     return state[1].stamp_ns
 
 
-def _heard(frames: _Frames, stamp_ns: int, index: int) -> float | None:
+def _range_in_frames(frames: _Frames, stamp_ns: int, index: int) -> float | None:
     """Return the range of a sonar received at a time [m]; None if no frame has it."""
     frame = frames.get((stamp_ns, index - index % _IN_FRAME))
     return None if frame is None else frame.ranges_m[index % _IN_FRAME]
@@ -179,7 +179,7 @@ def _of_states(epoch: Sequence[tuple[int, LoggedState]], frames: _Frames) -> Ite
     news = NewSonarReadings(_REACH_M)
     for log_ns, state in epoch:
         stamps_ns = [
-            stamp_ns if _heard(frames, stamp_ns, index) is None else 0
+            stamp_ns if _range_in_frames(frames, stamp_ns, index) is None else 0
             for index, stamp_ns in enumerate(state.sonar_stamp_ns)
         ]
         for sent_ns, heard in news.take(state.stamp_ns, stamps_ns, state.sonar_m):

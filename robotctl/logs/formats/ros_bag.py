@@ -140,8 +140,8 @@ def _of_laser(
     raw: list[RawScan] = [scan for _, scan, _ in placed]
     readings = [scan.ranges_m.astype(np.float64) for scan in raw]
     places = np.array([(pose.x_m, pose.y_m) for *_, pose in placed]).reshape(-1, 2)
-    told_m = [scan.max_range_m for scan in raw]
-    reaches_m = reaches(laser.topic, readings, places, told_m, max_range_m, notes) if raw else []
+    stated_m = [scan.max_range_m for scan in raw]
+    reaches_m = reaches(laser.topic, readings, places, stated_m, max_range_m, notes) if raw else []
     fans: dict[tuple[Any, ...], NDArray[np.float64]] = {}
     tilted = unknown = 0
     for (stamp_ns, scan, pose), ranges, reach_m in zip(placed, readings, reaches_m, strict=True):

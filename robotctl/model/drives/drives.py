@@ -22,7 +22,7 @@ from robotctl.model.drives.mecanum import MecanumDrive
 from robotctl.model.drives.omni import OmniDrive
 from robotctl.model.drives.skid_steer import SkidSteerDrive
 from robotctl.model.drives.tricycle import TricycleDrive
-from robotctl.model.drives.wheels import ActuatorReference, SidePair
+from robotctl.model.drives.wheels import ActuatorReference
 
 __all__ = [
     "AckermannDrive",
@@ -31,7 +31,6 @@ __all__ = [
     "Drive",
     "MecanumDrive",
     "OmniDrive",
-    "SidePair",
     "SkidSteerDrive",
     "TricycleDrive",
 ]

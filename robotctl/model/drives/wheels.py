@@ -18,13 +18,6 @@ class ActuatorReference(NamedTuple):
     joints_rad: tuple[float, ...]
 
 
-class SidePair(NamedTuple):
-    """A quantity of the left and of the right wheel of one axle."""
-
-    left: float
-    right: float
-
-
 def require_positive(drive: object, *keys: str) -> None:
     """Raise ValueError unless each attribute `keys` of `drive` is positive and finite."""
     for key in keys:
