@@ -118,8 +118,8 @@ def reaches(
         beyond += int(np.count_nonzero(echo > reach_m + _TOLERANCE_M))
     if beyond > max(_FEW, _DENIED * echoes):
         notes.append(
-            f"{what}: the log tells of a reach of {min(stated_m):g} m, but {beyond / echoes:.0%} of "
-            "the echoes lie beyond it: not believed"
+            f"{what}: the log tells of a reach of {min(stated_m):g} m, but "
+            f"{beyond / echoes:.0%} of the echoes lie beyond it: not believed"
         )
         stated_m = [math.inf] * len(scans)
     return [

@@ -145,7 +145,7 @@ def test_a_curvature_out_of_reach_is_clamped_and_the_speed_kept(drive, v, excess
     twist = forward(drive, wanted)
     assert abs(wanted.joints_rad[0]) == drive.steering_max_rad
     assert twist.v_m_s == pytest.approx(v, rel=1e-12)
-    assert turning_radius_m(twist.v_m_s, twist.omega_rad_s) == pytest.approx(
+    assert twist.v_m_s / twist.omega_rad_s == pytest.approx(
         math.copysign(drive.min_turning_radius_m, v * omega)
     )
 
