@@ -27,7 +27,7 @@ T = TypeVar("T")
 Key = tuple[str | int, ...]
 
 Rules = Callable[[T], Iterable[tuple[Key, str]]]
-"""Yields what no key alone shows: the key to blame and what is wrong."""
+"""Yields errors between keys: the key to blame and the problem."""
 
 _HEADER = re.compile(r"^\s*(\[\[?)\s*([^\]]+?)\s*\]\]?\s*(?:#.*)?$")
 _ASSIGNMENT = re.compile(r"^\s*([A-Za-z0-9_\-\"'.]+)\s*=")
@@ -35,7 +35,7 @@ _INDEX = re.compile(r"\[(\d+)\]")
 _BARE = re.compile(
     r"""(?<=[\[,={\s])[^\s"'\[\]{},=](?:[^"'\[\]{},=]*[^\s"'\[\]{},=])?(?=\s*[,\]}])"""
 )
-"""A value of a list or table that is not in quotes."""
+"""A value of a list or table without quotes."""
 _END_OF_VALUE = re.compile(r"[\]}\"']\s*(?:#.*)?$")
 
 
@@ -68,11 +68,11 @@ def parse(
     """Turn the TOML `text` of a file called `name` into the dataclass `kind`, as `load`."""
     try:
         data = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # ValueError: numbers beyond all sense too
+    except (ValueError, RecursionError) as error:  # ValueError: also for absurdly long numbers
         raise ConfigError(f"{name}: not valid TOML: {error}") from error
     lines = _key_lines(text)
     sources = {key: f"{name}:{line}" for key, line in lines.items()}
-    made: dict[Key, str] = {}  # what is missing in such a table is the file's
+    made: dict[Key, str] = {}  # a key missing in such a table is blamed on the file
     impossible: list[str] = []
     for override in overrides:
         try:
@@ -140,7 +140,7 @@ def _adapter(kind: type[T]) -> pydantic.TypeAdapter[T]:
 
 
 def _invalid_values(data: dict[str, Any], kind: type[Any]) -> Iterator[tuple[Key, str]]:
-    """Yield what pydantic and the constructors of the dataclasses refuse."""
+    """Yield the errors of pydantic and of the dataclasses' constructors."""
     try:
         _adapter(kind).validate_json(json.dumps(data, default=str), strict=True)
     except pydantic.ValidationError as error:
@@ -149,7 +149,7 @@ def _invalid_values(data: dict[str, Any], kind: type[Any]) -> Iterator[tuple[Key
 
 
 def _dates(data: Any, at: Key) -> Iterator[tuple[Key, str]]:
-    """Yield dates and times, which TOML has and no key here takes."""
+    """Yield dates and times, which no key accepts."""
     if isinstance(data, dict | list):
         for key, value in data.items() if isinstance(data, dict) else enumerate(data):
             yield from _dates(value, (*at, key))
@@ -158,7 +158,7 @@ def _dates(data: Any, at: Key) -> Iterator[tuple[Key, str]]:
 
 
 def _problems(item: Mapping[str, Any], data: Any, kind: Any) -> Iterator[tuple[Key, str]]:
-    """Yield what an error of pydantic says."""
+    """Yield the problems in an error of pydantic."""
     what, found, context = item["type"], item["input"], item.get("ctx", {})
     key = _data_key(item["loc"], data, missing=what == "missing")
     if what == "missing":
@@ -179,7 +179,7 @@ def _problems(item: Mapping[str, Any], data: Any, kind: Any) -> Iterator[tuple[K
 def _blamed(at: Key, error: ValueError, data: Any, kind: Any) -> tuple[Key, str]:
     """Return the key that a constructor blames, and why.
 
-    Its table, `at`, and the whole message where it blames none of the table's keys.
+    Its table, `at`, and the whole message if it blames none of the table's keys.
     """
     if not isinstance(error, InvalidValue):
         return at, str(error)
@@ -202,7 +202,7 @@ def _has(table: Any, kind: Any, part: str) -> bool:
 
 
 def _step(table: Any, kind: Any, part: str | int) -> tuple[Any, Any]:
-    """Return value and type of a key of a table, its default where the table has it not."""
+    """Return value and type of a key of a table, with its default if absent."""
     inner: Any = None
     if isinstance(part, int):
         inner = next(iter(typing.get_args(kind)), None)
@@ -216,7 +216,7 @@ def _step(table: Any, kind: Any, part: str | int) -> tuple[Any, Any]:
 
 
 def _default(kind: Any, part: str | int) -> Any:
-    """Return the default of a field; None if it has none, or a table as its own."""
+    """Return the default of a field; None without one, or if it is a table."""
     fields = dataclasses.fields(kind) if _is_dataclass(kind) else ()
     values = [each.default for each in fields if each.name == part]
     return None if not values or values[0] is dataclasses.MISSING else values[0]
@@ -227,7 +227,7 @@ def _is_dataclass(kind: Any) -> bool:
 
 
 def shown(value: Any) -> str:
-    """Return a value as an error shows it: short, a table as nothing but that."""
+    """Return a value as shown in errors: short, a table without its content."""
     if isinstance(value, dict):
         return "a table"
     if isinstance(value, bool):
@@ -236,7 +236,7 @@ def shown(value: Any) -> str:
 
 
 def _data_key(location: tuple[str | int, ...], data: Any, *, missing: bool) -> Key:
-    """Drop from pydantic's location the names of union members, which are no keys of the file."""
+    """Return pydantic's location without the names of union members, which are not keys."""
     key: list[str | int] = []
     for position, part in enumerate(location):
         try:
@@ -249,7 +249,7 @@ def _data_key(location: tuple[str | int, ...], data: Any, *, missing: bool) -> K
 
 
 def _unknown_keys(data: Any, kind: Any, at: Key) -> Iterator[tuple[Key, str]]:
-    """Yield keys that no dataclass of `kind` has, with the nearest one that it has."""
+    """Yield keys that no dataclass of `kind` has, with the nearest valid one."""
     kind = _dataclass_of(data, kind)
     if isinstance(data, list):
         item = next(iter(typing.get_args(kind)), None)
@@ -268,7 +268,7 @@ def _unknown_keys(data: Any, kind: Any, at: Key) -> Iterator[tuple[Key, str]]:
 def _dataclass_of(data: Any, kind: Any) -> Any:
     """Resolve annotations and unions to the type that fits `data`.
 
-    Among dataclasses their `kind` decides; a list takes the tuple.
+    The `kind` selects among dataclasses; a list selects the tuple.
     """
     while typing.get_origin(kind) is typing.Annotated:
         kind = typing.get_args(kind)[0]
@@ -308,7 +308,7 @@ def _override_value(text: str) -> Any:
 
 
 def _quoted(word: re.Match[str]) -> str:
-    """Return a word of a list or table in quotes, unless it is a value without."""
+    """Return a word of a list or table in quotes, unless it is a value without quotes."""
     with suppress(ValueError):
         tomllib.loads(f"value = {word[0]}")
         return word[0]
@@ -318,7 +318,7 @@ def _quoted(word: re.Match[str]) -> str:
 def _apply_override(data: dict[str, Any], override: str) -> tuple[Key, list[Key]]:
     """Set `a.b.c=value` in `data`; the value is TOML, or a bare word as a string.
 
-    Returns the key of the value, and those of the tables that had to be made.
+    Returns the key of the value, and those of the tables that were created.
     """
     parts, value = _split_override(override)
     key: list[str | int] = []
@@ -350,7 +350,7 @@ def _apply_override(data: dict[str, Any], override: str) -> tuple[Key, list[Key]
 
 
 def _entries(target: Any, key: list[str | int]) -> str:
-    """Say how the entries of a list are called; empty for what is none."""
+    """Return the names of a list's entries as a hint; empty for other values."""
     if not isinstance(target, list) or not target:
         return ""
     first = ".".join(map(str, [*key, 0]))
@@ -369,7 +369,7 @@ def _key_lines(text: str) -> dict[Key, int]:
             table = _resolve(_split(header[2]), counts, append=header[1] == "[[")
             lines.setdefault(table, number)
             if isinstance(table[-1], int):
-                lines.setdefault(table[:-1], number)  # a list begins where its first table does
+                lines.setdefault(table[:-1], number)  # a list begins with its first table
         elif assignment := _ASSIGNMENT.match(line):
             lines.setdefault((*table, *_split(assignment[1])), number)
             _pass_value(line, rest)
@@ -377,7 +377,7 @@ def _key_lines(text: str) -> dict[Key, int]:
 
 
 def _pass_value(first: str, rest: Iterator[tuple[int, str]]) -> None:
-    """Pass the further lines of a value that begins in a line; they may look like headers."""
+    """Skip the further lines of a value that begins in a line; they may look like headers."""
     value = first
     while not _is_whole(value):
         for _, line in rest:
@@ -423,7 +423,7 @@ def _place(key: Key, sources: dict[Key, str], name: str) -> str:
 
 
 def _dotted(key: Key) -> str:
-    """Write a key as errors show it: `sonar[2].x_m`."""
+    """Return a key as shown in errors: `sonar[2].x_m`."""
     text = ""
     for part in key:
         text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)

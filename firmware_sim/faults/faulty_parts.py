@@ -94,7 +94,7 @@ class FaultyEncoder:
         return (SOUND if fault is None else fault.factor) * self._axis.speed_rad_s
 
     @property
-    def told(self) -> int:
+    def loop_factor(self) -> int:
         """Factor on the speed that a drive's own loop measures."""
         factors = [each.factor for each in self._present if each.frozen_rad_s is None]
         return factors[-1] if factors else SOUND
@@ -333,7 +333,7 @@ class FaultyStage:
         """Pass the encoders' speeds on to the loops in the drives."""
         for axis in self.axes:
             encoder = axis.socket.encoder
-            axis.true.tell(encoder.wheel, encoder.told)
+            axis.true.feed_speed_loop(encoder.wheel, encoder.loop_factor)
 
     def lose_voltage(self, lost_v: float) -> None:
         """Lower the supply at the bridges [V]; negative: restore it."""

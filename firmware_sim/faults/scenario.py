@@ -131,7 +131,7 @@ def play(scenario: Scenario, faults: Faults, announce: Callable[[str], None]) ->
         _Player(planned, faults, announce, np.random.default_rng(stream)).start()
 
 
-def not_begun(scenario: Scenario, told: Iterable[str]) -> list[str]:
+def not_begun(scenario: Scenario, announced: Iterable[str]) -> list[str]:
     """Return a line for each fault whose `at` had not come when a run was over.
 
     The lines have the form in which `play` announces a failure. Faults with `every` may never
@@ -141,10 +141,10 @@ def not_begun(scenario: Scenario, told: Iterable[str]) -> list[str]:
     ----------
     scenario
         Planned faults.
-    told
+    announced
         All lines that `play` has announced.
     """
-    begun = {line.partition(FAILED)[0] for line in told}
+    begun = {line.partition(FAILED)[0] for line in announced}
     due = [_line(each.at_s, each) for each in scenario.faults if each.at_s is not None]
     return [f"{line}{FAILED}{NOT_BEGUN}" for line in due if line not in begun]
 

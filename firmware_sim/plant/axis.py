@@ -189,7 +189,7 @@ class Axis:
         self._supply = share
         self._write()
 
-    def tell(self, axis: int, factor: float) -> None:
+    def feed_speed_loop(self, axis: int, factor: float) -> None:
         """Feed the speed loop with the speed of an axis, by number, times a factor: a fault.
 
         A factor of 0 is a dead encoder, -1 a reversed one; another axis is a swapped one.

@@ -1,4 +1,4 @@
-"""Changes of parameters in a robot's configuration, kept over restarts."""
+"""Changes of parameters in a robot's configuration, stored over restarts."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ class Changes(msgspec.Struct, frozen=True):
 
 
 class ParameterFile:
-    """The file in the folder of what survives restarts; "": there is none."""
+    """The file of stored parameters in the robot's state folder; "": there is none."""
 
     def __init__(self, directory: str) -> None:
         self._file = StateFile(Path(directory) / NAME, Changes) if directory else None
 
     def load(self) -> tuple[dict[str, Value], tuple[str, ...]]:
-        """Return what is kept, and a sentence for each file that is damaged or cannot be read."""
+        """Return the stored values, and a sentence for each file that is damaged or unreadable."""
         if self._file is None:
             return {}, ()
         try:
@@ -39,7 +39,7 @@ class ParameterFile:
         return ({} if found is None else dict(found.values)), notes
 
     def save(self, values: Mapping[str, Value]) -> bool:
-        """Keep exactly these; return whether a power cut would not lose them."""
+        """Store exactly these values; return whether they would survive a power cut."""
         if self._file is None:
             return False
         try:
@@ -49,9 +49,9 @@ class ParameterFile:
         return True
 
     def drop_those_of(self, file: RobotConfig) -> None:
-        """Forget values that the robot's file has, as after they were written into it.
+        """Forget values equal to the robot's file's, as after they were written into it.
 
-        Else they would come back when somebody changes them there.
+        Otherwise they would override later changes there.
         """
         values, _ = self.load()
         others = {key: value for key, value in values.items() if value_at(file, key) != value}
@@ -60,7 +60,7 @@ class ParameterFile:
 
 
 def kept_values(options: StackOptions) -> tuple[dict[str, Value], tuple[str, ...]]:
-    """Return the parameters that are kept and allowed, and what is wrong with others.
+    """Return the stored parameters that are valid, and the problems of others.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def kept_values(options: StackOptions) -> tuple[dict[str, Value], tuple[str, ...
 
 
 def with_changes(options: StackOptions) -> tuple[StackOptions, tuple[str, ...]]:
-    """Return the options with the parameters that are kept, and what people should know of them.
+    """Return the options with the stored parameters, and notes on them for people.
 
     Raises
     ------

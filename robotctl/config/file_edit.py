@@ -21,9 +21,9 @@ class Change(NamedTuple):
     key
         Tables, places in lists and key: `("motor", 0, "axes", 1, "reversed")`.
     value
-        The value; None takes the key out. A list of mappings for a new list of tables.
+        New value; None removes the key. A list of mappings makes a new list of tables.
     comment
-        Words behind it in the file; empty: as they are.
+        Comment after the value in the file; empty: unchanged.
     """
 
     key: Key
@@ -47,7 +47,7 @@ def edit(text: str, changes: Iterable[Change]) -> tuple[str, tuple[Change, ...]]
 
 
 def _apply(document: tomlkit.TOMLDocument, change: Change) -> Change:
-    """Make a change; return that which undoes it."""
+    """Make a change; return the one that undoes it."""
     key, value, comment = change
     *tables, last = key
     holder: Any = document
@@ -78,7 +78,7 @@ def _no_key(key: Key) -> ConfigError:
 
 
 def _set(holder: Any, key: Key, value: Any, comment: str) -> None:
-    """Set a value below a table, whose tables in between are made."""
+    """Set a value below a table; creates tables in between."""
     *tables, last = key
     for part in tables:
         holder[part] = tomlkit.table()
@@ -93,7 +93,7 @@ def _is_tables(value: Any) -> bool:
 
 
 def _tables(values: Sequence[Mapping[str, Any]]) -> AoT:
-    """Return a list of tables, whose own lists of tables are written in a line each."""
+    """Return a list of tables, with their own lists of tables as one line each."""
     tables = tomlkit.aot()
     for each in values:
         table = tomlkit.table()
@@ -114,5 +114,5 @@ def _lines(values: Sequence[Mapping[str, Any]]) -> tomlkit.items.Array:
 
 
 def _plain(value: Any) -> Any:
-    """Return a value as plain Python has it."""
+    """Return a value as plain Python."""
     return value.unwrap() if hasattr(value, "unwrap") else value

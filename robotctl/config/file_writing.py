@@ -1,4 +1,4 @@
-"""Values written into a robot's file, which stays valid and keeps its comments."""
+"""Writing of values into a robot's file, which stays valid and keeps its comments."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from robotctl.runtime.storage.atomic_file import write_whole
 
 
 def changed_file(file: Path, changes: Iterable[Change]) -> tuple[str, tuple[Change, ...]]:
-    """Return the text of a robot's file with changes, and those that undo them.
+    """Return the text of a robot's file with changes, and the changes that undo them.
 
     Raises
     ------
     ConfigError
-        If the file would be wrong with them.
+        If the file would be invalid with them.
     """
     after, undo = edit(file.read_text(encoding="utf-8-sig"), changes)
     toml_source.parse(after, RobotConfig, str(file), rules=contradictions)
@@ -36,7 +36,7 @@ class ParameterWriter:
     Parameters
     ----------
     options
-        The robot, with the configuration that it began with.
+        Options of the robot, with its configuration at the start.
     """
 
     def __init__(self, options: StackOptions) -> None:
@@ -48,20 +48,20 @@ class ParameterWriter:
 
     @property
     def writable(self) -> str:
-        """Path of the file; empty where this process may not write it."""
+        """Path of the file; empty if this process may not write it."""
         may = os.access(self._file, os.W_OK) and os.access(self._file.parent, os.W_OK)
         return str(self._file) if may else ""
 
     def save(self, values: Mapping[str, Value]) -> tuple[str, str, tuple[str, ...]]:
-        """Write what differs in the file, by dotted keys; return file, copy of the old, and keys.
+        """Write changed values, by dotted keys; return file, copy of the old one, and keys.
 
-        The names of file and copy are without their folder; that of the copy is empty where
-        nothing differs.
+        The names of file and copy are without their folder; that of the copy is empty if nothing
+        has changed.
 
         Raises
         ------
         ConfigError
-            If the file has changed since the robot began, or would be wrong; it stays as it is.
+            If the file was edited since the robot's start, or would be invalid; it stays unchanged.
         OSError
             If it cannot be written.
         """
@@ -89,7 +89,7 @@ class ParameterWriter:
         return found
 
     def _copy(self) -> str:
-        """Keep the present file under the next free name; return that."""
+        """Copy the present file to the next free name; return that."""
         content = self._file.read_bytes()
         for number in itertools.count(1):
             copy = self._file.with_name(f"{self._file.name}.~{number}~")

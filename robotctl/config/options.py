@@ -46,18 +46,18 @@ class StackOptions(msgspec.Struct, frozen=True):
     flights
         Directory for dumps of the flight recorder after faults; empty: none.
     state
-        Directory of what survives restarts; empty: nothing does.
+        Directory of state that survives restarts; empty: none.
     run
-        Name of this run. A process that starts again within it takes over pose and mission item.
+        Name of this run. A process that restarts within it continues pose and mission item.
     epoch_ns
         Added to CLOCK_MONOTONIC to get the times of all logs [ns]: read once for all processes, so
         that their logs agree, and none jumps when the wall clock is set; 0 in virtual time.
     clock
-        File of a simulator's clock, which all processes of the robot go by; empty: the computer's.
+        File of a simulator's clock for all processes of the robot; empty: the computer's clock.
     config
-        The validated file and settings, as JSON; empty: not yet.
+        Validated file and settings, as JSON; empty: not yet.
     changes
-        Parameters that differ from those, as they were at the start, by dotted key.
+        Parameters that differed from the configuration at the start, by dotted key.
     """
 
     instance: str
@@ -79,8 +79,8 @@ class StackOptions(msgspec.Struct, frozen=True):
     def validated(self) -> StackOptions:
         """Return the same with the robot's file read and validated.
 
-        All processes that are started with it have this one configuration, those started again
-        too, whatever becomes of the file.
+        All processes started with it have this one configuration, restarted ones too, even if the
+        file changes.
 
         Raises
         ------
@@ -90,11 +90,11 @@ class StackOptions(msgspec.Struct, frozen=True):
         return msgspec.structs.replace(self, config=robot_to_json(self.load_file()))
 
     def load(self) -> RobotConfig:
-        """Return the configuration: the validated one, otherwise that of file and overrides now."""
+        """Return the configuration: the validated one, else that of file and overrides now."""
         return with_values(self.load_file(), self.changes, contradictions)[0]
 
     def load_file(self) -> RobotConfig:
-        """Return the same without what parameters change."""
+        """Return the configuration without changed parameters."""
         if self.config:
             return robot_of_json(self.config)
         return load_robot(Path(self.robot), self.overrides)
@@ -105,7 +105,7 @@ class StackOptions(msgspec.Struct, frozen=True):
         Parameters
         ----------
         pacer, slack_ns
-            Which process this is, if a simulator's clock waits for it, and how late it may be [ns].
+            This process, if a simulator's clock waits for it, and its allowed lateness [ns].
 
         Raises
         ------
@@ -120,8 +120,8 @@ class StackOptions(msgspec.Struct, frozen=True):
         Raises
         ------
         ConfigError
-            If a name of a file is not UTF-8: logs and messages could not tell it; if the
-            configuration is larger than the kernel lets an argument be.
+            If the name of a file is not UTF-8, which logs and messages could not contain; if the
+            configuration exceeds the kernel's limit for an argument.
         """
         for name, value in msgspec.structs.asdict(self).items():
             if isinstance(value, str) and not is_utf_8(value):

@@ -1,4 +1,4 @@
-"""Configuration patches: tables of a robot's file, as TOML and as `--set` takes them."""
+"""Configuration patches: tables of a robot's file, as TOML and as arguments of `--set`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def round_figures(value: float, figures: int) -> float:
 
 
 def as_overrides(tables: Tables) -> list[str]:
-    """Return the values as `--set` takes them."""
+    """Return the values as arguments of `--set`."""
     return [
         f"{table}.{key}={value!r}"
         for table, values in tables.items()
@@ -33,9 +33,9 @@ def as_toml(tables: Tables, comments: Iterable[str], words: Callable[[str, str],
     Parameters
     ----------
     tables
-        The values.
+        Values by table and key.
     comments
-        Lines above.
+        Comment lines above.
     words
         Comment beside the value of a table and key; "" for none.
     """

@@ -46,14 +46,13 @@ from robotctl.web.config import WebConfig
 MAX_SONARS = 16
 
 RING_S: Final = 0.05
-"""Period of one sonar's readings, of which the second stops the robot [s]."""
+"""Period of one sonar's readings [s]; the second one stops the robot."""
 
 FINEST_RAD: Final = 1e-9
-"""No encoder of a wheel resolves less [rad]."""
+"""Finest resolution of a wheel encoder [rad]."""
 
 FOUND_SHARE: Final = 0.5
-"""A wheel with a stuck encoder is detected at this share of the speed that its motor reaches at
-least."""
+"""Share of a motor's minimum top speed at which a stuck encoder is detected."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,7 +152,7 @@ class RobotConfig:
 
     @property
     def duty_wheels(self) -> tuple[str, ...]:
-        """Names of the wheels whose drives take a duty, and whose speed is ours to control."""
+        """Names of the wheels whose drives take a duty, and whose speed loops are ours."""
         driven = {
             axis.actuator
             for motor in self.motors
@@ -169,12 +168,12 @@ class RobotConfig:
 
     @property
     def has_camera(self) -> bool:
-        """Whether the robot has a camera and looks through it."""
+        """Whether the robot has an enabled camera."""
         return self.camera is not None and self.camera.enabled
 
 
 def config_directory() -> Path:
-    """Return the folder of the configurations that come with robotctl."""
+    """Return the folder of the built-in configurations."""
     package = Path(__file__).resolve().parents[1]
     installed = package / "configs"
     return installed if installed.is_dir() else package.parent / "configs"
@@ -182,7 +181,7 @@ def config_directory() -> Path:
 
 TOML: Final = (".toml",)
 MAPS: Final = (".yaml", ".yml")
-"""Suffixes of a name's file, in the order in which they are tried; a ROS map has one of `MAPS`."""
+"""Suffixes of a ROS map."""
 
 _KINDS: Final = {
     "": "robot's file", "missions": "mission", "worlds": "world", "scenarios": "scenario of faults",
@@ -197,23 +196,22 @@ def find_file(
     *,
     beside: Path | None = None,
 ) -> Path:
-    """Return the file that the user means: a path, or a name, with or without its suffix.
+    """Return the file of a path, or of a name with or without its suffix.
 
-    It is looked for in the folder `beside`, that of the file which names it, then in the working
-    directory, then among those that come with robotctl.
+    It is searched for in the folder `beside`, that of the file which names it, then in the working
+    directory, then among the built-in ones.
 
     Parameters
     ----------
     given
         The user's text.
     folder
-        Which of the shipped folders is meant, and so what kind of file: "" for robots, `missions`,
-        `worlds`, `scenarios`.
+        Folder of the built-in files of its kind: "" for robots, `missions`, `worlds`, `scenarios`.
 
     Raises
     ------
     ConfigError
-        If there is none, with the nearest; where the file is of another kind.
+        If there is no such file, with the nearest name; if the file is of another kind.
     """
     shipped = config_directory() / folder
     other_kind: ConfigError | None = None
@@ -223,7 +221,7 @@ def find_file(
                 try:
                     _refuse_other_kind(candidate, folder, suffixes)
                 except ConfigError as error:
-                    # A mission may have the name of its world: each is looked for by its kind.
+                    # A mission may have the name of its world; each is searched for by its kind.
                     other_kind = other_kind or error
                 else:
                     return candidate
@@ -240,7 +238,7 @@ def find_file(
 
 
 def _refuse_other_kind(file: Path, folder: str, suffixes: Sequence[str]) -> None:
-    """Refuse a file of another kind than that of a folder; what is wrong in it is said elsewhere.
+    """Refuse a file of another kind than that of a folder; other errors are reported elsewhere.
 
     Raises
     ------
@@ -297,18 +295,18 @@ def robot_of_json(text: str) -> RobotConfig:
     Raises
     ------
     pydantic.ValidationError
-        If another version of robotctl wrote it, whose configuration this one does not read.
+        If another version of robotctl with an incompatible configuration wrote it.
     """
     return TypeAdapter(RobotConfig).validate_json(text)
 
 
 def camera_of(config: RobotConfig, file: Path) -> CameraConfig:
-    """Return the camera of a robot whose file this is.
+    """Return the camera of a robot with this file.
 
     Raises
     ------
     ConfigError
-        If it has none.
+        If it has no camera.
     """
     if config.camera is None:
         raise ConfigError(
@@ -355,7 +353,7 @@ def contradictions(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]
 
 
 def _wrong_loops(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
-    """Yield what is missing of the wheels whose speed is ours to control, and what is too much."""
+    """Yield missing and superfluous settings of the wheels whose speed loops are ours."""
     for name, problem in config.control.wrong_loops(config.duty_wheels):
         yield ("control", name), problem
     for name in OF_DUTY_WHEELS if config.duty_wheels else ():
@@ -364,7 +362,7 @@ def _wrong_loops(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
 
 
 def _wrong_buses(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
-    """Yield buses that are the same, and nodes on unknown buses."""
+    """Yield duplicate buses, and nodes on unknown buses."""
     buses = config.buses
     if not buses:
         yield ("can",), "must be a table or a list of tables, one for each bus, found []"
@@ -386,7 +384,7 @@ def _wrong_buses(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
 
 
 def _wrong_drives(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
-    """Yield drives on unknown buses, and a supply that none of them tells."""
+    """Yield drives on unknown buses, and a supply that no drive reports."""
     names = [motor.name for motor in config.motors]
     for name in config.proof:
         if name not in names:
@@ -400,13 +398,13 @@ def _wrong_drives(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
 
 
 def bus_problem(name: str, buses: Sequence[CanConfig]) -> str:
-    """Return what is wrong with the name of a bus; empty if there is one."""
+    """Return the problem of a bus name; empty if the bus exists."""
     names = [bus.name for bus in buses]
     return "" if name in names else f"no bus {name!r}{toml_source.nearest(name, names)}"
 
 
 def _out_of_order(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
-    """Yield least values above their greatest."""
+    """Yield minimum values above their maximum."""
     pursuit = config.navigation.pursuit
     for least, greatest in (
         ("lookahead_min_m", "lookahead_max_m"),
@@ -432,7 +430,7 @@ def _beyond_the_limits(config: RobotConfig) -> Iterator[tuple[toml_source.Key, s
             yield ("navigation", *key), f"{value} found, at most limits.{limit} ({most}) allowed"
     guard = navigation.guard
     step_s = 1.0 / navigation.rate_hz
-    # The limiter follows a speed that falls evenly late by the last part.
+    # The last part is the limiter's lag behind a speed that falls evenly.
     late_s = 0.5 * guard.deceleration_m_s2 / limits.jerk_max_m_s3
     least_s = max(RING_S, step_s) + step_s + late_s
     if config.sonar and guard.reaction_s < least_s:
@@ -462,7 +460,7 @@ def _beyond_the_limits(config: RobotConfig) -> Iterator[tuple[toml_source.Key, s
 
 
 def _beyond_the_nose(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
-    """Yield a nose that a sonar protrudes from: camera obstacles would be reached too early."""
+    """Yield a nose with a protruding sonar: camera obstacles would be reached too early."""
     if config.camera is None or not config.sonar:
         return
     nose_m = config.navigation.guard.nose_m
@@ -478,7 +476,7 @@ def _beyond_the_nose(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str
 def _beyond_the_motors(
     config: RobotConfig, back_emf_v_s_rad: float
 ) -> Iterator[tuple[toml_source.Key, str]]:
-    """Yield demands that no motor can meet, and those for which the bridges are too slow."""
+    """Yield demands that no motor can meet, and those that exceed the bridges' slew rate."""
     limits = config.limits
     fastest_rad_s = fastest_wheel_rad_s(config.drive, limits)
     needed_v = back_emf_v_s_rad * fastest_rad_s
@@ -506,7 +504,7 @@ def _hidden_run_away(
 ) -> Iterator[tuple[toml_source.Key, str]]:
     """Yield a tolerance so wide that a motor with a stuck encoder could run away."""
     drive, monitor = config.drive, config.plausibility
-    # At least this fast is any motor: the limits are driven, and the supply has a floor.
+    # Any motor is at least this fast: it reaches the limits, and the supply has a floor.
     motor_rad_s = max(
         config.limits.v_max_m_s / max(drive.wheel_radii_m),
         config.control.pwm.min_bus_voltage_v / back_emf_v_s_rad,
@@ -522,7 +520,7 @@ def _hidden_run_away(
 
 
 def _unreadable_counts(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
-    """Yield an encoder too fine for a frame that is lost, or too coarse for its monitor."""
+    """Yield an encoder too fine for a lost frame, or too coarse for its monitor."""
     monitor, counts = config.plausibility, config.drive.counts_per_revolution
     gap_s = (config.safety.feedback_timeout_periods + 1) * config.runtime.period_ns * 1e-9
     way_rad = impossible_wheel_rad_s(config.drive, config.limits) * gap_s
@@ -534,8 +532,8 @@ def _unreadable_counts(config: RobotConfig) -> Iterator[tuple[toml_source.Key, s
             "to turn backwards"
         )
         yield ("drive", "counts_per_revolution"), problem
-    # A single count in the window reads as this speed. At an acceleration a speed is late by what
-    # the wheel gains in one count, sqrt(2 a rad_per_count). Beyond `shown_rad_s` either is a fault.
+    # A single count in the window reads as this speed. Under an acceleration a, the speed lags by
+    # the wheel's gain in one count, sqrt(2 a rad_per_count). Beyond `shown_rad_s` both are faults.
     shown_rad_s = monitor.speed_tolerance_rad_s / (1.0 - monitor.speed_tolerance_share)
     gained_rad = shown_rad_s**2 * min(config.drive.wheel_radii_m) / (2.0 * config.limits.a_max_m_s2)
     rad_per_count = min(WINDOW_S * shown_rad_s, gained_rad)

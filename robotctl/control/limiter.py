@@ -26,7 +26,7 @@ from robotctl.errors import InvalidValue
 from robotctl.model.geometry.twist import Twist
 
 _LANDED: Final = 1e-9
-"""A remaining distance below this is taken in one step [m/s, rad/s]."""
+"""Remaining distance below which the set-point is reached in one step [m/s, rad/s]."""
 _REST: Final = Twist(0.0, 0.0)
 
 
@@ -37,14 +37,14 @@ class LimitsConfig:
     Parameters
     ----------
     v_max_m_s, omega_max_rad_s
-        Largest speed [m/s] and turning rate [rad/s], > 0.
+        Maximum speed [m/s] and turning rate [rad/s], > 0.
     a_max_m_s2, alpha_max_rad_s2
-        Largest acceleration [m/s^2] and angular acceleration [rad/s^2], > 0, also for braking.
+        Maximum acceleration [m/s^2] and angular acceleration [rad/s^2], > 0, also for braking.
     jerk_max_m_s3, angular_jerk_max_rad_s3
-        Largest jerk [m/s^3] and angular jerk [rad/s^3], > 0.
+        Maximum jerk [m/s^3] and angular jerk [rad/s^3], > 0.
     vy_max_m_s
-        Largest sideways speed [m/s], >= 0; more than 0 on holonomic drives only. Acceleration and
-        jerk sideways have the limits of those ahead.
+        Maximum sideways speed [m/s], >= 0; more than 0 on holonomic drives only. Sideways
+        acceleration and jerk have the limits of the forward ones.
 
     Raises
     ------
@@ -72,8 +72,8 @@ def scale_to_limits(wanted: Twist, limits: LimitsConfig) -> Twist:
     """Return the set-point scaled to the speed limits, on the same arc.
 
     All parts are multiplied by the same factor, so that the curvature is kept and the robot drives
-    the wanted path more slowly. A set-point that is not finite is a stop; a part sideways is
-    dropped where the robot cannot move so.
+    the same path more slowly. A set-point that is not finite is a stop; the sideways part is
+    dropped for a robot that cannot move sideways.
     """
     v_m_s, omega_rad_s, vy_m_s = wanted
     if not math.isfinite(v_m_s + omega_rad_s + vy_m_s):
@@ -86,7 +86,7 @@ def scale_to_limits(wanted: Twist, limits: LimitsConfig) -> Twist:
         vy_m_s = 0.0
     if excess <= 1.0:
         return Twist(v_m_s, omega_rad_s, vy_m_s)
-    # The bounds again, since the division may round upwards.
+    # Clamped again, since the division may round upwards.
     return Twist(
         min(max(v_m_s / excess, -v_max), v_max),
         min(max(omega_rad_s / excess, -omega_max), omega_max),
@@ -131,9 +131,8 @@ def next_acceleration(
 class TwistLimiter:
     """Follows a moving set-point within the limits; the axes are limited independently in time.
 
-    The rule where a set-point is too fast: it is scaled as a whole, see `scale_to_limits`. While
-    speeds change, each axis uses its own acceleration and jerk, so the curvature is met when all
-    have arrived.
+    A set-point that is too fast is scaled as a whole, see `scale_to_limits`. While speeds change,
+    each axis uses its own acceleration and jerk, so the curvature is reached when all have arrived.
 
     Attributes
     ----------
@@ -150,13 +149,13 @@ class TwistLimiter:
         self.twist = self.acceleration = _REST
 
     def retune(self, config: LimitsConfig) -> None:
-        """Change the limits; what is faster than allowed now slows down within the others."""
+        """Change the limits; an axis that is now too fast slows down within its other limits."""
         self._config = config
 
     def reset(self, twist: Twist = _REST, acceleration: Twist = _REST) -> None:
         """Continue from this velocity and acceleration: the present state, for a smooth start.
 
-        The velocity is clamped to the speed limits; what of it is not finite counts as 0.
+        The velocity is clamped to the speed limits; parts that are not finite count as 0.
         """
         config = self._config
         bounds = config.v_max_m_s, config.omega_max_rad_s, config.vy_max_m_s

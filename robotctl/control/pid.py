@@ -21,7 +21,7 @@ from typing import Final
 from robotctl.errors import InvalidValue
 
 FRICTION_BAND_RAD_S: Final = 0.02
-"""Below this reference speed the friction feed-forward is proportional to it [rad/s]."""
+"""Reference speed below which the friction feed-forward is proportional to it [rad/s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,8 +33,8 @@ class PidConfig:
     kp
         Proportional gain [V s/rad], >= 0.
     ki
-        Integral gain [V/rad], >= 0. With 0 the integral state, which then holds only what a
-        bumpless gain change left in it, decays with `tracking_s`.
+        Integral gain [V/rad], >= 0. With 0 the integral state, which then holds only the rest of a
+        bumpless gain change, decays with `tracking_s`.
     kd
         Derivative gain [V s^2/rad], >= 0, on the measurement.
     kv
@@ -46,8 +46,8 @@ class PidConfig:
     derivative_filter_s
         Time constant T_f of the derivative's first-order filter [s], >= 0; 0 is unfiltered.
     tracking_s
-        Time constant T_t with which the integral follows a saturated output [s], >= 0. 0 chooses:
-        sqrt(kd/ki) with derivative, kp/ki without, at once where both are 0.
+        Time constant T_t with which the integral follows a saturated output [s], >= 0. 0 chooses
+        sqrt(kd/ki) with derivative, kp/ki without, at once if both are 0.
 
     Raises
     ------
@@ -74,7 +74,7 @@ class PidConfig:
 
     @property
     def can_drive(self) -> bool:
-        """Whether it brings any speed about: kd only damps, ks and ka hold none."""
+        """Whether it can drive at a speed: kd only damps, ks and ka hold no speed."""
         return self.kp > 0.0 or self.ki > 0.0 or self.kv > 0.0
 
     @property
@@ -90,10 +90,10 @@ class PidConfig:
 
 
 def feedforward_v(config: PidConfig, omega_ref_rad_s: float, alpha_ref_rad_s2: float) -> float:
-    """Return the voltage [V] that a DC motor needs for a wanted motion, kv w + ks sign(w) + ka a.
+    """Return the voltage [V] of a DC motor for a reference motion, kv w + ks sign(w) + ka a.
 
-    The sign is replaced by w / `FRICTION_BAND_RAD_S` within that band, so that a reference that
-    wanders round zero does not hammer the bridge.
+    The sign is replaced by w / `FRICTION_BAND_RAD_S` within that band, so that a reference near
+    zero does not make the bridge chatter.
     """
     friction = omega_ref_rad_s / FRICTION_BAND_RAD_S
     if friction > 1.0:
@@ -106,9 +106,9 @@ def feedforward_v(config: PidConfig, omega_ref_rad_s: float, alpha_ref_rad_s2: f
 class Pid:
     """The controller of the module's equations. It never raises after construction.
 
-    Where set-point, measurement or feed-forward is not finite, `limit` is negative or nan, or
-    `dt_s` is not positive and finite, the output is 0 V and integral and slope are held; the slope
-    restarts with the next good measurement, because the last difference is unknown.
+    The output is 0 V, with integral and slope held, if set-point, measurement or feed-forward is
+    not finite, `limit` is negative or nan, or `dt_s` is not positive and finite. The slope restarts
+    with the next good measurement, because the last difference is unknown.
     """
 
     __slots__ = (
@@ -148,7 +148,7 @@ class Pid:
         return self._integral
 
     def reset(self, measurement: float = 0.0) -> None:
-        """Forget the past: integral 0, slope 0, `measurement` [rad/s] as the last one seen."""
+        """Reset: integral 0, slope 0, `measurement` [rad/s] as the last one."""
         self._integral = 0.0
         self._slope = 0.0
         self._measurement = measurement if math.isfinite(measurement) else None
@@ -162,13 +162,13 @@ class Pid:
         Parameters
         ----------
         setpoint, measurement
-            Wanted and measured speed [rad/s].
+            Reference and measured speed [rad/s].
         dt_s
             Time since the last call [s], > 0.
         feedforward
-            Added to the output before it is limited [V].
+            Voltage added to the output before it is limited [V].
         limit
-            Largest magnitude of the output [V], >= 0; may change from call to call.
+            Maximum magnitude of the output [V], >= 0; may change from call to call.
         """
         error = setpoint - measurement
         proportional = self._kp * error
@@ -202,7 +202,7 @@ class Pid:
         if self._ki > 0.0:
             integral = self._integral + dt_s * self._ki * error + share * excess
         else:
-            # Without ki the state only holds what a bumpless gain change left; let it decay.
+            # Without ki the state only holds the rest of a bumpless gain change; let it decay.
             integral = self._integral * (1.0 - share)
         if math.isfinite(integral):
             self._integral = integral
@@ -217,8 +217,8 @@ class Pid:
         config
             New gains.
         feedforward
-            Feed-forward of the new gains for the last set-point [V], where the caller computes it
-            from them; None if it does not change.
+            Feed-forward of the new gains for the last set-point [V], if the caller computes it from
+            them; None if it does not change.
         """
         error, slope, feedforward_last = self._wanted_rest
         change = (self._kp - config.kp) * error - (self._kd - config.kd) * slope

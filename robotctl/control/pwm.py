@@ -1,6 +1,6 @@
 """Duty of the bridge from a motor voltage.
 
-The motor sees `bus_voltage * e`, where the bridge with a dead-band b turns a duty d into the
+The motor gets `bus_voltage * e`, where the bridge with a dead-band b turns a duty d into the
 effective duty ``e = sign(d) max(0, |d| - b) / (1 - b)``. This module applies the inverse,
 ``d = sign(e) (b + (1 - b) |e|)``, so that the effective voltage is linear in the demand, and
 limits e in size and slope.
@@ -15,7 +15,7 @@ from typing import Final
 from robotctl.errors import InvalidValue
 
 ZERO_DUTY: Final = 0.5e-4
-"""Smaller effective duties are 0: half the resolution of the wire's duty signals."""
+"""Effective duty below which the output is 0: half the resolution of the duty signals on CAN."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,12 +27,11 @@ class PwmConfig:
     deadband
         Duty up to which the motor gets no voltage, [0, 1).
     slew_per_s
-        Largest change of the effective duty [1/s], > 0; inf for no limit.
+        Maximum change of the effective duty [1/s], > 0; inf for no limit.
     max_duty
-        Largest magnitude of the duty, (deadband, 1].
+        Maximum magnitude of the duty, (deadband, 1].
     min_bus_voltage_v
-        Floor of the supply voltage in the compensation [V], > 0: below it the duty does not grow
-        any further.
+        Floor of the supply voltage in the compensation [V], > 0; below it the duty stops growing.
 
     Raises
     ------
@@ -67,7 +66,7 @@ class PwmConfig:
 
 
 class PwmMap:
-    """Maps voltages to duties; keeps the last effective duty for the slew limit."""
+    """Maps voltages to duties; stores the last effective duty for the slew limit."""
 
     __slots__ = ("_deadband", "_effective", "_floor_v", "_max_effective", "_slew_per_s")
 
@@ -79,13 +78,13 @@ class PwmMap:
         self._effective = 0.0
 
     def reset(self) -> None:
-        """Take the output to be zero, as after the bridge was off."""
+        """Assume zero output, as after the bridge was off."""
         self._effective = 0.0
 
     def voltage_limit_v(self, bus_voltage_v: float) -> float:
-        """Return the largest motor voltage [V] in reach: the `limit` for the PID before it.
+        """Return the maximum motor voltage [V]: the `limit` of the PID before it.
 
-        0 if the bus voltage is not known (not finite or not positive), as in `step`.
+        0 if the bus voltage is unknown (not finite or not positive), as in `step`.
         """
         if not 0.0 < bus_voltage_v < math.inf:
             return 0.0
@@ -93,15 +92,15 @@ class PwmMap:
         return self._max_effective * (bus_voltage_v if bus_voltage_v > floor_v else floor_v)
 
     def step(self, voltage_v: float, bus_voltage_v: float, dt_s: float) -> float:
-        """Return the duty [-max_duty, max_duty] for a wanted mean motor voltage.
+        """Return the duty [-max_duty, max_duty] for a demanded mean motor voltage.
 
-        Where an argument is not finite, or bus voltage or `dt_s` is not positive, the duty is 0
-        at once and the slew limit starts from there.
+        The duty is 0 at once, and the slew limit starts from there, if an argument is not finite,
+        or bus voltage or `dt_s` is not positive.
 
         Parameters
         ----------
         voltage_v
-            Wanted voltage [V], positive forwards.
+            Demanded voltage [V], positive forwards.
         bus_voltage_v
             Supply of the bridge [V].
         dt_s

@@ -11,20 +11,20 @@ _ROLL_OVER_US: Final = (1 << 20) - 1
 
 
 class ReportedVelocity:
-    """Velocity of a wheel as its drive tells it, and its position.
+    """Velocity of a wheel as reported by its drive, and its position.
 
     Parameters
     ----------
     ticks_per_revolution
         Unit of the position, > 0.
     speed_max_rad_s
-        Speeds above this are impossible [rad/s], > 0. A position that would need one is taken as a
-        new reference: the angle stays, `jumps` counts it.
+        Maximum possible speed [rad/s], > 0. A position that would need a higher one becomes a new
+        reference: the angle stays, `jumps` counts it.
 
     Attributes
     ----------
     velocity_rad_s
-        The newest [rad/s].
+        Newest velocity [rad/s].
     jumps
         Number of impossible positions so far.
     """
@@ -50,33 +50,33 @@ class ReportedVelocity:
         self._ticks, self._stamp_us = ticks, stamp_us
 
     def resume(self, ticks: int, stamp_us: int) -> None:
-        """Continue after a gap of unknown length, whose way counts."""
+        """Continue after a gap of unknown length, whose turn counts."""
         self._total += ticks - self._ticks
         self.velocity_rad_s = 0.0
         self._ticks, self._stamp_us = ticks, stamp_us
 
-    def update(self, ticks: int, stamp_us: int, told_rad_s: float | None) -> float:
-        """Take a position, its time [us, rolling over at 2^20] and the velocity told [rad/s]."""
+    def update(self, ticks: int, stamp_us: int, reported_rad_s: float | None) -> float:
+        """Take a position, its time [us, rolling over at 2^20] and a reported velocity [rad/s]."""
         elapsed_us = (stamp_us - self._stamp_us) & _ROLL_OVER_US
         step = ticks - self._ticks
         self._ticks, self._stamp_us = ticks, stamp_us
-        # One tick more, for a reading at each end is rounded.
+        # One tick more, since the readings at both ends are rounded.
         if abs(step) > self._jump_ticks_per_us * elapsed_us + 1.0:
             self.jumps += 1
         else:
             self._total += step
-        if told_rad_s is not None:
-            self.velocity_rad_s = told_rad_s
+        if reported_rad_s is not None:
+            self.velocity_rad_s = reported_rad_s
         return self.velocity_rad_s
 
 
 class SpeedWheel:
-    """Hands the reference of a wheel to the drive that follows it.
+    """Passes the reference of a wheel to the drive, which closes the loop.
 
     Parameters
     ----------
     ticks_per_revolution, speed_max_rad_s
-        Those of `ReportedVelocity`.
+        As for `ReportedVelocity`.
     """
 
     def __init__(self, ticks_per_revolution: int, speed_max_rad_s: float) -> None:
@@ -84,13 +84,13 @@ class SpeedWheel:
         self.reset()
 
     def reset(self) -> None:
-        """Take the next reference as continuing the present speed."""
+        """Treat the next reference as continuing the present speed."""
         self.reference_rad_s = self.estimator.velocity_rad_s
 
     def step(self, reference_rad_s: float, supply_v: float, dt_s: float) -> float:  # noqa: ARG002 - all wheels share one signature
-        """Return the speed to command for a reference [rad/s], which is the same."""
+        """Return the speed to command, equal to the reference [rad/s]."""
         self.reference_rad_s = reference_rad_s
         return reference_rad_s
 
     def retune(self, pid: PidConfig) -> None:
-        """Leave the drive's own gains alone."""
+        """Do nothing: the drive has its own gains."""

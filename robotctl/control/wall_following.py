@@ -9,8 +9,8 @@ so a robot too far from a left wall must turn left: omega = side (...)(z - d), w
 v_R - v_L = kp (z - d), for a wall on the left.
 
 Stability: with omega = side k e, e = z - d, this is e'' = -v k e, a double integrator in a
-proportional loop. It swings for ever in theory, and grows with any delay. `wheel_speeds` has that
-form, as Davison's lectures (Robotics, Imperial College London) have it, for comparison.
+proportional loop. In theory it oscillates for ever, and grows with any delay. `wheel_speeds` is
+that law, from Davison's lectures (Robotics, Imperial College London), for comparison.
 `WallFollower` adds damping. It is written over the path length (one dash: per metre), so that the
 path does not depend on the speed::
 
@@ -20,8 +20,8 @@ With kp = 1 / length^2 and kd = 2 / length it is critically damped: the error fa
 length) exp(-x / length) over the distance x. Derived from the same idea as the curvature
 controllers of C. Samson, "Control of chained systems", IEEE Trans. Automatic Control 40(1), 1995.
 
-The heading is not measured. An observer carries distance and heading by dead reckoning and corrects
-both with each reading; it also bridges lost echoes and recognises outliers.
+The heading is not measured. An observer predicts distance and heading by dead reckoning and
+corrects both with each reading; it also bridges lost echoes and rejects outliers.
 """
 
 from __future__ import annotations
@@ -76,11 +76,11 @@ def wheel_speeds(
     v_m_s
         Speed v_C of the centre [m/s].
     range_m, distance_m
-        Measured and wanted distance to the wall [m].
+        Measured and desired distance to the wall [m].
     kp
-        Gain [1/s]; the loop swings with sqrt(v kp / track width) rad/s.
+        Gain [1/s]; the loop oscillates at sqrt(v kp / track width) rad/s.
     side
-        Where the wall is; "right" is the mirror image of "left".
+        Side of the wall; "right" is the mirror image of "left".
     """
     half = 0.5 * kp * (range_m - distance_m)
     if side == "right":
@@ -90,30 +90,30 @@ def wheel_speeds(
 
 @dataclass(frozen=True, slots=True)
 class WallFollowConfig:
-    """A wall follower.
+    """Configuration of a wall follower.
 
     Parameters
     ----------
     side
-        Where wall and sonar are: "left" or "right".
+        Side of wall and sonar: "left" or "right".
     distance_m
-        Wanted distance of `base` to the wall [m], > 0.
+        Desired distance of `base` to the wall [m], > 0.
     kp, kd
         Gains [rad/m^2, rad/m], > 0; see `critically_damped`. The defaults are those of 0.5 m.
     omega_max_rad_s
         Bound of the turning rate [rad/s], > 0.
     approach_max_rad
-        Steepest approach [rad], (0, pi/2): steeper, the echo of a sonar is lost.
+        Maximum angle of approach [rad], (0, pi/2): beyond it the echo of a sonar is lost.
     observer_m
-        Path over which a wrong estimate is forgotten [m], > 0.
+        Path length over which a wrong estimate decays [m], > 0.
     range_max_m
-        Longer readings are not the wall [m], > distance_m.
+        Maximum reading from the wall [m], > distance_m.
     gate_m
-        A reading further than this from the expected one is an outlier [m], > 0 ...
+        Difference from the expected reading beyond which one is an outlier [m], > 0.
     reacquire_s
-        ... unless such readings agree for this long, >= 0: then the wall has moved [s].
+        Time for which outliers must agree to become the new wall [s], >= 0.
     lost_after_s
-        The wall is lost when no reading was accepted for this long, > 0 [s].
+        Time without an accepted reading after which the wall is lost [s], > 0.
 
     Raises
     ------
@@ -170,7 +170,7 @@ class WallFollowConfig:
 
 
 class WallFollower:
-    """Keeps a distance to a wall. Assumes the wall straight over a few `observer_m`."""
+    """Keeps a distance to a wall, assumed straight over a few `observer_m`."""
 
     def __init__(self, config: WallFollowConfig) -> None:
         self.config = config
@@ -178,7 +178,7 @@ class WallFollower:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the wall; the next reading is taken as it is, the heading as parallel."""
+        """Forget the wall; the next reading is taken unfiltered, the heading as parallel."""
         self.distance_est_m = math.nan
         self.heading_est_rad = 0.0
         self._unseen_s = math.inf
@@ -189,7 +189,7 @@ class WallFollower:
 
     @property
     def lost(self) -> bool:
-        """Whether there is no wall to follow: none yet, or none for `lost_after_s`."""
+        """Whether there is no wall to follow: none so far, or none for `lost_after_s`."""
         return self._unseen_s > self.config.lost_after_s
 
     def step(
@@ -197,19 +197,19 @@ class WallFollower:
     ) -> float:
         """Return the turning rate [rad/s], positive left; 0 while the wall is lost.
 
-        It never raises. Where speed or `dt_s` is not usable, it returns 0 and changes nothing.
+        It never raises. It returns 0 and changes nothing for an invalid speed or `dt_s`.
 
         Parameters
         ----------
         range_m
-            Reading of the sideways sonar, from `base` [m]; nan if there is no new one, inf
-            where there was no echo. The same reading may be given until the next one comes.
+            Reading of the sideways sonar, from `base` [m]; nan without a new one, inf without an
+            echo. The same reading may be repeated until the next one comes.
         v_m_s
             Speed [m/s]; negative drives backwards along the wall.
         dt_s
             Time since the last call [s], > 0.
         omega_meas_rad_s
-            Measured turning rate since the last call [rad/s]; None takes what was returned then.
+            Measured turning rate since the last call [rad/s]; None: the one returned then.
         """
         if not (math.isfinite(v_m_s) and 0.0 < dt_s < math.inf):
             return 0.0
@@ -233,7 +233,7 @@ class WallFollower:
         return min(max(omega, -config.omega_max_rad_s), config.omega_max_rad_s)
 
     def _predict(self, v_m_s: float, omega_rad_s: float, dt_s: float) -> None:
-        """Carry distance and heading along by dead reckoning."""
+        """Predict distance and heading by dead reckoning."""
         heading = self.heading_est_rad + 0.5 * omega_rad_s * dt_s
         self.distance_est_m -= self._side * v_m_s * math.sin(heading) * dt_s
         self.heading_est_rad = math.remainder(heading + 0.5 * omega_rad_s * dt_s, math.tau)

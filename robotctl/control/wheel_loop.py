@@ -9,13 +9,13 @@ from robotctl.control.pwm import PwmConfig, PwmMap
 from robotctl.control.wheel_velocity import WheelVelocityEstimator
 
 _REST_S = 0.2
-"""Time within its band after which a wheel is at rest: any coasting from there stays within it."""
+"""Time within its band after which a wheel is at rest [s]; coasting from there stays within it."""
 _REST_COUNTS = 1.5
-"""The band of a coarse encoder, whose count may flicker between two,"""
+"""Band of rest of a coarse encoder, whose count may flicker between two values [counts]."""
 _REST_RAD = 0.02
-"""and of a fine one: play and tyres move a wheel after the torque is removed."""
+"""Band of rest of a fine encoder [rad]: play and tyres move a wheel once the torque is removed."""
 _LOOP_DELAY_PERIODS = 1.5
-"""One period from latch to use, and half a period as the mean age of the command it meets."""
+"""Dead time of the loop [periods]: one from latch to use, and half as the mean command age."""
 
 
 class WheelLoop:
@@ -26,9 +26,9 @@ class WheelLoop:
     pid, pwm
         Configuration of the loop and of the bridge.
     counts_per_revolution
-        Quadrature counts of the encoder for one turn of the wheel.
+        Quadrature counts per turn of the wheel.
     impossible_rad_s
-        No wheel of this robot turns faster, whatever happens to it [rad/s], > 0.
+        Maximum possible wheel speed of this robot [rad/s], > 0.
     """
 
     def __init__(
@@ -50,26 +50,26 @@ class WheelLoop:
         self.reset()
 
     def reset(self) -> None:
-        """Forget integral and slew; the next reference is taken as continuing the present speed."""
+        """Reset integral and slew; the next reference continues the present speed."""
         self.reference_rad_s = self.estimator.velocity_rad_s
         self._alpha_rad_s2 = 0.0
         self.duty = 0.0
         self._pid.reset(self.estimator.velocity_rad_s)
         self._pwm.reset()
         self._stand_rad = self.estimator.position_rad
-        """Middle of the band: where rest began, or where the wheel left the last one."""
+        """Centre of the band: the angle where rest began, or where the wheel left the last band."""
         self._still_s = _REST_S
-        """Time for which it has stayed in the band [s], up to `_REST_S`."""
+        """Time within the band so far [s], up to `_REST_S`."""
         self._holds = False
-        """Whether it rolled away from rest, and needs the integral."""
+        """Whether it rolled away from rest, so that the integral holds it."""
 
     def step(self, reference_rad_s: float, bus_voltage_v: float, dt_s: float) -> float:
         """Return the duty [-1, 1] for a wheel reference [rad/s] at a supply [V].
 
         At rest with reference zero the output is exactly zero, so that no integral hums against
-        static friction or pushes against what blocks the wheel. A wheel that then rolls away, as
-        on a slope, is held by the integral until another reference comes; it has rolled by about
-        the voltage that holds it over ki.
+        static friction or pushes against an obstacle. A wheel that then rolls away, as on a slope,
+        is held by the integral until another reference comes; it has rolled by about the holding
+        voltage over ki.
         """
         measured_rad_s = self.estimator.velocity_rad_s
         before_rad_s = self.reference_rad_s
@@ -99,7 +99,7 @@ class WheelLoop:
         config = self._config
         feedforward = feedforward_v(config, self.reference_rad_s, self._alpha_rad_s2)
         if self._coarse and self._holds and self._still_s >= _REST_S:
-            # A flickering count is a jerk to kp, so at rest the integral alone holds the wheel.
+            # A flickering count would jolt kp's output; at rest only the integral holds the wheel.
             feedforward += config.kp * self.estimator.velocity_rad_s
         return feedforward
 
@@ -109,7 +109,7 @@ class WheelLoop:
         self._pid.set_gains(pid, self._feedforward_v())
 
     def _rests(self, dt_s: float, *, wanted: bool) -> bool:
-        """Return whether the wheel is at rest and needs no torque; `wanted`: it shall turn."""
+        """Return whether the wheel is at rest without torque; `wanted`: motion is commanded."""
         position_rad = self.estimator.position_rad
         left = abs(position_rad - self._stand_rad) > self._band_rad
         if wanted:

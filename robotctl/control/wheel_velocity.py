@@ -22,18 +22,18 @@ import math
 from typing import Final
 
 STEP_MAX: Final = 32767
-"""More counts than this between two samples read as backwards."""
+"""Maximum counts between two samples; more read as backwards."""
 
 WINDOW_S: Final = 0.06
-"""Longest window where no other is asked for [s]."""
+"""Default maximum window [s]."""
 
 
 class WheelVelocityEstimator:
     """Velocity and unwrapped position of one wheel.
 
-    The velocity is exactly 0 once no count has come for `window_s`. Its delay is half the window
-    in use: at most `window_s / 2`, and at an acceleration of a counts/s^2 about sqrt(2 / a) s,
-    where a longer window would leave the straight line by more than a count.
+    The velocity is exactly 0 after `window_s` without a count. Its delay is half the window in use:
+    at most `window_s / 2`, and at an acceleration of a counts/s^2 about sqrt(2 / a) s, beyond which
+    a window would deviate from the straight line by more than a count.
 
     Undetectable: more than 32767 counts or 1.048 s between two samples alias. The caller must
     `resume` after such a gap and `reset` after a restart of the drive.
@@ -41,15 +41,15 @@ class WheelVelocityEstimator:
     Parameters
     ----------
     counts_per_revolution
-        Quadrature counts for one turn of the wheel, > 0.
+        Quadrature counts per turn of the wheel, > 0.
     window_s
-        Longest window [s], (0, 0.5].
+        Maximum window [s], (0, 0.5].
     band_counts
-        How far a sample may lie off the line [counts], >= 1; more for an encoder with uneven
+        Maximum deviation of a sample from the line [counts], >= 1; more for an encoder with uneven
         quadrature.
     speed_max_rad_s
-        Speeds above this are impossible [rad/s], > 0. A sample that would need one is taken as a
-        new reference for counts and time: position and velocity stay, `jumps` counts it.
+        Maximum possible speed [rad/s], > 0. A sample that would need a higher one becomes a new
+        reference for counts and time: position and velocity stay, `jumps` counts it.
 
     Raises
     ------
@@ -109,7 +109,7 @@ class WheelVelocityEstimator:
     def resume(self, count_u16: int, timestamp_us_u20: int) -> None:
         """Continue after a gap in which the time stamp may have rolled over.
 
-        The distance counts, up to 32767 counts; the velocity restarts at 0.
+        The turn counts, up to 32767 counts; the velocity restarts at 0.
         """
         self._total += self._step(count_u16)
         self.velocity_rad_s = 0.0
@@ -122,12 +122,12 @@ class WheelVelocityEstimator:
         return step - 0x10000 if step >= 0x8000 else step
 
     def _reference(self, count_u16: int, timestamp_us_u20: int) -> None:
-        """Forget the window and measure from this sample on."""
+        """Discard the window and measure from this sample on."""
         self._started = True
         self._count = count_u16
         self._time_us = timestamp_us_u20
         self.delay_s = 0.0
-        """How old the velocity is at the latch [s]: half the window in use.
+        """Age of the velocity at the latch [s]: half the window in use.
 
         A loop that follows a ramp compares like with like when it takes the reference of that
         time: reference minus acceleration times (this and the loop's own dead time).
@@ -145,13 +145,13 @@ class WheelVelocityEstimator:
         self,
         count_u16: int,
         timestamp_us_u20: int,
-        told_rad_s: float | None = None,  # noqa: ARG002 - all estimators share one signature
+        reported_rad_s: float | None = None,  # noqa: ARG002 - all estimators share one signature
     ) -> float:
         """Take one latched sample and return the velocity [rad/s].
 
         The first sample after construction only sets the reference. A sample with the time stamp
-        of the one before is the same latch seen twice and changes nothing. Lost samples need no
-        care: differences are over the time stamps.
+        of the last one is the same latch received twice and changes nothing. Lost samples do no
+        harm, since differences use the time stamps.
 
         Parameters
         ----------
@@ -159,8 +159,8 @@ class WheelVelocityEstimator:
             Encoder count, rolling over at 2^16 (a signed reading of the same bits will do).
         timestamp_us_u20
             Time of the latch [us], rolling over at 2^20.
-        told_rad_s
-            Velocity that the drive tells [rad/s]; not used.
+        reported_rad_s
+            Velocity reported by the drive [rad/s]; not used.
         """
         if not self._started:
             self.reset(count_u16, timestamp_us_u20)

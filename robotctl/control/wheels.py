@@ -1,4 +1,4 @@
-"""Interface of a driven wheel to control, whoever closes its speed loop."""
+"""Interface of a driven wheel, with the speed loop in control or in its drive."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from robotctl.control.pid import PidConfig
 
 
 class VelocityEstimator(Protocol):
-    """Velocity and position of one wheel, from the positions that its drive reports.
+    """Velocity and position of one wheel, from the reports of its drive.
 
     Attributes
     ----------
     velocity_rad_s
         Present velocity [rad/s].
     jumps
-        Number of positions that would need an impossible speed, so far.
+        Number of positions so far that would need an impossible speed.
     """
 
     velocity_rad_s: float
@@ -31,17 +31,17 @@ class VelocityEstimator(Protocol):
     def resume(self, ticks: int, stamp_us: int) -> None:
         """Continue after a gap of unknown length: the angle counts, the velocity restarts at 0."""
 
-    def update(self, ticks: int, stamp_us: int, told_rad_s: float | None) -> float:
-        """Take a position and the velocity that the drive tells [rad/s]; return the velocity."""
+    def update(self, ticks: int, stamp_us: int, reported_rad_s: float | None) -> float:
+        """Take a position and the drive's reported velocity [rad/s]; return the velocity."""
 
 
 class WheelControl(Protocol):
-    """Turns the reference of a wheel into what its drive takes.
+    """Turns the reference of a wheel into a command of its drive.
 
     Attributes
     ----------
     reference_rad_s
-        The last reference [rad/s].
+        Last reference [rad/s].
     """
 
     reference_rad_s: float
@@ -51,7 +51,7 @@ class WheelControl(Protocol):
         """Velocity and position of the wheel."""
 
     def reset(self) -> None:
-        """Forget the past; the next reference is taken as continuing the present speed."""
+        """Reset; the next reference continues the present speed."""
 
     def step(self, reference_rad_s: float, supply_v: float, dt_s: float) -> float:
         """Return the command for a reference [rad/s] at a supply [V], a period [s] later."""

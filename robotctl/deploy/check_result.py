@@ -16,7 +16,7 @@ class Verdict(enum.StrEnum):
     RISK = "risk"
     """A risk that the robot's file takes on deliberately."""
     NONE = "none"
-    """There is nothing to check on this machine."""
+    """Nothing to check on this machine."""
 
 
 class Finding(msgspec.Struct, frozen=True):
@@ -25,13 +25,13 @@ class Finding(msgspec.Struct, frozen=True):
     Attributes
     ----------
     check
-        Its name.
+        Name of the check.
     verdict
-        How it came out.
+        Result.
     found
-        What was found, with units.
+        Facts found, with units.
     fix
-        What to do, for a verdict of FAIL or WARN; one line.
+        Remedy for a verdict of FAIL or WARN; one line.
     """
 
     check: str
@@ -41,17 +41,17 @@ class Finding(msgspec.Struct, frozen=True):
 
 
 def ok(check: str, found: str) -> Finding:
-    """Return a finding that all is well."""
+    """Return a finding without a problem."""
     return Finding(check, Verdict.OK, found)
 
 
 def warn(check: str, found: str, fix: str) -> Finding:
-    """Return a finding that the robot drives with, but not as well as it could."""
+    """Return a finding with which the robot drives, but not as well as it could."""
     return Finding(check, Verdict.WARN, found, fix)
 
 
 def fail(check: str, found: str, fix: str) -> Finding:
-    """Return a finding that must be mended."""
+    """Return a finding that must be fixed."""
     return Finding(check, Verdict.FAIL, found, fix)
 
 
@@ -61,5 +61,5 @@ def risk(check: str, found: str) -> Finding:
 
 
 def none(check: str, found: str) -> Finding:
-    """Return that there is nothing to check."""
+    """Return a finding that there is nothing to check."""
     return Finding(check, Verdict.NONE, found)

@@ -1,4 +1,4 @@
-"""`robotctl doctor`: whether this computer, with this robot on it, is fit to drive."""
+"""`robotctl doctor`: fitness of this computer, with this robot, to drive."""
 
 from __future__ import annotations
 
@@ -51,18 +51,18 @@ def examine(
     root: Path = Path("/"),
     lag_seconds: float = LAG_SECONDS,
 ) -> Iterator[Finding]:
-    """Yield the findings one after the other, as they are made.
+    """Yield the findings as they are made.
 
     Parameters
     ----------
     robot, overrides
         The robot's file and `key=value` settings on top of it.
     logs
-        Where logs are to be written.
+        Folder for logs.
     root
-        Where /proc, /sys and /dev are.
+        Folder that contains /proc, /sys and /dev.
     lag_seconds
-        How long to measure wake-ups [s].
+        Duration of the measurement of wake-ups [s].
     """
     try:
         config = load_robot(robot, overrides)
@@ -91,7 +91,7 @@ def examine(
 
 
 def _check_localisation(config: RobotConfig, robot: Path) -> Finding:
-    """Check that the map and the places load that the robot's file names."""
+    """Check that the map and the places of the robot's file load."""
     # It loads numba.
     from robotctl.app.localisation.localisation_files import check_localisation  # noqa: PLC0415
 
@@ -106,7 +106,7 @@ def _check_localisation(config: RobotConfig, robot: Path) -> Finding:
 
 
 def _check_buses(config: RobotConfig) -> Iterator[Finding]:
-    """Check each bus's link, then the nodes; of several buses each finding names its own."""
+    """Check each bus's link, then the nodes; with several buses each finding names its bus."""
     are_up, is_one = True, len(config.buses) == 1
     for bus in config.buses:
         if bus.interface == "socketcan":
@@ -134,7 +134,7 @@ def _check_wakeups(config: RobotConfig, seconds: float) -> list[Finding]:
 
 
 def _user() -> str:
-    """Return our user's name, or the number of one that has none, as in a container."""
+    """Return the user's name, or the id of one without a name, as in a container."""
     if os.geteuid() == 0:
         return "root"
     try:
@@ -144,10 +144,10 @@ def _user() -> str:
 
 
 def check_mavlink(links: tuple[LinkConfig, ...]) -> list[Finding]:
-    """Check each MAVLink address: names resolve, ports to listen on are free or ours.
+    """Check each MAVLink address: names resolve, listening ports are free or ours.
 
-    Two links that listen at one address under different names are found here and not by
-    `robotctl config check`, whose answer depends on no name server.
+    Two links that listen at one address under different names are found here, not by
+    `robotctl config check`, whose result does not depend on a name server.
     """
     if not links:
         fix = "add a [[mavlink.link]] with an url to the robot's file"
@@ -172,7 +172,7 @@ def check_key(config: MavlinkConfig) -> Finding:
 
 
 class _Listener(NamedTuple):
-    """Address at which a link listens."""
+    """Listening address of a link."""
 
     url: str
     socket_kind: int
@@ -180,7 +180,7 @@ class _Listener(NamedTuple):
     port: int
 
     def clashes(self, other: _Listener) -> bool:
-        """Whether the kernel would refuse one of two sockets; port 0 is any that is free."""
+        """Whether the kernel would refuse one of two sockets; port 0 is any free port."""
         if (self.socket_kind, self.port) != (other.socket_kind, other.port) or self.port == 0:
             return False
         hosts = {self.host, other.host}
@@ -189,7 +189,7 @@ class _Listener(NamedTuple):
 
 
 def _check_mavlink_link(link: LinkConfig, listeners: list[_Listener]) -> Finding:
-    """Check one address; `listeners` are the links so far that listen, and gets this one."""
+    """Check one address; a listening link is added to `listeners`, those checked so far."""
     kind, host, port = link.address
     if kind == "serial":
         return ok("MAVLink", f"{link.url}, {port} baud")

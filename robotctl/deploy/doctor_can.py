@@ -1,4 +1,4 @@
-"""Checks of the CAN link as the kernel describes it: `ip -json -details -statistics link show`."""
+"""Checks of the CAN link by the kernel's data: `ip -json -details -statistics link show`."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from robotctl.drivers.can.config import FD_MTU, CanConfig, bring_up
 from robotctl.words import counted
 
 QUEUE_FRAMES: Final = 16
-"""Wanted transmit queue: four ticks of frames; a longer one sends old commands after a pause."""
+"""Recommended transmit queue, four ticks of frames; a longer one would send old commands."""
 
 _MAX_QUEUE_FRAMES = 128
 
 
 def read_link(channel: str) -> dict[str, Any] | str:
-    """Return the kernel's data on a network device, or why there is none."""
+    """Return the kernel's data on a network device, or the reason for its absence."""
     ip = shutil.which("ip") or shutil.which("ip", path="/usr/sbin:/sbin")
     if ip is None:
         return "the program `ip` (iproute2) is missing"
@@ -119,7 +119,7 @@ def _check_controller(
 
 
 def _check_restart(restart_ms: int, fix: str) -> Finding:
-    """Check that the controller returns from bus-off."""
+    """Check that the controller recovers from bus-off."""
     check = "CAN restart-ms"
     if restart_ms > 0:
         return ok(check, f"{restart_ms} ms")

@@ -18,10 +18,10 @@ from robotctl.model.sensors.camera import SIMULATED, CameraConfig
 from robotctl.model.sensors.lidar import SOCKET, LidarConfig
 
 MIN_FREE_BYTES: Final = 1_000_000_000
-"""A day of logs [B]."""
+"""Minimum free space, a day of logs [B]."""
 
 MIN_WRITE_BYTES_S: Final = 2_000_000
-"""Ten times the rate of a robot's logs [B/s]."""
+"""Minimum write speed, ten times the rate of a robot's logs [B/s]."""
 
 _GOOD_CLOCKS: Final = ("tsc", "arch_sys_counter", "kvm-clock")
 _BLOCK = 1_000_000
@@ -54,7 +54,7 @@ def check_preemption(root: Path) -> Finding:
 
 
 def check_governor(root: Path) -> Finding:
-    """Check that no processor changes its frequency by load."""
+    """Check that no processor changes its frequency with load."""
     check = "frequency governor"
     governors = {
         path.parts[-3]: _read(path) or "unknown"
@@ -78,7 +78,7 @@ def check_governor(root: Path) -> Finding:
 
 
 def check_clock_source(root: Path) -> Finding:
-    """Check that time is read from the processor, not from a slow device."""
+    """Check that the clock source is the processor, not a slow device."""
     check = "clock source"
     source = _read(root / "sys/devices/system/clocksource/clocksource0/current_clocksource")
     if source is None:
@@ -147,7 +147,7 @@ def clock_status() -> int | None:
 
 
 def check_space(folder: Path, free_bytes: int) -> Finding:
-    """Check that the logs have room."""
+    """Check the free space for logs."""
     check = "disk space"
     words = f"{free_bytes / 1e9:.1f} GB free for {folder}"
     if free_bytes >= MIN_FREE_BYTES:
@@ -156,7 +156,7 @@ def check_space(folder: Path, free_bytes: int) -> Finding:
 
 
 def check_write_speed(folder: Path, bytes_s: float) -> Finding:
-    """Check that the logs are written faster than they come."""
+    """Check that the medium is faster than the logs."""
     check = "write speed"
     words = f"{bytes_s / 1e6:.1f} MB/s to {folder}, synchronised"
     if bytes_s >= MIN_WRITE_BYTES_S:
@@ -166,7 +166,7 @@ def check_write_speed(folder: Path, bytes_s: float) -> Finding:
 
 
 def measure_write_speed(folder: Path) -> float:
-    """Write 16 MB, wait for the medium, and return the speed [B/s]. Leaves nothing behind.
+    """Write 16 MB, wait for the medium, and return the speed [B/s]; the file is removed.
 
     Raises
     ------
@@ -205,7 +205,7 @@ def check_disk(folder: Path) -> list[Finding]:
 
 
 def check_device(check: str, path: Path, groups: str) -> Finding:
-    """Check that a device is there and may be read and written by this user."""
+    """Check that a device exists and that this user may read and write it."""
     if not path.exists():
         return fail(
             check, f"{path} is not there", f"plug it in, or correct {path} in the robot's file"
@@ -220,9 +220,9 @@ def check_device(check: str, path: Path, groups: str) -> Finding:
 
 
 def check_camera(camera: CameraConfig | None, root: Path) -> Finding:
-    """Check the source of a camera that is enabled: a device, or a file, which need only be read.
+    """Check the source of an enabled camera: a device, or a file, which must only be readable.
 
-    A stream is not tried: it may come up with the robot.
+    A stream is not opened, since it may start with the robot.
     """
     check = "camera"
     if camera is None or not camera.enabled:

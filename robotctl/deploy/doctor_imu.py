@@ -17,13 +17,13 @@ LOOK_NS: Final = 1_000_000_000
 """Duration of the measurement [ns]."""
 
 GRAVITY_TOLERANCE: Final = 0.05
-"""A sound accelerometer at rest is not further off [share of gravity]."""
+"""Maximum error of a sound accelerometer at rest [share of gravity]."""
 
 
 def watch_imu(
     robot: CanRobot, clock: Clock, period_ns: int, imu: ImuConfig, off: ActuatorCommand
 ) -> ImuFeedback | None:
-    """Tick with the motors off for `LOOK_NS`; return what the IMU says then, None: nothing."""
+    """Tick with the motors off for `LOOK_NS`; return the IMU's feedback then, None without any."""
     tracker = InertialTracker(imu)
     deadline_ns = clock.now_ns()
     end_ns = deadline_ns + LOOK_NS

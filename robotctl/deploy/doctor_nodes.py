@@ -1,7 +1,7 @@
-"""Checks of the nodes: which are on the bus, and whether they are the right ones.
+"""Checks of the nodes: presence on the bus, and identity.
 
-Where another controller drives the nodes, or is about to, doctor only listens. Where none does, it
-commissions them as the control process would, with commands that say "motors off".
+Doctor only listens while another controller drives the nodes, or is about to. Without one, it
+commissions them like the control process, with commands that keep the motors off.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from robotctl.messages.ports import Clock
 from robotctl.runtime.ipc.process_lock import claim_bus
 
 LISTEN_NS: Final = 600_000_000
-"""Five heartbeats and more [ns]."""
+"""Listening time, more than five heartbeats [ns]."""
 
 COMMISSION_NS: Final = 3_000_000_000
 _POLL_NS = 5_000_000
@@ -38,11 +38,11 @@ _FIXES: Final = {
     FaultCode.NODE_CHANGED: "find out who else on the bus writes to the nodes",
     FaultCode.NODE_PUT_OUT: "find out who else on the bus commands the nodes (NMT)",
 }
-"""Remedy for each kind of problem; for others, check power and cable."""
+"""Remedy for each kind of problem; for others: check power and cable."""
 
 
 def check_drives(config: RobotConfig) -> Iterator[Finding]:
-    """Yield what each drive does when this computer is silent, and what the file accepts of it."""
+    """Yield each drive's reaction to a silent computer, and the settings that accept it."""
     for motor in config.motors:
         accepted = []
         if motor.accept_coasting:
@@ -81,7 +81,7 @@ def check_nodes(config: RobotConfig, clock: Clock) -> list[Finding]:
 
 
 def _claim(config: RobotConfig, held: ExitStack) -> bool:
-    """Claim the buses for as long as `held` is open; return False if a controller has one."""
+    """Claim the buses while `held` is open; return False if a controller has one."""
     try:
         for bus in config.buses:
             held.enter_context(claim_bus(bus.interface, bus.channel))
@@ -91,7 +91,7 @@ def _claim(config: RobotConfig, held: ExitStack) -> bool:
 
 
 def is_driven(robot: CanRobot, clock: Clock) -> bool:
-    """Listen for `LISTEN_NS`; return whether another controller sends what only one may."""
+    """Listen for `LISTEN_NS`; return whether another controller sends commands."""
     end_ns = clock.now_ns() + LISTEN_NS
     strangers: tuple[Stranger, ...] = ()
     while (now_ns := clock.now_ns()) < end_ns:
@@ -114,7 +114,7 @@ def commission(robot: CanRobot, clock: Clock, period_ns: int) -> tuple[NodeStatu
 
 
 def check_node(node: NodeStatus, wire_version: int | None) -> Finding:
-    """Check one drive or node after its commissioning; one of ours has a version of the wire."""
+    """Check one drive or node after its commissioning; ours have a protocol version."""
     check = f"node {node.node_id} {node.name}"
     if not node.problem:
         version = "" if wire_version is None else f", wire version 0x{wire_version:08X}"
@@ -123,7 +123,7 @@ def check_node(node: NodeStatus, wire_version: int | None) -> Finding:
 
 
 def check_traffic(bus: BusStatus) -> Finding:
-    """Check the bus's errors with our frames meanwhile."""
+    """Check the bus errors during our traffic."""
     check = "CAN traffic"
     words = (
         f"{bus.state.name.lower().replace('_', ' ')}, {bus.received} frames received, "
@@ -138,7 +138,7 @@ def check_traffic(bus: BusStatus) -> Finding:
 
 
 def only_listened(nodes: tuple[NodeStatus, ...]) -> Finding:
-    """Report who was heard, when a running controller forbids queries."""
+    """Report the nodes that were received, when a running controller forbids queries."""
     names = ", ".join(node.name for node in nodes if node.boots) or "no node"
     missing = ", ".join(node.name for node in nodes if not node.boots)
     unheard = f", not of {missing}" if missing else ""

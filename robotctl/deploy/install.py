@@ -27,7 +27,7 @@ class Manifest(msgspec.Struct, frozen=True):
     files
         SHA-256 of each file, by its path relative to the root.
     folders
-        Folders that it made, relative to the root.
+        Folders that the installation created, relative to the root.
     """
 
     files: dict[str, str] = {}
@@ -35,7 +35,7 @@ class Manifest(msgspec.Struct, frozen=True):
 
 
 def read_manifest(root: Path) -> Manifest:
-    """Return what was installed below `root`; empty if nothing.
+    """Return the manifest of the installation below `root`; empty without one.
 
     Raises
     ------
@@ -87,8 +87,8 @@ def install(files: Sequence[ServiceFile], root: Path) -> list[str]:
     Raises
     ------
     ConfigError
-        Before anything is written, if a file of somebody else is in the way; and where writing is
-        not allowed.
+        If a file of another owner is in the way, before anything is written; or if writing is not
+        allowed.
     """
     problems = conflicts(files, root)
     if problems:
@@ -105,7 +105,7 @@ def install(files: Sequence[ServiceFile], root: Path) -> list[str]:
             else _digest_of(file.data)
             for file in files
         }
-        # The manifest first: an installation that is cut short can be taken back.
+        # The manifest first, so that an interrupted installation can be undone.
         manifest = Manifest(before.files | wanted, (*before.folders, *made))
         write_whole(root / MANIFEST, msgspec.json.format(msgspec.json.encode(manifest)).decode())
         for file in files:
@@ -122,7 +122,7 @@ def install(files: Sequence[ServiceFile], root: Path) -> list[str]:
 
 
 def uninstall(root: Path, *, dry_run: bool = False) -> tuple[list[str], list[str]]:
-    """Remove what was installed and is unchanged; a dry run only lists it.
+    """Remove installed files that are unchanged; a dry run only lists them.
 
     Returns
     -------
@@ -154,7 +154,7 @@ def uninstall(root: Path, *, dry_run: bool = False) -> tuple[list[str], list[str
 
 
 def _change(file: ServiceFile, root: Path) -> str:
-    """Return in a word the effect of installing on a file."""
+    """Return the effect of installing on a file, in one word."""
     found = _digest(root / file.path)
     if found is None:
         return "new"
@@ -164,7 +164,7 @@ def _change(file: ServiceFile, root: Path) -> str:
 def _remove(
     files: dict[str, str], root: Path, *, dry_run: bool = False
 ) -> tuple[list[str], list[str]]:
-    """Remove the unchanged of `files`; return lines for people, and the paths that were changed."""
+    """Remove the unchanged `files`; return lines for people, and the paths of changed ones."""
     lines, kept = [], []
     for name, digest in files.items():
         path = root / name
@@ -181,7 +181,7 @@ def _remove(
 
 
 def _make_folders(paths: Sequence[Path], root: Path) -> list[Path]:
-    """Make the folders of all paths, open to all, and return the new ones, outermost first."""
+    """Make the folders of all paths, readable for all; return the new ones, outermost first."""
     made: list[Path] = []
     for path in paths:
         missing = [each for each in (root / path).parents if not each.exists()]
@@ -194,13 +194,13 @@ def _make_folders(paths: Sequence[Path], root: Path) -> list[Path]:
 
 
 def _remove_if_empty(folder: Path) -> None:
-    """Remove a folder that is there and empty."""
+    """Remove a folder if it exists and is empty."""
     if folder.is_dir() and not any(folder.iterdir()):
         folder.rmdir()
 
 
 def _digest(path: Path) -> str | None:
-    """Return the SHA-256 of a file; None if it is not there.
+    """Return the SHA-256 of a file; None if missing.
 
     Raises
     ------
@@ -221,6 +221,6 @@ def _digest_of(data: bytes) -> str:
 
 
 def _refusal(error: OSError) -> str:
-    """Say what the system refused."""
+    """Return the system's refusal as text."""
     hint = "; run it with sudo" if isinstance(error, PermissionError) else ""
     return f"{error.filename}: {error.strerror}{hint}"

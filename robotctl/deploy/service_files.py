@@ -40,9 +40,9 @@ class ServiceFile:
     Parameters
     ----------
     path
-        Where, relative to the root.
+        Path relative to the root.
     data
-        What.
+        Content.
     """
 
     path: Path
@@ -65,17 +65,17 @@ def service_files(
     Parameters
     ----------
     robot, mission
-        Configuration and mission; both are checked, and copied to /etc/robotctl. So are the map
-        and the places that the configuration names by relative paths.
+        Configuration and mission; both are checked, and copied to /etc/robotctl, together with the
+        map and the places that the configuration names by relative paths.
     executable
         The program `robotctl` that the service starts; absolute.
     processors
-        How many processors the robot's computer has.
+        Number of processors of the robot's computer.
 
     Raises
     ------
     ConfigError
-        If one of them is wrong, or the robot has no SocketCAN bus.
+        If one of them is invalid, or the robot has no SocketCAN bus.
     MissionError
         If the robot cannot drive the mission.
     """
@@ -112,7 +112,7 @@ def service_files(
 
 
 def network_files(bus: CanConfig, suffix: str) -> list[ServiceFile]:
-    """Return the files by which systemd-networkd brings up a bus; their names end in `suffix`."""
+    """Return the systemd-networkd files of a bus; their names end in `suffix`."""
     point, data_point = bus.sample_points
     values = {
         "CHANNEL": bus.channel,
@@ -148,7 +148,7 @@ def fill(template: str, values: dict[str, str]) -> str:
 
 
 def unit_name(device: str) -> str:
-    """Escape a device name as systemd-escape does, for the name of its unit."""
+    """Return the unit name of a device, escaped like by systemd-escape."""
     return "".join(
         each if (each.isascii() and each.isalnum()) or each in ":_." else f"\\x{ord(each):02x}"
         for each in device
@@ -158,7 +158,7 @@ def unit_name(device: str) -> str:
 def affinity(cpu: int, processors: int) -> str:
     """Return the line that keeps all but the control loop off its processor `runtime.cpu`.
 
-    The control process leaves this set by itself.
+    The control process moves itself to that processor.
     """
     others = [str(each) for each in range(processors) if each != cpu]
     if cpu < 0 or not others:
@@ -172,7 +172,7 @@ def check_executable(path: Path) -> None:
     Raises
     ------
     ConfigError
-        If it is missing, it or a folder on the way is closed to others, or systemd cannot
+        If it is missing, it or one of its parent folders is closed to others, or systemd cannot
         start a program of that name.
     """
     if not os.access(path, os.X_OK):

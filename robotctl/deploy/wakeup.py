@@ -1,7 +1,7 @@
-"""Measures how late this computer wakes a real-time process, in a process of its own.
+"""Measures the wake-up latency of a real-time process on this computer.
 
-A process of its own, since real-time rights cannot be given back. Run as
-`python -m robotctl.deploy.wakeup OPTIONS SECONDS`; prints one line of JSON.
+It is a separate process, since real-time rights cannot be given back:
+`python -m robotctl.deploy.wakeup OPTIONS SECONDS` prints one line of JSON.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ class Wakeups(msgspec.Struct, frozen=True):
     slack_ns
         Timer slack of the process [ns]; -1: unknown.
     ticks, overruns
-        Wake-ups, and those that came a whole period late.
+        Wake-ups, and those a whole period late.
     lag_us_p50, lag_us_p99, lag_us_max
-        Wake-up behind the deadline [us].
+        Wake-up latency after the deadline [us].
     period_us
         Period of the deadlines [us].
     """
@@ -51,7 +51,7 @@ class Wakeups(msgspec.Struct, frozen=True):
 
 
 class _Idle:
-    """A tick in which nothing is done."""
+    """A tick without work."""
 
     def receive(self, now_ns: int) -> None:
         """Do nothing with inputs."""
@@ -60,7 +60,7 @@ class _Idle:
 
 
 def measure(config: LoopConfig, seconds: float) -> Wakeups:
-    """Tick idly for a time [s], with the rights that the control loop asks for."""
+    """Tick idly for a time [s], with the rights of the control loop."""
     refused = acquire_realtime(config)
     clock = RealClock()
     loop = Loop(clock, config.period_ns)
@@ -81,7 +81,7 @@ def measure(config: LoopConfig, seconds: float) -> Wakeups:
 
 
 def _timer_slack_ns() -> int:
-    """Return the timer slack of this process [ns], -1 where the kernel does not say."""
+    """Return the timer slack of this process [ns], -1 if unknown."""
     try:
         return int(Path("/proc/self/timerslack_ns").read_text())
     except OSError:
@@ -89,12 +89,12 @@ def _timer_slack_ns() -> int:
 
 
 def measure_in_a_process(config: LoopConfig, seconds: float) -> Wakeups:
-    """Do `measure` in a process of its own.
+    """Call `measure` in a separate process.
 
     Raises
     ------
     subprocess.SubprocessError, msgspec.DecodeError
-        Where that process fails.
+        If that process fails.
     """
     text = msgspec.json.encode(config).decode()
     done = subprocess.run(  # noqa: S603 - our own module
@@ -119,7 +119,7 @@ def check_rights(wakeups: Wakeups, user: str) -> Finding:
 
 
 def check_timer_slack(wakeups: Wakeups) -> Finding:
-    """Check that the kernel does not put off wake-ups to save power."""
+    """Check that the kernel does not delay wake-ups to save power."""
     check = "timer slack"
     if wakeups.slack_ns <= _SLACK_LIMIT_NS:
         return ok(check, f"{wakeups.slack_ns} ns" if wakeups.slack_ns >= 0 else "unknown")

@@ -21,7 +21,7 @@ AFTERMATH_NS: Final = 1_000_000_000
 """Delay of a dump after the fault, to record its consequences [ns]."""
 
 MOST_DUMPS: Final = 20
-"""Older dumps are removed."""
+"""Maximum number of dumps; older ones are removed."""
 
 RETRY_NS: Final = 10_000_000_000
 """Time until a crash dump that the disk refused is retried [ns]."""
@@ -31,17 +31,17 @@ _FULL: Final = (errno.ENOSPC, errno.EDQUOT)
 
 
 class RecordCopy:
-    """Copies the ring, while it is written, into records `control-0001.rec` and so on.
+    """Copies the ring, while it is being written, into records `control-0001.rec` and so on.
 
-    A copy begins with the oldest segment that is there, so a recorder that starts again repeats
-    some ticks and loses none; so does a copy whose file was removed.
+    A copy begins with the oldest available segment, so a restarted recorder repeats some ticks and
+    loses none; so does a copy whose file was removed.
 
     Parameters
     ----------
     ring
-        The ring's file, which may come, go and be replaced.
+        File of the ring, which may appear, disappear and be replaced.
     folder
-        Where the records go.
+        Folder of the records.
     """
 
     def __init__(self, ring: Path, folder: LogFolder) -> None:
@@ -57,8 +57,8 @@ class RecordCopy:
         Raises
         ------
         OSError
-            If the disk refuses; after `close` it can be tried again, and nothing is lost meanwhile
-            but what the ring overwrites.
+            If the disk refuses; after `close` a retry is possible, which loses only what the ring
+            has overwritten meanwhile.
         """
         if self._file is not None and is_gone(self._file):
             self.close()
@@ -88,7 +88,7 @@ class RecordCopy:
         return self._file
 
     def close(self) -> None:
-        """Let go of ring and file; raises OSError if the disk refuses."""
+        """Release ring and file; raises OSError if the disk refuses."""
         reader, file = self._reader, self._file
         self._reader, self._last, self._file = None, None, None
         if reader is not None:
@@ -98,19 +98,18 @@ class RecordCopy:
 
 
 class FlightDumps:
-    """Writes the ring to a file when something went wrong.
+    """Writes the ring to a file after faults and crashes.
 
-    `fault-TIME.rec` follows a fault or an emergency stop, `crash-TIME.rec` a control process that
-    did not end in order. On a full disk the oldest dumps make room for a new one, but no more of
-    them than it needs. The ring of a crash stays in memory until the disk takes it.
+    `fault-TIME.rec` follows a fault or an emergency stop, `crash-TIME.rec` a crash of the control
+    process. On a full disk the oldest dumps make room for a new one, but no more of them than
+    needed. The ring of a crash stays in memory until the disk accepts it.
 
     Parameters
     ----------
     ring
-        The ring's file.
+        File of the ring.
     directory
-        Where to; made where it is missing. Dumps that a dead recorder left half written are
-        removed there.
+        Folder of the dumps, made if missing. Incomplete dumps of a dead recorder are removed there.
     """
 
     def __init__(self, ring: Path, directory: Path) -> None:
@@ -147,19 +146,19 @@ class FlightDumps:
         return notes
 
     def _dump_fault(self) -> tuple[str, ...]:
-        """Write the ring of the control process that runs."""
+        """Write the ring of the running control process."""
         notes: list[str] = []
-        with suppress(OSError):  # the notes say it; in a minute the ring holds the fault no more
+        with suppress(OSError):  # reported in the notes; a retry in a minute would miss the fault
             self._dump(self._ring, "fault", notes, make_room=True)
         return tuple(notes)
 
     def _dump_crash(self, now_ns: int) -> tuple[str, ...]:
-        """Write the ring of a control process that did not end in order, and remove it."""
+        """Write the ring of a crashed control process, and remove it."""
         left = crashed(self._ring)
         number = _file_number(left)
         if number is None:
             return ()
-        self._due_ns = None  # The fault is in this one; the ring that is there now knows nothing.
+        self._due_ns = None  # The fault is in this ring, not in that of the new process.
         is_first, notes = self._retry_ns is None, list[str]()
         try:
             self._dump(left, "crash", notes, make_room=is_first)
@@ -167,7 +166,7 @@ class FlightDumps:
             self._retry_ns = now_ns + RETRY_NS
             return tuple(notes) if is_first else ()
         self._retry_ns = None
-        if _file_number(left) == number:  # else another crash replaced it
+        if _file_number(left) == number:  # otherwise another crash replaced it
             left.unlink(missing_ok=True)
         return tuple(notes)
 
@@ -197,7 +196,7 @@ class FlightDumps:
             notes.append(f"the oldest dumps of the flight recorder cannot be removed: {error}")
 
     def _write(self, ring: Path, target: Path, notes: list[str], *, make_room: bool) -> None:
-        """Write a ring; on a full disk in the place of the oldest dumps, one after the other."""
+        """Write a ring; on a full disk replace the oldest dumps, one after the other."""
         freed = 0
         while True:
             try:
@@ -213,7 +212,7 @@ class FlightDumps:
             notes.append(f"the disk is full: {dumps[0]} is removed to make room for a newer one")
 
     def _oldest_first(self) -> list[Path]:
-        """Return all dumps that are there."""
+        """Return all dumps, oldest first."""
         return sorted(
             (path for each in _KINDS for path in self._directory.glob(f"{each}-*.rec")),
             key=lambda path: age_rank(path.stat()),

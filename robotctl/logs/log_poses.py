@@ -1,4 +1,4 @@
-"""Poses of the robot in a recorded drive, by the best that the log has."""
+"""Poses of the robot in a recorded drive, by the best source of the log."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from robotctl.model.trajectory import Trajectory
 def best_poses(log: Path, recording: Recording) -> tuple[Trajectory, str] | None:
     """Return `base` in `world` from a log, and a text naming the source; None: unknown.
 
-    The log's reference, if it has headings, else that of its scans, else what the robot believed
+    The log's reference, if it has headings, else that of its scans, else the robot's own estimate
     while it was localised.
     """
     if recording.reference is not None and recording.reference_has_heading:

@@ -1,4 +1,4 @@
-"""The continuous logs of one robot: its states as MCAP, its bus as candump; files in turn."""
+"""The continuous logs of one robot: states as MCAP, buses as candump, in numbered files."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ class StateLog:
     Parameters
     ----------
     folder
-        Where to.
+        Folder of the logs.
     epoch_ns
         Added to CLOCK_MONOTONIC to get wall time [ns].
     name
-        Of the robot.
+        Name of the robot.
     scene
         Static data of the robot for viewers; None: nothing.
     """
@@ -85,18 +85,18 @@ class StateLog:
 
 
 class BusLog:
-    """The frames on the host's buses, in `can-0001.log` and so on, in the order of their times.
+    """Frames on the host's buses, in `can-0001.log` and so on, in the order of their times.
 
     Parameters
     ----------
     folder
-        Where to.
+        Folder of the logs.
     buses
-        Which they are.
+        Buses to log.
     epoch_ns
         Added to the clock to get wall time [ns].
     clock
-        Of the robot; CLOCK_MONOTONIC by default.
+        Clock of the robot; CLOCK_MONOTONIC by default.
     """
 
     def __init__(
@@ -149,7 +149,7 @@ class BusLog:
 
 
 class _BusListener:
-    """Reads one bus, which may come late and go."""
+    """Reads one bus, which may appear late and disappear."""
 
     def __init__(self, bus: CanConfig, epoch_ns: int, clock: Clock | None) -> None:
         self._bus = bus
@@ -165,7 +165,7 @@ class _BusListener:
         Raises
         ------
         LinkError
-            If the bus cannot be read, once until it can again.
+            If the bus cannot be read; raised once until it can be read again.
         """
         try:
             if self._reader is None:
@@ -190,7 +190,7 @@ class _BusListener:
 
 
 def _time_of(line: str) -> str:
-    """Return the time at the beginning of a line of candump, which has a fixed width."""
+    """Return the time of a line of candump, which has a fixed width."""
     return line[:_TIME_WIDTH]
 
 
@@ -207,10 +207,10 @@ def scene_of(config: RobotConfig) -> Scene:
 
 
 def recover_all(folder: LogFolder) -> tuple[str, ...]:
-    """Complete the MCAP logs that a kill or a power cut left open; return a sentence for each.
+    """Complete the MCAP logs left open by a kill or a power cut; return a sentence for each.
 
-    Files without a byte, of any log, are removed, and what was left of a completion that was cut
-    itself. Files being written are not touched.
+    Empty files of any log are removed, and the rest of an interrupted completion. Files being
+    written are not touched.
     """
     folder.remove_empty()
     remove_parts(folder.directory, "robot-*.mcap")

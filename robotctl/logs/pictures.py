@@ -15,19 +15,19 @@ from robotctl.runtime.storage.log_folder import LogFolder
 
 _QUALITY: Final = 85
 _EARLY: Final = 10
-"""A picture may come that part of the period before it is due, since stamps jitter."""
+"""Part of the period (1/n) by which a picture may come early, since stamps jitter."""
 
 
 class PictureLog:
-    """Keeps a picture every so often, as JPEG.
+    """Stores pictures at an interval, as JPEG.
 
-    The folder has the number of the run's first log of states. All pictures beside the logs are
-    together no larger than these may be; the oldest go first.
+    The folder has the number of the run's first log of states. All pictures together have the size
+    limit of the logs; the oldest are removed first.
 
     Parameters
     ----------
     folder
-        Of the logs.
+        Folder of the logs.
     every_s
         Time between pictures, > 0 [s].
     epoch_ns
@@ -57,8 +57,8 @@ class PictureLog:
         try:
             size = path.write_bytes(picture.getbuffer())
         except OSError:
-            path.unlink(missing_ok=True)  # what is there of it is no picture
-            with suppress(OSError):  # others are in it
+            path.unlink(missing_ok=True)  # an incomplete picture
+            with suppress(OSError):  # it has other pictures
                 self._directory.rmdir()
             raise
         self._kept.append((path, size))
@@ -67,10 +67,10 @@ class PictureLog:
             self._remove_oldest()
 
     def _remove_oldest(self) -> None:
-        """Make room; raises OSError if the disk refuses this as well."""
+        """Make room; raises OSError if the disk refuses this, too."""
         path, size = self._kept.popleft()
         self._bytes -= size
         path.unlink(missing_ok=True)
         if self._kept[0][0].parent != path.parent:
-            with suppress(OSError):  # somebody keeps other files there
+            with suppress(OSError):  # other files are there
                 path.parent.rmdir()

@@ -24,12 +24,12 @@ _NEAR_NS: Final = 1_000_000_000
 
 
 def increments(odometry: Sequence[SE2]) -> list[SE2]:
-    """Return the motion from each pose to the next, in `base` before it; the first is none."""
+    """Return the motion from each pose to the next, in the earlier `base`; the first is zero."""
     return [SE2()] + [before.inverse() @ after for before, after in itertools.pairwise(odometry)]
 
 
 def with_noise(own: MotionNoise, sigmas: tuple[float, float]) -> MotionNoise:
-    """Return the noise of an odometry on which `noisy` put some: variances add."""
+    """Return the noise of an odometry after `noisy`; variances add."""
     sigma_trans, sigma_rot = sigmas
     return MotionNoise(
         math.hypot(own.e_m_per_sqrt_m, sigma_trans),
@@ -44,18 +44,18 @@ def noisy(
     """Return motions with white noise along the path, so the step length does not matter.
 
     An early heading error moves the robot sideways: integrated over a path of length d, an error of
-    the variance Q has the mean effect d / 2 and another one of the variance d^2 Q / 12 beside it (a
-    Wiener process and its integral). Good for turns that are short or on the spot.
+    variance Q has the mean effect d / 2, and an independent one of variance d^2 Q / 12 (a Wiener
+    process and its integral). Good for turns that are short or on the spot.
 
     Parameters
     ----------
     deltas
-        Each in `base` before it.
+        Motions, each in the earlier `base`.
     sigmas
         Standard deviations: of the distance after 1 m [m], and of the heading after 1 m and after
         1 rad [rad].
     rng
-        Draws three numbers for each motion, also for one without length.
+        Generator; three numbers are drawn for each motion, also for one without length.
     """
     if sigmas == (0.0, 0.0) or not deltas:
         return list(deltas)
@@ -76,7 +76,7 @@ def noisy(
 def with_noisy_motion(
     recording: Recording, sigmas: tuple[float, float], rng: np.random.Generator
 ) -> Recording:
-    """Return a recording with noise on its velocities and its odometry, as `noisy` has it."""
+    """Return a recording with the noise of `noisy` on its velocities and its odometry."""
     if sigmas == (0.0, 0.0):
         return recording
     steps_s = 1e-9 * np.diff(recording.twist_stamps_ns)[:, None]
@@ -103,15 +103,15 @@ def reference_at(recording: Recording, stamp_ns: int) -> SE2 | None:
 
 
 def known_from_ns(recording: Recording) -> int:
-    """Return since when `start_pose` may know the place [ns]; 0 without a reference."""
+    """Return the time from which `start_pose` may know the pose [ns]; 0 without a reference."""
     return 0 if recording.reference is None else int(recording.reference.stamps_ns[0]) - _NEAR_NS
 
 
 def start_pose(recording: Recording, stamp_ns: int) -> SE2 | None:
     """Return the drive's start at a time, by the reference; None if the reference has none.
 
-    Up to one second before and after the reference its ends count. If it has no heading, the one
-    with which the odometry of the first metre fits it best is taken.
+    Up to one second before and after the reference its ends count. Without headings, the one with
+    which the odometry of the first metre fits best is taken.
     """
     reference = recording.reference
     if reference is None:
@@ -129,7 +129,7 @@ def start_pose(recording: Recording, stamp_ns: int) -> SE2 | None:
 def _aligned_heading(
     odometry: Trajectory | None, reference: Trajectory, begin_ns: int
 ) -> float | None:
-    """Return the heading at a time that rotates the odometry path onto the reference [rad].
+    """Return the heading at a time that aligns the odometry path with the reference [rad].
 
     Least squares of the positions (Kabsch 1976, in the plane); None if the robot never moves.
     """

@@ -1,9 +1,9 @@
 """Images as stored: pixels in rows, ignoring orientation tags.
 
-Pillow reads them. It scales PGM and PPM of any greatest value (1 to 65535) to white, as ROS's
-`map_server` has them from GraphicsMagick, reads plain ones without a newline at their end, says
-when a file is cut short, and does not turn a picture by its EXIF orientation: what a camera's lens
-did, it did to the sensor's rows.
+Pillow reads them. It scales PGM and PPM of any maximum value (1 to 65535) to white, like
+GraphicsMagick in ROS's `map_server`, reads plain ones without a newline at their end, reports a
+file that is cut short, and does not rotate a picture by its EXIF orientation: a camera's lens
+distorts the sensor's rows.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from PIL import Image, UnidentifiedImageError
 from robotctl.errors import ConfigError
 
 _FORMATS: Final = ("PNG", "JPEG", "PPM", "BMP", "WEBP", "TIFF", "GIF", "TGA", "JPEG2000", "AVIF")
-"""Formats of Pillow with pixels: some others start programs (Ghostscript)."""
+"""Formats of Pillow that are read; some others start programs (Ghostscript)."""
 _CUT_SHORT: Final = ("truncated", "Truncated", "EOF", "not enough", "requires a buffer of")
 """Errors by which Pillow and struct report that a file ends too soon."""
 _ORIENTATION: Final = 0x0112
@@ -36,13 +36,13 @@ def read_image(file: Path) -> NDArray[np.uint8] | NDArray[np.uint16]:
     Returns
     -------
     NDArray
-        (rows, columns) where it is grey, of 8 or 16 bits; else (rows, columns, channels) of 8 bits:
+        (rows, columns) of 8 or 16 bits for a grey image; else (rows, columns, channels) of 8 bits:
         2 for grey and alpha, 3 for red, green and blue, 4 for these and alpha.
 
     Raises
     ------
     ConfigError
-        If the file is no image, damaged or cut short.
+        If the file is not an image, damaged or cut short.
     OSError
         If it cannot be read.
     """
@@ -70,7 +70,7 @@ def _opened(file: Path, *, as_tagged: bool = False) -> Iterator[Image.Image]:
     size = " within its header"
     try:
         with warnings.catch_warnings():
-            # Of size (a map may be large, and is the user's own) and of odd metadata.
+            # Warnings of size (a map may be large, and is the user's own) and of odd metadata.
             warnings.simplefilter("ignore")
             with Image.open(BytesIO(data if as_tagged else _upright(data)), "r", _FORMATS) as image:
                 size = f" within its {image.width} x {image.height} pixels"
@@ -90,7 +90,7 @@ def _opened(file: Path, *, as_tagged: bool = False) -> Iterator[Image.Image]:
 
 
 def _upright(data: bytes) -> bytes:
-    """Return a TIFF without its tag of orientation, which Pillow would follow; others as they are.
+    """Return a TIFF without its orientation tag, which Pillow would apply; other files unchanged.
 
     The tag is an entry of 12 bytes in the first directory: number, kind, count, value.
     """

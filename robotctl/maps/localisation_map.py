@@ -17,7 +17,7 @@ from robotctl.model.wall_map import WallMap
 from robotctl.model.world_map import WorldMap
 
 _FEWEST = 2
-"""Rows and columns: the direction of a wall shows in two."""
+"""Minimum rows and columns, which show the direction of a wall."""
 
 
 def find_map(name: str, beside: Path) -> Path:
@@ -28,7 +28,7 @@ def find_map(name: str, beside: Path) -> Path:
     Raises
     ------
     ConfigError
-        If there is none.
+        If there is no such file.
     """
     if not name:
         raise ConfigError("localisation.map: no map is given; a world (.toml) or a ROS map (.yaml)")
@@ -36,12 +36,12 @@ def find_map(name: str, beside: Path) -> Path:
 
 
 def load_localisation_map(name: str, beside: Path) -> WorldMap:
-    """Read the map that `find_map` finds, to find a robot in it.
+    """Read the map that `find_map` finds, for localisation.
 
     Raises
     ------
     ConfigError
-        If there is none, it is wrong, or no robot can find itself in it.
+        If there is no such file, it is invalid, or no robot can localise itself in it.
     """
     found = load_any_map(name, beside)
     if found.walls is None:
@@ -55,7 +55,7 @@ def load_any_map(name: str, beside: Path) -> WorldMap:
     Raises
     ------
     ConfigError
-        If there is none, or it is wrong.
+        If there is no such file, or it is invalid.
     """
     path = find_map(name, beside)
     try:
@@ -75,7 +75,7 @@ def load_any_map(name: str, beside: Path) -> WorldMap:
 
 
 def off_map(world_map: WorldMap, start: SE2) -> str:
-    """Say that a robot cannot start where it shall, by its map; "" where it can."""
+    """Return why a robot cannot start at a pose by its map; "" if it can."""
     grid = world_map.grid
     row, column = grid.cell_of(np.array([[start.x_m, start.y_m]]))[0].tolist()
     rows, columns = grid.cells.shape
@@ -95,12 +95,12 @@ def off_map(world_map: WorldMap, start: SE2) -> str:
 
 
 def _check_cells(grid: GridMap, path: Path) -> None:
-    """Refuse a map in which no robot can find itself.
+    """Refuse a map in which no robot can localise itself.
 
     Raises
     ------
     ConfigError
-        If it is; says why.
+        If it is such a map, with the reason.
     """
     rows, columns = grid.cells.shape
     hint = "are negate and the thresholds right?"

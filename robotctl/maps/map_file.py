@@ -1,4 +1,4 @@
-"""Maps as ROS has them: a yaml file beside an image, for `map_server`, RViz and nav2.
+"""ROS maps: a yaml file beside an image, for `map_server`, RViz and nav2.
 
 How a pixel becomes a cell follows nav2's `map_server` (docs.nav2.org, Map Server; its older page is
 wiki.ros.org/map_server). The shade of a pixel, 0 black to 1 white, is the average of its colours;
@@ -12,8 +12,8 @@ mode scale
     The same, but between the thresholds p becomes 0 to 100 linearly; a pixel that is not quite
     opaque is unknown.
 mode raw
-    The pixel's value of 0 to 255 is the cell's, above 100 unknown; thresholds and `negate` say
-    nothing.
+    The pixel's value of 0 to 255 is the cell's, above 100 unknown; thresholds and `negate` have no
+    effect.
 """
 
 from __future__ import annotations
@@ -48,13 +48,13 @@ _IMAGES: Final = (".pgm", ".png", ".bmp", ".jpg")
 MODES: Final = ("trinary", "scale", "raw")
 OCCUPIED_THRESH: Final = 0.65
 FREE_THRESH: Final = 0.25
-"""nav2's defaults."""
+"""Defaults of nav2."""
 
 _NUMBER: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
 _PIXELS: Final = {FREE: 254, OCCUPIED: 0, UNKNOWN: 205}
 _SAVED_FREE_THRESH: Final = 0.196
-"""Below the occupancy of an unknown pixel, (255 - 205) / 255, as the ROS map savers have it."""
+"""Value of the ROS map savers, below the occupancy of an unknown pixel, (255 - 205) / 255."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,12 +76,12 @@ def load_map(path: Path) -> GridMap:
     Parameters
     ----------
     path
-        The yaml file. An image given by a relative path is searched for beside it.
+        Path of the yaml file; a relative path of the image starts there.
 
     Raises
     ------
     ConfigError
-        If the yaml file or the image is wrong; one line for each error, with file and key.
+        If the yaml file or the image is invalid; one line for each error, with file and key.
     OSError
         If a file cannot be read.
     """
@@ -100,7 +100,7 @@ def load_map(path: Path) -> GridMap:
 
 
 def refuse_image(name: str) -> None:
-    """Raise ConfigError where the image of a map is given for the map."""
+    """Raise ConfigError for the image of a map in place of the map."""
     if name.lower().endswith(_IMAGES):
         raise ConfigError(f"{name}: an image; needed is the map's .yaml that names it")
 
@@ -111,7 +111,7 @@ def image_of(path: Path) -> Path:
     Raises
     ------
     ConfigError
-        If the yaml file is wrong; one line for each error, with file and key.
+        If the yaml file is invalid; one line for each error, with file and key.
     OSError
         If it cannot be read.
     """
@@ -163,11 +163,11 @@ def _quoted(name: str) -> str:
 
 
 def _header(path: Path) -> _Header:
-    """Read the yaml file, and check all of it before complaining."""
+    """Read the yaml file; all its errors are reported at once."""
     try:
         data = yaml.safe_load(path.read_text(encoding="utf-8"))
     except (yaml.YAMLError, ValueError, RecursionError) as error:
-        # yaml leaves the errors of Python's numbers and dates, and of deep brackets, as they are.
+        # yaml does not wrap errors of Python's numbers and dates, and of deep brackets.
         raise ConfigError(f"{path}: not valid YAML: {error}") from error
     if not isinstance(data, dict):
         raise ConfigError(f"{path}: a map needs `key: value` lines, {', '.join(_KEYS)}")
@@ -201,7 +201,7 @@ def _header(path: Path) -> _Header:
 
 
 def _near(key: str, data: dict[Any, Any]) -> str:
-    """Return a hint at the key that was perhaps meant to be `key`."""
+    """Return a hint at a key that is probably a misspelt `key`."""
     others = [str(each) for each in data if each not in _KEYS]
     near = difflib.get_close_matches(key, others, n=1)
     return f' (is "{near[0]}" meant to be it?)' if near else ""
@@ -210,14 +210,14 @@ def _near(key: str, data: dict[Any, Any]) -> str:
 def _number(value: object) -> float:
     """Return a finite number.
 
-    Text counts where it is one as C++ and Python print it, `1e-05` or in quotes, which YAML 1.1
-    takes for text and `map_server` for a number.
+    Text counts if C++ or Python prints a number that way, `1e-05` or in quotes: YAML 1.1 reads
+    text, and `map_server` a number.
     """
     if isinstance(value, str) and _NUMBER.fullmatch(value.strip()):
         value = float(value)
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise ValueError("must be a finite number")
-    with suppress(OverflowError):  # of a whole number of hundreds of digits
+    with suppress(OverflowError):  # from a whole number of hundreds of digits
         if math.isfinite(number := float(value)):
             return number
     raise ValueError("must be a finite number")
@@ -294,7 +294,7 @@ _DEFAULTS: Final = {
 
 
 def _cells(pixels: NDArray[np.float64], header: _Header, *, has_alpha: bool) -> NDArray[np.int8]:
-    """Return the cells that pixels of 0 to 1, (..., channels), mean, (...)."""
+    """Return the cells of pixels of 0 to 1, (..., channels), as (...)."""
     alpha = pixels[..., -1] if has_alpha else None
     opaque = pixels if alpha is None else pixels[..., :-1]
     shade = (pixels if header.mode == "trinary" else opaque).mean(axis=-1)

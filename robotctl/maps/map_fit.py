@@ -1,4 +1,4 @@
-"""Whether the map of a localiser and the world of a simulated robot are of the same place."""
+"""Agreement of a localiser's map with the world of a simulated robot."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from robotctl.model.wall_map import WallMap
 
 _NEAR_M: Final = 0.3
 _APART_M: Final = 0.1
-"""Spacing of the points of a wall that are searched for [m]."""
+"""Spacing of the points of a wall that are compared [m]."""
 _FITS: Final = 0.6
-"""Minimum of the larger share: a map of part of the world, or of more, has one high share."""
+"""Minimum of the larger share; a map of less or more than the world has one high share."""
 
 
 def misfit(config: RobotConfig, robot: Path, world: Path, walls: WallMap) -> str:
-    """Say that the map of a robot's localiser does not show its world; "" where it does.
+    """Return why the map of a robot's localiser does not fit its world; "" if it does.
 
     Parameters
     ----------
     config, robot
-        The robot and its file.
+        Robot and its file.
     world, walls
-        Where it drives.
+        World in which it drives.
 
     Raises
     ------

@@ -2,7 +2,7 @@
 
 Source: N. Sturtevant, "Benchmarks for grid-based pathfinding", 2012, and movingai.com: four lines
 of header (`type octile`, `height`, `width`, `map`), then the cells, the top row first; `.` and `G`
-are passable, `S` (swamp) too, all others are not.
+are passable, and so is `S` (swamp); all others are not.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ SUFFIXES: Final = (".map", ".map.gz")
 _PASSABLE: Final = b".GS"
 _CELLS: Final = b".GS@OTW"
 _LARGEST: Final = 1 << 26
-"""Cells of a map: 64 MB."""
+"""Maximum cells of a map (64 MB)."""
 
 
 def is_moving_ai(path: Path) -> bool:
-    """Return whether a file has the name of one."""
+    """Return whether a file has the suffix of such a map."""
     return path.name.lower().endswith(SUFFIXES)
 
 
@@ -63,7 +63,7 @@ def _lines(path: Path) -> list[bytes]:
 
 
 def _size(lines: list[bytes], path: Path) -> tuple[int, int]:
-    """Return rows and columns by the header."""
+    """Return the rows and columns stated by the header."""
     header = [line.decode("ascii", "replace").split() for line in lines[:4]]
     sizes = {
         words[0]: int(words[1])

@@ -1,7 +1,7 @@
-"""The file of the places that a robot knows: TOML, for people too.
+"""The file of the places that a robot knows: TOML, also readable for people.
 
 A visit is two rows of numbers, from forward of `base` to the left, at its end: the median depth of
-the echoes [m], nan if there was none, and the share of silence, nan if no sonar looked.
+the echoes [m], nan without echoes, and the share of silence, nan without readings.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class VisitEntry:
 
 @dataclass(frozen=True)
 class PlaceEntry:
-    """A `[[place]]`; `frame` says what its visits' poses are in, the first visit's for "own"."""
+    """A `[[place]]`; `frame` is that of its visits' poses, "own" for the first visit's."""
 
     name: str
     frame: Literal["world", "own"]
@@ -104,13 +104,13 @@ def load_book(path: Path) -> PlaceBook:
     Raises
     ------
     ConfigError
-        If it is missing, damaged or wrong, with one line for each error.
+        If it is missing, damaged or invalid, with one line for each error.
     """
     return toml_source.load(path, BookFile).value
 
 
 def save_book(path: Path, book: PlaceBook) -> None:
-    """Write the places into a file; it is the old one or the new one, never half of it.
+    """Write the places into a file, atomically.
 
     Raises
     ------
@@ -138,7 +138,7 @@ def _lines(book: PlaceBook) -> Iterator[str]:
             yield f"\n[[place.visit]]\nx_m = {pose.x_m:.4f}\ny_m = {pose.y_m:.4f}"
             yield f"heading_deg = {math.degrees(pose.theta_rad):.3f}"
             yield from _row("depth_m", [f"{depth:.3f}" for depth in heard.depth_m.tolist()])
-            # Rounded, a silence with a rare echo must not become one without any.
+            # Rounding must not turn a silence with rare echoes into one without any.
             most = np.where(np.isnan(heard.depth_m), 1.0, 0.9999)
             shares = np.minimum(heard.silence, most).tolist()
             yield from _row("silence", [f"{share:.4f}" for share in shares])

@@ -1,4 +1,4 @@
-"""The file of a topological map: TOML, for people too."""
+"""The file of a topological map: TOML, also readable for people."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from robotctl.runtime.storage.atomic_file import write_whole
 
 VERSION: Final = 2
 _READ: Final = (1, VERSION)
-"""Readable versions. Version 1 has no exits and views: ways are found, but not driven."""
+"""Readable versions. Version 1 has no exits and views: routes can be found, but not driven."""
 _HEAD: Final = """\
 # Places and passages, from `robotctl topology`; see docs/planning.md. A place lists its passages
 # counter-clockwise. Bearings are from its middle, counter-clockwise from its first passage. x_m and
@@ -58,7 +58,7 @@ def load_topology(path: Path) -> TopologicalMap:
     Raises
     ------
     ConfigError
-        If it is missing, damaged or wrong, with one line for each error.
+        If it is missing, damaged or invalid, with one line for each error.
     """
     return toml_source.load(path, TopologyFile).value
 
@@ -69,18 +69,18 @@ def find_topology(name: str, beside: Path) -> Path:
     Raises
     ------
     ConfigError
-        If there is none.
+        If there is no such file.
     """
     return find_file(name, "places", beside=beside)
 
 
 def load_places(name: str, beside: Path) -> TopologicalMap | None:
-    """Read the topological map that `find_topology` finds, to drive by it; None without a name.
+    """Read the topological map that `find_topology` finds, for driving; None without a name.
 
     Raises
     ------
     ConfigError
-        If there is none, it is wrong, or it does not say what driving needs.
+        If there is no such file, it is invalid, or it lacks data for driving.
     """
     if not name:
         return None
@@ -94,12 +94,12 @@ def load_places(name: str, beside: Path) -> TopologicalMap | None:
 
 
 def save_topology(topology: TopologicalMap, path: Path) -> None:
-    """Write a topological map, whole or not at all.
+    """Write a topological map, atomically.
 
     Raises
     ------
     OSError
-        If the disk does not take it.
+        If it cannot be written.
     """
     write_whole(path, "\n".join(_lines(topology)) + "\n")
 

@@ -1,4 +1,4 @@
-"""The file of a vocabulary of visual words: arrays as NumPy keeps them (.npz)."""
+"""The file of a vocabulary of visual words: NumPy arrays (.npz)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _ARRAYS: Final = ("centres", "first", "idf")
 
 
 def shipped_vocabulary() -> Path:
-    """Return the file of the vocabulary that comes along."""
+    """Return the file of the built-in vocabulary."""
     return config_directory() / "places" / "vocabulary.npz"
 
 
@@ -28,7 +28,7 @@ def load_vocabulary(path: Path) -> Vocabulary:
     Raises
     ------
     ConfigError
-        If there is none, or it is damaged.
+        If it is missing or damaged.
     """
     try:
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
@@ -49,12 +49,12 @@ def load_vocabulary(path: Path) -> Vocabulary:
 
 
 def save_vocabulary(vocabulary: Vocabulary, path: Path) -> None:
-    """Write a vocabulary, whole or not at all; the same one gives the same bytes.
+    """Write a vocabulary, atomically and reproducibly to the byte.
 
     Raises
     ------
     OSError
-        If the disk does not take it.
+        If it cannot be written.
     """
     content = io.BytesIO()
     np.savez(

@@ -1,8 +1,8 @@
-"""The walls of a world's file, which a robot localises itself by.
+"""The walls of a world's file, for localisation.
 
 This is robotctl's own reading: `firmware_sim.world` has another, and tests compare the two. It
 reads the parts of a world that are on a map: `[[wall]]`, `[[box]]` and `[[furniture]]`. Obstacles
-and people are on none; floor, lamps and boards are the camera's, and only the simulator reads them.
+and people are on none; only the simulator reads floor, lamps and boards, for its camera.
 """
 
 from __future__ import annotations
@@ -24,23 +24,23 @@ from robotctl.maps.map_file import refuse_image
 from robotctl.model.wall_map import WallMap
 
 FARTHEST_M: Final = 500.0
-"""Maximum distance of any wall from the origin: a map has cells for everything between."""
+"""Maximum distance of any wall from the origin [m], which bounds the cells of a map."""
 _TOUCHING_M: Final = 1.0e-6
 
 Point: TypeAlias = tuple[float, float]
 Outline: TypeAlias = list[Point]
-"""A chain of corners [m]; closed where the last is the first."""
+"""A chain of corners [m], closed if the last equals the first."""
 
 
 def find_world(name: str, beside: Path | None = None) -> Path:
-    """Return the file of a world, `.toml`, or of a ROS map, `.yaml`; `find_file` says where it is.
+    """Return the file of a world, `.toml`, or of a ROS map, `.yaml`, as found by `find_file`.
 
     `beside` is the folder of the file that names it.
 
     Raises
     ------
     ConfigError
-        If there is none.
+        If there is no such file.
     """
     refuse_image(name)
     return find_file(name, "worlds", (*TOML, *MAPS), beside=beside).resolve()
@@ -160,7 +160,7 @@ class _WorldFile:
     marker: tuple[dict[str, Any], ...] = ()
 
     def outlines(self) -> Iterator[tuple[toml_source.Key, Outline]]:
-        """Yield the outlines of all that is on a map, each with the key that describes it."""
+        """Yield the outlines of everything on a map, each with its key."""
         groups: tuple[tuple[str, Sequence[_Wall | _Box | _Pillar]], ...] = (
             ("wall", self.wall),
             ("box", self.box),
@@ -177,7 +177,7 @@ def load_walls(world: Path) -> WallMap:
     Raises
     ------
     ConfigError
-        If the file is wrong, or has no wall.
+        If the file is invalid, or has no wall.
     """
     file = toml_source.load(world, _WorldFile, rules=_misplaced)
     sides = [(*a, *b) for _, outline in file.outlines() for a, b in itertools.pairwise(outline)]
@@ -187,9 +187,9 @@ def load_walls(world: Path) -> WallMap:
 
 
 def _misplaced(file: _WorldFile) -> Iterator[tuple[toml_source.Key, str]]:
-    """Yield walls too far away, and sides without length."""
+    """Yield errors for walls too far away, and sides without length."""
     for key, outline in file.outlines():
-        # The comparison is so that a coordinate that is not a number is refused too.
+        # Written so that nan is refused, too.
         far = [each for point in outline for each in point if not abs(each) <= FARTHEST_M]
         if far:
             allowed = f"allowed are {FARTHEST_M:g} m either side of the origin"

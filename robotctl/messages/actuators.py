@@ -1,6 +1,6 @@
-"""Commands for the motor drives and reports of them: one value for each actuator.
+"""Commands for the motor drives and their reports: one value for each actuator.
 
-`robotctl/model/actuators.py` says which those are, and in which order.
+`robotctl/model/actuators.py` defines the actuators and their order.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ import msgspec
 from robotctl.messages.faults import Fault
 
 NEVER_NS: Final = -(1 << 62)
-"""Time of what has not come yet [ns]."""
+"""Time of an event that has not happened yet [ns]."""
 
 
 class DriveState(enum.IntEnum):
-    """State of a motor drive, whatever its make calls it.
+    """State of a motor drive of any make.
 
     Numbers are those of MotorStatus.State in robot.dbc.
     """
@@ -31,17 +31,17 @@ class DriveState(enum.IntEnum):
 
 
 class ActuatorCommand(msgspec.Struct, frozen=True, gc=False, array_like=True):
-    """One command for all actuators, which take effect together.
+    """One command for all actuators, which takes effect on all at once.
 
     Parameters
     ----------
     enable
-        Whether the drives may give power.
+        Whether the drives may power the motors.
     brake
-        Whether wheels without power are to brake, where their drives can; else they coast.
+        Whether wheels without power brake, if their drives can; else they coast.
     values
-        For each actuator a duty in [-1, 1], a speed [rad/s] or an angle [rad], as it takes; of no
-        account unless enabled. Empty: 0 for all.
+        Duty in [-1, 1], speed [rad/s] or angle [rad] for each actuator, as its drive takes; ignored
+        unless enabled. Empty: 0 for all.
     """
 
     enable: bool = False
@@ -50,17 +50,17 @@ class ActuatorCommand(msgspec.Struct, frozen=True, gc=False, array_like=True):
 
 
 class ActuatorFeedback(msgspec.Struct, frozen=True, gc=False, array_like=True):
-    """Newest report about one actuator; None where its drive does not tell.
+    """Newest report about one actuator; None for values that its drive does not report.
 
     Parameters
     ----------
     motion_ns
         Reception of position and speed, or of a joint's angle [ns].
     latch_us
-        When the drive measured them by its own clock, rolling over at 2^20 [us]; -1: not told.
+        Time of measurement by the drive's own clock, rolling over at 2^20 [us]; -1: not reported.
     position_ticks
         Position of a wheel, in `Actuator.ticks_per_revolution`. It may roll over at 2^16, and
-        begins anew when the drive restarts.
+        restarts with the drive.
     speed_rad_s
         Speed of a wheel [rad/s].
     angle_rad
@@ -72,9 +72,9 @@ class ActuatorFeedback(msgspec.Struct, frozen=True, gc=False, array_like=True):
     current_a
         Motor current [A], positive for torque in the positive direction.
     temperature_c
-        Temperature of the motor, or of the drive where that is all it tells [degC].
+        Temperature of the motor, or of the drive if it reports only that [degC].
     supply_ns
-        Reception of voltage and age of the command [ns].
+        Reception of voltage and command age [ns].
     voltage_v
         Supply of the drive [V].
     command_age_ms

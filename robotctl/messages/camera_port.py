@@ -1,4 +1,4 @@
-"""The camera as the robot sees it: a port that gives the newest picture."""
+"""Port of the camera, which returns the newest picture."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ class CameraFrame:
     stamp_ns
         Exposure time, or arrival if the camera does not report it [ns], monotonic.
     sequence
-        Number of the picture since the camera was opened; a gap is of pictures that were missed.
+        Number of the picture since the camera was opened; gaps are missed pictures.
     image
         (height, width, 3) uint8, blue, green, red; read-only.
 
     Raises
     ------
     ValueError
-        If the image is not of that shape and type.
+        If the image has another shape or type.
     """
 
     stamp_ns: int
@@ -42,7 +42,7 @@ class CameraFrame:
 
 
 class CameraPort(Protocol):
-    """A camera. Older pictures than the newest are dropped: a robot acts on the present."""
+    """A camera. Only the newest picture is kept, since a robot acts on the present."""
 
     def read(self) -> CameraFrame | None:
         """Return, without waiting for the camera, the newest picture not yet read; None if none.
@@ -50,7 +50,7 @@ class CameraPort(Protocol):
         Raises
         ------
         LinkError
-            If the camera is gone.
+            If the camera is lost.
         """
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""Messages: what flows between drivers, control core and processes.
+"""Messages between drivers, control core and processes.
 
 All are frozen values. `stamp_ns` is always the sender's or receiver's monotonic clock in
 nanoseconds; on one robot computer all processes share that clock (CLOCK_MONOTONIC).
@@ -42,7 +42,7 @@ class EmergencyStopSource(enum.IntEnum):
 
 
 class Severity(enum.IntEnum):
-    """How much a notice matters: numbers of RFC 5424, table 2, the same as MAV_SEVERITY."""
+    """Severity of a notice: numbers of RFC 5424, table 2, the same as MAV_SEVERITY."""
 
     CRITICAL = 2
     WARNING = 4
@@ -93,7 +93,7 @@ class BatteryFeedback(msgspec.Struct, frozen=True, gc=False, array_like=True):
 
 
 class GyroFeedback(msgspec.Struct, frozen=True, gc=False, array_like=True):
-    """Mean rates of turn about x, y, z of the IMU since the frame before (rad/s)."""
+    """Mean rates of turn about x, y, z of the IMU since the last frame (rad/s)."""
 
     stamp_ns: int
     x_rad_s: float
@@ -102,9 +102,9 @@ class GyroFeedback(msgspec.Struct, frozen=True, gc=False, array_like=True):
 
 
 class AccelerometerFeedback(msgspec.Struct, frozen=True, gc=False, array_like=True):
-    """Mean specific force along x, y, z of the IMU since the frame before (m/s^2).
+    """Mean specific force along x, y, z of the IMU since the last frame (m/s^2).
 
-    At rest it is that of the floor: 9.81 upwards.
+    At rest it is 9.81 upwards.
     """
 
     stamp_ns: int
@@ -116,13 +116,12 @@ class AccelerometerFeedback(msgspec.Struct, frozen=True, gc=False, array_like=Tr
 class ImuFeedback(msgspec.Struct, frozen=True, gc=False, array_like=True):
     """IMU data in `base`, and derived quantities.
 
-    `stamp_ns` is that of the force, `gyro_stamp_ns` that of the rates. `rate_rad_s` are the mean
-    rates about x, y, z as read, bias included (rad/s), `force_m_s2` the mean specific force along
-    them (m/s^2). `up` is the direction away from the earth, of length 1. `bias_rad_s` are the
-    rates that are read at rest. `rise_m_s` is the speed upwards within the last second (m/s), and
-    `slip_rad` by how much more the robot turned than its wheels within the last ones (rad).
-    `ahead_rad` is the same since the process began, and `corrected_rad` that part of it by which
-    odometry was turned (rad).
+    `stamp_ns` is the time of the force, `gyro_stamp_ns` that of the rates. `rate_rad_s` are the
+    mean rates about x, y, z as read, bias included (rad/s), `force_m_s2` the mean specific force
+    along these axes (m/s^2). `up` is the unit vector away from the earth. `bias_rad_s` are the
+    rates read at rest. `rise_m_s` is the upward speed within the last second (m/s). `slip_rad` is
+    the robot's turn in excess of its wheels' within the last seconds (rad), `ahead_rad` the same
+    since the start of the process, and `corrected_rad` the part of that applied to odometry (rad).
     """
 
     stamp_ns: int
@@ -143,17 +142,17 @@ class ImuFeedback(msgspec.Struct, frozen=True, gc=False, array_like=True):
 
     @property
     def roll_rad(self) -> float:
-        """Turn about x, left side up [rad]."""
+        """Roll about x, left side up [rad]."""
         return math.atan2(self.up[1], self.up[2])
 
     @property
     def pitch_rad(self) -> float:
-        """Turn about y, nose down [rad]."""
+        """Pitch about y, nose down [rad]."""
         return math.atan2(-self.up[0], math.hypot(self.up[1], self.up[2]))
 
 
 class EmergencyMessage(msgspec.Struct, frozen=True, array_like=True):
-    """A CiA 301 EMCY of a node; code 0 says that its errors are reset."""
+    """A CiA 301 EMCY of a node; code 0 means that its errors are reset."""
 
     stamp_ns: int
     node_id: int
@@ -165,8 +164,8 @@ class NodeStatus(msgspec.Struct, frozen=True, array_like=True):
     """Status of one CANopen node.
 
     `boots` counts its boots, the first included; `problem` is empty once the node is identified,
-    has confirmed its parameters and is operational, otherwise one sentence for the operator, and
-    `fault` its kind.
+    has confirmed its parameters and is operational, else one sentence for the operator; `fault` is
+    its kind.
     """
 
     node_id: int
@@ -179,7 +178,7 @@ class NodeStatus(msgspec.Struct, frozen=True, array_like=True):
 
 
 class StrangerKind(enum.IntEnum):
-    """Kinds of things that another sender on the bus was seen to do."""
+    """Kinds of unexpected traffic of another sender on the bus."""
 
     HOST_FRAME = 0
     """A frame that only this computer may send."""
@@ -194,9 +193,9 @@ class StrangerKind(enum.IntEnum):
 class Stranger(msgspec.Struct, frozen=True, array_like=True):
     """Frames of another sender on the bus since the start.
 
-    `name` is that of the frame in the DBC, `node` the name of the node concerned, empty for none.
-    `count` are the frames since `first_ns`, `stamp_ns` is the time of the last [ns]. `refused` of
-    the writes were refused by the node.
+    `name` is the frame's name in the DBC, `node` that of the node concerned, empty for none.
+    `count` is the number of frames since `first_ns`, `stamp_ns` the time of the last [ns], and
+    `refused` the number of writes that the node refused.
     """
 
     kind: StrangerKind
@@ -224,7 +223,7 @@ class BusStatus(msgspec.Struct, frozen=True, array_like=True):
 
 
 class Feedback(msgspec.Struct, frozen=True, array_like=True):
-    """Feedback since the last tick; None and () where nothing valid came.
+    """Feedback since the last tick; None and () without valid data.
 
     `actuators`, `nodes`, `bus` and `strangers` are the present state, not events.
     """
@@ -242,7 +241,7 @@ class Feedback(msgspec.Struct, frozen=True, array_like=True):
 
 
 class VelocityCommand(msgspec.Struct, frozen=True, tag=True):
-    """Wanted body velocity of `base`; void after `expires_ns`.
+    """Commanded body velocity of `base`; void after `expires_ns`.
 
     m/s forward, rad/s to the left, m/s sideways to the left.
     """
@@ -285,7 +284,7 @@ class VelocityTarget(msgspec.Struct, frozen=True, tag=True):
     """GUIDED: a body velocity from the ground station; void after `expires_ns`.
 
     With `heading_rad`, a direction of `world` (rad), the robot turns to that and drives along it,
-    and `omega_rad_s` does not matter. `vy_m_s` is to the left, for holonomic drives, and with
+    and `omega_rad_s` is ignored. `vy_m_s` is to the left, for holonomic drives, and with
     `in_world` `v_m_s` and `vy_m_s` are along x and y of `world`, whatever the heading.
     """
 
@@ -301,7 +300,7 @@ class VelocityTarget(msgspec.Struct, frozen=True, tag=True):
 class PositionTarget(msgspec.Struct, frozen=True, tag=True):
     """GUIDED: a point of `world` (m) to drive to, kept until reached or replaced.
 
-    `heading_rad` is that at the end; None: any.
+    `heading_rad` is the final heading; None: any.
     """
 
     stamp_ns: int
@@ -342,8 +341,8 @@ class SetHome(msgspec.Struct, frozen=True, tag=True):
 class ExternalPose(msgspec.Struct, frozen=True, tag=True):
     """An externally measured pose of `base` in `world` at `stamp_ns`.
 
-    `covariance` is the upper triangle of that of (x, y, theta), row by row [m, m, rad]; empty where
-    the sender did not say.
+    `covariance` is the upper triangle of the covariance of (x, y, theta), row by row [m, m, rad];
+    empty if the sender gave none.
     """
 
     stamp_ns: int
@@ -354,10 +353,10 @@ class ExternalPose(msgspec.Struct, frozen=True, tag=True):
 
 
 class GroundStationPresence(msgspec.Struct, frozen=True, tag=True):
-    """A ground station was there at `stamp_ns`; for robots that go to HOLD without one.
+    """A ground station was present at `stamp_ns`, for robots that go to HOLD without one.
 
-    `heard_ns` is the last heartbeat of the one whose loss stops a robot that drives by itself (ns);
-    0: there is none.
+    `heard_ns` is the last heartbeat of the station whose loss stops an autonomous robot (ns); 0:
+    there is none.
     """
 
     stamp_ns: int
@@ -396,7 +395,10 @@ class Ack(msgspec.Struct, frozen=True):
 
 
 class LoopStatistics(msgspec.Struct, frozen=True):
-    """The control loop since its start. Lag: wake-up behind the deadline. Step: receive to send."""
+    """Statistics of the control loop since its start.
+
+    Lag is the wake-up after the deadline, step the time from receive to send.
+    """
 
     rate_hz: float = 0.0
     ticks: int = 0
@@ -416,20 +418,20 @@ class ControlState(msgspec.Struct, frozen=True, tag=True):
     """State of the control process, published 50 times a second.
 
     `x_m`, `y_m`, `theta_rad` are `T_odom_base`, the pose of `base` in `odom` (m, rad); `WorldPose`
-    says what that is in `world`. `odom_epoch_ns` is when that frame began (ns): it changes with
-    each new control process, and when the drive has restarted, whose motion meanwhile is not in
-    the pose. Wheel arrays have one entry per driven wheel. Measured velocities are nan while wheel
+    transforms it to `world`. `odom_epoch_ns` is the start of that frame (ns): it changes with each
+    new control process, and after a restart of the drive, whose motion meanwhile is unknown.
+    Wheel arrays have one entry per driven wheel. Measured velocities are nan while wheel
     feedback is stale. `sonar_m[i]` belongs to the i-th sonar of the configuration: inf if there
     was no echo, nan if the sensor is missing, faulty or stale. `distance_m` counts from the
     start of the process, `odometer_m` over the robot's life (nan if its file cannot be read).
-    `acks` are the last answers to `Arm`, the newest last. `armings` counts how often the robot was
-    armed since the start of the process: a stop and an arming between two states show in it alone.
+    `acks` are the last answers to `Arm`, the newest last. `armings` counts the armings since the
+    start of the process; only it shows a stop and an arming between two states.
     `imu` is None on a robot without one, and while it is too old.
-    `fault` is the kind of what `reason` says, NONE if that is no fault; `fault_part` names the
-    node, wheel or sonar it is about. `against_arming` are all reasons for which a request to arm
-    would be refused now, empty while the robot is powered. `tuning` is the number of the `Tuning`
-    in force. `procedure` is the last that was asked for. `stopped_ns` is when a fault or an
-    emergency stop last stopped the robot, 0: none did since the start of the process.
+    `fault` is the kind of `reason`, NONE if that is not a fault; `fault_part` names the node, wheel
+    or sonar concerned. `against_arming` are all present reasons against arming, empty while the
+    robot is powered. `tuning` is the number of the `Tuning` in force. `procedure` is the last one
+    requested. `stopped_ns` is the time of the last stop by a fault or emergency stop, 0: none since
+    the start of the process.
     """
 
     stamp_ns: int
@@ -483,7 +485,7 @@ class ControlState(msgspec.Struct, frozen=True, tag=True):
 
     @property
     def twist_ref(self) -> Twist:
-        """The velocity that the wheels are to have now, within all limits."""
+        """The present reference velocity of the wheels, within all limits."""
         return Twist(self.v_ref_m_s, self.omega_ref_rad_s, self.vy_ref_m_s)
 
 
@@ -491,21 +493,21 @@ class NavigationState(msgspec.Struct, frozen=True, tag=True):
     """State of the navigation process, published after each step.
 
     `item` counts mission items from 0 and equals `items` when the mission is completed; `item_s_m`
-    is the distance along an item that is a path or a wall (m). `plans` and `recoveries` count what
-    driving by plan took since the start. `goals` counts the positions and explorations that were
-    taken in GUIDED, and `goal_reached` says how the last one ended, None while it is under way or
-    given up for something else.
+    is the distance along an item that is a path or a wall (m). `plans` and `recoveries` count plans
+    and recoveries since the start. `goals` counts the accepted positions and explorations of
+    GUIDED, and `goal_reached` is the result of the last one, None while it is under way or was
+    replaced.
 
     `mission_file` is the file of a mission that was loaded since the start, `mission_crc` the
-    CRC-32 of its content; empty and 0 for the mission of the start. `mission_runs` counts how often
-    a mission was loaded, begun anew or aborted, `mission_commands` how often something that was
-    asked of the mission was done. `loop_counts` says how often each repeat and jump
-    was taken, `loops` the same for people. `waits`: for an operator's go-ahead. `trouble` is the
-    last failure of an item in this run of the mission. `held`: the robot went to HOLD by itself,
-    and `message` says why. `fence`: how it keeps to its fence. `rally_crc` names its rally points,
-    0: there are none. `goal` is where in `world` it drives now (m). `tuning` is the number of the
-    `Tuning` in force. `reverse`: it drives to places in reverse. `home` is x, y (m) and heading
-    (rad) in `world` of where RTL leads to, None: it was not moved since the start.
+    CRC-32 of its content; empty and 0 for the mission of the start. `mission_runs` counts loads,
+    restarts and aborts of missions, `mission_commands` the executed requests about the mission.
+    `loop_counts` are the repeats and jumps taken, `loops` the same for people. `waits`: for an
+    operator's go-ahead. `trouble` is the last failure of an item in this run of the mission.
+    `held`: the robot itself went to HOLD, with the reason in `message`. `fence` is its state at the
+    fence. `rally_crc` identifies its rally points, 0: there are none. `goal` is its present goal in
+    `world` (m). `tuning` is the number of the `Tuning` in force. `reverse`: it drives to places in
+    reverse. `home` is x, y (m) and heading (rad) of the goal of RTL in `world`, None: unchanged
+    since the start.
     """
 
     stamp_ns: int

@@ -1,4 +1,4 @@
-"""Messages to and from the estimators: what was seen, the robot's place, pictures for people."""
+"""Messages to and from the estimators: observations, the robot's pose, drawings for people."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from robotctl.model.geometry.se2 import SE2
 class LidarScan(msgspec.Struct, frozen=True, tag=True):
     """One scan of a planar lidar, as its driver publishes it on the local socket `lidar`.
 
-    Beam i looks at `first_rad + i * step_rad` from forward of `base`, to the left; the sensor
-    stands at `x_m`, `y_m` of `base`. `ranges` are float32, little-endian [m]: inf if nothing
-    came back from within `max_range_m`.
+    Beam i has the direction `first_rad + i * step_rad` from forward of `base`, to the left; the
+    sensor is at `x_m`, `y_m` of `base`. `ranges` are float32, little-endian [m]: inf without an
+    echo within `max_range_m`.
     """
 
     stamp_ns: int
@@ -28,10 +28,10 @@ class LidarScan(msgspec.Struct, frozen=True, tag=True):
 
 
 class SeenObstacle(msgspec.Struct, frozen=True):
-    """A thing on the floor, as the camera sees it from `base`.
+    """An object on the floor, as seen by the camera, in `base`.
 
-    The middle of its foot on the robot's side (m), the upper triangle of that place's covariance
-    (m^2), and how wide it is across the line of sight (m).
+    Middle of its foot on the robot's side (m), the upper triangle of that point's covariance
+    (m^2), and its width across the line of sight (m).
     """
 
     x_m: float
@@ -41,9 +41,9 @@ class SeenObstacle(msgspec.Struct, frozen=True):
 
 
 class SeenMarker(msgspec.Struct, frozen=True):
-    """An upright marker, as the camera sees it from `base`.
+    """An upright marker, as seen by the camera, in `base`.
 
-    Its number, its middle (m), and the heading of who looks square at it (rad, left of forward).
+    Its number, its middle (m), and the heading of a viewer square to it (rad, left of forward).
     """
 
     number: int
@@ -55,8 +55,8 @@ class SeenMarker(msgspec.Struct, frozen=True):
 class ImageFeatures(msgspec.Struct, frozen=True):
     """Corners of a picture, for recognising places.
 
-    `points` are u and v over the picture's diagonal, float32, `descriptors` 32 bytes for each;
-    `aspect` is the picture's shorter over its longer side.
+    `points` are u and v as shares of the picture's diagonal, float32, `descriptors` 32 bytes each;
+    `aspect` is the ratio of the picture's shorter to its longer side.
     """
 
     points: bytes
@@ -69,9 +69,9 @@ class CameraView(msgspec.Struct, frozen=True, tag=True):
 
     Beam i looks from `x_m`, `y_m` of `base` at `angles_rad[i]` from forward, to the left. Ranges
     (m): inf: floor up to `max_range_m`, nan: not judged; `sigmas_m` are their standard deviations.
-    Floor nearer than `nearest_m` is not in the picture. `trouble` says why the picture is not to be
-    trusted; it is empty if it is. `features` are there a few times a second, where somebody
-    recognises places by them.
+    Floor nearer than `nearest_m` is not in the picture. `trouble` is the reason for distrust of
+    the picture, empty for none. `features` are sent a few times a second if places are recognised
+    by them.
     """
 
     stamp_ns: int
@@ -90,13 +90,13 @@ class CameraView(msgspec.Struct, frozen=True, tag=True):
 
 
 SensorMessage: TypeAlias = LidarScan | CameraView
-"""Messages to the navigation process from sensors that are on no CAN bus."""
+"""Messages to the navigation process from sensors off the CAN bus."""
 
 
 class ClosedLoop(msgspec.Struct, frozen=True):
-    """A place known again: where `base` was at a time, as seen from where it was at an earlier one.
+    """A closed loop: the pose of `base` at a time, in its pose at an earlier time.
 
-    Both times in ns, `x_m`, `y_m`, `theta_rad` of the later pose in the earlier (m, rad).
+    Times in ns; `x_m`, `y_m`, `theta_rad` are the later pose in the earlier one (m, rad).
     """
 
     stamp_ns: int
@@ -109,10 +109,10 @@ class ClosedLoop(msgspec.Struct, frozen=True):
 class LocalisationState(msgspec.Struct, frozen=True, tag=True):
     """State of the localiser, published after each step of the navigation process.
 
-    `x_m`, `y_m`, `theta_rad` are `T_world_odom`, the pose of `odom` in `world` (m, rad), and hold
-    for the odometry of `odom_epoch_ns`; `WorldPose` says whether they count. `epoch_ns` is when
-    `T_world_odom` last jumped (ns), other than by following the drift of the odometry.
-    `covariance` is the upper triangle of that of (x, y, theta) of `base` in `world`, row by row
+    `x_m`, `y_m`, `theta_rad` are `T_world_odom`, the pose of `odom` in `world` (m, rad), valid for
+    the odometry of `odom_epoch_ns`; `WorldPose` decides whether they count. `epoch_ns` is the time
+    of the last jump of `T_world_odom` (ns), apart from corrections of odometry drift. `covariance`
+    is the upper triangle of the covariance of (x, y, theta) of `base` in `world`, row by row
     [m, m, rad]. `nis` is the normalised innovation squared of the EKF's last
     update (nan without one) and `nis_dof` its degrees of freedom; `particles` is 0 for the EKF.
     `loops` are those that SLAM closed in this step.
@@ -140,14 +140,14 @@ class LocalisationState(msgspec.Struct, frozen=True, tag=True):
 
 
 class ParticleCloud(msgspec.Struct, frozen=True, tag=True):
-    """Some of the particles, for people: float32 x, y, theta in `world` of each [m, m, rad]."""
+    """Some of the particles, for display: float32 x, y, theta in `world` of each [m, m, rad]."""
 
     stamp_ns: int
     poses: bytes
 
 
 class LiveMap(msgspec.Struct, frozen=True, tag=True):
-    """The map as it grows: int8 cells by rows from the lower edge, as `model.grid_map.GridMap`."""
+    """The growing map: int8 cells by rows from the lower edge, as `model.grid_map.GridMap`."""
 
     stamp_ns: int
     rows: int
@@ -160,7 +160,7 @@ class LiveMap(msgspec.Struct, frozen=True, tag=True):
 
 
 class SlamGraph(msgspec.Struct, frozen=True, tag=True):
-    """The graph of SLAM, for people: keyframes, and what links them.
+    """The graph of SLAM, for display: keyframes and links.
 
     `poses` holds x, y and heading of each in `world` as little-endian float32 [m, m, rad]; `links`
     pairs of their numbers as little-endian int32, `loops` those that closed a loop.
@@ -173,13 +173,13 @@ class SlamGraph(msgspec.Struct, frozen=True, tag=True):
 
 
 class PlanView(msgspec.Struct, frozen=True, tag=True):
-    """Plan of the robot and its surroundings, for people; all of it in `world`.
+    """Plan of the robot and its surroundings in `world`, for display.
 
-    `path` holds the rest of the planned path and `arc` what the present velocity leads through:
-    poses of `base`, x, y and heading as little-endian float32 [m, m, rad]; both are empty while it
-    drives by no plan. `obstacles` holds x and y of what the sensors have seen that is on no map,
-    `moving` what moves by itself: x, y, vx, vy and radius [m, m/s]. `costs` is the map around the
-    robot: 100 where the body touches something however it is turned, 0 where it has room.
+    `path` holds the rest of the planned path and `arc` the predicted path of the present velocity:
+    poses of `base`, x, y and heading as little-endian float32 [m, m, rad]; both are empty without a
+    plan. `obstacles` holds x and y of seen obstacles that are on no map, `moving` moving obstacles:
+    x, y, vx, vy and radius [m, m/s]. `costs` is the map around the robot: 100 where the body
+    collides at any heading, 0 where it is free.
     """
 
     stamp_ns: int

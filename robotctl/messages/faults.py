@@ -8,11 +8,11 @@ import msgspec
 
 
 class FaultCode(enum.IntEnum):
-    """Kinds of faults. Numbers are kept for good: logs hold them.
+    """Kinds of faults. Numbers never change, since logs contain them.
 
-    Some only keep a robot from arming: the comments name them.
+    The comments name those that only prevent arming.
 
-    docs/safety.md says for each what an operator reads of it, how soon, and what to look at.
+    docs/safety.md has the message, detection time and remedy of each.
     """
 
     NONE = 0
@@ -20,8 +20,8 @@ class FaultCode(enum.IntEnum):
     # The bus.
     BUS_OFF = 10
     BUS_DOWN = 11
-    BUS_PASSIVE = 12  # keeps from arming
-    BUS_FULL = 13  # keeps from arming
+    BUS_PASSIVE = 12  # prevents arming
+    BUS_FULL = 13  # prevents arming
     BUS_STRANGER = 14
     BUS_ERRORS = 15
     BUS_BLOCKED = 16
@@ -39,9 +39,9 @@ class FaultCode(enum.IntEnum):
     # This computer.
     CONTROL_HELD_UP = 30
     COMMAND_GUARD = 31
-    RIGHT_MISSING = 32  # keeps from arming
-    NOT_WARM = 33  # keeps from arming
-    NO_GAINS = 34  # keeps from arming
+    RIGHT_MISSING = 32  # prevents arming
+    NOT_WARM = 33  # prevents arming
+    NO_GAINS = 34  # prevents arming
 
     # Reports of the motor controller.
     COMMAND_LOSS = 40
@@ -57,11 +57,11 @@ class FaultCode(enum.IntEnum):
     DRIVE_PARAMETER = 50
     DRIVE_OVER_VOLTAGE = 51
     DRIVE_UNREADABLE = 52
-    DRIVE_UNPROVEN = 53  # keeps from arming
+    DRIVE_UNPROVEN = 53  # prevents arming
 
     # The battery.
     BATTERY_CRITICAL = 60
-    BATTERY_LOW = 61  # keeps from arming
+    BATTERY_LOW = 61  # prevents arming
 
     # Nodes on the bus.
     NODE_NOT_HEARD = 70
@@ -105,13 +105,13 @@ class FaultCode(enum.IntEnum):
     IMU_STUCK = 125
     GYRO_CONTRADICTS = 126
 
-    # Values that no healthy sensor gives: they keep from arming.
+    # Values that no healthy sensor gives: they prevent arming.
     TEMPERATURE_WRONG = 130
     CURRENT_WRONG = 131
     SUPPLY_WRONG = 132
     STEERING_WRONG = 133
 
-    # Requests to arm that come to nothing by themselves.
+    # Requests to arm that fail on their own.
     REQUEST_TOO_OLD = 140
     REQUEST_TOO_EARLY = 141
     REQUEST_BEFORE_STOP = 142
@@ -127,7 +127,7 @@ class Fault(msgspec.Struct, frozen=True):
     code
         Its kind.
     text
-        A sentence for people, with the values found; `str(fault)` is this.
+        Sentence for people, with the values found; also `str(fault)`.
     part
         Name of the node, wheel or sonar concerned; empty if none in particular.
     """

@@ -1,4 +1,4 @@
-"""Requests about a robot's fence and rally points, and how it keeps to the fence."""
+"""Requests about a robot's fence and rally points, and the state of the fence."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from robotctl.model.fence import Fence, Point
 
 
 class SetFence(msgspec.Struct, frozen=True, tag=True):
-    """Keep to this fence in place of the present one, from now on; an empty one: to none.
+    """Replace the fence; an empty one removes it.
 
-    `crc` names it in `FenceState`; 0: there is none.
+    `crc` identifies it in `FenceState`; 0: there is none.
     """
 
     stamp_ns: int
@@ -21,16 +21,16 @@ class SetFence(msgspec.Struct, frozen=True, tag=True):
 
 
 class EnableFence(msgspec.Struct, frozen=True, tag=True):
-    """Keep to the fence, or not until it is enabled again, replaced, or navigation restarts."""
+    """Enable the fence, or disable it until enabled, replaced, or navigation restarts."""
 
     stamp_ns: int
     enabled: bool
 
 
 class SetRally(msgspec.Struct, frozen=True, tag=True):
-    """Return to the nearest of these places of `world` (m) in place of home; none: home again.
+    """Set rally points of `world` (m), of which the nearest replaces home; none: home again.
 
-    `crc` names them in `NavigationState.rally_crc`; 0: there are none.
+    `crc` identifies them in `NavigationState.rally_crc`; 0: there are none.
     """
 
     stamp_ns: int
@@ -39,11 +39,11 @@ class SetRally(msgspec.Struct, frozen=True, tag=True):
 
 
 class FenceState(msgspec.Struct, frozen=True):
-    """How the robot keeps to its fence.
+    """State of the robot's fence.
 
-    `crc` names the fence, 0: there is none. `limits`: the robot is held back by it now.
-    `breached`: a part of its body is beyond, `breaches` how often that began and `breached_ns`
-    when it last did (ns).
+    `crc` identifies the fence, 0: there is none. `limits`: it limits the robot now. `breached`: a
+    part of the body is beyond it, with the number `breaches` of breaches so far, and the time
+    `breached_ns` of the last (ns).
     """
 
     crc: int = 0
@@ -55,13 +55,13 @@ class FenceState(msgspec.Struct, frozen=True):
 
 
 class FenceFile(msgspec.Struct, frozen=True):
-    """Part of the file that a fence is kept in that navigation reads."""
+    """Part of the stored fence's file that navigation reads."""
 
     fence: Fence
 
 
 class RallyFile(msgspec.Struct, frozen=True):
-    """Part of the file that rally points are kept in that navigation reads."""
+    """Part of the stored rally points' file that navigation reads."""
 
     places: tuple[Point, ...]
 

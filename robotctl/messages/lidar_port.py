@@ -1,4 +1,4 @@
-"""A lidar as the robot sees it: a port that gives one revolution after the other."""
+"""Port of the lidar, which returns one revolution after the other."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ class LidarSweep:
     Parameters
     ----------
     stamps_ns
-        When each sample was taken, (n,) int64 [ns], monotonic, never falling; n > 0.
+        Time of each sample, (n,) int64 [ns], monotonic, never decreasing; n > 0.
     angles_rad
-        Its direction from the lidar's zero, counter-clockwise seen from its head, (n,) [rad].
+        Directions from the lidar's zero, counter-clockwise seen from its head, (n,) [rad].
     ranges_m
-        (n,) [m]; nan: nothing was measured, whether there was no echo or no valid one.
+        Ranges, (n,) [m]; nan: no valid echo.
     """
 
     stamps_ns: NDArray[np.int64]
@@ -29,15 +29,15 @@ class LidarSweep:
 
 
 class LidarPort(Protocol):
-    """A lidar. Older revolutions than the newest are dropped."""
+    """A lidar. Only the newest revolution is kept."""
 
     def read(self) -> LidarSweep | None:
-        """Wait for data for a short time; return a revolution that is complete now, else None.
+        """Wait briefly for data; return a revolution if complete, else None.
 
         Raises
         ------
         LinkError
-            If the lidar is gone, or silent.
+            If the lidar is lost or silent.
         """
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""Port of the MAVLink links: what telemetry needs of sockets and serial lines, and their URLs."""
+"""Port of the MAVLink links over sockets and serial lines, and their URLs."""
 
 from __future__ import annotations
 
@@ -46,16 +46,15 @@ class LinkConfig:
         `tcpout:HOST:PORT` connects to a server, `tcpin:HOST:PORT` is one,
         `serial:/dev/NAME:BAUD` is a serial line or radio. IPv6 hosts stand in brackets.
     safe : bool
-        A signing key may come over it: nobody else can listen, as on a cable.
+        Whether a signing key may come over it: nobody else can listen, as on a cable.
     blocked_messages, blocked_systems, blocked_components : tuple of int
-        Of what others send, that is not passed on to it: by number of the message, and by who has
-        sent it.
+        Messages of others that are not forwarded to it, by message number and by sender.
 
     Raises
     ------
     ValueError
-        If `url` has none of these forms or its host cannot be one, or a number is none; the message
-        names what is allowed.
+        If `url` has another form, its host is impossible, or a number is invalid; the message names
+        what is allowed.
     """
 
     url: str
@@ -117,7 +116,7 @@ def parse_link_url(url: str) -> LinkAddress:
 
 
 def _may_be_host(host: str) -> bool:
-    """Say whether a name server can be asked for `host`."""
+    """Return whether `host` can be a host name."""
     try:
         host.encode("idna")  # as `socket.getaddrinfo` does
     except UnicodeError:
@@ -130,14 +129,14 @@ def _refusal(url: str, problem: str, allowed: str = FORMS) -> ValueError:
 
 
 class Peer(NamedTuple):
-    """One other end: the link's place in the configuration, and a number new for each peer."""
+    """One remote end: index of the link in the configuration, and a number unique to each peer."""
 
     link: int
     number: int
 
 
 Address: TypeAlias = tuple[int, int]
-"""A system and a component of it."""
+"""System id and component id."""
 
 
 def source(message: Message) -> Address:
@@ -146,7 +145,7 @@ def source(message: Message) -> Address:
 
 
 class Received(NamedTuple):
-    """A message whose frame was complete and had the right checksum (a pymavlink object)."""
+    """A message with a complete frame and a valid checksum (a pymavlink object)."""
 
     message: Message
     peer: Peer
@@ -156,8 +155,8 @@ class Received(NamedTuple):
 class LinkStatus:
     """Statistics of one link since the start.
 
-    `bad_bytes` belonged to no valid frame; `dropped` frames found no room or nobody listening;
-    `opened` counts (re)connections; `port` is the bound port of a server, else 0.
+    `bad_bytes` belonged to no valid frame; `dropped` frames had no room or no listener; `opened`
+    counts (re)connections; `port` is the bound port of a server, else 0.
     """
 
     url: str
@@ -181,19 +180,19 @@ class MavlinkPort(Protocol):
         """Number of links."""
 
     def poll(self, now_ns: int, timeout_s: float = 0.0) -> list[Received]:
-        """Keep the links alive and return what came, after waiting at most `timeout_s` for it."""
+        """Service the links and return received messages, after waiting at most `timeout_s`."""
 
     def peers(self) -> tuple[Peer, ...]:
-        """Return who is served now: who of a server's clients has a place, who is at a line."""
+        """Return the present peers: a server's accepted clients, and stations on serial lines."""
 
     def broadcast(self, message: Message, peers: Collection[Peer] | None = None) -> None:
-        """Queue `message` for all of `peers` (None: everybody); dropped first where room ends."""
+        """Queue `message` for all of `peers` (None: all); dropped first if the queue is full."""
 
     def reply(self, message: Message, peer: Peer) -> None:
-        """Queue `message` for one peer; ignored if the peer is gone."""
+        """Queue `message` for one peer; ignored if the peer has left."""
 
     def forward(self, message: Message, peers: Collection[Peer]) -> None:
-        """Queue the frame of a received message for others, as it came."""
+        """Queue the frame of a received message for others, unchanged."""
 
     def flush(self) -> None:
         """Pass the queue to the operating system, as far as it accepts it."""

@@ -1,4 +1,4 @@
-"""Requests to a running robot: for its mission, to explore, to drive to a place."""
+"""Requests to a running robot: its mission, exploration, places."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import msgspec
 
 
 class LoadMission(msgspec.Struct, frozen=True, tag=True):
-    """Take another mission in place of the present one; mode AUTO then drives it.
+    """Replace the mission that mode AUTO drives.
 
-    `content` is that of the file, whose absolute path is `file`, empty if it is in none; without
-    content the robot has no mission any more.
+    `content` is the mission as TOML, `file` the absolute path of its file, empty without one; empty
+    content removes the mission.
     """
 
     stamp_ns: int
@@ -20,32 +20,32 @@ class LoadMission(msgspec.Struct, frozen=True, tag=True):
 
 
 class GoAhead(msgspec.Struct, frozen=True, tag=True):
-    """Go on with a mission that waits for an operator's word."""
+    """Continue a mission that waits for an operator's go-ahead."""
 
     stamp_ns: int
 
 
 class JumpToItem(msgspec.Struct, frozen=True, tag=True):
-    """Go on with another item of the mission: its number, counted from 1, or its name."""
+    """Continue with another item of the mission: its number, counted from 1, or its name."""
 
     stamp_ns: int
     item: int | str
 
 
 class AbortMission(msgspec.Struct, frozen=True, tag=True):
-    """Give up the mission: the robot stands, and AUTO would start it again."""
+    """Abort the mission: the robot stands, and AUTO would start it from the beginning."""
 
     stamp_ns: int
 
 
 class ExploreTarget(msgspec.Struct, frozen=True, tag=True):
-    """GUIDED: drive to what is unknown until the map is complete."""
+    """GUIDED: explore unknown space until the map is complete."""
 
     stamp_ns: int
 
 
 class PlaceTarget(msgspec.Struct, frozen=True, tag=True):
-    """GUIDED: drive to a place of the topological map; `start` is where the robot is, if known."""
+    """GUIDED: drive to a place of the topological map; `start` is the present place, if known."""
 
     stamp_ns: int
     place: str

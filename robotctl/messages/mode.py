@@ -1,4 +1,4 @@
-"""The modes."""
+"""Modes of the navigator."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ class Mode(enum.IntEnum):
     """Modes of the navigator, with ArduRover's mode numbers."""
 
     MANUAL = 0
-    """The sticks of the operator."""
+    """Drive by the sticks of the operator."""
     HOLD = 4
     """Stand still."""
     AUTO = 10
-    """The mission."""
+    """Drive the mission."""
     RTL = 11
-    """Return home along the path it came."""
+    """Return home along the travelled path."""
     GUIDED = 15
-    """Velocities or positions from a ground station."""
+    """Drive by velocities or positions from a ground station."""

@@ -13,8 +13,7 @@ from robotctl.model.fence import Fence, Point
 class DrawnZone(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A polygon of `world` with its own speed limit [m, m/s]; 0: the robot keeps out.
 
-    `origin` says where it is from: the `robot`'s file, its `mission`, or the `map`, where somebody
-    has drawn it.
+    `origin` is its source: the `robot`'s file, its `mission`, or the `map`, if drawn there.
     """
 
     name: str
@@ -24,9 +23,9 @@ class DrawnZone(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class SetZones(msgspec.Struct, frozen=True, tag=True):
-    """Keep to these zones in place of those drawn before, beside those of robot and mission.
+    """Replace the drawn zones; those of robot and mission stay.
 
-    `crc` names them in `BoundsView`; 0: there are none.
+    `crc` identifies them in `BoundsView`; 0: there are none.
     """
 
     stamp_ns: int
@@ -35,13 +34,13 @@ class SetZones(msgspec.Struct, frozen=True, tag=True):
 
 
 class ZonesFile(msgspec.Struct, frozen=True):
-    """File that drawn zones are kept in."""
+    """File of the drawn zones."""
 
     zones: tuple[DrawnZone, ...]
 
 
 class MissionView(msgspec.Struct, frozen=True, tag=True):
-    """The mission of AUTO as its file has it; empty: there is none.
+    """The mission of AUTO, as in its file; empty: there is none.
 
     `crc` is `NavigationState.mission_crc`.
     """
@@ -53,7 +52,7 @@ class MissionView(msgspec.Struct, frozen=True, tag=True):
 
 
 class KnownPlace(msgspec.Struct, frozen=True):
-    """A place of the topological map, where its coordinates are known [m]."""
+    """A place of the topological map with known coordinates [m]."""
 
     name: str
     x_m: float
@@ -61,11 +60,11 @@ class KnownPlace(msgspec.Struct, frozen=True):
 
 
 class BoundsView(msgspec.Struct, frozen=True, tag=True):
-    """All that bounds the robot, and the places that it knows, in `world`.
+    """Bounds of the robot, and its known places, in `world`.
 
-    `fence` is kept to while `fence_enabled`; `zones_crc` names the drawn zones. `links` are pairs
-    of numbers of `places` with a passage between them. `home` is where RTL leads to (m, rad) if no
-    point of `rally` is nearer.
+    `fence` is in force while `fence_enabled`; `zones_crc` identifies the drawn zones. `links` are
+    pairs of indices of connected `places`. `home` is the goal of RTL (m, rad) unless a point of
+    `rally` is nearer.
     """
 
     stamp_ns: int

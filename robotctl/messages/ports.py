@@ -1,4 +1,4 @@
-"""Ports: what the runtime needs of the world, implemented by drivers and their simulated twins."""
+"""Ports of the runtime, implemented by drivers and their simulated twins."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from robotctl.messages.actuators import ActuatorCommand
 from robotctl.messages.control import BusStatus, EmergencyStopSource, Feedback
 
 EXTENDED_FLAG: Final = 0x8000_0000
-"""Marks an identifier of 29 bits, as in SocketCAN's can_id."""
+"""Flag of an identifier of 29 bits, as in SocketCAN's can_id."""
 REMOTE_FLAG: Final = 0x4000_0000
-"""Marks a remote request, as in SocketCAN's can_id."""
+"""Flag of a remote request, as in SocketCAN's can_id."""
 FD_FLAG: Final = 1 << 32
-"""Marks a frame of CAN FD, so that its identifier equals that of no classic frame."""
+"""Flag of a frame of CAN FD, so that its identifier equals that of no classic frame."""
 FD_LENGTHS: Final = (*range(9), 12, 16, 20, 24, 32, 48, 64)
 """Data lengths of CAN FD [byte]."""
 
@@ -23,11 +23,11 @@ class Frame(NamedTuple):
     Parameters
     ----------
     arbitration_id
-        Identifier of 11 bits, or of 29 with `EXTENDED_FLAG`; with `REMOTE_FLAG` or `FD_FLAG` where
-        the frame is one. One number, so that frames of different kinds never meet in a table.
+        Identifier of 11 bits, or of 29 with `EXTENDED_FLAG`; with `REMOTE_FLAG` or `FD_FLAG` for
+        such frames. One number, so that frames of different kinds never collide in a table.
     data
-        0 to 8 bytes, in CAN FD one of `FD_LENGTHS`; for a remote request as many zeros as it asks
-        for bytes.
+        0 to 8 bytes, in CAN FD one of `FD_LENGTHS`; for a remote request as many zeros as requested
+        bytes.
     stamp_ns
         Time of reception [ns].
     """
@@ -43,8 +43,8 @@ class CanPort(Protocol):
     def send(self, arbitration_id: int, data: bytes) -> bool:
         """Queue one frame without waiting; False if the bus did not take it.
 
-        Flags and lengths are those of `Frame`. A frame of CAN FD has the bus's data bit rate; a bus
-        without CAN FD refuses it, as any bus does one of another length: padding is the protocol's.
+        Flags and lengths are those of `Frame`. A frame of CAN FD has the bus's data bit rate. A bus
+        without CAN FD refuses it, and any bus refuses other lengths: the protocol pads.
         """
 
     def receive(self) -> list[Frame]:
@@ -58,13 +58,13 @@ class CanPort(Protocol):
 
 
 class RobotPort(Protocol):
-    """Motor controllers and sensors, whatever wire they hang on."""
+    """Motor controllers and sensors, on any bus."""
 
     def receive(self, now_ns: int) -> Feedback:
-        """Return what arrived since the last call."""
+        """Return the feedback since the last call."""
 
     def send(self, command: ActuatorCommand, now_ns: int) -> None:
-        """Send one actuator command and ask for the next feedback."""
+        """Send one actuator command and request the next feedback."""
 
     def emergency_stop(self, source: EmergencyStopSource) -> None:
         """Stop and latch all motor controllers at once."""
@@ -73,7 +73,7 @@ class RobotPort(Protocol):
         """Ask the motor controllers to clear their latches, if the causes are gone."""
 
     def close(self) -> None:
-        """Disable the motors, then release the wire."""
+        """Disable the motors, then release the buses."""
 
 
 class Clock(Protocol):
@@ -83,4 +83,4 @@ class Clock(Protocol):
         """Return monotonic time [ns]."""
 
     def sleep_until(self, deadline_ns: int) -> None:
-        """Block until `deadline_ns`; return at once where it has passed."""
+        """Block until `deadline_ns`; return at once if it has passed."""

@@ -8,7 +8,7 @@ import msgspec
 
 
 class Outcome(enum.IntEnum):
-    """How far a procedure is."""
+    """State of a procedure."""
 
     NONE = 0
     RUNNING = 1
@@ -27,7 +27,7 @@ class CalibrateGyro(msgspec.Struct, frozen=True, tag=True):
 
 
 class MotorTest(msgspec.Struct, frozen=True, tag=True):
-    """Request to turn one wheel, repeated as long as that is wanted: void after `expires_ns`.
+    """Request to turn one wheel; to be repeated, since it is void after `expires_ns`.
 
     `wheel` counts from 0, in the order of the drive. `effort` is the share of the supply's voltage
     at its motor, [-1, 1], positive forwards. It lasts `duration_ns` (ns).
@@ -49,9 +49,9 @@ class CancelProcedure(msgspec.Struct, frozen=True, tag=True):
 
 
 class Procedure(msgspec.Struct, frozen=True):
-    """The last procedure that was asked for.
+    """The last requested procedure.
 
-    `progress` is the share that is done [0, 1]; `text` what was found, or why it ended.
+    `progress` is the completed share [0, 1]; `text` the result, or why it ended.
     """
 
     request_id: int = 0

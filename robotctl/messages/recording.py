@@ -6,7 +6,7 @@ import msgspec
 
 
 class SetRecording(msgspec.Struct, frozen=True, tag=True):
-    """Start a recording in the folder of `--record`, or stop the one that runs."""
+    """Start a recording in the folder of `--record`, or stop the present one."""
 
     stamp_ns: int
     on: bool
@@ -15,8 +15,8 @@ class SetRecording(msgspec.Struct, frozen=True, tag=True):
 class RecorderState(msgspec.Struct, frozen=True, tag=True):
     """State of the recorder, published once a second.
 
-    `folder` is where recordings go, empty: the robot was started without one. `trouble` says why
-    nothing is written though it records. `free_bytes` are left on the disk, None: that is unknown.
+    `folder` is that of the recordings, empty: the robot was started without one. `trouble` is the
+    reason why nothing is written while recording. `free_bytes` are left on the disk, None: unknown.
     """
 
     stamp_ns: int

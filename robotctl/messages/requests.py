@@ -7,7 +7,7 @@ from typing import Final, NamedTuple, TypeAlias
 from robotctl.messages.mode import Mode
 
 REQUEST_LIFE_NS: Final = 1_000_000_000
-"""An older request for a mode or a position is not carried out [ns]; HOLD always is."""
+"""Age above which a request for a mode or a position is dropped [ns], except for HOLD."""
 
 FARTHEST_M: Final = 1e6
 """Bound of the coordinates of a position [m]; larger ones are mistakes."""
@@ -18,7 +18,7 @@ class ModeRequest(NamedTuple):
 
     mode: Mode
     stamp_ns: int | None = None
-    """When it was asked for, monotonic [ns]; None: in the step that takes it."""
+    """Time of the request, monotonic [ns]; None: the step that takes it."""
 
 
 class VelocityRequest(NamedTuple):
@@ -28,18 +28,18 @@ class VelocityRequest(NamedTuple):
     v_m_s: float
     omega_rad_s: float
     heading_rad: float | None = None
-    """Direction of `world` to turn to and drive along [rad], in place of `omega_rad_s`."""
+    """Direction of `world` to turn to and drive along [rad], instead of `omega_rad_s`."""
     vy_m_s: float = 0.0
     in_world: bool = False
 
     @property
     def needs_place(self) -> bool:
-        """Whether it counts from directions of `world`."""
+        """Whether it refers to directions of `world`."""
         return self.heading_rad is not None or self.in_world
 
 
 class PositionRequest(NamedTuple):
-    """GUIDED: drive to this point of `world` [m], to end with a heading [rad]; None: any."""
+    """GUIDED: drive to this point of `world` [m], with a final heading [rad]; None: any."""
 
     x_m: float
     y_m: float
@@ -56,7 +56,7 @@ class StickRequest(NamedTuple):
 
 
 class ExploreRequest(NamedTuple):
-    """GUIDED: drive to what is unknown until the map is complete."""
+    """GUIDED: explore unknown space until the map is complete."""
 
 
 class PlaceRequest(NamedTuple):
@@ -64,11 +64,11 @@ class PlaceRequest(NamedTuple):
 
     place: str
     start: str = ""
-    """Present place of the robot; empty: it recognises that."""
+    """Present place of the robot; empty: it recognises the place."""
 
 
 class GoAheadRequest(NamedTuple):
-    """AUTO: go on with a mission that waits for an operator's word."""
+    """AUTO: continue a mission that waits for an operator's go-ahead."""
 
 
 class ReverseRequest(NamedTuple):
@@ -78,7 +78,7 @@ class ReverseRequest(NamedTuple):
 
 
 class HomeRequest(NamedTuple):
-    """RTL leads to this pose of `world` from now on [m, rad]."""
+    """Set the goal of RTL in `world` [m, rad]."""
 
     x_m: float
     y_m: float
@@ -86,13 +86,13 @@ class HomeRequest(NamedTuple):
 
 
 class JumpRequest(NamedTuple):
-    """Go on with another item of the mission: its number, counted from 1, or its name."""
+    """Continue with another item of the mission: its number, counted from 1, or its name."""
 
     to: int | str
 
 
 class AbortRequest(NamedTuple):
-    """Give up the mission: stand, and start it again with the next AUTO."""
+    """Abort the mission: stand, and start it from the beginning with the next AUTO."""
 
 
 Request: TypeAlias = (
@@ -108,9 +108,9 @@ Request: TypeAlias = (
     | HomeRequest
     | AbortRequest
 )
-"""Any of them; the application makes them from its messages."""
+"""Any request; the application makes them from its messages."""
 
 
 def on_earth(x_m: float, y_m: float) -> bool:
-    """Say whether a point is finite and within 1000 km of the origin."""
+    """Return whether a point is finite and within 1000 km of the origin."""
     return abs(x_m) < FARTHEST_M and abs(y_m) < FARTHEST_M

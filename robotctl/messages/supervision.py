@@ -8,13 +8,13 @@ import msgspec
 
 
 class Restart(msgspec.Struct, frozen=True, tag=True):
-    """End all processes of the robot and start them again, with the parameters as they are kept."""
+    """Restart all processes of the robot, with the stored parameters."""
 
     stamp_ns: int
 
 
 class ShutDown(msgspec.Struct, frozen=True, tag=True):
-    """End all processes of the robot, and the supervisor."""
+    """Shut down all processes of the robot, and the supervisor."""
 
     stamp_ns: int
 
@@ -22,4 +22,4 @@ class ShutDown(msgspec.Struct, frozen=True, tag=True):
 SupervisorRequest: TypeAlias = Restart | ShutDown
 
 LIFE_NS: Final = 1_000_000_000
-"""An older request is not carried out [ns]: the robot may be armed by now."""
+"""Age above which a request is dropped [ns]: the robot may be armed by then."""

@@ -8,10 +8,10 @@ import msgspec
 
 
 class Tuning(msgspec.Struct, frozen=True, tag=True):
-    """All values that differ now from those which the receiver began with.
+    """All values that now differ from those at the receiver's start.
 
-    `values` are by their dotted keys in the robot's file; the receiver takes those that are of its
-    own. `number` comes back in its state once they are taken; 0 where nothing differs.
+    `values` have their dotted keys in the robot's file; the receiver takes its own. `number` comes
+    back in its state once they are in force; 0 if nothing differs.
     """
 
     stamp_ns: int
@@ -20,7 +20,7 @@ class Tuning(msgspec.Struct, frozen=True, tag=True):
 
 
 class SetParameter(msgspec.Struct, frozen=True, tag=True):
-    """Request to set a parameter; `value` None: to that of the robot's file."""
+    """Request to set a parameter; `value` None: the value of the robot's file."""
 
     stamp_ns: int
     request_id: int
@@ -39,7 +39,7 @@ ParameterRequest: TypeAlias = SetParameter | ResetParameters
 
 
 class ParameterAnswer(msgspec.Struct, frozen=True, tag=True):
-    """Answer to a `ParameterRequest`: why it was refused, empty if it was carried out."""
+    """Answer to a `ParameterRequest`: reason of refusal, empty if accepted."""
 
     request_id: int
     refusal: str
@@ -48,7 +48,7 @@ class ParameterAnswer(msgspec.Struct, frozen=True, tag=True):
 class ParameterFacts(msgspec.Struct, frozen=True, array_like=True):
     """Description of a parameter: its key in the robot's file, the file's value, and its range.
 
-    `change` says when a new value takes effect, `is_fixed` that it stands in the file only,
+    `change` is when a new value takes effect, `is_fixed` means that only the file sets it,
     `is_whole` that it is a whole number.
     """
 
@@ -65,7 +65,7 @@ class ParameterFacts(msgspec.Struct, frozen=True, array_like=True):
 
 
 class ParameterTable(msgspec.Struct, frozen=True, tag=True):
-    """All parameters of the robot, which stay while its processes run."""
+    """All parameters of the robot, constant while its processes run."""
 
     stamp_ns: int
     parameters: tuple[ParameterFacts, ...]
@@ -74,8 +74,7 @@ class ParameterTable(msgspec.Struct, frozen=True, tag=True):
 class ParameterValues(msgspec.Struct, frozen=True, tag=True):
     """Values of all parameters, in the order of `ParameterTable`.
 
-    `wanted` are the values that were set; where one differs from that `in_force`, a restart
-    brings the rest of it.
+    `wanted` are the set values; one that differs from that `in_force` takes effect at a restart.
     """
 
     stamp_ns: int

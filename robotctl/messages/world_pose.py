@@ -12,15 +12,15 @@ class WorldPose:
     """Transforms the odometry pose into `world`, by the localiser's transform of `odom`.
 
     - Without a localiser `odom` is `world`: odometry starts where the robot stands.
-    - With one it is the last `T_world_odom` of status LOCALISED that counts. While the localiser
-      searches, or is lost, its guesses jump: the odometry carries on from the last known place.
+    - With one, the last `T_world_odom` of status LOCALISED counts. While the localiser searches, or
+      is lost, its guesses jump, so odometry continues from the last known place.
     - A `T_world_odom` holds for its own `odom_epoch_ns` only. Before the first one, and once the
       odometry has restarted, the pose is unknown until the next message of the localiser.
 
     Parameters
     ----------
     has_localiser
-        Whether to wait for one; one that publishes counts in any case.
+        Whether to wait for a localiser; one that publishes counts in any case.
 
     Attributes
     ----------
@@ -42,14 +42,14 @@ class WorldPose:
             self._known = state
 
     def pose(self, control: ControlState) -> SE2 | None:
-        """Return `base` in `world`; None if that is unknown."""
+        """Return `base` in `world`; None if unknown."""
         if not self._has_localiser:
             return control.T_odom_base
         T_world_odom = self.T_world_odom(control)
         return None if T_world_odom is None else T_world_odom @ control.T_odom_base
 
     def T_world_odom(self, control: ControlState) -> SE2 | None:
-        """Return `odom` in `world`; None if that is unknown."""
+        """Return `odom` in `world`; None if unknown."""
         if not self._has_localiser:
             return SE2()
         known = self._known
@@ -58,11 +58,11 @@ class WorldPose:
         return known.T_world_odom
 
     def is_sure(self, control: ControlState) -> bool:
-        """Whether the pose is more than what odometry makes of a place known earlier."""
+        """Whether the pose is more than odometry since the last known place."""
         if not self._has_localiser:
             return True
         return self._known is self.latest and self.T_world_odom(control) is not None
 
     def epoch(self, control: ControlState) -> tuple[int, int]:
-        """Return what changes when the pose jumps: the epochs of `odom` and of its place."""
+        """Return the epochs of `odom` and its pose in `world`; they change when the pose jumps."""
         return control.odom_epoch_ns, 0 if self._known is None else self._known.epoch_ns

@@ -1,8 +1,8 @@
-"""Actuators: the driven wheels and the joints of a robot, and what the drives behind them can do.
+"""Actuators: the driven wheels and the joints of a robot, and the abilities of their drives.
 
-A robot's actuators have one order everywhere: its wheels, as `Drive.wheel_names` has them, then its
-joints, as `Drive.joint_names` has them. Quantities of an actuator are those of wheel or joint in
-its positive direction: gear ratio and sense of a motor are the driver's business.
+A robot's actuators have one order everywhere: its wheels in the order of `Drive.wheel_names`, then
+its joints in the order of `Drive.joint_names`. Quantities of an actuator are those of wheel or
+joint in its positive direction; the driver handles gear ratio and sense of the motor.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ class Abilities:
     Parameters
     ----------
     takes
-        What it takes for a wheel.
+        Kind of command for a wheel.
     stops_alone
-        Whether it has a time-out of its own, by which it stops when the host is silent.
+        Whether it has a time-out of its own that stops it when the host is silent.
     brakes
         Whether a wheel without power is braked; else it coasts.
     protected
         Whether command and feedback carry a counter and a checksum of ours.
     stamps_positions
-        Whether it tells when it measured a position, by its own clock.
+        Whether it stamps a measured position by its own clock.
     tells_speed, tells_current, tells_temperature, tells_voltage
         Whether it reports these.
     """
@@ -64,11 +64,11 @@ class Actuator:
     drive
         Name of the drive that turns it, the `part` of its faults.
     takes
-        What a command for it is.
+        Kind of command for it.
     ticks_per_revolution
         Unit of its position: ticks for one turn, > 0; 0 for a joint.
     abilities
-        What its drive can do.
+        Abilities of its drive.
     """
 
     name: str

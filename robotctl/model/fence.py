@@ -12,9 +12,9 @@ class FencePolygon(NamedTuple):
     """A polygon; a point is inside if a line from it crosses the sides an odd number of times."""
 
     corners: tuple[Point, ...]
-    """Three at least, in either order [m]."""
+    """Corners, at least three, in either order [m]."""
     keeps_in: bool
-    """Whether the robot stays within it, or else keeps out."""
+    """Whether the robot stays inside, else outside."""
 
     def surrounds(self, x_m: float, y_m: float) -> bool:
         """Return whether a point is inside."""
@@ -33,9 +33,9 @@ class FenceCircle(NamedTuple):
     x_m: float
     y_m: float
     radius_m: float
-    """> 0 [m]."""
+    """Radius, > 0 [m]."""
     keeps_in: bool
-    """Whether the robot stays within it, or else keeps out."""
+    """Whether the robot stays inside, else outside."""
 
     def surrounds(self, x_m: float, y_m: float) -> bool:
         """Return whether a point is inside."""
@@ -43,17 +43,17 @@ class FenceCircle(NamedTuple):
 
 
 class Fence(NamedTuple):
-    """All shapes, each of which counts; none: no fence."""
+    """All shapes, which hold together; none: no fence."""
 
     polygons: tuple[FencePolygon, ...] = ()
     circles: tuple[FenceCircle, ...] = ()
 
     @property
     def is_empty(self) -> bool:
-        """Whether there is nothing to keep to."""
+        """Whether there is no shape."""
         return not self.polygons and not self.circles
 
     def allows(self, x_m: float, y_m: float) -> bool:
-        """Return whether a point of `world` is where the robot may be [m]."""
+        """Return whether the robot may be at a point of `world` [m]."""
         shapes: list[FencePolygon | FenceCircle] = [*self.polygons, *self.circles]
         return all(each.surrounds(x_m, y_m) == each.keeps_in for each in shapes)

@@ -1,4 +1,4 @@
-"""How far a robot's body is from its fence, at many poses at once."""
+"""Clearance between a robot's body and its fence, at many poses at once."""
 
 from __future__ import annotations
 
@@ -54,16 +54,16 @@ def body_clearance(
 ) -> NDArray[np.float64]:
     """Return the distance of the body from the fence at poses of `base` in `world`, (n,) [m].
 
-    Positive where the whole body is where it may be, and at most `cap_m`. Negative where it sticks
-    out: by how far, or, where `base` is out, by the body's reach and the way of `base` back.
+    Positive, up to `cap_m`, for a body within the allowed area. Negative for one that sticks out:
+    its depth, or, with `base` outside, the body's reach plus the distance of `base` back.
 
-    The poses are those of one motion, near to each other: what is farther than `cap_m` from all of
-    them costs little.
+    The poses are those of one motion, near to each other; sides farther than `cap_m` from all of
+    them cost little.
 
     Parameters
     ----------
     poses
-        (n, 3): x, y [m], heading [rad].
+        Poses, (n, 3): x, y [m], heading [rad].
     """
     clearance = np.full(len(poses), cap_m)
     for polygon in fence.polygons:
@@ -89,7 +89,7 @@ def _from_polygon(
     crosses = _crosses(around, body)
     if is_allowed and not crosses.any():
         return outline
-    # Only a robot that has been beyond the fence, or is, comes here.
+    # Only for a robot that is, or was, beyond the fence.
     surrounded = sides.surround(0.0, 0.0)
     allowed = surrounded if polygon.keeps_in else ~surrounded
     clearance = np.where(crosses, 0.0, outline)
@@ -121,8 +121,8 @@ def _each_distance(sides: _Side) -> NDArray[np.float64]:
 def _outline_distance(sides: _Side, body: Rectangle) -> NDArray[np.float64]:
     """Return the distance of the body from the nearest side that does not cross it, (n,) [m].
 
-    Of two convex shapes that do not meet, the nearest points are a corner of one of them and any
-    point of the other.
+    The nearest points of two disjoint convex shapes are a corner of one of them and any point of
+    the other.
     """
     x = np.maximum(np.maximum(body.rear_m - sides.ax, sides.ax - body.front_m), 0.0)
     y = np.maximum(np.abs(sides.ay) - body.half_width_m, 0.0)
@@ -152,7 +152,7 @@ def _crosses(sides: _Side, body: Rectangle) -> NDArray[np.bool_]:
 
 
 def _depth(polygon: FencePolygon, sides: _Side, body: Rectangle) -> NDArray[np.float64]:
-    """Return how far the body sticks out where a side crosses it, (n,) [m], >= 0."""
+    """Return the depth by which the body sticks out across a side, (n,) [m], >= 0."""
     depth = np.zeros(len(sides.ax))
     for corner in body.corners:
         is_in = sides.surround(*corner) == polygon.keeps_in

@@ -1,4 +1,4 @@
-"""The outline of a robot on the floor, for everything that must know where its body is."""
+"""The outline of a robot on the floor."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Footprint:
     Parameters
     ----------
     corners
-        Counter-clockwise [m], three at least; none: a robot without extent.
+        Corners, counter-clockwise [m], at least three; none: a robot without extent.
 
     Raises
     ------
@@ -82,7 +82,7 @@ class Footprint:
         return discs
 
     def samples(self, spacing_m: float) -> NDArray[np.float64]:
-        """Return points of the body, outline included, at most a spacing apart, (n, 2) [m]."""
+        """Return points of the body, outline included, at most `spacing_m` apart, (n, 2) [m]."""
         if not self.corners:
             return np.zeros((1, 2))
         points = []

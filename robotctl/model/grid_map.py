@@ -1,4 +1,4 @@
-"""An occupancy grid as a value: which cells of the world are free, occupied or unknown."""
+"""An occupancy grid as a value: free, occupied and unknown cells of the world."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ FREE: Final = 0
 OCCUPIED: Final = 100
 UNKNOWN: Final = -1
 STRIP: Final = 1024
-"""Rows of a large map that are worked on together."""
+"""Rows of a large map that are processed at once."""
 
 
 class CellRows(Protocol):
-    """A map whose rows are made when they are asked for: a large one need not fit into memory.
+    """A map whose rows are computed on demand, so that a large one need not fit into memory.
 
     `GridMap` describes its attributes.
     """
@@ -40,12 +40,12 @@ class CellRows(Protocol):
         ...
 
     def rows(self, begin: int, end: int) -> NDArray[np.int8]:
-        """Return the rows from one on to before another, (end - begin, columns)."""
+        """Return the rows `begin` to `end` - 1, (end - begin, columns)."""
         ...
 
 
 def count_values(grid: CellRows) -> NDArray[np.int64]:
-    """Return how many cells have each value, (256,); `UNKNOWN` is the last."""
+    """Return the number of cells of each value, (256,); `UNKNOWN` is the last."""
     values = np.zeros(256, np.int64)
     for row in range(0, grid.shape[0], STRIP):
         strip = grid.rows(row, min(row + STRIP, grid.shape[0])).view(np.uint8)
@@ -70,7 +70,7 @@ class GridMap:
     Raises
     ------
     ValueError
-        If the cells are no (rows, columns) int8 with both > 0, or a number is out of its range.
+        If the cells are not (rows, columns) int8 with both > 0, or a number is out of its range.
     """
 
     cells: NDArray[np.int8]
@@ -108,7 +108,7 @@ class GridMap:
         return self.cells.shape[0], self.cells.shape[1]
 
     def rows(self, begin: int, end: int) -> NDArray[np.int8]:
-        """Return the rows from one on to before another."""
+        """Return the rows `begin` to `end` - 1."""
         return self.cells[begin:end]
 
     def occupied(self, threshold: int = 50) -> NDArray[np.bool_]:

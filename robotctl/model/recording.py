@@ -1,4 +1,4 @@
-"""A recorded drive as values, whatever the format of its file."""
+"""A recorded drive as values, independent of the format of its file."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ UNKNOWN_LANDMARK: Final = -1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordedScan:
-    """A scan with the log's data on the robot at its time.
+    """A scan with the robot's logged poses at its time.
 
     Parameters
     ----------
     scan
-        Ranges.
+        Scan.
     odometry
-        `base` in the frame of the odometry.
+        Pose of `base` in the frame of the odometry.
     reference
-        `base` in `world`; None if the log has none.
+        Pose of `base` in `world`; None if the log has none.
     """
 
     scan: RangeScan
@@ -38,14 +38,14 @@ class RecordedScan:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordedSonar:
-    """Readings of sonars of a ring at one time, with the log's data on the robot.
+    """Readings of sonars of a ring at one time, with the robot's logged pose.
 
     Parameters
     ----------
     reading
-        Ranges; nan also if the log does not have them.
+        Ranges; also nan if the log does not have them.
     odometry
-        `base` in the frame of the odometry.
+        Pose of `base` in the frame of the odometry.
     """
 
     reading: SonarReading
@@ -69,37 +69,37 @@ class Recording:
     Parameters
     ----------
     name
-        Of the log, for messages.
+        Name of the log, for messages.
     scans
-        In the order of their times.
+        Scans in the order of their times.
     odometry
         Poses in the frame of the odometry; None if the log has velocities only.
     gyro_turns_rad
-        By how much a gyro, and not the wheels, has turned the odometry up to each of its poses,
-        (n,) [rad]; (0,) where it is of the wheels alone.
+        Turn that a gyro instead of the wheels has contributed to the odometry up to each of its
+        poses, (n,) [rad]; (0,) for odometry of the wheels alone.
     twist_stamps_ns, twists
-        (m,) and (m, 2): from this time on, v [m/s] and omega [rad/s] of `base`; m may be 0.
+        Times, (m,), from which v [m/s] and omega [rad/s] of `base`, (m, 2), hold; m may be 0.
     reference
-        `base` in `world`, from something better than odometry.
+        Poses of `base` in `world`, from a source better than odometry.
     reference_has_heading
-        False if the reference is positions only; its theta is 0 then and means nothing.
+        Whether the reference has headings; else its theta is 0 and meaningless.
     believed
-        `base` in `world` by the robot's own localiser, while it was localised; None if the log
-        has none.
+        Poses of `base` in `world` by the robot's own localiser, while it was localised; None if the
+        log has none.
     sightings
-        Of landmarks, in the order of their times.
+        Sightings of landmarks, in the order of their times.
     landmarks
         Position of each known landmark in `world` [m].
     wheel_ticks
-        (n, 3): time [ns], cumulative counts of the left and of the right wheel; (0, 3) where none.
+        Time [ns] and cumulative counts of the left and of the right wheel, (n, 3); n may be 0.
     sonars
-        In the order of their times.
+        Readings of sonars in the order of their times.
     sonar_mounts
         Mounting of the sonars; empty if the log does not have it.
     views
         Ranges to the floor's boundary, as a camera saw it, in the order of their times.
     notes
-        Sentences for people: what the reader left out or had to assume.
+        Sentences for people: omissions and assumptions of the reader.
     """
 
     name: str
@@ -120,5 +120,5 @@ class Recording:
     notes: tuple[str, ...] = ()
 
     def why(self) -> str:
-        """Return the notes as lines that follow a message on what the recording lacks."""
+        """Return the notes as lines that follow a message on missing data."""
         return "".join(f"\nnote: {note}" for note in self.notes)

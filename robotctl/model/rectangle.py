@@ -1,4 +1,4 @@
-"""The robot's body as a rectangle, for what must be on the safe side of its true outline."""
+"""The robot's body as a rectangle that encloses its true outline."""
 
 from __future__ import annotations
 

@@ -20,14 +20,14 @@ class Trajectory:
     Parameters
     ----------
     stamps_ns
-        (n,) int64 [ns], not decreasing, n > 0.
+        Times, (n,) int64 [ns], not decreasing, n > 0.
     poses
-        (n, 3): x [m], y [m], theta [rad].
+        Poses, (n, 3): x [m], y [m], theta [rad].
 
     Raises
     ------
     ValueError
-        If the shapes do not fit, a pose is not finite, or a time goes back.
+        If the shapes do not fit, a pose is not finite, or times decrease.
     """
 
     stamps_ns: NDArray[np.int64]

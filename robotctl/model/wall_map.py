@@ -15,7 +15,7 @@ class WallMap:
     Parameters
     ----------
     segments
-        (n, 4) [m]: A x, A y, B x, B y of each wall.
+        A x, A y, B x, B y of each wall, (n, 4) [m].
 
     Raises
     ------

@@ -16,7 +16,7 @@ class _Timespec(ctypes.Structure):
 
 
 def wall_offset_ns(now_ns: Callable[[], int] = time.monotonic_ns) -> int:
-    """Return how far the wall clock is ahead of another, by default CLOCK_MONOTONIC [ns].
+    """Return the lead of the wall clock over another, by default CLOCK_MONOTONIC [ns].
 
     The two are read one after the other; of three tries the one with the least time between counts.
     """
@@ -32,7 +32,7 @@ def wall_offset_ns(now_ns: Callable[[], int] = time.monotonic_ns) -> int:
 class RealClock:
     """CLOCK_MONOTONIC; sleeps to absolute deadlines (POSIX `clock_nanosleep`, TIMER_ABSTIME).
 
-    `time.sleep` would add whatever passes between reading the clock and going to sleep.
+    `time.sleep` would add the time between reading the clock and going to sleep.
     """
 
     def __init__(self) -> None:

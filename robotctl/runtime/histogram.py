@@ -14,9 +14,9 @@ _TOO_GREAT = 1 << (_SUB_BITS + _OCTAVES - 1)
 class Histogram:
     """Counts of non-negative integers in log-linear buckets, 32 to each power of two.
 
-    A percentile is therefore right to 1/32 of its value (the idea of Tene's HdrHistogram);
-    adding costs two list accesses, so that a 1 kHz loop can afford it on every tick. Values from
-    2^28 on share the last bucket; `maximum` is exact.
+    A percentile is therefore accurate to 1/32 of its value (the idea of Tene's HdrHistogram);
+    adding costs two list accesses, which a 1 kHz loop can afford on every tick. Values from 2^28 on
+    share the last bucket; `maximum` is exact.
     """
 
     def __init__(self) -> None:
@@ -52,7 +52,7 @@ class Histogram:
 
 
 def _upper_bound(index: int) -> int:
-    """Return the largest value of a bucket."""
+    """Return the maximum value of a bucket."""
     octave, sub = divmod(index, _SUB)
     if octave == 0:
         return sub

@@ -2,7 +2,7 @@
 
 Policy: a tick that ends after later deadlines skips them and waits for the next on the original
 grid. It never catches up in a burst, since two commands in a row would act on one measurement. Each
-skipped deadline counts as one overrun, blamed on the stage that took longest.
+skipped deadline counts as one overrun, attributed to the longest stage.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ SCHEDULER = "scheduler"
 
 
 class Ticker(Protocol):
-    """The work of one period, split into the stages of `STAGES` for the blame of an overrun.
+    """The work of one period, split into the stages of `STAGES` to attribute overruns.
 
-    `receive` is given the time of waking. The other stages are given the time at which it had
-    ended, by which ages are judged: a pause of the process while it received counts, too.
+    `receive` gets the time of the wake-up. The other stages get the time of its end, by which ages
+    are judged, so that a pause of the process while receiving counts, too.
     """
 
     def receive(self, now_ns: int) -> None:
-        """Take the inputs that arrived."""
+        """Receive the inputs."""
 
     def control(self, now_ns: int) -> None:
         """Compute the outputs."""
@@ -36,7 +36,7 @@ class Ticker(Protocol):
         """Send the outputs."""
 
     def publish(self, now_ns: int) -> None:
-        """Publish to other processes; nothing that the wheels wait for."""
+        """Publish to other processes, after everything urgent."""
 
 
 class Loop:
@@ -56,7 +56,7 @@ class Loop:
         self.overruns = 0
         self.blame = dict.fromkeys((*STAGES, SCHEDULER), 0)
         self.lag_ns = self.step_ns = 0
-        """Times of this tick: wake-up behind the deadline; from waking to having sent [ns]."""
+        """Wake-up latency after the deadline, and time from wake-up to send, of this tick [ns]."""
         self.lag = Histogram()
         self.step = Histogram()
         self.stages = {stage: Histogram() for stage in STAGES}
@@ -117,7 +117,7 @@ class Loop:
     def refresh(self, *, whole: bool = False) -> None:
         """Bring the percentiles of one stage, in turn, or of the `whole` loop up to date.
 
-        One at a time, so that publishing costs a tick some 10 us and not 60.
+        One at a time, so that publishing costs about 10 us per tick, not 60.
         """
         for name in self._histograms if whole else (next(self._next_figure),):
             p50, p99, p999 = self._histograms[name].percentiles(0.5, 0.99, 0.999)

@@ -1,4 +1,4 @@
-"""The number of files and sockets that a process may open."""
+"""Limit of the files and sockets that a process may open."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ NEEDED: Final = 256
 
 
 class OpenFilesError(RobotctlError):
-    """Too few files may be opened."""
+    """The limit of open files is too low."""
 
 
 def need_open_files() -> None:
-    """Raise the limit of open files to what a robot needs, for this process and its children.
+    """Raise the limit of open files to `NEEDED`, for this process and its children.
 
     Raises
     ------

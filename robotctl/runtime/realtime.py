@@ -17,7 +17,7 @@ _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
 _PR_SET_TIMERSLACK = 29
 
 MAX_CPU: Final = 8191
-"""Linux has at most 8192 processors; `robotctl doctor` finds out which exist."""
+"""Highest processor number of Linux; `robotctl doctor` checks which exist."""
 
 IDLE_STATES: Final = Path("/dev/cpu_dma_latency")
 """Linux's PM QoS interface: the process that holds it open limits the wake-up latency."""
@@ -32,16 +32,16 @@ class LoopConfig:
     rate_hz
         Control rate [Hz], 100 to 1000.
     priority
-        SCHED_FIFO priority, 1 to 99, of the loop; threads that serve it come right below. 0 leaves
-        the scheduler as it is.
+        SCHED_FIFO priority of the loop, 1 to 99; its helper threads are right below. 0 keeps the
+        default scheduler.
     cpu
         Processor to run on, 0 to 8191; -1 leaves the choice to the kernel.
     wake_latency_us
-        Idle states that take longer to leave than this are not entered while the loop runs [us];
-        -1 leaves them to the kernel. 0 lets idle processors of a PC spin: the least lag, above
-        all in a virtual machine, for the most power.
+        Maximum exit latency of idle states while the loop runs [us]; -1 leaves them to the kernel.
+        0 lets idle processors of a PC spin: the least lag, especially in a virtual machine, for
+        the most power.
     allow_best_effort
-        Whether the robot arms though the computer refused a real-time right.
+        Whether the robot arms although the computer refused a real-time right.
     """
 
     rate_hz: int = 200
@@ -72,13 +72,13 @@ class LoopConfig:
 
 
 def acquire_realtime(config: LoopConfig) -> list[str]:
-    """Take the rights that the machine grants; return one sentence for each that it refuses.
+    """Acquire the rights that the machine grants; return one sentence for each that it refuses.
 
     Memory is locked as pages are touched (MCL_ONFAULT), which keeps the untouched stacks of
     library threads out of the resident set. The garbage collector is frozen and disabled: the
     hot path makes no reference cycles, and a full collection takes milliseconds. The last one is
-    done before the priority is taken, so that nothing else with rights waits for it. The threads of
-    ZeroMQ come right below the loop: a request to stop passes through them.
+    done before the priority is set, so that no other real-time process waits for it. The threads of
+    ZeroMQ are right below the loop: a request to stop passes through them.
     """
     gc.collect()
     gc.freeze()
@@ -122,9 +122,9 @@ def _schedule_first(priority: int) -> None:
 def limit_wake_latency(latency_us: int, device: Path = IDLE_STATES) -> list[str]:
     """Keep processors from idle states that take longer than `latency_us` [us] to leave.
 
-    The request holds while the device is open: until this process ends. Returns one sentence where
-    it was refused. A machine without the device (a container, a kernel without idle states) is left
-    as it is.
+    The request holds while the device is open: until this process ends. Returns one sentence if it
+    was refused. A machine without the device (a container, a kernel without idle states) is
+    unchanged.
     """
     try:
         # Never closed on purpose: the kernel holds the request while the descriptor is open.

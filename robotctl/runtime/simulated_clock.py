@@ -1,7 +1,7 @@
 """The clock of a simulated run: its time pauses while this computer stalls.
 
 The simulator owns it and writes it into a file in memory; `firmware_sim/pace.py` defines the format
-and when time waits.
+and the rules of pausing.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _POLL_NS: Final = 500_000
 
 
 class Pacer(enum.IntEnum):
-    """A process that simulated time waits for; the value is the place of its pid in the file."""
+    """A process that simulated time waits for; the value is the index of its pid in the file."""
 
     CONTROL = 6
     NAVIGATION = 8
@@ -35,11 +35,11 @@ class SimulatedClock:
     Parameters
     ----------
     path
-        The simulator's file.
+        File of the simulator.
     pacer
-        Which process this is, if simulated time waits for it.
+        This process, if simulated time waits for it.
     slack_ns
-        How late it may return from a sleep before time pauses [ns].
+        Allowed lateness of a return from sleep before time pauses [ns].
 
     Raises
     ------

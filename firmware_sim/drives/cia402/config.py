@@ -89,8 +89,8 @@ class Cia402Motor:
     def _units(self, settings: Cia402Settings) -> Units:
         """Return the true units of the drive."""
         zlac = self.dialect == "zlac8015d"
-        told = self.counts_per_turn or (_ZLAC_COUNTS if zlac else 0)
-        counts = settings.counts_per_turn or told
+        configured = self.counts_per_turn or (_ZLAC_COUNTS if zlac else 0)
+        counts = settings.counts_per_turn or configured
         rpm = 60.0 / (2.0 * math.pi)
         if zlac:
             return Units(counts, rpm, 10.0 * rpm)

@@ -212,7 +212,7 @@ class Cia402Twin(Twin):
             self._leave(STOPPED)
         elif command == TO_PRE_OPERATIONAL:
             self._leave(PRE_OPERATIONAL)
-        self._heard(is_command=False)
+        self._restart_off_line_time(is_command=False)
 
     def _leave(self, state: int) -> None:
         """Leave operational; stopping aborts the connection (CiA 402-2, 6007h)."""
@@ -224,7 +224,7 @@ class Cia402Twin(Twin):
     def _on_sdo(self, data: bytes, now_ns: int) -> None:
         if self.nmt_state not in (PRE_OPERATIONAL, OPERATIONAL):
             return
-        self._heard(is_command=False)
+        self._restart_off_line_time(is_command=False)
         self._at_motors()
         too_soon = now_ns < self._sdo_free_ns
         self._sdo_free_ns = now_ns + round(self._settings.sdo_pause_ms * MS)
@@ -240,7 +240,7 @@ class Cia402Twin(Twin):
     def _pdo_handler(self, identifier: int) -> Callable[[bytes, int], None]:
         def handle(data: bytes, _: int) -> None:
             if self.nmt_state == OPERATIONAL:
-                self._heard(is_command=True)
+                self._restart_off_line_time(is_command=True)
                 if self._pdos.on_frame(identifier, data):
                     self._changed()
 
@@ -248,7 +248,7 @@ class Cia402Twin(Twin):
 
     def _on_sync(self, _data: bytes, _now_ns: int) -> None:
         if self.nmt_state == OPERATIONAL:
-            self._heard(is_command=False)
+            self._restart_off_line_time(is_command=False)
             self._at_motors()
             self._guard()
             self._pdos.on_sync()
@@ -271,7 +271,7 @@ class Cia402Twin(Twin):
             life_ms = number(0x100C) * number(0x100D)
             self._lost_ns = now_ns + life_ms * MS if life_ms else self._lost_ns
 
-    def _heard(self, *, is_command: bool) -> None:
+    def _restart_off_line_time(self, *, is_command: bool) -> None:
         """Restart the off-line time of a drive that has one."""
         settings = self._settings
         if not self._has_off_line_time:

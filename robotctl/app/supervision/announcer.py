@@ -17,16 +17,16 @@ from robotctl.runtime.ipc.topics import (
 )
 
 _KEPT_NS: Final = 10_000_000_000
-"""Time for which notices are kept for new subscribers, mainly for the process concerned [ns]."""
+"""Time for which notices are kept for new subscribers, mainly the restarted process [ns]."""
 
 
 class Announcer:
-    """Publishes notices of the supervisor and takes requests, once it may.
+    """Publishes notices of the supervisor and takes requests, once open.
 
     Parameters
     ----------
     instance
-        Whose sockets.
+        Name of the robot.
     """
 
     def __init__(self, instance: str) -> None:
@@ -37,7 +37,7 @@ class Announcer:
         self._kept: deque[Notice] = deque(maxlen=32)
 
     def open(self) -> None:
-        """Begin to publish: now this supervisor is known to be the only one of the robot."""
+        """Begin to publish, once this supervisor is known to be the only one of the robot."""
         if self._publisher is None:
             self._context = zmq.Context()
             endpoints = Endpoints(endpoint_directory(self._instance))
@@ -48,7 +48,7 @@ class Announcer:
             self._greet()
 
     def say(self, text: str, severity: Severity, now_ns: int) -> None:
-        """Publish to subscribers, present and within the next seconds."""
+        """Publish a notice to present subscribers and those of the next seconds."""
         notice = Notice(now_ns, severity, text)
         if self._publisher is not None:
             self._publisher.send(notice)
@@ -79,7 +79,7 @@ class Announcer:
         self._publisher.greet(Notice(self._kept[-1].stamp_ns, severity, text))
 
     def close(self) -> None:
-        """Say no more."""
+        """Close the sockets."""
         if self._publisher is not None and self._context is not None:
             self._publisher.close()
             self._context.destroy(linger=100)

@@ -19,15 +19,15 @@ def start_child(command: list[str], **options: Any) -> subprocess.Popen[Any]:
 
     When the parent ends, however it ends, the kernel sends the child SIGTERM: a robot must not
     drive on because a terminal was closed. SIGUSR1, the emergency stop, which may be sent to all
-    processes at once, is held back from the first instruction on. It kills none of them, and waits
-    in the control process until that can take it (`EmergencySignal`).
+    processes at once, is blocked from the first instruction on. It kills none of them, and stays
+    pending in the control process until that handles it (`EmergencySignal`).
 
     Parameters
     ----------
     command
         Program and arguments.
     options
-        As of `subprocess.Popen`.
+        Options of `subprocess.Popen`.
     """
     parent = os.getpid()
 
@@ -37,7 +37,7 @@ def start_child(command: list[str], **options: Any) -> subprocess.Popen[Any]:
         if os.getppid() != parent:
             os.kill(os.getpid(), signal.SIGTERM)
 
-    # A child takes after the thread that forks it: blocked later, a signal could come before.
+    # A child inherits the mask of the thread that forks it; blocked later, a signal could win.
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGUSR1,))
     try:
         return subprocess.Popen(  # noqa: S603 - our own modules
@@ -52,7 +52,7 @@ def start_child(command: list[str], **options: Any) -> subprocess.Popen[Any]:
 
 
 def lines_of(process: subprocess.Popen[str]) -> queue.Queue[str | None]:
-    """Return the lines that a process will print, None at their end; its pipe never fills up."""
+    """Return the lines that a process prints, None at their end; its pipe never fills up."""
     lines: queue.Queue[str | None] = queue.Queue()
 
     def read() -> None:

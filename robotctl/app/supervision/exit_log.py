@@ -16,16 +16,16 @@ from robotctl.runtime.storage.log_folder import make_folder
 NAME: Final = "exits.jsonl"
 
 MAX_BYTES: Final = 1_000_000
-"""A longer file becomes `exits.jsonl.1`, whose predecessor is given up."""
+"""Size above which the file becomes `exits.jsonl.1`, replacing the previous one [bytes]."""
 
 
 class ExitLog:
-    """Appends to `exits.jsonl`; each line is the kernel's when `write` returns.
+    """Appends to `exits.jsonl`; each line has reached the kernel when `write` returns.
 
     Parameters
     ----------
     directory
-        Made where it is missing.
+        Folder of the log, made if missing.
 
     Raises
     ------

@@ -14,21 +14,21 @@ _STATES: Final = {
     "S": "waits for something",
     "Z": "has ended",
 }
-"""Letters of proc_pid_stat(5)."""
+"""State of a process by its letter in proc_pid_stat(5)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pause:
-    """A process made no progress, or makes it again.
+    """A process made no progress, or has continued.
 
     Parameters
     ----------
     name, pid
-        Which process.
+        Process concerned.
     paused_s
-        For how long [s].
+        Duration [s].
     cause
-        What it did meanwhile, according to the kernel; empty if unknown.
+        State of the process meanwhile, according to the kernel; empty if unknown.
     over
         Whether it has continued.
     """
@@ -48,7 +48,7 @@ class Pause:
 
 
 def state_of(pid: int) -> str:
-    """Return what a process is doing, as text; empty if the kernel does not report it."""
+    """Return the state of a process as text; empty if the kernel does not report it."""
     try:
         stat = Path(f"/proc/{pid}/stat").read_text()
     except OSError:
@@ -58,7 +58,7 @@ def state_of(pid: int) -> str:
 
 
 def killed_for_memory() -> int:
-    """Return how many processes of this computer the kernel has killed for want of memory."""
+    """Return the number of processes that the kernel has killed for lack of memory."""
     try:
         lines = Path("/proc/vmstat").read_text().splitlines()
     except OSError:

@@ -39,22 +39,22 @@ _POLL_NS: Final = 50_000_000
 _STEP_NS: Final = 50_000_000
 """Usual period of navigation [ns]."""
 _GONE_NS: Final = 10_000_000_000
-"""Silence after which a robot is given up [ns]: it had time to start its process again."""
+"""Silence after which a robot is given up [ns]; long enough for a restart of its process."""
 
 
 class RefusedError(RobotctlError):
-    """The robot does not do what it was asked for."""
+    """The robot refused a request."""
 
 
 class RemoteRobot:
-    """A running robot, as an operator beside it sees it; use as a context manager.
+    """A running robot, driven by an operator beside it; use as a context manager.
 
     Parameters
     ----------
     instance
-        Its name; empty: the only one that runs.
+        Name of the robot; empty: the only one that runs.
     clock
-        That of the requests, and of waiting for answers.
+        Clock of requests and of waiting for answers.
 
     Raises
     ------
@@ -73,12 +73,12 @@ class RemoteRobot:
         self.navigation: NavigationState | None = None
 
     def __enter__(self) -> RemoteRobot:
-        """Wait until it is heard.
+        """Wait for the robot's first messages.
 
         Raises
         ------
         RefusedError
-            If it is not.
+            If none come in time.
         """
         try:
             self._await(
@@ -97,38 +97,38 @@ class RemoteRobot:
     def goto(
         self, x_m: float, y_m: float, heading_rad: float | None = None
     ) -> Iterator[NavigationState]:
-        """Drive to a place of `world` in mode GUIDED; yield the states until that has ended.
+        """Drive to a place of `world` in mode GUIDED; yield the states until the drive has ended.
 
-        `NavigationState.goal_reached` of the last one says how.
+        `NavigationState.goal_reached` of the last one is the result.
 
         Raises
         ------
         RefusedError
-            If the robot is not armed, or refuses, or somebody else takes it over.
+            If the robot is not armed, or refuses, or another operator takes over.
         """
         return self._guide(lambda now_ns: PositionTarget(now_ns, x_m, y_m, heading_rad))
 
     def goto_place(self, place: str, start: str = "") -> Iterator[NavigationState]:
-        """Drive to a place of the robot's topological map in mode GUIDED; all else as `goto`.
+        """Drive to a place of the robot's topological map in mode GUIDED, otherwise like `goto`.
 
-        `start` is the place where it is; empty: it recognises that.
+        `start` is the robot's present place; empty: the robot recognises it.
         """
         return self._guide(lambda now_ns: PlaceTarget(now_ns, place, start))
 
     def explore(self) -> Iterator[NavigationState]:
-        """Explore in mode GUIDED until the map is complete; all else as `goto`."""
+        """Explore in mode GUIDED until the map is complete, otherwise like `goto`."""
         return self._guide(ExploreTarget)
 
     def run_mission(self, file: str, content: bytes) -> Iterator[NavigationState]:
         """Drive the mission of a file in mode AUTO; yield the states until it has ended.
 
-        `NavigationState.mission_completed` of the last one says how. While the robot is in HOLD
-        because somebody asked for that, this goes on.
+        `NavigationState.mission_completed` of the last one is the result. A HOLD on request does
+        not end it.
 
         Raises
         ------
         RefusedError
-            As `goto`.
+            As for `goto`.
         """
         self._require_armed()
         self._command(lambda now_ns: LoadMission(now_ns, file, content))
@@ -150,12 +150,12 @@ class RemoteRobot:
             self._require_heard()
 
     def pause(self) -> None:
-        """Let a robot that drives a mission stand; it keeps its place in that.
+        """Pause the mission; the robot stands and keeps its place in it.
 
         Raises
         ------
         RefusedError
-            If it drives none.
+            If the robot drives no mission.
         """
         _, state = self._seen()
         if state.mode is not Mode.AUTO or state.mission_completed or state.mission_failed:
@@ -163,12 +163,12 @@ class RemoteRobot:
         self.hold()
 
     def resume(self) -> None:
-        """Go on with the mission, try a failed item again, or give the go-ahead it waits for.
+        """Resume the mission, retry a failed item, or give the awaited go-ahead.
 
         Raises
         ------
         RefusedError
-            If there is nothing to go on with, or the robot is not armed, or refuses.
+            If there is nothing to resume, or the robot is not armed, or refuses.
         """
         _, state = self._seen()
         if state.mission_completed:
@@ -182,7 +182,7 @@ class RemoteRobot:
             self._drive_mission()
 
     def jump(self, item: int | str) -> None:
-        """Go on with another item of the mission: its number, counted from 1, or its name.
+        """Continue with another item of the mission: its number, counted from 1, or its name.
 
         Raises
         ------
@@ -192,7 +192,7 @@ class RemoteRobot:
         self._command(lambda now_ns: JumpToItem(now_ns, item))
 
     def abort(self) -> None:
-        """Give up the mission: the robot stands, and the mission would begin anew.
+        """Abort the mission: the robot stands, and would start the mission from the beginning.
 
         Raises
         ------
@@ -202,12 +202,12 @@ class RemoteRobot:
         self._command(AbortMission)
 
     def hold(self) -> None:
-        """Let it stand."""
+        """Stop the robot in mode HOLD."""
         self._ask(lambda now_ns: SetMode(now_ns, Mode.HOLD))
         self._await(lambda: self._mode is Mode.HOLD, self._why)
 
     def _guide(self, target: Callable[[int], NavigationRequest]) -> Iterator[NavigationState]:
-        """Drive to a target in mode GUIDED; yield the states until that has ended."""
+        """Drive to a target in mode GUIDED; yield the states until the drive has ended."""
         before = self._seen()[1].goals
         self._require_armed()
         self._ask(lambda now_ns: SetMode(now_ns, Mode.GUIDED))
@@ -225,7 +225,7 @@ class RemoteRobot:
             self._require_heard()
 
     def _unheard(self) -> str:
-        """Return which of the robot's processes are not heard."""
+        """Return the names of the silent processes."""
         parts = {"control": self.control, "navigation": self.navigation}
         missing = [name for name, state in parts.items() if state is None]
         are = "are" if len(missing) > 1 else "is"
@@ -234,7 +234,7 @@ class RemoteRobot:
 
     @property
     def silence(self) -> str:
-        """The robot's process that has been silent for longest, and how long; empty: none is."""
+        """The process that has been silent for longest, and how long; empty: none is silent."""
         control, navigation = self._seen()
         now_ns = self._clock.now_ns()
         silences = (
@@ -251,14 +251,14 @@ class RemoteRobot:
             raise RefusedError(f"{self.silence}; the robot stops by itself")
 
     def _drive_mission(self) -> None:
-        """Let it drive its mission, which it does from where that stands."""
+        """Drive the mission from its present item."""
         self._ask(lambda now_ns: SetMode(now_ns, Mode.AUTO))
         self._await(
             lambda: self._mode is Mode.AUTO and not self._seen()[1].mission_failed, self._why
         )
 
     def _command(self, request: Callable[[int], NavigationRequest]) -> None:
-        """Ask something of the mission, and wait until it is done."""
+        """Send a request about the mission, and wait until it is carried out."""
         before = self._seen()[1].mission_commands
         self._ask(request)
         self._await(lambda: self._seen()[1].mission_commands > before, self._why)
@@ -272,7 +272,7 @@ class RemoteRobot:
             )
 
     def _ask(self, request: Callable[[int], NavigationRequest]) -> None:
-        """Send a request of a time as soon as navigation takes it."""
+        """Send a request, with its time, as soon as navigation takes it."""
         self._await(
             lambda: self._to_navigation.send(request(self._clock.now_ns())),
             lambda: "navigation takes no requests",
@@ -283,7 +283,7 @@ class RemoteRobot:
         return None if self.navigation is None else self.navigation.mode
 
     def _why(self) -> str:
-        """Return what the robot says."""
+        """Return the robot's latest message text."""
         return self.navigation.message if self.navigation and self.navigation.message else "no word"
 
     def _seen(self) -> tuple[ControlState, NavigationState]:
@@ -293,12 +293,12 @@ class RemoteRobot:
         return self.control, self.navigation
 
     def _await(self, is_so: Callable[[], bool], why_not: Callable[[], str]) -> None:
-        """Listen until something is so.
+        """Listen until a condition holds.
 
         Raises
         ------
         RefusedError
-            If it is not, in time.
+            If it does not in time.
         """
         deadline_ns = self._clock.now_ns() + _ANSWER_NS
         while not is_so():
@@ -307,7 +307,7 @@ class RemoteRobot:
             self._listen()
 
     def _listen(self) -> None:
-        """Take what the robot says in the next moment."""
+        """Receive messages for a moment."""
         self._clock.sleep_until(self._clock.now_ns() + _POLL_NS)
         for message in self._states.receive():
             if isinstance(message, ControlState):

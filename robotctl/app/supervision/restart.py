@@ -1,4 +1,4 @@
-"""When a process that ended may be started again, and when no more."""
+"""Restarts of a process that ended: back-off and crash budget."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ class RestartPolicy:
     Parameters
     ----------
     crashes
-        Ends within the window that are still answered by a new start, at least 1.
+        Maximum ends within the window that are followed by a restart, at least 1.
     window_s
-        Older ends are forgotten [s].
+        Age beyond which ends are forgotten [s].
     first_delay_s
-        Pause before the first new start [s]; it doubles with each end in the window.
+        Pause before the first restart [s]; it doubles with each end in the window.
     longest_delay_s
-        Limit of the pause [s].
+        Maximum pause [s].
     """
 
     crashes: int
@@ -44,7 +44,7 @@ class CrashBudget:
     Parameters
     ----------
     policy
-        What is allowed.
+        Back-off and budget.
     """
 
     def __init__(self, policy: RestartPolicy) -> None:
@@ -57,7 +57,7 @@ class CrashBudget:
         Returns
         -------
         float | None
-            Pause before the next start [s]; None if the budget is spent.
+            Pause before the restart [s]; None if the budget is spent.
         """
         policy, ends_s = self._policy, self._ends_s
         while ends_s and now_s - ends_s[0] > policy.window_s:

@@ -1,4 +1,4 @@
-"""Robots, real or simulated, that run on this computer: found by the sockets they answer on."""
+"""Robots, real or simulated, that run on this computer, found by their open sockets."""
 
 from __future__ import annotations
 
@@ -32,6 +32,6 @@ def running(instance: str) -> Endpoints:
 
 
 def _answers(file: Path) -> bool:
-    """Return whether a process listens at a socket; a robot that was killed leaves its own."""
+    """Return whether a process listens at a socket; a killed robot leaves its file behind."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as end:
         return end.connect_ex(str(file)) == 0

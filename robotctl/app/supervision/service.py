@@ -18,7 +18,7 @@ class ServiceNotifier:
     Parameters
     ----------
     environment
-        `os.environ`, or that of a test.
+        Environment variables, usually `os.environ`.
     """
 
     def __init__(self, environment: MutableMapping[str, str]) -> None:
@@ -40,11 +40,11 @@ class ServiceNotifier:
         return self._send("READY=1")
 
     def stopping(self) -> None:
-        """Say that the end has begun."""
+        """Report the begin of the shutdown."""
         self._send("STOPPING=1")
 
     def feed_watchdog(self) -> None:
-        """Say that the service makes progress."""
+        """Report progress to the watchdog."""
         self._send("WATCHDOG=1")
 
     def status(self, line: str) -> None:

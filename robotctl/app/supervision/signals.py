@@ -1,4 +1,4 @@
-"""Signals as flags that loops ask for: orderly ends, and the emergency stop."""
+"""Signals as flags that loops poll: orderly shutdown, and the emergency stop."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ def name_process(part: str = "") -> None:
 
 
 def hold_emergency_signal() -> None:
-    """Hold SIGUSR1 back, so that it ends no process, until `on_emergency_signal`."""
+    """Block SIGUSR1, so that it ends no process, until `on_emergency_signal`."""
     signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGUSR1,))
 
 
 def on_emergency_signal(act: Callable[[], None]) -> None:
-    """Call `act` for each SIGUSR1, first for one that was held back."""
+    """Call `act` for each SIGUSR1, first for a pending one."""
     signal.signal(signal.SIGUSR1, lambda _number, _frame: act())
     signal.pthread_sigmask(signal.SIG_UNBLOCK, (signal.SIGUSR1,))
 
 
 class StopFlag:
-    """True once the process was asked to end."""
+    """Flag that is set once the process was asked to end."""
 
     def __init__(self) -> None:
         self._stopped = False
@@ -41,7 +41,7 @@ class StopFlag:
             signal.signal(number, self._on_signal)
 
     def _on_signal(self, _number: int, _frame: FrameType | None) -> None:
-        """Only remember; the loop ends between two ticks."""
+        """Set the flag; the loop ends between two ticks."""
         self._stopped = True
 
     def __call__(self) -> bool:
@@ -60,7 +60,7 @@ class EmergencySignal:
         on_emergency_signal(self._remember)
 
     def _remember(self) -> None:
-        """Only remember; the next tick stops."""
+        """Set the flag; the next tick stops."""
         self._asked = True
 
     def take(self) -> bool:

@@ -1,11 +1,11 @@
 """The processes of one robot: started in order, watched, ended with the motors off first.
 
-Control is started first and alone; the others follow when its loop ticks. It never waits for them:
-what becomes of navigation and telemetry changes nothing for it. A control process that ended is
-restarted too, because it starts disarmed and the drive has stopped by itself; its odometry
-continues from the saved pose, and navigation restarts.
+Control is started first and alone; the others follow when its loop ticks. It never waits for them,
+whatever happens to navigation and telemetry. A control process that ended is
+restarted too, because it starts disarmed and the drive has stopped on its own time-out; its
+odometry continues from the saved pose, and navigation restarts.
 
-Asked to restart, all processes start again in that order, with the parameters as they are kept.
+On a restart request all processes start again in that order, with the stored parameters.
 """
 
 from __future__ import annotations
@@ -45,11 +45,11 @@ ROLES: Final = (
     Role(TELEMETRY, RestartPolicy(crashes=5), stall_s=5.0, held_s=1.0),
     Role(RECORDER, RestartPolicy(crashes=5), stall_s=60.0, held_s=5.0),
 )
-"""In the order of their start. Navigation may have to compile its estimators first, which takes a
-minute on a small computer; the recorder waits for the disk, which may take its time."""
+"""Roles in the order of their start. Navigation may have to compile its estimators first, which
+takes a minute on a small computer; the recorder waits for the disk, which may be slow."""
 
 CAMERA_ROLE: Final = Role(CAMERA, RestartPolicy(crashes=5), stall_s=5.0, start_s=300.0, held_s=1.0)
-"""Camera process of robots that look. It compiles as navigation does."""
+"""Camera process of robots with a camera. It compiles like navigation."""
 
 LIDAR_ROLE: Final = Role(LIDAR, RestartPolicy(crashes=5), stall_s=5.0, held_s=1.0)
 """Lidar process of robots whose lidar is read by a driver of ours."""
@@ -58,22 +58,22 @@ WEB_ROLE: Final = Role(WEB, RestartPolicy(crashes=5), stall_s=5.0, held_s=1.0)
 """Web process of robots with a page."""
 
 FOXGLOVE_ROLE: Final = Role(FOXGLOVE, RestartPolicy(crashes=5), stall_s=5.0, held_s=1.0)
-"""Process for Foxglove, of robots that let it watch."""
+"""Foxglove process of robots that allow it."""
 
 _BAD_INPUT = 2
 _END_S = 3.0
 HELD_S: Final = 1.0
-"""A longer pause of the supervisor itself is reported [s]."""
+"""Pause of the supervisor itself above which it is reported [s]."""
 _TICKS_TO_STOP = 2
-"""A signal received in a tick is answered in the next one."""
+"""Ticks until an emergency stop is in effect: a signal of one tick acts in the next."""
 
 
 class StackError(RobotctlError):
-    """A process of the robot ended that the robot cannot do without, or cannot start."""
+    """A vital process of the robot ended, or cannot start."""
 
 
 class Stack:
-    """Control, navigation, telemetry, recorder and, if there are any, camera, lidar and web page.
+    """Control, navigation, telemetry, recorder and, if configured, camera, lidar and web page.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ class Stack:
     Raises
     ------
     ConfigError
-        If the robot's configuration is wrong, or the signing key it names cannot be read.
+        If the robot's configuration is invalid, or its signing key cannot be read.
     """
 
     def __init__(self, options: StackOptions) -> None:
@@ -107,13 +107,13 @@ class Stack:
         self._control = self._processes[CONTROL]
         self._restarts = False
         self.shut_down = False
-        """Whether it was asked to end with all its processes; the caller closes it."""
+        """Whether it was asked to shut down all processes; the caller closes it."""
         self._stop_beats: int | None = None
         """Heartbeats of the control process when it last received an emergency stop."""
         self.exits: list[Exit | Pause] = []
         """Ends and pauses seen by the last `watch`, its own included."""
         self._announcer = Announcer(options.instance)
-        # Of a robot that ran before; a web process that starts again keeps its own.
+        # A file of a robot that ran before; a restarted web process keeps its own.
         Endpoints(endpoint_directory(options.instance)).web_links.unlink(missing_ok=True)
         self._clock = options.open_clock()
         self._watched_s: float | None = None
@@ -132,7 +132,7 @@ class Stack:
         Raises
         ------
         StackError
-            If it has no process at the moment.
+            If there is no process at the moment.
         """
         process = self._processes[module]
         if process.pid is None:
@@ -144,17 +144,17 @@ class Stack:
         return self._processes[module].phase
 
     def starts(self, module: str) -> int:
-        """Return how often `module` has been started."""
+        """Return the number of starts of `module`."""
         return self._processes[module].starts
 
     @property
     def ticks(self) -> tuple[int, int]:
-        """Which life of the control process, and the ticks of its loop in that life."""
+        """Number of the control process's run, and the ticks of its loop in that run."""
         return self._control.starts, self._control.beats
 
     @property
     def ready(self) -> bool:
-        """Whether the control loop ticks and the others work, or are not waited for any more."""
+        """Whether the control loop ticks and the others work, or are no longer waited for."""
         return self._control.phase is ProcessPhase.READY and all(
             each.was_ready or each.phase is ProcessPhase.GIVEN_UP
             for each in self._processes.values()
@@ -168,7 +168,7 @@ class Stack:
         Raises
         ------
         StackError
-            If the control process ended too often, or a process does not start at all.
+            If the control process ended too often, or a process never starts.
         """
         now_s = self._now_s()
         self.exits = self._own_pause(now_s)
@@ -193,11 +193,11 @@ class Stack:
         return [each.words() for each in self.exits]
 
     def _now_s(self) -> float:
-        """Return the time of the robot [s]: no process makes progress while that is paused."""
+        """Return the robot's time [s]: no process makes progress while it is paused."""
         return self._clock.now_ns() / 1e9
 
     def _own_pause(self, now_s: float) -> list[Exit | Pause]:
-        """Return the pause of this process, which nobody else reports, if there was one."""
+        """Return the pause of this process, if there was one; no other process reports it."""
         before_s, self._watched_s = self._watched_s, now_s
         if before_s is None or now_s - before_s < HELD_S:
             return []
@@ -208,7 +208,7 @@ class Stack:
         self._announcer.say(line, severity, self._clock.now_ns())
 
     def _judge(self, process: Supervised, ended: Exit) -> None:
-        """Decide what the end of one process means for the others."""
+        """Handle the consequences of a process's end for the others."""
         name = process.role.name
         # Bad input stays bad: a restart would only hide it.
         if ended.status == _BAD_INPUT and not process.was_ready:
@@ -229,7 +229,7 @@ class Stack:
         self._processes[NAVIGATION].renew()
 
     def _take_requests(self) -> None:
-        """Carry out requests that are not too old."""
+        """Execute requests that are not too old."""
         for request in self._announcer.take_requests():
             if self._clock.now_ns() - request.stamp_ns > LIFE_NS:
                 continue
@@ -240,7 +240,7 @@ class Stack:
                 self.shut_down = True
 
     def restart(self) -> None:
-        """Start all processes again, control first, with the parameters as they are kept."""
+        """Restart all processes, control first, with the stored parameters."""
         options, notes = with_changes(self._options)
         try:
             configured_key(options.load().mavlink)
@@ -272,7 +272,7 @@ class Stack:
     def emergency_stop(self) -> None:
         """Stop the robot by a signal to the control process; needs no socket, waits for nothing.
 
-        A control process that is just restarting receives it as soon as it is up. May be called
+        A control process that is restarting receives it as soon as it is up. May be called
         from a signal handler.
         """
         # A signal only, because this may run in a signal handler.
@@ -300,7 +300,7 @@ class Stack:
 
 
 def _severity(seen: Exit | Pause, *, vital: bool) -> Severity:
-    """Return how bad an end or a pause is."""
+    """Return the severity of an end or a pause."""
     if isinstance(seen, Pause):
         return Severity.NOTICE if seen.over else Severity.WARNING
     if seen.asked and not seen.hung:

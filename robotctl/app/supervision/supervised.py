@@ -1,4 +1,4 @@
-"""One supervised process: started, seen to be ready, found dead or hung, started again."""
+"""One supervised process: start, readiness, detection of death or hang, restart."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from robotctl.app.supervision.restart import CrashBudget, RestartPolicy
 from robotctl.runtime.ipc.heartbeat import VARIABLE, HeartbeatMonitor
 
 _LONGEST_STEP_S: Final = 0.5
-"""Longest step that counts as silence of a process [s]; beyond it the supervisor itself paused."""
+"""Longest step that counts as silence of a process [s]; in a longer one the supervisor paused."""
 
 _FIRST_VICTIM: Final = "500"
-"""`oom_score_adj` of what the robot can do without for a while."""
+"""`oom_score_adj` of processes that the robot can spare for a while."""
 
 
 class ProcessPhase(enum.Enum):
@@ -49,9 +49,9 @@ class Role:
     start_s
         Time without progress after its start after which a process is killed [s].
     held_s
-        Time without progress after which a running process is reported as held up [s].
+        Time without progress after which a running process is reported as stalled [s].
     vital
-        Without it there is no robot: when its budget is spent the whole stack ends.
+        Whether the whole stack ends when the budget of this process is spent.
     """
 
     module: str
@@ -69,26 +69,26 @@ class Role:
 
 @dataclass(frozen=True, slots=True)
 class Exit:
-    """How one life of a process ended.
+    """End of one run of a process.
 
     Parameters
     ----------
     name, pid
-        Which process; pid 0: it could not be started.
+        Process concerned; pid 0: it could not be started.
     status
         Exit status; -n after signal n; errno where it could not be started.
     hung
-        It was killed because it showed no progress.
+        Whether it was killed for lack of progress.
     was_ready
-        It had been seen to work before.
+        Whether it had worked before.
     asked
-        It was asked to end, because a process it depends on restarts.
+        Whether it was asked to end, because a process that it depends on restarts.
     beats
-        Rounds of work it did.
+        Rounds of work done.
     ran_s
-        How long it lived [s].
+        Duration of the run [s].
     restart_in_s
-        When it is started again [s]; None: it is not.
+        Pause before its restart [s]; None: it is not restarted.
     cause
         Known cause of its end; empty: none.
     """
@@ -120,7 +120,7 @@ class Exit:
 
 
 def status_words(status: int) -> str:
-    """Say how a process ended: `exit status 1`, `signal 9, SIGKILL`."""
+    """Return the end of a process as text: `exit status 1`, `signal 9, SIGKILL`."""
     if status >= 0:
         return f"exit status {status}"
     try:
@@ -130,12 +130,12 @@ def status_words(status: int) -> str:
 
 
 class Supervised:
-    """One process and its next life.
+    """One process, across restarts.
 
     Parameters
     ----------
     role
-        Its module, budget and patience.
+        Module, budget and limits of the process.
     command
         Program and arguments.
     """
@@ -145,9 +145,9 @@ class Supervised:
         self.phase = ProcessPhase.IDLE
         self.starts = 0
         self.was_ready = False
-        """Whether it ever worked, in this life or an earlier one."""
+        """Whether it ever worked, in this run or an earlier one."""
         self.command = list(command)
-        """Program and arguments from the next start on."""
+        """Program and arguments of the next start."""
         self._budget = CrashBudget(role.restart)
         self._process: subprocess.Popen[bytes] | None = None
         self._monitor: HeartbeatMonitor | None = None
@@ -155,8 +155,8 @@ class Supervised:
         self._beats = 0
         self._stalled_s = 0.0
         self._hung = self._renewed = False
-        self._told_s = 0.0
-        """Length of the reported pause at the time [s]; 0: none."""
+        self._reported_s = 0.0
+        """Length of the pause when last reported [s]; 0: none."""
         self._cause = ""
         self._killed_for_memory = 0
 
@@ -167,7 +167,7 @@ class Supervised:
 
     @property
     def beats(self) -> int:
-        """Rounds of work in this life up to now; without a process, up to the end of the last."""
+        """Rounds of work in this run, or in the last one without a process."""
         monitor = self._monitor
         return self._beats if monitor is None else monitor.count()
 
@@ -177,7 +177,7 @@ class Supervised:
         self._started_s = self._stepped_s = now_s
         self._beats, self._stalled_s = 0, 0.0
         self._hung = self._renewed = False
-        self._told_s, self._cause = 0.0, ""
+        self._reported_s, self._cause = 0.0, ""
         self._killed_for_memory = killed_for_memory()
         monitor = self._monitor = HeartbeatMonitor()
         self._process = start_child(
@@ -191,11 +191,11 @@ class Supervised:
         self.starts += 1
 
     def let_start(self, now_s: float) -> None:
-        """Let the next `step` start it; a first start that fails is tried again like any other."""
+        """Let the next `step` start it; a failed first start is retried like any other."""
         self.phase, self._due_s = ProcessPhase.WAITING, now_s
 
     def step(self, now_s: float) -> Exit | Pause | None:
-        """Look after the process at `now_s`, monotonic [s].
+        """Supervise the process at `now_s`, monotonic [s].
 
         Returns its end if it has ended, or a pause that began or ended.
         """
@@ -210,7 +210,7 @@ class Supervised:
         return self._look_for_progress(process, now_s)
 
     def _start_again(self, now_s: float) -> Exit | None:
-        """Start the next life; where that fails, it has ended."""
+        """Restart the process; return its end if that fails."""
         try:
             self.start(now_s)
         except OSError as error:
@@ -228,8 +228,8 @@ class Supervised:
             self._beats = beats
             self.phase = ProcessPhase.READY
             self.was_ready = True
-            told_s, self._told_s = self._told_s, 0.0
-            return self._pause(process, paused_s, over=True) if told_s else None
+            reported_s, self._reported_s = self._reported_s, 0.0
+            return self._pause(process, paused_s, over=True) if reported_s else None
         self._stalled_s += pause_s
         patience_s = self.role.stall_s if self.phase is ProcessPhase.READY else self.role.start_s
         if self._stalled_s > patience_s:
@@ -239,19 +239,19 @@ class Supervised:
             process.kill()
         elif (
             self.phase is ProcessPhase.READY
-            and not self._told_s
+            and not self._reported_s
             and self._stalled_s > self.role.held_s
         ):
-            self._told_s, self._cause = self._stalled_s, state_of(process.pid)
+            self._reported_s, self._cause = self._stalled_s, state_of(process.pid)
             return self._pause(process, self._stalled_s, over=False)
         return None
 
     def _pause(self, process: subprocess.Popen[bytes], paused_s: float, *, over: bool) -> Pause:
-        """Return the notice on a pause."""
+        """Return the notice of a pause."""
         return Pause(self.role.name, process.pid, paused_s, self._cause, over)
 
     def _ended(self, pid: int, status: int, now_s: float) -> Exit:
-        """Take leave of a process that ended and plan its next life."""
+        """Clean up after a process that ended, and plan its restart."""
         was_ready = self.phase is ProcessPhase.READY
         beats = self.beats
         self._forget()
@@ -291,12 +291,12 @@ class Supervised:
         return True
 
     def renew(self) -> None:
-        """Restart the process; this is no crash."""
+        """Restart the process, without using its crash budget."""
         if self.signal(signal.SIGTERM):
             self._renewed = True
 
     def revive(self, now_s: float) -> None:
-        """Restart the process, also one that was given up."""
+        """Restart the process, even one that was given up."""
         self.renew()
         if self.phase is ProcessPhase.GIVEN_UP:
             self._budget = CrashBudget(self.role.restart)
@@ -317,7 +317,7 @@ class Supervised:
 
 
 def _kill_first_when_memory_is_short(pid: int) -> None:
-    """Let the kernel choose this process before the control process."""
+    """Let the kernel kill this process before the control process when memory is short."""
     try:
         Path(f"/proc/{pid}/oom_score_adj").write_text(_FIRST_VICTIM)
     except OSError:

@@ -18,7 +18,7 @@ POLL_S: Final = 0.1
 """Interval between two steps of the supervisor [s]."""
 
 _POLL_NS: Final = round(POLL_S * 1e9)
-"""States are read as often as this [ns], more seldom than they are published."""
+"""Interval between two reads of states [ns], longer than that of their publication."""
 
 
 class Supervisor:
@@ -30,11 +30,11 @@ class Supervisor:
     Parameters
     ----------
     stack
-        The processes, started.
+        Started processes.
     notifier
-        The service manager's ear.
+        Notifier of the service manager.
     log
-        Where ends of processes are logged, if anywhere.
+        Log of ends of processes, if any.
     """
 
     def __init__(self, stack: Stack, notifier: ServiceNotifier, log: ExitLog | None) -> None:
@@ -47,7 +47,7 @@ class Supervisor:
         self._fed_ticks = (0, 0)
 
     def __enter__(self) -> Supervisor:
-        """Say that the start has begun."""
+        """Report the begin of the start."""
         self._notifier.status("starting")
         return self
 
@@ -59,7 +59,7 @@ class Supervisor:
         self._notifier.close()
 
     def step(self, messages: Sequence[Message], now_s: float) -> list[str]:
-        """Look after everything at `now_s`, monotonic [s]; return lines for people.
+        """Supervise the stack at `now_s`, monotonic [s]; return lines for people.
 
         Parameters
         ----------
@@ -71,7 +71,7 @@ class Supervisor:
         Raises
         ------
         StackError
-            As of `Stack.watch`; what it ends with is logged first.
+            As for `Stack.watch`; the end is logged first.
         """
         lines: list[str] = []
         own: list[str] = []
@@ -99,7 +99,7 @@ class Supervisor:
         return [] if self._log is None else self._log.note(self._stack.exits)
 
     def _feed(self, now_s: float) -> None:
-        """Feed the watchdog where the control loop has made progress."""
+        """Feed the watchdog if the control loop has made progress."""
         feed_s, ticks = self._notifier.feed_s, self._stack.ticks
         if feed_s is None or now_s - self._fed_s < feed_s:
             return

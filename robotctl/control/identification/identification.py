@@ -1,4 +1,4 @@
-"""Models of a wheel from records of it: its step response and what voltage its motion needs."""
+"""Models of a wheel from records: its step response, and the voltage for its motion."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ class FirstOrderModel:
     time_constant_s
         tau [s], > 0.
     delay_s
-        theta, all dead time of the loop that was in the record [s], >= 0.
+        theta, all dead time of the recorded loop [s], >= 0.
     rms_error
-        Residual of the fit [output unit]; 0 for a model that was not fitted.
+        Residual of the fit [output unit]; 0 for a model without a fit.
     """
 
     gain: float
@@ -58,7 +58,7 @@ def fit_first_order(
     input_step
         Height of the input's step, not 0 [V].
     step_time_s
-        When the input steps [s].
+        Time of the input's step [s].
 
     Raises
     ------
@@ -85,7 +85,7 @@ def fit_first_order(
         taus = np.geomspace(tau_low, tau_high, _GRID)
         thetas = np.linspace(theta_low, theta_high, _GRID)
         tau, theta, height, squares = _best(t, y, taus, thetas)
-        # Two cells to either side: the valley of the squares runs slantwise through the grid.
+        # Two cells to either side: the valley of the squares runs diagonally through the grid.
         ratio = (tau_high / tau_low) ** (2.0 / (_GRID - 1))
         reach = 2.0 * (theta_high - theta_low) / (_GRID - 1)
         tau_low, tau_high = max(tau / ratio, span / 1000.0), min(tau * ratio, 4.0 * span)
@@ -115,7 +115,7 @@ def _best(
 
 @dataclass(frozen=True, slots=True)
 class FeedforwardFit:
-    """Feed-forward gains in the units of `PidConfig`, and how well they explain the record.
+    """Feed-forward gains in the units of `PidConfig`, and the quality of their fit.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ class FeedforwardFit:
 def effective_voltage_v(
     duty: ArrayLike, bus_voltage_v: ArrayLike, deadband: float
 ) -> NDArray[np.float64]:
-    """Return the mean motor voltage [V] of recorded duties, as the bridge of `pwm.py` gives it.
+    """Return the mean motor voltage [V] of recorded duties, for the bridge of `pwm.py`.
 
     Parameters
     ----------
@@ -210,7 +210,8 @@ def fit_feedforward(
 ) -> FeedforwardFit:
     """Fit u = kv w + ks sign(w) + ka a to a record by least squares.
 
-    The record should hold several steady speeds (they tell kv from ks) and hard accelerations.
+    The record should contain several steady speeds (they separate kv from ks) and hard
+    accelerations.
     Samples slower than `omega_min_rad_s`, where friction is not Coulomb's, and samples with a value
     that is not finite are left out. A ks or ka that comes out negative is set to 0 and the rest
     fitted again. Noise in `alpha_rad_s2` makes ka too small: use `local_slope` with a window
@@ -226,13 +227,13 @@ def fit_feedforward(
     omega_rad_s, alpha_rad_s2
         Speed and acceleration of the wheel, shape (n,) [rad/s, rad/s^2].
     omega_min_rad_s
-        Slowest speed used [rad/s], >= 0.
+        Minimum speed used [rad/s], >= 0.
 
     Raises
     ------
     ValueError
-        If the shapes differ, fewer than 10 samples are left, the record cannot tell the gains
-        apart, or kv is not positive.
+        If the shapes differ, fewer than 10 samples are left, the record cannot separate the gains,
+        or kv is not positive.
     """
     u, w, a = (np.asarray(x, dtype=np.float64) for x in (voltage_v, omega_rad_s, alpha_rad_s2))
     if not (u.ndim == 1 and u.shape == w.shape == a.shape):

@@ -1,8 +1,8 @@
 """Rise time, overshoot, settling time and steady-state error of a recorded step response.
 
 The terms are those of IEC 60050-351 and of K. Ogata, *Modern Control Engineering*, 5th ed.,
-section 5-3: rise from 10 % to 90 % of the step, overshoot beyond the reference in parts of the
-step, settling as the last entry into a band round the reference.
+section 5-3: rise from 10 % to 90 % of the step, overshoot beyond the reference as a fraction of the
+step, settling as the last entry into a band around the reference.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ class StepMetrics:
     rise_s
         Time from 10 % to 90 % of the step [s]; None if 90 % is never reached.
     overshoot
-        Largest excursion beyond the reference, in parts of the step, >= 0.
+        Maximum excursion beyond the reference, as a fraction of the step, >= 0.
     settling_s
-        From when on the response stays within the band [s]; None if it ends outside.
+        Time from which the response stays within the band [s]; None if it ends outside.
     steady_state_error
-        Reference minus mean of the record's last part, in parts of the step; signed, positive
-        where the response stays short.
+        Reference minus mean of the record's last part, as a signed fraction of the step; positive
+        if the response stays short.
     peak_s
-        Time of the largest excursion in the direction of the step [s].
+        Time of the maximum excursion in the direction of the step [s].
     """
 
     rise_s: float | None
@@ -61,11 +61,11 @@ def step_metrics(
     reference, initial
         Value of the reference after and before the step; they must differ.
     step_time_s
-        When the reference steps [s].
+        Time of the reference's step [s].
     band
-        Half width of the settling band in parts of the step, (0, 1).
+        Half width of the settling band as a fraction of the step, (0, 1).
     steady_share
-        Last part of the time after the step that counts as steady, (0, 1].
+        Last fraction of the time after the step that counts as steady, (0, 1].
 
     Raises
     ------
@@ -112,12 +112,12 @@ def _record(
 
 
 def _crossing(t: NDArray[np.float64], y: NDArray[np.float64], i: int, level: float) -> float:
-    """Return when the line from sample i to i + 1 passes the level."""
+    """Return the time at which the line from sample i to i + 1 passes the level."""
     return float(t[i] + (level - y[i]) / (y[i + 1] - y[i]) * (t[i + 1] - t[i]))
 
 
 def _first_crossing(t: NDArray[np.float64], y: NDArray[np.float64], level: float) -> float | None:
-    """Return when y first reaches the level; None if it does not."""
+    """Return the time at which y first reaches the level; None if never."""
     reached = np.flatnonzero(y >= level)
     if reached.size == 0:
         return None
@@ -126,7 +126,7 @@ def _first_crossing(t: NDArray[np.float64], y: NDArray[np.float64], level: float
 
 
 def _settling(t: NDArray[np.float64], error: NDArray[np.float64], band: float) -> float | None:
-    """Return when the error last enters the band; None if it ends outside."""
+    """Return the time of the error's last entry into the band; None if it ends outside."""
     outside = np.flatnonzero(error > band)
     if outside.size == 0:
         return float(t[0])

@@ -6,7 +6,6 @@ V/rad, kd in V s^2/rad. For a controller Kc (1 + 1 / (Ti s) + Td s) they are Kc,
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import math
 from dataclasses import dataclass
@@ -16,7 +15,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from robotctl.control.identification.identification import FirstOrderModel
-from robotctl.control.pid import PidConfig
 
 
 class PidGains(NamedTuple):
@@ -25,10 +23,6 @@ class PidGains(NamedTuple):
     kp: float
     ki: float
     kd: float = 0.0
-
-    def apply_to(self, config: PidConfig) -> PidConfig:
-        """Return the configuration with these gains and everything else unchanged."""
-        return dataclasses.replace(config, kp=self.kp, ki=self.ki, kd=self.kd)
 
 
 def simc_pi(model: FirstOrderModel, closed_loop_s: float | None = None) -> PidGains:
@@ -44,43 +38,20 @@ def simc_pi(model: FirstOrderModel, closed_loop_s: float | None = None) -> PidGa
     model
         The process; its gain and time constant must be positive.
     closed_loop_s
-        Wanted time constant tau_c of the closed loop [s], >= 0; None takes theta.
+        Desired time constant tau_c of the closed loop [s], >= 0; None: theta.
 
     Raises
     ------
     ValueError
-        If the model is not of that kind, or tau_c + theta is 0.
+        If gain or time constant is not positive, or tau_c + theta is 0.
     """
     tau_c = model.delay_s if closed_loop_s is None else closed_loop_s
     kc = _lag_gain(model, tau_c)
     return PidGains(kc, kc / min(model.time_constant_s, 4.0 * (tau_c + model.delay_s)))
 
 
-def lambda_pi(model: FirstOrderModel, closed_loop_s: float) -> PidGains:
-    """Return lambda-tuned PI gains: the zero cancels tau, the closed loop is 1 / (lambda s + 1).
-
-    Slower against disturbances than `simc_pi` where tau is long, and never overshooting a step.
-
-    Source: K. J. Astrom and T. Hagglund, *Advanced PID Control* (ISA 2006), section 6.5.
-
-    Parameters
-    ----------
-    model
-        The process; its gain and time constant must be positive.
-    closed_loop_s
-        lambda [s], >= 0; robust from about three times the delay.
-
-    Raises
-    ------
-    ValueError
-        If the model is not of that kind, or lambda + theta is 0.
-    """
-    kc = _lag_gain(model, closed_loop_s)
-    return PidGains(kc, kc / model.time_constant_s)
-
-
 def _lag_gain(model: FirstOrderModel, closed_loop_s: float) -> float:
-    """Return tau / (K (tau_c + theta)), after a check."""
+    """Return tau / (K (tau_c + theta)); raises ValueError as `simc_pi`."""
     if not (model.gain > 0.0 and model.time_constant_s > 0.0 and model.delay_s >= 0.0):
         raise ValueError(f"model: {model} found, gain and time constant > 0, delay >= 0 allowed")
     if not (closed_loop_s >= 0.0 and 0.0 < closed_loop_s + model.delay_s < math.inf):
@@ -103,7 +74,7 @@ class Relay:
     hysteresis
         Half the width epsilon of the hysteresis, >= 0 [rad/s]; above the noise.
     bias
-        Middle of the output [V]: about what holds the set-point.
+        Middle of the output [V], about the voltage at the set-point.
 
     Raises
     ------
@@ -122,7 +93,7 @@ class Relay:
         self.reset()
 
     def reset(self) -> None:
-        """Begin with the high output."""
+        """Restart with the high output."""
         self._high = True
 
     def step(self, setpoint: float, measurement: float) -> float:
@@ -151,14 +122,14 @@ def measure_oscillation(
 ) -> Oscillation:
     """Return period and amplitude of the oscillation in a relay experiment's record.
 
-    Medians over the cycles, so that a disturbed one does no harm.
+    They are medians over the cycles, so that a disturbed one does no harm.
 
     Parameters
     ----------
     time_s, response
         The record, shape (n,) each, times increasing [s].
     skip_cycles
-        Cycles at the beginning that do not count, >= 0.
+        Cycles to skip at the beginning, >= 0.
 
     Raises
     ------
@@ -187,7 +158,7 @@ def measure_oscillation(
 def _rises(
     t: NDArray[np.float64], y: NDArray[np.float64], middle: float, noise: float
 ) -> list[float]:
-    """Return when y rises through the middle, interpolated.
+    """Return the times at which y rises through the middle, interpolated.
 
     It must come from below `middle - noise` and continue above `middle + noise`.
     """

@@ -1,1 +1,1 @@
-"""The guided first day of a robot: steps of questions, answers and slow motions on blocks."""
+"""Guided set-up of a new robot: steps of questions, answers and slow motions on blocks."""

@@ -1,7 +1,7 @@
 """A robot's drives and sensors on their buses without the control core, moved slowly or not at all.
 
-Each motion is one of a few seconds; it ends by itself, at once when a drive reports what was not
-commanded, and when the person interrupts. In between the motors are off.
+Each motion lasts a few seconds; it ends early when a drive reports an uncommanded motion, or when
+the person interrupts. In between the motors are off.
 """
 
 from __future__ import annotations
@@ -27,28 +27,28 @@ from robotctl.model.actuators import Actuator, Takes
 SLOW_M_S: Final = 0.08
 """Speed of a wheel's rim in motions [m/s]."""
 CREEP_M_S: Final = 0.03
-"""The same while ratios may be wrong: up to sixfold, a wheel stays under `MOST_M_S` [m/s]."""
+"""Speed while ratios may be wrong [m/s]: up to sixfold, a wheel stays under `MOST_M_S`."""
 STOP_M_S: Final = 0.15
 """Reported speed of a wheel at which a motion ends [m/s]."""
 MOST_M_S: Final = 0.2
-"""Speed of a free wheel that the duty of a motion could reach at most [m/s]."""
+"""Maximum speed of a free wheel at the duty of a motion [m/s]."""
 
 TURN_RAD: Final = 2.0
-"""Turn of a wheel after which a motion has shown enough [rad]."""
+"""Turn of a wheel after which a motion may end [rad]."""
 TURN_S: Final = 5.0
-"""Longest motion [s]."""
+"""Maximum duration of a motion [s]."""
 RISE_S: Final = 0.5
-"""Time in which a speed is reached [s]."""
+"""Ramp time of the speed [s]."""
 DUTY_PER_S: Final = 0.05
-"""Rise of a duty [1/s]."""
+"""Ramp of the duty [1/s]."""
 ASTRAY_RAD: Final = 0.3
-"""Turn that ends a motion: of another wheel, or against the command [rad]."""
+"""Turn of another wheel, or against the command, that ends a motion [rad]."""
 WINDOW_NS: Final = 200_000_000
-"""Time over which positions make a speed [ns]."""
+"""Window for the speed from positions [ns]."""
 SILENT_NS: Final = 300_000_000
 """Age of a wheel's report at which a motion ends [ns]."""
 COMMISSION_S: Final = 6.0
-"""Time that drives and nodes have to come into service [s]."""
+"""Time limit for the commissioning of drives and nodes [s]."""
 
 _COAST: Final = ActuatorCommand(enable=False, brake=False)
 _BRAKE: Final = ActuatorCommand(enable=False, brake=True)
@@ -59,7 +59,7 @@ class Buses(Protocol):
 
     @property
     def clock(self) -> Clock:
-        """Time on them."""
+        """Clock of the buses."""
 
     def open(self, identifiers: Mapping[str, Collection[int]]) -> dict[str, CanPort]:
         """Return a port on each bus, by its name, that accepts some identifiers.
@@ -67,7 +67,7 @@ class Buses(Protocol):
         Raises
         ------
         LinkError
-            If one cannot be opened.
+            If a bus cannot be opened.
         """
 
 
@@ -79,7 +79,7 @@ class Moved(NamedTuple):
     turned_rad
         Reported turn of each wheel [rad].
     stopped
-        Why it ended before its time; empty if it did not.
+        Reason for an early end; empty without one.
     """
 
     turned_rad: tuple[float, ...]
@@ -88,20 +88,20 @@ class Moved(NamedTuple):
 
 @dataclass(slots=True)
 class Wheel:
-    """A wheel with what is reported of it.
+    """A wheel and its reports.
 
     Attributes
     ----------
     place
-        Place among the robot's actuators.
+        Index among the robot's actuators.
     name
         Name of the wheel.
     radius_m
         Radius [m].
     actuator
-        Abilities of its drive.
+        Its actuator, with the abilities of its drive.
     ticks
-        Position, without rolling over [tick].
+        Position, unwrapped [tick].
     """
 
     place: int
@@ -119,7 +119,7 @@ class Wheel:
 
     @property
     def from_positions_rad_s(self) -> float:
-        """Speed by its positions [rad/s]."""
+        """Speed from its positions [rad/s]."""
         (first_ns, first), (last_ns, last) = self.trail[0], self.trail[-1]
         if last_ns <= first_ns:
             return 0.0
@@ -137,7 +137,7 @@ class Bench:
     buses
         Its buses.
     interrupts
-        Whether a motion is to stop now.
+        Returns whether a motion must stop now.
     slow_m_s
         Speed of a wheel's rim in motions [m/s].
 
@@ -148,9 +148,9 @@ class Bench:
     slow_m_s
         Speed of a wheel's rim in motions [m/s].
     wheels
-        Its driven wheels, in their order.
+        Driven wheels, in their order.
     feedback
-        The newest.
+        Newest feedback.
     """
 
     def __init__(
@@ -182,7 +182,7 @@ class Bench:
         self.period_ns = config.runtime.period_ns
         self._deadline_ns = self._clock.now_ns()
         self._known: list[int | None] = [None] * len(self.wheels)
-        """Last position of each wheel as it was told."""
+        """Last reported position of each wheel."""
 
     def __enter__(self) -> Self:
         """Return itself."""
@@ -204,7 +204,7 @@ class Bench:
         return self._clock.now_ns()
 
     def rest(self, seconds: float = 0.0, *, loose: bool = False) -> Feedback:
-        """Keep the motors off for a time, at least for one tick; braked unless `loose`."""
+        """Keep the motors off for a time, at least one tick; braked unless `loose`."""
         end_ns = self.now_ns + round(seconds * 1e9)
         while True:
             self._tick(_COAST if loose else _BRAKE)
@@ -212,13 +212,13 @@ class Bench:
                 return self.feedback
 
     def listen(self) -> Feedback:
-        """Let a period pass and receive, but send nothing."""
+        """Wait for a period and receive, without sending."""
         return self._tick(None)
 
     def _tick(self, command: ActuatorCommand | None) -> Feedback:
-        """Let a period pass, receive, then send a command."""
+        """Wait for a period, receive, then send a command."""
         now_ns = self.now_ns
-        # After a pause the ticks do not catch up.
+        # Ticks missed in a pause are not made up.
         self._deadline_ns = max(self._deadline_ns + self.period_ns, now_ns)
         self._clock.sleep_until(self._deadline_ns)
         now_ns = self.now_ns
@@ -230,7 +230,7 @@ class Bench:
         return feedback
 
     def _follow(self, wheel: Wheel, feedback: Feedback) -> None:
-        """Take the newest position of a wheel, which may roll over at 16 bits."""
+        """Update a wheel with its newest position, which may roll over at 16 bits."""
         report = feedback.actuators[wheel.place]
         trail = wheel.trail
         if report.motion_ns <= trail[-1][0]:
@@ -266,7 +266,7 @@ class Bench:
         )
 
     def commission(self, seconds: float = COMMISSION_S) -> tuple[NodeStatus, ...]:
-        """Wait until all drives and nodes are in service, not for longer than a time."""
+        """Wait until all drives and nodes are in service, at most for `seconds`."""
         end_ns = self.now_ns + round(seconds * 1e9)
         self.rest()
         while any(each.problem for each in self.statuses) and self.now_ns < end_ns:
@@ -284,7 +284,7 @@ class Bench:
 
     @property
     def latched(self) -> str:
-        """Why a drive is not ready; empty if all are."""
+        """Reason why a drive is not ready; empty if all are."""
         for actuator, report in zip(self.actuators, self.feedback.actuators, strict=True):
             if report.fault is not None:
                 return f"{actuator.drive}: {report.fault}"
@@ -300,16 +300,16 @@ class Bench:
         Parameters
         ----------
         wheels
-            Wheels to turn, as their drives are wired now.
+            Wheels to turn, by the present wiring.
         seconds
-            Time for which they turn [s]; 0: until each has turned enough to be seen.
+            Duration [s]; 0: until each has turned visibly.
         """
         moved = self.keep_spinning(wheels, seconds=seconds)
         self.rest(0.3)
         return moved
 
     def keep_spinning(self, wheels: Sequence[Wheel], *, seconds: float = 0.0) -> Moved:
-        """Turn wheels slowly forwards; the last command is theirs, or that which stopped them."""
+        """Turn wheels slowly forwards, without a stop at the end."""
         self.rest(0.1)
         motion = _Motion(self, wheels)
         begin_ns = self.now_ns
@@ -326,7 +326,7 @@ class Bench:
 
 
 class _Motion:
-    """A slow motion of some wheels, and what may be wrong with it."""
+    """A slow motion of some wheels, and its supervision."""
 
     def __init__(self, bench: Bench, wheels: Sequence[Wheel]) -> None:
         self._bench = bench
@@ -344,7 +344,7 @@ class _Motion:
 
     @property
     def least_turned_rad(self) -> float:
-        """Reported turn of that of the wheels which has turned least [rad]."""
+        """Minimum reported turn of the wheels [rad]."""
         turned_rad = self.turned_rad
         return min(turned_rad[wheel.place] for wheel in self._wheels)
 
@@ -364,19 +364,19 @@ class _Motion:
     def _most_duty(self, wheel: Wheel) -> float:
         """Return the duty whose voltage turns a free wheel at `MOST_M_S`.
 
-        So it is slow even where nothing tells its speed.
+        So it is slow even without a reported speed.
         """
         config = self._bench.config
         pwm = config.control.pwm
         told_v = self._bench.feedback.actuators[wheel.place].voltage_v
         supply_v = MAX_SUPPLY_V if told_v is None else max(told_v, pwm.min_bus_voltage_v)
-        # A robot with such a wheel has it: see `robot_file`.
+        # Always present for such a wheel: see `robot_file`.
         back_emf_v_s_rad = config.plausibility.back_emf_v_s_rad or 0.0
         most_v = back_emf_v_s_rad * MOST_M_S / wheel.radius_m
         return min(pwm.deadband + most_v / supply_v, 1.0)
 
     def objection(self, age_s: float) -> str:
-        """Return why the motion has to end; empty: it may go on."""
+        """Return why the motion must end; empty: it may continue."""
         bench = self._bench
         for wheel, turned_rad in zip(bench.wheels, self.turned_rad, strict=True):
             report = bench.feedback.actuators[wheel.place]
@@ -400,12 +400,12 @@ class _Motion:
 
 
 def with_node_id(config: RobotConfig, motor: int, node_id: int) -> RobotConfig:
-    """Return a robot one of whose drives, by its place, has another number.
+    """Return a robot with another node id of one drive, by its index.
 
     Raises
     ------
     InvalidValue
-        If there can be no such number.
+        If the node id is invalid.
     """
     motors = list(config.motors)
     motors[motor] = replace(motors[motor], node_id=node_id)  # type: ignore[type-var]

@@ -1,4 +1,4 @@
-"""Questions and answers of the set-up, which know nothing of terminal or web page.
+"""Questions and answers of the set-up, independent of terminal or web page.
 
 A step is a generator: it yields `Tell` and `Ask`, receives the answer to each `Ask`, and returns
 the changes of the robot's file.
@@ -62,7 +62,7 @@ class Ask:
     Parameters
     ----------
     topic
-        What it is about.
+        Topic.
     text
         The question.
     kind
@@ -70,11 +70,11 @@ class Ask:
     choices
         Answers to choose from.
     default
-        Answer that an empty line gives.
+        Answer of an empty line.
     subject
-        Name of the wheel, drive or sensor that it is about.
+        Name of the wheel, drive or sensor concerned.
     loose
-        Whether wheels may be turned by hand meanwhile; else they are braked where drives can.
+        Whether wheels may be turned by hand meanwhile; else drives brake them if they can.
     """
 
     topic: Topic
@@ -91,12 +91,12 @@ class Ask:
         return ("yes", "no") if self.kind is Kind.YES_NO else self.choices
 
     def read(self, text: str) -> Answer:
-        """Return the answer in a text; of a choice its beginning is enough.
+        """Return the answer in a text; the beginning of a choice suffices.
 
         Raises
         ------
         ValueError
-            With what is allowed.
+            If the text is not an answer; names the allowed ones.
         """
         word = text.strip() or self.default
         if self.kind is Kind.DONE:
@@ -121,14 +121,14 @@ NO_CHANGES: Final[Changes] = ()
 
 
 class UnfinishedError(RobotctlError):
-    """A step could not be done; the sentence says why, and what to do.
+    """A step could not be completed; the sentence has the reason and the remedy.
 
     Parameters
     ----------
     text
         The sentence.
     changes
-        What is to be written all the same.
+        Changes to write nevertheless.
     """
 
     def __init__(self, text: str, changes: Changes = NO_CHANGES) -> None:
@@ -137,7 +137,7 @@ class UnfinishedError(RobotctlError):
 
 
 class PersonLeftError(RobotctlError):
-    """The person is gone, and the motors are off."""
+    """The person has left, and the motors are off."""
 
 
 class Person(Protocol):
@@ -155,8 +155,8 @@ class Person(Protocol):
         Raises
         ------
         PersonLeftError
-            If none will come any more.
+            If the person has left.
         """
 
     def interrupts(self) -> bool:
-        """Return whether a motion must stop now: a key was pressed, or the person is gone."""
+        """Return whether a motion must stop now: a key was pressed, or the person has left."""

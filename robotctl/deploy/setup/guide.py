@@ -1,4 +1,4 @@
-"""The guide through the steps: asks, runs, writes the robot's file, and knows what is done."""
+"""The guide through the steps: asks, runs, writes the robot's file, and stores the progress."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from robotctl.errors import ConfigError
 from robotctl.runtime.storage.atomic_file import write_whole
 
 _RUNS_MAX: Final = 4
-"""Runs of a step that repeats."""
+"""Maximum runs of a step that repeats."""
 
 
 class Guide:
@@ -36,16 +36,16 @@ class Guide:
     Parameters
     ----------
     file
-        The robot's file, which is changed.
+        Robot's file, which is changed.
     buses
-        The robot's buses.
+        Buses of the robot.
     person
-        Whoever answers.
+        Person who answers.
 
     Raises
     ------
     ConfigError
-        If the file or the progress record is wrong.
+        If the file or the progress record is invalid.
     """
 
     def __init__(self, file: Path, buses: Buses, person: Person) -> None:
@@ -61,7 +61,7 @@ class Guide:
         return frozenset(self._progress.done)
 
     def walk(self) -> bool:
-        """Do all steps that are not done yet; return whether all are."""
+        """Do all steps that are not done yet; return whether all are done."""
         for number, step in enumerate(STEPS, 1):
             if step.name in self.done:
                 self._person.tell(f"{number}. {step.title}: done before")
@@ -87,7 +87,7 @@ class Guide:
             return str(self._put(ask, bench))
 
     def run(self, step: Step) -> bool:
-        """Do a step, once or until it finds nothing to change; return whether it is done."""
+        """Do a step, once or until it finds nothing to change; return whether it succeeded."""
         try:
             self._repeat(step)
         except UnfinishedError as error:
@@ -103,7 +103,7 @@ class Guide:
         Raises
         ------
         UnfinishedError
-            If it cannot be done.
+            If the step cannot be completed.
         """
         for _ in range(_RUNS_MAX):
             try:
@@ -117,12 +117,12 @@ class Guide:
         raise UnfinishedError(f"{step.title}: changed {_RUNS_MAX} times, and is still not right")
 
     def _keep(self, step: Step, changes: Changes) -> None:
-        """Write what a step found.
+        """Write the findings of a step.
 
         Raises
         ------
         UnfinishedError
-            If the file would be wrong with it.
+            If the file would be invalid with them.
         """
         try:
             undo = self._write(changes)
@@ -165,7 +165,7 @@ class Guide:
             bench.rest(loose=question.loose)
 
     def undo(self, step: Step) -> None:
-        """Take back what a step has written."""
+        """Undo the changes of a step."""
         self._write(self._progress.changes(step.name))
         self._progress.forget(step.name)
         self._save()
@@ -177,7 +177,7 @@ class Guide:
         Raises
         ------
         ConfigError
-            If the file would be wrong with them; it stays as it is then.
+            If the file would be invalid with them; it then stays unchanged.
         """
         if not changes:
             return ()
@@ -194,6 +194,6 @@ class Guide:
 
 
 def _words(change: Change) -> str:
-    """Return a change as people read it."""
+    """Return a change as text for people."""
     key = ".".join(map(str, change.key))
     return f"{key} taken out" if change.value is None else f"{key} = {change.value!r}"

@@ -1,4 +1,4 @@
-"""The progress record: which steps are done, and what undoes each; beside the robot's file."""
+"""The progress record beside the robot's file: completed steps, and how to undo each."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ class Progress(msgspec.Struct):
 
 
 def progress_file(robot: Path) -> Path:
-    """Return where the progress of a robot's file is kept."""
+    """Return the path of the progress record of a robot's file."""
     return robot.with_suffix(".setup.json")
 
 
 def load_progress(robot: Path) -> Progress:
-    """Return the progress with a robot's file; an empty one where there is none.
+    """Return the progress of a robot's file; empty without a record.
 
     Raises
     ------

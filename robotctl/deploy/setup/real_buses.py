@@ -47,12 +47,12 @@ class RealBuses:
 
     @contextmanager
     def claimed(self) -> Iterator[None]:
-        """Hold the right to command; first listen whether another controller does.
+        """Hold the right to command, after listening for another controller.
 
         Raises
         ------
         LinkError
-            If another process has it, or another controller drives the robot.
+            If another process holds it, or another controller drives the robot.
         """
         config = self._config
         with ExitStack() as held:

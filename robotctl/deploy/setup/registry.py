@@ -1,4 +1,4 @@
-"""`STEPS`: the steps of the guided first day, in their order."""
+"""`STEPS`: the steps of the guided set-up, in their order."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ class Step:
     title
         Title for people.
     run
-        Makes a run of it.
+        Starts a run of the step.
     repeats
-        Whether it is done again behind its own changes, until there are none.
+        Whether it runs again after its own changes, until it finds none.
     """
 
     name: str
@@ -35,7 +35,7 @@ class Step:
 
 STEPS: Final = (
     Step("nodes", "drives and sensor nodes", nodes.run, repeats=True),
-    # Before any motor turns, so that a wrong ratio makes no wheel fast.
+    # Before any motor turns, so that a wrong ratio cannot make a wheel fast.
     Step("counts", "counts and ratios", counts.run),
     Step("directions", "wheels and directions", directions.run, repeats=True),
     Step("prove", "drives stop when this computer is silent", proof.run),

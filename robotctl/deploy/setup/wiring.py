@@ -1,4 +1,4 @@
-"""Which axis of which drive turns which wheel: tables `[[motor]]`, read and changed."""
+"""Assignment of drives' axes to wheels: tables `[[motor]]`, read and changed."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from robotctl.drivers.can.drives.motor_drive import MotorConfig
 
 
 def axis_of(bench: Bench, wheel: str) -> tuple[int, int]:
-    """Return the place of a wheel's drive, and of its axis there."""
+    """Return the index of a wheel's drive, and of its axis there."""
     return next(
         (number, place)
         for number, motor in enumerate(bench.config.motors)
@@ -22,12 +22,12 @@ def axis_of(bench: Bench, wheel: str) -> tuple[int, int]:
 
 
 def with_axis(motor: MotorConfig, place: int, **values: Any) -> MotorConfig:
-    """Return a drive one of whose axes has other values.
+    """Return a drive with other values of one axis.
 
     Raises
     ------
     InvalidValue
-        If it cannot have them.
+        If the values are invalid.
     """
     axes = list(motor.axes)
     axes[place] = replace(axes[place], **values)
@@ -36,10 +36,10 @@ def with_axis(motor: MotorConfig, place: int, **values: Any) -> MotorConfig:
 
 
 def changes_of(config: RobotConfig, axes: dict[tuple[int, int], dict[str, Any]]) -> list[Change]:
-    """Return the changes that give axes, by places of drive and axis, other values.
+    """Return the changes that set values of axes, by indices of drive and axis.
 
-    A robot that has no table `[[motor]]`, because our own controller turns its wheels in their
-    order, is given one.
+    A robot without a table `[[motor]]`, whose wheels our own controller turns in their order, gets
+    one.
     """
     if config.motor:
         return [

@@ -1,7 +1,7 @@
 """Lines of CARMEN logs, sorted by kind and parsed; `carmen_log` interprets them.
 
-Each line ends with the time of the message, a host, and the time of the logger. Read are PARAM,
-ODOM, FLASER, RLASER, ROBOTLASER1 and ROBOTLASER2; lines of other kinds are passed over.
+Each line ends with the time of the message, a host, and the time of the logger. PARAM,
+ODOM, FLASER, RLASER, ROBOTLASER1 and ROBOTLASER2 are read; lines of other kinds are skipped.
 http://carmen.sourceforge.net/logger_playback.html
 """
 
@@ -26,7 +26,7 @@ KNOWN: Final = frozenset(
     | {"IMU", "NMEA-GGA", "REMISSIONFLASER", "REMISSIONRLASER", "ROBOTLASER3", "ROBOTLASER4"}
     | {f"RAWLASER{i}" for i in range(1, 5)}
 )
-"""Kinds of lines that logs of CARMEN and of programs that correct them hold."""
+"""Kinds of lines in logs of CARMEN and of programs that correct them."""
 
 
 class OdometryLine(NamedTuple):
@@ -40,8 +40,8 @@ class OdometryLine(NamedTuple):
 class LaserLine(NamedTuple):
     """A scan: line number, time [its unit], ranges [m], poses of laser and robot (3,) [m, m, rad].
 
-    `fan` holds the direction of the first beam, the step [rad] and the reach [m] where the line
-    tells them.
+    `fan` holds the direction of the first beam, the step [rad] and the maximum range [m], if the
+    line has them.
     """
 
     number: int
@@ -72,7 +72,7 @@ class CarmenLines:
         Raises
         ------
         LogFormatError
-            If it is no finite number.
+            If it is not a finite number.
         """
         if name not in self.parameters:
             return None
@@ -81,12 +81,12 @@ class CarmenLines:
 
 
 def sorted_lines(text: LogText) -> CarmenLines:
-    """Take in every line of a log.
+    """Return all lines of a log, sorted by kind.
 
     Raises
     ------
     LogFormatError
-        If a line is damaged; a last one without an end is left out instead.
+        If a line is damaged; a damaged last one without an end is left out instead.
     """
     lines = CarmenLines(text, notes=list(text.notes()))
     strangers: Counter[str] = Counter()
@@ -115,7 +115,7 @@ def sorted_lines(text: LogText) -> CarmenLines:
 def _go_on(lines: CarmenLines) -> None:
     """Unwrap a 32-bit clock, over all lines together.
 
-    Programs that correct logs put in ODOM lines at the time 0; those have none.
+    ODOM lines at the time 0, inserted by programs that correct logs, have no time.
     """
     kinds: list[list[Any]] = [lines.odometry, *lines.lasers.values()]
     timed = sorted(
@@ -139,7 +139,7 @@ def _allowed() -> str:
 
 
 def _take(lines: CarmenLines, number: int, words: list[str]) -> None:
-    """Take in one line of a kind that is read."""
+    """Add one line of a kind that is read."""
     if words[0] == "PARAM":
         if len(words) < 3:
             raise lines.text.error(number, "PARAM: a name and a value are needed")
@@ -165,7 +165,7 @@ def _odometry(text: LogText, number: int, words: list[str]) -> OdometryLine:
 def _flaser(text: LogText, number: int, words: list[str]) -> LaserLine:
     """Read `FLASER n ranges x y theta odom_x odom_y odom_theta time host logger_time`.
 
-    Some programs leave host and second time away.
+    Some programs omit host and second time.
     """
     count = _count(text, number, words, 1)
     if len(words) not in {count + 9, count + 11}:

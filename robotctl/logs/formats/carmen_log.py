@@ -1,18 +1,18 @@
-"""Logs of CARMEN, the Carnegie Mellon robot navigation toolkit, as public data sets have them.
+"""Logs of CARMEN, the Carnegie Mellon robot navigation toolkit, as in public data sets.
 
 Whose pose: in FLASER lines `x y theta` is the pose of the *laser* in `world`, the reference, and
 `odom_x odom_y odom_theta` that of the *robot* by odometry (CARMEN's messages). The data agree: a
-map of Freiburg 079, whose laser is 0.04 m behind the centre, is sharpest when the beams start in
-`x y theta` itself. Where both are the same in every line, both are the laser's: in a log that was
-corrected in place the reference, in one as it was recorded odometry. Where the robot revisits a
-place, scans decide: at the right poses they agree. Else the program that corrects leaves its
-traces, NEFF lines or ODOM lines at the time 0, or ODOM lines that lie elsewhere; where they lie
-where the scans are, there is no reference, nor where the laser never moves while the robot does.
-ROBOTLASER lines hold the pose of the laser, then of the robot.
+map of Freiburg 079, whose laser is 0.04 m behind the centre, is sharpest when the beams start in `x
+y theta` itself. If both are the same in every line, both are the laser's: the reference in a log
+that was corrected in place, odometry in a log as recorded. If the robot revisits a place, scans
+decide: at the right poses they agree. Otherwise the correcting program leaves traces, NEFF lines,
+ODOM lines at the time 0, or ODOM lines at other poses than the scans'; with the same poses there is
+no reference, nor if the laser never moves while the robot does. ROBOTLASER lines hold the pose of
+the laser, then of the robot.
 
 Mounting: PARAM `robot_frontlaser_offset`, `_side_offset` and `_angular_offset`, likewise
-`robot_rearlaser_...`; RLASER and ROBOTLASER2 look backwards. Without them, ROBOTLASER lines tell it
-themselves where the two poses stand to each other always the same; else the laser is in the centre.
+`robot_rearlaser_...`; RLASER and ROBOTLASER2 look backwards. Without them, ROBOTLASER lines give
+it if their two poses have a constant relation; else the laser is in the centre.
 
 Beams: 180 readings lie at -90, -89, ... 89 deg, 181 at -90 ... 90 deg, 360 and 361 likewise by half
 a degree; 100, 200 and 400 (101, 201, 401) begin at -50 deg: the fields of view of a SICK LMS. Other
@@ -62,8 +62,8 @@ _STEADY_M, _STEADY_RAD = 0.005, 0.005
 _MAX_MOUNT_M: Final = 1.5
 _SCANS, _ODOMETRY = "scans", "ODOM lines"
 _BURST_NS: Final = 1_000_000_000
-"""Lines of two programs come in bursts, by clocks of their own; in the Intel log up to 0.8 s late
-[ns]."""
+"""Maximum delay of bursts of lines by two programs with their own clocks [ns]; 0.8 s in the Intel
+log."""
 
 
 def read_carmen(path: Path, unit: str = "s", max_range_m: float | None = None) -> Recording:
@@ -76,9 +76,9 @@ def read_carmen(path: Path, unit: str = "s", max_range_m: float | None = None) -
     path
         The file.
     unit
-        Of its times, one of `TIME_UNITS`.
+        Unit of its times, one of `TIME_UNITS`.
     max_range_m
-        Readings from here on are no echoes [m]; None: found out as above.
+        Reading from which on there is no echo [m]; None: found as above.
 
     Raises
     ------
@@ -113,8 +113,8 @@ def _drive(
 ) -> tuple[list[RecordedScan], Trajectory]:
     """Return the scans of all lasers in the order of the log, and the odometry.
 
-    That is of the ODOM lines, or of the scans if there are none. Programs that correct logs put in
-    poses at the time 0; those are left out.
+    The odometry is that of the ODOM lines, or of the scans without any. Poses at the time 0,
+    inserted by programs that correct logs, are left out.
     """
     entries: list[tuple[LaserLine | OdometryLine, str, object]] = [
         (line, _SCANS, placed)
@@ -144,7 +144,7 @@ def _in_time(
 ) -> tuple[list[RecordedScan], Trajectory]:
     """Return scans and odometry of entries in the order of their times.
 
-    Scans have poses of their own. Those by odometry alone have to be without a jump.
+    Scans have their own poses. Poses by odometry alone must not jump.
     """
     path, notes = lines.text.path, lines.notes
     scans, series = [], found.get(_ODOMETRY)
@@ -183,10 +183,10 @@ def _placed(
     in_place = all(np.all(np.abs(scan.laser - scan.robot) < _SAME) for scan in scans)
     robot = reference if in_place else robot
     beams = [scan.fan or _fan(lines, rear, len(scan.ranges_m)) for scan in scans]
-    told_m = [told if told > 0.0 else math.inf for _, _, told in beams]
+    stated_m = [stated if stated > 0.0 else math.inf for _, _, stated in beams]
     readings = [scan.ranges_m for scan in scans]
     places = np.array([scan.robot[:2] for scan in scans])
-    reaches_m = reaches(word, readings, places, told_m, max_range_m, lines.notes)
+    reaches_m = reaches(word, readings, places, stated_m, max_range_m, lines.notes)
     fans: dict[tuple[int, float, float], NDArray[np.float64]] = {}
     shapes = []
     for scan, (first, step, _), reach_m in zip(scans, beams, reaches_m, strict=True):
@@ -209,7 +209,7 @@ def _lacks_reference(
     robot: Sequence[SE2],
     reference: Sequence[SE2],
 ) -> bool:
-    """Return whether the apparent reference is none, and note it."""
+    """Return whether the apparent reference is not one, and note it."""
     if len(scans) > 1 and not np.any(np.ptp([scan.laser for scan in scans], axis=0)) and (
         np.any(np.ptp([scan.robot for scan in scans], axis=0))
     ):  # fmt: skip
@@ -232,7 +232,7 @@ def _lacks_reference(
 
 
 def _is_same(one: SE2, other: SE2) -> bool:
-    """Return whether two poses are the same, but for the rounding of their text."""
+    """Return whether two poses are the same, apart from the rounding of their text."""
     return (
         math.hypot(one.x_m - other.x_m, one.y_m - other.y_m) < _ROUNDED
         and abs(wrap_angle(one.theta_rad - other.theta_rad)) < _ROUNDED
@@ -240,7 +240,7 @@ def _is_same(one: SE2, other: SE2) -> bool:
 
 
 def _is_as_recorded(lines: CarmenLines, scans: Sequence[LaserLine]) -> bool:
-    """Return whether the one pose of the scans is that of the odometry, by the ODOM lines."""
+    """Return whether the single pose of the scans is odometry, by the ODOM lines."""
     untimed = sum(line.time == 0.0 for line in lines.odometry)
     if "NEFF" in lines.kinds or 0 < untimed < len(lines.odometry):
         return False
@@ -256,7 +256,7 @@ def _is_as_recorded(lines: CarmenLines, scans: Sequence[LaserLine]) -> bool:
 
 
 def _mount(lines: CarmenLines, word: str, rear: bool, between: Sequence[SE2]) -> SE2:
-    """Return the laser in `base`; `between` is it by the two poses of each line."""
+    """Return the laser's pose in `base`; `between` is that by the two poses of each line."""
     side = "robot_rearlaser" if rear else "robot_frontlaser"
     names = (f"{side}_offset", f"{side}_side_offset", f"{side}_angular_offset")
     x, y, theta = (lines.parameter(name) for name in names)
@@ -275,7 +275,7 @@ def _mount(lines: CarmenLines, word: str, rear: bool, between: Sequence[SE2]) ->
 
 
 def _fan(lines: CarmenLines, rear: bool, count: int) -> tuple[float, float, float]:
-    """Return direction of the first beam, step [rad], and maximum range by PARAM [m]."""
+    """Return direction of the first beam, step [rad], and maximum range of PARAM [m]."""
     reach_m = lines.parameter(f"robot_{'rear' if rear else 'front'}_laser_max") or math.inf
     for beams, view_deg in ((180, 180.0), (360, 180.0), (100, 100.0), (200, 100.0), (400, 100.0)):
         if count in {beams, beams + 1}:

@@ -1,8 +1,8 @@
-"""Folders of images: a drive as its camera saw it, each image with its time.
+"""Folders of images: a drive seen by its camera, each image with its time.
 
-The time is the name, or stands in a list: of TUM RGB-D a line is `stamp path`
-(https://cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats), of EuRoC `stamp,name`, of KITTI
-only a time for each image in the order of names.
+The time is the name, or in a list with lines `stamp path` (TUM RGB-D,
+https://cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats), `stamp,name` (EuRoC), or only a
+time for each image in the order of names (KITTI).
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ class TimedImage:
     Parameters
     ----------
     stamp_ns
-        When it was taken, by the clock of the drive's log [ns].
+        Time of the exposure by the clock of the drive's log [ns].
     path
-        Its file.
+        File of the image.
     """
 
     stamp_ns: int
@@ -55,7 +55,7 @@ def image_name(stamp_ns: int) -> str:
 
 
 def images_in(folder: Path) -> list[Path]:
-    """Return the images of a folder by name, numbers in it by their value.
+    """Return the images of a folder by name, with numbers in names by value.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def images_in(folder: Path) -> list[Path]:
 
 
 def by_name(path: Path) -> tuple[list[tuple[int, str]], str]:
-    """Return what names are sorted by: 2.jpg comes before 10.jpg."""
+    """Return the sort key of a name, by which 2.jpg comes before 10.jpg."""
     parts = re.findall(r"\d+|\D+", path.stem)
     return [(int(each), "") if each.isdigit() else (-1, each) for each in parts], path.name
 
@@ -75,7 +75,7 @@ def by_name(path: Path) -> tuple[list[tuple[int, str]], str]:
 def timed_images(folder: Path) -> list[TimedImage]:
     """Return the images of a folder with their times, in the order of time.
 
-    A list counts before names: one of `LISTS`, or `FOLDER.txt`, in the folder or beside it.
+    A list precedes names: one of `LISTS`, or `FOLDER.txt`, in the folder or beside it.
 
     Raises
     ------
@@ -101,7 +101,7 @@ def timed_images(folder: Path) -> list[TimedImage]:
 
 
 def _hint(folder: Path) -> str:
-    """Return which folder in a folder without images has some."""
+    """Return a hint at a subfolder with images, for a folder without any."""
     within = sorted(each for each in folder.iterdir() if each.is_dir())
     return next((f"; there are some in {each}" for each in within if images_in(each)), "")
 
@@ -112,7 +112,7 @@ def _list_of(folder: Path, *, beside: bool) -> Path | None:
     own = f"{whole.name}.txt"
     near = [folder / name for name in (own, *LISTS)]
     if beside:
-        # Another folder's list, as `rgb.txt` beside `depth`, is none of this one.
+        # Another folder's list, such as `rgb.txt` beside `depth`, does not count.
         near += [whole.parent / name for name in (own, "times.txt", "data.csv")]
     return next((each for each in near if each.is_file()), None)
 
@@ -157,7 +157,7 @@ def _stamp_of_line(text: LogText, number: int, word: str) -> int:
     """Return the time [ns] in a line of a list."""
     try:
         time_s = Decimal(word) * _DIGITS.get(len(word) if word.isdigit() else 0, 1)
-    except DecimalException:  # no number, or one beyond all bounds
+    except DecimalException:  # not a number, or beyond all bounds
         raise text.error(number, f"found {word!r}, a time is needed: {_ALLOWED}") from None
     if not (time_s.is_finite() and FIRST_S <= time_s <= LAST_S):
         raise text.error(number, f"time {word}: allowed are {FIRST_S:g} to {LAST_S:g} s")
@@ -165,7 +165,7 @@ def _stamp_of_line(text: LogText, number: int, word: str) -> int:
 
 
 def _stamp_of_name(image: Path) -> int:
-    """Return the time [ns] that is the name of an image."""
+    """Return the time [ns] in the name of an image."""
     name = image.stem
     unit_s = _DIGITS.get(len(name)) if name.isdecimal() and name.isascii() else None
     if unit_s is None and not _SECONDS.fullmatch(name):

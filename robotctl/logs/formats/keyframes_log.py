@@ -1,4 +1,4 @@
-"""Maps of keyframes, as SLAM keeps them: to go on with, or as logs of their scans."""
+"""Maps of keyframes stored by SLAM: for continuation, or as logs of their scans."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from robotctl.model.trajectory import Trajectory
 from robotctl.runtime.storage.record_log import DamagedLogError, read_records
 
 _PERIOD_NS: Final = 1_000_000_000
-"""Interval between two scans of a map, whose own times are of several starts [ns]."""
+"""Interval between two scans of a map [ns], whose own times come from several starts."""
 
 
 def load_keyframes(path: Path) -> KeyframeMap | None:
-    """Return the map in a file; None if there is none in it, or no file.
+    """Return the map in a file; None for an empty or missing file.
 
     Raises
     ------
     DamagedLogError
-        If it is no such file, or damaged.
+        If it is not such a file, or damaged.
     DiskError
         If it cannot be read.
     """
@@ -44,7 +44,7 @@ def _matches(path: Path) -> bool:
 
 
 def _read(path: Path, _: ReadOptions) -> Recording:
-    """Read a map as a drive from scan to scan, in the order in which they were made."""
+    """Read a map as a drive from scan to scan, in the order of recording."""
     saved = load_keyframes(path)
     if saved is None:
         raise LogFormatError(f"{path}: no map of keyframes in it")

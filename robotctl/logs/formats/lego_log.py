@@ -3,7 +3,7 @@
 Every line begins with the letter of its kind, lengths are mm and times ms of one clock:
 `M t l . . . r ...` cumulative ticks of the left (third word) and right wheel (seventh);
 `S t n r1 ... rn` a scan; `P t x y` where an overhead camera sees the robot, without a heading;
-`L C x y diameter` a cylinder that is a landmark. The kinds may stand in one file or in several:
+`L C x y diameter` a cylinder that is a landmark. The kinds may be in one file or in several:
 `robot4_motors.txt`, `robot4_scan.txt`, `robot4_reference.txt`, `robot_arena_landmarks.txt`.
 
 The robot's constants are the lecture's: beam i looks at (i - 330) pi/512 - 4 deg (the scanner is
@@ -74,7 +74,7 @@ def is_lego(folder: Path) -> bool:
 
 
 def lego_files(path: Path) -> tuple[Path, ...]:
-    """Return the files of the recording that a folder holds, or to which one file belongs.
+    """Return the files of the recording in a folder, or of the one that a file belongs to.
 
     Raises
     ------
@@ -147,7 +147,7 @@ def read_lego(path: Path, unit: str = "ms") -> Recording:
 def wheel_odometry(
     ticks: NDArray[np.int64], tick_m: float = TICK_M, track_width_m: float = TRACK_WIDTH_M
 ) -> Trajectory:
-    """Return the odometry from (0, 0, 0) on that follows from `Recording.wheel_ticks`."""
+    """Return the odometry from (0, 0, 0) on, computed from `Recording.wheel_ticks`."""
     pose = SE2()
     poses = [(0.0, 0.0, 0.0)]
     steps = np.diff(ticks[:, 1:], axis=0) * tick_m
@@ -158,7 +158,7 @@ def wheel_odometry(
 
 
 def _take_in(text: LogText, lines: _Lines, notes: list[str]) -> None:
-    """Take in the lines of one file."""
+    """Add the lines of one file."""
     for number, line in enumerate(text.lines, 1):
         words = line.split()
         if not words or words[0].startswith("#"):
@@ -172,7 +172,7 @@ def _take_in(text: LogText, lines: _Lines, notes: list[str]) -> None:
 
 
 def _values(text: LogText, number: int, words: Sequence[str]) -> list[float]:
-    """Return the numbers of a line, but for the time whole; of a landmark, x and y [mm]."""
+    """Return the numbers of a line, whole apart from the time; x and y [mm] for a landmark."""
     kind = words[0]
     if kind not in _NEEDED:
         raise text.error(
@@ -203,7 +203,7 @@ def _finite(text: LogText, number: int, kind: str, word: str) -> float:
 
 
 def _in_order(kinds: dict[str, list[_Line]], unit: str, notes: list[str]) -> dict[str, Series]:
-    """Return the values of lines of each kind, which may have files of their own."""
+    """Return the values of lines of each kind, which may be in separate files."""
     timeline: Timeline[str] = Timeline(notes)
     for kind, lines in kinds.items():
         stamps_ns = going_on(
@@ -218,7 +218,7 @@ def _in_order(kinds: dict[str, list[_Line]], unit: str, notes: list[str]) -> dic
 
 
 def _reference(positions: Series, notes: list[str]) -> Trajectory | None:
-    """Return the positions that the camera saw, heading 0."""
+    """Return the positions seen by the camera, with heading 0."""
     rows = [(1e-3 * x, 1e-3 * y, 0.0) for _, x, y, *_ in positions.values]
     known = trajectory(replace(positions, values=rows), notes) if rows else None
     return None if known is None else known[0]

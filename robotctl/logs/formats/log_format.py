@@ -11,18 +11,18 @@ from robotctl.model.recording import Recording
 
 @dataclass(frozen=True, slots=True)
 class ReadOptions:
-    """Options for reading a log; a format ignores those it does not need.
+    """Options for reading a log; a format ignores those that it does not need.
 
     Parameters
     ----------
     mrclam_robot
-        Which robot of a MRCLAM folder; None: the one whose file is read, else robot 1.
+        Robot of a MRCLAM folder; None: the one whose file is read, else robot 1.
     with_sonars
         Whether to read sonar ranges; in our own recordings this takes a while.
     time_unit
-        Of the times in the log, one of `times.TIME_UNITS`; None: that of the format.
+        Unit of the times in the log, one of `times.TIME_UNITS`; None: that of the format.
     max_range_m
-        Lidar ranges from here on are no echoes [m]; None: as the log has it.
+        Lidar range from which on there is no echo [m]; None: as the log states.
     """
 
     mrclam_robot: int | None = None
@@ -38,15 +38,15 @@ class LogFormat:
     Parameters
     ----------
     name
-        With its article, for messages.
+        Name with its article, for messages.
     matches
-        Whether a file or folder, which exists, has this format. It reads the beginning of a file or
-        the names in a folder, no more.
+        Returns whether an existing file or folder has this format. It reads only the beginning of a
+        file, or the names in a folder.
     read
-        Reads what `matches`, through `Timeline` and `Odometry`, which leave out and note what does
-        not fit; raises `LogFormatError` with file and line, or `OSError`.
+        Reads what `matches`, through `Timeline` and `Odometry`, which drop and note inconsistent
+        entries; raises `LogFormatError` with file and line, or `OSError`.
     has_time_unit
-        Whether times are numbers whose unit the user can give; False if the format fixes it.
+        Whether times are numbers with a unit that the user can give; False if the format fixes it.
     in_folder
         Files that identify a folder of this format, for messages; "" if it has no folders.
     """

@@ -1,4 +1,4 @@
-"""Text of recorded logs: lines with their numbers, from plain or gzip files, whole or cut short.
+"""Text of recorded logs: lines with their numbers, from plain or gzip files, complete or cut.
 
 A log is cut when a disk was full or a computer lost its power. Everything before the cut is good,
 so a cut is a note and not an error: an incomplete last line that cannot be read is dropped. Damage
@@ -32,7 +32,7 @@ _DECIMAL_COMMA: Final = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 class LogFormatError(RobotctlError):
     """A recorded log cannot be read; the message names file, line, what was found, what is allowed.
 
-    Lines are counted from 1, in the text, also where the file is compressed.
+    Lines are counted from 1 in the text, also for a compressed file.
     """
 
 
@@ -43,13 +43,13 @@ class LogText:
     Parameters
     ----------
     path
-        Of the file, for messages.
+        Path of the file, for messages.
     lines
-        Without their ends; line i of the file is `lines[i - 1]`.
+        Lines without their ends; line i of the file is `lines[i - 1]`.
     is_cut
         Whether the compressed data ended early.
     ends_open
-        Whether the last line has no end: it may be cut.
+        Whether the last line has no end, so that it may be cut.
     """
 
     path: Path
@@ -62,7 +62,7 @@ class LogText:
         return LogFormatError(f"{self.path}:{line}: {problem}")
 
     def is_open_end(self, line: int) -> bool:
-        """Return whether this is a last line that may be cut, so that it may be left out."""
+        """Return whether this is the last line, possibly cut, so that it may be left out."""
         return self.ends_open and line == len(self.lines)
 
     def notes(self) -> tuple[str, ...]:
@@ -78,7 +78,7 @@ def read_text(path: Path) -> LogText:
     Raises
     ------
     LogFormatError
-        If compressed data are damaged (not merely cut), or the file is no text.
+        If compressed data are damaged (not merely cut), or the file is not text.
     OSError
         If the file cannot be read.
     """
@@ -125,7 +125,7 @@ def first_words(path: Path) -> str:
 
 
 def first_row(path: Path) -> list[str]:
-    """Return the words of the first line that is no comment; raises as `first_words`."""
+    """Return the words of the first line that is not a comment; raises as `first_words`."""
     for line in first_words(path).splitlines():
         words = line.split()
         if words and not words[0].startswith("#"):
@@ -134,15 +134,15 @@ def first_row(path: Path) -> list[str]:
 
 
 def first_word(path: Path) -> str:
-    """Return the first word of the first line that is no comment; raises as `first_words`."""
+    """Return the first word of the first line that is not a comment; raises as `first_words`."""
     return next(iter(first_row(path)), "")
 
 
 def _first_odd(lines: Sequence[str]) -> int:
-    """Return the number of the first line that damaged data may have changed, else of the last.
+    """Return the number of the first suspicious line of damaged data, else of the last.
 
-    That is one with a word that begins like a number and is none, or is of a new kind; words of the
-    first lines are taken as they are.
+    A suspicious line has a word that begins like a number without being one, or is of a new kind;
+    words of the first lines are trusted.
     """
     known = {word for line in lines[:_SOUND] for word in line.split()}
     for number, line in enumerate(lines, 1):
@@ -167,16 +167,16 @@ def inflated(raw: bytes) -> tuple[bytes, bool, str]:
     Parameters
     ----------
     raw
-        The data; they begin as gzip does.
+        Data that begin as gzip.
 
     Returns
     -------
     content : bytes
-        Up to the end or to where data are damaged.
+        Content up to the end or the damage.
     is_cut : bool
         Whether the data end early.
     damage : str
-        Their error; empty: none.
+        Error of the data; empty: none.
     """
     parts = []
     while raw.startswith(_GZIP):
@@ -209,12 +209,12 @@ def _up_to_damage(member: zlib._Decompress, raw: bytes) -> bytes:
 
 
 def integer(text: LogText, line: int, name: str, word: str) -> int:
-    """Return the whole number that a word of a line holds.
+    """Return the whole number in a word of a line.
 
     Raises
     ------
     LogFormatError
-        If it is none, or beyond 64 bits.
+        If it is not one, or beyond 64 bits.
     """
     try:
         number = int(word)
@@ -226,12 +226,12 @@ def integer(text: LogText, line: int, name: str, word: str) -> int:
 
 
 def numbers(text: LogText, line: int, words: Sequence[str]) -> NDArray[np.float64]:
-    """Return the numbers that the words of a line hold, (n,); nan and inf are numbers here.
+    """Return the numbers in the words of a line, (n,); nan and inf are numbers here.
 
     Raises
     ------
     LogFormatError
-        If one of the words is no number.
+        If one of the words is not a number.
     """
     try:
         return np.array(list(map(float, words)))
@@ -241,12 +241,12 @@ def numbers(text: LogText, line: int, words: Sequence[str]) -> NDArray[np.float6
 
 
 def table(text: LogText, columns: Sequence[str], skip: str = "#") -> NDArray[np.float64]:
-    """Return a file of rows of finite numbers, (n, columns); lines that begin with `skip` are none.
+    """Return a file of rows of finite numbers, (n, columns), without lines that begin with `skip`.
 
     Raises
     ------
     LogFormatError
-        If a row has other than so many columns, or a word is no finite number. A last row that
+        If a row has another number of columns, or a word is not a finite number. A last row that
         may be cut is left out instead.
     """
     kept = _rows(text, skip)
@@ -280,7 +280,7 @@ def _rows(text: LogText, skip: str) -> list[tuple[int, list[str]]]:
 def _first_bad_row(
     text: LogText, rows: Sequence[tuple[int, list[str]]], columns: Sequence[str]
 ) -> LogFormatError:
-    """Return the error of the first row that is none."""
+    """Return the error of the first invalid row."""
     number, words = next((n, words) for n, words in rows if not _is_row(words, len(columns)))
     if len(words) != len(columns):
         problem = (
@@ -315,7 +315,7 @@ def _is_finite(word: str) -> bool:
 
 
 def hint(word: str) -> str:
-    """Return what a word that is no number resembles; empty if nothing known."""
+    """Return what a word that is not a number resembles; empty if nothing known."""
     if ";" in word:
         return "; the columns are separated by ';', needed are spaces"
     if _DECIMAL_COMMA.fullmatch(word):
@@ -324,5 +324,5 @@ def hint(word: str) -> str:
 
 
 def _shown(word: str) -> str:
-    """Return a word as a message shows it."""
+    """Return a word as shown in messages."""
     return repr(word if len(word) <= _SHOWN else f"{word[:_SHOWN]}...")

@@ -40,7 +40,7 @@ def is_mrclam(folder: Path) -> bool:
 
 
 def robot_of(file: Path) -> int | None:
-    """Return to which robot a file belongs by its name; None if to none."""
+    """Return the robot of a file by its name; None without one."""
     match = _OF_ROBOT.fullmatch(file.name)
     return int(match[1]) if match else None
 
@@ -48,13 +48,13 @@ def robot_of(file: Path) -> int | None:
 def read_mrclam(folder: Path, robot: int, unit: str = "s") -> Recording:
     """Read one robot's records, with times in one of `times.TIME_UNITS`.
 
-    Sightings of other robots, of bar codes that belong to none, and at times without odometry are
-    left out and counted in the notes. Without a ground truth of the robot there is no reference.
+    Sightings of other robots, of unknown bar codes, and at times without odometry are left out and
+    counted in the notes. Without a ground truth of the robot there is no reference.
 
     Raises
     ------
     LogFormatError
-        If a file is missing or damaged, or the robot is none of the set.
+        If a file is missing or damaged, or the robot is not in the set.
     OSError
         If a file cannot be read.
     """
@@ -79,7 +79,7 @@ def read_mrclam(folder: Path, robot: int, unit: str = "s") -> Recording:
 
 
 def _check_robot(folder: Path, robot: int) -> None:
-    """Refuse a robot of which the folder has no odometry."""
+    """Refuse a robot without odometry in the folder."""
     there = sorted(
         {
             int(match[1])
@@ -112,7 +112,7 @@ def _text(folder: Path, name: str, notes: list[str]) -> LogText:
 def _timed(
     folder: Path, name: str, columns: tuple[str, ...], unit: str, notes: list[str]
 ) -> Series:
-    """Return the rows of a file whose first column is the time, without that."""
+    """Return the rows of a file without their first column, the time."""
     text = _text(folder, name, notes)
     rows = table(text, columns)
     what = f"rows of {name}"

@@ -1,11 +1,11 @@
-"""Which readings of a lidar are no echoes, by the readings themselves.
+"""Detection of a lidar's readings without an echo, by the readings themselves.
 
 Lasers and logging programs write some length for a beam without an echo: 81.91 m (SICK LMS, 13 bits
 of a centimetre), 8.191 m (of a millimetre), 51.15 m, 32.767 m, 50.00 m, the configured range.
-Treated as echoes they would become walls and free rays where nothing was seen.
+Treated as echoes they would become walls, and free rays in unseen space.
 
-Such a length shows in the log: readings pile up there wherever the robot stands, and hardly any
-echo is longer. A wall gives many readings of one length too, but from few places only, so scans of
+Such a length shows in the log: readings pile up there at every place of the robot, and hardly any
+echo is longer. A wall also gives many readings of one length, but from few places only, so scans of
 one place count once; and echoes of other walls are longer.
 """
 
@@ -20,38 +20,38 @@ import numpy as np
 from numpy.typing import NDArray
 
 KNOWN_CODES_M: Final = ((81.83, 81.91), (51.05, 51.16), (32.759, 32.767), (8.183, 8.191))
-"""First and last of the lengths that known lasers give for no echo. Where the longest reading of a
-log is one, a single reading is enough."""
+"""Minimum and maximum lengths that known lasers report without an echo [m]. If the longest reading
+of a log is one of them, a single reading suffices."""
 
 _UNKNOWN_REACH_M: Final = 81.83
 _FARTHEST_M: Final = 1e6
 _DENIED, _FEW = 0.01, 5
-"""A stated maximum range is wrong if more than this share of the echoes are beyond it."""
+"""Share, and number, of echoes beyond a stated maximum range above which that is wrong."""
 _TOLERANCE_M: Final = 1e-6
 _BIN_M: Final = 0.001
 _WIDTH: Final = 120
-"""Maximum spread of lengths with one meaning [bins]; also of the known codes."""
+"""Maximum spread of lengths of one code [bins], known codes included."""
 _LINK: Final = 60
 """Maximum gap between them [bins]."""
 _BEFORE: Final = 2000
-"""Range of shorter echoes that give the usual count [bins]."""
+"""Range of shorter echoes for the usual count [bins]."""
 _FACTOR: Final = 10.0
 """Height of a pile relative to the usual count."""
 _LEAST, _LEAST_SHARE = 5, 0.0005
 _STRAY, _STRAY_SHARE = 1, 0.0002
-"""Readings beside a pile up to which they are echoes."""
+"""Maximum readings beside a pile that are echoes, as number and as share."""
 _SOME: Final = 3.0
 """Multiple of the usual count up to which one length is still echoes."""
 _OF_A_SCAN, _OF_A_SCAN_WIDE = 0.1, 0.3
-"""More than these shares of a scan's readings, of one length and of a pile's width, one wall seen
-from one place does not give."""
+"""Maximum shares of a scan's readings, of one length and within a pile's width, from one wall seen
+from one place."""
 _ECHOES_BEYOND: Final = 0.005
 """Share of the readings that may be echoes beyond the smallest code."""
 _BEAMS, _OF_FEW = 4, 0.9
-"""In so few directions a corridor along which the robot drives gives one length too, more or less;
-they have this share of the readings then."""
+"""Number of directions in which the walls of a corridor along the drive may give one length, and
+the share of the readings that they then have."""
 _PLACE_M: Final = 0.1
-"""Scans that are nearer to each other are of one place [m]."""
+"""Distance within which scans are of one place [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,11 +61,11 @@ class Code:
     Parameters
     ----------
     low_m, high_m
-        The first and last that were found [m].
+        Minimum and maximum length found [m].
     count
-        How many readings have them.
+        Number of their readings.
     reach_m
-        The first that may be: an echo is nearer [m].
+        Least possible length [m]; echoes are shorter.
     """
 
     low_m: float
@@ -78,27 +78,27 @@ def reaches(
     what: str,
     scans: Sequence[NDArray[np.float64]],
     places: NDArray[np.float64],
-    told_m: Sequence[float],
+    stated_m: Sequence[float],
     max_range_m: float | None,
     notes: list[str],
 ) -> list[float]:
-    """Return the reach of each scan of a laser [m].
+    """Return the maximum range of each scan of a laser [m].
 
-    It is the shortest length that stands for no echo, or less where the log tells so and hardly an
-    echo lies beyond; 81.83 m where nothing is known.
+    It is the shortest length that stands for no echo, or less if the log states so and hardly an
+    echo is longer; 81.83 m if nothing is known.
 
     Parameters
     ----------
     what
-        The laser, for people.
+        Name of the laser, for people.
     scans, places
-        See `no_echo_codes`.
-    told_m
+        As for `no_echo_codes`.
+    stated_m
         Maximum range of each scan according to the log [m]; inf if not stated.
     max_range_m
-        The user's value [m]; None: nothing.
+        Value of the user [m]; None: not given.
     notes
-        Sentences for people, to be added to.
+        Sentences for people, extended here.
     """
     if max_range_m is not None:
         return [max_range_m] * len(scans)
@@ -112,19 +112,19 @@ def reaches(
         )
     least_m = min((code.reach_m for code in codes), default=math.inf)
     echoes = beyond = 0
-    for ranges, reach_m in zip(scans, told_m, strict=True):
+    for ranges, reach_m in zip(scans, stated_m, strict=True):
         echo = ranges[(ranges > 0.0) & (ranges < least_m - _TOLERANCE_M)]
         echoes += len(echo)
         beyond += int(np.count_nonzero(echo > reach_m + _TOLERANCE_M))
     if beyond > max(_FEW, _DENIED * echoes):
         notes.append(
-            f"{what}: the log tells of a reach of {min(told_m):g} m, but {beyond / echoes:.0%} of "
-            "the echoes lie beyond it: not believed"
+            f"{what}: the log tells of a reach of {min(stated_m):g} m, but "
+            f"{beyond / echoes:.0%} of the echoes lie beyond it: not believed"
         )
-        told_m = [math.inf] * len(scans)
+        stated_m = [math.inf] * len(scans)
     return [
         reach_m if math.isfinite(reach_m := min(least_m, each)) else _UNKNOWN_REACH_M
-        for each in told_m
+        for each in stated_m
     ]
 
 
@@ -137,14 +137,14 @@ def valid_ranges(ranges: NDArray[np.float64], reach_m: float) -> NDArray[np.floa
 def no_echo_codes(
     scans: Sequence[NDArray[np.float64]], places: NDArray[np.float64]
 ) -> tuple[Code, ...]:
-    """Return the lengths that stand for no echo, the longest first; empty if none shows.
+    """Return the lengths that stand for no echo, the longest first; empty if none is found.
 
     Parameters
     ----------
     scans
-        Readings of one laser, scan by scan [m]; what is not finite or not above 0 says nothing.
+        Readings of one laser, scan by scan [m]; those not finite or not above 0 are ignored.
     places
-        Where the robot was at each, (n, 2) [m], in any frame that moves on with it.
+        Position of the robot at each, (n, 2) [m], in any frame in which it moves.
     """
     chosen = _of_places(scans, places)
     every = _lengths(scans)
@@ -170,7 +170,7 @@ def no_echo_codes(
 
 
 def _lengths(scans: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """Return all readings that are lengths; the greatest number of a type is none."""
+    """Return all readings that are lengths; the maximum of a number type is not one."""
     readings = np.concatenate([np.empty(0), *scans])
     return np.asarray(readings[(readings > 0.0) & (readings < _FARTHEST_M)])
 
@@ -188,13 +188,13 @@ def _of_places(
 
 
 def _is_one(scans: Sequence[NDArray[np.float64]], low: float, high: float) -> bool:
-    """Return whether the readings between two lengths [m] are the same: no wall is so exact."""
+    """Return whether the readings between two lengths [m] are all equal, as from no wall."""
     readings = np.concatenate([scan[(scan >= low) & (scan <= high)] for scan in scans])
     return bool(np.unique(readings, return_counts=True)[1].max() >= _OF_FEW * len(readings))
 
 
 def _many_directions(scans: Sequence[NDArray[np.float64]], low: float, high: float) -> bool:
-    """Return whether the readings between two lengths [m] are of more than a few directions."""
+    """Return whether the readings between two lengths [m] have more than a few directions."""
     counts = np.zeros(max(map(len, scans)), np.int64)
     for scan in scans:
         counts[: len(scan)] += (scan >= low) & (scan <= high)
@@ -238,7 +238,7 @@ def _piles(readings: NDArray[np.float64], places: int) -> list[tuple[float, floa
 def _pile_around(
     bins: NDArray[np.int64], counts: NDArray[np.int64], mode: int, usual: float
 ) -> tuple[int, int]:
-    """Return the first and last bin of the pile whose highest one is `mode`."""
+    """Return the first and last bin of the pile with the highest bin `mode`."""
     enough = max(_STRAY + 1, _STRAY_SHARE * counts[mode], usual)
     low = high = mode
     while low > 0 and counts[low - 1] >= enough and _is_near(bins, low - 1, low, mode):

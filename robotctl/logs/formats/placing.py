@@ -1,7 +1,7 @@
 """Poses of a robot at the times of a recorded log's readings, by the log's odometry.
 
 Readings count only while the odometry is known: not before its first or after its last pose, not in
-its gaps, and only if both have the same clock. Whatever is left out is noted.
+its gaps, and only if both have the same clock. Omissions are noted.
 """
 
 from __future__ import annotations
@@ -19,38 +19,38 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.model.trajectory import Trajectory
 
 FARTHEST_M: Final = 1e7
-"""Coordinates beyond it are no place on Earth [m]."""
+"""Maximum coordinate of a place on Earth [m]."""
 
 _GAP_S, _PERIODS = 1.0, 10.0
-"""Least length of a gap of the odometry [s], and in its usual periods."""
+"""Minimum length of a gap of the odometry [s], and in usual periods."""
 _STOOD_M, _STOOD_RAD = 0.1, 0.1
-"""Motion up to which a robot stood during a gap, so that its poses there are known."""
+"""Maximum motion over a gap during which the robot stood, so that its poses there are known."""
 
 _JUMP_M: Final = 0.5
 _SLOW_M_S, _FAST_M_S = 10.0, 50.0
 _HASTE: Final = 5.0
-"""A step is a jump if it is `_JUMP_M` longer than a drive at `_HASTE` times the usual speed, which
-counts as `_SLOW_M_S` at least and `_FAST_M_S` at most."""
+"""A step is a jump if it is `_JUMP_M` longer than a drive at `_HASTE` times the usual speed,
+clamped to `_SLOW_M_S` .. `_FAST_M_S`."""
 _RESTART_M, _RESTART_RAD = 0.1, 0.1
-"""Longest step over which an odometry that restarts goes on from its last pose."""
+"""Maximum step over which a restarted odometry continues its last pose."""
 _NEAR_NS: Final = 500_000_000
-"""Margin beside a jump, where a reading may be of either side [ns]."""
+"""Margin around a jump, within which a reading may be from either side [ns]."""
 _PART: Final = 0.25
-"""Least share of the poses in one part without a jump; with less they are of several robots."""
+"""Minimum share of the poses in one part without a jump; with less they are of several robots."""
 
 _OTHER_CLOCK_S: Final = 0.5
-"""Difference from which on two clocks are not the same [s]; no message is delayed so long."""
+"""Minimum difference of two separate clocks [s]; no message is delayed that long."""
 
 
 def trajectory(series: Series, notes: list[str]) -> tuple[Trajectory, NDArray[np.bool_]] | None:
-    """Return the possible poses of a source, and which entries these are; None if there are none.
+    """Return the valid poses of a source, and the mask of their entries; None without any.
 
     Parameters
     ----------
     series
-        Its values are rows (x [m], y [m], theta [rad]).
+        Entries with values (x [m], y [m], theta [rad]).
     notes
-        Sentences for people, to be added to.
+        Sentences for people, extended here.
     """
     poses = np.array(series.values, np.float64).reshape(-1, 3)
     is_possible = np.all(np.abs(poses[:, :2]) <= FARTHEST_M, axis=1) & np.isfinite(poses[:, 2])
@@ -68,7 +68,7 @@ def trajectory(series: Series, notes: list[str]) -> tuple[Trajectory, NDArray[np
 
 
 def within(series: Series, known_ns: NDArray[np.int64], notes: list[str]) -> NDArray[np.bool_]:
-    """Return whether each entry lies in the time of the odometry, (n,); note how many do not.
+    """Return whether each entry is within the time of the odometry, (n,); note how many are not.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def within(series: Series, known_ns: NDArray[np.int64], notes: list[str]) -> NDA
     known_ns
         Times of the odometry [ns], not empty.
     notes
-        Sentences for people, to be added to.
+        Sentences for people, extended here.
     """
     begin_ns, end_ns = int(known_ns[0]), int(known_ns[-1])
     is_inside = (series.stamps_ns >= begin_ns) & (series.stamps_ns <= end_ns)
@@ -98,18 +98,18 @@ class Odometry:
     Parameters
     ----------
     path
-        The log, for messages.
+        Path of the log, for messages.
     series
         Its values are rows (x [m], y [m], theta [rad]).
     notes
         Sentences for people, to be added to.
     begins
-        Whether each row begins a new frame of the odometry, (n,); it goes on there, or jumps.
+        Whether each row begins a new frame of the odometry, (n,), which continues or jumps there.
 
     Raises
     ------
     LogFormatError
-        If there are none, or they are not those of one robot.
+        If there are no poses, or they are not of one robot.
     """
 
     def __init__(
@@ -171,7 +171,7 @@ class Odometry:
         ]
 
     def _ahead_s(self, series: Series) -> float:
-        """Return by how much the clock of a source is ahead [s]; 0 where the log does not say."""
+        """Return the lead of a source's clock [s]; 0 if the log has no times of its own."""
         if not _goes_on(series.stamps_ns, series.log_ns) or not _goes_on(
             self.trajectory.stamps_ns, self._log_ns
         ):
@@ -186,7 +186,7 @@ class Odometry:
 
 
 def _goes_on(stamps_ns: NDArray[np.int64], log_ns: NDArray[np.int64]) -> bool:
-    """Return whether the log's own times advance as it does, and were not put in by a converter."""
+    """Return whether the log's own times advance with it, not inserted by a converter."""
     return bool(len(log_ns)) and 2 * int(np.ptp(log_ns)) >= int(np.ptp(stamps_ns))
 
 
@@ -227,9 +227,9 @@ def _without_jumps(
 def _jumps(
     whole: Trajectory, is_held: NDArray[np.bool_], begins: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """Return whether each step is longer than a robot drives in that time, (n - 1,).
+    """Return whether each step is longer than a robot can drive in its time, (n - 1,).
 
-    How long a step to or from a pose whose time was held took is not known.
+    The duration of a step to or from a pose with a held time is unknown.
     """
     restarts = begins[1:] & _moves(whole.poses, _RESTART_M, _RESTART_RAD)
     if is_timeless(whole.stamps_ns):
@@ -248,7 +248,7 @@ def _moves(poses: NDArray[np.float64], distance_m: float, turn_rad: float) -> ND
 
 
 def _missing(known: Trajectory) -> NDArray[np.bool_]:
-    """Return between which poses the odometry is missing, (n - 1,)."""
+    """Return the intervals without odometry, (n - 1,)."""
     spans_s = 1e-9 * np.diff(known.stamps_ns)
     if not len(spans_s):
         return np.zeros(0, bool)

@@ -28,13 +28,13 @@ from robotctl.model.trajectory import Trajectory
 LOG_FORMATS: tuple[LogFormat, ...] = (
     CARMEN,
     MRCLAM,
-    ROBOTCTL,  # before ROS bags: its folders may hold what looks like one
+    ROBOTCTL,  # before ROS bags: its folders may contain files like these
     ROS_BAG,
     LEGO,
     KEYFRAMES,
     TUM,
 )
-"""All that is read; the first that matches reads. A new format is a file and a line here."""
+"""All formats; the first that matches reads. A new one is a file, and a line here."""
 
 _OF_MAPS: Final = ("image", "resolution", "origin", "occupied_thresh", "free_thresh", "negate")
 _PICTURES: Final = (b"P2", b"P5", b"P6", b"\x89PNG", b"\xff\xd8\xff", b"BM")
@@ -55,22 +55,22 @@ def read_recording(
     path
         A file, plain or gzip, or a folder.
     mrclam_robot
-        Which robot of a MRCLAM folder; by default the one whose file `path` is, else robot 1.
+        Robot of a MRCLAM folder; by default the one whose file `path` is, else robot 1.
     with_sonars
         Whether to read sonar ranges; in our own recordings this takes a while.
     time_unit
-        Of the times in the log, one of `times.TIME_UNITS`; None: that of its format, if the
-        times can have it.
+        Unit of the times in the log, one of `times.TIME_UNITS`; None: that of its format, if
+        plausible.
     max_range_m
-        Ranges of the lidar from here on are no echoes [m]; None: as the log has it.
+        Lidar range from which on there is no echo [m]; None: as the log states.
 
     Raises
     ------
     ConfigError
-        If an option is none, or has no meaning for such a log.
+        If an option is invalid, or has no meaning for such a log.
     LogFormatError
-        If it has no format that is read, tells no motion, is damaged, or not there; the message
-        names file and line, what was found and what is allowed.
+        If its format is unknown, or it has no motion, is damaged or missing; the message names file
+        and line, what was found and what is allowed.
     OSError
         If a file cannot be read.
     """
@@ -98,7 +98,7 @@ def read_reference(path: Path) -> tuple[Trajectory, bool]:
     Raises
     ------
     LogFormatError
-        As `read_recording`, or if there is no reference in it.
+        As for `read_recording`, or if there is no reference in it.
     OSError
         If a file cannot be read.
     """
@@ -109,7 +109,7 @@ def read_reference(path: Path) -> tuple[Trajectory, bool]:
 
 
 def _format_of(path: Path) -> LogFormat:
-    """Return the format of a file or folder; raises `LogFormatError` where none matches."""
+    """Return the format of a file or folder; raises `LogFormatError` if none matches."""
     if not path.exists():
         raise LogFormatError(f"{path}: no such file or folder{_near(path)}")
     for kind in LOG_FORMATS:
@@ -138,7 +138,7 @@ def is_log(path: Path) -> bool:
 
 
 def _found(path: Path, word: str) -> str:
-    """Return what kind of file something that is no log is, by its first word."""
+    """Return the kind of a file that is not a log, by its first word."""
     if word.removesuffix(":") in _OF_MAPS:
         return "a ROS map, which is for --map"
     with path.open("rb") as file:
@@ -164,7 +164,7 @@ def _limited(recording: Recording, max_range_m: float) -> Recording:
 
 
 def _near(path: Path) -> str:
-    """Return a hint at the entry of the folder that is named most like it."""
+    """Return a hint at the folder's entry with the most similar name."""
     if not path.parent.is_dir():
         return f"; the folder {path.parent} does not exist"
     names = [each.name for each in path.parent.iterdir()]

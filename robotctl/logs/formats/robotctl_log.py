@@ -1,11 +1,10 @@
 """Our own recordings as drives: the folder of `--record DIR`, or one `robot-0001.mcap` of it.
 
-Odometry comes from the topic `control`, scans from the topics `lidar` and `camera`, what the robot
-believed of its place from `localisation`. Sonar mounting and readings are in `control-0001.rec`
-beside it; without that their ranges come from `control` too (`own_sonars`). The reference is
-`truth-0001.tum` in the folder, of the run whose logs begin with `robot-0001.mcap`, where there is
-one (its times are those of the log). A folder is assumed to hold one robot.
-See docs/logs.md.
+Odometry comes from the topic `control`, scans from the topics `lidar` and `camera`, the robot's
+estimated pose from `localisation`. Sonar mounting and readings are in `control-0001.rec` beside it;
+without that their ranges come from `control` too (`own_sonars`). The reference is `truth-0001.tum`
+in the folder, if present, for the run whose logs begin with `robot-0001.mcap` (with the times of
+the log). A folder is assumed to hold one robot. See docs/logs.md.
 """
 
 from __future__ import annotations
@@ -57,11 +56,11 @@ _SOURCES: Final[dict[str, tuple[str, Callable[[bytes, int], object]]]] = {
     "lidar": (_LIDAR, lambda data, stamp_ns: _scan(stamp_ns, logged_scan(data))),
     "camera": (_CAMERA, lambda data, stamp_ns: _view(stamp_ns, logged_view(data))),
 }
-"""Type of the messages of a topic, and their reader."""
+"""Message type and reader of each topic."""
 
 
 class _State(NamedTuple):
-    """A control state with its time in the log [ns] and the file it stands in."""
+    """A control state with its time in the log [ns] and its file."""
 
     log_ns: int
     state: LoggedState
@@ -69,26 +68,26 @@ class _State(NamedTuple):
 
 
 def is_mcap(path: Path) -> bool:
-    """Return whether a file begins as MCAP does."""
+    """Return whether a file begins as MCAP."""
     with path.open("rb") as file:
         return file.read(len(MCAP0_MAGIC)) == MCAP0_MAGIC
 
 
 def mcap_files(folder: Path) -> list[Path]:
-    """Return the logs of a folder that we recorded, in their order."""
+    """Return our own logs of a folder, in their order."""
     return sorted(folder.glob("robot-*.mcap"))
 
 
 def _folder(path: Path) -> Path:
-    """Return the folder of a log, which may be that folder."""
+    """Return the folder of a log, or the path itself if a folder."""
     return path if path.is_dir() else path.parent
 
 
 def truth_files(path: Path) -> list[Path]:
-    """Return where the truth of a log of ours is: of all runs of a folder, or of that of one file.
+    """Return the truth files of our own logs: of all runs of a folder, or of one file's run.
 
-    A run's truth has the number of its first log. It is empty if the run did not come to its
-    end: then the robot's place is unknown.
+    A run's truth has the number of its first log. It is empty if the run was interrupted: then the
+    true pose is unknown.
     """
     folder = _folder(path)
     truths = sorted(folder.glob("truth-[0-9]*.tum"), key=_number)
@@ -116,8 +115,7 @@ def read_own(path: Path, *, with_sonars: bool = True) -> Recording:
     Raises
     ------
     LogFormatError
-        If a file is no MCAP file, no control state is in them, or they are of robots with different
-        sonars.
+        If a file is not MCAP, there is no control state, or the robots have different sonars.
     OSError
         If a file cannot be read.
     """
@@ -145,7 +143,7 @@ def read_own(path: Path, *, with_sonars: bool = True) -> Recording:
         gyro_turns_rad=_gyro_turns_rad([states[row] for row in odometry.rows.tolist()]),
         reference=reference,
         believed=_believed(found.get(_BELIEFS), known),
-        sonars=_heard(sonars.readings, odometry),
+        sonars=_placed_readings(sonars.readings, odometry),
         sonar_mounts=sonars.mounts,
         views=_placed(found.get(_CAMERA), odometry, reference),
         notes=(*notes, *sonars.notes),
@@ -153,7 +151,7 @@ def read_own(path: Path, *, with_sonars: bool = True) -> Recording:
 
 
 def _reference(odometry: Trajectory, files: Collection[Path]) -> Trajectory | None:
-    """Return the truth of the runs of some logs, of the time of the odometry; None without one."""
+    """Return the truth of the runs of some logs within the odometry's time; None without one."""
     there = sorted({truth for each in files for truth in truth_files(each)[-1:]}, key=_number)
     begin_ns, end_ns = odometry.stamps_ns[[0, -1]].tolist()
     truths = [
@@ -170,7 +168,7 @@ def _reference(odometry: Trajectory, files: Collection[Path]) -> Trajectory | No
 
 
 def _take_in(file: Path, timeline: Timeline[str], notes: list[str]) -> None:
-    """Take in the messages of one file."""
+    """Add the messages of one file."""
     for topic, message in json_messages(file, notes):
         if topic not in _SOURCES:
             continue
@@ -192,14 +190,14 @@ def _take_in(file: Path, timeline: Timeline[str], notes: list[str]) -> None:
 
 
 def json_messages(file: Path, notes: list[str]) -> Iterator[tuple[str, Message]]:
-    """Yield topics and messages up to the end of a file, past places that are damaged.
+    """Yield topics and messages up to the end of a file, skipping damage.
 
     Omissions are noted, one sentence each.
 
     Raises
     ------
     LogFormatError
-        If it is no MCAP file.
+        If it is not an MCAP file.
     """
     if not is_mcap(file):
         raise LogFormatError(f"{file}: not an MCAP file")
@@ -219,7 +217,7 @@ def json_messages(file: Path, notes: list[str]) -> Iterator[tuple[str, Message]]
 
 
 def _odometry(path: Path, states: Series, notes: list[str]) -> Odometry:
-    """Return where the odometry was."""
+    """Return the odometry."""
     poses = [each.state.T_odom_base for each in states.values]
     rows = [(pose.x_m, pose.y_m, pose.theta_rad) for pose in poses]
     epochs_ns = np.array([each.state.odom_epoch_ns for each in states.values])
@@ -228,7 +226,7 @@ def _odometry(path: Path, states: Series, notes: list[str]) -> Odometry:
 
 
 def _gyro_turns_rad(states: Sequence[_State]) -> NDArray[np.float64]:
-    """Return by how much the gyro has turned the odometry, (n,) [rad]; (0,) without an IMU."""
+    """Return the gyro's contribution to the odometry's turn, (n,) [rad]; (0,) without an IMU."""
     found = [each.state.corrected_rad for each in states]
     if not any(found):
         return np.empty(0)
@@ -242,7 +240,7 @@ def _gyro_turns_rad(states: Sequence[_State]) -> NDArray[np.float64]:
 def _of_one_robot(
     states: Sequence[tuple[int, LoggedState]], path: Path
 ) -> Sequence[tuple[int, LoggedState]]:
-    """Return the states if all have as many sonars."""
+    """Return the states if all have the same number of sonars."""
     counts = sorted({len(state.sonar_m) for _, state in states})
     if len(counts) > 1:
         raise LogFormatError(
@@ -253,7 +251,7 @@ def _of_one_robot(
 
 
 def _believed(states: Series | None, odometry: Trajectory) -> Trajectory | None:
-    """Return where the robot believed to be while it was localised; None if it never was."""
+    """Return the robot's own pose estimate while it was localised; None if it never was."""
     poses = {
         stamp_ns: state.T_world_odom @ at
         for stamp_ns, state in ([] if states is None else states.with_times())
@@ -263,8 +261,10 @@ def _believed(states: Series | None, odometry: Trajectory) -> Trajectory | None:
     return Trajectory.of(poses, poses.values()) if poses else None
 
 
-def _heard(readings: Sequence[SonarReading], odometry: Odometry) -> tuple[RecordedSonar, ...]:
-    """Return the readings within the log's time; the records beside it know of others."""
+def _placed_readings(
+    readings: Sequence[SonarReading], odometry: Odometry
+) -> tuple[RecordedSonar, ...]:
+    """Return the readings within the log's time; the records beside it have more."""
     begin_ns, end_ns = odometry.trajectory.stamps_ns[[0, -1]].tolist()
     inside = [each for each in readings if begin_ns <= each.stamp_ns <= end_ns]
     stamps_ns = np.array([each.stamp_ns for each in inside], np.int64)
@@ -275,7 +275,7 @@ def _heard(readings: Sequence[SonarReading], odometry: Odometry) -> tuple[Record
 
 
 def _scan(stamp_ns: int, lidar: LoggedScan) -> RangeScan:
-    """Return a scan of the lidar; raises `ValueError` if it is none."""
+    """Return a scan of the lidar; raises `ValueError` if invalid."""
     return RangeScan(
         stamp_ns,
         np.linspace(lidar.first_rad, lidar.last_rad, len(lidar.ranges_m)),
@@ -287,7 +287,7 @@ def _scan(stamp_ns: int, lidar: LoggedScan) -> RangeScan:
 
 
 def _view(stamp_ns: int, view: LoggedView | None) -> RangeScan | None:
-    """Return a view of the camera, None in trouble; raises `ValueError` if it is none."""
+    """Return a view of the camera, None in trouble; raises `ValueError` if invalid."""
     if view is None:
         return None
     angles, ranges, sigmas = np.array(view.beams, dtype=np.float64).reshape(-1, 3).T

@@ -19,17 +19,17 @@ class LoggedState:
     Parameters
     ----------
     stamp_ns
-        By the robot's clock [ns].
+        Time by the robot's clock [ns].
     T_odom_base
-        Where the odometry is.
+        Pose of the odometry.
     sonar_m
         Last range of each sonar [m]; inf: no echo, nan: no valid reading.
     sonar_stamp_ns
-        When each came [ns].
+        Arrival time of each [ns].
     corrected_rad
-        By how much its gyro has turned the odometry so far [rad]; None while it tells nothing.
+        Contribution of its gyro to the odometry's turn so far [rad]; None without gyro data.
     odom_epoch_ns
-        When the frame of the odometry began [ns].
+        Start of the odometry's frame [ns].
     """
 
     stamp_ns: int
@@ -50,7 +50,7 @@ class LoggedBelief:
 
 @dataclass(frozen=True, slots=True)
 class LoggedScan:
-    """Scan of the lidar, which stands at `x_m`, `y_m` of `base` [m, rad]."""
+    """Scan of the lidar, which is at `x_m`, `y_m` of `base` [m, rad]."""
 
     x_m: float
     y_m: float
@@ -85,7 +85,7 @@ class _Sonar(msgspec.Struct):
     out_of_range: bool = False
     range_m: float = math.nan
 
-    def heard_m(self) -> float:
+    def reading_m(self) -> float:
         """Return the range [m]; inf: no echo, nan: no valid reading."""
         return math.inf if self.out_of_range else self.range_m
 
@@ -146,12 +146,12 @@ _LASER: Final = msgspec.json.Decoder(_Laser)
 
 
 def logged_state(data: bytes) -> LoggedState:
-    """Return a message of the topic `control`; raises `msgspec.DecodeError` if it is none."""
+    """Return a message of the topic `control`; raises `msgspec.DecodeError` if invalid."""
     state = _STATE.decode(data)
     return LoggedState(
         state.stamp_ns,
         state.T_odom_base.value(),
-        tuple(each.heard_m() for each in state.sonars),
+        tuple(each.reading_m() for each in state.sonars),
         tuple(each.stamp_ns for each in state.sonars),
         None if state.imu is None else state.imu.corrected_rad,
         state.odom_epoch_ns,

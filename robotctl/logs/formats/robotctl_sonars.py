@@ -1,12 +1,12 @@
-"""Sonar readings of our own recording, from its states and the record of the control loop.
+"""Sonar readings of our own recordings, from states and the record of the control loop.
 
-States repeat the last range of each sonar and may miss one that was soon followed by another, a
-missing echo most of all, which comes late. The records `control-0001.rec` beside the log have every
-frame, so these count, and the states where no frame was recorded.
+States repeat the last range of each sonar and may miss one that was soon followed by another,
+especially a missing echo, which comes late. The records `control-0001.rec` beside the log have
+every frame, so these count, and the states only for times without a recorded frame.
 
-Both know the robot's times, to which a log adds an epoch that each start of the recorder reads
-anew; after a boot the robot's times begin again. A record does not say to which epoch it belongs,
-so where a log has several the states alone count.
+Both have the robot's times, to which a log adds an epoch that each start of the recorder reads
+again; after a boot the robot's times restart. A record does not name its epoch, so for a log with
+several epochs only the states count.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from robotctl.model.sensors.sonar import SonarMount, SonarReading, listening_ns
 from robotctl.runtime.flight.recorder import RecordError, Tick, read_record
 
 _REACH_M: Final = 4.0
-"""Listening range of sonars without an echo [m]; readings are dated when the sound was sent."""
+"""Default maximum range of sonars [m], for the listening time without an echo."""
 
 _IN_FRAME: Final = 4
 """Sonars of one frame."""
@@ -51,9 +51,9 @@ class OwnSonars:
     Parameters
     ----------
     readings
-        With the times of the log, in their order.
+        Readings with the times of the log, in their order.
     mounts
-        Empty if no record says it.
+        Mountings; empty without a record of them.
     notes
         Sentences for people.
     """
@@ -69,9 +69,9 @@ def own_sonars(states: Sequence[tuple[int, LoggedState]], folder: Path) -> OwnSo
     Parameters
     ----------
     states
-        With the times of the log [ns], in their order; of one robot.
+        States of one robot with the times of the log [ns], in their order.
     folder
-        Where the records are.
+        Folder of the records.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def own_sonars(states: Sequence[tuple[int, LoggedState]], folder: Path) -> OwnSo
             found.notes.append(f"{path}: a record of another run, not used")
             continue
         found.mounts = mounts
-        # A recorder that tries again after a full disk repeats some frames.
+        # A recorder that retries after a full disk repeats some frames.
         frames |= recorded
     for epoch in epochs:
         found.readings += _of_states(epoch, frames)
@@ -109,7 +109,7 @@ def own_sonars(states: Sequence[tuple[int, LoggedState]], folder: Path) -> OwnSo
 
 
 def _epochs(states: Sequence[tuple[int, LoggedState]]) -> list[list[tuple[int, LoggedState]]]:
-    """Return the stretches of states over which the robot's times go on, as those of the log do."""
+    """Return the stretches of states with continuous times of both the robot and the log."""
     epochs: list[list[tuple[int, LoggedState]]] = []
     before: tuple[int, int] | None = None
     for log_ns, state in states:
@@ -147,13 +147,13 @@ def _record(
 
 
 def _contradicts(frames: _Frames, states: Sequence[tuple[int, LoggedState]]) -> bool:
-    """Whether a record lacks most of the states' readings: it is of another run."""
+    """Whether a record lacks most of the states' readings, so that it is of another run."""
     if not frames:
         return False
     begin_ns, end_ns = min(frames)[0], max(frames)[0]
     first = bisect_left(states, begin_ns, key=_stamp_ns)
     same = [
-        _heard(frames, stamp_ns, index) == range_m
+        _range_in_frames(frames, stamp_ns, index) == range_m
         for _, state in states[first : bisect_right(states, end_ns, key=_stamp_ns)]
         for index, (stamp_ns, range_m) in enumerate(
             zip(state.sonar_stamp_ns, state.sonar_m, strict=True)
@@ -168,8 +168,8 @@ def _stamp_ns(state: tuple[int, LoggedState]) -> int:
     return state[1].stamp_ns
 
 
-def _heard(frames: _Frames, stamp_ns: int, index: int) -> float | None:
-    """Return the range of a sonar received at a time [m]; None if it is in no frame."""
+def _range_in_frames(frames: _Frames, stamp_ns: int, index: int) -> float | None:
+    """Return the range of a sonar received at a time [m]; None if no frame has it."""
     frame = frames.get((stamp_ns, index - index % _IN_FRAME))
     return None if frame is None else frame.ranges_m[index % _IN_FRAME]
 
@@ -179,7 +179,7 @@ def _of_states(epoch: Sequence[tuple[int, LoggedState]], frames: _Frames) -> Ite
     news = NewSonarReadings(_REACH_M)
     for log_ns, state in epoch:
         stamps_ns = [
-            stamp_ns if _heard(frames, stamp_ns, index) is None else 0
+            stamp_ns if _range_in_frames(frames, stamp_ns, index) is None else 0
             for index, stamp_ns in enumerate(state.sonar_stamp_ns)
         ]
         for sent_ns, heard in news.take(state.stamp_ns, stamps_ns, state.sonar_m):

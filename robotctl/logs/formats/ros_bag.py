@@ -1,11 +1,10 @@
 """ROS 1 bags, ROS 2 bags (SQLite and MCAP) and MCAP files of ROS 2 as drives; needs rosbags.
 
-Read are LaserScan, Odometry and tf messages, whatever their topics are called. `base` is the child
-frame of the odometry, if that is on the robot. tf gives the laser's mounting: it may be off centre,
-rotated or upside down, but must be level. Without Odometry messages the motion of a frame in one
-called odom counts. The reference is the pose of `base` in the frame above odom, such as map, which
-the robot's own localiser published; better is an Odometry topic whose name says that it is the
-truth.
+LaserScan, Odometry and tf messages of any topic are read. `base` is the child frame of the
+odometry, if that is on the robot. tf gives the laser's mounting: it may be off centre, rotated or
+upside down, but must be level. Without Odometry messages the motion of a frame in one called odom
+counts. The reference is an Odometry topic whose name marks it as the truth, else the pose of `base`
+in the frame above odom, such as map, published by the robot's own localiser.
 
 A reading at or above `range_max` or one of the lengths that `no_echo` finds is inf, one below
 `range_min` is none (nan). Times are those of the message headers.
@@ -50,14 +49,14 @@ def read_ros_bag(path: Path, max_range_m: float | None = None) -> Recording:
     path
         A file, or the folder of a bag.
     max_range_m
-        Ranges from here on are no echoes [m]; None: found out as above.
+        Range from which on there is no echo [m]; None: found as above.
 
     Raises
     ------
     ConfigError
         If the package rosbags is not installed.
     LogFormatError
-        If it is damaged, no motion of a robot is in it, or that of several.
+        If it is damaged, or has the motion of no robot or of several.
     OSError
         If it cannot be read.
     """
@@ -76,7 +75,7 @@ def read_ros_bag(path: Path, max_range_m: float | None = None) -> Recording:
 
 
 def _reference(content: BagContent, robot: BagRobot, notes: list[str]) -> Trajectory | None:
-    """Return `base` in something better than odometry; None if there is nothing."""
+    """Return `base` by a source better than odometry; None without one."""
     truth = truth_of(robot, content)
     if truth is not None and robot.odometry.has_clock_of(content.odometry[truth]):
         found = trajectory(content.odometry[truth], notes)
@@ -136,13 +135,13 @@ def _of_laser(
     max_range_m: float | None,
     notes: list[str],
 ) -> Iterator[RecordedScan]:
-    """Yield the scans of one laser, which is mounted on the frame `base`."""
+    """Yield the scans of one laser, mounted on the frame `base`."""
     placed = robot.odometry.place(content.scans[laser])
     raw: list[RawScan] = [scan for _, scan, _ in placed]
     readings = [scan.ranges_m.astype(np.float64) for scan in raw]
     places = np.array([(pose.x_m, pose.y_m) for *_, pose in placed]).reshape(-1, 2)
-    told_m = [scan.max_range_m for scan in raw]
-    reaches_m = reaches(laser.topic, readings, places, told_m, max_range_m, notes) if raw else []
+    stated_m = [scan.max_range_m for scan in raw]
+    reaches_m = reaches(laser.topic, readings, places, stated_m, max_range_m, notes) if raw else []
     fans: dict[tuple[Any, ...], NDArray[np.float64]] = {}
     tilted = unknown = 0
     for (stamp_ns, scan, pose), ranges, reach_m in zip(placed, readings, reaches_m, strict=True):

@@ -23,7 +23,7 @@ ODOMETRY: Final = "nav_msgs/msg/Odometry"
 TF: Final = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 
 _WIDEST_RAD: Final = 4.0 * math.pi
-"""No scan looks farther around."""
+"""Maximum angle of a scan [rad]."""
 
 
 class OdometrySource(NamedTuple):
@@ -49,7 +49,7 @@ class ScanSource(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class RawScan:
-    """A LaserScan as its message has it; ranges below `range_min` are nan."""
+    """A LaserScan as in its message; ranges below `range_min` are nan."""
 
     first_rad: float
     step_rad: float
@@ -62,16 +62,16 @@ _Source: TypeAlias = OdometrySource | ScanSource | Edge
 
 @dataclass(frozen=True, slots=True)
 class BagContent:
-    """Content of a bag that bears on the drive of a robot.
+    """Content of a bag that matters for the drive of a robot.
 
     Parameters
     ----------
     odometry
-        Poses as rows (x [m], y [m], theta [rad]).
+        Odometry by source, with rows (x [m], y [m], theta [rad]).
     scans
-        `RawScan`s.
+        `RawScan`s by source.
     frames
-        By the tf messages.
+        Frames of the tf messages.
     tf_topics
         Topics with tf messages.
     """
@@ -83,7 +83,7 @@ class BagContent:
 
 
 def content_of(path: Path, notes: list[str]) -> BagContent:
-    """Return what a bag says; what does not count is noted.
+    """Return the content of a bag; omissions are noted.
 
     Raises
     ------
@@ -134,7 +134,7 @@ def _source(topic: str, kind: str, message: Any) -> _Source:
 
 
 def _value(kind: str, message: Any) -> object:
-    """Return what a message says; raises `ValueError` if that cannot be."""
+    """Return the value of a message; raises `ValueError` if impossible."""
     if kind == SCAN:
         return _scan(message)
     if kind == ODOMETRY:
@@ -170,7 +170,7 @@ def _scan(message: Any) -> RawScan:
 
 
 def _name(frame: str) -> str:
-    """Return the name of a frame; ROS 1 could begin it with a slash."""
+    """Return the name of a frame, which ROS 1 may begin with a slash."""
     return frame.lstrip("/")
 
 
@@ -189,6 +189,6 @@ def _se3(translation: Any, rotation: Any) -> SE3:
 
 
 def in_plane(pose: SE3) -> SE2:
-    """Return a pose in the plane: its heading is where its x axis points."""
+    """Return a pose in the plane, with the direction of its x axis as heading."""
     x_axis = pose.rotation()[:, 0]
     return SE2(*pose.translation_m[:2], math.atan2(float(x_axis[1]), float(x_axis[0])))

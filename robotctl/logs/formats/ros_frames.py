@@ -14,15 +14,15 @@ from robotctl.logs.formats.timeline import Series
 from robotctl.model.geometry.se3 import SE3
 
 _GAP_NS, _PERIODS = 1_000_000_000, 10
-"""A frame that moves is unknown while nothing tells of it for so long, and for so many periods."""
+"""Minimum silence on a moving frame during which it is unknown [ns], and in usual periods."""
 _STOOD_M: Final = 0.1
-"""A frame that moved no farther meanwhile is known all the same."""
+"""Maximum motion over a silence during which a frame counts as known [m]."""
 _TRAVELS_M: Final = 1.0
-"""Parts of one robot move no farther against each other."""
+"""Maximum motion of the parts of one robot against each other [m]."""
 
 
 class Edge(NamedTuple):
-    """A frame in its parent, as tf tells it; a source of a log."""
+    """A frame in its parent, by tf; a source of a log."""
 
     child: str
     parent: str
@@ -42,11 +42,11 @@ class _Motion:
     poses: list[SE3]
     moves: bool
     reach_m: float
-    """How far its places are apart, along the axis where that is most [m]."""
+    """Extent of its positions along the longest axis [m]."""
     gap_ns: float
 
     def at(self, stamp_ns: int) -> SE3 | None:
-        """Return it at a time, interpolated; None outside of what is known."""
+        """Return the pose at a time, interpolated; None if unknown."""
         if not self.moves:
             return self.poses[0]
         after = bisect_left(self.stamps_ns, stamp_ns)
@@ -64,7 +64,7 @@ class _Motion:
 
 
 def _motion(edge: Edge, series: Series) -> _Motion:
-    """Return the motion that an edge tells."""
+    """Return the motion of an edge."""
     poses: list[SE3] = series.values
     moves = not edge.is_static and len(set(poses)) > 1
     places = np.array([pose.translation_m for pose in poses])
@@ -104,9 +104,9 @@ class Frames:
     Parameters
     ----------
     edges
-        What tf tells. Of a frame with several parents the one that is told most often counts.
+        Edges of tf. For a frame with several parents the most frequent one counts.
     notes
-        Sentences for people, to be added to.
+        Sentences for people, extended here.
     """
 
     def __init__(self, edges: Mapping[Edge, Series], notes: list[str]) -> None:
@@ -137,7 +137,7 @@ class Frames:
         return frames
 
     def moves(self, frame: str) -> bool:
-        """Return whether a frame was ever elsewhere in its parent."""
+        """Return whether a frame ever moved in its parent."""
         motion = self._motions.get(frame)
         return motion is not None and motion.moves
 
@@ -147,16 +147,16 @@ class Frames:
         return motion is not None and motion.reach_m > _TRAVELS_M
 
     def series(self, frame: str) -> Series:
-        """Return what tf tells of a frame that has a parent."""
+        """Return the tf entries of a frame that has a parent."""
         return self._motions[frame].series
 
     def common(self, frame: str, other: str) -> str | None:
-        """Return the lowest frame above both, or one of them; None if they hang apart."""
+        """Return the lowest common ancestor of two frames; None if they are not connected."""
         to = self.chain(other)
         return next((each for each in self.chain(frame) if each in to), None)
 
     def are_one(self, frame: str, other: str) -> bool:
-        """Return whether two frames hang together, and on no frame that travels."""
+        """Return whether two frames are connected, without a travelling frame in between."""
         common = self.common(frame, other)
         if common is None:
             return False
@@ -167,7 +167,7 @@ class Frames:
     def lookup(self, target: str, source: str, stamp_ns: int) -> SE3 | None:
         """Return `T_target_source` at a time.
 
-        None if the two do not hang together, or the time is outside of what tf tells.
+        None if the two are not connected, or tf does not cover the time.
         """
         common = self.common(target, source)
         if common is None:

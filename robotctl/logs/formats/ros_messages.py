@@ -1,4 +1,4 @@
-"""The messages of ROS bags, as rosbags reads them: the border where its errors become ours."""
+"""The messages of ROS bags, read by rosbags, whose errors are translated here."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _SHOWN: Final = 200
 
 
 class BagMessage(NamedTuple):
-    """A message: its topic, its kind, what it says, its bytes, and when the bag received it."""
+    """A message: its topic, kind, content, bytes, and time of reception by the bag."""
 
     topic: str
     kind: str
@@ -40,7 +40,7 @@ def is_ros_bag(path: Path) -> bool:
 
 
 def _bags_in(folder: Path) -> list[Path]:
-    """Return the parts of a ROS 1 bag, or the one file of a ROS 2 bag without its metadata."""
+    """Return the parts of a ROS 1 bag, or the single file of a ROS 2 bag without metadata."""
     parts = sorted(folder.glob("*.bag"))
     single = [*folder.glob("*.db3"), *folder.glob("*.mcap")]
     return parts or (single if len(single) == 1 and is_ros_bag(single[0]) else [])
@@ -54,7 +54,7 @@ def bag_messages(path: Path, kinds: Sequence[str]) -> Iterator[BagMessage]:
     path
         A file, or the folder of a bag.
     kinds
-        Names of types, as ROS 2 has them.
+        Names of types in ROS 2.
 
     Raises
     ------
@@ -103,10 +103,10 @@ def bag_messages(path: Path, kinds: Sequence[str]) -> Iterator[BagMessage]:
 
 @contextmanager
 def _damage_told(path: Path) -> Iterator[None]:
-    """Turn what rosbags raises on damaged bytes into an error that names the file.
+    """Turn rosbags' exceptions on damaged bytes into an error that names the file.
 
-    It takes lengths, offsets and texts of a bag as they stand, so what a wrong one upsets is of any
-    kind: AssertionError, TypeError, struct.error, MemoryError, errors of SQLite and of zstd.
+    It trusts lengths, offsets and texts of a bag, so a wrong one may raise anything:
+    AssertionError, TypeError, struct.error, MemoryError, errors of SQLite and of zstd.
     """
     try:
         yield
@@ -119,7 +119,7 @@ def _damage_told(path: Path) -> Iterator[None]:
 
 
 def _damaged(path: Path, error: Exception) -> LogFormatError:
-    """Return the error of a damaged bag, with what may help."""
+    """Return the error of a damaged bag, with a remedy."""
     words = f"{type(error).__name__}: {error}".rstrip(".: ")
     advice = ""
     if path.suffix == ".mcap":

@@ -1,4 +1,4 @@
-"""The one robot of a ROS bag: its odometry, its frames, and which lasers are on it."""
+"""The robot of a ROS bag: its odometry, frames and lasers."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class BagRobot:
     name
         Prefix of its topics or frames; "" if it has none.
     odometry
-        Its odometry, `base` in `odom`.
+        Odometry, `base` in `odom`.
     odom, base
         Names of the two frames.
     """
@@ -42,7 +42,7 @@ class BagRobot:
     def mount_of(self, laser: ScanSource, content: BagContent, notes: list[str]) -> str | None:
         """Return the frame of the robot in which a laser's place is known.
 
-        None if the laser is not on the robot; that, and what has to be assumed, is noted.
+        None if the laser is not on the robot. That, and any assumption, is noted.
         """
         frames, frame = content.frames, laser.frame
         if self._is_of_another(laser, content):
@@ -71,11 +71,11 @@ class BagRobot:
         return known[0]
 
     def rank(self, laser: ScanSource, count: int) -> tuple[bool, int, str]:
-        """Return what lasers are sorted by, of which those in one frame are the same laser."""
+        """Return the sort key of a laser; lasers in one frame are the same laser."""
         return _beginning(laser.topic) != self.name, -count, laser.topic
 
     def _is_of_another(self, laser: ScanSource, content: BagContent) -> bool:
-        """Return whether names tell that a laser is of another robot."""
+        """Return whether a laser is of another robot by its names."""
         if not self.name:
             return False
         space = _space(laser.frame)
@@ -91,7 +91,7 @@ def robot_of(path: Path, content: BagContent, notes: list[str]) -> BagRobot:
     Raises
     ------
     LogFormatError
-        If it holds several, or does not say how one moves.
+        If it holds several, or has no motion of one.
     """
     by_name = _robots(content)
     if len(by_name) > 1:
@@ -126,7 +126,7 @@ def truth_of(robot: BagRobot, content: BagContent) -> OdometrySource | None:
 
 
 def named_bases(frames: Frames, name: str) -> list[str]:
-    """Return the frames of tf that are named as the base of a robot is, best first."""
+    """Return the frames of tf with a usual name of a robot's base, best first."""
     prefix = f"{name}/" if name else ""
     return [base for each in _BASES if len(frames.chain(base := f"{prefix}{each}")) > 1]
 
@@ -153,14 +153,14 @@ def _robots(content: BagContent) -> dict[str, list[OdometrySource | str]]:
             found[first] += found.pop(name)
     with_tf = {_beginning(topic) for topic in content.tf_topics} - {""}
     for name in sorted(with_tf - found.keys()) if len(with_tf) > 1 else ():
-        found[name] = []  # its tf would be mixed with that of the other
+        found[name] = []  # its tf would mix with that of the other
     return dict(found)
 
 
 def _is_one(frames: Frames, one: str, other: str, *, is_named: bool) -> bool:
     """Return whether two base frames are on one robot.
 
-    Robots of which each has a name may call their frames the same.
+    Robots with separate names may use the same frame names.
     """
     return not is_named if one == other else frames.are_one(one, other)
 
@@ -181,7 +181,7 @@ def _name_of(source: OdometrySource, content: BagContent) -> str:
 
 
 def _choice(path: Path, content: BagContent, by_name: dict[str, list[OdometrySource | str]]) -> str:
-    """Return that a bag holds several robots, and how to take one out."""
+    """Return the message that a bag holds several robots, and how to extract one."""
     topics: dict[str, list[str]] = {}
     for name, sources in by_name.items():
         own = {each.topic for each in sources if isinstance(each, OdometrySource)}
@@ -206,10 +206,10 @@ def _choice(path: Path, content: BagContent, by_name: dict[str, list[OdometrySou
 
 
 def _base_of(source: OdometrySource, content: BagContent, name: str, notes: list[str]) -> str:
-    """Return the frame of the robot whose motion an odometry tells.
+    """Return the frame of the robot that an odometry moves.
 
-    That is its child frame, unless drivers leave that empty or put in a frame that the robot moves
-    in: the frame of the odometry itself, or one above the robot in tf.
+    It is the child frame, unless the driver leaves that empty or names a frame in which the robot
+    moves: the frame of the odometry itself, or one above the robot in tf.
     """
     frames, child, odom = content.frames, source.child, source.frame
     on_robot = [*named_bases(frames, name), *(each.frame for each in content.scans)]
@@ -232,7 +232,7 @@ def _base_of(source: OdometrySource, content: BagContent, name: str, notes: list
 
 
 def _by_tf(path: Path, content: BagContent, name: str, notes: list[str]) -> BagRobot:
-    """Return a robot whose motion only tf tells."""
+    """Return a robot with its motion by tf only."""
     frames = content.frames
     base = next(iter(named_bases(frames, name)), "")
     chain = frames.chain(base) if base else []
@@ -262,11 +262,11 @@ def _by_tf(path: Path, content: BagContent, name: str, notes: list[str]) -> BagR
 
 
 def _space(frame: str) -> str:
-    """Return the prefix of a frame: that of robot1/base_link is robot1."""
+    """Return the prefix of a frame: robot1 for robot1/base_link."""
     return frame.rpartition("/")[0]
 
 
 def _beginning(topic: str) -> str:
-    """Return the first of several parts of a topic; "" if it has one only."""
+    """Return the first of several parts of a topic; "" if it has only one."""
     first, separator, _ = topic.strip("/").partition("/")
     return first if separator else ""

@@ -1,9 +1,9 @@
 """Entries of a recorded log, by source, in the order of one clock that goes forward.
 
-Every reader hands over its entries in the order of the log, which is that in which things happened.
-Repeated entries, and single ones whose time is far from that of both neighbours, are left out. A
-clock that is set makes times ambiguous: the log then counts as several stretches, of which the
-longest is read. A time that goes back by less is held. All of it is noted.
+Every reader adds its entries in the order of the log, which is the order of events. Repeated
+entries, and single ones with a time far from both neighbours, are left out. A clock that is set
+makes times ambiguous: the log then has several stretches, of which the longest is read. A time that
+goes back by less is held. All of this is noted.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from robotctl.logs.formats.times import FIRST_S, LAST_S, is_timeless
 K = TypeVar("K", bound=Hashable)
 
 HELD_NS: Final = 100_000_000
-"""Step back up to which a clock was not set [ns]."""
+"""Maximum step back of a clock that was not set [ns]."""
 _FORWARD_NS, _STEPS = 100_000 * 1_000_000_000, 1000
-"""Step forward from which on a clock was set, as by NTP after a start in 1970: [ns], and in usual
+"""Minimum step forward of a clock that was set, as by NTP after a start in 1970: [ns], and in usual
 steps."""
 _FIRST_NS, _LAST_NS = int(FIRST_S) * 10**9, int(LAST_S) * 10**9
 _REASONS: Final = 3
@@ -35,15 +35,15 @@ class Series:
     Parameters
     ----------
     what
-        The source, for messages.
+        Name of the source, for messages.
     stamps_ns
-        (n,) [ns], never decreasing.
+        Times, (n,) [ns], never decreasing.
     log_ns
-        When the log received each, (n,) [ns]; (0,) where it does not say.
+        Time of reception of each by the log, (n,) [ns]; (0,) if unknown.
     values
         Content of the n entries.
     is_held
-        Whether a time was held, since its clock went back, (n,).
+        Whether each time was held, since its clock went back, (n,).
     """
 
     what: str
@@ -80,19 +80,19 @@ class _Source:
 
     @property
     def total(self) -> int:
-        """How many entries the log has of it."""
+        """Number of its entries in the log."""
         return len(self.values) + self.repeated + self.refused
 
 
 class Timeline(Generic[K]):
-    """Collects what a log says.
+    """Collects the entries of a log.
 
     Parameters
     ----------
     notes
-        Sentences for people; what is left out, or strange, is added.
+        Sentences for people, extended with omissions and oddities.
     held_ns
-        See `HELD_NS`.
+        Maximum step back of a clock that is held, see `HELD_NS`.
     """
 
     def __init__(self, notes: list[str], held_ns: int = HELD_NS) -> None:
@@ -118,16 +118,16 @@ class Timeline(Generic[K]):
         Parameters
         ----------
         source
-            Its source, whose text is its name for people.
+            Source, with its name for people as text.
         stamp_ns
-            Its time [ns].
+            Time [ns].
         value
-            What it says.
+            Content.
         raw
-            The entry as it stands in the log: two with the same time are one that is repeated.
-            None: it may be repeated.
+            Raw entry in the log: an equal one at the same time is a repetition. None: it may be
+            repeated.
         log_ns
-            When the log received it, if it says [ns].
+            Time of reception by the log, if known [ns].
         """
         if not all(_FIRST_NS <= each <= _LAST_NS for each in (stamp_ns, log_ns or 0)):
             self.leave_out(source, stamp_ns, "the time is before 1969 or after 2261")
@@ -147,14 +147,14 @@ class Timeline(Generic[K]):
             entries.log_ns.append(log_ns)
 
     def add_file(self, source: K, stamps_ns: Iterable[int], values: Iterable[object]) -> None:
-        """Add all entries of a source that has a file of its own."""
+        """Add all entries of a source with its own file."""
         self._files += 1
         entries = self._sources[source] = _Source(self._files)
         entries.stamps_ns, entries.values = list(stamps_ns), list(values)
         entries.positions = list(range(len(entries.values)))
 
     def leave_out(self, source: K, stamp_ns: int, reason: str) -> None:
-        """Count an entry whose content is impossible."""
+        """Count an entry with impossible content."""
         entries = self._sources.setdefault(source, _Source(file=0))
         if not entries.refused:
             entries.refused_ns = stamp_ns
@@ -163,14 +163,14 @@ class Timeline(Generic[K]):
             entries.reasons.append(reason)
 
     def settled(self, details: Collection[K] = (), timeless: Collection[K] = ()) -> dict[K, Series]:
-        """Return the entries that count, by source; the others are noted.
+        """Return the valid entries by source; the others are noted.
 
         Parameters
         ----------
         details
-            Sources that do not make stretches of the log and of which nothing is noted.
+            Sources that do not determine the log's stretches, and without notes.
         timeless
-            Sources that hold for the whole log, whatever their times; details too.
+            Sources valid for the whole log, whatever their times; also treated as details.
         """
         details = {*details, *timeless}
         rows = {each: np.arange(len(found.values)) for each, found in self._sources.items()}
@@ -200,7 +200,7 @@ class Timeline(Generic[K]):
             )
 
     def _in_order(self, what: str, found: _Source) -> tuple[NDArray[np.int64], list[int]]:
-        """Return the rows without single times far off, and the positions of a set clock."""
+        """Return the rows without outlying times, and the positions of clock settings."""
         strays, cuts = _walk(found.stamps_ns, self._held_ns)
         if strays:
             at = min(strays)
@@ -281,7 +281,7 @@ def seconds(stamp_ns: int) -> str:
 
 
 def _walk(stamps_ns: list[int], held_ns: int) -> tuple[list[int], list[int]]:
-    """Return which times are far from both neighbours, and at which the clock has been set."""
+    """Return the times far from both neighbours, and those at which the clock was set."""
     strays: list[int] = []
     cuts: list[int] = []
     times = np.array(stamps_ns, np.int64)

@@ -1,8 +1,8 @@
 """Times of recorded logs: their unit, their range, clocks that wrap, stand still or go back.
 
-A log is text that other programs wrote; whether its times are seconds, it does not say. Times that
-cannot be seconds are refused, because all results would be silently wrong: those out of range by
-themselves, and those that let the robot creep or fly (`check_pace`).
+A log is text of other programs that does not name the unit of its times. Times that cannot be
+seconds are refused, because all results would be silently wrong: those out of range, and those that
+let the robot creep or fly (`check_pace`).
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ TIME_UNITS: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Units of times [s]."""
 
 FIRST_S, LAST_S = -1e5, 9.2e9
-"""Times of today are 1.8e9 s; 64 bits of nanoseconds end in the year 2261. Programs that count
-from some message of a log give the ones before it small negative times."""
+"""Range of times [s]: today's are 1.8e9 s; 64 bits of nanoseconds end in the year 2261. Programs
+that count from some message of a log give earlier ones small negative times."""
 
 _FINE_BELOW_S: Final = 4e6
-"""Below it a float resolves a nanosecond [s]."""
+"""Time below which a float resolves a nanosecond [s]."""
 _WRAP: Final = 2.0**32
 _NEAR_WRAP: Final = 2.0**24
 """Tolerance of the step of 2^32 at which a 32-bit clock wraps."""
@@ -35,22 +35,22 @@ _NEAR_WRAP: Final = 2.0**24
 _STEP_M: Final = 0.1
 _STEPS: Final = 10
 _CREEP_M_S, _FLY_M_S = 0.005, 50.0
-"""No robot's usual speed is outside of these [m/s]."""
+"""Minimum and maximum usual speed of a robot [m/s]."""
 _LONGEST_S: Final = 1e6
-"""No drive lasts longer [s]."""
+"""Maximum duration of a drive [s]."""
 
 
 ErrorAt: TypeAlias = Callable[[int, str], LogFormatError]
-"""Makes the error that names the line of the i-th of some times."""
+"""Function that returns the error naming the line of the i-th time."""
 
 
 def check_unit(unit: str | None) -> None:
-    """Refuse a unit of time that is none.
+    """Refuse an unknown unit of time.
 
     Raises
     ------
     ConfigError
-        If it is none of `TIME_UNITS`.
+        If it is not one of `TIME_UNITS`.
     """
     if unit is not None and unit not in TIME_UNITS:
         raise ConfigError(
@@ -60,7 +60,7 @@ def check_unit(unit: str | None) -> None:
 
 
 def stamps(seconds: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return times [s] as [ns], with the digits that a float has: of wall time, microseconds."""
+    """Return times [s] as [ns], with the resolution of a float: microseconds for wall time."""
     fine = np.abs(seconds) < _FINE_BELOW_S
     nanoseconds = np.rint(np.where(fine, seconds, 0.0) * 1e9).astype(np.int64)
     return np.where(fine, nanoseconds, np.rint(seconds * 1e6).astype(np.int64) * 1000)
@@ -71,12 +71,12 @@ def checked_stamps(
 ) -> NDArray[np.int64]:
     """Return times of a log in `unit`, (n,) finite, as [ns].
 
-    `can_tell` is whether the user can tell their unit.
+    `can_tell` is whether the user can give their unit.
 
     Raises
     ------
     LogFormatError
-        If a time is out of range; it names the line.
+        If a time is out of range; names the line.
     """
     seconds = times * TIME_UNITS[unit]
     wrong = np.flatnonzero((seconds < FIRST_S) | (seconds > LAST_S))
@@ -92,7 +92,7 @@ def checked_stamps(
 
 
 def _hint(time: float, *, can_tell: bool) -> str:
-    """Return which unit a time has, if it is one of today."""
+    """Return the unit of a time, assuming a present date."""
     for unit, unit_s in TIME_UNITS.items():
         if 1e8 < time * unit_s <= LAST_S:
             advice = f"? Then give --time-unit {unit}" if can_tell else ", which this file must not"
@@ -106,7 +106,7 @@ def is_timeless(stamps_ns: NDArray[np.int64]) -> bool:
 
 
 def unwrapped(times: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return times with a 32-bit clock unwrapped; none becomes negative."""
+    """Return unwrapped times of a 32-bit clock; none becomes negative."""
     if len(times) == 0:
         return times
     steps = np.diff(times)
@@ -118,16 +118,16 @@ def unwrapped(times: NDArray[np.float64]) -> NDArray[np.float64]:
 def going_on(
     times: NDArray[np.float64], unit: str, what: str, notes: list[str], error_at: ErrorAt
 ) -> NDArray[np.int64]:
-    """Return `checked_stamps` of a clock that may wrap after 2^32, unwrapped.
+    """Return `checked_stamps`, unwrapped, of a clock that may wrap after 2^32.
 
     Parameters
     ----------
     times, unit, error_at
-        See there.
+        As for `checked_stamps`.
     what
         Name of the entries, for the note that the clock wraps: `scans`.
     notes
-        Sentences for people, to be added to.
+        Sentences for people, extended here.
     """
     unwound = unwrapped(times)
     if np.any(unwound != times):
@@ -141,7 +141,7 @@ def wraps(what: str, unit: str) -> str:
 
 
 def note_pairs(times: NDArray[np.float64], what: str, notes: list[str]) -> None:
-    """Note how many times equal the one before, unless all do."""
+    """Note how many times equal the previous one, unless all do."""
     same = int(np.count_nonzero(np.diff(times) == 0.0))
     if 0 < same < len(times) - 1:
         notes.append(f"{same} of {len(times)} {what} have the time of the previous one")
@@ -153,14 +153,14 @@ def check_pace(recording: Recording, can_tell: bool) -> None:
     Parameters
     ----------
     recording
-        As read.
+        Recording as read.
     can_tell
-        Whether the user can tell the unit.
+        Whether the user can give the unit.
 
     Raises
     ------
     LogFormatError
-        If its usual speed is none of a robot.
+        If its usual speed is not a robot's.
     """
     trajectory = recording.odometry or recording.reference
     pace_m_s = None if trajectory is None else usual_pace(trajectory)
@@ -179,7 +179,7 @@ def check_span(recording: Recording) -> None:
     Raises
     ------
     LogFormatError
-        If it does.
+        If it lasts longer.
     """
     span_s = _span_s(recording)
     if span_s > _LONGEST_S:
@@ -190,7 +190,7 @@ def check_span(recording: Recording) -> None:
 
 
 def _span_s(recording: Recording) -> float:
-    """Return how long the motion of a recording lasts [s]."""
+    """Return the duration of a recording's motion [s]."""
     known = (recording.odometry, recording.reference)
     times = [each.stamps_ns for each in known if each is not None]
     if len(recording.twists):
@@ -199,7 +199,7 @@ def _span_s(recording: Recording) -> float:
 
 
 def usual_pace(trajectory: Trajectory) -> float | None:
-    """Return the median speed over stretches of `_STEP_M` [m/s]; None if there are only few."""
+    """Return the median speed over stretches of `_STEP_M` [m/s]; None if there are too few."""
     points, stamps_ns = trajectory.poses[:, :2], trajectory.stamps_ns
     spans_s, begin = [], 0
     way_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])

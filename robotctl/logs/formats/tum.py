@@ -1,7 +1,7 @@
 """Trajectories as TUM files, which `evo` and other tools for trajectories read and write.
 
 One pose a line: `t x y z qx qy qz qw`, time [s], position [m], orientation as a unit quaternion;
-lines with # are comments. Ours lie in the plane: z, qx and qy are 0.
+lines with # are comments. Our poses are in the plane: z, qx and qy are 0.
 Format: https://cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats
 """
 
@@ -59,8 +59,8 @@ def read_tum(path: Path) -> Trajectory:
     Raises
     ------
     LogFormatError
-        If a line is no pose, a quaternion has not the length 1, a time goes back or is out of
-        range, or there is none.
+        If a line is not a pose, a quaternion does not have length 1, a time decreases or is out of
+        range, or there is no pose.
     OSError
         If the file cannot be read.
     """

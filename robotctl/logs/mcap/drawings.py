@@ -1,4 +1,4 @@
-"""Drawings for 3D panels beside maps, scans and clouds, made seldom."""
+"""Drawings for 3D panels in addition to maps, scans and clouds."""
 
 from __future__ import annotations
 
@@ -52,15 +52,15 @@ from robotctl.model.rectangle import Rectangle
 from robotctl.model.sensors.sonar import SonarMount
 
 Drawn: TypeAlias = tuple[str, SceneUpdate]
-"""Topic, and what is drawn there."""
+"""Topic, and its drawing."""
 
 MOST_LOOPS: Final = 200
-"""Most closed loops that are drawn."""
+"""Maximum number of closed loops drawn."""
 GRAPH_NS: Final = 5_000_000_000
-"""Shortest time between two drawings of the graph [ns], which is written as a whole."""
+"""Minimum interval of drawings of the graph [ns], each of which is complete."""
 _TRACE_NS: Final = 50_000_000
 _TRACE: Final = 600
-"""Poses of the odometry that are kept for closed loops: half a minute."""
+"""Poses of the odometry stored for closed loops, half a minute."""
 
 
 class Drawings:
@@ -69,11 +69,11 @@ class Drawings:
     Parameters
     ----------
     sonars
-        In the order of their ranges.
+        Sonars, in the order of their ranges.
     sonar
-        Their beam and reach.
+        Beam and range of the sonars.
     body
-        Of the robot; None: it is not known.
+        Body of the robot; None: unknown.
     """
 
     def __init__(
@@ -92,7 +92,7 @@ class Drawings:
         self._graph: SlamGraph | None = None
 
     def standing(self, wall_ns: int) -> Iterator[Drawn]:
-        """Yield what stays until it changes, for the beginning of a file."""
+        """Yield the static drawings, for the beginning of a file."""
         if self._body is not None:
             yield "outline", outline(wall_ns, self._body)
         if self._loops:
@@ -117,7 +117,7 @@ class Drawings:
                 yield "sonar_cones", self._cones(wall_ns, ranges_m)
 
     def of_localisation(self, wall_ns: int, state: LocalisationState) -> Iterator[Drawn]:
-        """Yield the closed loops, and how far the robot may be from where it believes to be."""
+        """Yield the closed loops, and the ellipse of the pose's uncertainty."""
         if state.odom_epoch_ns != self._odom_epoch_ns or not self._trace:
             return
         known = [each for each in state.loops if each.stamp_ns >= self._trace[0][0]]
@@ -133,7 +133,7 @@ class Drawings:
                 yield "covariance", draw(found)
 
     def of_navigation(self, wall_ns: int, state: NavigationState) -> Iterator[Drawn]:
-        """Yield where the robot drives to, and its home, when one of them changes."""
+        """Yield goal and home of the robot, when one of them changes."""
         if self._is_new("goal", (state.goal, state.home, goal_text(state))):
             was_there, self._goal = self._goal is not None, state
             if state.goal is None and state.home is None:
@@ -144,7 +144,7 @@ class Drawings:
                 yield "goal", goals(wall_ns, state)
 
     def of_plan(self, wall_ns: int, view: PlanView) -> Iterator[Drawn]:
-        """Yield moving obstacles; once they are gone, an empty drawing."""
+        """Yield moving obstacles, and an empty drawing after the last."""
         if view.moving or self._moves:
             self._moves = bool(view.moving)
             entities = (
@@ -153,7 +153,7 @@ class Drawings:
             yield "moving", draw(*entities)
 
     def of_camera(self, wall_ns: int, view: CameraView) -> Iterator[Drawn]:
-        """Yield where the camera sees the floor end, and things and markers on it."""
+        """Yield the end of the floor seen by the camera, and objects and markers on it."""
         if not view.trouble and self._is_due("seen", view.stamp_ns, SLOW_NS):
             yield "seen", draw(seen_things(wall_ns, view))
 
@@ -167,7 +167,7 @@ class Drawings:
         yield "slam_graph", draw(linked_places(wall_ns, graph))
 
     def _is_due(self, topic: str, stamp_ns: int, period_ns: int) -> bool:
-        """Return whether the next drawing is due; clocks may begin anew."""
+        """Return whether the next drawing is due, also after a restart of the clock."""
         if 0 <= stamp_ns - self._due_ns.get(topic, -period_ns) < period_ns:
             return False
         self._due_ns[topic] = stamp_ns
@@ -191,7 +191,7 @@ class Drawings:
         )
 
     def _cones(self, wall_ns: int, ranges_m: Sequence[float]) -> SceneUpdate:
-        """Return a cone for each sonar that works, faint where nothing came back."""
+        """Return a cone for each working sonar, faint without an echo."""
         half_rad = 0.5 * math.radians(self._sonar.beam_deg)
         lines = tuple(
             cone(mount, range_m, half_rad, SKY)

@@ -64,17 +64,17 @@ Entry: TypeAlias = tuple[str, int, Callable[[], object]]
 """Topic, wall time [ns], and maker of the content, called only if the topic is wanted."""
 
 MAP_NS: Final = 5_000_000_000
-"""Period of logging a growing map [ns]: encoding a large one is expensive."""
+"""Period of logging a growing map [ns]; encoding a large one is expensive."""
 
 FRAMES_NS: Final = 30_000_000
-"""Period of frame entries [ns]: one for every second state of the control process."""
+"""Period of frame entries [ns], every second state of the control process."""
 
 CLOUD_NS: Final = {"arc": 500_000_000, "obstacles": 1_000_000_000}
-"""Period of clouds whose numbers compress badly [ns]."""
+"""Periods of clouds that compress badly [ns]."""
 
 
 def _ready(content: object) -> Callable[[], object]:
-    """Return the maker of content that is made."""
+    """Return the maker of ready content."""
     return lambda: content
 
 
@@ -85,11 +85,11 @@ def _drawn(wall_ns: int, drawings: Iterable[Drawn]) -> Iterator[Entry]:
 
 
 def _well_known(kind: type[msgspec.Struct]) -> tuple[str, JsonSchema]:
-    """Return name and schema of messages that viewers know."""
+    """Return name and schema of messages known to viewers."""
     return f"foxglove.{kind.__name__}", schema_of(kind, complete=True)
 
 
-# The numbers of topics follow from their order, and by these a damaged log is read.
+# Topics are numbered in this order, by which damaged logs are read.
 TOPICS: Final[dict[str, tuple[str, JsonSchema]]] = {
     "control": ("ControlState", control_schema()),
     "navigation": ("NavigationState", schema_of(NavigationState)),
@@ -127,7 +127,7 @@ class LogEntries:
     epoch_ns
         Added to the stamps of messages to get wall time [ns].
     name
-        Of the robot.
+        Name of the robot.
     scene
         Common data of all files of a run.
     """
@@ -140,12 +140,12 @@ class LogEntries:
         self._is_begun = False
         self._framed_ns = -FRAMES_NS
         self._clouds: dict[str, tuple[int, bytes]] = {}
-        """Newest cloud of each topic in the file, and its stamp [ns]."""
+        """Newest cloud of each topic in the file, and its time [ns]."""
         self._maps: dict[str, LiveMap] = {}
-        """Maps that are in the file."""
+        """Maps in the file."""
 
     def of(self, message: Published) -> Iterator[Entry]:
-        """Yield the entries of a message, the first with those for the whole file."""
+        """Yield the entries of a message, after those for the whole file at the first one."""
         wall_ns = message.stamp_ns + self._epoch_ns
         if not self._is_begun:
             self._is_begun = True
@@ -183,7 +183,7 @@ class LogEntries:
     def _of_picture(
         self, wall_ns: int, message: ParticleCloud | PlanView | SlamGraph
     ) -> Iterator[Entry]:
-        """Yield what is for people to look at."""
+        """Yield the entries of messages for display."""
         if isinstance(message, SlamGraph):
             yield from _drawn(wall_ns, self._drawings.of_graph(wall_ns, message))
             return
@@ -199,7 +199,7 @@ class LogEntries:
         yield from self._of_map("costs", message.costs)
 
     def _is_time_for(self, topic: str, cloud: bytes, stamp_ns: int) -> bool:
-        """Return whether a cloud differs from the last one, which is old enough."""
+        """Return whether a cloud differs from the last one, and that is old enough."""
         before_ns, before = self._clouds.get(topic, (-CLOUD_NS[topic], None))
         if cloud == before or 0 <= stamp_ns - before_ns < CLOUD_NS[topic]:
             return False
@@ -212,7 +212,7 @@ class LogEntries:
             yield from self._changed_map(topic, world_map.stamp_ns + self._epoch_ns, world_map)
 
     def _of_control(self, wall_ns: int, state: ControlState) -> Iterator[Entry]:
-        """Yield a state of the control process, and where the robot is by it."""
+        """Yield a state of the control process, and the robot's pose."""
         yield "control", wall_ns, partial(control_content, state, self._scene.sonar_names)
         yield from _drawn(wall_ns, self._drawings.of_control(wall_ns, state))
         if 0 <= state.stamp_ns - self._framed_ns < FRAMES_NS:
@@ -224,7 +224,7 @@ class LogEntries:
             yield "T_world_base", wall_ns, _ready(pose)
 
     def _of_scan(self, wall_ns: int, message: LidarScan) -> Iterator[Entry]:
-        """Yield a scan, unless it is none."""
+        """Yield a scan, unless invalid."""
         scan = laser_scan(wall_ns, message)
         if scan is None:
             return
@@ -239,19 +239,19 @@ class LogEntries:
             yield "sensor_frames", wall_ns, _ready(frames)
 
     def _known_maps(self, wall_ns: int) -> Iterator[Entry]:
-        """Yield the maps of the file before."""
+        """Yield the maps of the previous file."""
         for topic, world_map in self._scene.maps.items():
             yield from self._changed_map(topic, wall_ns, world_map)
 
     def _of_map(self, topic: str, world_map: LiveMap) -> Iterator[Entry]:
-        """Yield a map if it is time for one."""
+        """Yield a map if due."""
         self._scene.maps[topic] = world_map
         before = self._maps.get(topic)
         if before is None or world_map.stamp_ns - before.stamp_ns >= MAP_NS:
             yield from self._changed_map(topic, world_map.stamp_ns + self._epoch_ns, world_map)
 
     def _changed_map(self, topic: str, wall_ns: int, world_map: LiveMap) -> Iterator[Entry]:
-        """Yield a map unless it is in the file as it is."""
+        """Yield a map unless the file already has it."""
         before = self._maps.get(topic)
         if (
             before is None

@@ -1,7 +1,7 @@
-"""How the states of the processes stand in the log: poses with their frames, ranges one by one.
+"""Form of the processes' states in the log: poses with their frames, ranges one by one.
 
-A range that was measured is `range_m`; `out_of_range`: nothing within the sensor's range. Without
-`range_m` and out of range there is no valid reading.
+A measured range is `range_m`; `out_of_range` means nothing within the sensor's range. Without
+either there is no valid reading.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def camera_schema() -> JsonSchema:
 
 
 def camera_content(view: CameraView) -> dict[str, Any]:
-    """Return the camera's ranges, beam by beam; not its features, as large as pictures."""
+    """Return the camera's ranges, beam by beam, without its features, which are large."""
     content: dict[str, Any] = plain(view)
     for key in (*_BEAMS, "features"):
         content.pop(key, None)
@@ -121,7 +121,7 @@ def _list_of(properties: dict[str, JsonSchema], *required: str) -> JsonSchema:
 
 
 def _replaced(schema: JsonSchema, dropped: Iterable[str], **added: JsonSchema) -> JsonSchema:
-    """Return the schema of an object with some properties in place of others."""
+    """Return the schema of an object with some properties replaced."""
     kept = {name: part for name, part in schema["properties"].items() if name not in dropped}
     required = [name for name in schema["required"] if name in kept]
     return {**schema, "properties": {**kept, **added}, "required": [*required, *added]}

@@ -1,4 +1,4 @@
-"""Messages in the schemas that Foxglove and similar viewers draw without configuration.
+"""Messages in the schemas that Foxglove and similar viewers display without configuration.
 
 Names and fields are those of https://docs.foxglove.dev/docs/sdk/schemas; `data` of bytes is base64
 in JSON. Frames are `world`, `odom`, `base`, `lidar`, `camera` and `sonar_NAME`, as in
@@ -26,13 +26,13 @@ LIDAR: Final = "lidar"
 CAMERA: Final = "camera"
 
 OUT_OF_RANGE_M: Final = 1e6
-"""In a scan: no echo within `max_range`; too far for viewers to show [m]."""
+"""Range in a scan without an echo within `max_range`, too far for viewers to show [m]."""
 
 _UINT8, _INT8, _FLOAT32 = 1, 2, 7
 """`foxglove.NumericType`."""
 
 _LEVELS: Final = ((3, 5), (4, 4), (5, 3), (7, 2))
-"""Severity of RFC 5424 below the first number: level of `foxglove.Log`."""
+"""Upper bounds of the severity of RFC 5424, each with its level of `foxglove.Log`."""
 
 
 class Time(msgspec.Struct, frozen=True, gc=False):
@@ -77,7 +77,7 @@ class FrameTransform(msgspec.Struct, frozen=True, gc=False):
 
 
 class FrameTransforms(msgspec.Struct, frozen=True):
-    """Several of them."""
+    """Several transforms."""
 
     transforms: tuple[FrameTransform, ...]
 
@@ -132,7 +132,7 @@ class PointCloud(msgspec.Struct, frozen=True):
 
 
 class LaserScan(msgspec.Struct, frozen=True):
-    """A scan of a lidar [rad, m], and beyond which range it sees nothing [m]."""
+    """A scan of a lidar [rad, m], with its maximum range [m]."""
 
     timestamp: Time
     frame_id: str
@@ -207,8 +207,8 @@ def pose_in(wall_ns: int, frame: str, pose: SE2) -> PoseInFrame:
 def laser_scan(wall_ns: int, scan: LidarScan) -> LaserScan | None:
     """Return a scan; None if a driver sent an invalid one.
 
-    It stands in `base`, at the lidar's place there, so that it is right where a log that was cut
-    has lost the frame `lidar`.
+    Its frame is `base`, with the lidar's pose there, so that it is right even if a cut log has lost
+    the frame `lidar`.
     """
     numbers = (scan.x_m, scan.y_m, scan.first_rad, scan.step_rad, scan.max_range_m)
     if len(scan.ranges) % 4 or not all(map(math.isfinite, numbers)):
@@ -231,9 +231,9 @@ def laser_scan(wall_ns: int, scan: LidarScan) -> LaserScan | None:
 def scan_ranges(ranges_m: Iterable[float]) -> list[float]:
     """Return ranges to 0.1 mm for JSON, which has neither infinity nor nan [m].
 
-    `OUT_OF_RANGE_M` stands for infinity, its negative for nan: no valid reading.
+    `OUT_OF_RANGE_M` stands for infinity, its negative for nan (no valid reading).
     """
-    # A third of the time of `round`, which would be as much as all the rest of a log of states.
+    # A third of the time of `round`, which would cost as much as the rest of a log of states.
     return [
         int(range_m * 1e4 + 0.5) / 1e4
         if -OUT_OF_RANGE_M < range_m < OUT_OF_RANGE_M
@@ -276,11 +276,11 @@ def place_cloud(wall_ns: int, places: bytes) -> PointCloud:
 
 
 def severity_of(level: int) -> int:
-    """Return the severity of RFC 5424 of which a line of `log_line` has this level."""
+    """Return the severity of RFC 5424 of a level of `log_line`."""
     return {5: 2, 4: 3, 3: 4, 2: 5}.get(level, 7)
 
 
 def log_line(wall_ns: int, notice: Notice, name: str) -> Log:
-    """Return a notice, said by the robot of this name."""
+    """Return a notice of the robot of this name."""
     level = next((level for below, level in _LEVELS if notice.severity < below), 1)
     return Log(time_of(wall_ns), level, notice.text, name, "", 0)

@@ -1,7 +1,7 @@
-"""The topics of the log live, over Foxglove's WebSocket; for reading only.
+"""The topics of the log live, over Foxglove's WebSocket, read-only.
 
-Its protocol: https://github.com/foxglove/ws-protocol. What serves it is Foxglove's own SDK, an
-extra, in threads of its own; nothing is encoded while nobody wants it.
+Its protocol: https://github.com/foxglove/ws-protocol. Foxglove's SDK, an extra,
+serves it in its own threads; nothing is encoded without a subscriber.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from foxglove.websocket import WebSocketServer
 
 PORT: Final = 8765
-"""Port at which viewers look; where it is taken, the next free one."""
+"""Default port of viewers; if taken, the next free one is used."""
 PORTS: Final = 20
 BACKLOG: Final = 64
-"""Messages that wait for a slow viewer; of more the oldest are dropped."""
+"""Maximum messages kept for a slow viewer; older ones are dropped."""
 
 
 def check_sdk() -> None:
@@ -45,26 +45,26 @@ def check_sdk() -> None:
 
 
 class LiveTopics:
-    """Serves published messages to viewers, each topic to who has subscribed to it.
+    """Serves published messages to viewers, each topic to its subscribers.
 
-    A viewer gets the newest message of a topic when it subscribes, so that a map or an outline,
-    which seldom come, are there at once.
+    A viewer gets the newest message of a topic when it subscribes, so that a rare one, such as a
+    map or an outline, is there at once.
 
     Parameters
     ----------
     host
-        Address that is listened at.
+        Listening address.
     epoch_ns
         Added to the stamps of messages to get wall time [ns].
     name
-        Of the robot.
+        Name of the robot.
     scene
-        Its frames and maps.
+        Frames and maps of the robot.
 
     Attributes
     ----------
     port
-        Port that was free.
+        Port in use.
 
     Raises
     ------
@@ -100,13 +100,13 @@ class LiveTopics:
         return any(channel.has_sinks() for channel in self._channels.values())
 
     def show(self, message: Published) -> None:
-        """Send a message to who wants it."""
+        """Send a message to its subscribers."""
         for entry in self._entries.of(message):
             self._newest[entry[0]] = entry
             self._send(entry)
 
     def greet(self) -> None:
-        """Send the newest messages to those who have subscribed since the last call."""
+        """Send the newest messages to new subscribers since the last call."""
         for topic in self._viewers.take():
             if topic in self._newest:
                 self._send(self._newest[topic])
@@ -133,7 +133,7 @@ class _Viewers:
         self._subscribed.append(channel.topic)
 
     def on_unsubscribe(self, client: Any, channel: Any) -> None:
-        """Have nothing to do: the channel knows who is left."""
+        """Do nothing: the channel tracks its subscribers."""
 
     def take(self) -> list[str]:
         """Return the topics of the subscriptions since the last call."""

@@ -23,7 +23,7 @@ LIBRARY: Final = f"robotctl {robotctl.__version__}"
 
 
 def schema_data(name: str, schema: JsonSchema) -> bytes:
-    """Return a schema as files and servers hand it on."""
+    """Return a schema as encoded in files and by servers."""
     return msgspec.json.encode({"title": name, **schema})
 
 
@@ -33,13 +33,13 @@ class McapLog:
     Parameters
     ----------
     file
-        Open for writing in binary mode, empty; left open by `close`.
+        Empty file open for writing in binary mode; left open by `close`.
     epoch_ns
         Added to the stamps of messages to get wall time [ns].
     name
-        Of the robot.
+        Name of the robot.
     scene
-        Common data of all files of a run; None: a robot of which nothing is known.
+        Common data of all files of a run; None: unknown robot.
     """
 
     def __init__(
@@ -70,10 +70,10 @@ class McapLog:
             self._writer.add_message(self._channels[topic], wall_ns, self._encode(make()), wall_ns)
 
     def flush(self) -> None:
-        """Hand all that was added to the kernel, where a kill does not reach it."""
+        """Pass everything so far to the kernel, where it survives a kill."""
         self._writer.flush()
 
     def close(self) -> None:
-        """Write the newest maps and the index; the file is complete then."""
+        """Complete the file with the newest maps and the index."""
         self._write(self._entries.newest_maps())
         self._writer.finish()

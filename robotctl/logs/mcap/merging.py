@@ -1,4 +1,4 @@
-"""Several logs of a run as one: every message that can be read, in the order of the files."""
+"""Merging of several logs of a run: every readable message, in the order of the files."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from robotctl.logs.mcap.recovery import log_records
 
 
 def merge(files: Sequence[Path], target: BinaryIO, notes: list[str]) -> int:
-    """Write the messages of logs into one, as they are; return how many.
+    """Write the messages of logs into one, unchanged; return their number.
 
     Topics of the same name and schema become one. Sentences on what cannot be read are added to
     `notes`.
@@ -35,7 +35,7 @@ def merge(files: Sequence[Path], target: BinaryIO, notes: list[str]) -> int:
 
 
 class _Merged:
-    """The log that is written, with its schemas and channels by content."""
+    """The merged log, with its schemas and channels by content."""
 
     def __init__(self, writer: Writer) -> None:
         self._writer = writer

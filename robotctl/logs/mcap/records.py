@@ -1,13 +1,12 @@
 """The complete records of an MCAP file, and where it was cut or damaged.
 
-After damage, reading continues at the next chunk that proves valid: its lengths agree, it
-decompresses, and its CRC-32 is right. Records between chunks carry no checksum; they count as
-damaged where their kind is unknown, or not one that stands there, or their length does not fit
-their content. Any content is that of a message: where there are chunks, one outside of them is
-taken for another record, damaged.
+After damage, reading continues at the next valid chunk: its lengths agree, it decompresses, and its
+CRC-32 is right. Records between chunks carry no checksum; they count as damaged if their kind is
+unknown or not expected there, or their length does not fit their content. Any bytes can be a
+message's content, so in a file with chunks a message outside of them counts as a damaged record.
 
-A chunk in which the file ends gives the messages that stand whole in it, as far as its compression
-lets them be read: no checksum covers a part of a chunk, so these count as they stand.
+A chunk in which the file ends yields its complete messages, as far as they can be decompressed: no
+checksum covers a part of a chunk, so these are trusted.
 """
 
 from __future__ import annotations
@@ -57,7 +56,7 @@ _LENGTHS: Final[dict[int, tuple[struct.Struct, ...]]] = {
     Opcode.CHUNK: (_CHUNK, struct.Struct("<Q")),
     Opcode.MESSAGE_INDEX: (struct.Struct("<HI"),),
 }
-"""Fields before each part of a record whose length varies, that length last."""
+"""Fields before each variable part of a record, with its length last."""
 
 _BLOCK: Final = 1 << 20
 _KINDS: Final[dict[int, type[Header | Schema | Channel | Attachment | Metadata]]] = {
@@ -80,24 +79,24 @@ _DECOMPRESSORS: Final[dict[str, Callable[[], Callable[[bytes], bytes]]]] = {
     "zstd": lambda: zstandard.ZstdDecompressor().decompressobj().decompress,
     "lz4": lambda: lz4.frame.LZ4FrameDecompressor().decompress,
 }
-"""Decompressors that take a frame piece by piece."""
+"""Incremental decompressors."""
 
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """A place of a log that cannot be read.
+    """An unreadable part of a log.
 
     Parameters
     ----------
     begin
-        Its first byte.
+        Offset of its first byte.
     length
-        How many bytes; 0 if a log was cut between two records.
+        Number of bytes; 0 if a log was cut between two records.
     is_cut
         Whether it is the end of a log that was cut short.
     lost
-        Bytes of content that are lost, as they were before compression; 0 if the gap never held
-        any: it lies between records, in an index, or in zeros that a power cut left.
+        Lost bytes of content before compression; 0 if the gap never held any: between records, in
+        an index, or in zeros left by a power cut.
     """
 
     begin: int
@@ -201,7 +200,7 @@ def _records(source: BinaryIO, opcode: int, place: int, end: int) -> list[McapRe
 
 
 def _opened(chunk: Chunk) -> list[McapRecord]:
-    """Return the records in a chunk; the sizes it claims must not ask for all memory."""
+    """Return the records in a chunk, without trusting its claimed sizes."""
     sizes = [chunk.uncompressed_size]
     if chunk.compression == "zstd":
         sizes.append(zstandard.frame_content_size(chunk.data))
@@ -211,7 +210,7 @@ def _opened(chunk: Chunk) -> list[McapRecord]:
 
 
 def _next_chunk(source: BinaryIO, place: int, size: int) -> int:
-    """Return where the next chunk begins that proves itself; the end of the file without any."""
+    """Return the offset of the next valid chunk; the end of the file without one."""
     while place < size:
         source.seek(place)
         block = source.read(_BLOCK)
@@ -225,7 +224,7 @@ def _next_chunk(source: BinaryIO, place: int, size: int) -> int:
 
 
 def _is_proven(source: BinaryIO, place: int, size: int) -> bool:
-    """Return whether a whole chunk with a checksum that is right begins at a place."""
+    """Return whether a complete chunk with a valid checksum begins at an offset."""
     try:
         opcode, end = _extent(source, place, size)
         _records(source, opcode, place, end)
@@ -239,7 +238,7 @@ def _is_proven(source: BinaryIO, place: int, size: int) -> bool:
 def _is_cut(source: BinaryIO, place: int, size: int, error: BaseException) -> bool:
     """Return whether the rest of a file, without a chunk, is typical of a kill or power cut.
 
-    That is the beginning of a record, or nothing but zeros, which had not come to the disk.
+    Typical are the beginning of a record, or only zeros, whose data had not reached the disk.
     """
     closing = size - len(MCAP0_MAGIC)
     if closing >= place:
@@ -250,13 +249,13 @@ def _is_cut(source: BinaryIO, place: int, size: int, error: BaseException) -> bo
 
 
 def _is_blank(source: BinaryIO, place: int) -> bool:
-    """Return whether a file has nothing but zeros from a place on."""
+    """Return whether a file has only zeros from an offset on."""
     source.seek(place)
     return all(not any(block) for block in iter(lambda: source.read(_BLOCK), b""))
 
 
 def _cut_end(source: BinaryIO, place: int, size: int) -> Iterator[McapRecord | Gap]:
-    """Yield what stands whole in the record in which a log ends, and the gap behind it."""
+    """Yield the complete records within the last, cut one, and the gap after them."""
     source.seek(place)
     opcode = next(iter(source.read(1)), None)
     rest = size - place
@@ -273,7 +272,7 @@ def _cut_end(source: BinaryIO, place: int, size: int) -> Iterator[McapRecord | G
 
 
 def _of_cut_chunk(source: BinaryIO, place: int) -> tuple[list[McapRecord], int]:
-    """Return the whole records of a chunk in which the file ends, and how many bytes are lost.
+    """Return the complete records of a chunk in which the file ends, and the number of lost bytes.
 
     Raises one of `_DAMAGE`.
     """
@@ -288,10 +287,10 @@ def _of_cut_chunk(source: BinaryIO, place: int) -> tuple[list[McapRecord], int]:
 
 
 def _beginning(compression: str, data: bytes) -> bytes:
-    """Return what can be read of the beginning of a chunk's compressed content."""
+    """Return the readable beginning of a chunk's compressed content."""
     if not compression:
         kept = data.rstrip(b"\0")
-        # Messages may end with a few zeros; more of them had not come to the disk.
+        # Messages may end with a few zeros; more of them had not reached the disk.
         return data if len(data) - len(kept) < _SECTOR else kept
     content = b""
     with suppress(*_DAMAGE):
@@ -304,7 +303,7 @@ def _beginning(compression: str, data: bytes) -> bytes:
 
 
 def _whole_in(content: bytes) -> tuple[list[McapRecord], int]:
-    """Return the whole records at the beginning of a chunk's content, and how long they are."""
+    """Return the complete records at the beginning of a chunk's content, and their length."""
     records: list[McapRecord] = []
     at = 0
     while at + _HEAD.size <= len(content):

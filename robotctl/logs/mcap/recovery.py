@@ -1,7 +1,7 @@
-"""Make MCAP logs that were cut or damaged complete again, without losing a byte.
+"""Recovery of MCAP logs that were cut or damaged, without losing a byte.
 
-A log is replaced once its successor is on the disk and was read back with every message that was
-taken over. Where anything but the unwritten end is left out, the log as it was stays beside it.
+A log is replaced once its successor is on the disk and was read back with every recovered message.
+If anything except the unwritten end is left out, the original log stays beside it.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ from robotctl.runtime.storage.ring_file import hold
 from robotctl.runtime.storage.state_file import damaged_name
 
 _FOOTER: Final = struct.Struct("<BQQQI")
-"""Kind and length; where the index begins, and its offsets; CRC-32 of all up to itself, or 0."""
+"""Kind and length; offsets of the index and of its offsets; CRC-32 of all up to itself, or 0."""
 _ROS_2: Final = ("ros2msg", "ros2idl")
-"""Encodings of schemas of which ROS 2 is the profile."""
+"""Encodings of schemas with the profile of ROS 2."""
 
 
 class McapLogError(RobotctlError):
-    """A log is no MCAP file, or nothing in it can be recovered."""
+    """A log is not an MCAP file, or nothing in it can be recovered."""
 
 
 class LogInUseError(McapLogError):
@@ -54,13 +54,13 @@ class RecoveredLog:
     messages
         Messages in the completed log.
     gaps
-        Places that could not be read and may have held something.
+        Unreadable parts that may have held content.
     unknown
-        Messages left out since the definition of their topic was in a gap.
+        Messages left out because the definition of their topic was in a gap.
     kept_aside
         Path of the original log, if anything was left out.
     was_intact
-        Whether it was complete, and is unchanged.
+        Whether the log was complete, and is unchanged.
     """
 
     messages: int
@@ -70,7 +70,7 @@ class RecoveredLog:
     was_intact: bool = False
 
     def loss(self) -> str:
-        """Return a note on what was left out, to follow another sentence; empty if nothing."""
+        """Return a note on omissions, to follow another sentence; empty without any."""
         if self.kept_aside is None:
             return ""
         damaged = [gap for gap in self.gaps if not gap.is_cut]
@@ -85,7 +85,7 @@ class RecoveredLog:
 
 
 def is_complete(path: Path) -> bool:
-    """Return whether a log was closed in order."""
+    """Return whether a log was closed properly."""
     with path.open("rb") as file:
         size = file.seek(0, 2)
         file.seek(max(0, size - len(MCAP0_MAGIC)))
@@ -93,20 +93,20 @@ def is_complete(path: Path) -> bool:
 
 
 def recover(path: Path) -> RecoveredLog:
-    """Make a log that was cut or damaged complete, with all that stands whole in it.
+    """Complete a log that was cut or damaged, with all its complete records.
 
-    A whole one stays as it is. The file is replaced when the whole one is on the disk and was read
-    back; until then that is `NAME.mcap.part`. Mode and owner stay, the owner where the system lets
-    us. Where anything is left out, the log as it was becomes `NAME.mcap.damaged-1` and so on.
+    An intact one is unchanged. The file is replaced when the new one is on the disk and was read
+    back; until then that is `NAME.mcap.part`. Mode and owner stay, the owner if permitted. If
+    anything is left out, the original log becomes `NAME.mcap.damaged-1` and so on.
 
     Raises
     ------
     LogInUseError
-        If a living process writes it; it stays as it is.
+        If a live process writes it; it is unchanged.
     McapLogError
-        If it is no MCAP file, or no message of it can be recovered; it stays as it is.
+        If it is not an MCAP file, or no message can be recovered; it is unchanged.
     OSError
-        If it cannot be read or written; it stays as it is.
+        If it cannot be read or written; it is unchanged.
     """
     with path.open("rb") as source:
         if not hold(source):
@@ -129,7 +129,7 @@ def recover(path: Path) -> RecoveredLog:
 
 
 def _why(copy: _Copy) -> str:
-    """Return why nothing of a log can be recovered."""
+    """Return why no message of a log can be recovered."""
     if copy.unknown:
         return f": {copy.unknown} messages are of topics whose definitions are lost"
     lost = sum(gap.lost for gap in copy.gaps)
@@ -137,7 +137,7 @@ def _why(copy: _Copy) -> str:
 
 
 def _messages_of_intact(source: BinaryIO) -> int | None:
-    """Return how many messages a log holds; None if a record or its index is damaged."""
+    """Return the number of messages in a log; None if a record or its index is damaged."""
     source.seek(-_FOOTER.size - len(MCAP0_MAGIC), io.SEEK_END)
     opcode, _, begin, _, crc = _FOOTER.unpack(source.read(_FOOTER.size))
     source.seek(begin)
@@ -159,7 +159,7 @@ def _messages_of_intact(source: BinaryIO) -> int | None:
 
 
 def log_records(source: BinaryIO) -> Iterator[McapRecord | Gap]:
-    """Yield as `whole_records`; in a log of robotctl its definitions too, where a gap took them."""
+    """Yield as `whole_records`; for a log of robotctl also definitions lost in a gap."""
     is_own = is_defined = False
     for record in whole_records(source):
         if isinstance(record, Header):
@@ -191,7 +191,7 @@ def _take_owner_and_mode(source: BinaryIO, target: BinaryIO) -> None:
 
 
 def _read_back(path: Path, part: Path, messages: int) -> None:
-    """Refuse a completed log that is not on the disk with all its messages."""
+    """Refuse a completed log that cannot be read back with all its messages."""
     with part.open("rb") as file:
         os.fsync(file.fileno())
         found = _messages_of_intact(file)
@@ -203,7 +203,7 @@ def _read_back(path: Path, part: Path, messages: int) -> None:
 
 
 def _keep_beside(path: Path, source: BinaryIO) -> Path:
-    """Give a damaged log a second name, one that is free; its own is taken over next."""
+    """Link a damaged log to a second, free name; its own is replaced next."""
     taken: set[str] = set()
     for each in path.parent.glob(f"{path.name}.damaged-*"):
         if os.path.samestat(each.stat(), os.fstat(source.fileno())):
@@ -218,7 +218,7 @@ def _keep_beside(path: Path, source: BinaryIO) -> Path:
 
 
 class _Copy:
-    """Whole records of one log, written to another, and what was lost on the way."""
+    """Copies complete records of one log to another, and counts the losses."""
 
     def __init__(self, source: BinaryIO, target: BinaryIO) -> None:
         self.messages = self.unknown = 0
@@ -236,7 +236,7 @@ class _Copy:
         target.flush()
 
     def _write(self, writer: Writer, record: McapRecord) -> None:
-        """Write one record with the new log's numbers of schemas and channels."""
+        """Write one record with the new log's ids of schemas and channels."""
         if isinstance(record, Schema) and record.id not in self._schemas:
             self._schemas[record.id] = writer.register_schema(
                 record.name, record.encoding, record.data
@@ -266,7 +266,7 @@ class _Copy:
 
 
 def _heading(source: BinaryIO) -> tuple[str, str]:
-    """Return profile and library of a recovered log, by which readers know its kind."""
+    """Return profile and library of a recovered log, by which readers recognise its kind."""
     for record in log_records(source):
         if isinstance(record, Header):
             return record.profile, f"{record.library}, recovered"

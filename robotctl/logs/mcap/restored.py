@@ -1,7 +1,7 @@
-"""Messages as the robot published them, out of what was logged of them.
+"""Messages as published by the robot, restored from its log.
 
-The inverse of `logs.mcap.forms`, `foxglove` and `schema.plain`. What a log lacks, since another
-version wrote it or it was no number, is nan, empty or the default of its field.
+The inverse of `logs.mcap.forms`, `foxglove` and `schema.plain`. Values missing in a log, from
+another version or not finite, are nan, empty or the default of their field.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from robotctl.messages.estimation import (
 
 Content: TypeAlias = Mapping[str, Any]
 Restored: TypeAlias = ControlState | NavigationState | LocalisationState | LidarScan | Notice
-"""Message of a process that others can make something of."""
+"""Restored message of a process."""
 S = TypeVar("S", bound=msgspec.Struct)
 
 _PACKED: Final = {1: "u1", 2: "i1", 3: "<u2", 4: "<i2", 5: "<u4", 6: "<i4", 7: "<f4", 8: "<f8"}
-"""`foxglove.NumericType` in the words of NumPy."""
+"""`foxglove.NumericType` as types of NumPy."""
 _POSE: Final = ("x_m", "y_m", "theta_rad")
 
 
@@ -97,7 +97,7 @@ RESTORED: Final[Mapping[str, Callable[[int, Content], Restored]]] = {
     "lidar": lidar_scan,
     "notice": notice,
 }
-"""Makes the message of a stamp by the robot's clock [ns] and its content, by topic."""
+"""Makers of messages by topic, from a time of the robot's clock [ns] and the content."""
 
 
 def particle_cloud(stamp_ns: int, content: Content) -> ParticleCloud:
@@ -125,7 +125,7 @@ def live_map(stamp_ns: int, content: Content) -> LiveMap:
 
 
 def moving_things(content: Content) -> tuple[tuple[float, float, float, float, float], ...]:
-    """Return what moves in a `foxglove.SceneUpdate`: x, y, vx, vy and radius [m, m/s]."""
+    """Return the moving obstacles of a `foxglove.SceneUpdate`: x, y, vx, vy and radius [m, m/s]."""
     found = []
     for entity in content["entities"]:
         place = entity["cylinders"][0]["pose"]["position"]
@@ -143,7 +143,7 @@ def body_corners(content: Content) -> tuple[tuple[float, float], ...]:
 
 
 def packed_points(content: Content, names: tuple[str, ...]) -> bytes:
-    """Return fields of a `foxglove.PointCloud` as float32, one point behind the other."""
+    """Return fields of a `foxglove.PointCloud` as float32, point by point."""
     data, stride = b64decode(content["data"]), content["point_stride"]
     layout = {each["name"]: (_PACKED[each["type"]], each["offset"]) for each in content["fields"]}
     kind = np.dtype(
@@ -160,7 +160,7 @@ def packed_points(content: Content, names: tuple[str, ...]) -> bytes:
 
 
 def _with_pose(content: Content, name: str) -> dict[str, Any]:
-    """Return the fields of a state with those of its pose among them."""
+    """Return the fields of a state together with those of its pose."""
     fields = dict(content)
     fields |= fields.pop(name, {})
     return fields
@@ -174,14 +174,14 @@ def _range_m(part: Content) -> float:
 
 
 def _filled(kind: type[S], content: Content, stamp_ns: int) -> S:
-    """Return a message of the fields that are there."""
+    """Return a message from its available fields."""
     found: S = _reader(kind)({**content, "stamp_ns": stamp_ns})
     return found
 
 
 @cache
 def _reader(kind: Any) -> Callable[[Any], Any]:
-    """Return what makes a value of a type out of its JSON."""
+    """Return the function that makes a value of a type from its JSON."""
     if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
         return _reader_of_struct(kind)
     origin, arguments = get_origin(kind), get_args(kind)
@@ -203,7 +203,7 @@ def _reader(kind: Any) -> Callable[[Any], Any]:
 
 
 def _reader_of_struct(kind: type[msgspec.Struct]) -> Callable[[Any], Any]:
-    """Return what makes a struct out of an object."""
+    """Return the function that makes a struct from an object."""
     hints = get_type_hints(kind)
     fields = [
         (each.name, _reader(hints[each.name]), _missing(hints[each.name], each))
@@ -221,7 +221,7 @@ def _reader_of_struct(kind: type[msgspec.Struct]) -> Callable[[Any], Any]:
 
 
 def _missing(kind: Any, field: msgspec.structs.FieldInfo) -> Callable[[], Any]:
-    """Return what makes the value of a field that was not logged."""
+    """Return the function that makes the value of a field that was not logged."""
     if kind is float:
         return lambda: math.nan
     if field.default is not msgspec.NODEFAULT:

@@ -1,4 +1,4 @@
-"""Data of a run that every log file contains, so that a viewer can show each alone."""
+"""Data of a run in every log file, so that a viewer can show each file alone."""
 
 from __future__ import annotations
 
@@ -36,27 +36,27 @@ _SONAR: Final = "sonar_"
 
 
 class Scene:
-    """The frames of a robot, and the maps that it uses.
+    """Frames and maps of a robot.
 
     Attributes
     ----------
     maps
-        The newest map of each topic.
+        Newest map of each topic.
     drawings
-        Pictures of the messages.
+        Drawings of the messages.
 
     Parameters
     ----------
     sonars
-        In the order of their ranges.
+        Sonars, in the order of their ranges.
     camera
-        Where it sits; None: there is none, or it is off.
+        Mount of the camera; None: there is none, or it is off.
     sonar
-        Beam and reach of the sonars.
+        Beam and range of the sonars.
     body
-        Of the robot; None: it is not known.
+        Body of the robot; None: unknown.
     has_localiser
-        Whether there is a transform from `odom` to `world`. Without one the two are the same.
+        Whether there is a transform from `odom` to `world`; without one the two are the same.
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class Scene:
     def frames(
         self, wall_ns: int, state: ControlState
     ) -> tuple[FrameTransforms, PoseInFrame | None]:
-        """Return `world`, `odom` and `base`; and `base` in `world`, where that is known."""
+        """Return the transforms of `world`, `odom` and `base`, and `base` in `world` if known."""
         odom = planar_transform(wall_ns, ODOM, BASE, state.T_odom_base)
         T_world_odom, pose_world = self._world.T_world_odom(state), self._world.pose(state)
         if T_world_odom is None or pose_world is None:
@@ -109,7 +109,7 @@ class Scene:
 
 
 def _sonar_transforms(wall_ns: int, mounts: Iterable[SonarMount]) -> list[FrameTransform]:
-    """Return where the sonars are in `base`; x of each frame is the sonar's axis."""
+    """Return the sonars' transforms in `base`; x of each frame is the sonar's axis."""
     return [
         planar_transform(
             wall_ns, BASE, f"{_SONAR}{each.name}", SE2(each.x_m, each.y_m, each.heading_rad)
@@ -119,7 +119,7 @@ def _sonar_transforms(wall_ns: int, mounts: Iterable[SonarMount]) -> list[FrameT
 
 
 def sonar_mounts(frames: Iterable[FrameTransform]) -> tuple[SonarMount, ...]:
-    """Return the sonars among the sensors' frames, in their order."""
+    """Return the sonars' mounts from the sensors' frames, in their order."""
     return tuple(
         SonarMount(
             each.child_frame_id.removeprefix(_SONAR),
@@ -133,7 +133,7 @@ def sonar_mounts(frames: Iterable[FrameTransform]) -> tuple[SonarMount, ...]:
 
 
 def camera_transform(wall_ns: int, mount: CameraMount) -> FrameTransform:
-    """Return where the camera is in `base`; its frame has z ahead, x right and y down."""
+    """Return the camera's transform in `base`; its frame has z ahead, x right and y down."""
     yaw, pitch, roll = (
         0.5 * math.radians(angle) for angle in (mount.yaw_deg, mount.pitch_deg, mount.roll_deg)
     )
@@ -147,7 +147,7 @@ def camera_transform(wall_ns: int, mount: CameraMount) -> FrameTransform:
 
 
 def _product(a: Quaternion, b: Quaternion) -> Quaternion:
-    """Return the rotation by b followed by that by a."""
+    """Return the rotation by b followed by the one by a."""
     return Quaternion(
         a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y,
         a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x,

@@ -1,4 +1,4 @@
-"""`foxglove.SceneUpdate`: things that a 3D panel draws, each until it is replaced by its `id`.
+"""`foxglove.SceneUpdate`: entities drawn in a 3D panel, each until replaced by its `id`.
 
 Names and fields are those of https://docs.foxglove.dev/docs/sdk/schemas/scene-update. Lengths are
 in metres; `pose` is in the frame of the entity.
@@ -128,10 +128,10 @@ class ModelPrimitive(msgspec.Struct, frozen=True, gc=False):
 
 
 class SceneEntity(msgspec.Struct, frozen=True):
-    """A thing of primitives, replaced by the next of its topic with the same `id`.
+    """An entity of primitives, replaced by the next of its topic with the same `id`.
 
-    A lifetime of 0 does not end. `frame_locked`: it moves with its frame; else it stays where that
-    was at its time.
+    A lifetime of 0 does not end. `frame_locked`: it moves with its frame; else it stays at the
+    frame's pose at its time.
     """
 
     timestamp: Time
@@ -151,7 +151,7 @@ class SceneEntity(msgspec.Struct, frozen=True):
 
 
 class SceneEntityDeletionType(enum.IntEnum):
-    """Entities that a deletion removes: that of its `id`, or those of the topic."""
+    """Entities removed by a deletion: the one of its `id`, or all of the topic."""
 
     MATCHING_ID = 0
     ALL = 1

@@ -1,8 +1,8 @@
-"""Messages as plain JSON with a schema that plotting tools read.
+"""Messages as plain JSON with a schema for plotting tools.
 
-JSON has no word for nan and infinity, and viewers of logs know neither references nor alternatives
-in a schema. So there is one rule: a number that is not finite is left out, as what is None is; a
-list of numbers in which one is not finite is left out as a whole.
+JSON has neither nan nor infinity, and log viewers support neither references nor alternatives in a
+schema. So there is one rule: a number that is not finite is left out, like None; a list of numbers
+with one that is not finite is left out as a whole.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _PRIMITIVES: Final[dict[type, str]] = {
     str: "string",
 }
 _WHOLE: Final = frozenset({bool, int, str})
-"""Values that are always there."""
+"""Types that are never left out."""
 
 
 def schema_of(kind: Any, *, complete: bool = False) -> JsonSchema:
@@ -34,14 +34,14 @@ def schema_of(kind: Any, *, complete: bool = False) -> JsonSchema:
     Parameters
     ----------
     kind
-        A struct, a primitive, an enumeration, bytes, or a tuple, list or dict of them.
+        Struct, primitive, enumeration, bytes, or a tuple, list or dict of them.
     complete
         Whether nothing in such a message is ever left out.
 
     Raises
     ------
     TypeError
-        For a type that messages do not have.
+        If messages cannot have the type.
     """
     if isinstance(kind, type):
         if issubclass(kind, msgspec.Struct):
@@ -88,10 +88,10 @@ def _words(kind: type[enum.IntEnum | enum.IntFlag]) -> str:
 
 
 def plain(value: Any) -> Any:
-    """Return a message, or a part of it, with the names of its fields, without missing ones.
+    """Return a message, or a part of it, with the names of its fields, without missing values.
 
-    The encoder itself would write the values of some messages without names, and null for nan and
-    infinity. Returns None for a part that is to be left out.
+    The encoder itself would write some messages without names, and null for nan and infinity. None
+    is a part to leave out.
     """
     if isinstance(value, msgspec.Struct):
         content = {}

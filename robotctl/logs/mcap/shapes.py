@@ -1,4 +1,4 @@
-"""Shapes of a 3D panel for what the robot's messages say."""
+"""Shapes of a 3D panel for the robot's messages."""
 
 from __future__ import annotations
 
@@ -48,14 +48,14 @@ from robotctl.model.rectangle import Rectangle
 from robotctl.model.sensors.sonar import SonarMount
 
 MOVING_NS: Final = 600_000_000
-"""Lifetime of what moves [ns]: three views of the plan."""
+"""Lifetime of moving obstacles [ns], three views of the plan."""
 SLOW_NS: Final = 500_000_000
-"""Period of drawings of what is logged in numbers too [ns]."""
+"""Period of drawings of values that are also logged as numbers [ns]."""
 ELLIPSE: Final = 2.4477
-"""Half axes of the ellipse that holds 95 % of a normal distribution of the plane, over sigma."""
+"""Half axes over sigma of the ellipse that holds 95 % of a normal distribution of the plane."""
 _ARC_STEPS: Final = 4
 
-# Colours of Okabe and Ito, which the colour-blind tell apart.
+# Colours of Okabe and Ito, which colour-blind people can distinguish.
 _BLUE: Final = Color(0.0, 0.45, 0.7, 0.9)
 SKY: Final = Color(0.34, 0.71, 0.91, 0.8)
 FAINT: Final = Color(0.34, 0.71, 0.91, 0.2)
@@ -66,7 +66,7 @@ _HAZE: Final = Color(0.0, 0.45, 0.7, 0.3)
 
 
 def point(x_m: float, y_m: float, z_m: float = 0.0) -> Vector3:
-    """Return a place, to the millimetre: compressed, the rest would be most of it."""
+    """Return a point rounded to the millimetre; more digits would dominate the compressed log."""
     return Vector3(round(x_m, 3), round(y_m, 3), round(z_m, 3))
 
 
@@ -192,7 +192,7 @@ def moving_thing(
 
 
 def seen_things(wall_ns: int, view: CameraView) -> SceneEntity:
-    """Return the end of the floor as lines, things as cylinders, markers as upright boxes."""
+    """Return the end of the floor as lines, objects as cylinders, markers as upright boxes."""
     markers = [_marker(each) for each in view.markers]
     return SceneEntity(
         time_of(wall_ns),
@@ -208,7 +208,7 @@ def seen_things(wall_ns: int, view: CameraView) -> SceneEntity:
 
 
 def _floor_ends(view: CameraView) -> Iterator[tuple[Vector3, ...]]:
-    """Yield where neighbouring beams see the floor end, from gap to gap."""
+    """Yield lines of the floor's end seen by neighbouring beams, from gap to gap."""
     points: list[Vector3] = []
     for angle_rad, range_m in (*zip(view.angles_rad, view.ranges_m, strict=True), (0.0, math.nan)):
         if math.isfinite(range_m):
@@ -221,7 +221,7 @@ def _floor_ends(view: CameraView) -> Iterator[tuple[Vector3, ...]]:
 
 
 def _thing(view: CameraView, seen: SeenObstacle) -> CylinderPrimitive:
-    """Return a thing as a cylinder whose foot on the robot's side is where that was seen."""
+    """Return an object as a cylinder through the seen foot point on the robot's side."""
     away_rad = math.atan2(seen.y_m - view.y_m, seen.x_m - view.x_m)
     radius_m = 0.5 * seen.width_m
     x_m, y_m = (

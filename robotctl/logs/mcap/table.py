@@ -2,7 +2,7 @@
 
 The name of a column is the path to the value, such as `T_odom_base.x_m`, `duty[0]`, or
 `sonars[front].range_m` where the parts of a list have names. What is missing has no value; what is
-infinite is inf, a range out of reach too. Units stand in the names, or follow them.
+infinite is inf, and so is a range without an echo. Units are in the names, or follow them.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _NAMES: Final = ("name", "child_frame_id")
 """Field that identifies the parts of a list, if any."""
 
 _PASSED_OVER: Final = ("timestamp", "data", "fields")
-"""The time of the message itself; bytes, and their content."""
+"""Fields without a column: the time of the message itself; bytes, and their layout."""
 
 _SUFFIXES: Final = {
     "_rad_s": "rad/s",
@@ -49,13 +49,13 @@ _FOXGLOVE: Final = {
     "start_angle": "rad",
     "end_angle": "rad",
 }
-"""Units of the names that are not ours."""
+"""Units of names in foreign schemas."""
 
 _ROTATIONS: Final = ("orientation", "rotation")
 _FIGURE: Final = re.compile(r"_(p\d+|max)$")
 _INDEX: Final = re.compile(r"\[[^\]]*\]")
 _PACKED: Final = {1: "B", 2: "b", 3: "H", 4: "h", 5: "I", 6: "i", 7: "f", 8: "d"}
-"""`foxglove.NumericType` in the words of `struct`."""
+"""`foxglove.NumericType` as formats of `struct`."""
 
 
 def unit_of(column: str) -> str:
@@ -74,13 +74,13 @@ def header_of(column: str) -> str:
 
 
 def _own_unit(name: str) -> str:
-    """Return the unit that the end of a name tells; empty if it tells none."""
+    """Return the unit in the suffix of a name; empty without one."""
     stem = _FIGURE.sub("", name)
     return next((unit for suffix, unit in _SUFFIXES.items() if stem.endswith(suffix)), "")
 
 
 def rows_of(message: dict[str, Any]) -> Iterable[Row]:
-    """Return the rows of one message: one, one for each point of a cloud, none of a drawing."""
+    """Return the rows of one message: one, one for each point of a cloud, none for a drawing."""
     if "entities" in message:
         return ()
     if "point_stride" in message:
@@ -91,7 +91,7 @@ def rows_of(message: dict[str, Any]) -> Iterable[Row]:
 
 
 def _add_object(value: dict[str, Any], path: str, row: Row) -> None:
-    """Add all that is in an object."""
+    """Add the values of an object."""
     for name, part in value.items():
         if name == "out_of_range":
             if part:
@@ -101,7 +101,7 @@ def _add_object(value: dict[str, Any], path: str, row: Row) -> None:
 
 
 def _add(value: Any, path: str, row: Row) -> None:
-    """Add a value and all that is in it."""
+    """Add a value, with nested ones."""
     if isinstance(value, dict):
         _add_object(value, f"{path}.", row)
     elif isinstance(value, list | tuple):
@@ -118,7 +118,7 @@ def _add(value: Any, path: str, row: Row) -> None:
 
 
 def _range(written: float | None) -> float | None:
-    """Return a range of a scan [m]; inf: out of reach, None: no valid reading."""
+    """Return a range of a scan [m]; inf: no echo, None: no valid reading."""
     if written is None or written <= -OUT_OF_RANGE_M:
         return None
     return math.inf if written >= OUT_OF_RANGE_M else written

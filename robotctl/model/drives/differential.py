@@ -5,24 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Final, Literal
+from typing import ClassVar, Final, Literal
 
 from robotctl.errors import InvalidValue
+from robotctl.model.drives.linear import LinearDrive
 from robotctl.model.drives.wheels import POSITIVE, ActuatorReference, require_positive
 from robotctl.model.geometry.twist import Twist
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-
 RATIOS: Final = (0.5, 2.0)
-"""Least and greatest ratio of the wheel radii."""
+"""Minimum and maximum ratio of the wheel radii."""
 
 
 @dataclass(frozen=True, slots=True)
-class DifferentialDrive:
-    """Two driven wheels on one axle; turns on the spot.
+class DifferentialDrive(LinearDrive):
+    """Two driven wheels on one axle: dy cos(theta) = dx sin(theta); turns on the spot.
 
     Parameters
     ----------
@@ -54,16 +50,7 @@ class DifferentialDrive:
         "wheel_radius_ratio": RATIOS,
         "track_width_m": POSITIVE,
     }
-    """Keys that calibration of the odometry sets, with the least and greatest value of each."""
-    degrees_of_freedom: ClassVar[int] = 3
-    """Degrees of freedom of the pose in the plane: x, y, theta."""
-    holonomic: ClassVar[bool] = False
-    """Whether it moves sideways at once: no, dy cos(theta) = dx sin(theta)."""
-    steered: ClassVar[bool] = False
     wheel_names: ClassVar[tuple[str, ...]] = ("left", "right")
-    joint_names: ClassVar[tuple[str, ...]] = ()
-    joint_max_rad: ClassVar[tuple[float, ...]] = ()
-    joint_rate_max_rad_s: ClassVar[tuple[float, ...]] = ()
 
     def __post_init__(self) -> None:
         require_positive(self, "track_width_m", "wheel_radius_m", "counts_per_revolution")
@@ -79,11 +66,6 @@ class DifferentialDrive:
         """Radius of the left and of the right wheel [m]."""
         left_m = 2.0 * self.wheel_radius_m / (1.0 + self.wheel_radius_ratio)
         return left_m, self.wheel_radius_ratio * left_m
-
-    @property
-    def min_turning_radius_m(self) -> float:
-        """Smallest radius of the path of `base` [m]: 0, it turns on the spot."""
-        return 0.0
 
     def inverse(
         self,
@@ -110,22 +92,6 @@ class DifferentialDrive:
         return Twist(
             0.5 * (v_left_m_s + v_right_m_s), (v_right_m_s - v_left_m_s) / self.track_width_m
         )
-
-    def forward_many(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return `forward` of many turns of the wheels at once, (n, 3) as of a `Twist`."""
-        import numpy as np  # noqa: PLC0415 - the control process loads the drives
-
-        left_m, right_m = (r * turns for r, turns in zip(self.wheel_radii_m, rows.T, strict=True))
-        turned = (right_m - left_m) / self.track_width_m
-        return np.stack([0.5 * (left_m + right_m), turned, np.zeros_like(turned)], axis=1)
-
-    def inverse_many(self, moves: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return turns of the wheels for many moves at once, (n, 2)."""
-        import numpy as np  # noqa: PLC0415 - the control process loads the drives
-
-        way_m, half_m = moves[:, 0], 0.5 * self.track_width_m * moves[:, 1]
-        left_m, right_m = self.wheel_radii_m
-        return np.stack([(way_m - half_m) / left_m, (way_m + half_m) / right_m], axis=1)
 
     def turning_radius_m(self, v_left_m_s: float, v_right_m_s: float) -> float:
         """Return R = (W/2) (v_R + v_L) / (v_R - v_L) [m]: positive left, inf if not turning."""

@@ -2,8 +2,8 @@
 
 Siegwart, Nourbakhsh, Scaramuzza: Introduction to Autonomous Mobile Robots, 2nd ed., MIT Press 2011.
 
-`Drive` is the list of all kinds; a new one is a file beside the others and a member of it. Nobody
-outside of this package asks which kind a drive is: they share `wheel_names`, `wheel_radii_m`,
+`Drive` is the list of all kinds; a new one is a file beside the others and a member of it. No code
+outside of this package depends on the kind of a drive: they share `wheel_names`, `wheel_radii_m`,
 `joint_names`, `joint_max_rad`, `holonomic`, `min_turning_radius_m`, `inverse` and `forward`.
 
 `base` stands between the wheels of a differential drive, at the centre of the rear axle of drives
@@ -22,7 +22,7 @@ from robotctl.model.drives.mecanum import MecanumDrive
 from robotctl.model.drives.omni import OmniDrive
 from robotctl.model.drives.skid_steer import SkidSteerDrive
 from robotctl.model.drives.tricycle import TricycleDrive
-from robotctl.model.drives.wheels import ActuatorReference, SidePair
+from robotctl.model.drives.wheels import ActuatorReference
 
 __all__ = [
     "AckermannDrive",
@@ -31,7 +31,6 @@ __all__ = [
     "Drive",
     "MecanumDrive",
     "OmniDrive",
-    "SidePair",
     "SkidSteerDrive",
     "TricycleDrive",
 ]

@@ -4,19 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
-from robotctl.model.drives.linear import forward_many, inverse_many
+from robotctl.model.drives.linear import LinearDrive
 from robotctl.model.drives.wheels import POSITIVE, ActuatorReference, require_positive
 from robotctl.model.geometry.twist import Twist
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
 
 @dataclass(frozen=True, slots=True)
-class MecanumDrive:
+class MecanumDrive(LinearDrive):
     """Four driven wheels with rollers at 45 degrees; moves sideways and turns on the spot.
 
     Seen from above, the axes of the uppermost rollers form an X; those of the rollers on the floor,
@@ -54,26 +50,14 @@ class MecanumDrive:
         "wheel_radius_m": POSITIVE,
         "track_width_m": POSITIVE,
     }
-    """Keys that calibration of the odometry sets, with the least and greatest value of each.
-
-    The track width stands for the lever, of which it is a part.
-    """
-    degrees_of_freedom: ClassVar[int] = 3
-    """Degrees of freedom of the pose in the plane: x, y, theta."""
+    """The track width stands for the lever, of which it is a part."""
     holonomic: ClassVar[bool] = True
-    """Whether it moves sideways, too."""
-    steered: ClassVar[bool] = False
     wheel_names: ClassVar[tuple[str, ...]] = (
         "front_left",
         "front_right",
         "rear_left",
         "rear_right",
     )
-    joint_names: ClassVar[tuple[str, ...]] = ()
-    joint_max_rad: ClassVar[tuple[float, ...]] = ()
-    joint_rate_max_rad_s: ClassVar[tuple[float, ...]] = ()
-    min_turning_radius_m: ClassVar[float] = 0.0
-    """Smallest radius of the path of `base` [m]: it turns on the spot."""
 
     def __post_init__(self) -> None:
         require_positive(
@@ -115,11 +99,3 @@ class MecanumDrive:
             quarter_m * (front_right + rear_right - front_left - rear_left) / self.lever_m,
             quarter_m * (front_right + rear_left - front_left - rear_right),
         )
-
-    def forward_many(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return `forward` of many turns of the wheels at once, see `linear.forward_many`."""
-        return forward_many(self, rows)
-
-    def inverse_many(self, moves: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return `inverse` of many moves at once, see `linear.inverse_many`."""
-        return inverse_many(self, moves)

@@ -46,19 +46,6 @@ def arc(pose: SE2, distance_m: float, angle_rad: float, sideways_m: float = 0.0)
     )
 
 
-def arc_of_radius(pose: SE2, radius_m: float, angle_rad: float) -> SE2:
-    """Return `pose` after an arc of signed `radius_m` (centre to the left: positive) [m].
-
-    Raises
-    ------
-    ValueError
-        If `radius_m` is not finite: a straight line has no angle, use `straight`.
-    """
-    if not math.isfinite(radius_m):
-        raise ValueError(f"radius_m must be finite, found {radius_m}")
-    return arc(pose, radius_m * angle_rad, angle_rad)
-
-
 def integrate(pose: SE2, twist: Twist, dt_s: float) -> SE2:
     """Return `pose` after `dt_s` [s] of a constant velocity."""
     return arc(pose, twist.v_m_s * dt_s, twist.omega_rad_s * dt_s, twist.vy_m_s * dt_s)
@@ -74,8 +61,3 @@ def between(before: SE2, after: SE2, share: float) -> SE2:
         before.y_m + share * (after.y_m - before.y_m),
         wrap_angle(before.theta_rad + share * wrap_angle(after.theta_rad - before.theta_rad)),
     )
-
-
-def turning_radius_m(v_m_s: float, omega_rad_s: float) -> float:
-    """Return the signed radius v / omega of the path [m]: positive left, inf if not turning."""
-    return v_m_s / omega_rad_s if omega_rad_s != 0.0 else math.inf

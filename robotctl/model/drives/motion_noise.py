@@ -4,8 +4,8 @@ Davison's lectures (Robotics, Imperial College London: motion and uncertainty) a
 (turning) after a straight piece, and g after a turn. Done once for a long stretch this misses that
 an early heading error moves the robot sideways, and the result depends on how the path is cut. Here
 e and f act along the whole path, as white noise per metre and per radian, which is the limit of
-that step for ever shorter pieces. Covariances therefore compose exactly: two halves give what the
-whole gives. They are covariances of (x, y, theta) in the fixed frame, (3, 3), to first order: good
+that step for ever shorter pieces. Covariances therefore compose exactly: two halves give the same
+as the whole. They are covariances of (x, y, theta) in the fixed frame, (3, 3), to first order: good
 while the heading is known to within about 0.3 rad.
 """
 
@@ -66,8 +66,8 @@ def pose_jacobian(pose: SE2, distance_m: float, angle_rad: float) -> Matrix:
 def added_covariance(pose: SE2, distance_m: float, angle_rad: float, noise: MotionNoise) -> Matrix:
     """Return the covariance Q that an arc adds, (3, 3).
 
-    Q = |d| int_0^1 (e^2 u u^T + q b b^T) ds, with u(s) the direction of travel, b(s) what a turn
-    by 1 rad at s does to the end of the arc, and q = f^2 + g^2 |angle / d| the variance of the
+    Q = |d| int_0^1 (e^2 u u^T + q b b^T) ds, with u(s) the direction of travel, b(s) the effect of
+    a turn by 1 rad at s on the end of the arc, and q = f^2 + g^2 |angle / d| the variance of the
     heading per metre. Gauss-Legendre quadrature, which has no singularity near straight motion.
     """
     pieces = max(1, math.ceil(abs(angle_rad) / _MAX_PIECE_RAD))
@@ -83,7 +83,7 @@ def added_covariance(pose: SE2, distance_m: float, angle_rad: float, noise: Moti
 def _piece_covariance(pose: SE2, d: float, alpha: float, noise: MotionNoise) -> Matrix:
     """Return Q of an arc of at most `_MAX_PIECE_RAD`, (3, 3).
 
-    In plain floats: sums over eight nodes cost less so than calls of numpy.
+    It uses plain floats: sums over eight nodes cost less than calls of numpy.
     """
     along = 0.5 * noise.e_m_per_sqrt_m**2 * abs(d)
     turning = 0.5 * (noise.f_rad_per_sqrt_m**2 * abs(d) + noise.g_rad_per_sqrt_rad**2 * abs(alpha))

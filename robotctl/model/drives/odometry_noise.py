@@ -1,4 +1,4 @@
-"""How fast dead reckoning drifts: the noises e, f, g of `motion_noise.py`, as plain numbers.
+"""Drift of dead reckoning: the noises e, f, g of `motion_noise.py`, as plain numbers.
 
 Without numpy, since the robot's file holds them and the control process reads it. `motion_noise.py`
 has their effect on a covariance.
@@ -42,7 +42,7 @@ class MotionNoise:
                 raise InvalidValue(key, f"must be finite and not negative, found {value}", value)
 
     def at_least(self, other: MotionNoise) -> MotionNoise:
-        """Return the greater of both, noise by noise."""
+        """Return the maximum of both, noise by noise."""
         return MotionNoise(
             *(max(getattr(self, key), getattr(other, key)) for key in self.__slots__)
         )

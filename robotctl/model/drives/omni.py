@@ -5,20 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
 from robotctl.errors import InvalidValue
-from robotctl.model.drives.linear import forward_many, inverse_many
+from robotctl.model.drives.linear import LinearDrive
 from robotctl.model.drives.wheels import POSITIVE, ActuatorReference, require_positive
 from robotctl.model.geometry.twist import Twist
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
 
 @dataclass(frozen=True, slots=True)
-class OmniDrive:
+class OmniDrive(LinearDrive):
     """Driven wheels on a circle around `base`, each rolling along it, with rollers across.
 
     A positive speed of any wheel turns the robot to the left. Source: F. G. Pin and
@@ -30,7 +26,7 @@ class OmniDrive:
     kind
         Always "omni".
     wheels
-        3 or 4, evenly spaced.
+        Number of wheels, 3 or 4, evenly spaced.
     wheel_distance_m
         Distance of the contact points from `base` [m], > 0.
     wheel_radius_m
@@ -38,8 +34,8 @@ class OmniDrive:
     counts_per_revolution
         Quadrature counts per turn of a wheel, > 0.
     first_wheel_deg
-        Where wheel 1 stands [deg], counter-clockwise from forward, in [-180, 180]; the others
-        follow counter-clockwise.
+        Bearing of wheel 1 [deg], counter-clockwise from forward, in [-180, 180]; the others follow
+        counter-clockwise.
 
     Raises
     ------
@@ -58,17 +54,7 @@ class OmniDrive:
         "wheel_radius_m": POSITIVE,
         "wheel_distance_m": POSITIVE,
     }
-    """Keys that calibration of the odometry sets, with the least and greatest value of each."""
-    degrees_of_freedom: ClassVar[int] = 3
-    """Degrees of freedom of the pose in the plane: x, y, theta."""
     holonomic: ClassVar[bool] = True
-    """Whether it moves sideways, too."""
-    steered: ClassVar[bool] = False
-    joint_names: ClassVar[tuple[str, ...]] = ()
-    joint_max_rad: ClassVar[tuple[float, ...]] = ()
-    joint_rate_max_rad_s: ClassVar[tuple[float, ...]] = ()
-    min_turning_radius_m: ClassVar[float] = 0.0
-    """Smallest radius of the path of `base` [m]: it turns on the spot."""
 
     def __post_init__(self) -> None:
         require_positive(self, "wheel_distance_m", "wheel_radius_m", "counts_per_revolution")
@@ -121,11 +107,3 @@ class OmniDrive:
             omega += speed
         share_m = self.wheel_radius_m / self.wheels
         return Twist(2.0 * share_m * v, share_m * omega / self.wheel_distance_m, 2.0 * share_m * vy)
-
-    def forward_many(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return `forward` of many turns of the wheels at once, see `linear.forward_many`."""
-        return forward_many(self, rows)
-
-    def inverse_many(self, moves: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return `inverse` of many moves at once, see `linear.inverse_many`."""
-        return inverse_many(self, moves)

@@ -5,24 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Final, Literal
+from typing import ClassVar, Final, Literal
 
 from robotctl.errors import InvalidValue
-from robotctl.model.drives.linear import forward_many, inverse_many
+from robotctl.model.drives.linear import LinearDrive
 from robotctl.model.drives.wheels import POSITIVE, ActuatorReference, require_positive
 from robotctl.model.geometry.twist import Twist
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-
 SLIP_FACTORS: Final = (1.0, 5.0)
-"""Least and greatest ratio of the effective and the geometric track width."""
+"""Minimum and maximum ratio of effective to geometric track width."""
 
 
 @dataclass(frozen=True, slots=True)
-class SkidSteerDrive:
+class SkidSteerDrive(LinearDrive):
     """Two or three driven wheels on each side; turns on the spot.
 
     The wheels of a side turn alike. Since all of them slide sideways in a turn, the robot turns as
@@ -44,7 +39,7 @@ class SkidSteerDrive:
     counts_per_revolution
         Quadrature counts per turn of a wheel, > 0.
     wheels_per_side
-        2 or 3.
+        Wheels on each side, 2 or 3.
     slip_factor
         Effective over geometric track width, in [1, 5]; from calibration.
 
@@ -66,17 +61,6 @@ class SkidSteerDrive:
         "wheel_radius_m": POSITIVE,
         "slip_factor": SLIP_FACTORS,
     }
-    """Keys that calibration of the odometry sets, with the least and greatest value of each."""
-    degrees_of_freedom: ClassVar[int] = 3
-    """Degrees of freedom of the pose in the plane: x, y, theta."""
-    holonomic: ClassVar[bool] = False
-    """Whether it can be commanded to move sideways."""
-    steered: ClassVar[bool] = False
-    joint_names: ClassVar[tuple[str, ...]] = ()
-    joint_max_rad: ClassVar[tuple[float, ...]] = ()
-    joint_rate_max_rad_s: ClassVar[tuple[float, ...]] = ()
-    min_turning_radius_m: ClassVar[float] = 0.0
-    """Smallest radius of the path of `base` [m]: it turns on the spot."""
 
     def __post_init__(self) -> None:
         require_positive(
@@ -128,11 +112,3 @@ class SkidSteerDrive:
         return Twist(
             0.5 * (left_m_s + right_m_s), (right_m_s - left_m_s) / self.effective_track_width_m
         )
-
-    def forward_many(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return `forward` of many turns of the wheels at once, see `linear.forward_many`."""
-        return forward_many(self, rows)
-
-    def inverse_many(self, moves: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return `inverse` of many moves at once, see `linear.inverse_many`."""
-        return inverse_many(self, moves)

@@ -6,13 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from robotctl.model.drives.bends import bent, pivoted, steered_rows
 from robotctl.model.drives.steered import SteeredDrive
-from robotctl.model.drives.wheels import (
-    require_offset,
-    require_positive,
-    require_steering,
-)
 from robotctl.model.geometry.twist import Twist
 
 if TYPE_CHECKING:
@@ -36,9 +30,9 @@ class TricycleDrive(SteeredDrive):
     wheel_radius_m
         Radius of the driven wheel [m], > 0.
     steering_max_rad
-        Largest steering angle to either side [rad], in (0, pi/2).
+        Maximum steering angle to either side [rad], in (0, pi/2).
     steering_rate_max_rad_s
-        Fastest steering [rad/s], > 0.
+        Maximum steering rate [rad/s], > 0.
     counts_per_revolution
         Quadrature counts per turn of the driven wheel, > 0.
     steering_offset_rad
@@ -60,19 +54,8 @@ class TricycleDrive(SteeredDrive):
     counts_per_revolution: int
     steering_offset_rad: float = 0.0
 
-    def __post_init__(self) -> None:
-        require_positive(
-            self,
-            "wheelbase_m",
-            "wheel_radius_m",
-            "steering_rate_max_rad_s",
-            "counts_per_revolution",
-        )
-        require_steering(self.steering_max_rad)
-        require_offset(self.steering_offset_rad, self.steering_max_rad)
-
     def wheel_speed_m_s(self, v_m_s: float, steering_rad: float) -> float:
-        """Return the speed over ground that the motor gives its wheel, for one of `base` [m/s]."""
+        """Return the ground speed of the driven wheel for a speed of `base` [m/s]."""
         return v_m_s / math.cos(steering_rad) if self.driven == "front" else v_m_s
 
     def forward(self, wheels_rad_s: tuple[float, ...], joints_rad: tuple[float, ...]) -> Twist:
@@ -81,24 +64,27 @@ class TricycleDrive(SteeredDrive):
         Front drive: v cos(s) and v sin(s) / L; rear drive: v and v tan(s) / L, with v the speed
         of the driven wheel and s its angle, offset included.
         """
+        if self.driven == "rear":
+            return SteeredDrive.forward(self, wheels_rad_s, joints_rad)
         v, s = wheels_rad_s[0] * self.wheel_radius_m, joints_rad[0] + self.steering_offset_rad
-        if self.driven == "front":
-            return Twist(v * math.cos(s), v * math.sin(s) / self.wheelbase_m)
-        return Twist(v, v * math.tan(s) / self.wheelbase_m)
+        return Twist(v * math.cos(s), v * math.sin(s) / self.wheelbase_m)
 
     def forward_many(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return `forward` of many turns of the wheel and angles of the steering at once."""
-        rolled, s = self.wheel_radius_m * rows[:, 0], rows[:, 1] + self.steering_offset_rad
-        if self.driven == "front":
-            return pivoted(rolled, s, self.wheelbase_m)
-        return bent(rolled, s, self.wheelbase_m)
+        """Return `forward` of turns of the wheel and steering angles, (n, 2), as (n, 3)."""
+        import numpy as np  # noqa: PLC0415 - the control process loads the drives, not numpy
 
-    def inverse_many(self, moves: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return turns of the wheel and angles of the steering for many moves at once."""
-        front = self.driven == "front"
-        rows = steered_rows(moves, self.wheelbase_m, self.steering_offset_rad, front=front)
-        rows[:, 0] /= self.wheel_radius_m
-        return rows
+        if self.driven == "rear":
+            return SteeredDrive.forward_many(self, rows)
+        rolled, s = self.wheel_radius_m * rows[:, 0], rows[:, 1] + self.steering_offset_rad
+        turned = rolled * np.sin(s) / self.wheelbase_m
+        return np.stack([rolled * np.cos(s), turned, np.zeros_like(rolled)], axis=1)
+
+    def _rolled_m(
+        self, d_m: NDArray[np.float64], steering_rad: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        import numpy as np  # noqa: PLC0415 - the control process loads the drives, not numpy
+
+        return d_m / np.cos(steering_rad) if self.driven == "front" else d_m
 
     def front_turning_radius_m(self, steering_rad: float) -> float:
         """Return the radius L / sin(s) of the path of the front wheel [m]: inf at 0."""

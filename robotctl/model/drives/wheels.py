@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 from robotctl.errors import InvalidValue
 
 POSITIVE: Final = (0.0, math.inf)
-"""Bounds of a value that calibration may set to anything above 0."""
+"""Range of a value that calibration may set to anything above 0."""
 
 
 class ActuatorReference(NamedTuple):
@@ -16,13 +16,6 @@ class ActuatorReference(NamedTuple):
 
     wheels_rad_s: tuple[float, ...]
     joints_rad: tuple[float, ...]
-
-
-class SidePair(NamedTuple):
-    """A quantity of the left and of the right wheel of one axle."""
-
-    left: float
-    right: float
 
 
 def require_positive(drive: object, *keys: str) -> None:
@@ -57,7 +50,7 @@ def require_offset(steering_offset_rad: float, steering_max_rad: float) -> None:
 
 
 def offsets_near(steering_offset_rad: float, steering_max_rad: float) -> tuple[float, float]:
-    """Return the least and greatest offset among which calibration looks for the true one [rad]."""
+    """Return the minimum and maximum steering offset that calibration tries [rad]."""
     room_rad = min(steering_max_rad, 0.5 * math.pi - steering_max_rad) - abs(steering_offset_rad)
     return steering_offset_rad - 0.9 * room_rad, steering_offset_rad + 0.9 * room_rad
 
@@ -69,7 +62,7 @@ def steering_angle_rad(
     limit_rad: float,
     offset_rad: float = 0.0,
 ) -> float:
-    """Return the servo's angle that turns a body moving at `v_m_s` != 0 by `omega_rad_s`.
+    """Return the servo angle that turns a body moving at `v_m_s` != 0 by `omega_rad_s` [rad].
 
     tan(s) = L omega / v for the wheel's angle s; the servo's is s - `offset_rad`, clamped to
     `limit_rad` on both sides [rad].
@@ -78,9 +71,9 @@ def steering_angle_rad(
 
 
 def within_linkage(angle_rad: float, limit_rad: float) -> float:
-    """Return the servo's angle clamped to the range that the linkage allows on both sides [rad].
+    """Return the servo angle clamped to the range of the linkage on both sides [rad].
 
-    A nan stays one, which is for the command guard to find.
+    A nan stays one; the command guard rejects it.
     """
     if angle_rad > limit_rad:
         return limit_rad

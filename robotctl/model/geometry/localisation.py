@@ -1,4 +1,4 @@
-"""How far a pose estimate may be trusted; without numpy, for the control process."""
+"""Status of a pose estimate; without numpy, for the control process."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import enum
 
 
 class LocalisationStatus(enum.IntEnum):
-    """How far a pose estimate may be trusted."""
+    """Reliability of a pose estimate."""
 
     SEARCHING = 0
     """The belief is spread or has several clusters: the pose is a guess."""

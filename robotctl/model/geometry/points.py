@@ -11,7 +11,7 @@ from robotctl.model.geometry.se2 import SE2
 
 
 def rotation(theta_rad: float) -> NDArray[np.float64]:
-    """Return the matrix R (2, 2) for which `points @ R` turns points (n, 2) by an angle."""
+    """Return the matrix R (2, 2) for which `points @ R` rotates points (n, 2) by an angle."""
     c, s = math.cos(theta_rad), math.sin(theta_rad)
     return np.array([[c, s], [-s, c]])
 
@@ -23,7 +23,7 @@ def moved(T_a_b: SE2, points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def align(points: NDArray[np.float64], wanted: NDArray[np.float64]) -> SE2:
-    """Return the rigid motion that brings points (n, 2) nearest to others, in the mean square.
+    """Return the rigid motion that maps points (n, 2) onto others with the least mean square error.
 
     Source: Horn, closed-form solution of absolute orientation (1987), in the plane.
     """

@@ -19,13 +19,13 @@ class PoseEstimate:
     Parameters
     ----------
     stamp_ns
-        Time that the pose belongs to [ns].
+        Time of the pose [ns].
     pose
-        `base` in `world`.
+        Pose of `base` in `world`.
     covariance
-        Of (x, y, theta) in `world`, (3, 3) [m, m, rad].
+        Covariance of (x, y, theta) in `world`, (3, 3) [m, m, rad].
     status
-        How far it may be trusted.
+        Reliability.
     """
 
     stamp_ns: int
@@ -41,7 +41,7 @@ def upper_triangle(covariance: NDArray[np.float64]) -> tuple[float, ...]:
 
 
 def from_upper_triangle(values: Sequence[float]) -> NDArray[np.float64]:
-    """Return the covariance (3, 3) of which `values` are the upper triangle, row by row."""
+    """Return the covariance (3, 3) whose upper triangle, row by row, is `values`."""
     covariance = np.zeros((3, 3))
     covariance[np.triu_indices(3)] = values
     return covariance + np.triu(covariance, 1).T

@@ -20,7 +20,7 @@ _TERMS = 9
 
 
 class Coefficients(NamedTuple):
-    """Functions of the rotation angle t that appear in SO(3) and SE(3); all are even in t."""
+    """Functions of the rotation angle t in SO(3) and SE(3); all are even in t."""
 
     b: float
     """(1 - cos t) / t^2."""
@@ -28,22 +28,16 @@ class Coefficients(NamedTuple):
     """(t - sin t) / t^3."""
     d: float
     """(t^2 + 2 cos t - 2) / (2 t^4)."""
-    e: float
-    """(2 t + t cos t - 3 sin t) / (2 t^5)."""
 
 
-def _series(first: int, weight_step: int, weight_first: int) -> tuple[float, ...]:
-    """Return (-1)^k (weight_first + weight_step k) / (2 k + first)! for k = 0, 1, ..."""
-    return tuple(
-        (-1) ** k * (weight_first + weight_step * k) / math.factorial(2 * k + first)
-        for k in range(_TERMS)
-    )
+def _series(first: int) -> tuple[float, ...]:
+    """Return (-1)^k / (2 k + first)! for k = 0, 1, ..."""
+    return tuple((-1) ** k / math.factorial(2 * k + first) for k in range(_TERMS))
 
 
-_B = _series(2, 0, 1)
-_C = _series(3, 0, 1)
-_D = _series(4, 0, 1)
-_E = _series(5, 1, 1)
+_B = _series(2)
+_C = _series(3)
+_D = _series(4)
 
 
 def _horner(coefficients: tuple[float, ...], t2: float) -> float:
@@ -58,13 +52,12 @@ def coefficients(angle_rad: float) -> Coefficients:
     t = abs(angle_rad)
     t2 = t * t
     if t < _SERIES_BELOW:
-        return Coefficients(_horner(_B, t2), _horner(_C, t2), _horner(_D, t2), _horner(_E, t2))
+        return Coefficients(_horner(_B, t2), _horner(_C, t2), _horner(_D, t2))
     cos, sin = math.cos(t), math.sin(t)
     return Coefficients(
         (1.0 - cos) / t2,
         (t - sin) / (t2 * t),
         (t2 + 2.0 * cos - 2.0) / (2.0 * t2 * t2),
-        (2.0 * t + t * cos - 3.0 * sin) / (2.0 * t2 * t2 * t),
     )
 
 
@@ -153,27 +146,3 @@ def rotation_matrix(q: Quaternion) -> Matrix:
             [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
         ]
     )
-
-
-def quaternion_of(R: Matrix) -> Quaternion:
-    """Return the quaternion of a rotation matrix, (3, 3), good at every angle.
-
-    The row of the largest entry of the outer product 4 q q^T (Shepperd 1978).
-
-    Raises
-    ------
-    ValueError
-        If `R` is further than 1e-6 from a rotation matrix.
-    """
-    if R.shape != (3, 3) or not np.allclose(R @ R.T, np.eye(3), atol=1e-6):
-        raise ValueError("R is not orthogonal")
-    if np.linalg.det(R) < 0.0:
-        raise ValueError("R is a reflection, not a rotation")
-    (a, b, c), (d, e, f), (g, h, i) = R.tolist()
-    rows: tuple[Quaternion, ...] = (
-        (1 + a + e + i, h - f, c - g, d - b),
-        (h - f, 1 + a - e - i, b + d, c + g),
-        (c - g, b + d, 1 - a + e - i, f + h),
-        (d - b, c + g, f + h, 1 - a - e + i),
-    )
-    return canonical(max(enumerate(rows), key=lambda item: item[1][item[0]])[1])

@@ -1,4 +1,4 @@
-"""A camera that looks at the floor: its lens, its mount, and where its pictures come from.
+"""A camera that looks at the floor: its lens, its mount, and the source of its pictures.
 
 Plain numbers without numpy, since the robot's file holds them as the table `[camera]` and every
 process reads that. `camera_geometry.py` has their effect on points and pixels.
@@ -19,7 +19,7 @@ MarkerFamily: TypeAlias = Literal[
 
 MAX_SIDE_PX = 10_000
 SIMULATED = "sim"
-"""As the source of pictures: the simulated camera."""
+"""Source of pictures of the simulated camera."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class CameraIntrinsics:
     fx_px, fy_px
         Focal lengths, > 0 [px].
     cx_px, cy_px
-        Principal point: where the optical axis meets the picture [px].
+        Principal point, the image of the optical axis [px].
     distortion
         (k1, k2, p1, p2, k3).
 
@@ -90,13 +90,13 @@ class CameraMount:
     Parameters
     ----------
     x_m, y_m
-        The optical centre in `base` [m].
+        Optical centre in `base` [m].
     z_m
-        Its height above the floor, > 0 [m].
+        Height of the optical centre above the floor, > 0 [m].
     yaw_deg
         Direction of the optical axis in the plane, 0 forward, 90 left [deg].
     pitch_deg
-        How far the optical axis looks down, -90 to 90, 90 straight down [deg].
+        Downward angle of the optical axis, -90 to 90, 90 straight down [deg].
     roll_deg
         Roll of the camera to its right, seen from behind [deg].
 
@@ -130,7 +130,7 @@ class MarkerConfig:
     Parameters
     ----------
     family
-        Which markers: ArUco or AprilTag, as `robotctl camera pattern` draws them.
+        Family of markers: ArUco or AprilTag, as drawn by `robotctl camera pattern`.
     side_m
         Side of the black square, > 0 [m].
 
@@ -157,14 +157,14 @@ class CameraConfig:
     intrinsics
         The lens.
     mount
-        Where it sits.
+        Position and orientation in `base`.
     source
-        Where the pictures come from: `sim` for the simulated camera, else what OpenCV's
-        VideoCapture opens: the number of a device, a file or a URL.
+        Source of the pictures: `sim` for the simulated camera, else an argument of OpenCV's
+        VideoCapture: the number of a device, a file or a URL.
     rate_hz
         Pictures a second, 0.1 to 240 [Hz].
     enabled
-        Whether the robot looks: a process of its own measures in each picture.
+        Whether the robot uses the camera: a separate process measures in each picture.
     markers
         Markers to look for; None: none.
 
@@ -193,7 +193,7 @@ class CameraConfig:
 
 
 def _check_finite(value: object, keys: Iterable[str]) -> None:
-    """Raise ValueError where one of the numbers is not finite."""
+    """Raise ValueError if one of the numbers is not finite."""
     for key in keys:
         if not math.isfinite(getattr(value, key)):
             raise InvalidValue(key, f"must be finite, found {value}", value)

@@ -1,8 +1,8 @@
 """The lens: from the plane z = 1 of the camera's frame to pixels and back.
 
-The model and its signs stand in `CameraIntrinsics`. It is inverted by Newton's method with the
-model's own Jacobian. Where the polynomial of the radius turns back (the edge of a wide lens,
-described beyond what it was fitted to), it has no inverse: nan.
+The model and its signs are those of `CameraIntrinsics`. It is inverted by Newton's method with its
+own Jacobian. Where the polynomial of the radius stops growing (the edge of a wide lens, beyond the
+range of the fit), it has no inverse: nan.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def distort(
     Returns
     -------
     tuple
-        The points as the lens shows them, (n, 2), and the Jacobians, (n, 2, 2).
+        Distorted points, (n, 2), and the Jacobians, (n, 2, 2).
     """
     k1, k2, p1, p2, k3 = distortion
     x, y = plane[:, 0], plane[:, 1]
@@ -69,7 +69,7 @@ def undistort(
     Parameters
     ----------
     seen
-        Points as the lens shows them, (n, 2).
+        Distorted points, (n, 2).
     distortion
         (k1, k2, p1, p2, k3).
 
@@ -99,7 +99,7 @@ def undistort(
 
 
 def straightened(pixels: NDArray[np.float64], intrinsics: CameraIntrinsics) -> NDArray[np.float64]:
-    """Return where the lens would show pixels, (n, 2) [px], if it had no distortion; nan: not."""
+    """Return the pixels, (n, 2) [px], without the lens's distortion; nan: none."""
     focal = np.array([intrinsics.fx_px, intrinsics.fy_px])
     centre = np.array([intrinsics.cx_px, intrinsics.cy_px])
     plane, _ = undistort((pixels - centre) / focal, intrinsics.distortion)
@@ -110,7 +110,7 @@ def straightened(pixels: NDArray[np.float64], intrinsics: CameraIntrinsics) -> N
 def within_lens(plane: NDArray[np.float64], distortion: tuple[float, ...]) -> NDArray[np.bool_]:
     """Return for points of the plane z = 1, (n, 2), whether the lens has an inverse there, (n,).
 
-    It has up to the radius where r (1 + k1 r^2 + k2 r^4 + k3 r^6) stops to grow.
+    It has one up to the radius where r (1 + k1 r^2 + k2 r^4 + k3 r^6) stops growing.
     """
     k1, k2, _, _, k3 = distortion
     inside: NDArray[np.bool_] = np.sum(plane * plane, axis=1) < _turning_point(k1, k2, k3)
@@ -119,7 +119,7 @@ def within_lens(plane: NDArray[np.float64], distortion: tuple[float, ...]) -> ND
 
 @lru_cache(maxsize=16)
 def _turning_point(k1: float, k2: float, k3: float) -> float:
-    """Return the least r^2 > 0 with 1 + 3 k1 r^2 + 5 k2 r^4 + 7 k3 r^6 = 0, else inf."""
+    """Return the smallest r^2 > 0 with 1 + 3 k1 r^2 + 5 k2 r^4 + 7 k3 r^6 = 0, else inf."""
     # In 1/r^2 the polynomial is monic, so coefficients that are 0 do no harm.
     roots = np.roots([1.0, 3.0 * k1, 5.0 * k2, 7.0 * k3])
     real = roots.real[(np.abs(roots.imag) < 1e-12) & (roots.real > 1e-12)]

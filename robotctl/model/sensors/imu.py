@@ -15,13 +15,13 @@ class ImuConfig:
     Parameters
     ----------
     enabled
-        Whether the robot has an IMU (CAN node 4) and needs it: it does not arm without.
+        Whether the robot has an IMU (CAN node 4), without which it does not arm.
     x_m, y_m
-        The IMU in `base` [m].
+        Position of the IMU in `base` [m].
     yaw_deg
-        Where its x axis points in `base`, 0 forward, 90 left [deg]; its z axis points up.
+        Direction of its x axis in `base`, 0 forward, 90 left [deg]; its z axis points up.
     tilt_max_deg
-        Tilted farther than this from upright, the robot stops; 5 to 60 [deg].
+        Tilt from upright beyond which the robot stops, 5 to 60 [deg].
 
     Raises
     ------

@@ -9,7 +9,7 @@ from typing import Literal
 from robotctl.errors import InvalidValue
 
 SOCKET = "socket"
-"""As the driver: another program publishes the scans on the robot's local socket `lidar`."""
+"""Driver of a lidar whose scans another program publishes on the robot's local socket `lidar`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,22 +19,22 @@ class LidarConfig:
     Parameters
     ----------
     driver
-        The driver: `rplidar`, or `socket` for a program of your own, or the simulator, that
-        publishes its scans.
+        Driver: `rplidar`, or `socket` for a program of your own, or the simulator, that publishes
+        its scans.
     device
         Serial device.
     baud
-        Its speed: 115200 for an A1 or A2M8, 256000 for an A2M7, A2M12 or A3.
+        Bit rate: 115200 for an A1 or A2M8, 256000 for an A2M7, A2M12 or A3.
     x_m, y_m
-        The lidar in `base` [m].
+        Position of the lidar in `base` [m].
     yaw_deg
         Direction of its zero in `base`, 0 forward, 90 left [deg].
     upside_down
         Whether it is mounted upside down.
     min_range_m, max_range_m
-        Nearer and farther echoes are dropped [m].
+        Minimum and maximum range; other echoes are dropped [m].
     beams
-        Beams of a scan: the full circle in equal steps, 8 to 3600.
+        Beams per scan, the full circle in equal steps, 8 to 3600.
     hidden_deg
         Sectors in which the robot sees itself: from, to [deg], counter-clockwise as seen from
         above, 0 forward of `base`.

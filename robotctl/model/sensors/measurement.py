@@ -1,8 +1,8 @@
 """Proprioceptive and exteroceptive measurements (Siegwart et al., section 4.1).
 
 A proprioceptive measurement depends on the robot's own states alone, z = z(x_i, x_i-1); an
-exteroceptive one on its state and on the world, z = z(x, y). Each says when and in which frame it
-holds, and how sure it is.
+exteroceptive one on its state and on the world, z = z(x, y). Each has its time, frame and
+uncertainty.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from robotctl.model.geometry.se2 import SE2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionMeasurement:
-    """Proprioceptive: how the robot moved, by its wheels.
+    """Proprioceptive: motion of the robot by its wheels.
 
     Parameters
     ----------
     begin_ns, stamp_ns
-        From when to when [ns].
+        Begin and end of the motion [ns].
     motion
-        `base` at the end in `base` at the beginning.
+        Pose of `base` at the end in `base` at the beginning.
     covariance
-        Of (x, y, theta) of the motion, in `base` at the beginning, (3, 3) [m, m, rad].
+        Covariance of (x, y, theta) of the motion, in `base` at the beginning, (3, 3) [m, m, rad].
 
     Raises
     ------
@@ -48,19 +48,19 @@ class MotionMeasurement:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RangeMeasurement:
-    """Exteroceptive: how far it is along some beams, all at one instant.
+    """Exteroceptive: ranges along some beams, all at one instant.
 
     Parameters
     ----------
     stamp_ns
-        When [ns].
+        Time [ns].
     beams
-        Origin and direction of each in `base`, (k, 3) [m, m, rad].
+        Origin and direction of each beam in `base`, (k, 3) [m, m, rad].
     ranges_m
-        (k,) [m]; inf: nothing within `max_range_m`; nan: this one did not measure.
+        Ranges, (k,) [m]; inf: nothing within `max_range_m`; nan: no measurement.
     sigmas_m
-        Standard deviation of each, (k,) [m]; they err independently, so that the covariance is
-        diagonal.
+        Standard deviation of each range, (k,) [m]; errors are independent, so that the covariance
+        is diagonal.
     max_range_m
         Maximum range [m]; None: not known.
 

@@ -1,4 +1,4 @@
-"""The sonar readings in a stream of control states that are new, each at the time of its sound."""
+"""New sonar readings in a stream of control states, each at the time of its sound."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ class RangeScan:
     max_range_m
         Maximum range [m], > 0.
     x_m, y_m
-        The sensor in `base` [m].
+        Position of the sensor in `base` [m].
     sigmas_m
         Standard deviation of each range, (n,) [m], >= 0, nan if there is no reading; None: not
         known.

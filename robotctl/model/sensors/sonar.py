@@ -10,17 +10,17 @@ from typing import Final, NamedTuple
 from robotctl.errors import InvalidValue
 
 SPEED_OF_SOUND_M_S: Final = 343.0
-"""In air at 20 degC."""
+"""Speed of sound in air at 20 degC [m/s]."""
 
 FARTHEST_M: Final = 10.0
 """Maximum distance of a sonar from `base` along either axis [m]."""
 
 
 def listening_ns(ranges_m: Iterable[float], max_range_m: float) -> int:
-    """Return how long sonars that fired together have listened when their ranges are sent [ns].
+    """Return the listening time of sonars that fired together [ns].
 
-    Up to the last echo, or for the whole of `max_range_m` where one is missing (inf). So much
-    earlier the robot stood where they measured.
+    It lasts up to the last echo, or over the whole of `max_range_m` if one is missing (inf). The
+    ranges were measured that long before they are sent.
     """
     farthest_m = max((r for r in ranges_m if not math.isnan(r)), default=0.0)
     return round(2e9 * min(farthest_m, max_range_m) / SPEED_OF_SOUND_M_S)
@@ -42,7 +42,7 @@ class SonarMount:
     Raises
     ------
     ValueError
-        On an empty name, a number that is not finite, or a place that is no place on a robot.
+        If the name is empty, a number is not finite, or the place cannot be on a robot.
     """
 
     name: str
@@ -73,7 +73,7 @@ class SonarMount:
 class SonarReading(NamedTuple):
     """Readings of sonars that fired together.
 
-    `stamp_ns` is when the sound was sent. `ranges_m` has one range for each sonar of the robot:
+    `stamp_ns` is the time of the sound. `ranges_m` has one range for each sonar of the robot:
     inf without echo, nan for those that did not fire then.
     """
 

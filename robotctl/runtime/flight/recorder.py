@@ -2,8 +2,8 @@
 
 A record is a sequence of length-prefixed msgpack messages: one `RecordHeader`, then a `Checkpoint`
 followed by the `Tick` of each step, then perhaps more of both. A record that was cut short (a kill,
-a full disk) reads up to its last whole tick. Each checkpoint holds the core between two steps, so a
-record may begin anywhere in a run and may have gaps.
+a full disk) reads up to its last whole tick. Each checkpoint holds the state of the core between
+two steps, so a record may begin anywhere in a run and may have gaps.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ class RecordError(RobotctlError):
 class RecordHeader(msgspec.Struct, frozen=True):
     """Data that a replay needs besides the ticks.
 
-    `robot_json` is the whole configuration as JSON; the pose is where odometry started; `fields`
-    are `fields_of` the core, without which checkpoints are taken as they come. `epoch_ns`, added to
-    the times of ticks, gives those of the logs; 0 in virtual time and in records of older versions.
+    `robot_json` is the whole configuration as JSON; the pose is the start of odometry; `fields` are
+    `fields_of` the core, without which checkpoints are not checked. `epoch_ns`, added to the times
+    of ticks, gives those of the logs; 0 in virtual time and in records of older versions.
     """
 
     version: str
@@ -46,7 +46,7 @@ class RecordHeader(msgspec.Struct, frozen=True):
 
 
 class Checkpoint(msgspec.Struct, frozen=True, array_like=True, gc=False, tag=0):
-    """The core after `ticks` steps, as of `checkpoint`; empty: as it was made, or not kept."""
+    """State of the core after `ticks` steps, from `checkpoint`; empty: initial, or unknown."""
 
     ticks: int
     core: bytes = b""
@@ -58,7 +58,7 @@ _WHOLE_RUN: Final = Checkpoint(0)
 class Tick(msgspec.Struct, frozen=True, array_like=True, gc=False, tag=1):
     """One step: its time, all inputs and outputs, and its punctuality.
 
-    `lag_ns` is the wake-up behind the deadline, `step_ns` the time from waking to having sent.
+    `lag_ns` is the wake-up latency after the deadline, `step_ns` the time from wake-up to send.
     """
 
     now_ns: int
@@ -73,16 +73,16 @@ Entry: TypeAlias = Checkpoint | Tick
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """The first tick that a replay computed otherwise.
+    """The first tick with another result in a replay.
 
     Parameters
     ----------
     number
-        Which step of the run, from 1.
+        Number of the step in the run, from 1.
     tick
-        As recorded.
+        Recorded tick.
     outputs
-        As computed.
+        Computed outputs.
     """
 
     number: int
@@ -97,11 +97,11 @@ class Replayed:
     Parameters
     ----------
     agreed
-        Ticks whose outputs came out the same, bit for bit, before the first that did not.
+        Ticks with the same outputs, bit for bit, before the first other one.
     gaps
-        Places where ticks are missing and the replay went on from a checkpoint.
+        Number of gaps after which the replay continued from a checkpoint.
     difference
-        None if all agree.
+        First difference; None if all agree.
     """
 
     agreed: int
@@ -110,16 +110,16 @@ class Replayed:
 
 
 class Recorder:
-    """Encodes a run, or the rest of it, and passes it on.
+    """Encodes a run, or the rest of it, for a sink.
 
     Parameters
     ----------
     sink
-        Takes whole messages.
+        Function that takes whole messages.
     header
-        Sent first.
+        First message.
     begin
-        The core before the first tick; by default the run begins with the record.
+        Core before the first tick; by default the run begins with the record.
     """
 
     def __init__(
@@ -144,7 +144,7 @@ def read_record(file: BinaryIO, name: str) -> tuple[RecordHeader, Iterator[Entry
     Raises
     ------
     RecordError
-        If the file is no record, or a whole message in it is damaged.
+        If the file is not a record, or a whole message in it is damaged.
     """
     messages = _messages(file, name)
     first = next(messages, None)
@@ -158,7 +158,7 @@ def read_record(file: BinaryIO, name: str) -> tuple[RecordHeader, Iterator[Entry
 
 
 def is_cut(file: BinaryIO) -> bool:
-    """Return whether a record ends within a message; one cut between two of them looks whole."""
+    """Return whether a record ends within a message; a cut between two of them is not seen."""
     size = file.seek(0, 2)
     place = 0
     while place < size:
@@ -172,20 +172,20 @@ def is_cut(file: BinaryIO) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class ReplayedStep:
-    """A recorded tick, done again.
+    """A replayed tick.
 
     Parameters
     ----------
     number
-        Which step of the run, from 1.
+        Number of the step in the run, from 1.
     tick
-        As recorded.
+        Recorded tick.
     core
-        After the step.
+        Core after the step.
     outputs
-        As computed.
+        Computed outputs.
     gaps
-        Places so far where ticks are missing and the replay continued from a checkpoint.
+        Number of gaps so far after which the replay continued from a checkpoint.
     """
 
     number: int
@@ -201,12 +201,12 @@ def replay(
     name: str,
     fields: Mapping[str, tuple[str, ...]] = MappingProxyType({}),
 ) -> Replayed:
-    """Step a core through recorded inputs until an output differs; as `replay_steps`.
+    """Step a core through recorded inputs until an output differs, see `replay_steps`.
 
     Raises
     ------
     RecordError
-        As `replay_steps`, and where the record has no tick.
+        As for `replay_steps`, and if the record has no tick.
     """
     encode = msgspec.msgpack.Encoder().encode
     agreed = gaps = 0
@@ -232,19 +232,19 @@ def replay_steps(
     Parameters
     ----------
     make_core
-        Builds the core in its state before the first step.
+        Function that builds the core in its state before the first step.
     entries
-        Of a record.
+        Entries of a record.
     name
-        Of the record, for errors.
+        Name of the record, for errors.
     fields
-        Of its header: what its checkpoints are made of.
+        `fields` of its header, the structure of its checkpoints.
 
     Raises
     ------
     RecordError
-        If a checkpoint cannot be read or does not fit the classes that are here, or the record
-        has nothing to begin with.
+        If a checkpoint cannot be read or does not fit the present classes, or the record has no
+        start.
     """
     core: ControlCore | None = None
     is_made = False
@@ -270,7 +270,7 @@ def replay_steps(
 
 
 def framed(payload: bytes) -> bytes:
-    """Put the length in front."""
+    """Return a message with its length in front."""
     return LENGTH.pack(len(payload)) + payload
 
 

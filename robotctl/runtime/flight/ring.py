@@ -4,7 +4,7 @@ The loop writes into a ring file on tmpfs through a shared mapping. That costs n
 never waits: the pages are filled before the loop starts, locked by its `mlockall`, and have no
 disk behind them. (A mapped file on a disk would be write-protected page by page as the kernel
 writes it back, and the loop's next store there would wait for the disk.) It survives the end of
-every process, however they end, but no power cut.
+every process, but no power cut.
 
 The ring is cut into segments, each beginning with a checkpoint of the core, so that the rest can be
 replayed after the oldest segment was overwritten. A segment's sequence number is 0 while its
@@ -41,7 +41,7 @@ from robotctl.runtime.storage.ring_file import leads_to, new_locked, remove_old
 
 SEGMENTS: Final = 16
 SEGMENT_SIZE: Final = 1 << 18
-"""Bytes; with `SEGMENTS` a ring of 4 MiB: some 60 s at 200 Hz, 12 s at 1 kHz."""
+"""Size of a segment [bytes]; `SEGMENTS` make a ring of 4 MiB: 60 s at 200 Hz, 12 s at 1 kHz."""
 
 _MAGIC: Final = b"robotctl flight ring 1\n"
 _HEAD: Final = struct.Struct("<24sIII")
@@ -49,7 +49,7 @@ _HEAD_SIZE: Final = 1 << 16
 _SEGMENT_HEAD: Final = struct.Struct("@QQ")
 _WORD: Final = _SEGMENT_HEAD.size // 2
 _RESERVE: Final = 1 << 15
-"""A segment with less room is full: the longest tick needs less."""
+"""Free space below which a segment is full [bytes]; the longest tick needs less."""
 
 
 class FlightRing:
@@ -58,19 +58,19 @@ class FlightRing:
     Parameters
     ----------
     path
-        The ring's file, on tmpfs. Where there is one already, its process did not end in order:
-        it becomes `crashed(path)`.
+        File of the ring, on tmpfs. An existing one is from a process that crashed, and becomes
+        `crashed(path)`.
     header
-        Of every record made from the ring.
+        Header of every record made from the ring.
     checkpoint
-        Returns the present state of the core.
+        Function that returns the present state of the core.
     segments, segment_size
-        Of the ring; the size in bytes, a multiple of 8.
+        Number of segments, and size of each [bytes], a multiple of 8.
 
     Raises
     ------
     LinkError
-        If the file cannot be made, there is no memory for it, or another process writes it.
+        If the file cannot be created, there is no memory for it, or another process writes it.
     """
 
     def __init__(
@@ -99,10 +99,10 @@ class FlightRing:
         self._memory[_HEAD.size : _HEAD.size + len(start)] = start
         self._begin_segment()
         _HEAD.pack_into(self._memory, 0, b"", segments, segment_size, len(start))
-        self._memory[: len(_MAGIC)] = _MAGIC  # last: a reader believes the rest from here on
+        self._memory[: len(_MAGIC)] = _MAGIC  # last: a reader trusts the rest from now on
 
     def _map(self, size: int) -> mmap.mmap:
-        """Return the ring's memory, all of it present."""
+        """Return the ring's memory, with all pages present."""
         try:
             # Reserve the pages now: on a full tmpfs a later write would end the process with
             # SIGBUS.
@@ -142,7 +142,7 @@ class FlightRing:
             try:
                 core = self._checkpoint()
             except (pickle.PicklingError, TypeError, AttributeError):
-                core = b""  # no state in the record is a pity, no loop is a standstill
+                core = b""  # better no state in the record than no control loop
         memory = self._memory
         self._segment = _HEAD_SIZE + (self._sequence % self._segments) * self._segment_size
         self._end = self._segment + self._segment_size
@@ -157,12 +157,12 @@ class FlightRing:
         self._words[self._mark - 1] = self._sequence
 
     def close(self) -> None:
-        """Remove the ring of a process that ends in order; open readers keep it."""
+        """Remove the ring at an orderly end; open readers keep it."""
         self._path.unlink(missing_ok=True)
         self._let_go()
 
     def _let_go(self) -> None:
-        """Do what the kernel does when the process ends."""
+        """Release memory and lock, like the kernel at the end of the process."""
         self._words.release()
         self._memory.close()
         os.close(self._lock)
@@ -173,7 +173,7 @@ class Part(NamedTuple):
 
     sequence: int
     offset: int
-    """Start in the segment [bytes]."""
+    """Offset in the segment [bytes]."""
     data: bytes
 
     @property
@@ -188,12 +188,12 @@ class RingReader:
     Parameters
     ----------
     path
-        The ring's file.
+        File of the ring.
 
     Raises
     ------
     RecordError
-        If there is none, or it is no ring.
+        If it is missing or not a ring.
     """
 
     def __init__(self, path: Path) -> None:
@@ -212,14 +212,14 @@ class RingReader:
         self.header: bytes = os.pread(self._descriptor, length, _HEAD.size)
 
     def replaced(self) -> bool:
-        """Return whether the path leads elsewhere by now: the process ended or restarted."""
+        """Return whether the path now leads elsewhere: the process ended or restarted."""
         return not leads_to(self.path, self._descriptor)
 
     def read(self, after: Part | None = None) -> list[Part]:
         """Return the content of the ring, or the part after the one given, oldest first.
 
-        A segment that begins meanwhile waits for the next call: what came into the one before it
-        after that was read would else be passed over.
+        A segment that begins meanwhile waits for the next call; otherwise late ticks of the
+        previous one would be skipped.
         """
         done = after.sequence if after is not None else 1
         places = [_HEAD_SIZE + index * self._segment_size for index in range(self._segments)]
@@ -248,7 +248,7 @@ class RingReader:
 
 
 def dump_size(ring: Path) -> int:
-    """Return how long a dump of a ring is now [bytes].
+    """Return the present length of a dump of a ring [bytes].
 
     Raises
     ------
@@ -263,7 +263,7 @@ def dump_size(ring: Path) -> int:
 
 
 def dump(ring: Path, target: Path) -> None:
-    """Write a ring as a record; the target appears when it is whole and on the disk.
+    """Write a ring as a record; the target appears once it is complete and on the disk.
 
     Raises
     ------

@@ -19,12 +19,12 @@ _COUNT = struct.Struct("=Q")
 
 
 class ProcessHeartbeat:
-    """The beating side. Without a supervisor nothing reads it.
+    """The sender, in the supervised process. Without a supervisor nothing reads it.
 
     Parameters
     ----------
     environment
-        Where `VARIABLE` may name the descriptor, usually `os.environ`.
+        Environment whose `VARIABLE` may name the descriptor, usually `os.environ`.
     """
 
     def __init__(self, environment: Mapping[str, str]) -> None:
@@ -33,18 +33,18 @@ class ProcessHeartbeat:
         self._memory = mmap.mmap(-1 if descriptor is None else int(descriptor), _COUNT.size)
 
     def beat(self) -> None:
-        """Say that one more round of work is done."""
+        """Count one more round of work."""
         self._count += 1
         _COUNT.pack_into(self._memory, 0, self._count)
 
 
 class HeartbeatMonitor:
-    """The watching side: one for each start of a process.
+    """The receiver, in the supervisor: one for each start of a process.
 
     Attributes
     ----------
     descriptor
-        To be inherited by the process, its number in `VARIABLE`.
+        Descriptor that the process inherits, with its number in `VARIABLE`.
     """
 
     def __init__(self) -> None:
@@ -53,10 +53,10 @@ class HeartbeatMonitor:
         self._memory = mmap.mmap(self.descriptor, _COUNT.size, prot=mmap.PROT_READ)
 
     def count(self) -> int:
-        """Return how often the process has beaten."""
+        """Return the number of beats of the process."""
         return int(_COUNT.unpack_from(self._memory)[0])
 
     def close(self) -> None:
-        """Give the memory back."""
+        """Release the memory."""
         self._memory.close()
         os.close(self.descriptor)

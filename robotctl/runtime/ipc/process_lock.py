@@ -1,4 +1,4 @@
-"""Claims: resources for only one process of this computer, such as the commands on a bus.
+"""Claims of resources for only one process of this computer, such as the commands on a bus.
 
 A claim is an abstract Unix socket (unix(7)). Its name belongs to the network namespace, as CAN
 interfaces do, whoever the user is; the kernel frees it when the process ends, however it ends.
@@ -15,10 +15,10 @@ from robotctl.errors import LinkError
 
 
 def claim_bus(interface: str, channel: str) -> socket.socket:
-    """Claim the commands on a CAN bus, as `claim`.
+    """Claim the commands on a CAN bus, see `claim`.
 
-    Linux opens a network device by its other names (`ip link`: altname) too; it is claimed by its
-    first, or as it is called if there is none at the moment.
+    Linux also opens a network device by its other names (`ip link`: altname); it is claimed by its
+    first name, or by the given one if there is no such device.
     """
     if interface == "socketcan":
         with suppress(OSError):
@@ -32,7 +32,7 @@ def claim(what: str) -> socket.socket:
     Raises
     ------
     LinkError
-        If another process has it.
+        If another process holds it.
     """
     holder = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
     try:

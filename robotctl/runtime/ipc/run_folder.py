@@ -1,4 +1,4 @@
-"""Shared memory that simulated runs leave when they are killed, and its removal.
+"""Removal of the shared memory of killed simulated runs.
 
 Every process of a robot holds a shared lock on the folder of its sockets, which the kernel frees
 when the process ends, however it ends. A folder that can be locked exclusively belongs to nobody.
@@ -17,21 +17,21 @@ from robotctl.runtime.ipc.topics import endpoint_directory, endpoint_path, ring_
 from robotctl.runtime.storage.ring_file import crashed, leads_to
 
 _PREFIX: Final = "sim-"
-"""Prefix of instances that no later start uses; a robot's own files are kept for its next start."""
+"""Prefix of instances that no later start uses; a real robot's files stay for its next start."""
 
 
 def simulated_instance() -> str:
-    """Return the name of the run that this process simulates."""
+    """Return the instance name of the run that this process simulates."""
     return f"{_PREFIX}{os.getpid()}"
 
 
 def hold_folder(instance: str) -> int:
-    """Make the folder of an instance's sockets and hold it; return the descriptor that does.
+    """Make and lock the folder of an instance's sockets; return the descriptor with the lock.
 
     Raises
     ------
     LinkError
-        As `endpoint_directory`.
+        As for `endpoint_directory`.
     """
     while True:
         folder = endpoint_directory(instance)
@@ -40,11 +40,11 @@ def hold_folder(instance: str) -> int:
             fcntl.flock(held, fcntl.LOCK_SH)
             if leads_to(folder, held):
                 return held
-            os.close(held)  # removed in between, as one that nobody had held yet
+            os.close(held)  # removed in between, while no process held it
 
 
 def remove_dead_runs() -> None:
-    """Remove folders, clocks and flight rings of simulated runs none of whose processes lives."""
+    """Remove folders, clocks and flight rings of simulated runs without a live process."""
     for folder in endpoint_path("any").parent.glob(f"{_PREFIX}*"):
         with suppress(OSError):  # gone, or not ours
             held = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
@@ -56,7 +56,7 @@ def remove_dead_runs() -> None:
 
 
 def _remove(folder: Path) -> None:
-    """Remove what belongs to a run; the folder last, since it leads to the rest."""
+    """Remove the files of a run; the folder last, since it leads to the rest."""
     ring = ring_folder() / ring_name(folder.name)
     for path in (ring, crashed(ring), ring.with_suffix(".clock")):
         path.unlink(missing_ok=True)

@@ -1,8 +1,8 @@
 """Messages between the processes of one robot: ZeroMQ over Unix sockets, msgpack by msgspec.
 
 States are published (PUB/SUB): late subscribers miss the past, as they should for states. Requests
-are pushed (PUSH/PULL) and never kept for a process that is not there: a request to move or to arm
-that waited for a restart would come as a surprise.
+are pushed (PUSH/PULL) and never kept for an absent process: a request to move or to arm that waited
+for a restart would be a surprise.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ _MEMORY = Path("/dev/shm")  # noqa: S108 - a private directory in it
 
 
 def endpoint_path(instance: str) -> Path:
-    """Return where the sockets of one robot `instance` are, or would be.
+    """Return the folder of the sockets of a robot `instance`, whether or not it exists.
 
     Raises
     ------
     LinkError
-        If the name is none of a folder, the path is so long that no socket fits into it, or no
-        folder takes temporary files.
+        If the name cannot be that of a folder, the path is too long for a socket, or no folder
+        accepts temporary files.
     """
     if "/" in instance or "\0" in instance or instance in ("", ".", ".."):
         raise LinkError(
@@ -67,7 +67,7 @@ def endpoint_directory(instance: str) -> Path:
     Raises
     ------
     LinkError
-        As `endpoint_path`, and where the directory belongs to somebody else or is open to others.
+        As for `endpoint_path`, and if the directory belongs to another user or is open to others.
     """
     path = endpoint_path(instance)
     _private(path.parent)
@@ -75,21 +75,21 @@ def endpoint_directory(instance: str) -> Path:
 
 
 def ring_path(instance: str) -> Path:
-    """Return where the flight ring of a robot is: in memory, in a private directory, made here.
+    """Return the path of a robot's flight ring, in memory, in a private directory, made here.
 
     One ring belongs to one `endpoint_directory`, whose path is part of its name.
 
     Raises
     ------
     LinkError
-        As `endpoint_directory`.
+        As for `endpoint_directory`.
     """
     endpoint_directory(instance)
     return _private(ring_folder()) / ring_name(instance)
 
 
 def ring_folder() -> Path:
-    """Return where the flight rings of this user are, or would be.
+    """Return the folder of this user's flight rings, whether or not it exists.
 
     Raises
     ------
@@ -103,12 +103,12 @@ def ring_folder() -> Path:
 
 
 def ring_name(instance: str) -> str:
-    """Return how the flight ring of a robot is called in `ring_folder`.
+    """Return the name of a robot's flight ring in `ring_folder`.
 
     Raises
     ------
     LinkError
-        As `endpoint_path`.
+        As for `endpoint_path`.
     """
     return f"{instance}-{zlib.crc32(bytes(endpoint_path(instance))):08x}.ring"
 
@@ -136,7 +136,7 @@ class Endpoints:
     Parameters
     ----------
     directory
-        Where the sockets live; see `endpoint_directory`.
+        Folder of the sockets; see `endpoint_directory`.
     """
 
     def __init__(self, directory: Path) -> None:
@@ -147,11 +147,11 @@ class Endpoints:
         self.telemetry_notices = f"ipc://{directory}/telemetry.notices"
         self.telemetry_requests = f"ipc://{directory}/telemetry.requests"
         self.parameters = f"ipc://{directory}/parameters"
-        """Address of the parameters, which telemetry owns; not in `published`: no log has them."""
+        """Address of the parameters, which telemetry owns; not in `published`, since not logged."""
         self.recorder_notices = f"ipc://{directory}/recorder.notices"
         self.recorder_requests = f"ipc://{directory}/recorder.requests"
         self.supervisor_notices = f"ipc://{directory}/supervisor.notices"
-        """Address of the supervisor's notices; not in `published`: it has reported them."""
+        """Address of the supervisor's notices; not in `published`, since already reported."""
         self.supervisor_requests = f"ipc://{directory}/supervisor.requests"
         self.truth = f"ipc://{directory}/truth"
         self.lidar = f"ipc://{directory}/lidar"
@@ -160,7 +160,7 @@ class Endpoints:
         self.web_notices = f"ipc://{directory}/web.notices"
         self.foxglove_notices = f"ipc://{directory}/foxglove.notices"
         self.web_links = directory / "web.links"
-        """File in which the web process says where its page is, tokens included."""
+        """File with the addresses of the web page, tokens included."""
 
     @property
     def published(self) -> tuple[str, ...]:
@@ -183,9 +183,9 @@ class Publisher:
     Parameters
     ----------
     context, address
-        Where.
+        ZeroMQ context, and address to publish on.
     queue
-        Messages kept for a slow subscriber; newer ones are dropped.
+        Maximum messages kept for a slow subscriber; newer ones are dropped.
     """
 
     def __init__(self, context: zmq.Context[Any], address: str, queue: int = _QUEUE) -> None:
@@ -200,17 +200,17 @@ class Publisher:
     def greet(self, message: msgspec.Struct | None) -> None:
         """Send `message` to each new subscriber from now on, instead of the previous one.
 
-        None: nothing.
+        None: no greeting.
 
-        Messages of a process at its start, when nobody listens yet, arrive this way. It goes out
-        with the next `send` or `attend` after a subscriber connects.
+        Messages of a process at its start, before anyone listens, arrive this way. The greeting is
+        sent with the next `send` or `attend` after a subscriber connects.
         """
         words = b"" if message is None else self._encoder.encode(message)
         # Documented for XPUB; it works for PUB, which libzmq derives from it.
         self._socket.setsockopt(zmq.XPUB_WELCOME_MSG, words)
 
     def attend(self) -> None:
-        """Greet new subscribers; for a process that seldom sends anything."""
+        """Greet new subscribers, for a process that seldom sends."""
         # The query lets the socket process pending subscriptions.
         self._socket.getsockopt(zmq.EVENTS)
 
@@ -236,8 +236,8 @@ class _Receiver(Generic[T]):
     def receive(self) -> list[T]:
         """Return all waiting messages, oldest first, without waiting.
 
-        Asking the descriptor first costs a fifth of asking the socket, which a control tick feels.
-        It signals changes only, not waiting messages, so always read everything.
+        Polling the descriptor first costs a fifth of polling the socket, which matters in a control
+        tick. It signals changes only, not waiting messages, so always read everything.
         """
         messages: list[T] = []
         if not self._signal.poll(0):
@@ -272,7 +272,7 @@ class Subscriber(_Receiver[T]):
 
 
 class RawSubscriber:
-    """Listens to publishers, and hands on what they send as it is."""
+    """Listens to publishers, and returns their messages as raw bytes."""
 
     def __init__(self, context: zmq.Context[Any], addresses: tuple[str, ...]) -> None:
         self._socket = _socket(context, zmq.SUB)
@@ -298,7 +298,7 @@ class RequestReceiver(_Receiver[T]):
 
 
 class RequestSender:
-    """Sends requests to one process; if it is not there they are dropped, not kept."""
+    """Sends requests to one process; they are dropped if it is absent."""
 
     def __init__(self, context: zmq.Context[Any], address: str) -> None:
         self._socket = _socket(context, zmq.PUSH)
@@ -309,7 +309,7 @@ class RequestSender:
         self._encoder = msgspec.msgpack.Encoder()
 
     def send(self, request: msgspec.Struct) -> bool:
-        """Send one request without waiting; return whether a process was there to take it."""
+        """Send one request without waiting; return whether a process took it."""
         try:
             self._socket.send(self._encoder.encode(request), zmq.NOBLOCK)
         except zmq.Again:
@@ -337,7 +337,7 @@ def _socket(context: zmq.Context[Any], kind: int, queue: int = _QUEUE) -> zmq.So
 
 
 def _bind(socket: zmq.Socket[bytes], address: str) -> None:
-    """Bind, with an error that names the address."""
+    """Bind; errors name the address."""
     try:
         socket.bind(address)
     except zmq.ZMQError as error:

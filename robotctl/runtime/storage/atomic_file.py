@@ -1,4 +1,4 @@
-"""Files that appear when they are whole; before that they are `NAME.part`, locked by the writer."""
+"""Files that appear only when complete; until then they are `NAME.part`, locked by the writer."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ _PART: Final = ".part"
 
 @contextmanager
 def part_file(target: Path) -> Iterator[BinaryIO]:
-    """Open a file that takes its target's place when it is whole and on the disk.
+    """Open a file that replaces its target once complete and on the disk.
 
-    It is removed where that fails; what is at the target stays then.
+    If that fails it is removed, and the target stays unchanged.
 
     Raises
     ------
@@ -38,12 +38,12 @@ def part_file(target: Path) -> Iterator[BinaryIO]:
 
 
 def write_whole(target: Path, content: str | bytes) -> None:
-    """Write a file that all may read; it is the old one or the new one, never half of it.
+    """Write a file atomically, readable for all users.
 
     Raises
     ------
     OSError
-        If it cannot be written; the old one stays.
+        If it cannot be written; the old file stays.
     """
     with part_file(target) as file:
         file.write(content.encode() if isinstance(content, str) else content)
@@ -53,5 +53,5 @@ def write_whole(target: Path, content: str | bytes) -> None:
 def remove_parts(folder: Path, pattern: str) -> None:
     """Remove temporary files left by dead writers of targets like `pattern`."""
     for path in folder.glob(f"{pattern}{_PART}"):
-        with suppress(OSError):  # it ended just now, or may not be removed
+        with suppress(OSError):  # its writer just ended, or it may not be removed
             remove_dead(path)

@@ -33,17 +33,17 @@ class LogError(RobotctlError):
 
 @dataclass(frozen=True, slots=True)
 class LogConfig:
-    """How much is logged, where logging is asked for.
+    """Size limits of logs.
 
     Parameters
     ----------
     file_mb
-        A file that has become larger is followed by a new one [MB].
+        Size of a file above which a new one begins [MB].
     total_mb
-        The oldest files are removed while all logs of the folder are larger together [MB]: ten
-        times `file_mb` to 1e9.
+        Total size of the folder's logs above which the oldest are removed [MB], ten times `file_mb`
+        to 1e9.
     pictures_every_s
-        Time between the pictures of an enabled camera that are kept [s]: 0.2 to 3600; 0: none are.
+        Time between stored pictures of an enabled camera [s], 0.2 to 3600; 0: none are stored.
     """
 
     file_mb: float = 64.0
@@ -89,8 +89,8 @@ def make_folder(directory: Path) -> None:
 def age_rank(status: os.stat_result) -> tuple[bool, int]:
     """Return a sort key that puts the oldest file first.
 
-    What is dated after now was written before the clock was put back, as that of a computer
-    without a battery is at each start: it is older than whatever has been written since.
+    A file dated in the future was written before the clock was set back, as at each start of a
+    computer without a battery: it is older than everything written since.
     """
     return status.st_mtime_ns <= time.time_ns(), status.st_mtime_ns
 
@@ -110,9 +110,9 @@ class LogFolder:
     Parameters
     ----------
     directory
-        Made where it is missing.
+        Folder of the logs, made if missing.
     config
-        Bounds.
+        Size limits.
 
     Raises
     ------
@@ -127,12 +127,12 @@ class LogFolder:
         make_folder(directory)
 
     def new(self, kind: str, suffix: str) -> Path:
-        """Return the path of a new file, such as `control-0002.rec`; make room first."""
+        """Return the path of a new file, such as `control-0002.rec`, after making room."""
         self.trim()
         return self.directory / f"{kind}-{self._next(kind):04d}.{suffix}"
 
     def pictures(self) -> Path:
-        """Return the folder for pictures of a run whose first log of states is yet to be made."""
+        """Return the folder for pictures of a run whose first log of states is still missing."""
         return self.directory / f"pictures-{self._next('robot'):04d}"
 
     def open(self, kind: str, suffix: str) -> BinaryIO:
@@ -147,14 +147,14 @@ class LogFolder:
             path = self.new(kind, suffix)
             file = path.open("wb")
             hold(file)
-            if leads_to(path, file.fileno()):  # not removed as an empty one before it was locked
+            if leads_to(path, file.fileno()):  # not removed as empty before it was locked
                 return file
             file.close()
 
     def begin_run(self) -> int:
-        """Return the number of a simulated run, that of its first log of states, its truth and map.
+        """Return the number of a simulated run, shared by its first log of states, truth and map.
 
-        An empty truth takes it, and stays where the run does not come to its end: so its logs are
+        An empty truth file reserves it, and stays if the run is interrupted, so that its logs are
         not mistaken for those of the previous run.
 
         Raises
@@ -172,21 +172,21 @@ class LogFolder:
         return max(number, self._last("truth")) if kind == "robot" else number
 
     def _last(self, kind: str) -> int:
-        """Return the greatest number of the files of one kind; 0 without any."""
+        """Return the highest number of the files of one kind; 0 without any."""
         matches = (_NUMBERED.fullmatch(path.name) for path in self.directory.iterdir())
         return max((int(m[2] or m[5]) for m in matches if m and kind in (m[1], m[4])), default=0)
 
     def remove_empty(self) -> None:
-        """Remove logs of the recorder in which nothing arrived: a disk was full."""
+        """Remove empty logs of the recorder, left by a full disk."""
         for path in self.directory.iterdir():
             match = _LOG.fullmatch(path.name)
             if match and match[1] in _OF_THE_RECORDER:
                 _remove_if_empty(path)
 
     def trim(self, keep: Collection[Path] = ()) -> None:
-        """Remove the oldest logs until the rest is within the bound.
+        """Remove the oldest logs until the rest is within the limit.
 
-        Those in `keep` stay, and those that are being written.
+        Logs in `keep` stay, and so do those being written.
         """
         files = []
         for path in self.directory.iterdir():
@@ -202,17 +202,17 @@ class LogFolder:
 
 
 def is_gone(file: IO[Any]) -> bool:
-    """Return whether a log being written was deleted, so that writing on is useless."""
+    """Return whether a log being written was deleted, so that further writing is useless."""
     return not leads_to(Path(file.name), file.fileno())
 
 
 def close_log(file: IO[Any]) -> None:
-    """Close a log and remove it if nothing arrived in it, as on a full disk.
+    """Close a log and remove it if empty, as on a full disk.
 
     Raises
     ------
     OSError
-        If the disk refuses what was still to be written; the file is closed nevertheless.
+        If the disk refuses the rest of the data; the file is closed nevertheless.
     """
     try:
         file.close()
@@ -221,7 +221,7 @@ def close_log(file: IO[Any]) -> None:
 
 
 def _remove_if_empty(path: Path) -> None:
-    """Remove an empty file that is not being written; keep it if that is refused."""
+    """Remove an empty file that is not being written; ignore a refusal."""
     with suppress(OSError):
         if path.stat().st_size == 0:
             _removed(path)
@@ -231,6 +231,6 @@ def _removed(path: Path) -> bool:
     """Remove a log unless it is being written; return whether it is gone."""
     try:
         remove_dead(path)
-    except OSError:  # a disk without locks, or one that refuses this as well
+    except OSError:  # a disk without locks, or one that refuses this, too
         path.unlink(missing_ok=True)
     return not path.exists()

@@ -1,9 +1,9 @@
-"""A file of records that only grows, for state too large to be rewritten at each change.
+"""An append-only file of records, for state too large to rewrite at each change.
 
-Each record has its length and a CRC-32 of both; whenever the writer is killed or the power is cut,
-all whole records are read again, and a last one that is not whole is left out. Anything else that
-does not fit is damage. A thread writes, so nobody waits for the disk, and brings what it wrote
-there, twice a second at most. A file that has doubled is compacted, by itself.
+Each record has its length and a CRC-32 of both; after a kill or a power cut all complete records
+can be read, and an incomplete last one is dropped. Any other mismatch is damage. A thread writes
+and syncs, at most twice a second, so that callers never wait for the disk. A file that has doubled
+is compacted.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ from robotctl.runtime.storage.state_file import damaged_name
 Compacted: TypeAlias = Callable[[Sequence[bytes]], list[bytes]]
 
 _RECORD: Final = struct.Struct("<III")
-"""Length of a record [B], its CRC-32, and that of these eight bytes."""
+"""Length of a record [B], its CRC-32, and the CRC-32 of these eight bytes."""
 _PERIOD_S: Final = 0.5
 _AGAIN_S: Final = 5.0
-"""Interval between tries on a disk that refuses."""
+"""Interval between retries after a refusal of the disk [s]."""
 _GROWTH_BYTES: Final = 16 << 20
-"""A file is compacted when it is twice as long as after the last time, and so much longer."""
+"""Minimum growth for a compaction [bytes]; the file must also have doubled since the last."""
 
 
 class DamagedLogError(DiskError):
-    """A file is no log of records, or not as it was written."""
+    """A file is not a log of records, or damaged."""
 
 
 def packed(records: Sequence[bytes]) -> bytes:
-    """Return records as they stand in a file."""
+    """Return records encoded for a file."""
     parts = []
     for record in records:
         sizes = struct.pack("<II", len(record), zlib.crc32(record))
@@ -48,12 +48,12 @@ def packed(records: Sequence[bytes]) -> bytes:
 
 
 def unpacked(content: bytes) -> list[bytes]:
-    """Return the whole records at the beginning of a file's content, after its heading.
+    """Return the complete records of a file's content after its heading.
 
     Raises
     ------
     ValueError
-        If there is anything else than records, the last of which may not be whole.
+        If there is anything other than records, the last of which may be incomplete.
     """
     records, at = [], 0
     while len(content) - at >= _RECORD.size:
@@ -74,12 +74,12 @@ def unpacked(content: bytes) -> list[bytes]:
 
 
 def read_records(path: Path, heading: bytes) -> list[bytes]:
-    """Return the whole records of a file; none if it is not there.
+    """Return the complete records of a file; none if it is missing.
 
     Raises
     ------
     DamagedLogError
-        If it is no such file, or damaged.
+        If it is not such a file, or damaged.
     DiskError
         If it cannot be read.
     """
@@ -100,7 +100,7 @@ def read_records(path: Path, heading: bytes) -> list[bytes]:
 
 
 def set_aside(path: Path, why: str = "damaged") -> Path:
-    """Rename a file to a name that is free and says why; return that.
+    """Rename a file to a free name that contains the reason; return that.
 
     Raises
     ------
@@ -121,11 +121,11 @@ class RecordLog:
     Parameters
     ----------
     path, heading
-        The file; how it begins.
+        Path of the file, and its first bytes.
     records
-        What is in it; the file is written anew with that.
+        Present records; the file is rewritten with these.
     compacted
-        Returns fewer records that say the same.
+        Function that returns fewer records with the same content.
 
     Raises
     ------
@@ -155,15 +155,15 @@ class RecordLog:
 
     @property
     def problem(self) -> str:
-        """Why the disk does not take what was added last; empty: it does."""
+        """Reason why the disk refuses the last records; empty: it does not."""
         return self._problem
 
     def add(self, records: Sequence[bytes]) -> None:
-        """Have records written soon."""
+        """Queue records for writing."""
         self._queue.put(records)
 
     def close(self) -> None:
-        """Write what was added, unless the disk refuses, and end."""
+        """Write queued records, unless the disk refuses, and end."""
         self._closing.set()
         self._queue.put(None)
         self._thread.join()
@@ -178,7 +178,7 @@ class RecordLog:
         return file
 
     def _run(self) -> None:
-        """Write what is added."""
+        """Write queued records until closed."""
         pending = b""
         is_last = False
         while not is_last:
@@ -199,7 +199,7 @@ class RecordLog:
             self._closing.wait(_PERIOD_S)
 
     def _write(self, content: bytes) -> None:
-        """Append to the file and bring it to the disk; what is left of a failure goes first."""
+        """Append to the file and sync it, after removing the rest of a failed write."""
         os.ftruncate(self._file.fileno(), self._size)
         left = memoryview(content)
         while left:
@@ -208,7 +208,7 @@ class RecordLog:
         self._size += len(content)
 
     def _compact(self) -> None:
-        """Rewrite the file if it has become long."""
+        """Rewrite the file if it has grown enough."""
         if self._size <= 2 * self._least + _GROWTH_BYTES:
             return
         records = unpacked(self._path.read_bytes()[len(self._heading) :])

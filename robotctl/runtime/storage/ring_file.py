@@ -1,8 +1,8 @@
 """Owner of a flight ring or log (its writer's lock), and the place for a dead process's ring.
 
-A ring is locked by its writer as long as that lives. Before renaming or removing one, lock it, then
-check that the path still leads to the locked file: another process may have replaced it in between.
-So the ring of a live process is never taken away.
+A ring is locked by its writer for the writer's lifetime. Before renaming or removing one, lock it,
+then check that the path still leads to the locked file: another process may have replaced it in
+between. So the ring of a live process is never removed.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from typing import IO, Any, Final
 from robotctl.errors import LinkError
 
 MOST_DEAD: Final = 4
-"""Rings kept of processes that did not end in order and whose recorder did not either."""
+"""Maximum rings kept of processes that crashed together with their recorder."""
 
 _PROBES: Final = 50
 _PROBE_S: Final = 0.002
-"""A probe locks a ring for some microseconds; a writer waits for it."""
+"""Wait of a writer for a probe, which locks a ring for some microseconds [s]."""
 
 
 def crashed(path: Path) -> Path:
@@ -31,7 +31,7 @@ def crashed(path: Path) -> Path:
 
 
 def is_written(path: Path) -> bool:
-    """Return whether the process that writes a file is still alive; it holds a lock on it."""
+    """Return whether a live process writes a file, by the lock on it."""
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     except FileNotFoundError:
@@ -48,7 +48,7 @@ def is_written(path: Path) -> bool:
 def hold(file: IO[Any]) -> bool:
     """Lock a file while it is open; return whether no other process has locked it.
 
-    On a disk that knows no locks, as some in a network, it stays without one.
+    A disk without locks, as in some networks, counts as success.
     """
     try:
         return _locked(file.fileno())
@@ -57,7 +57,7 @@ def hold(file: IO[Any]) -> bool:
 
 
 def leads_to(path: Path, descriptor: int) -> bool:
-    """Return whether a path leads to an open file, not to another that has taken its place."""
+    """Return whether a path leads to an open file, not to its replacement."""
     try:
         there = path.stat()
     except FileNotFoundError:
@@ -99,7 +99,7 @@ def retire(path: Path) -> None:
     with _dead(path) as descriptor:
         if descriptor is None:
             return
-        if os.fstat(descriptor).st_size == 0:  # one that is just being made, or never was
+        if os.fstat(descriptor).st_size == 0:  # just being created, or never completed
             path.unlink()
         else:
             path.replace(crashed(path))
@@ -143,7 +143,7 @@ def _locked(descriptor: int) -> bool:
 
 @contextmanager
 def _dead(path: Path) -> Iterator[int | None]:
-    """Hold the lock of the file at a path; None if there is none, or its writer lives."""
+    """Hold the lock of the file at a path; None if it is missing, or its writer lives."""
     descriptor = _lock_dead(path)
     try:
         yield descriptor
@@ -153,7 +153,7 @@ def _dead(path: Path) -> Iterator[int | None]:
 
 
 def _lock_dead(path: Path) -> int | None:
-    """Lock the file at a path; None if there is none, or its writer lives."""
+    """Lock the file at a path; None if it is missing, or its writer lives."""
     while True:
         try:
             descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)

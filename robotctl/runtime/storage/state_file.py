@@ -1,8 +1,8 @@
-"""State that survives restarts and power cuts: small values in files that are whole or not there.
+"""State that survives restarts and power cuts: small values in files written atomically.
 
-A save writes a new file, brings it to the disk, makes the present file the previous generation and
-puts the new one in its place. Whenever the process is killed or the power is cut, `load` afterwards
-returns the old value or the new one, never a mixture. A file is one line of heading (format,
+A save writes a new file, syncs it, makes the present file the previous generation and puts the new
+one in its place. After a kill or a power cut at any time, `load` returns the old value or the new
+one, never a mixture. A file is one line of heading (format,
 length and CRC-32 of the rest) and the value as JSON, so that people can read it.
 
 Saving waits for the disk: never in the control process.
@@ -32,7 +32,7 @@ class StateError(RobotctlError):
 
 
 class FileSystem(Protocol):
-    """The part of module `os` that state files need; tests replace it to make it fail."""
+    """The part of module `os` used by state files; tests replace it to inject failures."""
 
     def open(self, path: Path, flags: int, mode: int = ..., /) -> int:
         """As `os.open`."""
@@ -70,12 +70,12 @@ class StateFile(Generic[T]):
     Parameters
     ----------
     path
-        The file; its folder must exist. Beside it lie `NAME.previous` and, while saving,
+        Path of the file; its folder must exist. Beside it are `NAME.previous` and, while saving,
         `NAME.new`. A damaged file becomes `NAME.damaged-1` and so on, and is never removed.
     kind
         Type of the value, a `msgspec.Struct`.
     system
-        How to reach the disk.
+        File system to use.
     """
 
     def __init__(self, path: Path, kind: type[T], system: FileSystem = os) -> None:
@@ -86,15 +86,15 @@ class StateFile(Generic[T]):
         self._system = system
 
     def load(self) -> tuple[T | None, tuple[str, ...]]:
-        """Return the newest whole value, and a sentence for each file that was set aside.
+        """Return the newest complete value, and a sentence for each file that was set aside.
 
-        None if there never was a value, or none of the generations is whole.
+        None if there never was a value, or no generation is complete.
 
         Raises
         ------
         StateError
-            If the disk refuses to be read, or a damaged file to be set aside; that is no
-            reason to begin with nothing, nor with a value that the next save puts there for good.
+            If the disk cannot be read, or a damaged file cannot be set aside. Neither is a reason
+            to start with nothing, or with an old value that the next save would make permanent.
         """
         notes: list[str] = []
         for path in (self.path, self._previous):
@@ -120,7 +120,7 @@ class StateFile(Generic[T]):
         Raises
         ------
         StateError
-            If the disk refuses. The value before stays.
+            If the disk refuses; the previous value stays.
         """
         body = msgspec.json.encode(value) + b"\n"
         content = _HEADING + f"{len(body)} {zlib.crc32(body):08x}\n".encode() + body
@@ -129,7 +129,7 @@ class StateFile(Generic[T]):
             # At every moment one complete value exists under one of the names; a rename lasts only
             # once the folder is synced.
             self._write(self._new, content)
-            with suppress(FileNotFoundError):  # the first save, or one that was cut here before
+            with suppress(FileNotFoundError):  # the first save, or one that was interrupted here
                 system.rename(self.path, self._previous)
             system.rename(self._new, self.path)
             self._sync_folder()
@@ -137,7 +137,7 @@ class StateFile(Generic[T]):
             raise StateError(f"{self.path}: cannot be written: {error.strerror}") from error
 
     def _write(self, path: Path, content: bytes) -> None:
-        """Write a file and bring it to the disk."""
+        """Write a file and sync it."""
         system = self._system
         flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC
         descriptor = system.open(path, flags, 0o644)
@@ -149,7 +149,7 @@ class StateFile(Generic[T]):
             system.close(descriptor)
 
     def _sync_folder(self) -> None:
-        """Bring the names to the disk."""
+        """Sync the folder."""
         system = self._system
         descriptor = system.open(self.path.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC, 0)
         try:
@@ -179,7 +179,7 @@ class StateFile(Generic[T]):
         Raises
         ------
         ValueError
-            If it is not exactly what was saved, or of another kind.
+            If it is not exactly as saved, or of another kind.
         """
         heading, _, body = content.partition(b"\n")
         if not heading.startswith(_HEADING):
@@ -192,7 +192,7 @@ class StateFile(Generic[T]):
         return self._decoder.decode(body)  # a DecodeError is a ValueError
 
     def _set_aside(self, path: Path) -> Path:
-        """Rename a damaged file to a name that is free."""
+        """Rename a damaged file to a free name."""
         taken = self._system.listdir(path.parent)
         target = path.with_name(damaged_name(self.path.name, taken))
         self._system.rename(path, target)

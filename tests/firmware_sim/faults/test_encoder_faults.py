@@ -28,7 +28,7 @@ class Wheel:
     def encoder(self, _counts_per_revolution):
         return self
 
-    def tell(self, axis, factor):
+    def feed_speed_loop(self, axis, factor):
         self.told = axis, factor
 
 

@@ -353,12 +353,12 @@ def test_a_loop_that_is_told_a_wrong_speed_runs_away_to_its_limits(factor: float
     left, _right = p.axes
     run_wheels(p, 3.0, 3.0, limits=BRISK)
     p.step(1000)
-    left.tell(0, factor)
+    left.feed_speed_loop(0, factor)
     p.step(3000)
     # Nothing but the supply bounds it: it gives all voltage, forwards.
     assert left.voltage_v == pytest.approx(p.bus_voltage_v, rel=0.02)
     assert left.speed_rad_s > 15.0
-    left.tell(0, 1.0)
+    left.feed_speed_loop(0, 1.0)
     p.step(3000)
     assert left.speed_rad_s == pytest.approx(3.0, abs=0.01)
 
@@ -366,7 +366,7 @@ def test_a_loop_that_is_told_a_wrong_speed_runs_away_to_its_limits(factor: float
 def test_loops_whose_encoders_are_exchanged_follow_each_other() -> None:
     p = ideal()
     for axis, other in zip(p.axes, (1, 0), strict=True):
-        axis.tell(other, 1.0)
+        axis.feed_speed_loop(other, 1.0)
     p.axes[0].command(Mode.SPEED, 4.0)
     p.axes[1].command(Mode.COAST)
     p.step(300)
@@ -378,7 +378,7 @@ def test_braking_needs_no_encoder() -> None:
     run_wheels(p, 5.0, 5.0, limits=BRISK)
     p.step(1000)
     for axis in p.axes:
-        axis.tell(0, -1.0)
+        axis.feed_speed_loop(0, -1.0)
         axis.command(Mode.BRAKE_CURRENT, 3.0)
     p.step(1000)
     assert abs(p.v_m_s) < 1e-3
@@ -389,8 +389,8 @@ def test_the_order_of_motors_does_not_matter() -> None:
     run_wheels(one, 3.0, -7.0, limits=BRISK)
     run_wheels(two, -7.0, 3.0, limits=BRISK)
     for p in (one, two):
-        p.axes[0].tell(1, 1.0)
-        p.axes[1].tell(0, 1.0)
+        p.axes[0].feed_speed_loop(1, 1.0)
+        p.axes[1].feed_speed_loop(0, 1.0)
         p.step(700)
     assert one.axes[0].speed_rad_s == pytest.approx(two.axes[1].speed_rad_s, rel=1e-9)
     assert one.omega_rad_s == pytest.approx(-two.omega_rad_s, rel=1e-9)

@@ -18,7 +18,6 @@ from robotctl.model.drives.drives import (
     SkidSteerDrive,
     TricycleDrive,
 )
-from robotctl.model.drives.motion import turning_radius_m
 from robotctl.model.geometry.twist import Twist
 
 DIFFERENTIAL = DifferentialDrive("differential", 0.3, 0.05, 2400)
@@ -146,7 +145,7 @@ def test_a_curvature_out_of_reach_is_clamped_and_the_speed_kept(drive, v, excess
     twist = forward(drive, wanted)
     assert abs(wanted.joints_rad[0]) == drive.steering_max_rad
     assert twist.v_m_s == pytest.approx(v, rel=1e-12)
-    assert turning_radius_m(twist.v_m_s, twist.omega_rad_s) == pytest.approx(
+    assert twist.v_m_s / twist.omega_rad_s == pytest.approx(
         math.copysign(drive.min_turning_radius_m, v * omega)
     )
 
@@ -196,9 +195,7 @@ def test_the_front_wheel_rolls_along_its_own_larger_circle(omega1, s):
     assert math.hypot(vx, vy) == pytest.approx(omega1 * FRONT.wheel_radius_m)
     assert math.atan2(vy, vx) == pytest.approx(s)
     assert math.hypot(vx, vy) / twist.omega_rad_s == pytest.approx(FRONT.front_turning_radius_m(s))
-    assert turning_radius_m(twist.v_m_s, twist.omega_rad_s) == pytest.approx(
-        FRONT.turning_radius_m(s)
-    )
+    assert twist.v_m_s / twist.omega_rad_s == pytest.approx(FRONT.turning_radius_m(s))
 
 
 @pytest.mark.parametrize("drive", STEERED, ids=lambda d: f"{d.kind}")
@@ -206,32 +203,6 @@ def test_straight_steering_has_an_infinite_radius_and_full_steering_the_smallest
     assert drive.turning_radius_m(0.0) == math.inf
     full = drive.turning_radius_m(-drive.steering_max_rad)
     assert -full == pytest.approx(drive.min_turning_radius_m)
-
-
-@given(st.floats(0.01, 0.6))
-def test_the_linkage_keeps_the_ackermann_condition(s):
-    inner, outer = CAR.linkage_angles_rad(s)
-    assert inner > s > outer
-    assert 1 / math.tan(outer) - 1 / math.tan(inner) == pytest.approx(
-        CAR.track_width_m / CAR.wheelbase_m
-    )
-    right_turn = CAR.linkage_angles_rad(-s)
-    assert right_turn.left == pytest.approx(-outer)
-    assert right_turn.right == pytest.approx(-inner)
-
-
-def test_straight_on_both_front_wheels_are_straight():
-    assert CAR.linkage_angles_rad(0.0) == (0.0, 0.0)
-
-
-@given(st.floats(-20.0, 20.0), steerings)
-def test_rear_wheels_of_a_car_move_as_a_rigid_body_and_average_to_the_carrier(omega1, s):
-    twist = CAR.forward((omega1,), (s,))
-    left, right = CAR.rear_wheel_speeds_rad_s(omega1, s)
-    half = 0.5 * CAR.track_width_m * twist.omega_rad_s
-    assert left * CAR.wheel_radius_m == pytest.approx(twist.v_m_s - half, abs=1e-12)
-    assert right * CAR.wheel_radius_m == pytest.approx(twist.v_m_s + half, abs=1e-12)
-    assert 0.5 * (left + right) == pytest.approx(omega1, abs=1e-12)
 
 
 @pytest.mark.parametrize("drive", ALL, ids=lambda d: d.kind)

@@ -6,14 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robotctl.model.drives.motion import (
-    arc,
-    arc_of_radius,
-    integrate,
-    straight,
-    turn,
-    turning_radius_m,
-)
+from robotctl.model.drives.motion import arc, integrate, straight, turn
 from robotctl.model.geometry.angles import sinc, wrap_angle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
@@ -63,13 +56,7 @@ def test_an_arc_is_the_closed_formula_of_the_notes(pose, radius, side, angle):
         pose.y_m - R * (math.cos(t + angle) - math.cos(t)),
         t + angle,
     )
-    assert_close(arc_of_radius(pose, R, angle), expected)
     assert_close(arc(pose, R * angle, angle), expected)
-
-
-def test_an_arc_of_infinite_radius_is_refused():
-    with pytest.raises(ValueError, match="radius_m"):
-        arc_of_radius(SE2(), math.inf, 0.1)
 
 
 @given(poses, lengths)
@@ -119,10 +106,3 @@ def test_exact_integration_agrees_with_many_runge_kutta_steps(v, omega):
         y += h * v / 6 * (math.sin(theta) + 4 * math.sin(middle) + math.sin(theta + h * omega))
         theta += h * omega
     assert_close(integrate(start, Twist(v, omega), dt), SE2(x, y, theta), 1e-9)
-
-
-def test_the_turning_radius_is_signed_and_infinite_straight_on():
-    assert turning_radius_m(0.5, 0.25) == 2.0
-    assert turning_radius_m(0.5, -0.25) == -2.0
-    assert turning_radius_m(0.5, 0.0) == math.inf
-    assert turning_radius_m(0.0, 1.0) == 0.0

@@ -1,1 +1,1 @@
-"""Steps of the guided first day; `registry` has their order."""
+"""Steps of the guided set-up; `registry` has their order."""

@@ -1,4 +1,4 @@
-"""Questions that several steps ask."""
+"""Questions common to several steps."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ def on_blocks() -> Question:
 
 
 def confirm(topic: Topic, text: str, subject: str = "") -> Generator[Ask | Tell, Answer, bool]:
-    """Ask a question of yes or no; return whether the answer is yes."""
+    """Ask a yes/no question; return whether the answer is yes."""
     return (yield Ask(topic, text, Kind.YES_NO, default="yes", subject=subject)) == "yes"
 
 
 def again_or_give_up(problem: str, remedy: str) -> Question:
-    """Tell a problem, and wait until the person wants to try again.
+    """Report a problem, and wait until the person wants to try again.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def again_or_give_up(problem: str, remedy: str) -> Question:
 def in_service(bench: Bench) -> Question:
     """Wait until all drives and nodes are in service, and no drive is latched.
 
-    Between two steps nobody talks to the drives, and some latch that.
+    Between two steps nothing is sent to the drives, and some latch that.
     """
     while True:
         bench.commission()

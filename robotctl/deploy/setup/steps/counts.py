@@ -20,18 +20,18 @@ TURNS: Final = 10
 """Turns by hand."""
 
 ALIKE: Final = 0.02
-"""Difference between counted and reported turns that is the hand's [share]."""
+"""Difference between counted and reported turns from turning by hand [share]."""
 
 _LEAST_TURNS: Final = 0.02
-"""A wheel that is reported to turn less was not turned, or is not told."""
+"""Reported turns below which a wheel was not turned, or not reported."""
 _SCALES: Final = ("pole_pairs", "counts_per_turn")
 """Keys of a table `[[motor]]` by which reported turns are divided."""
 _FINE_PARTS: Final = 40
-"""Greatest denominator of a ratio of small numbers."""
+"""Maximum denominator of a ratio of small numbers."""
 
 
 def run(bench: Bench) -> Script:
-    """Compare reported turns with counted ones, and correct what they are made of."""
+    """Compare reported turns with counted ones, and correct their factors."""
     yield from in_service(bench)
     yield Tell(
         f"Now each wheel is turned {TURNS} times forwards by hand, with the motors off: as it "
@@ -60,7 +60,7 @@ def run(bench: Bench) -> Script:
 
 
 def _turn(bench: Bench, wheel: Wheel) -> Generator[Ask | Tell, Answer, tuple[Wheel, float]]:
-    """Have a wheel turned; return which is reported, and reported turns by counted ones."""
+    """Have a wheel turned; return the reported wheel, and reported over counted turns."""
     while True:
         before_rad = [each.angle_rad for each in bench.wheels]
         text = f"Turn the wheel {wheel.name} {TURNS} times forwards by hand, then press Enter."
@@ -85,7 +85,7 @@ def _turn(bench: Bench, wheel: Wheel) -> Generator[Ask | Tell, Answer, tuple[Whe
 
 
 def _correct(bench: Bench, wheel: Wheel, factor: float) -> Generator[Ask | Tell, Answer, Changes]:
-    """Return the changes by which a wheel's reported turns, too many by a factor, become right."""
+    """Return the changes that correct a wheel's reported turns, too many by a factor."""
     drive = bench.config.drive
     number, place = axis_of(bench, wheel.name)
     motor = bench.config.motors[number]
@@ -128,7 +128,7 @@ def _takes_ratio(motor: MotorConfig, place: int) -> bool:
 
 
 def _even(ratio: float) -> float:
-    """Return a ratio as gears have it: whole where the hand's turns do not tell otherwise."""
+    """Return a plausible ratio of gears: a whole number within the accuracy of turning by hand."""
     whole = round(ratio)
     if whole and abs(ratio / whole - 1.0) <= ALIKE / 2:
         return float(whole)

@@ -1,4 +1,4 @@
-"""Step: which wheel each axis turns, and which way, one after the other at low speed on blocks."""
+"""Step: wheel and direction of each axis, one after the other at low speed on blocks."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ FORWARDS, BACKWARDS = "forwards", "backwards"
 
 
 class _Seen(NamedTuple):
-    """A motion as the person saw it."""
+    """A motion as seen by the person."""
 
     wheel: str
     backwards: bool
@@ -51,7 +51,7 @@ def run(bench: Bench) -> Script:
 
 
 def _see(bench: Bench, wheel: Wheel) -> Generator[Ask | Tell, Answer, _Seen]:
-    """Turn the axis of a wheel until it was seen which one turned, and which way."""
+    """Turn the axis of a wheel until the person has seen which one turned, and which way."""
     number, place = axis_of(bench, wheel.name)
     motor = bench.config.motors[number]
     axis = f"{motor.name}, axis {motor.axes[place].axis}"
@@ -78,9 +78,9 @@ def _see(bench: Bench, wheel: Wheel) -> Generator[Ask | Tell, Answer, _Seen]:
 
 
 def _encoder_problem(bench: Bench, wheel: Wheel, moved: Moved) -> tuple[str, str]:
-    """Return what is wrong with the report of a motion that was seen, and what to do about it.
+    """Return the problem in the report of a motion that was seen, and its remedy.
 
-    It is a matter of the wiring: the robot's file turns motor and encoder together.
+    The cause is the wiring, since the robot's file reverses motor and encoder together.
     """
     told_rad = moved.turned_rad[wheel.place]
     most = max(bench.wheels, key=lambda each: abs(moved.turned_rad[each.place]))
@@ -103,7 +103,7 @@ def _encoder_problem(bench: Bench, wheel: Wheel, moved: Moved) -> tuple[str, str
 
 
 def _corrected(bench: Bench, seen: dict[str, _Seen]) -> Changes:
-    """Return the changes by which each axis has the wheel that it was seen to turn."""
+    """Return the changes that assign each axis to the wheel that it was seen to turn."""
     axes = {}
     for name, each in seen.items():
         number, place = axis_of(bench, name)

@@ -1,4 +1,4 @@
-"""Step: what is left for the floor, with the commands that do it."""
+"""Step: remaining calibrations on the floor, with their commands."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from robotctl.deploy.setup.dialogue import NO_CHANGES, Script, Tell
 
 
 def run(bench: Bench) -> Script:
-    """Tell the commands of odometry, lidar and camera, for what this robot has."""
+    """Show the commands for odometry, lidar and camera, as far as this robot has them."""
     config = bench.config
     yield Tell(
         "Odometry: drive a square in each direction, measure by tape, and `robotctl calibrate "

@@ -1,4 +1,4 @@
-"""Step: all drives and nodes are on their buses, by the right numbers and with the right counts."""
+"""Step: all drives and nodes are on their buses, with the right ids and counts."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ _COUNTS: Final = re.compile(
     re.escape(COUNTS_DIFFER).replace(r"\{found\}", r"(\d+)").replace(r"\{wanted\}", r"\d+")
 )
 _NUMBERS: Final = range(255)
-"""Numbers that any protocol knows."""
+"""Node ids of all protocols."""
 _AT_ONCE: Final = 32
-"""Numbers listened to at once: a kernel filters by at most 512 identifiers."""
+"""Node ids listened to at once: the kernel filters by at most 512 identifiers."""
 _LISTEN_S: Final = 0.4
-"""Time for which they are listened to [s]: four heartbeats and more."""
+"""Listening time [s], more than four heartbeats."""
 
 
 def run(bench: Bench) -> Script:
-    """Check that all are in service; find out the true numbers of drives that are not heard."""
+    """Check that all are in service; find the true ids of silent drives."""
     while True:
         yield Tell("Looking for all drives and sensor nodes …")
         statuses = bench.commission()
@@ -54,7 +54,7 @@ def run(bench: Bench) -> Script:
 
 
 def _put_right(bench: Bench) -> Generator[Ask | Tell, Answer, Changes]:
-    """Return what the file has to say instead, where that can be found out."""
+    """Return the corrections of the file, as far as they can be found."""
     changes: list[Change] = []
     for number, (motor, drive, _) in enumerate(bench.drives):
         status = drive.status
@@ -70,7 +70,7 @@ def _put_right(bench: Bench) -> Generator[Ask | Tell, Answer, Changes]:
 
 
 def _ask_number(bench: Bench, number: int) -> Generator[Ask | Tell, Answer, int | None]:
-    """Look for a drive under other numbers, and ask for its true one; None: it is not known."""
+    """Search for a drive under other ids, and ask for its true one; None: unknown."""
     motor = bench.config.motors[number]
     found = find_numbers(bench, number)
     if found:
@@ -97,9 +97,9 @@ def _ask_number(bench: Bench, number: int) -> Generator[Ask | Tell, Answer, int 
 
 
 def find_numbers(bench: Bench, number: int) -> tuple[int, ...]:
-    """Return numbers by which drives of a motor's kind answer that the file does not know.
+    """Return ids, not in the file, under which drives of a motor's kind answer.
 
-    Each is called once as the drive itself would be; nothing is set and nothing moves.
+    Each is queried once like the drive itself; nothing is set and nothing moves.
     """
     motor = bench.config.motors[number]
     bus = motor.bus or bench.config.buses[0].name
@@ -119,7 +119,7 @@ def find_numbers(bench: Bench, number: int) -> tuple[int, ...]:
 def _candidates(
     bench: Bench, number: int, known: set[int]
 ) -> Generator[tuple[int, MotorDrive], None, None]:
-    """Yield each number that the drive could have, and the drive with it."""
+    """Yield each possible id of the drive, and the drive with that id."""
     for node_id in _NUMBERS:
         try:
             config = with_node_id(bench.config, number, node_id)
@@ -129,13 +129,13 @@ def _candidates(
             continue
         try:
             parts = make_parts(config, bench.codec)
-        except (ConfigError, InvalidValue):  # another part's frames
+        except (ConfigError, InvalidValue):  # the frames of another node
             continue
         yield node_id, parts.drives[number].drive
 
 
 def _listen(bench: Bench, bus: str, drives: list[MotorDrive]) -> None:
-    """Call drives by their numbers, and listen for those that answer."""
+    """Query drives by their ids, and listen for answers."""
     identifiers = {number for drive in drives for number in drive.handlers}
     ports = bench.buses.open({bus: identifiers})
     try:

@@ -1,8 +1,8 @@
-"""Step: each drive is seen to stop when the host falls silent, wheels on blocks.
+"""Step: proof that each drive stops when the host falls silent, wheels on blocks.
 
-All wheels turn slowly, then nothing is sent any more. What a drive tells by itself meanwhile shows
-when its power went; one that only answers is asked once, behind its time-out, and its wheel must
-stand in that first answer.
+All wheels turn slowly, then nothing more is sent. The unsolicited reports of a drive show when its
+power went; one that only answers is asked once, after its time-out, and its wheel must be at rest
+in that first answer.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from robotctl.drivers.can.drives.motor_drive import MotorConfig
 from robotctl.messages.actuators import DriveState
 
 SPIN_S: Final = 2.0
-"""Time for which the wheels turn before [s]."""
+"""Time for which the wheels turn before the silence [s]."""
 MARGIN_MS: Final = 200
-"""Time behind the time-out within which the power must be seen to be gone [ms].
+"""Time after the time-out within which the loss of power must show [ms].
 
 A wheel has to slow down first, and a state comes with a heartbeat."""
 ROLL_MS: Final = 500
-"""Further time in which it is seen whether the wheels are braked or coast [ms]."""
+"""Further time to observe whether the wheels are braked or coast [ms]."""
 
 STANDS: Final = 0.2
-"""Share of its speed at which it has stopped."""
+"""Share of its speed below which a wheel has stopped."""
 _RUNS_ON: Final = 0.95
-"""Share of its speed down to which a wheel may still be driven, whatever its drive says."""
+"""Share of its speed above which a wheel may still be driven, whatever its drive reports."""
 _TURNS: Final = 0.5
 """Share of the commanded speed at which a wheel turns well enough for the proof."""
 _ANSWERS: Final = 20
-"""Ticks within which a drive answers."""
+"""Maximum ticks until a drive answers."""
 _LATCHED: Final = (DriveState.STOPPED, DriveState.FAULT)
 
 
@@ -44,22 +44,22 @@ class _Witness:
     wheel: Wheel
     before_rad_s: float
     lost_ms: float | None = None
-    """Time after the last command at which its drive said that the power is gone [ms]."""
+    """Time after the last command at which its drive reported the loss of power [ms]."""
     ran_ms: float = 0.0
-    """Time after the last command up to which it had its speed [ms]."""
+    """Time after the last command up to which it kept its speed [ms]."""
     share: float = 1.0
-    """Newest speed as a share of that before."""
+    """Newest speed as a share of that before the silence."""
     told: bool = False
-    """Whether anything was told during the silence."""
+    """Whether anything was reported during the silence."""
 
     @property
     def off_ms(self) -> float:
-        """Time after the last command at which its power was seen to be gone [ms]."""
+        """Time after the last command at which the loss of power showed [ms]."""
         return self.ran_ms if self.lost_ms is None else self.lost_ms
 
 
 def run(bench: Bench) -> Script:
-    """Prove all drives; write the settings of those that are seen to stop."""
+    """Test all drives; write the settings of those that stop."""
     yield from in_service(bench)
     yield from on_blocks()
     proofs = {motor.name: drive.proof for motor, drive, _ in bench.drives}
@@ -95,7 +95,7 @@ def _spin(bench: Bench) -> None:
     Raises
     ------
     UnfinishedError
-        If one does not turn as it should.
+        If a wheel does not turn as commanded.
     """
     moved = bench.keep_spinning(bench.wheels, seconds=SPIN_S)
     if moved.stopped:
@@ -110,13 +110,13 @@ def _spin(bench: Bench) -> None:
 def _timeout_ms(bench: Bench, motor: MotorConfig) -> int:
     """Return the time within which a drive has to react [ms].
 
-    It is the robot's, or a longer one that the drive's table accepts.
+    It is the robot's time-out, or a longer one accepted in the drive's table.
     """
     return motor.accept_timeout_ms or bench.config.safety.command_timeout_ms
 
 
 def _watch(bench: Bench) -> list[_Witness]:
-    """Fall silent behind the last command, and return what is told of each wheel meanwhile."""
+    """Fall silent after the last command, and return the reports of each wheel meanwhile."""
     begin_ns = bench.now_ns
     witnesses = [_Witness(wheel, bench.speed_rad_s(wheel)) for wheel in bench.wheels]
     longest_ms = max(_timeout_ms(bench, motor) for motor in bench.config.motors)
@@ -137,7 +137,7 @@ def _watch(bench: Bench) -> list[_Witness]:
 
 
 def _note(bench: Bench, witness: _Witness, begin_ns: int, margin_ns: int) -> None:
-    """Take the newest report, which came without being asked for."""
+    """Record the newest unsolicited report."""
     wheel = witness.wheel
     report = bench.feedback.actuators[wheel.place]
     witness.told = report.motion_ns > margin_ns - MARGIN_MS * 1_000_000
@@ -151,7 +151,7 @@ def _note(bench: Bench, witness: _Witness, begin_ns: int, margin_ns: int) -> Non
 
 
 def _ask_once(bench: Bench, witnesses: list[_Witness], begin_ns: int) -> None:
-    """End the silence; the first answers show whether the power was gone before."""
+    """End the silence; the first answers show whether the power was off before."""
     asked_ns = bench.now_ns
     waiting = [each for each in witnesses if not each.told]
     for _ in range(_ANSWERS):
@@ -163,7 +163,7 @@ def _ask_once(bench: Bench, witnesses: list[_Witness], begin_ns: int) -> None:
 
 
 def _take_answer(bench: Bench, witness: _Witness, asked_ns: int) -> None:
-    """Take the first answer of a drive that only answers."""
+    """Record the first answer of a drive that only answers."""
     report = bench.feedback.actuators[witness.wheel.place]
     if witness.wheel.actuator.abilities.tells_speed:
         witness.told = report.motion_ns > asked_ns
@@ -175,7 +175,7 @@ def _take_answer(bench: Bench, witness: _Witness, asked_ns: int) -> None:
 
 
 def _judge(bench: Bench, motor: MotorConfig, witnesses: list[_Witness]) -> tuple[str, str]:
-    """Return why a drive is not proven, or else how it stopped."""
+    """Return why a drive is not proven, or how it stopped."""
     timeout_ms = _timeout_ms(bench, motor)
     for each in witnesses:
         name, share = each.wheel.name, each.share

@@ -1,4 +1,4 @@
-"""Steps: sonars, IMU and emergency stop, seen to answer to what the person does."""
+"""Steps: reactions of sonars, IMU and emergency stop to the person's actions."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from robotctl.messages.control import ImuFeedback
 HAND_M: Final = 0.2
 """Distance of the hand before a sonar [m]."""
 LOOK_S: Final = 1.5
-"""Time for which sensors are looked at [s]."""
+"""Duration of a measurement [s]."""
 TILTED_DEG: Final = 8.0
-"""Tilt that is plainly one [deg]."""
+"""Minimum tilt to recognise [deg]."""
 TURNED_DEG: Final = 20.0
-"""Turn that is plainly one [deg]."""
+"""Minimum turn to recognise [deg]."""
 
 
 def sonars(bench: Bench) -> Script:
-    """Hold a hand before each sonar; it must be that one which sees it."""
+    """Hold a hand before each sonar, which must be the one that detects it."""
     mounts = bench.config.sonar
     if not mounts:
         yield Tell("This robot has no sonars.")
@@ -58,7 +58,7 @@ def sonars(bench: Bench) -> Script:
 
 
 def _ranges(bench: Bench) -> list[float]:
-    """Return the median range of each sonar within a while [m]: single ones may be crosstalk."""
+    """Return the median range of each sonar over `LOOK_S` [m]: single ones may be crosstalk."""
     heard: list[list[float]] = [[] for _ in bench.config.sonar]
     end_ns = bench.now_ns + round(LOOK_S * 1e9)
     while bench.now_ns < end_ns:
@@ -70,7 +70,7 @@ def _ranges(bench: Bench) -> list[float]:
 
 
 def imu(bench: Bench) -> Script:
-    """Tilt and turn the robot by hand; the IMU must say the same."""
+    """Tilt and turn the robot by hand; the IMU must report the same."""
     mount = bench.config.imu
     if not mount.enabled:
         yield Tell("This robot has no IMU.")
@@ -102,7 +102,7 @@ def imu(bench: Bench) -> Script:
 
 
 def _turn_left(bench: Bench) -> Script:
-    """Have the robot turned to the left, and see it in the gyro."""
+    """Have the robot turned to the left, and check the gyro."""
     while True:
         yield Ask(Topic.LEVEL, "Put it level again and leave it alone.")
         tracker, turned_rad, last_ns = InertialTracker(bench.config.imu), 0.0, 0
@@ -129,7 +129,7 @@ def _turn_left(bench: Bench) -> Script:
 
 
 def _look(bench: Bench) -> ImuFeedback | None:
-    """Return what the IMU of a robot at rest says."""
+    """Return the IMU's feedback of a robot at rest."""
     tracker = InertialTracker(bench.config.imu)
     end_ns = bench.now_ns + round(LOOK_S * 1e9)
     while bench.now_ns < end_ns:
@@ -149,7 +149,7 @@ def _roll_deg(found: ImuFeedback) -> float:
 
 
 def emergency_stop(bench: Bench) -> Script:
-    """Have the emergency stop pressed and released, and see both."""
+    """Have the emergency stop pressed and released, and check both."""
     yield from in_service(bench)
     while True:
         yield Ask(Topic.PRESS, "Press the emergency stop, and press Enter.")
@@ -172,7 +172,7 @@ def emergency_stop(bench: Bench) -> Script:
 
 
 def _stopped(bench: Bench) -> str:
-    """Return how the drives show that they are stopped; empty if they do not all."""
+    """Return how the drives report their stop; empty unless all do."""
     end_ns = bench.now_ns + round(LOOK_S * 1e9)
     while bench.now_ns < end_ns:
         bench.rest()

@@ -1,4 +1,4 @@
-"""Step: gains of wheels whose drives take a duty, and the greatest speed of the robot."""
+"""Step: gains of wheels whose drives take a duty, and the maximum speed of the robot."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _RPM: Final = 60.0 / math.tau
 
 
 def run(bench: Bench) -> Script:
-    """Say how fast the motors must turn, ask for the greatest speed, and how gains are found."""
+    """Show the required motor speeds, ask for the maximum speed, and show how to find gains."""
     config = bench.config
     for line in _motors(config):
         yield Tell(line)
@@ -35,7 +35,7 @@ def run(bench: Bench) -> Script:
 
 
 def _motors(config: RobotConfig) -> Iterator[str]:
-    """Yield what each motor has to do at the robot's limits."""
+    """Yield the required speed of each motor at the robot's limits."""
     fastest = fastest_wheel_rad_s(config.drive, config.limits)
     for motor in config.motors:
         for axis in motor.axes:
