@@ -1,8 +1,7 @@
 """SE(2): poses and rigid motions of the plane, in plain floats.
 
 The tangent is (rho_x, rho_y, theta): translation first [m], then rotation [rad], in the frame on
-the right (`T @ exp(xi)`). Jacobians and the adjoint, which need numpy, stand in
-`se2_jacobians.py`, so that the control process does not have to load it.
+the right (`T @ exp(xi)`).
 """
 
 from __future__ import annotations
