@@ -35,7 +35,7 @@ from robotctl.planning.behave.behaviours.behaviour import BehaviourInput, Behavi
 from robotctl.planning.behave.behaviours.breadcrumbs import Breadcrumbs
 from robotctl.planning.behave.behaviours.goto import NO_PILOT
 from robotctl.planning.behave.behaviours.goto_place import place_problems
-from robotctl.planning.behave.behaviours.kind import NavigatedRobot, Paths, Pilot
+from robotctl.planning.behave.behaviours.kind import NavigatedRobot, Pilot
 from robotctl.planning.behave.behaviours.registry import behaviour_for
 from robotctl.planning.behave.behaviours.rejoin import Rejoining
 from robotctl.planning.behave.behaviours.relocalise import LookAround
@@ -222,10 +222,6 @@ class Navigator:
         self._robot.config, self._limits = tables["navigation"], tables["limits"]
         self._guard.retune(self._robot.config.guard)
         self._look_around.speed_m_s = self._robot.config.look_around_speed_m_s
-
-    def learn_paths(self, paths: Paths) -> None:
-        """Set the free paths through the world, to continue from where the robot is found."""
-        self._robot.paths = paths
 
     def take_pilot(self, pilot: Pilot) -> None:
         """Let a pilot plan what is driven to a goal."""
