@@ -16,7 +16,7 @@ from robotctl.model.grid_map import GridMap
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.behave.behaviours.behaviour import BehaviourOutput
 from robotctl.planning.behave.behaviours.breadcrumbs import Breadcrumbs
-from robotctl.planning.behave.behaviours.kind import NavigatedRobot, Paths, Pilot
+from robotctl.planning.behave.behaviours.kind import NavigatedRobot, Pilot
 from robotctl.planning.behave.mission.mission_file import Mission
 from robotctl.planning.behave.modes.auto import Auto
 from robotctl.planning.behave.modes.modes import Modes
@@ -142,10 +142,6 @@ class Navigator:
         self._robot.config, self._modes.manual.limits = tables["navigation"], tables["limits"]
         self._robot.guard.retune(self._robot.config.guard)
         self._modes.look_around.speed_m_s = self._robot.config.look_around_speed_m_s
-
-    def learn_paths(self, paths: Paths) -> None:
-        """Set the free paths through the world, to continue from where the robot is found."""
-        self._robot.paths = paths
 
     def take_pilot(self, pilot: Pilot) -> None:
         """Let a pilot plan what is driven to a goal."""

@@ -141,8 +141,8 @@ def equip(
 ) -> bool:
     """Give the navigator what it drives through the world by; return whether scans are of use.
 
-    Free paths need a map. A pilot, which plans journeys, needs a map or a lidar, unless its mission
-    drives by plan: then sonars have to do.
+    A pilot, which plans journeys, needs a map or a lidar, unless its mission drives by plan: then
+    sonars have to do.
 
     Parameters
     ----------
@@ -158,11 +158,6 @@ def equip(
     """
     grid = None if estimators is None else estimators.world_map
     asked = navigator.auto.needs_pilot or bool(config.navigation.pilot.topology)
-    if grid is not None:
-        # scipy and numba take a while to load.
-        from robotctl.planning.path.global_planning.free_path import FreePaths  # noqa: PLC0415
-
-        navigator.learn_paths(FreePaths(grid, config.navigation.guard.half_width_m))
     if grid is not None or config.lidar is not None or asked:
         navigator.take_pilot(_pilot(config, options, grid, say, plan_s))
         return True

@@ -2,7 +2,8 @@
 
 The tangent is xi = (rho, phi), (6,): translation first [m], then rotation vector [rad]. The
 rotation is kept as a unit quaternion: `log` then is good near pi too, and long chains of
-compositions do not drift away from SO(3).
+compositions do not drift away from SO(3). Perturbations stand on the right: T becomes
+`T @ exp(delta)`.
 """
 
 from __future__ import annotations

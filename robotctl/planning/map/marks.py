@@ -377,21 +377,73 @@ def see_cone(
         What was marked before this has stood there [ns].
     """
     far = free if math.isnan(echo) else max(free, echo + agree)
+    cone = _cone(cells, x, y, heading, half_width, far)
+    stands, explained = _look_into(cells, layer, cone, free, echo, band, agree, now_ns, stood_ns)
+    if not explained:
+        _mark_arc(cells, layer, cone, echo, band, now_ns)
+    return stands or explained
+
+
+class _Cone(NamedTuple):
+    """A sonar's cone, and the cells around it."""
+
+    x: float
+    y: float
+    c: float
+    s: float
+    """Cosine and sine of its heading."""
+    least: float
+    """Cosine of half its width."""
+    rows: tuple[int, int]
+    columns: tuple[int, int]
+
+
+@compiled
+def _cone(cells: Cells, x: float, y: float, heading: float, half_width: float, far: float) -> _Cone:
+    """Return the cone up to a distance."""
     c, s = math.cos(heading), math.sin(heading)
-    least = math.cos(half_width)
     wide = far * math.sin(half_width)
     # The cone lies between its axis and half its width to each side of that.
     left, right = min(0.0, far * c) - wide, max(0.0, far * c) + wide
     low, high = min(0.0, far * s) - wide, max(0.0, far * s) + wide
-    row0, row1 = max(math.floor(y + low), 0), min(math.floor(y + high) + 1, cells.live.shape[0])
-    column0 = max(math.floor(x + left), 0)
-    column1 = min(math.floor(x + right) + 1, cells.live.shape[1])
+    rows, columns = cells.live.shape
+    return _Cone(
+        x,
+        y,
+        c,
+        s,
+        math.cos(half_width),
+        (max(math.floor(y + low), 0), min(math.floor(y + high) + 1, rows)),
+        (max(math.floor(x + left), 0), min(math.floor(x + right) + 1, columns)),
+    )
+
+
+@compiled
+def _distance_in(cone: _Cone, row: int, column: int) -> float:
+    """Return how far the centre of a cell is from the sonar; -1: it lies outside of the cone."""
+    dx, dy = column + 0.5 - cone.x, row + 0.5 - cone.y
+    distance = math.hypot(dx, dy)
+    return distance if cone.c * dx + cone.s * dy >= cone.least * distance else -1.0
+
+
+@compiled
+def _look_into(
+    cells: Cells,
+    layer: Layer,
+    cone: _Cone,
+    free: float,
+    echo: float,
+    band: float,
+    agree: float,
+    now_ns: int,
+    stood_ns: int,
+) -> tuple[bool, bool]:
+    """Clear what is nearer than the echo; return whether that is from what stands or is known."""
     stands = explained = math.isnan(echo)
-    for row in range(row0, row1):
-        for column in range(column0, column1):
-            dx, dy = column + 0.5 - x, row + 0.5 - y
-            distance = math.hypot(dx, dy)
-            if c * dx + s * dy < least * distance:
+    for row in range(cone.rows[0], cone.rows[1]):
+        for column in range(cone.columns[0], cone.columns[1]):
+            distance = _distance_in(cone, row, column)
+            if distance < 0.0:
                 continue
             near = abs(distance - echo) <= agree
             stands |= near and _has_stood(cells, layer, row, column, stood_ns)
@@ -400,11 +452,16 @@ def see_cone(
             elif abs(distance - echo) <= band:
                 others = cells.marks[row, column] & (255 - layer.bit)
                 explained |= others != 0 or cells.from_static[row, column] <= agree
-    if not explained:
-        for row in range(row0, row1):
-            for column in range(column0, column1):
-                dx, dy = column + 0.5 - x, row + 0.5 - y
-                distance = math.hypot(dx, dy)
-                if c * dx + s * dy >= least * distance and abs(distance - echo) <= band:
-                    _mark(cells, layer, row, column, now_ns)
-    return stands or explained
+    return stands, explained
+
+
+@compiled
+def _mark_arc(
+    cells: Cells, layer: Layer, cone: _Cone, echo: float, band: float, now_ns: int
+) -> None:
+    """Mark the cells from which the echo may be."""
+    for row in range(cone.rows[0], cone.rows[1]):
+        for column in range(cone.columns[0], cone.columns[1]):
+            distance = _distance_in(cone, row, column)
+            if distance >= 0.0 and abs(distance - echo) <= band:
+                _mark(cells, layer, row, column, now_ns)

@@ -25,13 +25,6 @@ if TYPE_CHECKING:
     from robotctl.planning.behave.behaviours.outlook import Outlook  # which loads numpy
 
 
-class Paths(Protocol):
-    """Knows free paths through the world, as `FreePaths` of a map does."""
-
-    def way(self, start: Point, goal: Point) -> list[Point]:
-        """Return the corners after `start`, `goal` the last; none if there is no path."""
-
-
 class Pilot(Protocol):
     """Knows what stands around the robot, and finds ways through it."""
 
@@ -120,8 +113,6 @@ class NavigatedRobot:
         Whether a camera of it looks for markers.
     places
         Names of the places that it can drive to.
-    paths
-        Free paths through the world; None: paths are straight lines.
     pilot
         Plans; None: the robot has nothing to plan by.
     rally
@@ -137,7 +128,6 @@ class NavigatedRobot:
     crumbs: Breadcrumbs
     sees_markers: bool = False
     places: tuple[str, ...] = ()
-    paths: Paths | None = None
     pilot: Pilot | None = None
     rally: tuple[Point, ...] = ()
     reverse: bool = False

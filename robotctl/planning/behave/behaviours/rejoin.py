@@ -21,50 +21,31 @@ from robotctl.planning.behave.behaviours.kind import NavigatedRobot
 from robotctl.planning.behave.behaviours.straight_to import StraightTo
 from robotctl.planning.behave.behaviours.turn_to import TurnTo
 from robotctl.planning.path.global_planning.goal import Goal
-from robotctl.planning.path.local.path import Point
 
 _NEAR_M: Final = 0.2
-"""Corners of the path are passed within this distance [m]."""
+"""Distance within which a robot that goes straight is back on the path of its behaviour [m]."""
 
 
 class Rejoin(Behaviour):
-    """Drives from corner to corner, then turns to the heading, if one is given.
+    """Drives back, part by part.
 
     Parameters
     ----------
-    corners
-        Corners of the path in `world` [m], ending at the goal; at least one.
-    heading_rad
-        At the end [rad]; None: any. A robot that cannot turn on the spot ends with any.
-    robot
-        Its drive, guard and settings.
+    parts
+        What to do, one after the other.
     """
 
-    def __init__(
-        self,
-        corners: Sequence[Point],
-        heading_rad: float | None,
-        robot: NavigatedRobot,
-    ) -> None:
-        config, drive, guard = robot.config.pursuit, robot.drive, robot.guard
-        speed_m_s = robot.config.guided_speed_m_s
-        # Corners need not be met exactly: the robot only has to get back to the path of its
-        # behaviour.
-        near = replace(config, goal_tolerance_m=max(_NEAR_M, config.goal_tolerance_m))
-        self._all: list[Behaviour] = [
-            StraightTo(x_m, y_m, near, drive, speed_m_s, guard) for x_m, y_m in corners
-        ]
-        if heading_rad is not None and not drive.steered:
-            self._all.append(TurnTo(heading_rad, config))
+    def __init__(self, parts: Sequence[Behaviour]) -> None:
+        self._all = parts
         self.reset()
 
     def reset(self) -> None:
-        """Begin with the first corner."""
+        """Begin with the first part."""
         self._left = list(self._all)
         self.pause()
 
     def pause(self) -> None:
-        """Continue to the corner that it was at."""
+        """Continue with the part that it was at."""
         for each in self._left:
             each.pause()
 
@@ -82,8 +63,8 @@ class Rejoining(Behaviour):
     """A behaviour that continues from its own place when the robot is found elsewhere.
 
     The robot was carried away, or its localiser had been wrong: the epoch of its pose in `world`
-    changes, or it has had to look around. It drives back on a free path if a map is known,
-    otherwise on a straight line; then the behaviour continues.
+    changes, or it has had to look around. It drives back by plan if it can, otherwise on a straight
+    line; then the behaviour continues.
 
     Parameters
     ----------
@@ -171,7 +152,18 @@ class Rejoining(Behaviour):
         # Near enough for the behaviour itself to continue.
         if off_m <= robot.config.pursuit.off_path_max_m and not turned:
             return None
-        goal = (anchor.x_m, anchor.y_m)
-        corners = robot.paths.way((pose.x_m, pose.y_m), goal) if robot.paths else []
-        rejoin = Rejoin(corners or [goal], anchor.heading_rad, robot)
-        return Guarded(rejoin, robot.guard, robot.config.guard)
+        return Guarded(Rejoin(self._parts(anchor)), robot.guard, robot.config.guard)
+
+    def _parts(self, anchor: Anchor) -> list[Behaviour]:
+        """Return what leads back: by plan, or straight; one that cannot turn ends with any heading.
+
+        It only has to get back to the path of its behaviour, not exactly to a point of it.
+        """
+        robot, place = self._robot, (anchor.x_m, anchor.y_m)
+        config, speed_m_s = robot.config.pursuit, robot.config.guided_speed_m_s
+        heading_rad = None if robot.drive.steered else anchor.heading_rad
+        if robot.pilot is not None and robot.pilot.knows_ways:
+            return [robot.pilot.journey(Goal(*place, heading_rad), speed_m_s)]
+        near = replace(config, goal_tolerance_m=max(_NEAR_M, config.goal_tolerance_m))
+        straight = StraightTo(*place, near, robot.drive, speed_m_s, robot.guard)
+        return [straight] if heading_rad is None else [straight, TurnTo(heading_rad, config)]

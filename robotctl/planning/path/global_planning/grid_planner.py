@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.model.geometry.se2 import SE2
-from robotctl.planning.map.cost_map import LETHAL
 from robotctl.planning.map.planning_map import PlanningMap
-from robotctl.planning.path.global_planning.grid_search import CellPath, search_cells
+from robotctl.planning.path.global_planning.grid_search import LETHAL, CellPath, search_cells
 from robotctl.planning.path.global_planning.obstructions import blocked_ends, no_path
 from robotctl.planning.path.global_planning.plan import (
     GoesOn,

@@ -1,4 +1,4 @@
-"""Shortest paths over the cells of a cost map: Dijkstra's algorithm and A*.
+"""Shortest paths over cells that have costs: Dijkstra's algorithm and A*.
 
 Each step goes to one of eight neighbours and costs its length, 1 or sqrt(2) cells, times the
 factor of the cell it leads to. A* (Hart, Nilsson, Raphael 1968) is led by the octile distance, the
@@ -21,10 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.compiled import compiled
-from robotctl.planning.map.cost_map import LETHAL
 
 Corners: TypeAlias = Literal["both", "one", "none"]
 """How many of the two cells beside a diagonal step must be free."""
+
+LETHAL: Final = 254
+"""Cost of an obstacle."""
 
 _RULES: Final[dict[Corners, int]] = {"both": 2, "one": 1, "none": 0}
 
@@ -78,7 +80,7 @@ def search_cells(
     Parameters
     ----------
     costs
-        (rows, columns), those of a `CostMap`.
+        (rows, columns) uint8.
     factors
         (256,): what a step into a cell of each cost takes, as a multiple of its length, >= 1; inf
         where the robot cannot be, `LETHAL` among them.
@@ -96,14 +98,10 @@ def search_cells(
     ValueError
         If a cell lies outside the map, or the factors are invalid.
     """
-    rows, columns = costs.shape
-    for name, (row, column) in (("start", start), ("goal", goal)):
-        if not (0 <= row < rows and 0 <= column < columns):
-            raise ValueError(f"{name} {row}, {column} lies outside of {rows} rows x {columns}")
-    if factors.shape != (256,) or not factors.min() >= 1.0 or factors[LETHAL] != math.inf:
-        raise ValueError(f"factors must be (256,), at least 1, and inf for {LETHAL}")
+    _check(costs, factors, start, goal)
     if math.inf in (factors[costs[start]], factors[costs[goal]]):
         return CellPath(np.empty((0, 2), np.int64), math.inf, 0)
+    rows, columns = costs.shape
     width = columns + 2
     padded = np.full((rows + 2, width), LETHAL, np.uint8)
     padded[1:-1, 1:-1] = costs
@@ -119,21 +117,9 @@ def search_cells(
     status, in_time = _GOING_ON, True
     while status != _ENDED:
         status = _expand(
-            padded.ravel(),
-            factors,
-            reached,
-            came,
-            buckets,
-            links,
-            paid,
-            state,
-            width,
-            begin,
-            end,
-            _RULES[corners],
-            guided,
-            _PIECE,
-        )
+            padded.ravel(), factors, reached, came, buckets, links, paid, state,
+            width, begin, end, _RULES[corners], guided, _PIECE,
+        )  # fmt: skip
         if status == _POOL_FULL:
             links = np.concatenate([links, np.empty_like(links)], axis=1)
             paid = np.concatenate([paid, np.empty_like(paid)])
@@ -144,6 +130,21 @@ def search_cells(
     if reached[end] == 0.0 or not in_time:
         return CellPath(np.empty((0, 2), np.int64), math.inf, expanded, in_time)
     return CellPath(_path(came, width, begin, end), reached[end] - 1.0, expanded)
+
+
+def _check(
+    costs: NDArray[np.uint8],
+    factors: NDArray[np.float64],
+    start: tuple[int, int],
+    goal: tuple[int, int],
+) -> None:
+    """Raise ValueError if an end lies outside the map, or the factors are invalid."""
+    rows, columns = costs.shape
+    for name, (row, column) in (("start", start), ("goal", goal)):
+        if not (0 <= row < rows and 0 <= column < columns):
+            raise ValueError(f"{name} {row}, {column} lies outside of {rows} rows x {columns}")
+    if factors.shape != (256,) or not factors.min() >= 1.0 or factors[LETHAL] != math.inf:
+        raise ValueError(f"factors must be (256,), at least 1, and inf for {LETHAL}")
 
 
 def octile_length(cells: NDArray[np.int64]) -> float:

@@ -3,31 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final, TypeAlias
+from typing import Final
 
 from robotctl.planning.path.global_planning.grid_planner import GridPlanner
 from robotctl.planning.path.global_planning.hybrid_planner import HybridPlanner
 from robotctl.planning.path.global_planning.plan import Planner, PlannerConfig
-from robotctl.planning.path.global_planning.trees.curved_planners import (
-    CurvedRrt,
-    CurvedRrtConnect,
-    CurvedRrtStar,
-)
-from robotctl.planning.path.global_planning.trees.straight_planners import Rrt, RrtConnect, RrtStar
+from robotctl.planning.path.global_planning.trees.planner import TreePlanner
 
-_Make: TypeAlias = Callable[[PlannerConfig], Planner]
-
-
-def _by_steering(straight: _Make, curved: _Make) -> _Make:
-    """Return what makes one planner for straight pieces, and another for curves."""
-    return lambda config: (straight if config.steering == "straight" else curved)(config)
-
-
-PLANNERS: Final[dict[str, _Make]] = {
+PLANNERS: Final[dict[str, Callable[[PlannerConfig], Planner]]] = {
     "astar": GridPlanner,
     "dijkstra": lambda config: GridPlanner(config, guided=False),
     "hybrid": HybridPlanner,
-    "rrt": _by_steering(Rrt, CurvedRrt),
-    "rrt-connect": _by_steering(RrtConnect, CurvedRrtConnect),
-    "rrtstar": _by_steering(RrtStar, CurvedRrtStar),
+    "rrt": lambda config: TreePlanner("rrt", config),
+    "rrt-connect": lambda config: TreePlanner("rrt-connect", config),
+    "rrtstar": lambda config: TreePlanner("rrtstar", config),
 }

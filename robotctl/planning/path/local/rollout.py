@@ -219,9 +219,7 @@ def price(problem: Problem, targets: NDArray[np.float64], drawn: NDArray[np.floa
     The places that they lead through are written to `drawn` (m, 3), as far as it has room.
     """
     motion, weights, path, gear = problem.motion, problem.weights, problem.path, problem.gear
-    clearance, moving = problem.space.clearance, len(problem.space.moving) > 0
-    outline, discs = problem.body.coarse, problem.body.discs
-    tight_outline, tight_discs = problem.tight.coarse, problem.tight.discs
+    moving = len(problem.space.moving) > 0
     x, y, angle = problem.soon
     c, s = np.cos(angle), np.sin(angle)
     v, omega, vy = problem.v, problem.omega, problem.vy
@@ -233,34 +231,18 @@ def price(problem: Problem, targets: NDArray[np.float64], drawn: NDArray[np.floa
     along = begin
     for i in range(problem.steps):
         k = min(i, len(targets) - 1)
-        before, slid, most = omega, vy, np.inf
+        before, slid = omega, vy
         if i == 0:
             v, omega, vy = first_velocity(problem, targets[0, 0], targets[0, 1], targets[0, 2])
         else:
-            v = towards(v, targets[k, 0], motion.a * step_s)
-            if problem.ends:
-                way = np.hypot(path[last, 0] - x, path[last, 1] - y)
-                way = max(way, last * problem.spacing - along)
-                most = np.sqrt(2.0 * motion.brake * way)
-                v = min(max(v, -most), most)
-            wanted = targets[k, 1] if motion.curvature_max == np.inf else v * targets[k, 1]
-            omega = _turning(motion, v, omega, wanted, step_s)
-            vy = _sliding(motion, vy, targets[k, 2], step_s, v, most)
+            target = targets[k, 0], targets[k, 1], targets[k, 2]
+            v, omega, vy = _next_velocity(problem, target, (v, omega, vy), x, y, along)
         swayed += abs(omega - before) + slide_sways * abs(vy - slid)
         turn = omega * step_s
-        # Cosine and sine of half the turn by series: they are right to 1e-6 up to 1 rad.
-        half = 0.25 * turn * turn
-        ch = 1.0 - half * (0.5 - half * (1.0 / 24.0 - half / 720.0))
-        sh = 0.5 * turn * (1.0 - half * (1.0 / 6.0 - half * (1.0 / 120.0 - half / 5040.0)))
-        c, s = c * ch - s * sh, s * ch + c * sh
-        x, y = x + v * step_s * c - vy * step_s * s, y + v * step_s * s + vy * step_s * c
-        c, s = c * ch - s * sh, s * ch + c * sh
+        x, y, c, s = _driven(x, y, c, s, v * step_s, vy * step_s, turn)
         angle += turn
         moves = abs(v) + abs(omega) + abs(vy) > 1e-9
-        if abs(v) <= motion.creep and abs(vy) <= motion.creep:
-            near = gap(clearance, tight_outline, COARSE, tight_discs, x, y, c, s)
-        else:
-            near = gap(clearance, outline, COARSE, discs, x, y, c, s)
+        near = _gap_at(problem, v, vy, (x, y, c, s))
         if moving:
             # People may walk on into a robot that stands: it had better not stand there.
             crowded = _crowded(problem, problem.body, (x, y, c, s), (i + 1) * step_s)
@@ -291,6 +273,57 @@ def price(problem: Problem, targets: NDArray[np.float64], drawn: NDArray[np.floa
         * (people / count + _in_the_way(problem, x, y, v * c - vy * s, v * s + vy * c))
         + weights.blocked * missing
     )
+
+
+@compiled
+def _next_velocity(
+    problem: Problem,
+    target: tuple[float, float, float],
+    now: tuple[float, float, float],
+    x: float,
+    y: float,
+    along: float,
+) -> tuple[float, float, float]:
+    """Return the velocity a step on, on the way to a wanted one; it can brake where the path ends.
+
+    `now` is the velocity there, (x, y) the place, and `along` how far that is along the path.
+    """
+    motion, path, step_s = problem.motion, problem.path, problem.tau_s / problem.steps
+    v, most = towards(now[0], target[0], motion.a * step_s), np.inf
+    if problem.ends:
+        last = len(path) - 1
+        way = np.hypot(path[last, 0] - x, path[last, 1] - y)
+        way = max(way, last * problem.spacing - along)
+        most = np.sqrt(2.0 * motion.brake * way)
+        v = min(max(v, -most), most)
+    wanted = target[1] if motion.curvature_max == np.inf else v * target[1]
+    omega = _turning(motion, v, now[1], wanted, step_s)
+    return v, omega, _sliding(motion, now[2], target[2], step_s, v, most)
+
+
+@compiled
+def _gap_at(
+    problem: Problem, v: float, vy: float, here: tuple[float, float, float, float]
+) -> float:
+    """Return the gap around the body; where it creeps, around the body with less margin."""
+    creeps = abs(v) <= problem.motion.creep and abs(vy) <= problem.motion.creep
+    body = problem.tight if creeps else problem.body
+    x, y, c, s = here
+    return gap(problem.space.clearance, body.coarse, COARSE, body.discs, x, y, c, s)
+
+
+@compiled
+def _driven(
+    x: float, y: float, c: float, s: float, ahead: float, aside: float, turn: float
+) -> tuple[float, float, float, float]:
+    """Return place, cosine and sine of the heading after a step, along the heading halfway."""
+    # Cosine and sine of half the turn by series: they are right to 1e-6 up to 1 rad.
+    half = 0.25 * turn * turn
+    ch = 1.0 - half * (0.5 - half * (1.0 / 24.0 - half / 720.0))
+    sh = 0.5 * turn * (1.0 - half * (1.0 / 6.0 - half * (1.0 / 120.0 - half / 5040.0)))
+    c, s = c * ch - s * sh, s * ch + c * sh
+    x, y = x + ahead * c - aside * s, y + ahead * s + aside * c
+    return x, y, c * ch - s * sh, s * ch + c * sh
 
 
 @compiled

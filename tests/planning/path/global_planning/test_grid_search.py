@@ -11,8 +11,11 @@ from hypothesis import strategies as st
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from robotctl.planning.map.cost_map import LETHAL
-from robotctl.planning.path.global_planning.grid_search import octile_length, search_cells
+from robotctl.planning.path.global_planning.grid_search import (
+    LETHAL,
+    octile_length,
+    search_cells,
+)
 
 FREE_OR_NOT = np.where(np.arange(256) < 253, 1.0, math.inf)
 FACTORS = np.where(np.arange(256) < 253, 1.0 + np.arange(256) / 50.0, math.inf)

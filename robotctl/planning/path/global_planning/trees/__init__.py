@@ -1,1 +1,1 @@
-"""Planners by random trees: of points for straight pieces, of poses for curves."""
+"""Planners by random trees: one engine for straight pieces and for curves."""

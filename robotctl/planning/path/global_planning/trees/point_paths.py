@@ -7,18 +7,13 @@ from numpy.typing import NDArray
 
 from robotctl.compiled import compiled
 from robotctl.planning.path.global_planning.heap import pop, push
-from robotctl.planning.path.global_planning.trees.point_tree import (
-    Tree,
-    free_share,
-    points_near,
-    price_of,
-)
+from robotctl.planning.path.global_planning.trees.motions import free_share, price_of
+from robotctl.planning.path.global_planning.trees.tree import Tree, poses_near
 
 
 @compiled
 def rejoin(
     tree: Tree,
-    side: float,
     clearance: NDArray[np.float32],
     radius: float,
     goal: int,
@@ -33,7 +28,7 @@ def rejoin(
     cost = np.full(count, np.inf)
     came = np.full(count, -1, np.int32)
     keys, items = np.empty(64 * count), np.empty(64 * count, np.int32)
-    near = np.empty(256, np.int32)
+    near = np.empty(256, np.int64)
     cost[0] = 0.0
     entries = push(keys, items, 0, 0.0, 0)
     while entries > 0:
@@ -44,10 +39,10 @@ def rejoin(
             break
         if key > cost[node]:
             continue
-        x, y = tree.xy[node, 0], tree.xy[node, 1]
-        for k in range(points_near(tree, side, x, y, reach, near)):
+        x, y = tree.pose[node, 0], tree.pose[node, 1]
+        for k in range(poses_near(tree, tree.pose[node], reach, near)):
             other = near[k]
-            ox, oy = tree.xy[other, 0], tree.xy[other, 1]
+            ox, oy = tree.pose[other, 0], tree.pose[other, 1]
             new = key + np.hypot(ox - x, oy - y)
             if new >= cost[other] or free_share(clearance, radius, x, y, ox, oy) < 1.0:
                 continue

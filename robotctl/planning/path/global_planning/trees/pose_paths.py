@@ -19,7 +19,7 @@ from robotctl.planning.path.global_planning.trees.motions import (
     first_gear,
     last_gear,
 )
-from robotctl.planning.path.global_planning.trees.pose_tree import PoseTree
+from robotctl.planning.path.global_planning.trees.tree import Tree, branch
 
 _SPACING: Final = 1.0
 """Spacing of the poses of a path [cells]."""
@@ -34,13 +34,11 @@ class PosePath(NamedTuple):
     """(n,): of the piece that leads to each, 1 or -1; 0 for the first."""
 
 
-def path_from_root(tree: PoseTree, node: int, radius: float) -> PosePath:
-    """Return the path from the root to a pose."""
-    chain = [node]
-    while tree.parent[chain[-1]] >= 0:
-        chain.append(int(tree.parent[chain[-1]]))
-    poses, gears = [tree.pose[chain[-1]][np.newaxis]], [np.zeros(1, np.int64)]
-    for parent, child in itertools.pairwise(chain[::-1]):
+def path_from_root(tree: Tree, node: int, radius: float) -> PosePath:
+    """Return the path along the curves from the root to a pose."""
+    chain = branch(tree, node)
+    poses, gears = [tree.pose[chain[0]][np.newaxis]], [np.zeros(1, np.int64)]
+    for parent, child in itertools.pairwise(chain):
         piece, gear = _placed(tree.pose[parent], tree.curve[child], radius)
         piece[-1] = tree.pose[child]
         poses.append(piece[1:])
@@ -78,14 +76,14 @@ def _placed(
 
 @compiled
 def cost_along(
-    poses: NDArray[np.float64], gears: NDArray[np.int64], prices: NDArray[np.float32]
+    poses: NDArray[np.float64], gears: NDArray[np.int64], prices: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the cost from the first of poses to each, (n,)."""
-    cost = np.zeros(len(poses))
+    cost, is_priced = np.zeros(len(poses)), len(prices) > 0
     for i in range(1, len(poses)):
         x, y = poses[i, 0], poses[i, 1]
         step = math.hypot(x - poses[i - 1, 0], y - poses[i - 1, 1])
-        step *= prices[int(y), int(x)] * (1.0 if gears[i] > 0 else REVERSE)
+        step *= (prices[int(y), int(x)] if is_priced else 1.0) * (1.0 if gears[i] > 0 else REVERSE)
         cost[i] = cost[i - 1] + step + _change(gears[i - 1], gears[i])
     return cost
 
@@ -101,7 +99,6 @@ def shorten_poses(
     poses: NDArray[np.float64],
     gears: NDArray[np.int64],
     course: Course,
-    gears_allowed: int,
     rng: np.random.Generator,
     tries: int,
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -113,7 +110,7 @@ def shorten_poses(
         i, j = min(i, j), max(i, j)
         if j - i < 2:
             continue
-        curve = curve_between(poses[i], poses[j], course.radius, gears_allowed)
+        curve = curve_between(poses[i], poses[j], course.radius, course.steering)
         after = int(gears[j + 1]) if j + 1 < count else 0
         old = cost[j] - cost[i] + _change(gears[j], after)
         new = _change(gears[i], first_gear(curve)) + _change(last_gear(curve), after)

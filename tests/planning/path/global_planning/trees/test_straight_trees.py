@@ -12,14 +12,23 @@ from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.planning.map.planning_map import PlanningMap, clearance_of
+from robotctl.planning.path.global_planning.hybrid_search import GEAR_CHANGE
 from robotctl.planning.path.global_planning.plan import Plan, PlannerConfig, Reason
 from robotctl.planning.path.global_planning.planners import PLANNERS
-from robotctl.planning.path.global_planning.trees.point_paths import shorten
-from robotctl.planning.path.global_planning.trees.point_tree import (
-    add_point,
+from robotctl.planning.path.global_planning.trees.motions import (
+    BOTH,
+    STRAIGHT,
+    curve_between,
     free_share,
+)
+from robotctl.planning.path.global_planning.trees.point_paths import shorten
+from robotctl.planning.path.global_planning.trees.tree import (
+    add_pose,
+    add_poses,
+    branch,
     make_tree,
-    nearest_point,
+    nearest_pose,
+    set_parent,
 )
 
 TREES = ("rrt", "rrt-connect", "rrtstar")
@@ -60,16 +69,46 @@ def test_a_wider_robot_needs_its_clearance_all_along(seed, radius):
     check_free_share(clearance, radius, rng.uniform(0.0, 60.0, 4))
 
 
-@given(st.integers(0, 2**32 - 1), st.integers(1, 200))
+@given(st.integers(0, 2**32 - 1), st.sampled_from([1, 2, 30, 200, 1500]))
 def test_the_nearest_point_is_the_nearest_of_all(seed, count):
     rng = np.random.default_rng(seed)
-    points = rng.uniform(0.0, 50.0, (count, 2))
-    tree = make_tree((50, 50), count, 4.0, tuple(points[0]))
-    for x, y in points[1:]:
-        add_point(tree, 4.0, x, y, 0, 0.0)
+    points = np.zeros((count, 3))
+    points[:, :2] = rng.uniform(0.0, 50.0, (count, 2))
+    tree = make_tree((50, 50), count, points[0], STRAIGHT)
+    add_poses(tree, points[1:])
     for x, y in rng.uniform(0.0, 50.0, (20, 2)):
-        found = points[nearest_point(tree, 4.0, x, y)]
-        assert math.dist(found, (x, y)) == pytest.approx(np.hypot(*(points - (x, y)).T).min())
+        node, _ = nearest_pose(tree, np.array([x, y, 0.0]), 1.0, STRAIGHT)
+        found = points[node, :2]
+        assert math.dist(found, (x, y)) == pytest.approx(
+            np.hypot(*(points[:, :2] - (x, y)).T).min()
+        )
+
+
+@pytest.mark.parametrize("steering", [STRAIGHT, BOTH])
+@given(st.integers(0, 2**32 - 1))
+def test_what_a_pose_costs_is_the_sum_along_its_branch_whoever_its_parent_becomes(steering, seed):
+    rng, count = np.random.default_rng(seed), 40
+    poses = rng.uniform((0.0, 0.0, -3.0), (50.0, 50.0, 3.0), (count, 3))
+    tree = make_tree((50, 50), count, poses[0], steering)
+
+    def curve(a, b):
+        return curve_between(poses[a], poses[b], 5.0, steering)
+
+    for node in range(1, count):
+        parent = int(rng.integers(node))
+        add_pose(tree, poses[node], parent, curve(parent, node), rng.uniform(1.0, 9.0))
+    for node in rng.integers(1, count, 20).tolist():
+        parent = int(rng.integers(count))
+        if node not in branch(tree, parent):
+            set_parent(tree, node, parent, curve(parent, node), rng.uniform(1.0, 9.0))
+    for node in range(count):
+        chain = branch(tree, node)
+        cost = tree.cost[chain[1:]].sum()
+        if steering != STRAIGHT:
+            pieces = [tree.curve[each][1] for each in chain[1:]]
+            gears = [np.sign(piece[piece != 0.0]) for piece in pieces]
+            cost += GEAR_CHANGE * sum(a[-1] != b[0] for a, b in pairwise(gears))
+        assert tree.total[node] == pytest.approx(cost)
 
 
 def test_a_path_is_shortened_and_stays_free():

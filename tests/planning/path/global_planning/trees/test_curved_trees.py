@@ -23,11 +23,7 @@ from robotctl.planning.path.global_planning.trees.motions import (
     end_of,
     length_of,
 )
-from robotctl.planning.path.global_planning.trees.pose_tree import (
-    add_pose,
-    make_pose_tree,
-    nearest_pose,
-)
+from robotctl.planning.path.global_planning.trees.tree import add_pose, make_tree, nearest_pose
 
 pytestmark = pytest.mark.timeout(300)  # who comes first compiles
 
@@ -212,7 +208,7 @@ def test_a_curve_in_reverse_is_one_from_the_end_to_the_beginning(a, b):
 def test_the_nearest_pose_has_the_shortest_curve_of_all(seed, gears):
     rng = np.random.default_rng(seed)
     poses = rng.uniform((0.0, 0.0, -4.0), (100.0, 100.0, 4.0), (60, 3))
-    tree = make_pose_tree((100, 100), 60, 8.0, poses[0])
+    tree = make_tree((100, 100), 60, poses[0], gears)
     for pose in poses[1:]:
         add_pose(tree, pose, 0, np.zeros((2, 5)), 0.0)
     goal = rng.uniform((0.0, 0.0, -4.0), (100.0, 100.0, 4.0))
