@@ -63,11 +63,11 @@ class LocalisationConfig:
         robot by lidar, and the file stays as it is. Empty: in the folder of what survives restarts.
     mcl
         How particles are weighed and judged.
-    slam
-        When `slam` takes a scan, and draws its map anew.
     lidar, camera, sonar, grid
         Sensor parameters, for the particles and for the map. Ranges that a camera sees share the
         errors of its mount and of the robot's pitch, so they say less than a lidar's.
+    slam
+        Thresholds of SLAM's stages, and when it takes a scan.
 
     Raises
     ------
@@ -91,13 +91,13 @@ class LocalisationConfig:
     places: str = ""
     keyframes: str = ""
     mcl: MclTuning = field(default_factory=MclTuning)
-    slam: SlamConfig = field(default_factory=SlamConfig)
     lidar: LikelihoodFieldConfig = field(default_factory=LikelihoodFieldConfig)
     camera: LikelihoodFieldConfig = field(
         default_factory=lambda: LikelihoodFieldConfig(beams=40, beam_correlation=0.2)
     )
     sonar: SonarModelConfig = field(default_factory=SonarModelConfig)
     grid: OccupancyGridConfig = field(default_factory=OccupancyGridConfig)
+    slam: SlamConfig = field(default_factory=SlamConfig)
 
     def __post_init__(self) -> None:
         for key in (

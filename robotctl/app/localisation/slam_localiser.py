@@ -27,13 +27,14 @@ from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.estimation.sensor_names import SONAR
 from robotctl.estimation.sensors.lidar import REHEARSED
 from robotctl.estimation.slam.incremental.smoother import IncrementalSmoother
-from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.heard_places import HeardPlaces
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe
 from robotctl.estimation.slam.keyframes.map_search import MapSearch
-from robotctl.estimation.slam.keyframes.mapper import LEAST_ECHOES, SlamMapper
+from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.estimation.slam.keyframes.motion import Place
 from robotctl.estimation.slam.keyframes.saved_map import KeyframeMap, SavedOdometry, as_saved
+from robotctl.estimation.slam.keyframes.tracker import LEAST_ECHOES
+from robotctl.estimation.slam_config import KeyframeConfig
 from robotctl.messages.control import ControlState
 from robotctl.messages.estimation import ClosedLoop, LiveMap, LocalisationState, SlamGraph
 from robotctl.messages.map_message import map_message
@@ -83,7 +84,7 @@ class SlamLocaliser:
         by_images: bool = False,
     ) -> None:
         self.mapper = mapper
-        self.config = sensor.robot.settings.slam
+        self.config = sensor.robot.settings.slam.driving
         self._sensor, self._maker = sensor, sensor.maker()
         self._history = history
         self._file = file
@@ -142,7 +143,7 @@ class SlamLocaliser:
     def step(self, control: ControlState, seen: LocaliserInput, now_ns: int) -> LocalisationState:
         """Take the scans since the last step; return the present estimate."""
         self._perceive(seen)
-        if self.mapper.look() and self._last is not None:
+        if self.mapper.relocalise() and self._last is not None:
             self._T_world_odom = self.T_world_map @ self.mapper.pose @ self._last.inverse()
         if self._T_world_odom is None:
             self._T_world_odom = self._go_on(control)
@@ -180,7 +181,7 @@ class SlamLocaliser:
             number, pose = self._on_map(T_world_odom @ control.T_odom_base)
             place = Place(control.stamp_ns, number, pose)
             self._doubted = len(mapper.keyframes) if is_another else -1
-            mapper.go_on(place, control.T_odom_base, is_another=is_another)
+            mapper.restart_segment(place, control.T_odom_base, is_another=is_another)
         return T_world_odom
 
     @property
@@ -311,7 +312,7 @@ class SlamDrawing:
         mapper, now_ns = self._localiser.mapper, localisation.stamp_ns if localisation else 0
         if self._next is None and self._is_old() and now_ns - self._begun_ns >= self._redraw_ns:
             self._begun_ns = now_ns
-            self._next = _Picture(OccupancyGrid(self.grid.config), mapper.renewals)
+            self._next = _Picture(OccupancyGrid(self.grid.config), mapper.known_places.renewals)
         self._draw(self._picture)
         if self._next is not None and self._draw(self._next):
             self._picture, self._next = self._next, None
@@ -323,7 +324,7 @@ class SlamDrawing:
         has_moved = bool(
             np.nan_to_num(off).max(initial=0.0) > self._localiser.config.redraw_shift_m
         )
-        return has_moved or mapper.renewals != self._picture.renewals
+        return has_moved or mapper.known_places.renewals != self._picture.renewals
 
     def _draw(self, picture: _Picture) -> bool:
         """Draw some keyframes that are not in a picture; return whether it is complete."""

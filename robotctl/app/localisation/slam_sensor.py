@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 from robotctl.config.robot_file import RobotConfig
@@ -9,9 +10,9 @@ from robotctl.errors import ConfigError
 from robotctl.estimation.localisers import localiser_kind
 from robotctl.estimation.sensor_names import CAMERA, LIDAR, SONAR
 from robotctl.estimation.sensors.sensor import SensedRobot
-from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.local_scans.registry import SCAN_SOURCES, load_source
 from robotctl.estimation.slam.local_scans.source import ScanMaker
+from robotctl.estimation.slam_config import KeyframeConfig
 
 
 class SlamSensor(NamedTuple):
@@ -57,7 +58,7 @@ def slam_sensor(config: RobotConfig, robot: SensedRobot) -> SlamSensor:
             'true goes on with the map; localisation.method = "mcl" finds the robot on the ROS '
             "map of a drive, localisation.map"
         )
-    return SlamSensor(name, robot, source.config)
+    return SlamSensor(name, robot, replace(source.config, tuning=settings.slam))
 
 
 def recognises_places(config: RobotConfig) -> bool:
