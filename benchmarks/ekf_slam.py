@@ -44,7 +44,7 @@ def ours(count: int, *, invariant: bool) -> Callable[[], object]:
     """Return one update, from the measurement to state and covariance."""
     slam_ = filled(count, invariant=invariant)
     which, noise = np.array([count // 2]), R[np.newaxis]
-    z = POINT.expected(slam_.belief.x_v, slam_.belief.features[which])[0]
+    z = POINT.expected(slam_.x_v, slam_.features[which])[0]
     return lambda: slam_.update(POINT, which, z, noise)
 
 

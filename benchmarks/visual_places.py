@@ -90,11 +90,11 @@ def ours(looks: list[Features], truth: NDArray[np.bool_], allowed: NDArray[np.bo
         for i, features in enumerate(looks):
             began = time.thread_time()
             sight = sight_of(vocabulary, features)
-            found = places.recognise(sight, is_next=True).found
+            found = places.suggest(sight, is_next=True).found
             places.add(sight)
             spent_ms.append(1e3 * (time.thread_time() - began))
             if found is not None:
-                pairs.append((i, found.image))
+                pairs.append((i, found.place))
     counted = [pair for pair in pairs if truth[pair] or not allowed[pair]]
     right = sum(bool(truth[pair]) for pair in pairs)
     return [

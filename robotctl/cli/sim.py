@@ -23,6 +23,7 @@ from robotctl.cli.sim_task import SimTask, own_folder
 from robotctl.config.arguments import DEFAULT_ROBOT, Overrides, RobotFile
 from robotctl.drivers.mavlink.listening import busy_links
 from robotctl.errors import ConfigError, DiskError
+from robotctl.estimation.localisers import LOCALISERS
 from robotctl.runtime.open_files import need_open_files
 
 if TYPE_CHECKING:
@@ -146,7 +147,8 @@ def _refuse_what_has_no_effect(
         refuse_unused(ctx, "with --lockstep, whose time is virtual", "hard_real_time", "web")
     settings = options.settings(Path("the mission's own"))
     if load_robot(options.robot, settings).localisation.method == "none":
-        why = "without a localiser; add --localiser mcl or ekf"
+        on_map = " or ".join(name for name, kind in LOCALISERS.items() if kind.needs_map)
+        why = f"without a localiser; add --localiser {on_map}"
         unused = ("map", "sensors", *(["start"] if not options.start else []))
         refuse_unused(ctx, why, *unused)
 

@@ -8,12 +8,13 @@ import shutil
 import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Final, Literal
+from typing import Annotated, Final
 
 import typer
 
 from robotctl.config.arguments import place
 from robotctl.errors import ConfigError
+from robotctl.estimation.localisers import LocaliserName, localiser_kind
 from robotctl.estimation.sensor_names import SENSORS
 
 ERRAND: Final = "errand"
@@ -58,7 +59,7 @@ class SimTask:
         ),
     ] = None
     localiser: Annotated[
-        Literal["none", "ekf", "mcl"] | None,
+        LocaliserName | None,
         typer.Option(
             help="Localisation method; default: as the robot's file says, mcl for the errand."
         ),
@@ -101,7 +102,7 @@ class SimTask:
         if self.mission or self.goal or world or self.slam:
             return self
         method = self.localiser or "mcl"
-        start = self.start or ("unknown" if method == "mcl" else None)
+        start = self.start or ("unknown" if localiser_kind(method).searches_map else None)
         return replace(self, mission=ERRAND, localiser=method, start=start)
 
     def pose(self) -> tuple[float, ...]:

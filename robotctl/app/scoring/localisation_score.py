@@ -19,6 +19,7 @@ from robotctl.app.scoring.score import (
 from robotctl.app.scoring.slam_score import SlamScore
 from robotctl.estimation.kalman.chi_squared import chi2_bounds
 from robotctl.estimation.kalman.consistency import pose_nees, share_inside
+from robotctl.estimation.localisers import localiser_kind
 from robotctl.messages.estimation import LocalisationState
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.localisation import LocalisationStatus
@@ -63,7 +64,7 @@ class LocalisationScore:
 
     def estimate(self, pose: StampedPose, state: LocalisationState, odometry: StampedPose) -> None:
         """Add an estimate: the pose in `world`, what was said of it, and the odometry's pose."""
-        if state.method != "slam":
+        if not localiser_kind(state.method).makes_map:
             self._slam = None  # it keeps all true poses
         if self._slam is not None:
             self._slam.loops(state.loops)

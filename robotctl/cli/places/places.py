@@ -22,7 +22,7 @@ from robotctl.workbench.places.options import PlaceSource
 
 if TYPE_CHECKING:
     from robotctl.estimation.places.database import PlaceBook
-    from robotctl.estimation.places.places import Candidate
+    from robotctl.estimation.places.places import SonarCandidate
     from robotctl.workbench.places.places import Recognised
     from robotctl.workbench.places.turns import Progress
 
@@ -128,7 +128,7 @@ def _tell(note: str) -> None:
 def _lines(found: Recognised) -> Iterator[str]:
     """Yield what to say of a turn."""
     recognition = found.recognition
-    place = recognition.place
+    place = recognition.found
     if place is None:
         yield f"refused: {recognition.refusal}"
     else:
@@ -143,7 +143,7 @@ def _lines(found: Recognised) -> Iterator[str]:
             yield f"  {_candidate(each)}"
 
 
-def _candidate(candidate: Candidate) -> str:
+def _candidate(candidate: SonarCandidate) -> str:
     """Return a candidate's line."""
     heading_deg = math.degrees(candidate.pose.theta_rad)
     sigma_m = math.sqrt(candidate.covariance[0, 0] + candidate.covariance[1, 1])
@@ -153,7 +153,7 @@ def _candidate(candidate: Candidate) -> str:
         if candidate.in_world
         else f"turned by {math.degrees(candidate.rotation_rad):.1f} deg"
     )
-    return f"{candidate.place}: {where}, belief {candidate.weight:.0%}"
+    return f"{candidate.place}: {where}, belief {candidate.score:.0%}"
 
 
 def _table(known: PlaceBook) -> Table:

@@ -137,7 +137,7 @@ def _made(
     rng: np.random.Generator,
 ) -> tuple[MonteCarloLocaliser, MapSensors]:
     """Return a localiser and its measurement model, with compiled kernels."""
-    config = MclConfig()
+    config = MclConfig.tuned((options.sensors or LocalisationConfig()).mcl)
     most, noise = options.max_particles, config.motion.noise
     if options.odometry is not None:
         noise = noise.at_least(options.odometry)

@@ -12,7 +12,7 @@ from robotctl import toml_source
 from robotctl.config.robot_file import RobotConfig, config_directory, find_file, load_robot
 from robotctl.errors import ConfigError, PlaceError
 from robotctl.estimation.places.database import PlaceBook
-from robotctl.estimation.places.places import Recognition
+from robotctl.estimation.places.places import SonarRecognition
 from robotctl.estimation.places.signatures import SignatureConfig
 from robotctl.maps.place_file import load_book, save_book
 from robotctl.maps.world import find_world
@@ -51,7 +51,7 @@ class Recognised:
     """A turn, its end pose, and the recognition."""
 
     visited: Visited
-    recognition: Recognition
+    recognition: SonarRecognition
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,7 +90,7 @@ def learn(
         known = PlaceBook(signatures=SignatureConfig(max_range_m=reach_m))
     alike: set[str] = set()
     for visited in _at_one_place(_turns(source, robot, known.signatures, name, progress, tell)):
-        candidates = known.recognise(visited.turn.signature).candidates
+        candidates = known.suggest(visited.turn.signature).candidates
         alike |= {each.place for each in candidates} - {name}
         try:
             known = known.learned(name, visited.turn.signature, visited.pose)
@@ -116,7 +116,7 @@ def recognise(
     robot = load_robot(find_file(str(source.robot)), source.overrides)
     known = load_book(book)
     return [
-        Recognised(visited, known.recognise(visited.turn.signature))
+        Recognised(visited, known.suggest(visited.turn.signature))
         for visited in _turns(source, robot, known.signatures, "", progress, tell)
     ]
 

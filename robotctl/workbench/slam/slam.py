@@ -14,7 +14,6 @@ from robotctl.errors import ConfigError, RobotctlError
 from robotctl.estimation.landmarks.config import LandmarkConfig
 from robotctl.estimation.landmarks.localisation import CountedOdometry
 from robotctl.estimation.slam.ekf_slam.bookkeeping import Association
-from robotctl.estimation.slam.ekf_slam.camera_points import CAMERA_POINT
 from robotctl.estimation.slam.ekf_slam.joined_maps import MOST_FEATURES
 from robotctl.estimation.slam.ekf_slam.recorded import RecordedSlam
 from robotctl.estimation.slam.graph.variables import SE2 as POSES
@@ -143,14 +142,13 @@ def _start(recording: Recording, config: LandmarkConfig) -> PoseEstimate:
 
 def _landmarks(drive: RecordedSlam) -> Landmarks:
     """Return the map of a filter."""
-    slam = drive.run.slam
-    numbers = [number for number, kind in enumerate(slam.kinds) if kind is CAMERA_POINT]
-    names = tuple(slam.names[number] for number in numbers)
+    slam, counts = drive.run.slam, drive.book.counts
+    numbers = [slam.names.index(name) for name in counts]
     return Landmarks(
-        names,
-        slam.belief.features[numbers],
-        np.array([slam.belief.block(number, number) for number in numbers]).reshape(-1, 2, 2),
-        tuple(drive.book.counts[name] for name in names),
+        tuple(counts),
+        slam.features[numbers],
+        np.array([slam.covariance(number) for number in numbers]).reshape(-1, 2, 2),
+        tuple(counts.values()),
     )
 
 

@@ -284,7 +284,7 @@ def test_a_jump_at_a_restart_of_navigation(world: World, by: SE2) -> None:
     item, item_s_m = world.state.item, world.state.item_s_m
     world.jump(by)
     world.navigate()
-    world.adapter.navigator.resume(item, item_s_m)
+    world.adapter.navigator.auto.resume(item, item_s_m)
     world.step()
     world.step(SetMode(world.now_ns, Mode.AUTO))
     world.run()

@@ -12,6 +12,7 @@ from robotctl.planning.behave.behaviours.kind import NavigatedRobot
 from robotctl.planning.behave.behaviours.registry import kind_of
 from robotctl.planning.behave.mission.mission_file import Mission
 from robotctl.planning.behave.mission.runner import MissionRunner
+from robotctl.planning.behave.modes.drive_mode import DriveMode
 
 
 class MissionProgress(NamedTuple):
@@ -30,8 +31,8 @@ class MissionProgress(NamedTuple):
     trouble: str = ""
 
 
-class Auto:
-    """The mission and its runner, which may be exchanged.
+class Auto(DriveMode):
+    """Drives the mission from where it was left, or stands where there is none.
 
     Parameters
     ----------
@@ -113,10 +114,15 @@ class Auto:
             If the robot cannot drive it.
         """
         self._runner = None if mission is None else MissionRunner(mission, self._robot)
-        if self._robot.pilot is not None:
-            self._robot.pilot.use_zones(() if mission is None else mission.zone)
-            self._robot.pilot.use_recovery(None if mission is None else mission.recovery)
+        self.brief_pilot()
         self.runs += 1
+
+    def brief_pilot(self) -> None:
+        """Give the robot's pilot, if there is one, the zones and the patience of the mission."""
+        mission, pilot = self.mission, self._robot.pilot
+        if pilot is not None:
+            pilot.use_zones(() if mission is None else mission.zone)
+            pilot.use_recovery(None if mission is None else mission.recovery)
 
     def command(self, request: GoAheadRequest | JumpRequest | AbortRequest) -> None:
         """Do what is asked of the mission.
@@ -138,7 +144,7 @@ class Auto:
         else:
             raise MissionError("nothing waits for a go-ahead")
 
-    def resume(self, item: int, s_m: float, counts: Sequence[int]) -> None:
+    def resume(self, item: int, s_m: float, counts: Sequence[int] = ()) -> None:
         """Stand where an earlier run was interrupted, as `MissionRunner.resume`."""
         if self._runner is not None:
             self._runner.resume(item, s_m, counts)

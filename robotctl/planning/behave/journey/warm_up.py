@@ -1,4 +1,4 @@
-"""A journey of one step on a small map, for which all code is compiled."""
+"""Warm-up: a journey of one step on a small map, for which all code is compiled."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _ROUNDS: Final = 20
 """Rounds of planning: enough to call everything, while a planner that improves its path goes on."""
 
 
-def rehearse(planner: Planner, controller: Controller, footprint: Footprint) -> None:
+def warm_up(planner: Planner, controller: Controller, footprint: Footprint) -> None:
     """Plan and drive a step."""
     side_m = max(footprint.circumscribed_m, 1.0)
     cells = np.zeros((13, 13), np.int8)
