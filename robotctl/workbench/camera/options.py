@@ -133,6 +133,7 @@ class CameraCalibrateOptions(PointOptions):
     seed: Annotated[int, typer.Option(min=0, help="Seed of the search for outliers.")] = 1
 
     def __post_init__(self) -> None:
+        _ = self.chessboard, self.noise  # bad ones are refused before the work, used or not
         on_floor = self.at is not None or self.markers is not None
         if on_floor and self.floor is None:
             raise ConfigError("--at and --markers need --floor PICTURE, in which they are seen")
@@ -164,6 +165,7 @@ class CheckOptions(PointOptions):
     robot: RobotFile = DEFAULT_ROBOT
 
     def __post_init__(self) -> None:
+        _ = self.noise  # a bad one is refused before the work
         if (self.picture is None) != (self.markers is None):
             raise ConfigError("a picture and --markers FILE.csv belong together")
         if self.markers is None and self.points is None:
