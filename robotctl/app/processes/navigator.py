@@ -157,7 +157,7 @@ def equip(
         If the robot's file names a planner or controller that there is not.
     """
     grid = None if estimators is None else estimators.world_map
-    asked = navigator.drives_by_plan or bool(config.navigation.pilot.topology)
+    asked = navigator.auto.needs_pilot or bool(config.navigation.pilot.topology)
     if grid is not None:
         # scipy and numba take a while to load.
         from robotctl.planning.path.global_planning.free_path import FreePaths  # noqa: PLC0415
