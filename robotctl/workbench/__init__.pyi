@@ -3,7 +3,7 @@
 from .localize.mapping import make_map as make_map
 from .logs.export import export_csv as export_csv
 from .odometry.calibrate_odometry import calibrate_odometry as calibrate_odometry
-from .planning.plan import PlanOptions as PlanOptions
+from .planning.options import PlanOptions as PlanOptions
 from .planning.plan import make_plan as make_plan
 from .sensors.characterise import characterise as characterise
 from .tuning.tune import tune as tune

@@ -10,9 +10,9 @@ import pytest
 from robotctl.app.processes.navigator import make_navigation
 from robotctl.app.processes.progress import ProgressKeeper, load_progress, progress_file
 from robotctl.app.processes.robot import make_core
-from robotctl.app.simulation.journey_score import JourneyScore
-from robotctl.app.simulation.map_truth import MapTruth
-from robotctl.app.simulation.run_score import RunScore
+from robotctl.app.scoring.journey_score import JourneyScore
+from robotctl.app.scoring.map_truth import MapTruth
+from robotctl.app.scoring.run_score import RunScore
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file, load_robot
 from robotctl.control.limiter import TwistLimiter

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
+from robotctl.estimation.places.recogniser import Recognition
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behave.behaviours.behaviour import (
     Behaviour,
@@ -21,6 +22,7 @@ from robotctl.planning.map.topological.graph import TopologicalMap
 from robotctl.planning.map.topological.recognition import (
     Appearance,
     PlaceSearch,
+    Sighting,
     appearances,
     look_of,
 )
@@ -125,7 +127,7 @@ class PlaceFinder:
 
     def pause(self) -> None:
         """Search anew after the pause."""
-        self._search: tuple[PlaceSearch, SE2] | None = None
+        self._search: tuple[Iterator[Recognition[Sighting] | None], SE2] | None = None
         self._roam: tuple[Behaviour, int] | None = None
         self._roamed_m = 0.0
 
@@ -141,8 +143,9 @@ class PlaceFinder:
             return self._begin_search(situation, now_ns)
         search, T_world_base = self._search
         for _ in range(_WINDOWS):
-            if search.step():
-                return self._end_search(search, T_world_base, now_ns)
+            recognition = next(search)
+            if recognition is not None:
+                return self._end_search(recognition, T_world_base, now_ns)
             if not self._tools.paths.has_time:
                 break
         return BehaviourOutput(0.0, 0.0, text="looking where it is")
@@ -161,19 +164,20 @@ class PlaceFinder:
             self._looks += 1
             names = [self._hint] if self._hint else list(self._places.looks)
             places = [self._places.looks[name] for name in names]
-            self._search = PlaceSearch(look, places, self._places.map), taken[0]
+            self._search = PlaceSearch(places, self._places.map).steps(look), taken[0]
         return BehaviourOutput(0.0, 0.0, text="standing, to look where it is")
 
     def _end_search(
-        self, search: PlaceSearch, T_world_base: SE2, now_ns: int
+        self, recognition: Recognition[Sighting], T_world_base: SE2, now_ns: int
     ) -> BehaviourOutput | Belief:
         """Believe what was found; after nothing, look at other places or elsewhere."""
         self._search = None
         hint, self._hint = self._hint, ""
-        if search.found is not None:
-            T_world_frame = T_world_base @ search.found.pose.inverse()
-            return Belief(search.found.place, T_world_frame, is_borne_out=True)
-        self.reason = f"this does not look like {hint}" if hint else search.reason
+        found = recognition.found
+        if found is not None:
+            T_world_frame = T_world_base @ found.pose.inverse()
+            return Belief(found.place, T_world_frame, is_borne_out=True)
+        self.reason = f"this does not look like {hint}" if hint else recognition.refusal
         if not hint:
             self._roam = self._make_roam(), now_ns
             self._roamed_m = 0.0
