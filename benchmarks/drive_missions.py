@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Final
 
 from benchmarks import machine
+from robotctl.app.scoring.score import Report
 from robotctl.app.simulation.lockstep import run_lockstep
 from robotctl.app.simulation.room import goal_mission
-from robotctl.app.simulation.score import Report
 from robotctl.app.simulation.sim_options import SimOptions
 from robotctl.config.robot_file import find_file
 from robotctl.maps.world import find_world

@@ -18,7 +18,8 @@ from robotctl.logs.formats.mrclam_log import read_mrclam
 from robotctl.model.drives.motion import arc
 from robotctl.model.drives.motion_noise import MotionNoise
 from robotctl.model.geometry.se2 import SE2
-from robotctl.workbench.slam.slam import SlamOptions, slam, slam_of_recording
+from robotctl.workbench.slam.options import SlamOptions
+from robotctl.workbench.slam.slam import slam, slam_of_recording
 
 GOAL_US, GOAL_M, GOAL_INSIDE = 30.0, 0.3, 0.8
 LANDMARKS = 200
@@ -43,7 +44,7 @@ def ours(count: int, *, invariant: bool) -> Callable[[], object]:
     """Return one update, from the measurement to state and covariance."""
     slam_ = filled(count, invariant=invariant)
     which, noise = np.array([count // 2]), R[np.newaxis]
-    z = POINT.expected(slam_.belief.x_v, slam_.belief.features[which])[0]
+    z = POINT.expected(slam_.x_v, slam_.features[which])[0]
     return lambda: slam_.update(POINT, which, z, noise)
 
 

@@ -12,8 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks import machine
+from robotctl.estimation.slam.keyframes.candidates import PossiblePlaces
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
-from robotctl.estimation.slam.keyframes.shapes import AROUND, PossiblePlaces, Shapes
+from robotctl.estimation.slam.keyframes.shapes import AROUND, Shapes
+from robotctl.estimation.slam_config import ShapeConfig
 from robotctl.logs.formats.recorded_log import read_recording
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.recording import Recording
@@ -90,7 +92,8 @@ def alike_row(name: str, mapper: SlamMapper) -> tuple[str, ...]:
     Of keyframes that have another within 0.5 m, 8 m of way before them; right is within 1.5 m and
     20 deg, by the finished map.
     """
-    poses, keyframes, shapes = mapper.back_end.poses, mapper.keyframes, Shapes()
+    poses, keyframes = mapper.back_end.poses, mapper.keyframes
+    shapes = Shapes(ShapeConfig(least_score=0.0))
     way_m = np.array([each.travelled_m for each in keyframes])
     hits, took_ns = np.zeros((0, 2), np.bool_), 0
     for number in range(len(keyframes)):
@@ -102,15 +105,16 @@ def alike_row(name: str, mapper: SlamMapper) -> tuple[str, ...]:
         away = np.hypot(*(poses[old, :2] - poses[number, :2]).T)
         if away.min(initial=np.inf) > 0.5:
             continue
-        anyhow = PossiblePlaces(old, np.zeros(len(old)), np.full(len(old), 4.0))
+        anyhow = PossiblePlaces(number, old, np.zeros(len(old)), np.full(len(old), 4.0))
         began_ns = time.process_time_ns()
-        found = shapes.alike(number, anyhow, 2, 6)
+        found = shapes.suggest(anyhow).candidates
         took_ns += time.process_time_ns() - began_ns
         right = [
             math.hypot(at.x_m, at.y_m) < 1.5
-            and abs(math.remainder(at.theta_rad - each.turn_rad, math.tau)) < math.radians(20.0)
+            and abs(math.remainder(at.theta_rad - each.pose.theta_rad, math.tau))
+            < math.radians(20.0)
             for each in found
-            for at in (mapper.back_end.between(each.number, number),)
+            for at in (mapper.back_end.between(each.place, number),)
         ]
         hits = np.vstack([hits, [right[0], any(right)]])
     count = len(hits)

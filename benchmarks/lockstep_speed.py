@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 
 from benchmarks import machine
+from robotctl.app.scoring.score import Report
 from robotctl.app.simulation.lockstep import LockstepRun
-from robotctl.app.simulation.score import Report
 from robotctl.app.simulation.sim_options import SimOptions
 from robotctl.config.robot_file import find_file
 

@@ -199,9 +199,9 @@ class Outcome:
     def visit(self, book: PlaceBook, turn: Turn, end: SE2, i: int) -> None:
         """Recognise a turn at place `i`."""
         began = time.process_time()
-        recognition = book.recognise(turn.signature)
+        recognition = book.suggest(turn.signature)
         self.busy_us.append(1e6 * (time.process_time() - began))
-        found = recognition.place
+        found = recognition.found
         self.confusion[i, PLACES if found is None else int(found.place)] += 1
         if found is not None and int(found.place) == i:
             sigma_rad = math.sqrt(recognition.rotation_variance)
@@ -240,7 +240,7 @@ def located(room: Room, places: Sequence[SE2], book: PlaceBook, seed: int) -> li
     for place in places:
         turn, end = room.turned(room.near(place))
         mcl = MonteCarloLocaliser(MclConfig(), room.sample_free, np.random.default_rng(seed))
-        fix = place_fix(book.recognise(turn.signature), room.area_m2)
+        fix = place_fix(book.suggest(turn.signature), room.area_m2)
         if fix is not None:
             mcl.measure(fix, "places")
         pose = mcl.estimate(0).pose

@@ -19,8 +19,8 @@ import numpy as np
 from scipy import ndimage
 
 from benchmarks import machine
+from robotctl.app.scoring.score import run_message
 from robotctl.app.simulation.lockstep import LockstepRun
-from robotctl.app.simulation.score import run_message
 from robotctl.app.simulation.sim_options import SimOptions
 from robotctl.config.robot_file import find_file
 from robotctl.maps.localisation_map import load_localisation_map

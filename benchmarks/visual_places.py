@@ -29,7 +29,8 @@ from robotctl.estimation.places.visual.recognition import VisualPlaces, sight_of
 from robotctl.maps.vocabulary_file import load_vocabulary, shipped_vocabulary
 from robotctl.planning.path.global_planning.plan import PlanFailure
 from robotctl.workbench.places.images import find_images
-from robotctl.workbench.planning.plan import PlanOptions, make_plan
+from robotctl.workbench.planning.options import PlanOptions
+from robotctl.workbench.planning.plan import make_plan
 
 GAP = 10
 MOST_ONE_BY_ONE = 100
@@ -89,11 +90,11 @@ def ours(looks: list[Features], truth: NDArray[np.bool_], allowed: NDArray[np.bo
         for i, features in enumerate(looks):
             began = time.thread_time()
             sight = sight_of(vocabulary, features)
-            found = places.recognise(sight, is_next=True).found
+            found = places.suggest(sight, is_next=True).found
             places.add(sight)
             spent_ms.append(1e3 * (time.thread_time() - began))
             if found is not None:
-                pairs.append((i, found.image))
+                pairs.append((i, found.place))
     counted = [pair for pair in pairs if truth[pair] or not allowed[pair]]
     right = sum(bool(truth[pair]) for pair in pairs)
     return [

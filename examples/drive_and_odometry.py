@@ -5,10 +5,8 @@ python examples/drive_and_odometry.py
 
 import math
 
-from robotctl.estimation.odometry.odometry import Odometry
-from robotctl.model.drives.drives import AckermannDrive, DifferentialDrive, MecanumDrive
-from robotctl.model.geometry.se2 import SE2
-from robotctl.model.geometry.twist import Twist
+from robotctl.estimation import Odometry
+from robotctl.model import SE2, AckermannDrive, DifferentialDrive, MecanumDrive, Twist
 
 DRIVES = {
     "differential": DifferentialDrive("differential", 0.4, 0.08, counts_per_revolution=4096),

@@ -8,16 +8,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from robotctl.estimation.kalman.ekf import PoseEkf
-from robotctl.estimation.kalman.ekf_config import EkfConfig
+from robotctl.estimation import EkfConfig, PoseEkf
 from robotctl.estimation.kalman.ekf_models import wall_range
 from robotctl.estimation.ranging.sonar_config import SonarModelConfig
-from robotctl.model.drives.motion import arc
+from robotctl.model import SE2, PoseEstimate, SonarMount, WallMap, arc
 from robotctl.model.geometry.localisation import LocalisationStatus
-from robotctl.model.geometry.pose_estimate import PoseEstimate
-from robotctl.model.geometry.se2 import SE2
-from robotctl.model.sensors.sonar import SonarMount
-from robotctl.model.wall_map import WallMap
 
 corners = [(0.0, 0.0), (5.0, 0.0), (5.0, 4.0), (0.0, 4.0), (0.0, 0.0)]
 walls = WallMap(np.array([(*a, *b) for a, b in pairwise(corners)]))

@@ -9,13 +9,11 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from robotctl.estimation import LikelihoodField, MclConfig, MonteCarloLocaliser
 from robotctl.estimation.grid.wall_raster import grid_of_walls
-from robotctl.estimation.mcl.config import MclConfig
 from robotctl.estimation.mcl.free_space import free_poses
-from robotctl.estimation.mcl.localiser import MonteCarloLocaliser
-from robotctl.estimation.ranging.likelihood_field import LikelihoodField
-from robotctl.logs.formats.recorded_log import read_recording
-from robotctl.maps.world import load_walls
+from robotctl.logs import read_recording
+from robotctl.maps import load_walls
 from robotctl.model.geometry.localisation import LocalisationStatus
 
 log_file, plot_file = sys.argv[1:] if len(sys.argv) == 3 else sys.exit(__doc__)

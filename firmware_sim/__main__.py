@@ -1,7 +1,7 @@
 """`python -m firmware_sim`: the simulated robot as a process of its own, in real time.
 
-SIGTERM, SIGINT and the end of its parent end it; SIGHUP, like a restart of the program, is a power
-cycle of all nodes.
+SIGTERM, SIGINT and the end of its parent end it; SIGHUP, like a restart of the program,
+power-cycles all nodes.
 """
 
 from __future__ import annotations
@@ -137,7 +137,7 @@ def _positive(text: str, unit: str) -> float:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; return its exit status: 0, or 2 on bad input."""
-    # Faults are read from standard input, also where that is a terminal in which others type.
+    # Faults are read from standard input, even from a terminal shared with other programs.
     signal.signal(signal.SIGTTIN, signal.SIG_IGN)
     signals = _Signals()
     end_with_parent()
@@ -152,15 +152,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 class _Signals(list[int]):
-    """Signals that wait for the loop; until that runs, SIGTERM and SIGINT end the process at once.
+    """Signals for the loop; before it runs, SIGTERM and SIGINT end the process at once.
 
-    Compiling takes half a minute, in which nobody asks for them.
+    Compilation takes half a minute, in which nothing else reads them.
     """
 
     def __init__(self) -> None:
         super().__init__()
         self.awaited = False
-        """Whether the loop looks after them."""
+        """Whether the loop handles them."""
         for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
             signal.signal(number, self._on_signal)
 
@@ -171,7 +171,7 @@ class _Signals(list[int]):
 
 
 def _run(options: argparse.Namespace, signals: _Signals) -> None:
-    # They load numba; without it this is an error like others.
+    # These load numba; its absence is reported like other errors.
     from firmware_sim.compiled import NOT_KEPT  # noqa: PLC0415
     from firmware_sim.fault_console import FaultConsole  # noqa: PLC0415
     from firmware_sim.faults.scenario import Scenario, load_scenario, play  # noqa: PLC0415
@@ -223,7 +223,7 @@ def _run(options: argparse.Namespace, signals: _Signals) -> None:
 
 
 def _check_addresses(options: argparse.Namespace) -> None:
-    """Raise SimulationError where two streams have one address: one of them would be lost."""
+    """Raise SimulationError if two streams have one address: one of them would be lost."""
     there: dict[str, str] = {}
     for stream in STREAMS:
         address = getattr(options, stream)
@@ -289,7 +289,7 @@ def _check_count(options: argparse.Namespace, names: Sequence[str]) -> None:
 def _open_buses(
     simulation: Simulation, names: Sequence[str], stack: ExitStack
 ) -> tuple[list[Service], list[str]]:
-    """Return what couples the buses to the outside while `stack` is open, and their log names."""
+    """Return hubs or bridges of the buses, open as long as `stack`, and the buses' log names."""
     services: list[Service] = []
     channels = []
     for bus, name in zip(simulation.buses.values(), names, strict=True):
@@ -300,7 +300,7 @@ def _open_buses(
 
 
 def _open_bus(bus: Bus, name: str) -> tuple[Hub | Bridge, str]:
-    """Return what couples a bus to the outside, and its name in a log."""
+    """Return the hub or bridge of a bus, and its name in a log."""
     channel = name.partition(":")[2]
     try:
         if channel:
@@ -311,7 +311,7 @@ def _open_bus(bus: Bus, name: str) -> tuple[Hub | Bridge, str]:
 
 
 def _check_bus(name: str) -> None:
-    """Raise SimulationError, with what to do, where `name` can be no bus here."""
+    """Raise SimulationError, with a remedy, if `name` cannot be a bus here."""
     interface, colon, channel = name.partition(":")
     if colon or not name:
         if interface != SIMCAN or not channel:

@@ -35,14 +35,14 @@ def parse_pose(text: str) -> tuple[float, float, float]:
 
 
 def parse_natural(text: str) -> int:
-    """Return a whole number from 0 on."""
+    """Return a whole number >= 0."""
     if not (text.isascii() and text.isdecimal()):
         raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 0 on")
     return int(text)
 
 
 def tell(line: str) -> None:
-    """Write a line to standard output at once; drop it and all later ones without a reader."""
+    """Write a line to standard output at once; drop all lines once the reader is gone."""
     try:
         sys.stdout.write(f"{line}\n")
         sys.stdout.flush()
@@ -53,7 +53,7 @@ def tell(line: str) -> None:
 
 
 def file_among(folder: str, *suffixes: str) -> Callable[[str], Path]:
-    """Return a parser of an argument as a file: a path, or a name with or without its suffix.
+    """Return a parser of a file argument: a path, or a name with or without its suffix.
 
     A file in the working directory precedes a built-in configuration in `folder` ("": robots) with
     the first of the suffixes.
@@ -68,7 +68,7 @@ def file_among(folder: str, *suffixes: str) -> Callable[[str], Path]:
                 if (place / name).is_file():
                     return place / name
         if Path(text).suffix in suffixes or "/" in text:
-            return Path(text)  # its errors are reported by its reader
+            return Path(text)  # errors are reported when it is read
         names = sorted(each.stem for each in (configs / folder).glob(f"*{suffixes[0]}"))
         raise argparse.ArgumentTypeError(
             f"{text!r} is no file, and no name of one that comes along: {', '.join(names)}"

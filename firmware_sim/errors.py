@@ -4,4 +4,4 @@ from __future__ import annotations
 
 
 class SimulationError(Exception):
-    """A robot or world file is wrong, or nothing can be simulated; one line for each error."""
+    """A robot or world file is invalid, or simulation is impossible; one line for each error."""

@@ -1,7 +1,7 @@
 """Faults at run time: one line on standard input each, one line on standard output in answer.
 
-The answer is `fault KIND at NANOSECONDS`, CLOCK_MONOTONIC of the moment at which the fault began,
-or `error: ` and what is wrong. See `firmware_sim.faults.faults`.
+The answer is `fault KIND at NANOSECONDS`, CLOCK_MONOTONIC of the start of the fault, or `error: `
+and the reason. See `firmware_sim.faults.faults`.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ STDIN = 0
 
 
 class FaultConsole:
-    """A service of `RealTime` that reads fault lines; at the end of input it falls silent.
+    """A service of `RealTime` that reads fault lines until the end of input.
 
     Parameters
     ----------
     simulation
-        Whose faults they are.
+        Simulation that has the faults.
     descriptor
-        Where lines come from.
+        Descriptor of the input.
     """
 
     def __init__(self, simulation: Simulation, descriptor: int = STDIN) -> None:
@@ -42,7 +42,7 @@ class FaultConsole:
         return self._descriptor if self._open else self._never
 
     def service(self, now_ns: int) -> None:
-        """Carry out the lines that have come; `now_ns` is CLOCK_MONOTONIC."""
+        """Execute the received lines; `now_ns` is CLOCK_MONOTONIC."""
         if not self._open or not select.select([self._descriptor], (), (), 0)[0]:
             return
         try:

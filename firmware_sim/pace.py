@@ -1,15 +1,15 @@
 """Clocks for the simulation: the computer's, or one that waits for the computer.
 
-A computer that is held up gives a simulation, and the control loop and navigation that it drives,
-no time to think, which no robot's computer would do. `SharedClock` pauses meanwhile, for the
+A computer that stalls takes time from a simulation, and from the control loop and navigation that
+it drives, which a robot's computer would not do. `SharedClock` pauses meanwhile, for the
 simulation and for all processes that read it: simulated time stretches. It is a file in memory of
 16 signed 64-bit integers in host byte order, `FIELDS`. The clock reads
 
     min(CLOCK_MONOTONIC - offset, limit)
 
-and, once nobody has written for `GONE_NS`, goes on from the limit: a simulator that hangs must not
-halt those who watch it, and no process may take the pause for one of its own. The limit is read
-before the offset; a reader never lets its time go back.
+and, `GONE_NS` after the last write, continues from the limit: a simulator that hangs must not halt
+its observers, and no process may mistake the pause for one of its own. The limit is read before the
+offset; a reader's time never goes back.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ GONE_NS: Final = 500_000_000
 """Age of the last write after which time continues without the simulator [ns]."""
 
 POLL_NS: Final = 500_000
-"""How often one that is held up looks whether it still is [ns]."""
+"""Interval at which a stalled process checks the clock again [ns]."""
 
 LONGEST_WAIT_NS: Final = 50_000_000
 
@@ -35,14 +35,14 @@ FIELDS: Final = (
     *("control's pid", "control's deadline", "navigation's pid", "navigation's deadline"),
     *("spare",) * 6,
 )
-"""In ns but the pids, of the processes that pace the clock, 0: none; deadline: until when each may
-be away without being late, by this clock. `held`: how long time has paused; `longest`: at most at a
-time."""
+"""Times in ns, and pids of the processes that pace the clock, 0: none. A deadline is the time of
+this clock until which the process may be absent without being late. `held`: total pause; `longest`:
+the longest pause."""
 
 _OFFSET, _LIMIT, _WRITTEN, _HELD, _LONGEST = range(5)
 PACERS: Final = ((6, 400_000_000), (8, 2_000_000_000))
-"""Index of pid and deadline of control and of navigation, and the longest stall of each that time
-waits for [ns]; a longer one counts as a hang. A step of navigation computes for longer."""
+"""Index of pid and deadline of control and of navigation, and the longest stall of each for which
+time waits [ns]; a longer one counts as a hang. A step of navigation computes for longer."""
 
 
 class Pace(Protocol):
@@ -57,7 +57,7 @@ class Pace(Protocol):
         """Return how long to wait for `until_ns` before looking again [s]."""
 
     def reached(self, time_ns: int) -> None:
-        """Take note that the simulation has come to `time_ns` of this clock [ns]."""
+        """Record that the simulation has reached `time_ns` of this clock [ns]."""
 
 
 class MonotonicPace:
@@ -70,11 +70,11 @@ class MonotonicPace:
         return time.monotonic_ns()
 
     def wait_s(self, until_ns: int) -> float:
-        """Return how long it is until then [s]."""
+        """Return the time until `until_ns` [s]."""
         return max(0, until_ns - time.monotonic_ns()) / 1e9
 
     def reached(self, time_ns: int) -> None:
-        """Take no note."""
+        """Do nothing."""
 
 
 class SharedClock:
@@ -83,16 +83,16 @@ class SharedClock:
     Parameters
     ----------
     path
-        The file, created afresh.
+        File of the clock, replaced.
 
     Raises
     ------
     OSError
-        If it cannot be made.
+        If it cannot be created.
     """
 
     longest_wait_ns = MARGIN_NS // 2
-    """The limit moves with the simulation, which so must move before it is there."""
+    """Longest wait [ns]: the simulation, which moves the limit, must move before reaching it."""
 
     def __init__(self, path: Path) -> None:
         with path.open("w+b") as file:
@@ -100,9 +100,9 @@ class SharedClock:
             self._map = mmap.mmap(file.fileno(), 8 * len(FIELDS))
         self._words = memoryview(self._map).cast("q")
         self._hold_ns = 0
-        """How long time has paused at the present limit [ns]."""
+        """Pause at the present limit so far [ns]."""
         self._given_up_ns = [0] * len(PACERS)
-        """The deadline that each pacer has missed for too long [ns]."""
+        """Deadline that each pacer has missed for too long [ns]."""
         self.reached(time.monotonic_ns())
 
     def now_ns(self) -> int:
@@ -113,7 +113,7 @@ class SharedClock:
         now_ns = monotonic_ns - words[_OFFSET]
         if now_ns <= limit_ns:
             return now_ns
-        # After a hang of this process its readers have gone on by themselves.
+        # After a hang of this process its readers have continued from the limit.
         alone_ns = max(0, monotonic_ns - words[_WRITTEN] - GONE_NS)
         late_ns = now_ns - limit_ns - alone_ns
         words[_OFFSET] += late_ns
@@ -143,7 +143,7 @@ class SharedClock:
         words[_WRITTEN] = time.monotonic_ns()
 
     def _waits_for(self, number: int, pid: int, longest_ns: int) -> bool:
-        """Return whether to wait for a pacer, which has not moved."""
+        """Return whether to wait for a pacer that has not moved."""
         deadline_ns = self._words[pid + 1]
         if deadline_ns == self._given_up_ns[number]:
             return False
@@ -153,18 +153,18 @@ class SharedClock:
         return True
 
     def close(self) -> None:
-        """Let the file go."""
+        """Release the file."""
         self._words.release()
         self._map.close()
 
 
 class ClockReader:
-    """A `SharedClock` as another process of the simulator sees it.
+    """A reader of a `SharedClock` in another process.
 
     Parameters
     ----------
     path
-        The file.
+        File of the clock.
     """
 
     def __init__(self, path: Path) -> None:
@@ -186,7 +186,7 @@ class ClockReader:
 
 
 def _runs(pid: int) -> bool:
-    """Return whether a process is there and waits for nothing but the computer."""
+    """Return whether a process exists and only waits for the CPU or a disk."""
     try:
         stat = Path(f"/proc/{pid}/stat").read_bytes()
     except OSError:

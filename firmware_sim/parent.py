@@ -1,4 +1,4 @@
-"""The end of the process that started this one, however it ends, ends this one too."""
+"""End of this process together with its parent."""
 
 from __future__ import annotations
 
@@ -15,8 +15,7 @@ _PR_SET_PDEATHSIG: Final = 1
 def end_with_parent() -> None:
     """Raise SIGTERM in this process when its parent ends, even by SIGKILL.
 
-    A simulator left running would keep its bus and its shared memory, and the next run would meet
-    it there.
+    A simulator left running would keep its bus and its shared memory, and so disturb the next run.
     """
     parent = os.getppid()
 

@@ -1,10 +1,10 @@
 """Keeps a simulation at the pace of a clock and serves the processes around it.
 
 One thread, absolute deadlines: the loop sleeps until the next event of the bus (frames and the
-nodes' timers) or until a client has sent something. A simulator that has been held up for less than
-`LATE_NS` catches up, and the clients notice frames that come late. Beyond that it drops the lost
-time: the simulation pauses that long, nothing is caught up in a burst, and `late` counts it.
-`pace.SharedClock` waits for the simulator, which is then late only if it hangs.
+nodes' timers) or until a client has sent something. A simulator that lags by less than
+`LATE_NS` catches up, and its clients see late frames. Beyond that it drops the lost time: the
+simulation pauses instead of catching up in a burst, and `late` counts it. `pace.SharedClock` waits
+for the simulator, which is then late only if it hangs.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from firmware_sim.simulation import Simulation
 from firmware_sim.world.truth import Publisher, Scan, Truth
 
 LATE_NS = 50_000_000
-"""Lag above which lost time is dropped."""
+"""Lag above which lost time is dropped [ns]."""
 TRUTH_PERIOD_NS = 20_000_000
 
 
@@ -48,7 +48,7 @@ class RealTime:
     origin_ns
         The clock at time 0 of the simulation [ns]; grows when time is dropped.
     late
-        How often that has happened.
+        Number of times that time was dropped.
     late_max_ns
         Maximum lateness of the loop, whether it dropped time or not [ns].
     """
@@ -71,10 +71,10 @@ class RealTime:
         Parameters
         ----------
         stop
-            Whether to end.
+            Returns whether to end.
         priority
-            Of SCHED_FIFO, 1..99, taken where that is permitted once the garbage is collected: that
-            takes tens of milliseconds, which another simulator here must not wait for. 0: none.
+            Priority of SCHED_FIFO, 1..99, if permitted; 0: none. It is set after the garbage
+            collection, whose tens of milliseconds another simulator here must not wait for.
         """
         sharpen_timers()
         gc.collect()
@@ -151,7 +151,7 @@ class RealTime:
         return self.simulation.scan(origin_ns=self.origin_ns)
 
     def _let_go(self, now_ns: int, due_ns: int) -> None:
-        """Shift the origin where the loop is too late for what was due."""
+        """Shift the origin if the loop lags too far behind `due_ns`."""
         lag_ns = now_ns - self.origin_ns - due_ns
         self.late_max_ns = max(self.late_max_ns, lag_ns)
         if lag_ns > LATE_NS:
@@ -168,7 +168,7 @@ class RealTime:
 
 
 def _raise_priority(priority: int) -> None:
-    """Use SCHED_FIFO for all threads, if permitted: the loop above the publishers."""
+    """Use SCHED_FIFO for all threads, if permitted, with the loop above the publishers."""
     if priority <= 0:
         return
     below = max(os.sched_get_priority_min(os.SCHED_FIFO), priority - 1)

@@ -2,8 +2,8 @@
 
 Time passes only in `advance`, on all buses from event to event. Nodes receive frames at the exact
 bit time, and are woken by the bus's timers at the nanosecond they set; nothing is polled. The plant
-lags, in whole steps of 1 ms, and is brought up to date only when something touches it: a command, a
-SYNC, a sonar, a guard, a look at the truth.
+lags, in whole steps of 1 ms, and is brought up to date only on access: by a command, a SYNC, a
+sonar, a guard, or a read of the truth.
 """
 
 from __future__ import annotations
@@ -61,13 +61,13 @@ if TYPE_CHECKING:
     from firmware_sim.camera.camera import Camera
 
 Memory: TypeAlias = Callable[[str], ParameterStore]
-"""Gives each node, by its name, its non-volatile memory."""
+"""Function that returns the non-volatile memory of a node by its name."""
 
 CONTINUOUS_SHARE = 0.7
-"""Default limit of the drive's over-current guard, as a share of the greatest current there is."""
+"""Default limit of the drive's over-current guard, as a share of the maximum current."""
 CELL_V = 3.7
 _STREAMS = 7
-"""Random streams of a robot with one bus; each further bus has one of its own behind them."""
+"""Random streams of a robot with one bus; each further bus adds one."""
 CURRENT_STEP_MA = 500
 
 
@@ -81,28 +81,28 @@ class Simulation:
     Parameters
     ----------
     robot
-        The robot or its TOML.
+        Robot or its TOML file.
     world
-        The room or its TOML.
+        Room or its TOML file.
     seed
-        Of all random draws: bus faults, floor, sonar, lidar, broken sensors, IMU and camera each
-        have a stream of their own.
-        Same seed, same commands: the same frames at the same nanoseconds.
+        Seed of all random draws; bus faults, floor, sonar, lidar, broken sensors, IMU and camera
+        each have a stream of their own. The same seed and commands give the same frames at the same
+        nanoseconds.
     start
         Pose of base in world: x [m], y [m], heading [rad]; None: the world's.
     state_directory
-        Where stored parameters live; None: in this object.
+        Directory of stored parameters; None: they are kept in memory.
     faults
         Faults of the first bus.
     start_ns
         Time at which the simulation starts [ns].
     people
-        How many people walk about, besides those of the world.
+        Number of people in addition to the world's.
 
     Raises
     ------
     SimulationError
-        If a file is wrong or the robot cannot stand at `start`.
+        If a file is invalid or the robot cannot stand at `start`.
     """
 
     def __init__(
@@ -220,7 +220,7 @@ class Simulation:
 
     @property
     def _devices(self) -> tuple[Node | Twin, ...]:
-        """All that is on a bus, in the order in which it is powered up."""
+        """All nodes and drives, in the order in which they are powered up."""
         return (*self.nodes, *self.twins)
 
     @property
@@ -244,7 +244,7 @@ class Simulation:
         return self.buses.get(buses.get(node, "") if is_known else first, self.bus)
 
     def warm(self) -> None:
-        """Compile, or load from the cache, the functions for which the first steps would wait."""
+        """Compile, or load from the cache, the functions that the first steps need."""
         self.plant.warm()
         self._ring.warm()
 
@@ -262,24 +262,24 @@ class Simulation:
         while self.now_ns < until_ns:
             event_ns = self.next_event_ns
             step_ns = until_ns if event_ns is None else min(event_ns, until_ns)
-            # The bus with the event last: what happens there sees no bus that is behind.
+            # The bus with the event last, so that its receivers see no bus that lags.
             for bus in sorted(self.buses.values(), key=lambda each: each.next_event_ns == step_ns):
                 bus.advance(step_ns)
 
     def power_cycle(self, name: str = "") -> None:
-        """Take the supply from a node, or from all, and give it back; robot and room stay."""
+        """Switch the supply of a node, or of all, off and on; robot and room stay."""
         for node in self._devices:
             if name in ("", node.name):
                 self.power_off(node)
                 self.power_up(node)
 
     def power_off(self, node: Node | Twin) -> None:
-        """Take the supply from a node: it leaves the bus, and a drive's bridges open."""
+        """Switch off the supply of a node: it leaves the bus, and a drive's bridges open."""
         self._supplied.discard(node.name)
         self._shut_down(node)
 
     def power_up(self, node: Node | Twin) -> None:
-        """Give a node its supply: it boots, a drive once its supply is high enough."""
+        """Switch on the supply of a node: it boots, a drive once its supply is high enough."""
         self._supplied.add(node.name)
         if node in self._drives:
             self.supervise()
@@ -346,7 +346,7 @@ class Simulation:
         origin_ns
             Added to the time stamp: CLOCK_MONOTONIC at time 0 of the simulation [ns].
         late, late_max_ns
-            For `Truth`.
+            Values for `Truth`.
         """
         stamp_ns = self.run_to(self.bus.now_ns) + origin_ns
         plant, buses, findings = self.plant, self.buses.values(), self.monitor.findings
@@ -375,7 +375,7 @@ class Simulation:
         )
 
     def scan(self, *, origin_ns: int = 0) -> Scan | None:
-        """Return a scan of the lidar from where the robot is now; None if it has none.
+        """Return a scan of the lidar from the robot's present pose; None without a lidar.
 
         `origin_ns` is added to the time stamp, as in `truth`.
         """
@@ -399,8 +399,8 @@ class Simulation:
     def camera_frame(self, *, origin_ns: int = 0) -> Picture | None:
         """Return a picture from the robot's present pose; None if it has no camera.
 
-        The first takes seconds: the camera is made ready for this world. `origin_ns` is added to
-        the time stamp, as in `truth`. The caller applies `[simulation.camera] latency_ms`.
+        The first picture takes seconds, to prepare the camera for this world. `origin_ns` is added
+        to the time stamp, as in `truth`. The caller applies `[simulation.camera] latency_ms`.
         """
         if self.config.camera is None:
             return None
@@ -424,7 +424,7 @@ class Simulation:
         return self._step_plant(now_ns)
 
     def _let_walk(self, people: People) -> None:
-        """Let people walk, and plant and sensors know where they are."""
+        """Let people walk, and connect them to plant and sensors."""
         before, self._motion_before = self._motion_before, self.plant.motion
         people.step(self._people_ns, partial(self.plant.contact, motion=before))
         self.plant.discs = people.discs
@@ -474,7 +474,7 @@ class Simulation:
         )
 
     def _make_twins(self, memory: Memory) -> tuple[Twin, ...]:
-        """Return the twins of all other drives."""
+        """Return the twins of the bought drives."""
         config, twins = self.config, []
         wheels, axes = config.drive.wheel_names, self._stage.axes
         for table in config.motors:
@@ -517,7 +517,7 @@ class Simulation:
         )
 
     def _watch(self) -> None:
-        """Let the monitor look at the robot, now and from now on."""
+        """Start the periodic checks of the safety monitor."""
         now_ns = self.bus.now_ns
         self.run_to(now_ns)
         self.monitor.look(now_ns)
@@ -549,7 +549,7 @@ class Simulation:
 
 
 def _check_names(config: RobotConfig) -> None:
-    """Refuse settings of nodes that no robot has; raises SimulationError."""
+    """Raise SimulationError for settings of unknown nodes."""
     named = (("nodes", config.nodes), ("simulation.classic_nodes", config.simulation.classic_nodes))
     for key, names in named:
         for name in names:
@@ -560,7 +560,7 @@ def _check_names(config: RobotConfig) -> None:
 
 
 def _allowed(config: RobotConfig) -> Allowed:
-    """Return what the monitor judges a robot by."""
+    """Return the limits by which the monitor judges a robot."""
     timeout_ns = config.safety.command_timeout_ms * 1_000_000
     limits = config.limits
     return Allowed(
@@ -569,9 +569,9 @@ def _allowed(config: RobotConfig) -> Allowed:
 
 
 def _current_limit_ma(config: RobotConfig) -> int:
-    """Return where the guard's limit is set at the factory: below the current of a stalled motor.
+    """Return the factory setting of the over-current limit, below the stall current [mA].
 
-    In whole steps, as motors are not known better than that.
+    It is rounded to coarse steps, since motors are not known better than that.
     """
     motor = config.simulation.motor
     stall_a = config.simulation.battery.cells * CELL_V / motor.resistance_ohm

@@ -29,7 +29,7 @@ from hil_tests.rig import (
     enabled,
 )
 from robotctl.app.supervision.stack import CONTROL, NAVIGATION, RECORDER, TELEMETRY
-from robotctl.core.navigation_adapter import PRESENCE_MAX_AGE_NS
+from robotctl.core.station_watch import PRESENCE_MAX_AGE_NS
 from robotctl.messages.control import Mode, SafetyState
 from robotctl.messages.faults import FaultCode
 from robotctl.planning.behave.stalls import LONGEST_NS

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from firmware_sim.world.free_space import FreeSpace
-from robotctl.app.simulation.best_path import best_path
+from robotctl.app.scoring.best_path import best_path
 from robotctl.app.simulation.room import goal_mission, load_furnished, load_room
 from robotctl.app.simulation.sim_options import SimOptions
 from robotctl.config.robot_file import find_file, load_robot

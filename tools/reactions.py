@@ -30,7 +30,7 @@ from firmware_sim.faults.faults import check
 from firmware_sim.simulation import Simulation
 from hil_tests.fault_rows import ROWS, Row
 from robotctl.app.simulation.lockstep_stack import LockstepStack, make_simulation
-from robotctl.app.simulation.sim_options import simulated_robot
+from robotctl.app.simulation.simulator_files import simulated_robot
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file, load_robot
 from robotctl.messages.control import Arm, SafetyState, VelocityCommand

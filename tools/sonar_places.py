@@ -119,7 +119,7 @@ def revisits(ring: Ring, rows: int) -> Revisits:
     others = [i for i in range(0, len(ring.signatures), EVERY) if not -60 <= i - FIRST < rows + 60]
     found = []
     for i in others:
-        place = book.recognise(ring.signatures[i]).place
+        place = book.suggest(ring.signatures[i]).found
         if place is not None:
             phase = (i - learnt[int(place.place)]) / rows
             found.append((int(place.place), phase - round(phase)))

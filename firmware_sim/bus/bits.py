@@ -32,9 +32,9 @@ INTERMISSION_BITS = 3
 
 
 def arbitration_key(arbitration_id: int) -> int:
-    """Return the arbitration field as a number: of several, the lowest wins the bus.
+    """Return the arbitration field as a number; the lowest of those that compete wins the bus.
 
-    The bits stand in the order of the wire, so a standard frame beats an extended one of the
+    The bits are in the order of the wire, so a standard frame beats an extended one with the
     same 11 leading bits (SRR and IDE are recessive) and data beats a remote request. A frame of
     CAN FD competes as a classic data frame does.
     """

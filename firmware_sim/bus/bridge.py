@@ -50,7 +50,7 @@ class Bridge:
     name
         Name of the node.
     restart_ms, queue_limit
-        As in `Bus.attach`.
+        As for `Bus.attach`.
     reopen
         Opens the interface again after it was taken away, every 100 ms until it is back; None:
         never.
@@ -60,9 +60,9 @@ class Bridge:
     lost
         Frames which the interface did not take.
     dropped
-        Frames of the host which the bus did not take, or which are none.
+        Frames of the host that the bus refused, or that were malformed.
     problem
-        The interface's last error; None while all is well.
+        The interface's last error; None: no error.
     """
 
     def __init__(
@@ -113,7 +113,7 @@ class Bridge:
     def service(self, now_ns: int) -> None:
         """Send the host's frames at the bus's present time; never waits.
 
-        `now_ns` is the time of the wall [ns].
+        `now_ns` is CLOCK_MONOTONIC [ns].
 
         To be called when `fileno` is readable, and now and then besides.
         """
@@ -141,7 +141,7 @@ class Bridge:
             self._reopen_ns = now_ns
 
     def _try_to_reopen(self, now_ns: int) -> None:
-        """Take a new socket in place of one whose interface went down or away."""
+        """Replace the socket of an interface that went down or was removed."""
         if self._reopen is None:
             return
         try:
@@ -217,7 +217,7 @@ def _connect(interface: str, *, fd: bool) -> socket.socket:
 
 
 def _mtu(connection: socket.socket, interface: str) -> int:
-    """Return how many bytes a frame of an interface has at most."""
+    """Return the maximum frame size of an interface [bytes]."""
     request = bytearray(_INTERFACE_REQUEST.pack(interface.encode(), 0))
     fcntl.ioctl(connection, _GET_MTU, request)
     return int(_INTERFACE_REQUEST.unpack(request)[1])

@@ -28,12 +28,12 @@ def directories() -> tuple[Path, ...]:
 
 
 def socket_paths(channel: str) -> tuple[Path, ...]:
-    """Return where the socket of a channel may lie; a hub takes the first place.
+    """Return the possible socket paths of a channel; a hub uses the first.
 
     Raises
     ------
     ValueError
-        If the channel is no name, or its path is too long for a socket.
+        If the channel's name is invalid, or its path is too long for a socket.
     """
     if "/" in channel:
         paths: tuple[Path, ...] = (Path(channel).absolute(),)

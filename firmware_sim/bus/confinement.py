@@ -2,7 +2,7 @@
 
 Source: ISO 11898-1:2015, clause 10.11 (error signalling) and 12.1.4 (fault confinement). An error
 flag takes 6 bits, with the others' flags up to 12, the error delimiter 8; a frame is destroyed
-for all nodes or, when only error-passive nodes object, for none but them.
+for all nodes or, when only error-passive nodes object, for these alone.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ from firmware_sim.bus.state import (
 FLAG_BITS = 6
 DELIMITER_BITS = 8
 SUSPEND_BITS = 8
-"""Time after the intermission that an error-passive transmitter leaves to others."""
+"""Bits after the intermission that an error-passive transmitter waits (suspend transmission)."""
 STUFF_ERROR_BITS = 6
-"""Bits after BRS at which a controller that knows no CAN FD sees an error. Real ones do at some bit
-of the data phase, whose bits they take for others of the nominal bit rate."""
+"""Bits after BRS at which a classic controller detects an error. Real ones do so at some bit of the
+data phase, which they sample at the nominal bit rate."""
 
 
 class Confinement:
-    """Runs the attempts which `Bus` does not run itself, and keeps the error counters.
+    """Runs the attempts that `Bus` leaves to it, and keeps the error counters.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ class Confinement:
     def _object(
         self, senders: tuple[PortState, ...], receivers: tuple[PortState, ...]
     ) -> Failure | None:
-        """Return how controllers that know no CAN FD destroy a frame of it; None: they cannot."""
+        """Return how classic controllers destroy a frame of CAN FD; None: they cannot."""
         classic = tuple(port for port in receivers if port.fd is FdSupport.INTOLERANT)
         first = tuple(port for port in classic if not port.counters.passive)
         if not first:
@@ -183,7 +183,7 @@ class Confinement:
         return Failure(strike.error, senders, first, others, flag_bits, outlasted)
 
     def complete(self, senders: tuple[PortState, ...], route: Route, frame: Frame) -> None:
-        """Count and deliver a frame that has got through."""
+        """Count and deliver a completed frame."""
         bus = self._bus
         before = self.states()
         deaf = self._deaf + self._dropouts + senders
@@ -207,7 +207,7 @@ class Confinement:
                 bus.detach_if_done(port)
 
     def _count_success(self, senders: tuple[PortState, ...], deaf: tuple[PortState, ...]) -> None:
-        """Apply the counting rules to a frame that has got through."""
+        """Apply the counting rules to a completed frame."""
         for port in senders:
             port.counters.transmitted()
             port.statistics.sent += 1
@@ -326,7 +326,7 @@ class Confinement:
         before: dict[str, ErrorState],
         messages: list[Message] | None = None,
     ) -> list[Message]:
-        """Follow changed states: bus-off, and a message each, merged into one already due."""
+        """Act on changed states: bus-off, and one message each, merged into one already due."""
         changed = [
             port
             for port in tuple(self._bus.ports.values())
@@ -359,7 +359,7 @@ class Confinement:
                 observe(frame)
 
     def integrate(self) -> None:
-        """Let nodes which came during a frame take part from the next one on."""
+        """Let nodes that joined during a frame take part from the next one on."""
         joining = [port for port in self._bus.ports.values() if port.joining]
         for port in joining:
             port.joining = False

@@ -1,6 +1,6 @@
 """The simulated CAN bus: event-driven, on integer nanoseconds, bit-exact in length and order.
 
-A frame starts when the bus is free and takes as many bit times as its stuffed bits; of several
+A frame starts when the bus is free and takes as many bit times as its stuffed bits; among
 waiting frames the arbitration field decides; receivers are called at the end of the end of frame.
 Without errors a frame takes a short path through `advance`; as soon as an error counter is above
 zero, a fault is active, or two nodes send one id, `Confinement` takes over.
@@ -51,8 +51,8 @@ class Bus:
         Bits per second; a bit must last whole nanoseconds (1 000 000, 800 000, 500 000, 250 000,
         125 000, 100 000, ... do).
     seed
-        Seed of the faults' random draws, or a generator to draw from. The bus without random
-        faults draws nothing.
+        Seed of the faults' random draws, or a generator. A bus without random faults draws
+        nothing.
     faults
         Faults of the run; more can be added by `inject`.
     start_ns
@@ -60,8 +60,8 @@ class Bus:
     load_window_ns
         Window of `load` (ns).
     data_bitrate
-        Bits per second in the data phase of CAN FD, which must last whole nanoseconds too; 0: a
-        classic bus, which carries no such frames.
+        Bits per second in the data phase of CAN FD; such a bit must last whole nanoseconds, too.
+        0: a classic bus, which carries no frames of CAN FD.
 
     Attributes
     ----------
@@ -156,7 +156,7 @@ class Bus:
         listen_only
             The controller neither sends nor acknowledges.
         fd
-            What the controller does with frames of CAN FD, on a bus that carries them.
+            How the controller treats frames of CAN FD, on a bus that carries them.
 
         Raises
         ------
@@ -222,7 +222,7 @@ class Bus:
 
     @property
     def next_event_ns(self) -> int | None:
-        """Time of the next event if no more frames are sent; None: nothing will.
+        """Time of the next event if no more frames are sent; None: there is none.
 
         A real-time server sleeps until then, or until a frame is sent. The endless attempts of a
         lone error-passive node do not count as events.

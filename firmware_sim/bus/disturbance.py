@@ -31,7 +31,7 @@ class Disturbance:
         self._hit: tuple[PortState, ...] = ()
 
     def break_frame(self, lost: PortState | None) -> None:
-        """Destroy the frame on the wire now, if there is one, because `lost` (None: all) is gone.
+        """Destroy a frame on the wire now, because `lost` (None: every node) is disconnected.
 
         The receivers see recessive bits where stuff bits should be.
         """
@@ -83,7 +83,7 @@ class Disturbance:
         self._bus.deliver(messages)
 
     def hold_dominant(self) -> None:
-        """Turn the bus dominant, on top of what holds it dominant already."""
+        """Add one cause that holds the bus dominant."""
         self._bus.dominant += 1
         if self._bus.dominant > 1:
             return
@@ -99,7 +99,7 @@ class Disturbance:
         bus.schedule(since_ns + FLAG_BITS * bus.bit_ns, self._first_dominant_error)
 
     def release_dominant(self) -> None:
-        """Take one cause away; without any, the bus is free after the error delimiter."""
+        """Remove one cause; after the last one the bus is free once the error delimiter is over."""
         self._bus.dominant -= 1
         if self._bus.dominant:
             return
@@ -110,7 +110,7 @@ class Disturbance:
         bus.meter.busy_ns += bus.free_ns - self._dominant_since_ns
 
     def _first_dominant_error(self) -> None:
-        """Everybody sees six dominant bits and answers with an error flag."""
+        """Let every node see six dominant bits and answer with an error flag."""
         bus = self._bus
         self._dominant_error(first=True)
         self._confinement.observe(BusError.BROKEN_ERROR)
@@ -118,7 +118,7 @@ class Disturbance:
         bus.schedule(since_ns + 20 * bus.bit_ns, lambda: self._next_dominant_error(since_ns))
 
     def _next_dominant_error(self, since_ns: int) -> None:
-        """Rule f: after the flag, each further 8 dominant bits count 8."""
+        """Apply rule f: each further 8 dominant bits after the flag add 8."""
         still = self._bus.dominant and self._dominant_since_ns == since_ns
         if still and self._dominant_error(first=False):
             bus = self._bus

@@ -94,7 +94,7 @@ class ErrorCounters:
     Attributes
     ----------
     tec, rec
-        Error counters, 0..255. `tec` stays 255 in bus-off, where it has gone over.
+        Error counters, 0..255. `tec` stays 255 in bus-off, which an overflow causes.
     bus_off
         Whether the node has left the bus. Only `reset` ends that.
     """
@@ -207,5 +207,5 @@ def restarted_message() -> tuple[ErrorClass, bytearray]:
 
 
 def overflow_message() -> tuple[int, bytes]:
-    """Return id (with `ERROR_FLAG`) and data which say that received frames were lost."""
+    """Return id (with `ERROR_FLAG`) and data of the message that received frames were lost."""
     return ERROR_FLAG | ErrorClass.CRTL, bytes((0, Controller.RX_OVERFLOW, 0, 0, 0, 0, 0, 0))

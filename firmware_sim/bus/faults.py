@@ -4,8 +4,8 @@ A `FaultPlan` is data: two runs with the same plan, seed and traffic are the sam
 Times are times of the bus (ns). Where several faults fit one frame, the first of the plan that
 strikes counts.
 
-There is no clock drift of nodes: on the wire nothing of it is seen below the tolerance of bit
-timing (1.58 %), and a node's own timers are the node's business (`firmware_sim.nodes.clock`).
+There is no clock drift of nodes: below the tolerance of bit timing (1.58 %) it is invisible on the
+wire, and a node's own timers belong to the node (`firmware_sim.nodes.clock`).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class FrameFault:
     Attributes
     ----------
     arbitration_id
-        Id with flags as in `Frame`, of CAN FD those of the sender (BRS, ESI) or none; None: any.
+        Id with flags as in `Frame`, for CAN FD those of the sender (BRS, ESI) or none; None: any.
     node
         Name of the sending port; None: any.
     start_ns, end_ns
@@ -33,7 +33,7 @@ class FrameFault:
     count
         Maximum number of strikes; None: without limit.
     probability
-        Chance (0..1] that it strikes a fitting frame, drawn from the bus's generator.
+        Probability (0..1] of striking a matching frame, drawn from the bus's generator.
     """
 
     arbitration_id: int | None = None
@@ -64,8 +64,8 @@ class Destroy(FrameFault):
         BIT_ERROR: the transmitter sees it. CRC_ERROR, FORM_ERROR, BIT_STUFFING_ERROR: receivers do.
         ACK_ERROR follows from missing acknowledgement and cannot be requested here.
     bit
-        Bit after the start of frame at which the error is seen; None: drawn, or where the kind of
-        error has its place.
+        Bit after the start of frame at which the error is seen; None: drawn, or the fixed place
+        of this kind of error.
     receiver
         Name of the one port which sees the error; None: all receivers.
     """
@@ -91,7 +91,7 @@ class BitErrors(FrameFault):
     Attributes
     ----------
     rate
-        Chance (0..1) that one bit is disturbed.
+        Probability (0..1) that one bit is disturbed.
     """
 
     rate: float
@@ -127,7 +127,7 @@ class Delay(FrameFault):
     Attributes
     ----------
     delay_ns
-        How late (ns).
+        Delay (ns).
     """
 
     delay_ns: int
@@ -147,7 +147,7 @@ class Reorder(FrameFault):
 class Stale(FrameFault):
     """Instead of the frame, the sender repeats the last one it really sent.
 
-    A first frame without one before it is sent as it is.
+    A first frame is sent unchanged.
     """
 
 
@@ -203,7 +203,7 @@ class Babble(NodeFault):
     Attributes
     ----------
     arbitration_id, data
-        The frame. A low id takes the bus from everybody.
+        The frame. A low id keeps every other node off the bus.
     period_ns
         One frame each period; 0: without a pause.
     """

@@ -59,7 +59,7 @@ class FrameLength(NamedTuple):
     bits
         All bits.
     data_phase, fast_bits
-        Bits before the data phase of CAN FD, and how many of it have the data bit rate: all, or
+        Bits before the data phase of CAN FD, and number of its bits at the data bit rate: all, or
         none without bit-rate switch.
     """
 
@@ -136,8 +136,8 @@ _headers: dict[int, tuple[int, int, int]] = {}
 def _header(key: int) -> tuple[int, int, int]:
     """Return bits up to BRS, further bits of a frame with constant data, state after the header.
 
-    The second are all up to the CRC delimiter; only stuff bits of the data can come on top. Kept
-    for the next time.
+    The second number includes all up to the CRC delimiter but the stuff bits of the data. The
+    result is cached.
     """
     arbitration_id, length = key >> 7, key & 0x7F
     state, counts = 0, []

@@ -32,7 +32,7 @@ FD_LENGTHS = (*range(9), 12, 16, 20, 24, 32, 48, 64)
 """Data lengths of CAN FD, by data length code."""
 
 EXACT_MASK = FD_FLAG | 0xFFFF_FFFF
-"""All of an id that is the same in each frame of CAN FD that has it."""
+"""Mask of the id and flags that do not vary between frames of CAN FD with one id."""
 _FD_FLAGS = FD_FLAG | BIT_RATE_SWITCH_FLAG | ERROR_STATE_FLAG
 
 
@@ -43,10 +43,10 @@ class Frame(NamedTuple):
     ----------
     arbitration_id
         11-bit id, or 29-bit id with `EXTENDED_FLAG`; with `REMOTE_FLAG` for a remote request, with
-        `FD_FLAG` and perhaps `BIT_RATE_SWITCH_FLAG` and `ERROR_STATE_FLAG` for CAN FD, and with
+        `FD_FLAG` and possibly `BIT_RATE_SWITCH_FLAG` and `ERROR_STATE_FLAG` for CAN FD, and with
         `ERROR_FLAG` for an error message (`errors.py`).
     data
-        0 to 8 bytes, in CAN FD one of `FD_LENGTHS`. Of a remote request only the length counts.
+        0 to 8 bytes, in CAN FD one of `FD_LENGTHS`. Only the length of a remote request counts.
     stamp_ns
         Time of the bus (ns) at which the frame was complete: the last bit of its end of frame.
     """
@@ -60,7 +60,7 @@ class Filter(NamedTuple):
     """Acceptance filter as SocketCAN's: passes where `id & mask == can_id & mask`.
 
     Both have the flag bits at the top, so that `mask` decides whether standard and extended ids,
-    and classic and FD frames, are told apart.
+    and classic and FD frames, are distinguished.
     """
 
     can_id: int
@@ -72,7 +72,7 @@ class Filter(NamedTuple):
 
 
 def exact_filters(accept: Iterable[int | Filter]) -> tuple[Filter, ...]:
-    """Turn plain ids, which accept just themselves, into filters; leave filters as they are.
+    """Turn plain ids into filters that accept exactly these; leave filters unchanged.
 
     An id with `FD_FLAG` accepts frames with and without bit-rate switch.
     """

@@ -35,7 +35,7 @@ class Strike(NamedTuple):
 
 @dataclass(slots=True)
 class _Watch:
-    """A frame fault, how often it matched and struck, and the last frames it let pass."""
+    """Frame fault, its numbers of matches and strikes, and the last frames it let pass."""
 
     fault: FrameFault
     seen: int = 0
@@ -67,12 +67,12 @@ class FrameFaults:
         self._held: dict[tuple[PortState, int], Offer] = {}
 
     def add(self, fault: FrameFault) -> None:
-        """Begin to carry out a fault.
+        """Start a fault.
 
         Raises
         ------
         TypeError
-            If it is only the base class of them.
+            If it is only the base class.
         """
         if isinstance(fault, (Delay, Duplicate, Reorder, Stale, Corrupt)):
             self._on_send.append(_Watch(fault))
@@ -84,7 +84,7 @@ class FrameFaults:
             raise TypeError(f"{type(fault).__name__} is no fault of its own")
 
     def forget_past(self) -> None:
-        """Let go of faults whose time is over, so that long runs do not grow."""
+        """Drop faults whose time is over, so that memory stays bounded in long runs."""
         now_ns = self._bus.now_ns
         for watches in (self._on_send, self._on_wire, self._on_delivery):
             watches[:] = [
@@ -94,14 +94,14 @@ class FrameFaults:
             ]
 
     def rewire(self) -> None:
-        """Let the bus show what faults still look at."""
+        """Tell the bus which events the remaining faults need."""
         self._held = {key: offer for key, offer in self._held.items() if not key[0].detached}
         self._bus.watches_sending = bool(self._on_send or self._held)
         self._bus.watches_wire = bool(self._on_wire or self._on_delivery)
         self._bus.rewire()
 
     def sending(self, port: PortState, offer: Offer) -> None:
-        """Enqueue a frame as the sender's faults have it: changed, twice, later or not in turn."""
+        """Enqueue a frame with the sender's faults: changed, twice, late or out of order."""
         bus = self._bus
         key = port, offer[1]
         held = self._held.pop(key, None)
@@ -164,7 +164,7 @@ class FrameFaults:
     def _first(
         self, watches: list[_Watch], node: str, arbitration_id: int, bits: int = 0
     ) -> _Watch | None:
-        """Return the first fault that strikes; forget those which cannot strike again."""
+        """Return the first fault that strikes; drop those that cannot strike again."""
         for watch in watches:
             if self._strikes(watch, node, arbitration_id, bits):
                 watch.struck += 1
@@ -187,7 +187,7 @@ class FrameFaults:
         return chance >= 1.0 or bool(self._rng.random() < chance)
 
     def _fits(self, fault: FrameFault, node: str, arbitration_id: int) -> bool:
-        """Whether a frame is one that a fault may strike now."""
+        """Whether a fault may strike a frame now."""
         now_ns = self._bus.now_ns
         return (
             fault.arbitration_id in (None, arbitration_id, arbitration_id & EXACT_MASK)

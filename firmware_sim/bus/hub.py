@@ -59,7 +59,7 @@ class Hub:
     restart_ms
         Pause of bus-off clients before they recover (see `Bus.attach`).
     queue_limit
-        Frames of one client that wait on the bus.
+        Maximum frames of one client in its transmit queue.
     backlog
         Frames kept for a slow client, besides about 250 in its socket.
 
@@ -68,7 +68,7 @@ class Hub:
     HubError
         If a hub is running on the channel, or the socket cannot be made.
     ValueError
-        If the channel is no name.
+        If the channel's name is invalid.
     """
 
     def __init__(
@@ -95,7 +95,7 @@ class Hub:
         self._epoll.register(self._listener.fileno(), select.EPOLLIN)
 
     def _take_lock(self) -> int:
-        """Take the channel for this process; the kernel gives it back whatever happens."""
+        """Lock the channel for this process; the kernel releases it when the process ends."""
         path = Path(f"{self.path}.lock")
         try:
             if "/" not in self.channel:

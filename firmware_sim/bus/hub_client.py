@@ -30,16 +30,16 @@ class Client:
     greet
         Called with the client's name and options at its hello.
     backlog
-        Frames kept while it is slow.
+        Maximum frames kept while it is slow.
 
     Attributes
     ----------
     port
         The client's node; None before its hello.
     lost
-        Frames it was too slow to take.
+        Frames lost because it was too slow.
     malformed
-        Messages that were no frames.
+        Messages that were not frames.
     dropped
         Frames it sent while bus-off or listening only.
     """
@@ -68,7 +68,7 @@ class Client:
         self._overflown = False
 
     def receive(self, frame: Frame, origin_ns: int, own: int = 0) -> None:
-        """Take a frame from the bus, whose time 0 is `origin_ns`; `wire.OWN` flags its own."""
+        """Take a frame from the bus, whose time 0 is `origin_ns`; `own`: `wire.OWN` or 0."""
         if self.gone:
             return
         message = wire.stamp_frame(frame, frame.stamp_ns + origin_ns, own)
@@ -97,7 +97,7 @@ class Client:
         self._epoll.modify(self.connection.fileno(), events)
 
     def flush(self, now_ns: int) -> None:
-        """Pass on waiting frames, and notice of lost ones; `now_ns` is CLOCK_MONOTONIC."""
+        """Pass on waiting frames, and report lost ones; `now_ns` is CLOCK_MONOTONIC."""
         backlog = self._backlog
         try:
             while backlog:

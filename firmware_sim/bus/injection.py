@@ -1,4 +1,4 @@
-"""Carries out a `FaultPlan`: hands on faults of frames, opens and closes the windows of others."""
+"""Applies a `FaultPlan`: passes on faults of frames, opens and closes the windows of others."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Injector:
         self._active: list[NodeFault | Cut] = []
 
     def add(self, fault: Fault) -> None:
-        """Begin to carry out a fault; its window may have begun already.
+        """Start a fault; its window may have begun already.
 
         Raises
         ------
@@ -64,7 +64,7 @@ class Injector:
         self._frames.rewire()
 
     def attached(self, port: PortState) -> None:
-        """Put a new port under the faults which hold at the moment."""
+        """Apply the active faults to a new port."""
         if self._active:
             self._refresh(port)
 
@@ -85,7 +85,7 @@ class Injector:
         self._bus.rewire()
 
     def _refresh(self, port: PortState) -> None:
-        """Apply the present faults to a port."""
+        """Apply the active faults to a port."""
         faults = [fault for fault in self._active if fault.node in (None, port.name)]
         kinds = {type(fault) for fault in faults}
         port.acknowledges = AckLess not in kinds
@@ -110,7 +110,7 @@ class Injector:
             port.ready_ns = bus.now_ns + 11 * bus.bit_ns
 
     def _babble(self, fault: Babble) -> None:
-        """Send a babbling node's frame, and each period again."""
+        """Send a babbling node's frame, now and every period."""
         bus = self._bus
         if fault not in self._active:
             return

@@ -1,7 +1,8 @@
 """Writes the traffic of a bus as a candump log (`candump -L`), readable by python-can.
 
-One line a frame, `(seconds.microseconds) channel id#data`, time being that of the bus and an epoch;
-of CAN FD `id##FLAGSdata`, with 1 for bit-rate switch and 2 for an error-passive transmitter.
+One line a frame, `(seconds.microseconds) channel id#data`, the time being that of the bus plus an
+epoch; for CAN FD `id##FLAGSdata`, with 1 for bit-rate switch and 2 for an error-passive
+transmitter.
 The same run writes the same bytes. There are no comment lines: readers of the format do not know
 them. Errors on the wire stand in it as SocketCAN error messages of class BUSERROR.
 """
@@ -69,7 +70,7 @@ def log_line(frame: Frame, channel: str, epoch_ns: int = 0) -> str:
 def next_log(path: Path) -> Path:
     """Return the path of the log after this one: `run-0008.log` after `run-0007.log`.
 
-    A file without a number is the first of its kind. A number whose file is there is passed over.
+    A file without a number is the first of its kind. Numbers of existing files are skipped.
     """
     match = re.fullmatch(r"(.*)-(\d+)", path.stem)
     stem, digits = match.groups() if match else (path.stem, "0001")
@@ -82,7 +83,7 @@ def next_log(path: Path) -> Path:
 
 
 def _opened(path: Path) -> TextIO:
-    """Open a log, locked while it is open, so that others see that it is being written."""
+    """Open a log, locked while open so that other programs see that it is being written."""
     file = path.open("w", encoding="ascii")
     with suppress(OSError):  # some network disks know no locks
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -110,16 +111,16 @@ class LogWriter:
     epoch_ns
         Added to the time of the bus (ns); may be changed after its clock has paused.
     file_bytes
-        A file given by its path that has become larger is followed by another.
+        Size of a file given by its path at which the next one begins [bytes].
     next_file
-        Returns the path of that from the path of the last.
+        Returns the path of the next file for that of the last.
 
     Raises
     ------
     ValueError
         If the channel's name has spaces.
     OSError
-        If the file cannot be opened. A disk that is full later ends the log, not the bus.
+        If the file cannot be opened. A disk that fills up later ends the log, not the bus.
     """
 
     def __init__(

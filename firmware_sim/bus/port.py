@@ -55,7 +55,7 @@ class Port:
         arbitration_id
             Id with flags as in `Frame`.
         data
-            0 to 8 bytes, in CAN FD one of `FD_LENGTHS`; of a remote request only the length counts.
+            0 to 8 bytes, in CAN FD one of `FD_LENGTHS`; only the length of a remote request counts.
 
         Returns
         -------
@@ -66,7 +66,7 @@ class Port:
         Raises
         ------
         ValueError
-            If there is no such frame, or it is of CAN FD and bus or controller are not.
+            If the frame is invalid, or of CAN FD on a classic bus or controller.
         RuntimeError
             If the port has been closed or detached.
         """
@@ -131,7 +131,7 @@ class Port:
     def has_sent(self, arbitration_id: int) -> bool:
         """Return whether a frame of this id (with flags) has got through since the attachment.
 
-        Of a port that has sent more than 4096 ids only the first of them are known.
+        A port remembers the first 4096 ids that it has sent.
         """
         return arbitration_id in self._state.sent_ids
 
@@ -158,7 +158,7 @@ class Port:
         self._bus.rewire()
 
     def restart(self) -> None:
-        """Leave bus-off by hand: error-active after 128 x 11 recessive bits.
+        """Leave bus-off on request: error-active after 128 x 11 recessive bits.
 
         Does nothing when the node is not bus-off or is recovering already.
         """

@@ -19,8 +19,8 @@ into a buffer of 80 bytes or more; 16 or 24 bytes are a classic frame, 72 or 80 
 the hub is gone; a full queue is EAGAIN (ENOBUFS on SocketCAN); the socket's own time stamps are
 those in the message.
 
-Before, the client sends a hello (`wire.HELLO`) and gets a welcome (`wire.WELCOME`); acceptance
-filters go to the hub (`wire.pack_filters`), so raw readers are spared the rest, too.
+First the client sends a hello (`wire.HELLO`) and gets a welcome (`wire.WELCOME`); acceptance
+filters go to the hub (`wire.pack_filters`), so raw readers also get only the accepted frames.
 """
 
 from __future__ import annotations
@@ -77,14 +77,14 @@ class SimCanBus(can.BusABC):
         Name of the node on the bus; the program's name by default. A number is added to a name
         that is taken.
     bitrate
-        Must be the bus's, if given.
+        Bit rate [bit/s]; must be the bus's, if given.
     fd
-        Whether the node's controller knows CAN FD, which the bus must carry then.
+        Whether the node's controller supports CAN FD, which the bus must then carry.
     fd_tolerant
         Without `fd`, whether it ignores frames of CAN FD. By default it is a classic controller,
         which destroys them with error frames, for all.
     data_bitrate
-        Must be the bus's, if given.
+        Data bit rate [bit/s]; must be the bus's, if given.
     kwargs
         Other options of python-can are ignored.
 
@@ -93,7 +93,7 @@ class SimCanBus(can.BusABC):
     can.CanInitializationError
         If no hub of this channel runs, or it cannot be used.
     ValueError
-        If the channel is no name.
+        If the channel's name is invalid.
     """
 
     def __init__(
@@ -183,8 +183,8 @@ class SimCanBus(can.BusABC):
         Parameters
         ----------
         msg
-            Data or remote frame, of CAN FD if the bus was opened with `fd`. One whose data has no
-            length of CAN FD is filled up with zeros, as by the SocketCAN interface.
+            Data or remote frame, of CAN FD if the bus was opened with `fd`. Data between two
+            lengths of CAN FD is padded with zeros, as by the SocketCAN interface.
         timeout
             Seconds to wait while the transmit queue is full; None or 0: not at all, as the
             SocketCAN interface does.
@@ -297,7 +297,7 @@ class SimCanBus(can.BusABC):
             raise self._gone(error) from error
 
     def fileno(self) -> int:
-        """Return the socket's descriptor; see the module's text for what goes through it."""
+        """Return the socket's descriptor; the module's docstring describes its messages."""
         return self.socket.fileno()
 
     def shutdown(self) -> None:

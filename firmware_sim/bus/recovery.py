@@ -27,7 +27,7 @@ class BusOffRecovery:
         self._sequence_ns = RECESSIVE_SEQUENCE_BITS * bus.bit_ns
 
     def leave(self, port: PortState) -> None:
-        """Take note that a node went bus-off, and of when its recovery begins."""
+        """Record that a node went bus-off, and when its recovery begins."""
         port.statistics.bus_offs += 1
         port.discard_queue()
         if port.restart_ns is not None:

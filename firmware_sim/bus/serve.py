@@ -26,7 +26,7 @@ class Service(Protocol):
 
 
 def sharpen_timers() -> None:
-    """Ask the kernel to wake this thread when asked to, not up to 50 us later.
+    """Ask the kernel to wake this thread on time, not up to 50 us later.
 
     Linux only; elsewhere, and where it is refused, nothing happens.
     """
@@ -58,12 +58,12 @@ def serve(
     origin_ns
         CLOCK_MONOTONIC at time 0 of the bus (ns).
     stop
-        Asked at least every 50 ms.
+        Called at least every 50 ms.
     advance
-        Called with the time of the bus (ns) instead of `bus.advance`, by an owner who moves more
+        Called with the time of the bus (ns) instead of `bus.advance`, for owners that advance more
         than the bus.
     tick_ns
-        Longest step (ns); None: only as events come.
+        Longest step (ns); None: from event to event.
     """
     step = bus.advance if advance is None else advance
     longest_ns = _LONGEST_WAIT_NS if tick_ns is None else min(tick_ns, _LONGEST_WAIT_NS)

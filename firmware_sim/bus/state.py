@@ -28,7 +28,7 @@ NEVER_NS = 1 << 62
 
 
 class FdSupport(enum.Enum):
-    """Behaviour of a controller towards frames of CAN FD, in the words of ISO 11898-1:2015.
+    """Behaviour of a controller towards frames of CAN FD, in the terms of ISO 11898-1:2015.
 
     INTOLERANT: a classic controller destroys them with error frames, for all. TOLERANT: it ignores
     them. ENABLED: it sends, receives and acknowledges them.
@@ -48,14 +48,14 @@ class Route(NamedTuple):
 
 
 class Tap(NamedTuple):
-    """An observer and the ids that it sees; None: all, and errors."""
+    """Observer and the ids that it sees; None: all, and errors."""
 
     observe: Receive
     ids: frozenset[int] | None
 
 
 class Message(NamedTuple):
-    """An error message that a port is to get."""
+    """Error message for a port."""
 
     port: PortState
     classes: ErrorClass
@@ -63,7 +63,7 @@ class Message(NamedTuple):
 
 
 class Failure(NamedTuple):
-    """Decided at the start of a frame: how it will be destroyed.
+    """How a frame will be destroyed, decided at its start.
 
     Attributes
     ----------
@@ -106,15 +106,15 @@ class PortState:
     queue
         Frames that wait.
     routes, sent_ids
-        By id: where its frames go, and which have got through.
+        Routes of its frames by id, and ids completed so far.
     ready_ns
         Time from which it may start a frame.
     recovery, recovery_ns
-        Sequences of recessive bits that are left of a recovery, and when that began (ns).
+        Sequences of recessive bits left of a recovery, and its start (ns).
     babbles
         Frames that it sends again and again without a pause.
     acknowledges, muted, cut, unanswered
-        As the faults of nodes have it.
+        States set by faults of nodes.
     joining
         Whether it joined during a frame, which it does not receive.
     closing, detached
@@ -124,7 +124,7 @@ class PortState:
     heard
         Whether any node acknowledges its frames.
     direct
-        Whether its frames may go into the queue without a further look.
+        Whether its frames may go into the queue without further checks.
     """
 
     name: str
@@ -197,14 +197,14 @@ class BusState:
     Attributes
     ----------
     bit_ns, data_bit_ns, now_ns
-        Length of a bit, of one in the data phase of CAN FD (0: the bus is classic) and present time
-        (ns).
+        Length of a bit, length of a bit in the data phase of CAN FD (0: classic bus), and present
+        time (ns).
     until_ns
-        Time up to which it goes without anybody from outside sending (ns).
+        Time up to which nothing is sent from outside (ns).
     meter, statistics
         Load, and counters of the bus.
     ports
-        By name, in the order of their attachment.
+        Ports by name, in the order of their attachment.
     offers
         Ports on the bus whose queue is not empty.
     taps
@@ -214,20 +214,20 @@ class BusState:
     offer, bits
         The frame on the wire and its length (bits).
     failure
-        How it will be destroyed; None: it gets through.
+        How it will be destroyed; None: it is completed.
     start_ns, done_ns
-        When it began and when it is over (ns).
+        Start and end of the frame (ns).
     free_ns
         Time from which the wire is free (ns).
     slow
-        Whether an attempt needs a look at each port.
+        Whether an attempt needs a check of each port.
     fd_slow
-        Whether one with a frame of CAN FD does, because some controllers do not take such frames.
+        Whether an attempt with a frame of CAN FD does, because some controllers refuse such frames.
     hopeless
-        Whether the last attempt was a lone error-passive node's: nothing comes of the next ones
-        either, until another node joins or sends.
+        Whether the last attempt was a lone error-passive node's: further ones fail, too, until
+        another node joins or sends.
     dominant
-        How many causes hold the wire dominant.
+        Number of causes that hold the wire dominant.
     watches_sending, watches_wire
         Whether faults look at frames before they are queued, and on the wire.
     babbling
@@ -235,7 +235,7 @@ class BusState:
     cut_off
         Called with a port on a cut wire when it has something to send.
     timers, timer_ns, timer_number
-        Heap of events, the time of the first (ns), and their count so far.
+        Heap of events, time of the first (ns), and number of events so far.
     """
 
     bit_ns: int
@@ -332,7 +332,7 @@ class BusState:
                 self.offers.append(port)
 
     def babble(self, port: PortState, offer: Offer) -> None:
-        """Put a frame before all others of a port, unless it is there already."""
+        """Put a frame at the head of a port's queue, unless it is there already."""
         if not (port.queue and port.queue[0] == offer):
             self.enqueue(port, offer, first=True)
 
@@ -359,7 +359,7 @@ class BusState:
         )
 
     def deliver(self, messages: list[Message]) -> None:
-        """Hand error messages to their subscribers; last of all, because they may send."""
+        """Hand error messages to their subscribers; called last, because subscribers may send."""
         now_ns = self.now_ns
         for port, classes, data in messages:
             if port.errors and not port.detached:

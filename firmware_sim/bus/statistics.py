@@ -21,7 +21,7 @@ class IdStatistics:
     frames
         Frames completed.
     bits
-        Their bits, intermission included; of CAN FD those of both bit rates.
+        Their bits, intermission included; for CAN FD at both bit rates.
     errors
         Attempts destroyed by an error.
     """

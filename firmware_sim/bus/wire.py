@@ -66,7 +66,7 @@ class Answer(enum.IntEnum):
 
 
 def pack_frame(frame: Frame) -> bytes:
-    """Return a frame as struct can_frame, of CAN FD as canfd_frame."""
+    """Return a frame as struct can_frame, or canfd_frame for CAN FD."""
     arbitration_id, data, _ = frame
     if arbitration_id <= CLASSIC_MAX:
         return CAN_FRAME.pack(arbitration_id, len(data), 0, 0, 0, data)
@@ -89,7 +89,7 @@ def unpack_frame(message: bytes) -> tuple[int, bytes]:
     Raises
     ------
     ValueError
-        If the message is of another size or says that its data is longer than it can be.
+        If the message has another size, or states an impossible data length.
     """
     if len(message) in FRAME_SIZES:
         arbitration_id, length, _, _, _, data = CAN_FRAME.unpack_from(message)
@@ -111,7 +111,7 @@ def pack_hello(name: str, options: Options) -> bytes:
 
 
 def unpack_hello(message: bytes) -> tuple[str, Options] | None:
-    """Return (name, options) of a greeting; None if it is not of this version."""
+    """Return (name, options) of a greeting; None if it has another version."""
     if len(message) != HELLO.size:
         return None
     magic, options, _, name = HELLO.unpack(message)
@@ -135,7 +135,7 @@ def pack_filters(filters: Iterable[Filter]) -> bytes:
 
 
 def unpack_filters(message: bytes) -> tuple[Filter, ...] | None:
-    """Return the filters of such a message; None if invalid."""
+    """Return the filters of a filter message; None if invalid."""
     packed = message[len(FILTERS_MAGIC) :]
     if not message.startswith(FILTERS_MAGIC) or len(packed) % FILTER.size:
         return None

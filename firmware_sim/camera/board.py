@@ -1,4 +1,4 @@
-"""Printed chessboards that lie on the floor: what a camera is calibrated with."""
+"""Printed chessboards on the floor, for the calibration of a camera."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from firmware_sim.world.shapes import Board
 PAPER: Final = 225.0
 INK: Final = 25.0
 SAMPLES: Final = 5
-"""A pixel is the mean of that many points along its ray and across it."""
+"""Points along a pixel's ray, and across it, whose mean is the pixel."""
 # Columns of a board.
 X: Final = 0
 Y: Final = 1
@@ -25,7 +25,7 @@ SQUARE: Final = 6
 
 
 def board_rows(boards: tuple[Board, ...]) -> np.ndarray:
-    """Return boards as rows, (n, 7): middle, direction, half of all squares along and across."""
+    """Return boards as rows, (n, 7): middle, direction, half the size along and across."""
     rows = [
         (
             *board.at,
@@ -74,13 +74,13 @@ def add_board(
     board
         A row of `board_rows`.
     pixels
-        The row's, of `PIXEL`.
+        Pixels of the row, of `PIXEL`.
     showing
-        Which of them show the floor, (width,).
+        Whether each of them shows the floor, (width,).
     pose
         x, y of the camera, and cosine and sine of its direction, in world.
     camera_height, turn
-        Of the camera [m]; angle between neighbouring pixels [rad].
+        Height of the camera [m]; angle between neighbouring pixels [rad].
     bright
         Light on the floor at each pixel, times its gain, (width,).
     row

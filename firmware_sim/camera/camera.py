@@ -1,4 +1,4 @@
-"""The camera on the robot: what it sees of its world, as a picture.
+"""The camera on the robot: pictures of its world.
 
     robot = load_robot(Path("configs/diff_drive.toml"))
     camera = Camera(robot, load_world(Path("configs/worlds/office.toml")), seed=1)
@@ -10,8 +10,8 @@ The world is 2.5-D: upright prisms on a level floor. Rays of pixels are computed
 the plane about the camera is cut into sectors (`camera_fan`) and each ray with the candidates of
 its sector (`camera_view`), exactly, so that a wall's foot is where the lens puts it. The floor's
 pattern is filtered along the ray by how much of it a pixel covers. Light and shadows
-come from lamps (`camera_light`) and are there before the first picture. A picture depends only on
-pose, seed and number: the same in lockstep and in real time.
+come from lamps (`camera_light`) and are computed before the first picture. A picture depends only
+on pose, seed and number: the same in lockstep and in real time.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ from firmware_sim.world.world import World
 MOST_SECTORS = 65_536
 MOST_TAPS = 4
 TAP_RATIO = 1.7
-"""How much longer than wide the patch of floor under one sample may be."""
+"""Maximum ratio of length to width of the patch of floor under one sample."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,16 +79,16 @@ class Camera:
     Parameters
     ----------
     robot
-        With the table `[camera]`.
+        Robot with the table `[camera]`.
     world
         The room.
     seed
-        Of the noise.
+        Seed of the noise.
 
     Raises
     ------
     SimulationError
-        If the robot has no camera, or one that cannot be.
+        If the robot has no camera, or an impossible one.
     """
 
     def __init__(self, robot: RobotConfig, world: World, seed: int = 0) -> None:
@@ -106,7 +106,7 @@ class Camera:
         self._turn_rad = rays.turn_rad
         self._pixels = _pixels(rays, sectors, self.mount.z_m, self.parameters)
         self._scene = make_scene(world)
-        # Behind the things what the negative labels stand for.
+        # After the things, what the negative labels stand for.
         self._shown = np.append(self._scene.thing, (NOTHING, FLOOR)).astype(np.int16)
         self._fan = Fan(self._scene, sectors, self.mount.z_m, float(rays.slope.max()))
         light = floor_light(world, self._scene, self.parameters.ambient)
@@ -122,7 +122,7 @@ class Camera:
         self._laying = floor_laying(world.floor.texture, world.floor.seed)
         self._plaster = plaster_texture(world.floor.seed).texels
         self._prints = print_texture(world.floor.seed).texels
-        # Of a channel's value 0 to 255.
+        # Light in units of a channel's value, 0 to 255.
         variance = self.parameters.read_noise**2 + self.parameters.shot_noise * np.arange(256.0)
         self._sigma = np.sqrt(variance).astype(np.float32)
         shares = (np.arange(QUANTILES) + 0.5) / QUANTILES
@@ -198,7 +198,7 @@ class Camera:
 def _pixels(
     rays: PixelRays, sectors: int, height_m: float, parameters: CameraParameters
 ) -> np.ndarray:
-    """Return what each pixel is, (height, width) of `PIXEL`."""
+    """Return the properties of each pixel, (height, width) of `PIXEL`."""
     pixels = np.zeros(rays.slope.shape, dtype=PIXEL)
     pixels["ahead"], pixels["left"], pixels["slope"] = rays.ahead, rays.left, rays.slope
     azimuth = np.arctan2(rays.left, rays.ahead)

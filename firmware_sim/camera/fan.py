@@ -1,4 +1,4 @@
-"""Which things stand in which direction from the camera: the first half of a picture.
+"""Things in each direction from the camera: the first half of a picture.
 
 The plane about the camera is cut into narrow sectors. Each lists, nearest first, the objects that
 may be hit in it, up to one that hides everything behind it. Where a single side of a thing spans a
@@ -16,7 +16,7 @@ from firmware_sim.camera.scene import AX, AY, LENGTH, NX, NY, Scene
 from firmware_sim.compiled import compiled
 
 ROOM = 48
-"""Things that a sector can list; the farthest are left out."""
+"""Maximum things that a sector lists; the farthest are left out."""
 SIDES = np.dtype(
     [(name, np.float64) for name in ("nx", "ny", "offset", "tx", "ty", "start", "length", "near")]
 )
@@ -34,7 +34,7 @@ class Fan:
     sectors
         Number of sectors of the full turn.
     height_m
-        Of the camera above the floor.
+        Height of the camera above the floor.
     steepest
         Greatest slope of all rays: an object lower than a ray hides nothing.
 
@@ -43,8 +43,8 @@ class Fan:
     local
         The sides in the fan's frame, (n,) of `SIDES`.
     near, thing, side
-        For each sector its candidates, (sectors, ROOM): a lower bound of the distance [m], number
-        of the thing, number of the side that spans the sector or -1.
+        Candidates of each sector, (sectors, ROOM): a lower bound of the distance [m], number of
+        the thing, number of the side that spans the sector or -1.
     listed
         Number of candidates of each sector.
     """
@@ -187,7 +187,7 @@ def put(
 def cut(
     ahead: float, left: float, first: int, count: int, local: np.ndarray
 ) -> tuple[float, float, int]:
-    """Cut a ray with all sides of a thing: where it comes in and goes out, and by which side.
+    """Intersect a ray with all sides of a thing: entry and exit distance, and side of entry.
 
     Returns inf, inf, -1 where it misses, or begins inside.
     """

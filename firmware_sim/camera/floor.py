@@ -1,10 +1,10 @@
 """Floors and other textures: patterns that repeat every `PERIOD_M`, with coarser copies (mipmaps).
 
 A pattern is drawn once from a seed, in metres. Each coarser copy averages two by two texels of the
-one before, so that what is far away is neither sharper nor noisier than a lens would show it.
+one before, so that distant floor is neither sharper nor noisier than through a lens.
 
 A floor is laid in pieces (tiles, planks), each cut out of the pattern at a place of its own. So it
-does not repeat with the pattern, and a camera can tell its places apart.
+does not repeat with the pattern, and a camera can distinguish its places.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ SIDE: Final = 1024
 PERIOD_M: Final = 2.4
 TEXEL_M = PERIOD_M / SIDE
 LEVELS: Final = 9
-"""The coarsest copy has 4 by 4 texels."""
+"""Number of copies; the coarsest has 4 by 4 texels."""
 PIECES: Final = 256
 """Pieces along x and along y after which a floor repeats."""
 
@@ -36,7 +36,7 @@ class Texture:
         on. Row j, column i of the finest is the square of `TEXEL_M` about x = (i + 0.5),
         y = (j + 0.5) texels.
     starts
-        Where each copy begins, (LEVELS,).
+        Index of the first texel of each copy, (LEVELS,).
     """
 
     texels: np.ndarray
@@ -50,11 +50,11 @@ class Laying:
     Attributes
     ----------
     size
-        Of a piece along x and y [m], (2,).
+        Size of a piece along x and y [m], (2,).
     shift
-        How far the pieces of each row begin before a multiple of their size, (PIECES,) [m].
+        Offset of the pieces of each row before a multiple of their size, (PIECES,) [m].
     cut
-        Where in the pattern the corner of least x, y of each piece is, (PIECES, PIECES, 2) [m], by
+        Place in the pattern of the corner of least x, y of each piece, (PIECES, PIECES, 2) [m], by
         row, then piece in the row.
     """
 
@@ -65,7 +65,7 @@ class Laying:
 
 @lru_cache(maxsize=8)
 def floor_laying(name: str, seed: int) -> Laying:
-    """Draw how the floor of a pattern is laid."""
+    """Draw the laying of a floor with a pattern."""
     rng = np.random.default_rng([seed, 5])
     size, step = (np.array(each) for each in _PIECES_M[name])
     steps = np.rint(PERIOD_M / step).astype(int)
@@ -75,7 +75,7 @@ def floor_laying(name: str, seed: int) -> Laying:
 
 @lru_cache(maxsize=8)
 def print_texture(seed: int) -> Texture:
-    """Draw the texture whose windows prints are: rectangles upon rectangles, channel by channel."""
+    """Draw the texture that prints are cut from: overlapping rectangles, channel by channel."""
     rng = np.random.default_rng([seed, 6])
     picture = np.full((SIDE, SIDE, 3), 128.0)
     for most_m, count in ((0.3, 300), (0.12, 1200), (0.05, 3000)):
@@ -196,4 +196,4 @@ _PIECES_M: dict[str, tuple[tuple[float, float], tuple[float, float]]] = {
     "carpet": ((0.6, 0.6), (TEXEL_M, TEXEL_M)),
     "concrete": ((1.2, 1.2), (TEXEL_M, TEXEL_M)),
 }
-"""Size of a piece along x and y; of what it is cut at multiples, as joints are in the pattern."""
+"""Size of a piece along x and y, and the grid on which it is cut, that of the pattern's joints."""

@@ -42,7 +42,7 @@ def pixel_rays(intrinsics: Intrinsics, mount: CameraMount) -> PixelRays:
     Raises
     ------
     ValueError
-        If the distortion folds the picture, so that a pixel has no one direction, or none is found.
+        If the distortion folds the picture, so that a pixel has no unique direction.
     """
     u, v = np.meshgrid(np.arange(intrinsics.width_px), np.arange(intrinsics.height_px))
     points = np.stack(

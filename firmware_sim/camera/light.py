@@ -12,13 +12,13 @@ from firmware_sim.compiled import compiled_with_arrays
 from firmware_sim.world.world import Lamp, World
 
 CEILING_M = 2.4
-"""Default height of lamps."""
+"""Default height of lamps [m]."""
 SPACING_M = 3.6
 REACH_M = 8.0
 RADIUS_M = 0.12
 """Radius of a lamp [m]: it makes the shadows soft."""
 POINTS = 6
-"""A lamp is that many points."""
+"""Points that make up a lamp."""
 EVEN = 0.95
 CELL_M = 0.02
 MAX_CELLS = 4_000_000
@@ -36,7 +36,7 @@ class Light:
     x_m, y_m
         Middle of cell 0, 0 in world.
     cell_m
-        Cell size.
+        Cell size [m].
     """
 
     cells: np.ndarray
@@ -46,7 +46,7 @@ class Light:
 
 
 def floor_light(world: World, scene: Scene, ambient: float) -> Light:
-    """Return how bright the floor of a world is; `ambient` is the share without shadows.
+    """Return the brightness of a world's floor; `ambient` is the share without shadows.
 
     A map has no lamps: its floor is lit evenly.
     """

@@ -1,4 +1,4 @@
-"""Printed square markers on upright things, such as docks: laid over a picture that was drawn."""
+"""Printed square markers on upright things, such as docks: drawn over a finished picture."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _PX_PER_CELL: Final = 16
 _BLACK: Final = 25.0
 _WHITE: Final = 225.0
 _IN_FRONT_M: Final = 0.03
-"""A marker hangs this far at most before what it is on [m]."""
+"""Maximum distance of a marker before its surface [m]."""
 
 
 class MarkerPainter:
@@ -25,13 +25,13 @@ class MarkerPainter:
     Parameters
     ----------
     markers
-        Of the world.
+        Markers of the world.
     ahead, left, slope
-        Rays of the pixels, (height, width), as `PixelRays`.
+        Rays of the pixels, (height, width), as in `PixelRays`.
     turn_rad
         Angle between neighbouring pixels [rad].
     height_m
-        Of the camera [m].
+        Height of the camera [m].
     """
 
     def __init__(
@@ -61,13 +61,13 @@ class MarkerPainter:
         Parameters
         ----------
         picture, distances
-            As of `View`; the picture is changed.
+            As in `View`; the picture is changed.
         pose
-            Below the camera x, y [m], heading [rad].
+            Place below the camera x, y [m], and its heading [rad].
         gain
             Share of the light that reaches each pixel.
         rng
-            Of the noise.
+            Generator of the noise.
         """
         if not self._markers:
             return

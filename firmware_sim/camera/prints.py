@@ -1,4 +1,4 @@
-"""Posters and notices on walls and furniture: by them a camera tells places apart.
+"""Posters and notices on walls and furniture, by which a camera distinguishes places.
 
 Each side of a thing is cut into slots of about `SLOT_M`, and most of these have a print: a window
 of three patterns, mixed and coloured as no other one.
@@ -22,7 +22,7 @@ _MARGIN_M: Final = 0.05
 """Margin between a print and the end of its slot, or the top of its thing [m]."""
 _WIDTH_M: Final = (0.2, 0.4)
 _FOOT_M: Final = (0.4, 0.6)
-"""Height of the lower edge: below it walls are plain, so it is as plain where they end."""
+"""Range of the height of the lower edge [m]: below it walls are plain, so that their feet show."""
 _HEIGHT_M: Final = (0.25, 0.7)
 _HUE: Final = (0.25, 0.9)
 """Hues of prints, from green over blue to violet: other hues are those of floors."""
@@ -38,10 +38,10 @@ PRINT: Final = np.dtype(
         )
     ]
 )  # fmt: skip
-"""A print: from where to where along its side and upwards [m]; from there to its window of the
-patterns [m]; the patterns' shares; its colour."""
+"""A print: its extent along its side and upwards [m]; the offset to its window of the patterns [m];
+the patterns' shares; its colour."""
 NONE: Final = np.zeros(0, dtype=PRINT)
-"""The slots of a side that has none."""
+"""Slots of a side without prints."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,7 +66,7 @@ class Prints:
 def prints_of(sides: list[np.ndarray], lengths_m: np.ndarray) -> Prints:
     """Return the prints of a scene from the slots and the length of each side."""
     counts = np.array([len(each) for each in sides], dtype=np.int64)
-    # An end for those pixels that rounding puts behind the last slot.
+    # One more, for pixels that rounding puts behind the last slot.
     slots = np.concatenate([*sides, np.zeros(1, dtype=PRINT)])
     return Prints(slots, np.cumsum(counts) - counts, counts / lengths_m)
 

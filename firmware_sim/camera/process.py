@@ -1,7 +1,7 @@
 """Draws pictures in a process of its own, so that the simulator's loop never waits for one.
 
 The loop writes 40 bytes into a pipe for each exposure: number, time, pose. This process draws the
-newest of them and drops what it is too slow for; each picture is published when the camera's
+newest of them and drops those that it is too slow for; each picture is published when the camera's
 latency is over. It ends with the pipe, or with the simulator, and has a process group of its own:
 Ctrl-C only reaches the simulator.
 """
@@ -29,9 +29,9 @@ from firmware_sim.world.truth import Picture, Publisher
 
 _EXPOSURE = struct.Struct("<qqddd")
 _WAITING = 65_536 // _EXPOSURE.size
-"""Exposures read at once: all that a pipe can hold (pipe(7)), so that the last is the newest."""
+"""Exposures read at once: all that a pipe holds (pipe(7)), so that the last is the newest."""
 _QUEUE_LIMIT = 4
-"""Pictures kept for a slow subscriber."""
+"""Maximum pictures kept for a slow subscriber."""
 _NICE = 5
 _READY = "ready"
 
@@ -42,12 +42,12 @@ class CameraProcess:
     Parameters
     ----------
     arguments
-        Options of `main`: what the simulator was given itself.
+        Options of `main`, those of the simulator itself.
 
     Raises
     ------
     SimulationError
-        If the process did not become ready; says why.
+        If the process did not become ready, with the reason.
     """
 
     def __init__(self, arguments: Sequence[str]) -> None:
@@ -72,7 +72,7 @@ class CameraProcess:
         return self._child.pid
 
     def expose(self, sequence: int, stamp_ns: int, pose: tuple[float, float, float]) -> None:
-        """Ask for a picture; never waits. A process that has died is reported once, and missed."""
+        """Ask for a picture; never waits. A process that has died is reported once."""
         try:
             os.write(self._pipe.fileno(), _EXPOSURE.pack(sequence, stamp_ns, *pose))
         except BlockingIOError:
@@ -106,7 +106,7 @@ class CameraProcess:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Draw what standard input asks for, until it ends; return 0, or 2 on bad input."""
+    """Draw the exposures of standard input until it ends; return 0, or 2 on bad input."""
     end_with_parent()
     parser = argparse.ArgumentParser(prog="python -m firmware_sim.camera.process")
     add = parser.add_argument

@@ -21,12 +21,12 @@ NY: Final = 3
 LENGTH: Final = 4
 SHADE: Final = 5
 _LIGHT_RAD = math.radians(35.0)
-"""Sides that face this way are the brightest."""
+"""Direction that the brightest sides face [rad]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """The objects of a world. A bare wall is a row of things with one side each.
+    """The objects of a world; a bare wall is a row of things with one side each.
 
     Attributes
     ----------
@@ -38,13 +38,13 @@ class Scene:
     first, count
         Sides of each thing, (m,).
     height
-        Of each thing, (m,) [m].
+        Height of each thing, (m,) [m].
     colour
-        Of each thing, (m, 3), blue, green, red.
+        Colour of each thing, (m, 3), blue, green, red.
     thing
-        Its index in `World.things`, (m,).
+        Index of each in `World.things`, (m,).
     prints
-        On the sides.
+        Prints on the sides.
     """
 
     sides: np.ndarray
@@ -58,7 +58,7 @@ class Scene:
 
 
 def make_scene(world: World) -> Scene:
-    """Return the things of a world, ready to be seen."""
+    """Return the things of a world as arrays."""
     sides: list[np.ndarray] = []
     first, count, height, colours, numbers = [], [], [], [], []
     slots: list[np.ndarray] = []

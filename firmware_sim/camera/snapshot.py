@@ -151,7 +151,7 @@ def _free_poses(
 
 
 def _finite(ranges_m: np.ndarray) -> list[float | None]:
-    """Ranges for JSON, which knows no infinity: None if there is nothing."""
+    """Ranges for JSON, which has no infinity: None if there is nothing."""
     return [float(each) if math.isfinite(each) else None for each in ranges_m]
 
 

@@ -1,4 +1,4 @@
-"""Measurements of a perfect eye on the robot, to score image processing.
+"""Measurements of a perfect camera on the robot, to score image processing.
 
 Nothing here is shared with what draws them (`camera_fan`, `camera_view`, `camera_lens`): every ray
 is cut with every side, and points are projected forwards through the lens.
@@ -16,9 +16,9 @@ from firmware_sim.world.shapes import Thing
 from firmware_sim.world.world import World
 
 _SAMPLES = 24
-"""Points on each side of a foot that are looked for in the picture."""
+"""Points on each side of a foot that are projected into the picture."""
 _TOGETHER = 256
-"""Sides that rays are cut with at once."""
+"""Sides that rays are intersected with at once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,15 +28,15 @@ class Sighting:
     Attributes
     ----------
     name, kind
-        As in the world's file.
+        Name and kind in the world's file.
     x_m, y_m
         Middle of its foot, in base.
     near_x_m, near_y_m
-        The point of its foot that is nearest to the camera, in base.
+        Nearest point of its foot to the camera, in base.
     front_x_m, front_y_m
-        The point of its foot that the camera has halfway between its left and right end, in base.
+        Point of its foot halfway in bearing between its left and right end, in base.
     height_m
-        Of the thing.
+        Height of the thing.
     seen
         Share of the foot of its visible sides that is in the picture and not hidden, (0, 1].
     """
@@ -63,9 +63,9 @@ def true_ranges(
     world
         The room.
     pose
-        Of base in world: x, y [m], heading [rad].
+        Pose of base in world: x, y [m], heading [rad].
     mount
-        Of the true camera (`Camera.mount`); ranges begin below its optical centre.
+        Mount of the true camera (`Camera.mount`); ranges begin below its optical centre.
     angles_rad
         Directions in base, (n,) [rad].
 
@@ -81,7 +81,7 @@ def true_ranges(
 
 
 def _first_met(sides: np.ndarray, x: float, y: float, ray: np.ndarray) -> np.ndarray:
-    """Return the distance from a point to the first of the sides along each ray, (n,) [m]."""
+    """Return the distance from a point to the first side along each ray, (n,) [m]."""
     nearest = np.full(len(ray), np.inf)
     apart = _distances(sides, x, y)
     order = np.argsort(apart)
@@ -94,7 +94,7 @@ def _first_met(sides: np.ndarray, x: float, y: float, ray: np.ndarray) -> np.nda
 
 
 def _distances(sides: np.ndarray, x: float, y: float) -> np.ndarray:
-    """Return how far each side, (n, 4), is from a point, (n,) [m]."""
+    """Return the distance of each side, (n, 4), from a point, (n,) [m]."""
     along = sides[:, 2:] - sides[:, :2]
     offset = (x, y) - sides[:, :2]
     share = np.clip(np.sum(offset * along, axis=1) / np.sum(along * along, axis=1), 0.0, 1.0)
@@ -105,7 +105,7 @@ def _distances(sides: np.ndarray, x: float, y: float) -> np.ndarray:
 def _met(sides: np.ndarray, x: float, y: float, ray: np.ndarray) -> np.ndarray:
     """Return the fraction of its length at which each ray from a point hits a side; inf: never.
 
-    For sides (k, 4) and rays (n, 2) it is (k, n).
+    The result for sides (k, 4) and rays (n, 2) is (k, n).
     """
     ax, ay, bx, by = sides.T[..., None]
     ex, ey = bx - ax, by - ay
@@ -177,7 +177,7 @@ def sightings(
 
 
 def _camera_place(pose: tuple[float, float, float], mount: CameraMount) -> tuple[float, float]:
-    """Below the camera, in world [m]."""
+    """Place below the camera, in world [m]."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
     return pose[0] + c * mount.x_m - s * mount.y_m, pose[1] + s * mount.x_m + c * mount.y_m
 
@@ -206,7 +206,7 @@ def _front(
 ) -> tuple[float, float]:
     """Return the point of a foot halfway in bearing between its ends, in base [m]."""
     corners = _to_base(thing.corners, pose) - [mount.x_m, mount.y_m]
-    # Bearings about that of the centre, from which no corner is as far as half a turn.
+    # Bearings relative to the centre's, from which no corner is half a turn away.
     x, y = corners.mean(axis=0)
     aside = np.arctan2(x * corners[:, 1] - y * corners[:, 0], corners @ [x, y])
     middle = math.atan2(y, x) + 0.5 * (aside.min() + aside.max())

@@ -1,4 +1,4 @@
-"""The pixels of a picture: the second half. The first hit of a ray, and its appearance."""
+"""The pixels of a picture, its second half: the first hit of each ray, and its appearance."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SKY = 205.0
 COARSEST = LEVELS - 1
 QUANTILES = 4096
 FAR = 1024
-"""Periods of a pattern that a world may reach to either side of its origin."""
+"""Maximum extent of a world to either side of its origin [periods of a pattern]."""
 
 PIXEL = np.dtype(
     [
@@ -126,7 +126,7 @@ def meet(
     distances: np.ndarray,
     faces: np.ndarray,
 ) -> None:
-    """Find what the rays of a row meet first: label, level distance, and side, or -1 for a top."""
+    """Find the first hit of the rays of a row: label, level distance, and side, or -1 for a top."""
     for u in range(len(pixels)):
         p = pixels[u]
         best = float(p.floor)
@@ -290,7 +290,7 @@ def sample(
     """Interpolate one copy of a pattern between four texels."""
     n = SIDE >> level
     scale = n / PERIOD_M
-    # Shifted by whole periods, so that all is positive; weights in 1/256.
+    # Shifted by whole periods, so that all are positive; weights in 1/256.
     fx, fy = x * scale + (FAR * n - 0.5), y * scale + (FAR * n - 0.5)
     ix, iy = int(fx), int(fy)
     wx, wy = int(256.0 * (fx - ix)), int(256.0 * (fy - iy))
@@ -299,7 +299,7 @@ def sample(
     w11 = (wx * wy) >> 8
     w01, w10 = wx - w11, wy - w11
     w00 = 256 - wx - w10
-    # Blue and red lie far enough apart to be weighed together.
+    # Blue and red are far enough apart to be weighted together.
     t00, t01 = np.int64(texels[j0 + i0]), np.int64(texels[j0 + i1])
     t10, t11 = np.int64(texels[j1 + i0]), np.int64(texels[j1 + i1])
     both = w00 * (t00 & 0xFF00FF) + w01 * (t01 & 0xFF00FF)

@@ -1,4 +1,4 @@
-"""The camera as the robot's file has it, and how the true one differs from that.
+"""The camera of the robot's file, and how the true one differs from it.
 
 `[camera]` is what robotctl believes; `[simulation.camera]` makes it wrong, noisy and dim.
 """

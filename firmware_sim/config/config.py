@@ -1,9 +1,8 @@
 """Reads what the simulator needs from a robot's TOML.
 
 The file is shared with robotctl, which owns the sections on control, limits, run time, safety,
-MAVLink and navigation: of them only what the safety monitor judges by is looked at here. In the
-sections read here an unknown key is an
-error; all errors of a file are reported at once.
+MAVLink and navigation; only the safety monitor's limits are read from them here. In the sections
+read here an unknown key is an error; all errors of a file are reported at once.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ _KEY_FIRST = re.compile(r"([a-z]\w*(?:\.\w+)*): ")
 
 @dataclass(frozen=True, slots=True)
 class TomlFile:
-    """The tables of a file, and where each key of it was set.
+    """The tables of a file, and where each key was set.
 
     Attributes
     ----------
@@ -45,9 +44,9 @@ class TomlFile:
     data
         Its tables.
     lines
-        Of its keys, counted from 1.
+        Line of each key, counted from 1.
     settings
-        `--set KEY=VALUE` of the keys that do not come from the file.
+        `--set KEY=VALUE` of each key that does not come from the file.
     """
 
     path: Path
@@ -148,7 +147,7 @@ class SafetySection:
 
 @dataclass(frozen=True, slots=True)
 class PowerSection:
-    """The table `[power]`, as far as the simulator is concerned: who tells the supply."""
+    """The table `[power]`, as far as the simulator is concerned: source of the supply voltage."""
 
     source: Literal["node", "drives"] = "node"
 
@@ -212,7 +211,7 @@ def load_robot(path: Path, overrides: Mapping[str, Any] | None = None) -> RobotC
     Parameters
     ----------
     path
-        A TOML as those in `configs/`.
+        TOML file like those in `configs/`.
     overrides
         Values that replace those of the file, by dotted key: `{"simulation.battery.charge": 0.7}`.
 
@@ -233,8 +232,8 @@ def parse_override(text: str) -> tuple[str, Any]:
     Raises
     ------
     SimulationError
-        If the text is not of that form, or the simulator reads no such table: the setting would
-        do nothing.
+        If the text has another form, or the simulator reads no such table: the setting would have
+        no effect.
     """
     key, _, value = text.partition("=")
     key = key.strip()
@@ -265,7 +264,7 @@ def read_toml(path: Path) -> TomlFile:
         return TomlFile(path, tomllib.loads(text), key_lines(text))
     except (OSError, UnicodeDecodeError) as error:
         raise SimulationError(f"{path}: cannot be read: {error}") from error
-    except (ValueError, RecursionError) as error:  # ValueError: numbers beyond all sense too
+    except (ValueError, RecursionError) as error:  # ValueError: also for absurdly long numbers
         raise SimulationError(f"{path}: {error}") from error
 
 
@@ -326,7 +325,7 @@ def _problem(file: TomlFile, key: Key, item: Any, known: list[str]) -> tuple[Key
 def _named_key(file: TomlFile, table: Key, message: str) -> tuple[Key, str]:
     """Return the key that a constructor's message begins with, and the rest of it.
 
-    Its table and the whole message where it begins with none.
+    Without one, its table and the whole message.
     """
     named = _KEY_FIRST.match(message)
     if named is None:
@@ -334,14 +333,14 @@ def _named_key(file: TomlFile, table: Key, message: str) -> tuple[Key, str]:
     key, rule = (*table, *named[1].split(".")), message[named.end() :]
     try:
         found = file.value(key)
-    except (LookupError, TypeError):  # its default, which the message names if it matters
+    except (LookupError, TypeError):  # a default, which the message names where it matters
         return key, rule
     is_told = isinstance(found, dict | list) or reprlib.repr(found) in rule
     return key, rule if is_told else f"{rule}, found {found!r}"
 
 
 def _toml(value: Any) -> str:
-    """Write a value about as the user has."""
+    """Return a value about as the user wrote it."""
     if isinstance(value, bool):
         return str(value).lower()
     return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else str(value)

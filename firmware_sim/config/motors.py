@@ -1,4 +1,4 @@
-"""The tables `[[motor]]`, as far as all kinds of drives have them in common."""
+"""The tables `[[motor]]`: the keys common to all kinds of drives."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from firmware_sim.config.quantities import Positive, closed
 OWN_KIND: Final = "native"
 """Kind of our own controller."""
 CHANNELS: Final = 2
-"""Motors that it drives at most."""
+"""Maximum motors that it drives."""
 
 
 @closed
@@ -28,12 +28,12 @@ class AxisSection:
 
     @property
     def motor_per_wheel(self) -> float:
-        """Turns of the motor for one of the wheel, negative for a reversed one."""
+        """Motor turns per wheel turn, negative for a reversed motor."""
         return -self.ratio if self.reversed else self.ratio
 
 
 class MotorTable(NamedTuple):
-    """One drive: kind, name, bus, and all keys of its table as they are."""
+    """One drive: kind, name, bus, and all keys of its table unchanged."""
 
     kind: str
     name: str
@@ -46,7 +46,7 @@ _AXES: Final = TypeAdapter(tuple[AxisSection, ...])
 
 
 def motor_table(keys: Mapping[str, Any]) -> MotorTable:
-    """Return a table, of which only what all kinds have in common is checked.
+    """Return a table; only the keys common to all kinds are checked.
 
     Raises
     ------

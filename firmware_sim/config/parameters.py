@@ -28,7 +28,7 @@ from firmware_sim.config.quantities import (
 
 FARTHEST_CORNER_M = 10.0
 SHORTEST_HEATING_S = 0.01
-"""The winding's and the case's heat are integrated in steps of 1 ms."""
+"""Minimum thermal time constant [s]: heat is integrated in steps of 1 ms."""
 
 
 @closed
@@ -113,7 +113,8 @@ class MotorParameters:
 class BridgeParameters:
     """The H-bridge: PWM bits, no output below the duty `deadband`, resistance of two switches.
 
-    `voltage_share` of the supply is its greatest output: 1 of an H-bridge, 0.866 of three phases.
+    `voltage_share` is its greatest output as a share of the supply: 1 for an H-bridge, 0.866 for
+    three phases.
     """
 
     resistance_ohm: NotNegative = 0.02
@@ -128,9 +129,9 @@ class BatteryParameters:
     """Lithium-ion cells in series: open-circuit voltage over charge, resistance, one RC pair.
 
     `charge` is the state at power-on (1 full). `voltage_scale` multiplies the open-circuit voltage:
-    a simple test with 70 % of the voltage. `electronics_current_a` always flows. More current than
-    `charge_current_max_a` does not flow back into it (0: a mains supply): what motors feed back
-    beyond that raises the voltage of the rail, on which stand capacitors of `rail_capacitance_f`.
+    a simple test with 70 % of the voltage. `electronics_current_a` always flows. No more than
+    `charge_current_max_a` flows back into it (0: a mains supply): the rest of the motors' feedback
+    raises the voltage of the rail, which has capacitors of `rail_capacitance_f`.
     """
 
     cells: Annotated[int, Field(strict=True, gt=0, le=1000)] = 3
@@ -171,7 +172,7 @@ class WheelParameters:
 @closed
 @dataclass(frozen=True, slots=True)
 class CastorParameters:
-    """The castor of a differential drive: it carries what the axle does not, and drags a little."""
+    """The castor of a differential drive: it carries the rest of the weight, and drags a little."""
 
     position_m: Point = (-0.12, 0.0)
     drag: NotNegative = 0.01
@@ -277,8 +278,8 @@ def _check_ranges(min_range_m: float, max_range_m: float) -> None:
 class SimulationParameters:
     """The table `[simulation]`. `body` is the convex outline in base, `centre_of_mass_m` too.
 
-    The CAN controllers of `classic_nodes` know no CAN FD: they destroy its frames for all. `twin`
-    has a table for each motor drive, by its name: what is true of it.
+    The CAN controllers of `classic_nodes` are classic: they destroy frames of CAN FD for all nodes.
+    `twin` has a table of true values for each motor drive, by its name.
     """
 
     mass_kg: Positive

@@ -1,7 +1,7 @@
 """Types of the numbers in the simulator's files, with their ranges.
 
-No length, mass or resistance of a robot is beyond a million in the units of its key: greater
-numbers are slips, and would end in infinities.
+No length, mass or resistance of a robot exceeds a million in the units of its key: greater numbers
+are mistakes, and would overflow.
 """
 
 from __future__ import annotations

@@ -51,7 +51,7 @@ def _parts(name: str) -> list[str]:
 
 
 def _skip(row: str, rows: Iterator[tuple[int, str]]) -> None:
-    """Take the further lines of a value that begins in a row, which may look like headers."""
+    """Skip the further lines of a value that begins in a row; they may look like headers."""
     while not _is_complete(row):
         for _, more in rows:
             row += f"\n{more}"

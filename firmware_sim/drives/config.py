@@ -1,4 +1,4 @@
-"""A kind of drive as the simulator knows it: the class of its table `[[motor]]`."""
+"""A kind of drive in the simulator: the class of its table `[[motor]]`."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ class Guard(enum.Enum):
 
 
 class MotorSection(Protocol):
-    """A table `[[motor]]`: one drive of one kind, of which this is the twin."""
+    """A table `[[motor]]`: one drive of one kind, and how to make its twin."""
 
     Settings: ClassVar[Any]
-    """Class of its table `[simulation.twin.NAME]`, besides the keys of this class: what is true of
-    the drive, whatever the rest of the file believes."""
+    """Class of its table `[simulation.twin.NAME]`, besides the keys of this class: true properties
+    of the drive, whatever the rest of the file states."""
 
     FAULT_CODES: ClassVar[range]
-    """Numbers that its own fault codes may have."""
+    """Range of its own fault codes."""
 
     @property
     def name(self) -> str:
@@ -37,10 +37,10 @@ class MotorSection(Protocol):
 
     @property
     def frames(self) -> tuple[int, ...]:
-        """Identifiers, with flags as in `Frame`, of its frames and of the host's to it."""
+        """Identifiers, with flags as in `Frame`, of its frames and of the host's frames to it."""
 
     def guards(self, settings: Any) -> frozenset[Guard]:
-        """Return what it guards itself against, with its `Settings`."""
+        """Return the dangers against which it guards itself, with its `Settings`."""
 
     @property
     def axes(self) -> tuple[AxisSection, ...]:
@@ -61,11 +61,11 @@ class MotorSection(Protocol):
         settings
             Its `Settings`.
         motors
-            Motors on its axes that turn wheels, in their order.
+            Motors of the axes that turn wheels, in the order of the axes.
         stage
-            Supply and steering servo.
+            Power stage: supply and steering servo.
         run_to
-            For `Twin`.
+            As for `Twin`.
         store
             Its non-volatile memory.
         """

@@ -1,4 +1,4 @@
-"""`TWINS`: every kind of drive that has a twin, and the drives of a robot as they are in truth."""
+"""`TWINS`: every kind of drive that has a twin, and the true drives of a robot."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ TWINS: Final[Mapping[str, type[MotorSection]]] = {
 
 
 def true_drive(table: MotorTable, found: Mapping[str, Any]) -> tuple[MotorSection, Any]:
-    """Return a drive as it is in truth, and the settings of its twin.
+    """Return the true drive, and the settings of its twin.
 
     Parameters
     ----------
     table
         The drive of the file.
     found
-        Its table `[simulation.twin.NAME]`: keys of `[[motor]]`, of which these are the true values,
-        and settings of the twin.
+        Its table `[simulation.twin.NAME]`: true values of keys of `[[motor]]`, and settings of the
+        twin.
 
     Raises
     ------
     SimulationError
-        If the kind or a key is unknown, or a value is wrong.
+        If the kind or a key is unknown, or a value is invalid.
     """
     section = TWINS.get(table.kind)
     if section is None:

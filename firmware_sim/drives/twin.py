@@ -1,7 +1,7 @@
 """Common parts of all twins: frames in, frames out, and an alarm clock.
 
-A twin receives every frame at its exact time (`on_frame`) and is woken at the time that `_due_ns`
-gives. It stands for what its maker documents; what is not documented is a setting of its table
+A twin receives every frame at its exact time (`on_frame`) and is woken at the time of `_due_ns`. It
+behaves as its maker documents; undocumented behaviour is a setting of its table
 `[simulation.twin.NAME]`.
 """
 
@@ -20,11 +20,11 @@ from firmware_sim.plant.axis import Limits, Mode
 __all__ = ["NEVER_NS", "CanFrame", "Motor", "Twin", "stored"]
 
 _FINEST: Final = 1 << 20
-"""Counts of a motor's encoder for a turn: more than any drive tells."""
+"""Counts of a motor's encoder per turn: more than any drive reports."""
 
 
 def stored(store: ParameterStore) -> dict[Key, int]:
-    """Return what a drive finds in its memory: nothing, if that is damaged."""
+    """Return the contents of a drive's memory: nothing if damaged."""
     try:
         return store.load()
     except StoreDamagedError:
@@ -39,8 +39,8 @@ class Twin:
     name
         Name of the drive in the robot's file.
     run_to
-        Brings the plant to a time [ns] (the last whole millisecond up to it) and returns the time
-        of its state; to be called before motors are looked at or commanded.
+        Function that brings the plant to a time [ns] (the last whole millisecond up to it) and
+        returns the time of its state; called before motors are read or commanded.
     """
 
     def __init__(self, name: str, run_to: Callable[[int], int]) -> None:
@@ -58,13 +58,13 @@ class Twin:
         return tuple(self._handlers)
 
     def connect(self, port: CanPort, alarm: Callable[[int, Any], object]) -> None:
-        """Give the twin its place on the bus, and what has `wake` called at a time [ns]."""
+        """Connect the twin to its port, and to `alarm`, which has `wake` called at a time [ns]."""
         self._port = port
         self._alarm = alarm
         self._alarm_ns = NEVER_NS
 
     def power_cycle(self, now_ns: int) -> None:
-        """Take the supply away and give it back: all but stored settings is forgotten."""
+        """Switch the supply off and on: all but stored settings is lost."""
         self._now_ns = now_ns
         self._run_to(now_ns)
         self._on_power_up(now_ns)
@@ -89,26 +89,26 @@ class Twin:
         self._reschedule()
 
     def trip(self, code: int) -> None:
-        """Have a fault of its own with one of its maker's codes."""
+        """Raise a fault with one of its maker's codes."""
 
     def heal(self) -> None:
-        """Let the cause of that be over, for drives that do not forget it at once."""
+        """Remove the cause of a fault, for drives in which it lasts."""
 
     def send(self, arbitration_id: int, data: bytes) -> None:
-        """Send one frame where the twin is on a bus."""
+        """Send one frame if the twin is on a bus."""
         if self._port is not None:
             self._port.send(arbitration_id, data)
 
     # What a kind of drive adds ------------------------------------------------------------------
 
     def _on_power_up(self, now_ns: int) -> None:
-        """Start from nothing, motors without power."""
+        """Start afresh, motors without power."""
 
     def _step(self, now_ns: int) -> None:
-        """Do what is due."""
+        """Do the work due now."""
 
     def _due_ns(self) -> int:
-        """Return when `_step` is next due [ns]."""
+        """Return the next time for `_step` [ns]."""
         return NEVER_NS
 
     def _reschedule(self) -> None:
@@ -119,26 +119,25 @@ class Twin:
 
 
 class Motor:
-    """An axis seen at the motor's shaft, as a drive sees it: a `MotorAxis` itself.
+    """An axis seen at the motor's shaft, as by a drive; a `MotorAxis` itself.
 
     Parameters
     ----------
     axis
         The axis, seen at the wheel.
     ratio
-        Turns of the motor for one of the wheel, negative where the motor is mounted the other way
-        round.
+        Motor turns per wheel turn, negative for a motor mounted the other way round.
     """
 
     def __init__(self, axis: MotorAxis, ratio: float) -> None:
         self.axis = axis
         self._ratio = ratio
         self._sign = 1 if ratio > 0.0 else -1
-        # One, since an axis has one encoder, whose resolution is that of the last who asked.
+        # One, since an axis has one encoder, with the resolution of the last request.
         self._encoder = axis.encoder(_FINEST * abs(ratio))
 
     def command(self, mode: Mode, value: float = 0.0) -> None:
-        """Set what the bridge does; a speed is the motor's [rad/s], a duty or current signed."""
+        """Command the bridge; a speed is the motor's [rad/s], a duty or current signed."""
         if mode is Mode.SPEED:
             value /= self._ratio
         elif mode in (Mode.DUTY, Mode.CURRENT):

@@ -1,4 +1,4 @@
-"""How the faults of the catalogue begin: functions of the robot and the arguments.
+"""Functions of robot and arguments that begin the faults of the catalogue.
 
 Each returns what ends the fault, or None if it ends by itself.
 """
@@ -23,7 +23,7 @@ from firmware_sim.nodes import drive_objects, standard_objects, wire
 Begin: TypeAlias = Callable[[FaultyRobot, Arguments], Undo | None]
 
 OVERLOAD_IDS: Final = {"low": 0x7FF, "high": 0x002}
-"""Frames of the unknown node of `overload`: after all others, or before all but emergency stop."""
+"""Ids of the unknown node of `overload`: below all others, or above all but emergency stop."""
 
 PLACES_TRIED: Final = 1000
 
@@ -60,7 +60,7 @@ def encoder(factor: int) -> Begin:
 
 
 def disconnect_encoder(robot: FaultyRobot, arguments: Arguments) -> Undo:
-    """Let an encoder count what its open inputs pick up of the switching bridge: a random walk."""
+    """Open the inputs of an encoder, which then counts the bridge's noise: a random walk."""
     encoder, rate_hz = _axis(robot, arguments).own_encoder, number(arguments, "edges")
     fault = encoder.begin(STUCK)
     heard_ns = robot.bus.now_ns
@@ -76,7 +76,7 @@ def disconnect_encoder(robot: FaultyRobot, arguments: Arguments) -> Undo:
 
 
 def glitch(robot: FaultyRobot, arguments: Arguments) -> None:
-    """Let an encoder's count jump."""
+    """Make an encoder's count jump."""
     _axis(robot, arguments).own_encoder.jump(robot.turns(number(arguments, "counts")))
 
 
@@ -87,32 +87,32 @@ def swap(robot: FaultyRobot, arguments: Arguments) -> Undo:
 
 
 def freeze(robot: FaultyRobot, _: Arguments) -> Undo:
-    """Let all encoders seem to stand still."""
+    """Freeze all encoders."""
     return _all(*(axis.own_encoder.freeze().end for axis in robot.stage.axes))
 
 
 def block(robot: FaultyRobot, arguments: Arguments) -> Undo:
-    """Hold a wheel."""
+    """Block a wheel."""
     return _axis(robot, arguments).block()
 
 
 def slip(robot: FaultyRobot, arguments: Arguments) -> Undo:
-    """Leave a tyre only a share of its grip."""
+    """Reduce the grip of a tyre to a share."""
     return _axis(robot, arguments).loosen(number(arguments, "grip"))
 
 
 def draw_current(robot: FaultyRobot, arguments: Arguments) -> Undo:
-    """Let a motor draw more current."""
+    """Increase the current of a motor."""
     return _axis(robot, arguments).add_current(number(arguments, "amperes"))
 
 
 def heat(robot: FaultyRobot, arguments: Arguments) -> Undo:
-    """Let a winding be hotter."""
+    """Heat a winding."""
     return _axis(robot, arguments).add_heat(number(arguments, "kelvin"))
 
 
 def trip(robot: FaultyRobot, arguments: Arguments) -> Undo:
-    """Let a bought drive have a fault of its own."""
+    """Raise a fault of a bought drive."""
     twin = robot.twin(str(arguments["drive"]))
     twin.trip(int(number(arguments, "code")))
     return twin.heal
@@ -131,7 +131,7 @@ def under_voltage(robot: FaultyRobot, arguments: Arguments) -> Undo:
 
 
 def brown_out(robot: FaultyRobot, arguments: Arguments) -> Undo:
-    """Let the drive's supply sag linearly to a voltage; of several the lowest counts."""
+    """Let the drive's supply sag linearly to a voltage; the lowest of several counts."""
     stage, cause = robot.stage, object()
     left_v, supply_v = number(arguments, "volts"), robot.plant.bus_voltage_v
     if supply_v <= left_v:
@@ -169,12 +169,12 @@ def carry(robot: FaultyRobot, _: Arguments) -> None:
 
 
 def leak(robot: FaultyRobot, arguments: Arguments) -> Undo:
-    """Let one sonar receive another's echo."""
+    """Make one sonar receive another's echo."""
     return robot.ring.leak(int(number(arguments, "sonar")), int(number(arguments, "other")))
 
 
 def bias_gyro(robot: FaultyRobot, arguments: Arguments) -> Undo:
-    """Let the gyro read more."""
+    """Add a bias to the gyro."""
     return robot.imu.add_bias(number(arguments, "rate"))
 
 
@@ -195,14 +195,14 @@ def reset(robot: FaultyRobot, arguments: Arguments) -> None:
 
 
 def lose_parameters(robot: FaultyRobot, arguments: Arguments) -> None:
-    """Damage a node's stored parameters, and let it boot."""
+    """Damage a node's stored parameters, and reboot it."""
     name = str(arguments["node"])
     robot.stores[name].damaged = True
     robot.power_cycle(name)
 
 
 def change_parameter(robot: FaultyRobot, arguments: Arguments) -> None:
-    """Change what a node has in its memory, whatever its firmware refuses."""
+    """Change a parameter in a node's memory, even one that its firmware refuses."""
     name, index, sub_index = fits.PARAMETERS[str(arguments["parameter"])]
     node = robot.node(name)
     size = node.dictionary.variable(index, sub_index).size or 0
@@ -211,9 +211,9 @@ def change_parameter(robot: FaultyRobot, arguments: Arguments) -> None:
 
 
 def flash(robot: FaultyRobot, arguments: Arguments) -> Undo:
-    """Let a node boot with other firmware; in the end it boots with its own.
+    """Boot a node with other firmware, and with its own when the fault ends.
 
-    Each such fault raises the major revision by one: its own is back when all of them are over.
+    Each such fault raises the major revision by one; its own is back when all are over.
     """
     node = robot.node(str(arguments["node"]))
 
@@ -232,7 +232,7 @@ def flash(robot: FaultyRobot, arguments: Arguments) -> Undo:
 
 
 def drift(robot: FaultyRobot, arguments: Arguments) -> Undo:
-    """Let a node's oscillator be off."""
+    """Detune a node's oscillator."""
     node, ppm = robot.node(str(arguments["node"])), number(arguments, "ppm")
     node.clock.drift(ppm, robot.bus.now_ns)
     return lambda: node.clock.drift(-ppm, robot.bus.now_ns)
@@ -252,22 +252,22 @@ def lose(*identifiers: int) -> Begin:
 
 
 def on_bus(make: Callable[..., BusFault]) -> Begin:
-    """Return what injects a fault of the whole bus."""
+    """Return a function that injects a fault of the whole bus."""
     return lambda robot, arguments: robot.on_bus(make, arguments)
 
 
 def on_node(make: Callable[..., BusFault], **more: object) -> Begin:
-    """Return what injects a fault of one node of the robot."""
+    """Return a function that injects a fault of one node of the robot."""
     return lambda robot, arguments: robot.on_bus(make, arguments, node=arguments["node"], **more)
 
 
 def on_host(make: Callable[..., BusFault], **more: object) -> Begin:
-    """Return what injects a fault of the host's controller."""
+    """Return a function that injects a fault of the host's controller."""
     return lambda robot, arguments: robot.on_bus(make, arguments, node=robot.host(), **more)
 
 
 def _hold_passive(robot: FaultyRobot, name: str) -> Undo:
-    """Destroy as many frames of a node as hold its transmit error counter in error-passive."""
+    """Destroy enough frames of a node to hold its transmit error counter in error-passive."""
     bus = robot.bus_of(name)
 
     def push() -> None:
@@ -298,7 +298,7 @@ def host_passive(robot: FaultyRobot, _: Arguments) -> Undo:
 
 
 def overload(robot: FaultyRobot, arguments: Arguments) -> None:
-    """Let a device that does not belong there fill a share of the drive's bus."""
+    """Let an unknown device fill a share of the drive's bus."""
     bus = robot.bus_of("drive")
     identifier, data = OVERLOAD_IDS[str(arguments["priority"])], bytes(8)
     bits = frame_bits(identifier, data) + INTERMISSION_BITS
@@ -317,12 +317,12 @@ def overload(robot: FaultyRobot, arguments: Arguments) -> None:
 
 
 def on_frames(make: Callable[..., FrameFault], **more: object) -> Begin:
-    """Return what injects a fault of frames."""
+    """Return a function that injects a fault of frames."""
     return lambda robot, arguments: robot.on_frames(make, arguments, **more)
 
 
 def delay(robot: FaultyRobot, arguments: Arguments) -> None:
-    """Let frames be late."""
+    """Delay frames."""
     robot.on_frames(Delay, arguments, delay_ns=round(number(arguments, "delay") * 1e9))
 
 

@@ -42,11 +42,11 @@ class Kind:
     help
         Description, in one line.
     begin
-        Starts it; returns what ends it, or None if there is nothing to end.
+        Starts the fault; returns what ends it, or None if it ends by itself.
     parameters
-        By name.
+        Parameters by name.
     fits
-        Yields the arguments that a robot cannot have.
+        Yields the arguments that do not fit a robot.
     """
 
     help: str
@@ -55,7 +55,7 @@ class Kind:
     fits: fits.Fits = fits.anything
 
     def value(self, key: str, given: object) -> Value:
-        """Return the value of one parameter; raises SimulationError if it is unknown or wrong.
+        """Return the value of one parameter; raises SimulationError if it is unknown or invalid.
 
         The message begins with the key as it is `shown`.
         """
@@ -70,7 +70,7 @@ class Kind:
             raise SimulationError(f"{shown(key)}: {error}") from None
 
     def complete(self, given: Mapping[str, Value]) -> dict[str, Value]:
-        """Return all arguments, defaults in the place of those that are not given."""
+        """Return all arguments, with the defaults of those that are not given."""
         return {key: given.get(key, each.default) for key, each in self.parameters.items()}
 
 

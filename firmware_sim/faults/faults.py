@@ -1,7 +1,7 @@
-"""Faults of the simulated robot, each set off by one line: `encoder_stuck wheel=left duration=0.5`.
+"""Faults of the simulated robot, each started by one line: `encoder_stuck wheel=left duration=0.5`.
 
-The kinds stand in `fault_catalogue`. A lasting fault ends after its `duration`, or by `clear`;
-faults of the bus end only by themselves.
+The kinds are in `catalogue.CATALOGUE`. A lasting fault ends after its `duration`, or by `clear`;
+`clear` does not end faults of the bus.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ class Faults:
     Parameters
     ----------
     robot
-        Whom they befall.
+        Robot that has the faults.
 
     Attributes
     ----------
     robot
-        Whom they befall.
+        Robot that has the faults.
     stage
-        Inputs of its drive.
+        Power stage with the faults of its drives.
     """
 
     def __init__(self, robot: FaultyRobot) -> None:
@@ -39,12 +39,12 @@ class Faults:
         self._present: list[Undo] = []
 
     def inject(self, line: str) -> str:
-        """Let one fault begin now; return its kind. `clear` ends all that last.
+        """Begin one fault now; return its kind. `clear` ends all that last.
 
         Raises
         ------
         SimulationError
-            If the line is wrong.
+            If the line is invalid.
         """
         name, *words = line.split() or [""]
         if name == CLEAR and not words:
@@ -64,7 +64,7 @@ class Faults:
         return name
 
     def begin(self, name: str, given: Arguments) -> None:
-        """Let a fault begin now; raises SimulationError if it is wrong, or not of this robot."""
+        """Begin a fault now; raises SimulationError if it is invalid or does not fit the robot."""
         kind, arguments = check(name, given)
         misfits = [
             f"fault {name}: {key}: {problem}"
@@ -83,7 +83,7 @@ class Faults:
             bus.schedule(bus.now_ns + round(duration_s * 1e9), partial(self._finish, undo))
 
     def clear(self) -> None:
-        """End all faults that last; those of the bus end by themselves."""
+        """End all faults that last, but those of the bus."""
         for undo in list(self._present):
             self._finish(undo)
 
@@ -95,7 +95,7 @@ class Faults:
 
 
 def check(name: str, given: Arguments) -> tuple[Kind, dict[str, Value]]:
-    """Return a kind of fault and its arguments, defaults filled in, numbers as numbers.
+    """Return a kind of fault and its arguments with defaults, text converted to numbers.
 
     Raises
     ------

@@ -12,13 +12,13 @@ from firmware_sim.nodes.node import NEVER_NS
 from firmware_sim.sensors.imu import BodyMotion, Imu, Tilt
 
 CARRYING_NS: Final = 1_600_000_000
-"""How long it takes to carry the robot to another place: 0.8 s up, and as long down,"""
+"""Time to carry the robot to another place [ns]: half of it up, half down."""
 LIFT_M_S2: Final = 4.0
-"""speeding up, and braking, with so much."""
+"""Acceleration of the lift, and of its braking [m/s^2]."""
 
 
 class _Tilting:
-    """A tilt that comes within a time, and goes within the same."""
+    """A tilt that grows within a time, and later declines within the same time."""
 
     def __init__(self, roll_rad: float, pitch_rad: float, within_ns: int, begin_ns: int) -> None:
         self._roll_rad, self._pitch_rad = roll_rad, pitch_rad
@@ -26,7 +26,7 @@ class _Tilting:
         self._end_ns = NEVER_NS
 
     def end(self, now_ns: int) -> None:
-        """Let it go."""
+        """Start the decline."""
         self._end_ns = now_ns
 
     def at(self, now_ns: int) -> Tilt:
@@ -42,7 +42,7 @@ class FaultyImu:
     Parameters
     ----------
     imu
-        The true ones.
+        True sensors.
     """
 
     def __init__(self, imu: Imu) -> None:
@@ -63,7 +63,7 @@ class FaultyImu:
         self._stuck += by
 
     def add_bias(self, rate_rad_s: float) -> Undo:
-        """Let the gyro read more about the upright axis."""
+        """Add a bias [rad/s] to the gyro about the upright axis."""
         self._change_bias(rate_rad_s)
         return partial(self._change_bias, -rate_rad_s)
 
@@ -71,22 +71,22 @@ class FaultyImu:
         self._bias_rad_s += by_rad_s
 
     def tilt(self, roll_rad: float, pitch_rad: float, within_ns: int, now_ns: int) -> _Tilting:
-        """Tilt the robot within a time, as far as its sensors feel it; it stays in the plane."""
+        """Tilt the robot within a time for its sensors only; the plant stays in the plane."""
         tilting = _Tilting(roll_rad, pitch_rad, within_ns, now_ns)
         self._tiltings.append(tilting)
         return tilting
 
     def carry(self, turn_rad: float, now_ns: int) -> None:
-        """Feel being lifted and turned from now on, though the plant is at its new place at once.
+        """Measure a lift and a turn from now on, though the plant is at its new place at once.
 
-        Up, to the other place, and down again.
+        The robot goes up, to the other place, and down again.
         """
         self._imu.forget()
         self._carried_ns = now_ns
         self._carried_rad_s = turn_rad / (CARRYING_NS * 1e-9)
 
     def sample(self, now_ns: int, motion: BodyMotion) -> ImuSample:
-        """Return the means since the sample before."""
+        """Return the means since the last sample."""
         tilts = [each.at(now_ns) for each in self._tiltings]
         lift_m_s2, turn_rad_s = 0.0, self._bias_rad_s
         share = (now_ns - self._carried_ns) / CARRYING_NS

@@ -26,27 +26,27 @@ STUCK: Final = 0
 REVERSED: Final = -1
 
 RESET_V: Final = 6.0
-"""Below this supply the drive's processor is held in reset,"""
+"""Supply below which the drive's processor is held in reset [V]."""
 RELEASE_V: Final = 6.5
-"""and above this one it starts again."""
+"""Supply above which the drive's processor starts again [V]."""
 
 
 class BrokenEncoder:
-    """One fault of an encoder: it counts by a factor while no later one is present."""
+    """One fault of an encoder: a factor on its counts while no later fault is present."""
 
     def __init__(self, encoder: FaultyEncoder, factor: int, frozen_rad_s: float | None) -> None:
         self._encoder = encoder
         self.factor = factor
         self.frozen_rad_s = frozen_rad_s
-        """Speed that is reported on and on [rad/s], where only the host is deceived."""
+        """Constant reported speed of a fault that deceives only the host [rad/s]."""
 
     @property
     def counts(self) -> bool:
-        """Whether this is the fault that is seen."""
+        """Whether this is the fault in effect."""
         return self._encoder.shows(self)
 
     def end(self) -> None:
-        """End it."""
+        """End the fault."""
         self._encoder.end(self)
 
 
@@ -60,7 +60,7 @@ class FaultyEncoder:
     axis
         The true axis.
     on_change
-        Called when a fault has begun or ended.
+        Called after a fault has begun or ended.
     """
 
     def __init__(self, wheel: int, axis: Axis, on_change: Callable[[], None]) -> None:
@@ -73,7 +73,7 @@ class FaultyEncoder:
         self._read = self._true = 0
 
     def resolve(self, counts_per_revolution: float) -> None:
-        """Count so much in each turn of the wheel, from now on."""
+        """Set the counts per turn of the wheel from now on."""
         self._read = self.count
         self._counts_per_turn = counts_per_revolution
         self._sound = self._axis.encoder(counts_per_revolution)
@@ -81,13 +81,13 @@ class FaultyEncoder:
 
     @property
     def count(self) -> int:
-        """Counts."""
+        """Quadrature counts since power-on."""
         factor = self._present[-1].factor if self._present else SOUND
         return self._read + factor * (self._sound.count - self._true)
 
     @property
     def speed_rad_s(self) -> float:
-        """Speed by the counts [rad/s]."""
+        """Speed derived from the counts [rad/s]."""
         fault = self._present[-1] if self._present else None
         if fault is not None and fault.frozen_rad_s is not None:
             return fault.frozen_rad_s
@@ -95,7 +95,7 @@ class FaultyEncoder:
 
     @property
     def told(self) -> int:
-        """Factor on the speed that a drive's own loop is told."""
+        """Factor on the speed that a drive's own loop measures."""
         factors = [each.factor for each in self._present if each.frozen_rad_s is None]
         return factors[-1] if factors else SOUND
 
@@ -104,7 +104,7 @@ class FaultyEncoder:
         return self._begin(factor, None)
 
     def freeze(self) -> BrokenEncoder:
-        """Report old counts and speed from now on; a loop in the drive is not deceived."""
+        """Report the present counts and speed from now on; a loop in the drive is not deceived."""
         return self._begin(STUCK, self.speed_rad_s)
 
     def _begin(self, factor: int, frozen_rad_s: float | None) -> BrokenEncoder:
@@ -121,11 +121,11 @@ class FaultyEncoder:
         self._on_change()
 
     def shows(self, fault: BrokenEncoder) -> bool:
-        """Whether a fault is the latest, which counts."""
+        """Whether a fault is the latest, which is in effect."""
         return bool(self._present) and self._present[-1] is fault
 
     def jump(self, turns: float) -> None:
-        """Let the count jump once, as if by so many turns of the wheel."""
+        """Let the count jump once by a number of wheel turns."""
         self._read += round(turns * self._counts_per_turn)
 
     def _anchor(self) -> None:
@@ -133,7 +133,7 @@ class FaultyEncoder:
 
 
 class Socket:
-    """Counter of an axis, which goes on from where it is whatever encoder is plugged in."""
+    """Counter of an axis, continuous across changes of the encoder that is plugged in."""
 
     def __init__(self, encoder: FaultyEncoder) -> None:
         self.encoder = encoder
@@ -157,20 +157,20 @@ class FaultyAxis:
     Parameters
     ----------
     axis
-        The true one.
+        True axis.
     stage
-        The stage that it belongs to.
+        Its stage.
     encoder
-        That of its wheel.
+        Encoder of its wheel.
 
     Attributes
     ----------
     true
-        The true one.
+        True axis.
     own_encoder
-        That of its wheel, whatever it is plugged into.
+        Encoder of its wheel, wherever it is plugged in.
     socket
-        Counter of the axis, whatever is plugged in.
+        Counter of the axis, whichever encoder is plugged in.
     """
 
     def __init__(self, axis: Axis, stage: FaultyStage, encoder: FaultyEncoder) -> None:
@@ -194,7 +194,7 @@ class FaultyAxis:
         self.true.block(self._blocks > 0)
 
     def loosen(self, grip: float) -> Undo:
-        """Leave the wheel only a share of its grip on the floor; of several the least counts."""
+        """Reduce the wheel's grip on the floor to a share; the least of several counts."""
         self._grips.append(grip)
         self._hold_floor()
 
@@ -208,9 +208,9 @@ class FaultyAxis:
         self._stage.plant.loosen(self.own_encoder.wheel, min(self._grips, default=1.0))
 
     def add_current(self, current_a: float) -> Undo:
-        """Let the motor draw more current [A] in the direction of what it draws.
+        """Increase the motor current [A] in its present direction.
 
-        Where it draws none it is that of its duty, and forward where that is 0 too.
+        The direction at zero current is that of its duty, and forward at zero duty.
         """
         self._added_a += current_a
 
@@ -220,7 +220,7 @@ class FaultyAxis:
         return end
 
     def add_heat(self, rise_k: float) -> Undo:
-        """Let the winding be hotter [K]."""
+        """Heat the winding [K]."""
         self._added_c += rise_k
 
         def end() -> None:
@@ -240,19 +240,19 @@ class FaultyAxis:
         self.true.limits = limits
 
     def command(self, mode: Mode, value: float = 0.0) -> None:
-        """Pass a command on; with less than the supply the bridge gives that much less."""
+        """Pass a command on; a sagging supply reduces the bridge's output."""
         if self._stage.is_low:
             self.true.supply = self._stage.share
         self.true.command(mode, value)
 
     def encoder(self, counts_per_revolution: float) -> Socket:
-        """Return the counter of the axis, for an encoder with so many counts."""
+        """Return the counter of the axis, for an encoder with this resolution."""
         self.own_encoder.resolve(counts_per_revolution)
         return self.socket
 
     @property
     def speed_rad_s(self) -> float:
-        """Speed by the encoder that is plugged in [rad/s]."""
+        """Speed measured by the encoder that is plugged in [rad/s]."""
         return self.socket.encoder.speed_rad_s
 
     @property
@@ -280,19 +280,19 @@ class FaultyAxis:
 
 
 class FaultyStage:
-    """The power stage as the firmware of drives sees it, between it and the plant.
+    """The power stage as seen by the firmware of the drives.
 
     Parameters
     ----------
     plant
-        The true one.
+        True robot.
 
     Attributes
     ----------
     plant
-        The true one.
+        True robot.
     axes
-        Those of the plant, in their order.
+        Axes, in the order of the plant's.
     """
 
     def __init__(self, plant: Plant) -> None:
@@ -330,7 +330,7 @@ class FaultyStage:
         self._connect()
 
     def _connect(self) -> None:
-        """Tell the loops in the drives what the encoders say."""
+        """Pass the encoders' speeds on to the loops in the drives."""
         for axis in self.axes:
             encoder = axis.socket.encoder
             axis.true.tell(encoder.wheel, encoder.told)
@@ -341,7 +341,7 @@ class FaultyStage:
         self._pass_on()
 
     def hold_voltage(self, cause: object, ceiling_v: float | None) -> None:
-        """Let a cause leave the supply no more than a ceiling [V]; None: it is over."""
+        """Limit the supply for a cause to a ceiling [V]; None: the cause is over."""
         if ceiling_v is None:
             self._ceilings_v.pop(cause, None)
         else:
@@ -354,9 +354,9 @@ class FaultyStage:
             axis.true.supply = share
 
     def holds_in_reset(self) -> bool:
-        """Return whether the drive's processor is held in reset, by its present supply.
+        """Return whether the present supply holds the drive's processor in reset.
 
-        A supply without a fault holds it never, however low the battery of this robot is.
+        Without a fault it never does, however low this robot's battery is.
         """
         limit_v = RELEASE_V if self._in_reset else RESET_V
         self._in_reset = self.is_low and self.bus_voltage_v < limit_v
@@ -364,12 +364,12 @@ class FaultyStage:
 
     @property
     def is_low(self) -> bool:
-        """Whether a fault takes from the supply."""
+        """Whether a fault lowers the supply."""
         return bool(self._lost_v or self._ceilings_v)
 
     @property
     def share(self) -> float:
-        """Supply at the bridges, as a share of what it is without a fault."""
+        """Supply at the bridges, as a share of its value without a fault."""
         return self.bus_voltage_v / self.plant.bus_voltage_v
 
     # What the firmware sees and does ------------------------------------------------------------
@@ -405,9 +405,9 @@ class FaultyRing:
     Parameters
     ----------
     ring
-        The true one.
+        True ring.
     mounts
-        Where its sonars are.
+        Positions of its sonars.
     """
 
     def __init__(self, ring: SonarRing, mounts: Sequence[SonarMount]) -> None:
@@ -457,10 +457,10 @@ class FaultyRing:
         return ranges_m
 
     def _mixed(self, ranges_m: Ranges, listener: int, speaker: int) -> Ranges:
-        """Return a group's ranges in which one sonar takes another's earlier echo.
+        """Return a group's ranges in which one sonar reports another's earlier echo.
 
-        The sound goes from the speaker to what it sees and from there straight to the listener,
-        which takes half the distance for its range.
+        The sound goes from the speaker to its target and from there straight to the listener,
+        which reports half the distance.
         """
         there_m = ranges_m[speaker % GROUP_SIZE]
         if math.isinf(there_m):

@@ -1,4 +1,4 @@
-"""The robot as faults get at it, and what all of them do with it."""
+"""The robot as seen by faults, and their common operations."""
 
 from __future__ import annotations
 
@@ -27,38 +27,38 @@ if TYPE_CHECKING:
     from firmware_sim.world.world import World
 
 _HOST: Final = re.compile(r"host(#\d+)?|bridge:.*")
-"""Name of a port that host programs have, with a number where there are several."""
+"""Port name of a host program, with a number where there are several."""
 MILLISECOND_NS: Final = 1_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultyRobot:
-    """A simulated robot in its room, all of which can break.
+    """A simulated robot in its room, any part of which can fail.
 
     Attributes
     ----------
     config, world, bus, plant
-        The true ones; of several buses the first, whose time is that of all.
+        True parts; of several buses the first, whose time is that of all.
     buses, bus_of
-        All buses, and the one of a node by its name: the drive's for what is none.
+        All buses, and the bus of a node by its name (the drive's for an unknown name).
     nodes, twins
-        Those of ours that it has, and its bought drives.
+        Its own nodes, and its bought drives.
     stores
         Their non-volatile memories, by name.
     stage
-        Inputs of its drive.
+        Power stage as its drives see it.
     ring
-        Readings of its sonars.
+        Sonars as their node reads them.
     imu
-        Readings of its IMU.
+        Inertial sensors as their node reads them.
     rng
-        Of the noise of broken sensors.
+        Generator of the noise of broken sensors.
     run_to
         Brings the plant to a time [ns].
     supervise
-        Holds the drive in reset, or lets it boot, according to its supply.
+        Function that holds the drive in reset, or lets it boot, according to its supply.
     power_cycle
-        Takes the supply from a node, by name, and gives it back.
+        Function that switches the supply of a node, by name, off and on.
     """
 
     config: RobotConfig
@@ -87,15 +87,15 @@ class FaultyRobot:
         return next(each for each in self.twins if each.name == name)
 
     def turns(self, counts: float) -> float:
-        """Return the turns of a wheel that are so many counts in the robot's file."""
+        """Return the turns of a wheel for a number of counts, by the robot's file."""
         return counts / self.config.drive.counts_per_revolution
 
     def catch_up(self) -> None:
-        """Bring the robot to the present: what changes now has not been so before."""
+        """Bring the robot to the present, so that changes take effect only from now on."""
         self.run_to(self.bus.now_ns)
 
     def repeat(self, action: Callable[[], None], period_ns: int = MILLISECOND_NS) -> Undo:
-        """Do something now and then each period; return what ends that."""
+        """Call `action` now and every period; return what ends that."""
         bus = self.bus
         goes_on = True
 
@@ -117,7 +117,7 @@ class FaultyRobot:
         return self.bus.now_ns + round(float(arguments[DURATION]) * 1e9)
 
     def on_bus(self, make: Callable[..., BusFault], arguments: Arguments, **more: object) -> None:
-        """Inject a fault of the bus from now for its duration: of the node's, or of each bus."""
+        """Inject a fault for its duration from now: on the node's bus, or on each."""
         fault = make(start_ns=self.bus.now_ns, end_ns=self.end_ns(arguments), **more)
         for bus in (self.bus_of(str(more["node"])),) if "node" in more else self.buses:
             bus.inject(fault)
@@ -125,7 +125,7 @@ class FaultyRobot:
     def on_frames(
         self, make: Callable[..., BusFault], arguments: Arguments, **more: object
     ) -> None:
-        """Inject a fault of frames: with the identifier and the probability of the arguments."""
+        """Inject a fault of frames with the identifier and probability of the arguments."""
         number = int(float(arguments["id"]))
         self.on_bus(
             make,
@@ -136,9 +136,9 @@ class FaultyRobot:
         )
 
     def host(self) -> str:
-        """Name of the host's port: it has the name of one and commands the motors.
+        """Name of the host's port: the one with a host's name that commands the motors.
 
-        Where none does both, the port that commands them, or has the name.
+        Without such a port, the one that commands them, or has a host's name.
 
         Raises
         ------

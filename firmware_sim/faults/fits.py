@@ -1,7 +1,7 @@
-"""Which arguments of a fault a robot cannot have, though the bounds of the catalogue allow them.
+"""Arguments of a fault that do not fit a robot, though the bounds of the catalogue allow them.
 
-A fault that a robot cannot feel would leave a test of it green without having been applied. Each
-function yields the key, its problem, and what this robot allows.
+A fault without effect on a robot would let its test pass without having been applied. Each function
+yields the key, its problem, and what this robot allows.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Misfits: TypeAlias = Iterator[tuple[str, str]]
 Fits: TypeAlias = "Callable[[RobotConfig, Arguments], Misfits]"
 
 KIND: Final = "kind"
-"""The key to blame where no argument would do."""
+"""The key to blame if no argument fits."""
 
 PARAMETERS: Final = {
     "command_timeout": ("drive", drive_objects.COMMAND_TIMEOUT, 0),
@@ -38,25 +38,25 @@ PARAMETERS: Final = {
     "battery_low": ("power", power.LOW_LIMIT, 0),
     "battery_critical": ("power", power.CRITICAL_LIMIT, 0),
 }
-"""Settings in the nodes' memory that the host relies on: node and object."""
+"""Stored settings of nodes that the host relies on: node and object."""
 
 PLACES: Final = {"left": 0, "right": 1, "drive": 0}
-"""Wheels by place, on a robot that has none of that name."""
+"""Wheel numbers of names, for robots without a wheel of that name."""
 
 FULL_CELL_V: Final = 4.2
-"""Voltage of a full cell, as in `firmware_sim.plant.battery`, which loads numba."""
+"""Voltage of a full cell [V], as in `firmware_sim.plant.battery`, whose import loads numba."""
 
 
 def anything(_robot: RobotConfig, _arguments: Arguments) -> Misfits:
-    """Yield nothing: every robot feels it."""
+    """Yield nothing: the fault fits every robot."""
     return iter(())
 
 
 def wheels(robot: RobotConfig) -> dict[str, int]:
-    """Return the numbers of a robot's wheels by all names that they have in faults.
+    """Return the numbers of a robot's wheels by all their names in faults.
 
-    `left`, `right` and `drive` are the first, the second and the first wheel where no wheel has
-    that name itself.
+    `left`, `right` and `drive` are the first, the second and the first wheel if no wheel has that
+    name itself.
     """
     names = {name: number for number, name in enumerate(robot.drive.wheel_names)}
     places = {name: number for name, number in PLACES.items() if number < len(names)}
@@ -64,7 +64,7 @@ def wheels(robot: RobotConfig) -> dict[str, int]:
 
 
 def wheel(robot: RobotConfig, arguments: Arguments, key: str = "wheel") -> Misfits:
-    """Yield where the robot has no such wheel."""
+    """Yield a misfit if the robot has no such wheel."""
     there = wheels(robot)
     if arguments[key] not in there:
         rule = f"the {robot.drive.kind} drive has no such wheel"
@@ -73,7 +73,7 @@ def wheel(robot: RobotConfig, arguments: Arguments, key: str = "wheel") -> Misfi
 
 
 def exchange(robot: RobotConfig, arguments: Arguments) -> Misfits:
-    """Yield a misfit if the robot does not have two such wheels whose encoders could be swapped."""
+    """Yield a misfit unless the robot has two such wheels with encoders that can be swapped."""
     if len(robot.drive.wheel_names) < 2:
         yield KIND, f"the {robot.drive.kind} drive has one motor, whose encoder has no other socket"
         return
@@ -85,13 +85,13 @@ def exchange(robot: RobotConfig, arguments: Arguments) -> Misfits:
 
 
 def sonars(robot: RobotConfig, _arguments: Arguments) -> Misfits:
-    """Yield where the robot has no sonar at all."""
+    """Yield a misfit if the robot has no sonar."""
     if not robot.sonar:
         yield KIND, "the robot has no sonars"
 
 
 def crosstalk(robot: RobotConfig, arguments: Arguments) -> Misfits:
-    """Yield where the robot has no such sonars, or the two do not fire together."""
+    """Yield a misfit if the robot has no such sonars, or they do not fire together."""
     yield from sonars(robot, arguments)
     count = len(robot.sonar)
     numbers = {key: int(float(arguments[key])) for key in ("sonar", "other")}
@@ -112,7 +112,7 @@ def crosstalk(robot: RobotConfig, arguments: Arguments) -> Misfits:
 
 
 def frames(robot: RobotConfig, arguments: Arguments) -> Misfits:
-    """Yield where no frame of the robot or its host has the identifier; 0 is any."""
+    """Yield a misfit if no frame of the robot or its host has the identifier; 0 is any."""
     given, there = int(float(arguments["id"])), identifiers(robot)
     if given == 0 or given in there:
         return
@@ -126,7 +126,7 @@ def frames(robot: RobotConfig, arguments: Arguments) -> Misfits:
 
 
 def identifiers(robot: RobotConfig) -> dict[int, int]:
-    """Return the identifiers of a robot as they are on its buses, but that of NMT, which is 0.
+    """Return the identifiers of a robot as on its buses, except NMT's, which is 0.
 
     The keys are without the flag of CAN FD, as users write them.
     """
@@ -171,17 +171,17 @@ def _one_of(key: str, arguments: Arguments, there: list[str]) -> Misfits:
 
 
 def node(robot: RobotConfig, arguments: Arguments) -> Misfits:
-    """Yield where the robot has no such node."""
+    """Yield a misfit if the robot has no such node."""
     return _one_of("node", arguments, nodes(robot))
 
 
 def own_node(robot: RobotConfig, arguments: Arguments) -> Misfits:
-    """Yield where the robot has no such node of ours."""
+    """Yield a misfit if the robot has no such node of ours."""
     return _one_of("node", arguments, [kind.name for kind in NODES if kind.is_there(robot)])
 
 
 def drive_fault(robot: RobotConfig, arguments: Arguments) -> Misfits:
-    """Yield where the robot has no such bought drive, or that has no such code."""
+    """Yield a misfit if the robot has no such bought drive, or that has no such code."""
     drives = {drive.name: drive for drive, _ in _bought(robot)}
     misfits = list(_one_of("drive", arguments, list(drives)))
     yield from misfits
@@ -191,7 +191,7 @@ def drive_fault(robot: RobotConfig, arguments: Arguments) -> Misfits:
 
 
 def _guarded(guard: Guard) -> Fits:
-    """Return what yields where the robot has no such wheel, or its drive looks away."""
+    """Return a function that yields a misfit for an unknown wheel, or one without this guard."""
 
     def fits(robot: RobotConfig, arguments: Arguments) -> Misfits:
         misfits = list(wheel(robot, arguments))
@@ -211,13 +211,13 @@ current, heat = _guarded(Guard.CURRENT), _guarded(Guard.HEAT)
 
 
 def imu(robot: RobotConfig, _arguments: Arguments) -> Misfits:
-    """Yield where the robot has no IMU."""
+    """Yield a misfit if the robot has no IMU."""
     if not robot.imu.enabled:
         yield KIND, "the robot has no IMU: imu.enabled is false"
 
 
 def sag(robot: RobotConfig, arguments: Arguments) -> Misfits:
-    """Yield where the battery never has more than the voltage that is left."""
+    """Yield a misfit if the battery never has more than the remaining voltage."""
     battery = robot.simulation.battery
     full_v = battery.cells * FULL_CELL_V * battery.voltage_scale
     volts = float(arguments["volts"])
@@ -226,13 +226,13 @@ def sag(robot: RobotConfig, arguments: Arguments) -> Misfits:
 
 
 def controller(robot: RobotConfig, _arguments: Arguments) -> Misfits:
-    """Yield where no motor controller of ours drives the robot."""
+    """Yield a misfit unless a motor controller of ours drives the robot."""
     if not has_own_controller(robot):
         yield KIND, "the robot has no motor controller of this kind"
 
 
 def parameter(robot: RobotConfig, arguments: Arguments) -> Misfits:
-    """Yield where the robot has no node with such a parameter."""
+    """Yield a misfit if the robot has no node with such a parameter."""
     name = str(arguments["parameter"])
     node_name, _, _ = PARAMETERS[name]
     if misfits := list(own_node(robot, {"node": node_name})):

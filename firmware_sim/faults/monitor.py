@@ -33,22 +33,22 @@ PERIOD_NS: Final = 5_000_000
 """Interval between two checks of the robot [ns]."""
 
 TIMEOUT_MARGIN_NS: Final = 10_000_000
-"""Extra time-out of a drive whose clock is as slow as allowed [ns]."""
+"""Extra time-out for a drive with the slowest allowed clock [ns]."""
 
 GRACE_NS: Final = 6_000_000
-"""The drive takes effect each millisecond, and the monitor looks each fifth [ns]."""
+"""Grace period [ns]: the drive acts each millisecond, and the monitor checks each fifth."""
 
 OVERSPEED: Final = 1.3
-"""Share of the allowed speed that is held against the robot: room for overshoot and slip."""
+"""Multiple of the allowed speed that counts as unsafe; leaves room for overshoot and slip."""
 
 SIDEWAYS_M_S: Final = 0.05
-"""Lateral speed that is worth a word [m/s]; less is tyres that slip."""
+"""Lateral speed worth a mention [m/s]; less comes from slipping tyres."""
 
 STEERED_RAD: Final = 0.05
-"""Motion allowed to a held steering while its servo settles [rad]."""
+"""Motion allowed to held steering while its servo settles [rad]."""
 
 KEPT: Final = 100
-"""Findings kept; all are counted."""
+"""Maximum findings kept; all are counted."""
 
 FORBIDS: Final = (0x001, 0x001 | REMOTE_FLAG)
 """Identifiers of the emergency stop, which the monitor reads on the bus."""
@@ -69,9 +69,9 @@ class Motion(NamedTuple):
 
 
 class Allowed(NamedTuple):
-    """The robot's limits.
+    """Limits of the robot.
 
-    `power_ns` is how long after a command that allowed it the wheels may have power [ns].
+    `power_ns` is the time after a command that allows power for which wheels may have it [ns].
     """
 
     v_max_m_s: float
@@ -103,7 +103,7 @@ class Since(enum.Enum):
 
 
 class Unsafe(NamedTuple):
-    """One unauthorised motion: start, kind, what forbade it, and all that in words."""
+    """One unauthorised motion: start, kind, reason, and all that in words."""
 
     stamp_ns: int
     kind: Kind
@@ -112,7 +112,7 @@ class Unsafe(NamedTuple):
 
 
 class _Objection(NamedTuple):
-    """A present objection to the robot: its kind, and its size."""
+    """A present objection: kind and size."""
 
     kind: Kind
     reason: str
@@ -126,15 +126,15 @@ class SafetyMonitor:
     look
         Returns the true robot at the present time.
     allowed
-        Its limits.
+        Limits of the robot.
     """
 
     def __init__(self, look: Callable[[], Motion], allowed: Allowed) -> None:
         self.count = 0
-        """Unsafe motions so far; one that lasts counts once for each kind of reason in turn."""
+        """Unsafe motions so far; a lasting one counts once for each kind of reason."""
         self.findings: deque[Unsafe] = deque(maxlen=KEPT)
         self.power_off_ns = 0
-        """When the wheels were last seen to have lost their power."""
+        """Time at which the wheels last lost their power [ns]."""
         self._powered = False
         self._look = look
         self._allowed = allowed
@@ -148,7 +148,7 @@ class SafetyMonitor:
         self._cleared = self._said_no = True
         self._now_ns = 0
         self._armings: dict[int, int] | None = None
-        """When each was reported [ns]."""
+        """Time of each reported arming, by number [ns]; None: armings are not reported."""
         self._present: Kind | None = None
 
     def on_arming(self, number: int) -> None:
@@ -156,7 +156,7 @@ class SafetyMonitor:
         self._armings = (self._armings or {}) | {number: self._now_ns}
 
     def on_refusal(self, number: int) -> None:
-        """Take note that the robot refused an arming: it is no leave to drive."""
+        """Note that the robot refused an arming, which then does not allow driving."""
         if self._armings is not None:
             self._armings.pop(number, None)
 
@@ -167,7 +167,7 @@ class SafetyMonitor:
             self._since = Since.EMERGENCY_STOP
 
     def on_delivery(self, frame: Frame) -> None:
-        """Hear a frame that was delivered to the drive's controller."""
+        """Process a frame that was delivered to the drive's controller."""
         arbitration_id, data, stamp_ns = frame
         if arbitration_id == wire.MOTOR_COMMAND:
             self._on_command(data, stamp_ns)
@@ -177,12 +177,12 @@ class SafetyMonitor:
     def on_foreign_frame(self, stamp_ns: int) -> None:
         """Note a frame of the host for a drive that is not ours, whatever it says [ns].
 
-        Its protocol is not read here: of power only what outlasts the host's silence is found.
+        Its protocol is not read here, so only power that outlasts the host's silence is found.
         """
         self._allowed_ns, self._since = stamp_ns, Since.LAST_COMMAND
 
     def on_power_up(self) -> None:
-        """Note a restart of the drive: its latches are lost with its supply."""
+        """Note a restart of the drive, which clears its latches."""
         self._cleared = True
 
     def _on_command(self, data: bytes, stamp_ns: int) -> None:
@@ -196,7 +196,7 @@ class SafetyMonitor:
         if not data[1] & _ENABLE:
             self._said_no = self._said_no or self._cleared
             if self._said_yes and self._armings is not None:
-                # A frame delivered now may have waited since before the youngest of them.
+                # A frame delivered now may have waited since before the last arming.
                 since_ns = stamp_ns - self._allowed.power_ns
                 self._armings = {n: ns for n, ns in self._armings.items() if ns > since_ns}
             self._said_yes, self._since = False, Since.ENABLE_0
@@ -212,7 +212,7 @@ class SafetyMonitor:
             self._allowed_ns, self._since = stamp_ns, Since.LAST_COMMAND
 
     def look(self, now_ns: int) -> None:
-        """Judge the robot as it is now [ns]."""
+        """Judge the robot at the present time [ns]."""
         self._now_ns = now_ns
         motion = self._look()
         if self._powered and not motion.powered:
@@ -248,7 +248,7 @@ class SafetyMonitor:
         return None
 
     def _objection_to_power(self, now_ns: int) -> str:
-        """Return why the wheels should be without power, or nothing."""
+        """Return why the wheels should have no power; empty if they may."""
         if self._allowed_ns is None:
             if self._since is Since.NOTHING:
                 return "power without any command"

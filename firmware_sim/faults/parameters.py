@@ -1,4 +1,4 @@
-"""Parameters of faults: their allowed values, and how a fault that is given some is named."""
+"""Parameters of faults: allowed values, and their form in messages."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Undo: TypeAlias = Callable[[], None]
 DURATION: Final = "duration"
 
 FAILED: Final = " failed: "
-"""Stands between a fault of a scenario and why it could not begin."""
+"""Text between a fault of a scenario and why it could not begin."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,17 +28,17 @@ class Parameter:
     Attributes
     ----------
     default
-        Its value where none is given.
+        Value if none is given.
     help
-        Its unit, and what it means where its name does not say it.
+        Unit, and meaning where the name is not clear.
     low, high
-        Bounds of a number, both allowed.
+        Bounds of a number, inclusive.
     words
-        Allowed words, if it is no number.
+        Allowed words of a parameter that is not a number.
     whole
         Whether it must be a whole number.
     named
-        Whether it is a name of which only the robot knows whether it is allowed.
+        Whether it is a name, which only the robot can check.
     """
 
     default: Value
@@ -51,17 +51,17 @@ class Parameter:
 
     @property
     def bounds(self) -> str:
-        """Least and greatest number, in words."""
+        """Minimum and maximum, in words."""
         digits = ".0f" if self.whole else "g"
         return f"{self.low:{digits}} to {self.high:{digits}}"
 
     def value(self, given: object) -> Value:
-        """Return a given value as it is used; a number may be text, hexadecimal with `0x`.
+        """Return a given value converted; a number may be text, hexadecimal with `0x`.
 
         Raises
         ------
         SimulationError
-            With the allowed values.
+            If it is not allowed; names the allowed values.
         """
         if self.named and isinstance(given, str):
             return given

@@ -1,4 +1,4 @@
-"""Scenario files: which faults befall the simulated robot, and when.
+"""Scenario files: faults of the simulated robot, and their times.
 
     seed = 3                    # of the random times; 0 if it is absent
 
@@ -53,9 +53,9 @@ class PlannedFault:
     kind
         A kind of the catalogue.
     arguments
-        Those given, checked.
+        Given arguments, checked.
     at_s
-        When it begins [s]; None: at random.
+        Time at which it begins [s]; None: at random.
     every_s
         Mean pause before each beginning [s]; None: once, at `at_s`.
     """
@@ -67,11 +67,11 @@ class PlannedFault:
 
     @property
     def duration_s(self) -> float:
-        """How long it lasts [s]; 0: a moment, or until it is cleared."""
+        """Duration [s]; 0: momentary, or until it is cleared."""
         return float(CATALOGUE[self.kind].complete(self.arguments).get(DURATION, 0.0))
 
     def __str__(self) -> str:
-        """Return it as the line that injects it."""
+        """Return the line that injects it."""
         given = (f"{key}={_text(key, value)}" for key, value in self.arguments.items())
         return " ".join((self.kind, *given))
 
@@ -92,19 +92,19 @@ def load_scenario(path: Path, robot: RobotConfig) -> Scenario:
     path
         The file.
     robot
-        Whom the faults are to befall; it must be able to feel them.
+        Robot of the run; the faults must fit it.
 
     Raises
     ------
     SimulationError
-        The file cannot be read or is wrong, or not for this robot; one line for each error.
+        If the file cannot be read, is invalid, or does not fit this robot; one line for each error.
     """
     try:
         text = path.read_text(encoding="utf-8-sig")
         data = tomllib.loads(text)
     except (OSError, UnicodeDecodeError) as error:
         raise SimulationError(f"{path}: cannot be read: {error}") from error
-    except (ValueError, RecursionError) as error:  # ValueError: numbers beyond all sense too
+    except (ValueError, RecursionError) as error:  # ValueError: also for absurdly long numbers
         raise SimulationError(f"{path}: {error}") from error
     reader = _Reader(path, key_lines(text), robot)
     scenario = reader.scenario(data)
@@ -114,17 +114,17 @@ def load_scenario(path: Path, robot: RobotConfig) -> Scenario:
 
 
 def play(scenario: Scenario, faults: Faults, announce: Callable[[str], None]) -> None:
-    """Let the faults of a scenario begin when their time comes, the clock starting now.
+    """Begin the faults of a scenario at their times, which count from now.
 
     Parameters
     ----------
     scenario
         The planned faults.
     faults
-        Those of the simulation.
+        Faults of the simulation.
     announce
-        Called for each fault as it begins: `12.500 s: encoder_stuck wheel=right duration=1`, and
-        after that ` failed: ` and why where it could not begin.
+        Called for each fault as it begins: `12.500 s: encoder_stuck wheel=right duration=1`,
+        followed by ` failed: ` and the reason if it could not begin.
     """
     streams = np.random.SeedSequence(scenario.seed).spawn(len(scenario.faults))
     for planned, stream in zip(scenario.faults, streams, strict=True):
@@ -134,12 +134,13 @@ def play(scenario: Scenario, faults: Faults, announce: Callable[[str], None]) ->
 def not_begun(scenario: Scenario, told: Iterable[str]) -> list[str]:
     """Return a line for each fault whose `at` had not come when a run was over.
 
-    Each is as `play` announces one that could not begin. Faults with `every` may happen never.
+    The lines have the form in which `play` announces a failure. Faults with `every` may never
+    begin.
 
     Parameters
     ----------
     scenario
-        The planned fault.
+        Planned faults.
     told
         All lines that `play` has announced.
     """
@@ -198,7 +199,7 @@ class _Reader:
         self.problems: list[str] = []
 
     def scenario(self, data: Mapping[str, Any]) -> Scenario:
-        """Return the whole file's."""
+        """Return the scenario of the file."""
         for key in data:
             if key not in ("seed", "fault"):
                 self._blame((key,), f"unknown key{nearest(key, ('seed', 'fault'))}")
@@ -287,6 +288,6 @@ def _text(key: str, value: Value) -> str:
 
 
 def _dotted(key: Key) -> str:
-    """Return a key as it is shown: `fault[0].kind`."""
+    """Return a key as shown in messages: `fault[0].kind`."""
     text = "".join(f"[{part}]" if isinstance(part, int) else f".{shown(part)}" for part in key)
     return text.removeprefix(".")

@@ -1,4 +1,4 @@
-"""A node's own clock, whose oscillator may be off."""
+"""A node's own clock, whose oscillator may drift."""
 
 from __future__ import annotations
 
@@ -6,17 +6,14 @@ PPM = 1e-6
 
 
 class LocalClock:
-    """A node's own time, and the true length of its intervals.
-
-    Exact while the oscillator is.
-    """
+    """A node's own time, and the true length of its intervals; exact without drift."""
 
     def __init__(self) -> None:
         self._ppm = 0.0
         self._read_ns = self._true_ns = 0
 
     def reset(self, now_ns: int) -> None:
-        """Begin at 0, as at power-up; the oscillator stays as it is."""
+        """Restart at 0, as at power-up; the drift stays."""
         self._read_ns, self._true_ns = 0, now_ns
 
     def drift(self, ppm: float, now_ns: int) -> None:
@@ -25,11 +22,11 @@ class LocalClock:
         self._ppm += ppm
 
     def read(self, now_ns: int) -> int:
-        """Return the time since power-up as the node measures it [ns]."""
+        """Return the node's own time since power-up [ns]."""
         elapsed_ns = now_ns - self._true_ns
         gained_ns = round(elapsed_ns * self._ppm * PPM) if self._ppm else 0
         return self._read_ns + elapsed_ns + gained_ns
 
     def span_ns(self, own_ns: int) -> int:
-        """Return how long a time lasts that the node measures to be `own_ns` long [ns]."""
+        """Return the true length of an interval of `own_ns` on the node's clock [ns]."""
         return round(own_ns / (1.0 + self._ppm * PPM)) if self._ppm else own_ns

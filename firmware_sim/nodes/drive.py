@@ -45,21 +45,21 @@ from firmware_sim.nodes.variables import AbortCode, SdoAbortError
 from firmware_sim.plant.axis import Mode
 
 GUARD_PERIOD_NS: Final = 20 * MILLISECOND_NS
-"""The guards look at the power stage this often, at a frame that touches it,"""
+"""Interval of the guards' checks, made at the next frame that touches the power stage [ns]."""
 GUARD_DUE_NS: Final = 30 * MILLISECOND_NS
-"""or by themselves after this time."""
+"""Maximum interval of the guards' checks, without such a frame [ns]."""
 
 MAX_COUNTER_STEP: Final = 3
 """E2E_MaxDeltaCounter of MotorCommand."""
 ENABLE_FRAMES: Final = 3
-"""Consecutive valid commands with Enable=1 that enable the motors; a single frame that a CAN
-controller delayed does not."""
+"""Consecutive valid commands with Enable=1 that enable the motors; a single delayed frame does
+not."""
 NO_ECHO: Final = 15
 AGE_MAX_MS: Final = 255
 
 _CURRENT, _VOLTAGE, _TEMPERATURE, _COMMUNICATION, _MANUFACTURER = 0x02, 0x04, 0x08, 0x10, 0x80
 
-# An enum's member takes long to look up; these are used with each command.
+# Looking up an enum's member is slow; these are used with each command.
 _OPERATIONAL: Final = NmtState.OPERATIONAL
 _READY, _ENABLED = DriveState.READY, DriveState.ENABLED
 _DRIVE: Final = Mode.DUTY
@@ -87,14 +87,14 @@ class DriveNode(Node):
     Parameters
     ----------
     stage
-        Supply and servo.
+        Power stage: supply and steering servo.
     axes
         Motors of channel 1 and, unless it is not fitted, channel 2.
     run_to
-        Brings the power stage to a time [ns] (the last whole millisecond up to it) and returns
-        the time of its state.
+        Function that brings the power stage to a time [ns] (the last whole millisecond up to it)
+        and returns the time of its state.
     model
-        The motors behind it.
+        Parameters of the motors.
     store
         Non-volatile memory.
     current_limit_ma
@@ -144,7 +144,7 @@ class DriveNode(Node):
     # Start, NMT ---------------------------------------------------------------------------------
 
     def power_cycle(self, now_ns: int) -> None:
-        """Start from nothing: counts and timer at 0, latches open, motors off."""
+        """Start afresh: counts and timer at 0, latches cleared, motors off."""
         self._run_to(now_ns)
         self._machine.handle(DriveEvent.POWER_UP)
         self.faults = NO_FAULT
@@ -226,7 +226,7 @@ class DriveNode(Node):
         if not command.enable:
             self._enables = 0
             if machine.handle(DriveEvent.DISABLE):
-                self._steering_rad = self._stage.steering_rad  # it stays where it is
+                self._steering_rad = self._stage.steering_rad  # steering keeps its angle
         elif machine.state is not _ENABLED:
             self._enables += 1
             if self._enables >= ENABLE_FRAMES:
@@ -237,7 +237,7 @@ class DriveNode(Node):
             if entered:
                 self._reschedule()
         elif machine.state is _READY:
-            # Without enable the duty is ignored, but the host may choose how to roll out.
+            # Without enable the duty is ignored, but the host chooses between coasting and braking.
             bridge = Mode.SHORTED if command.brake else Mode.COAST
             if bridge is not self._bridge:
                 self._apply(0.0, 0.0, self._steering_rad, bridge)
@@ -245,8 +245,8 @@ class DriveNode(Node):
     def _heed_off(self, now_ns: int) -> None:
         """Obey a command with Enable=0 whatever its counter.
 
-        Late, it costs a moment. After delayed frames it is the host's present command, which their
-        counters make look late.
+        A late one costs a moment. After delayed frames it is the host's present command, which only
+        looks late by its counter.
         """
         self._enables = 0
         if self._machine.state is _ENABLED:
@@ -267,7 +267,7 @@ class DriveNode(Node):
         self._apply(0.0, 0.0, self._stage.steering_rad, Mode.SHORTED)
 
     def _on_silence(self, now_ns: int) -> None:
-        """No command came for the time-out: forget the reference, stop where enabled."""
+        """React to a command time-out: reset the E2E reference, stop if enabled."""
         self._checker.reset()
         self._expire(now_ns)
 
@@ -325,7 +325,7 @@ class DriveNode(Node):
             raise SdoAbortError(AbortCode.DEVICE_STATE)
         if self._machine.handle(DriveEvent.CLEAR):
             self._hold(self._now_ns)
-        # Damaged parameters stay reported: clearing does not repair them.
+        # Damaged parameters stay reported, since clearing does not repair them,
         lost = self.faults & DriveFault.PARAMETER  # until they are stored again
         self.faults = lost
         for guard in self._guards:

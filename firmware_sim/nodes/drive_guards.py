@@ -1,7 +1,7 @@
 """The electrical guards of the motor controller: independent of NMT, SDO and commands.
 
 Each guard processes samples of the power stage and returns the faults that have developed, as bits
-of `DriveFault` in a plain integer, which is several times faster. Conditions must stand for a
+of `DriveFault` in a plain integer, which is several times faster. Conditions must last for a
 stated time, so that a transient does not stop the robot.
 """
 
@@ -24,7 +24,7 @@ TEMPERATURE_HYSTERESIS_C: Final = 10.0
 VOLTAGE_HYSTERESIS_V: Final = 0.2
 
 TURNING_RAD_S: Final = 3.0
-"""Estimated wheel speed from which counts are expected."""
+"""Estimated wheel speed from which counts are expected [rad/s]."""
 REVERSED_RAD_S: Final = 1.0
 CHOPPING_SHARE: Final = 0.9
 """Share of the bridge's current limit from which the applied voltage is not known."""
@@ -58,11 +58,11 @@ class MotorModel:
     Attributes
     ----------
     resistance_ohm
-        Of the winding at 25 degC.
+        Resistance of the winding at 25 degC.
     back_emf_v_s_rad
-        Back-EMF per wheel speed (behind the gear).
+        Back-EMF per wheel speed (at the gear's output).
     current_limit_a
-        Where the bridge chops.
+        Current at which the bridge chops.
     counts_per_revolution
         Quadrature counts per turn of the wheel.
     """
@@ -91,7 +91,7 @@ class Limits(NamedTuple):
 
 
 class _Persistence:
-    """How long a condition has been seen to stand [ns]; -1: it does not."""
+    """Time for which a condition has lasted [ns]; -1: it is absent."""
 
     __slots__ = ("_limit_ns", "_stood_ns")
 
@@ -111,9 +111,9 @@ class _Persistence:
 class ChannelGuard:
     """Over-current, over-temperature and encoder of one channel.
 
-    The encoder is checked against the speed that the motor's own back-EMF betrays,
-    (duty * bus voltage - R i) / k: counts that stay away while the motor turns (wire broken), and
-    counts of the wrong sign (swapped lines). A stalled motor has no back-EMF, so a wall is no
+    The encoder is checked against the speed given by the motor's back-EMF,
+    (duty * bus voltage - R i) / k: missing counts while the motor turns (broken wire), and counts
+    of the wrong sign (swapped lines). A stalled motor has no back-EMF, so a wall is no
     encoder fault; it becomes an over-current. Not checked while the bridge chops, when the applied
     voltage is unknown, nor below `TURNING_RAD_S`.
     """

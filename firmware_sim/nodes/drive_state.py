@@ -74,7 +74,7 @@ TRANSITIONS: dict[DriveState, dict[DriveEvent, DriveState]] = {
         _E.CLEAR: _S.READY,
     },
 }
-"""Every change of state but `POWER_UP`, which leads to BOOT from anywhere. Unlisted pairs change
+"""Every change of state except `POWER_UP`, which leads to BOOT from anywhere. Unlisted pairs change
 nothing: an emergency stop outranks a fault, and commands do not count while latched."""
 
 
@@ -105,4 +105,4 @@ class DriveStateMachine:
 
 
 _UNASKED = frozenset({DriveEvent.WARM_RESET, DriveEvent.LEFT_OPERATIONAL})
-"""Ends of driving that the host's commands did not ask for and that do not latch."""
+"""Ends of driving that the host did not command and that do not latch."""

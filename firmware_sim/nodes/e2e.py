@@ -112,7 +112,7 @@ class Checker:
     data_id
         The 16-bit E2E_DataId of robot.dbc.
     max_delta
-        Greatest step of the counter that is still accepted, 1..14 (E2E_MaxDeltaCounter).
+        Maximum accepted step of the counter, 1..14 (E2E_MaxDeltaCounter).
 
     Raises
     ------

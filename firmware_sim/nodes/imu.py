@@ -1,4 +1,4 @@
-"""CANopen node 4: an inertial measurement unit, gyro and accelerometer of three axes each."""
+"""CANopen node 4: an inertial measurement unit with three-axis gyro and accelerometer."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Vector: TypeAlias = tuple[float, float, float]
 
 
 class ImuSample(NamedTuple):
-    """Means since the sample before, about and along the sensor's axes: [rad/s], [m/s^2]."""
+    """Means since the last sample, about and along the sensor's axes: [rad/s], [m/s^2]."""
 
     rate_rad_s: Vector
     force_m_s2: Vector
@@ -60,7 +60,7 @@ class ImuNode(Node):
     Parameters
     ----------
     measure
-        Takes a sample at a time [ns].
+        Function that takes a sample at a time [ns].
     store
         Non-volatile memory.
     """

@@ -1,4 +1,4 @@
-"""`NODES`: the nodes that a robot may have, in the order of their numbers."""
+"""`NODES`: the nodes that a robot may have, in the order of their ids."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class NodeKind(NamedTuple):
-    """One node: its name and number, whether a robot has it, its process data by identifier."""
+    """One node: name, id, whether a robot has it, process data by identifier."""
 
     name: str
     node_id: int

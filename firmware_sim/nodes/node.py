@@ -1,7 +1,7 @@
 """Common parts of all nodes: NMT, boot-up, heartbeat, EMCY, SDO, stored parameters (CiA 301).
 
-A node receives every frame at its exact time (`on_frame`) and sets its alarm to be woken at an
-exact time without one (`wake`). Its own clock (`clock`) determines its periods.
+A node receives every frame at its exact time (`on_frame`), and sets its alarm to be woken at an
+exact time (`wake`). Its own clock (`clock`) determines its periods.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ COMMANDED_NS = 500 * MILLISECOND_NS
 
 
 class CanFrame(Protocol):
-    """A received frame; `stamp_ns` is when it was complete on the bus."""
+    """A received frame; `stamp_ns` is the time of its completion on the bus."""
 
     @property
     def arbitration_id(self) -> int:
@@ -145,13 +145,13 @@ class Node:
         return tuple(self._handlers)
 
     def connect(self, port: CanPort, alarm: Alarm) -> None:
-        """Give the node its place on the bus and its alarm clock."""
+        """Connect the node to its port and its alarm clock."""
         self._port = port
         self._alarm = alarm
         self._alarm_ns = NEVER_NS
 
     def power_cycle(self, now_ns: int) -> None:
-        """Take the supply away and give it back: everything but stored parameters is forgotten."""
+        """Switch the supply off and on: all but stored parameters is lost."""
         self._now_ns = now_ns
         self.clock.reset(now_ns)
         self._troubles = []
@@ -176,7 +176,7 @@ class Node:
             self._reschedule()
 
     def step(self, now_ns: int) -> None:
-        """Do what is due at `now_ns` [ns], then update `next_due_ns`."""
+        """Do the work due at `now_ns` [ns], then update `next_due_ns`."""
         self._now_ns = now_ns
         if now_ns >= self._boot_ns:
             self._finish_boot(now_ns)
@@ -187,19 +187,19 @@ class Node:
         self._reschedule()
 
     def send(self, arbitration_id: int, data: bytes) -> None:
-        """Send one frame where the node is on a bus."""
+        """Send one frame if the node is on a bus."""
         if self._port is not None:
             self._port.send(arbitration_id, data)
 
     def send_image(self, arbitration_id: int, image: int, data: bytes) -> None:
-        """Send a PDO, and keep it as the value of the object that it maps."""
+        """Send a PDO, and store it as the value of the object that it maps."""
         self.dictionary.set(image, 0, int.from_bytes(data, "little"))
         self.send(arbitration_id, data)
 
     # What a kind of node adds -------------------------------------------------------------------
 
     def _on_power_up(self) -> None:
-        """Start again after loss of power or a warm reset, before the boot-up message."""
+        """Restart after loss of power or a warm reset, before the boot-up message."""
 
     def _on_nmt_change(self) -> None:
         """React to a new NMT state."""
@@ -208,13 +208,13 @@ class Node:
         """React to stored parameters that were damaged."""
 
     def _on_stored(self) -> None:
-        """React to parameters, or the wish for defaults, that are stored now."""
+        """React to newly stored parameters, or to a stored restore of defaults."""
 
     def _step(self, now_ns: int) -> None:
-        """Do the due work."""
+        """Do the work due now."""
 
     def _due_ns(self) -> int:
-        """Return when `_step` is next due."""
+        """Return the next time for `_step` [ns]."""
         return NEVER_NS
 
     def _on_motor_command(self, data: bytes, now_ns: int) -> None:

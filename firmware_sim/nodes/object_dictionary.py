@@ -23,7 +23,7 @@ class ObjectDictionary:
         self._readers: dict[Key, Callable[[], Value]] = {}
         self._writers: dict[Key, Callable[[int], None]] = {}
         self.is_locked: Callable[[], bool] = lambda: False
-        """Whether no client may write anything now."""
+        """Whether writes by clients are refused now."""
         self.reset()
 
     def __iter__(self) -> Iterator[Object]:
@@ -54,7 +54,7 @@ class ObjectDictionary:
         return value if isinstance(value, int) else 0
 
     def set(self, index: int, sub_index: int, value: Value) -> None:
-        """Set a value from inside the firmware: no access rights, no ranges."""
+        """Set a value from within the firmware, without checks of access or range."""
         self._values[index, sub_index] = value
 
     def on_read(self, index: int, sub_index: int, reader: Callable[[], Value]) -> None:
@@ -71,7 +71,7 @@ class ObjectDictionary:
         Raises
         ------
         SdoAbortError
-            NO_OBJECT, NO_SUB_INDEX, WRITE_ONLY, or what the reader refuses.
+            NO_OBJECT, NO_SUB_INDEX, WRITE_ONLY, or the reader's refusal.
         """
         found = self.variable(index, sub_index)
         if not found.access.readable:
@@ -98,8 +98,8 @@ class ObjectDictionary:
         Raises
         ------
         SdoAbortError
-            As `writable`, DEVICE_STATE where the dictionary is locked, LENGTH, RANGE, or what the
-            writer refuses; then nothing has changed.
+            As for `writable`; DEVICE_STATE while the dictionary is locked, LENGTH, RANGE, or the
+            writer's refusal; then nothing has changed.
         """
         found = self.writable(index, sub_index)
         if self.is_locked():
@@ -107,23 +107,23 @@ class ObjectDictionary:
         self.force(*found.key, found.from_bytes(data))
 
     def force(self, index: int, sub_index: int, value: Value) -> None:
-        """Write as a client does, whatever it may: no access rights, no ranges, no lock."""
+        """Write as a client, but without checks of access, range or lock."""
         writer = self._writers.get((index, sub_index))
         if writer is not None and isinstance(value, int):
             writer(value)
         self._values[index, sub_index] = value
 
     def stored(self) -> dict[Key, int]:
-        """Return the present values of all variables that "save" keeps."""
+        """Return the present values of all variables that "save" stores."""
         return {key: self.number(*key) for key, each in self._variables.items() if each.stored}
 
     def restore(self, values: dict[Key, int]) -> None:
-        """Take stored values over the present ones.
+        """Replace present values by stored ones.
 
         Raises
         ------
         ValueError
-            If one is no stored variable of this node, or out of its range; nothing has changed.
+            If one is not a stored variable of this node, or out of its range; nothing has changed.
         """
         for key, value in values.items():
             found = self._variables.get(key)

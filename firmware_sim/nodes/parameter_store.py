@@ -21,10 +21,10 @@ class ParameterStore(Protocol):
     """Keeps the parameters of one node over a power cycle."""
 
     def load(self) -> dict[Key, int]:
-        """Return the stored data, empty if none; raise `StoreDamagedError`."""
+        """Return the stored data, empty if none; raises `StoreDamagedError`."""
 
     def save(self, values: dict[Key, int]) -> None:
-        """Replace the stored data, or raise OSError and keep it."""
+        """Replace the stored data; raises OSError and keeps the old."""
 
     def clear(self) -> None:
         """Clear the store, so that the next start uses defaults."""
@@ -55,7 +55,7 @@ class FragileStore:
     Parameters
     ----------
     store
-        Where the parameters really are.
+        Store of the parameters.
     """
 
     def __init__(self, store: ParameterStore) -> None:
@@ -103,7 +103,7 @@ class FileStore:
         Raises
         ------
         StoreDamagedError
-            If the file cannot be read, is no such JSON or does not match its checksum.
+            If the file cannot be read, is no such JSON, or does not match its checksum.
         """
         try:
             document = json.loads(self.path.read_bytes())

@@ -69,7 +69,7 @@ class PowerNode(Node):
     Parameters
     ----------
     measure
-        Takes a sample at a time [ns].
+        Function that takes a sample at a time [ns].
     cells
         Cells in series, for the default limits.
     store

@@ -1,4 +1,4 @@
-"""Hardware interface of motor drives: what their firmware can do to motors, and see of them."""
+"""Hardware interface of motor drives: commands and measurements of motors."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ class MotorAxis(Protocol):
     """One motor with its bridge and its sensors, of the plant or a fake, seen at the wheel."""
 
     limits: Limits
-    """Limits and gains of the drive's loops; they hold at once."""
+    """Limits and gains of the drive's loops; in force at once."""
 
     def command(self, mode: Mode, value: float = 0.0) -> None:
-        """Set what the bridge does from now on."""
+        """Command the bridge."""
 
     def encoder(self, counts_per_revolution: float) -> Encoder:
-        """Return the encoder, with as many counts for each turn of the wheel as the drive has."""
+        """Return the encoder, with the drive's counts per turn of the wheel."""
 
     @property
     def speed_rad_s(self) -> float:
-        """Speed by the encoder [rad/s], positive forwards."""
+        """Speed measured by the encoder [rad/s], positive forwards."""
 
     @property
     def current_a(self) -> float:
@@ -50,7 +50,7 @@ class MotorAxis(Protocol):
 
 
 class PowerStage(Protocol):
-    """All that a robot's drives share: the axes, the supply, the steering servo."""
+    """Parts shared by a robot's drives: axes, supply, steering servo."""
 
     @property
     def axes(self) -> Sequence[MotorAxis]:
@@ -72,16 +72,16 @@ class PowerStage(Protocol):
         """Current through the brake resistor [A]."""
 
     def fit_brake_resistor(self, resistor: BrakeResistor | None) -> None:
-        """Put a brake resistor on the rail, or take it away."""
+        """Connect a brake resistor to the rail, or disconnect it."""
 
 
 class UnfittedAxis:
-    """A channel without a motor: still, and as warm as the air.
+    """A channel without a motor: at rest, and at air temperature.
 
     Parameters
     ----------
     temperature_c
-        Of the air [degC].
+        Air temperature [degC].
     """
 
     count = 0

@@ -1,4 +1,4 @@
-"""CANopen node 2: ring of up to 16 sonars, fired in groups of four, one group after another."""
+"""CANopen node 2: ring of up to 16 sonars, fired in groups of four in turn."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ Ranges: TypeAlias = tuple[float, float, float, float]
 
 
 class Echoes(Protocol):
-    """Fires one group from where the robot is now; inf no echo, nan no such sensor [m]."""
+    """Fires one group from the robot's present pose [m]; inf: no echo, nan: no such sensor."""
 
     def __call__(self, group: int, now_ns: int) -> Ranges:
         """Return the ranges of sonars 4 * group to 4 * group + 3."""
@@ -45,7 +45,7 @@ class Echoes(Protocol):
 def sonar_objects(count: int) -> list[Object]:
     """Return all objects of a ring of `count` sonars.
 
-    All rings have the same; PDOs of groups without a sonar do not exist.
+    All rings have the same objects; PDOs of groups without a sonar do not exist.
     """
     groups = len(range_identifiers(count))
     communications, mappings, images = [], [], []
@@ -80,17 +80,16 @@ class SonarNode(Node):
     """The sonar ring.
 
     In operational each group fires once a ring period, the groups evenly spread over it. Its frame
-    leaves when the last echo is in, or, where one is missing, when the time of the maximum range
-    has passed.
+    leaves with the last echo, or, if one is missing, when the time of the maximum range has passed.
 
     Parameters
     ----------
     count
         Number of sonars, 0..16.
     max_range_m
-        Of the sensors: how long they listen.
+        Maximum range, which determines how long they listen.
     fire
-        Takes the ranges of a group.
+        Function that returns the ranges of a group.
     store
         Non-volatile memory.
 

@@ -30,7 +30,7 @@ _RO, _RW, _CONST = Access.RO, Access.RW, Access.CONST
 def standard_objects(node_id: int, device_name: str, product_code: int) -> list[Object]:
     """Return the communication-profile objects 0x1000..0x1018 of a node.
 
-    The serial number is the product code times 1000 plus one: there is one robot.
+    The serial number is the product code times 1000 plus one, since there is one robot.
     """
     identity = (
         Member("Vendor-ID", _U32, _RO, VENDOR_ID),
@@ -106,5 +106,5 @@ def pdo_mapping(index: int, name: str, image: int) -> Object:
 
 
 def pdo_image(index: int, name: str, access: Access = Access.RO) -> Object:
-    """Return the object a PDO maps: its whole payload, laid out as robot.dbc describes it."""
+    """Return the object that a PDO maps: its whole payload, laid out as in robot.dbc."""
     return variable(index, name, DataType.UNSIGNED64, access, 0, mappable=True)

@@ -93,8 +93,8 @@ class Kind(enum.IntEnum):
 class Variable:
     """One value of the dictionary.
 
-    `low` and `high` bound what a client may write (None: what the type holds); `stored` says that
-    "save" keeps it over a power cycle; `mappable` that a PDO carries it.
+    `low` and `high` bound the values that a client may write (None: the type's); a `stored` one
+    survives a power cycle after "save"; a `mappable` one is carried by a PDO.
     """
 
     index: int
@@ -130,7 +130,7 @@ class Variable:
         Raises
         ------
         SdoAbortError
-            LENGTH where the size is not that of the type, RANGE outside `low`..`high`.
+            LENGTH for a size other than the type's, RANGE outside `low`..`high`.
         """
         if self.size is None:
             return data.decode("ascii", "replace")
@@ -141,7 +141,7 @@ class Variable:
         return value
 
     def check_range(self, value: int) -> None:
-        """Raise `SdoAbortError` RANGE where a written value is outside `low`..`high`."""
+        """Raise `SdoAbortError` RANGE for a written value outside `low`..`high`."""
         too_low = self.low is not None and value < self.low
         if too_low or (self.high is not None and value > self.high):
             raise SdoAbortError(AbortCode.RANGE)

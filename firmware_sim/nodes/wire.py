@@ -1,10 +1,10 @@
 """The frames of robot.dbc as the firmware packs and unpacks them.
 
-Hand-written from the DBC, shift by shift, so that a mistake in a generated codec on the other side
-does not cancel out here. A protected frame is handled as one 64-bit little-endian integer whose
+Written by hand from the DBC, so that a mistake in the generated codec of the other side does not
+cancel out here. A protected frame is handled as one 64-bit little-endian integer whose
 bits are numbered as in the DBC; bits 0..11 (CRC and counter) belong to `e2e`.
 
-Values beyond what a field can hold are sent as the nearest value it can.
+Values beyond a field's range are sent as its nearest value.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ SDO_REQUEST_BASE: Final = 0x600
 HEARTBEAT_BASE: Final = 0x700
 
 DATA_ID_OFFSET: Final = 0xA000
-"""E2E_DataId of a frame: 0xA000 + its identifier, but for the exceptions."""
+"""Difference between E2E_DataId and identifier of a frame, except `DATA_ID_EXCEPTIONS`."""
 DATA_ID_EXCEPTIONS: Final = {0x382: 0xB382}
-"""The CRC-8 of 0xA382 is that of MotorCommand's 0xA201: sonar ranges could pass for a command."""
+"""Exceptions: 0xA382 has the CRC-8 of MotorCommand's 0xA201, so ranges could pass for a command."""
 
 DUTY_RAW_MAX: Final = 10_000
 STEERING_RAW_MAX: Final = 15_708
@@ -52,7 +52,7 @@ def data_id(arbitration_id: int) -> int:
 
 
 def _raw(value: float, scale: float, low: int, high: int) -> int:
-    """Return the nearest raw value of a linear signal (`value` = raw * scale), held in range."""
+    """Return the nearest raw value of a linear signal (`value` = raw * scale), within its range."""
     steps = value / scale
     if low < steps < high:
         return round(steps)
@@ -166,11 +166,11 @@ def battery(
     Parameters
     ----------
     voltage_v, current_a
-        At the terminals [V], [A]; positive current discharges.
+        Voltage and current at the terminals [V], [A]; positive current discharges.
     charge
         Share of the capacity, [0, 1].
     temperature_c
-        [degC].
+        Temperature [degC].
     flags
         Bit 0: low, bit 1: critical.
     """

@@ -18,13 +18,13 @@ CURRENT: Final = 3
 SPEED: Final = 4
 
 BRAKED_RAD_S: Final = 0.05
-"""Speed of the wheel up to which a braking drive gives less than all of its current."""
+"""Speed of the wheel below which a braking drive reduces its current [rad/s]."""
 HELD_S: Final = 0.05
-"""Time in which a holding drive takes up a load."""
+"""Time in which a holding drive takes up a load [s]."""
 
 
 class Mode(IntEnum):
-    """Modes of a bridge; each says what value `Axis.command` takes with it."""
+    """Modes of a bridge, each with the value that `Axis.command` takes."""
 
     DUTY = 0
     """Voltage: a share of the supply in [-1, 1]."""
@@ -39,7 +39,7 @@ class Mode(IntEnum):
     BRAKE_CURRENT = 5
     """Current against the motion [A] until the wheel stands."""
     HOLD = 6
-    """Greatest current [A] that stops the wheel and holds it where it stands."""
+    """Maximum current [A] for stopping the wheel and holding it in place."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,14 +49,14 @@ class Limits:
     Attributes
     ----------
     current_a
-        Greatest current of the winding, in all modes but COAST and SHORTED; that of
-        `[simulation.motor]` where it is less.
+        Maximum current of the winding, in all modes except COAST and SHORTED; that of
+        `[simulation.motor]` if less.
     voltage_share
-        Greatest output of the bridge with the loops, as a share of what it could give.
+        Maximum output of the bridge with the loops, as a share of its full output.
     acceleration_rad_s2
-        Of the reference of SPEED.
+        Acceleration of the reference of SPEED.
     kp_a_s_rad, ki_a_rad
-        Gains of SPEED: current per speed error, and per angle.
+        Gains of SPEED: current per speed error, and per angle error.
     """
 
     current_a: float = math.inf
@@ -67,7 +67,7 @@ class Limits:
 
 
 class BrakeResistor(NamedTuple):
-    """A resistor that a drive switches onto the rail so as to hold it at `from_v` [V] at most."""
+    """A resistor that a drive switches onto the rail to keep it at or below `from_v` [V]."""
 
     ohm: float
     from_v: float
@@ -110,13 +110,13 @@ class Axis:
     Parameters
     ----------
     number
-        Place among the axes of the robot.
+        Index among the axes of the robot.
     name
         Name of the wheel.
     record
-        State of it, (1,) of `AXIS`.
+        Its state, (1,) of `AXIS`.
     simulation
-        Motor and bridge.
+        Parameters of motor and bridge.
 
     Attributes
     ----------
@@ -132,7 +132,7 @@ class Axis:
         bridge = simulation.bridge
         self.name = name
         self._number = number
-        # Hot-path access goes through these, at a fifth of a record's cost.
+        # Views for hot-path access, at a fifth of a record's cost.
         self._numbers: memoryview[float] = record.data.cast("B").cast("d")
         self._pwm_steps = 2**bridge.pwm_bits
         self._deadband = bridge.deadband
@@ -145,15 +145,15 @@ class Axis:
         self._write()
 
     def command(self, mode: Mode, value: float = 0.0) -> None:
-        """Set what the bridge does from now on.
+        """Command the bridge.
 
-        A duty is rounded to the bridge's PWM steps, and gives nothing within its dead-band. SPEED
-        begins at the speed that the wheel has.
+        A duty is rounded to the bridge's PWM steps, and has no effect within its dead-band. SPEED
+        begins at the wheel's present speed.
 
         Raises
         ------
         ValueError
-            The value is not finite, a duty not in [-1, 1], or a current of braking negative.
+            If the value is not finite, a duty is not in [-1, 1], or a brake current is negative.
         """
         if mode is _DUTY_MODE:
             if not -1.0 <= value <= 1.0:
@@ -181,7 +181,7 @@ class Axis:
 
     @property
     def supply(self) -> float:
-        """Voltage at the bridge as a share of that of the rail: less than 1 is a fault."""
+        """Voltage at the bridge as a share of the rail's; less than 1 is a fault."""
         return self._supply
 
     @supply.setter
@@ -190,19 +190,19 @@ class Axis:
         self._write()
 
     def tell(self, axis: int, factor: float) -> None:
-        """Let the speed loop be told the speed of an axis, by number, times a factor: a fault.
+        """Feed the speed loop with the speed of an axis, by number, times a factor: a fault.
 
-        0 is an encoder that stands still, -1 a reversed one, another axis a swapped one.
+        A factor of 0 is a dead encoder, -1 a reversed one; another axis is a swapped one.
         """
         self._sensor, self._sense = axis, factor
         self._write()
 
     def block(self, blocked: bool = True) -> None:
-        """Hold the wheel, or let it go: a fault, under which the motor stalls."""
+        """Block or release the wheel: a fault that stalls the motor."""
         self._numbers[_BLOCKED] = float(blocked)
 
     def turn(self, angle_rad: float) -> None:
-        """Turn the wheel by hand, to stand at another angle; a robot on the floor stays there."""
+        """Turn the wheel by hand to another angle; the robot does not move."""
         self._numbers[_ANGLE] += angle_rad
 
     def _write(self) -> None:
@@ -220,7 +220,7 @@ class Axis:
             numbers[_KP], numbers[_KI] = limits.kp_a_s_rad, limits.ki_a_rad
             numbers[_SENSOR], numbers[_SENSE] = self._sensor, self._sense
         elif mode in _BRAKES:
-            # A loop for speed 0. Commutation shows the motion, whatever the encoder says.
+            # A loop for speed 0. Commutation shows the motion, whatever the encoder reports.
             numbers[_DEMAND], numbers[_RAMP] = 0.0, math.inf
             numbers[_CURRENT_MAX] = min(numbers[_CURRENT_MAX], value)
             numbers[_KP] = numbers[_CURRENT_MAX] / BRAKED_RAD_S
@@ -228,7 +228,7 @@ class Axis:
             numbers[_SENSOR], numbers[_SENSE] = self._number, 1.0
 
     def _output(self, duty: float) -> float:
-        """Mean output of the bridge for a duty: rounded to PWM steps, the dead-band taken off."""
+        """Mean output of the bridge for a duty: rounded to PWM steps, less the dead-band."""
         duty, top = self._supply * duty, self._pwm_steps
         size = round(abs(duty) * top) / top - self._deadband
         if size <= 0.0:
@@ -236,12 +236,12 @@ class Axis:
         return self._bridge_share * math.copysign(size / (1.0 - self._deadband), duty)
 
     def encoder(self, counts_per_revolution: float) -> Encoder:
-        """Return an encoder on the wheel; its resolution is up to the drive."""
+        """Return an encoder on the wheel, with the drive's resolution."""
         return Encoder(self, counts_per_revolution)
 
     @property
     def powered(self) -> bool:
-        """Whether the bridge may drive the wheel, and not only hold it up."""
+        """Whether the bridge may drive the wheel, not only brake it."""
         if self.mode is _DUTY_MODE:
             return self._numbers[_DUTY] != 0.0
         return self.mode is Mode.SPEED or (self.mode is Mode.CURRENT and self.value != 0.0)
@@ -278,5 +278,5 @@ class Axis:
 
 
 _DUTY_MODE: Final = Mode.DUTY
-"""An enum's member takes long to look up."""
+"""`Mode.DUTY`; looking up an enum's member is slow."""
 _BRAKES: Final = frozenset((Mode.BRAKE_CURRENT, Mode.HOLD))

@@ -2,8 +2,8 @@
 
     V = cells · OCV(charge) · scale - v₁ - R₀ I        τ dv₁/dt = R₁ I - v₁
 
-All consumers share the rail, so they sag together. Current fed back (negative) charges it; what it
-does not take charges the capacitors on the rail.
+All consumers share the rail, so they sag together. Current fed back (negative) charges the battery;
+the rest charges the capacitors on the rail.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from firmware_sim.config.parameters import BatteryParameters
 OCV_V = np.array(
     [3.00, 3.55, 3.65, 3.70, 3.75, 3.80, 3.87, 3.95, 4.03, 4.11, 4.20],
 )
-"""Open-circuit voltage of a typical NMC cell at a charge of 0, 10, … 100 %."""
+"""Open-circuit voltage of a typical NMC cell at a charge of 0, 10, … 100 % [V]."""
 
 
 @compiled
@@ -33,13 +33,13 @@ def open_circuit_voltage(charge: float) -> float:
 def polarisation_step(
     polarisation_v: float, current_a: float, resistance_ohm: float, gain: float
 ) -> float:
-    """Voltage over the RC pair after a step; `gain` is 1 - exp(-dt/τ)."""
+    """Voltage over the RC pair after a step [V]; `gain` is 1 - exp(-dt/τ)."""
     return polarisation_v + (resistance_ohm * current_a - polarisation_v) * gain
 
 
 @compiled
 def charge_step(charge: float, current_a: float, capacity_ah: float, dt_s: float) -> float:
-    """Charge after a step with a current (positive discharges), kept in [0, 1]."""
+    """Charge after a step with a current (positive discharges), limited to [0, 1]."""
     return min(max(charge - current_a * dt_s / (3600.0 * capacity_ah), 0.0), 1.0)
 
 
@@ -53,10 +53,10 @@ def rail_step(
     rail_farad: float,
     dt_s: float,
 ) -> tuple[float, float]:
-    """Return the battery's current, and the voltage of capacitors that it leaves charged.
+    """Return the battery's current [A], and the voltage of the capacitors above it [V].
 
-    The second is 0 where the battery feeds the load or takes all that comes back. `quiet_v` is the
-    battery's voltage without a current.
+    The second is 0 if the battery feeds the load or takes all feedback. `quiet_v` is the battery's
+    voltage without a current.
     """
     left_v = rail_v - dt_s * (load_a + charge_max_a) / rail_farad
     if left_v > quiet_v + battery_ohm * charge_max_a:
@@ -76,9 +76,9 @@ def resistor_current(
     resistor_v: float,
     dt_s: float,
 ) -> float:
-    """Mean current of a brake resistor that is switched so as to hold the rail at a voltage [A].
+    """Mean current of a brake resistor that is switched to hold the rail at a voltage [A].
 
-    It conducts all the time where that is not enough.
+    It conducts permanently if that does not suffice.
     """
     battery_a, left_v = rail_step(
         rail_v, quiet_v, load_a, battery_ohm, charge_max_a, rail_farad, dt_s
@@ -94,7 +94,7 @@ class Battery:
     Parameters
     ----------
     parameters
-        The battery.
+        Parameters of the battery.
     dt_s
         Step [s].
     """

@@ -8,7 +8,7 @@ on the floor (`firmware_sim.config.drives.chassis`); those of walls follow in pa
 A tyre's force is its slip velocity over a compliance, up to friction times load (a regularised
 Coulomb law, taken at the end of the step, hence stable for any stiffness). A roller's drag is such
 a force without a limit, whose compliance makes it the drag at the speed of the step before. A wall
-only pushes, just as much as keeps the gap from closing within the step. Method: time stepping with
+only pushes, just enough to keep the gap from closing within the step. Method: time stepping with
 impulses after Moreau; projected Gauss-Seidel where a limit is reached.
 """
 
@@ -32,16 +32,16 @@ COLUMNS = MATRIX + MAX_GRIPS
 
 ALONE, FIRST, SECOND, ROLLER = map(int, Hold)
 MAX_WALLS = 8
-"""Wall contacts kept; each has a row along the normal and one along the wall."""
+"""Maximum wall contacts; each has a row along the normal and one along the wall."""
 SLOP_M = 1.0e-4
-"""Gap left to a wall."""
+"""Gap left to a wall [m]."""
 SWEEPS = 40
-"""At most this many sweeps over the rows, which matters only where walls or limits are met."""
+"""Maximum sweeps over the rows, for contacts with walls and exceeded limits."""
 CONVERGED_M_S = 1.0e-6
 
 
 def contact_rows(chassis: Chassis, p: np.ndarray) -> np.ndarray:
-    """Rows of all grips, and room for those of walls."""
+    """Rows of all grips, and room for the rows of walls."""
     rows = np.zeros((len(chassis.grips) + 2 * MAX_WALLS, COLUMNS))
     for row, grip in zip(rows, chassis.grips, strict=False):
         dx, dy = grip.along
@@ -56,7 +56,7 @@ def contact_rows(chassis: Chassis, p: np.ndarray) -> np.ndarray:
 
 
 def press(row: np.ndarray, load_n: float, p: np.ndarray) -> None:
-    """Set what bounds the force of a grip: the load on it, or the drag of its roller [N]."""
+    """Set the bound on the force of a grip: the load on it, or the drag of its roller [N]."""
     row[LOAD] = load_n
     row[LIMIT] = float(p["friction"][0]) * load_n * DT_S
 
@@ -115,7 +115,7 @@ def solve_grips(body: np.ndarray, axes: np.ndarray, p: np.ndarray, rows: np.ndar
 
 @compiled
 def fill_matrix(body: np.ndarray, axes: np.ndarray, p: np.ndarray, rows: np.ndarray) -> None:
-    """Fill in the upper half of the grips' matrix, and their slip, which it has to undo."""
+    """Fill in the upper half of the grips' matrix, and the slip to cancel."""
     c = p[0]
     count = int(c.grips)
     im, ii = 1.0 / c.mass, 1.0 / c.yaw_inertia
@@ -159,9 +159,9 @@ def rim_mass(axes: np.ndarray, rows: np.ndarray, i: int, j: int) -> float:
 
 @compiled
 def own_limit(rows: np.ndarray, i: int) -> float:
-    """Limit of a grip alone: the friction circle's rest where the same tyres also roll.
+    """Limit of a grip alone: the rest of the friction circle if the same tyres also roll.
 
-    A tenth is always left: a spinning wheel still resists sideways motion a little.
+    At least a tenth remains: a spinning wheel still resists sideways motion a little.
     """
     limit = rows[i, LIMIT]
     if rows[i, SPENT_TO] == 0.0:
@@ -190,9 +190,9 @@ def apply_impulse(
 def solve_limited(
     body: np.ndarray, axes: np.ndarray, p: np.ndarray, rows: np.ndarray, walls: int
 ) -> None:
-    """Impulses of grips and walls within their limits (projected Gauss-Seidel), applied.
+    """Compute and apply impulses of grips and walls within their limits (projected Gauss-Seidel).
 
-    Starts from the impulses of the step before (`LAST`).
+    Starts from the impulses of the last step (`LAST`).
     """
     c = p[0]
     grips = int(c.grips)
@@ -219,7 +219,7 @@ def solve_limited(
 
 @compiled
 def push(body: np.ndarray, axes: np.ndarray, p: np.ndarray, rows: np.ndarray, i: int) -> float:
-    """Improve the impulse of a row within its limits; returns the error that was there [m/s]."""
+    """Improve the impulse of a row within its limits; returns the error before that [m/s]."""
     old = rows[i, IMPULSE]
     error = slip_speed(body, axes, rows, i) - rows[i, TARGET] + rows[i, SOFT] * old
     new = bounded(p, rows, i, old - error * rows[i, SCALE])
@@ -249,8 +249,8 @@ def bounded(p: np.ndarray, rows: np.ndarray, i: int, impulse: float) -> float:
 def push_pair(body: np.ndarray, axes: np.ndarray, p: np.ndarray, rows: np.ndarray, i: int) -> float:
     """Improve the impulses of grip i and the one after it within their circle.
 
-    Both take steps of the same length, so that the force of a sliding tyre is against its slip.
-    Returns the error that was there [m/s].
+    Both take steps of the same length, so that the force of a sliding tyre opposes its slip.
+    Returns the error before that [m/s].
     """
     step = min(rows[i, SCALE], rows[i + 1, SCALE])
     x, y = rows[i, IMPULSE], rows[i + 1, IMPULSE]
@@ -267,7 +267,7 @@ def push_pair(body: np.ndarray, axes: np.ndarray, p: np.ndarray, rows: np.ndarra
 
 @compiled
 def slip_speed(body: np.ndarray, axes: np.ndarray, rows: np.ndarray, i: int) -> float:
-    """Speed along a row: of the body, less that of the wheel's rim where one is driven [m/s]."""
+    """Speed of the body along a row, less that of the rim for a driven wheel [m/s]."""
     b = body[0]
     speed = rows[i, JX] * b.vx + rows[i, JY] * b.vy + rows[i, JW] * b.omega
     if rows[i, ROLL] != 0.0:

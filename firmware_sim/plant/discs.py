@@ -13,9 +13,9 @@ from firmware_sim.plant.walls import put_wall
 
 @compiled
 def nearest_point(x: float, y: float, outline: np.ndarray) -> tuple[float, float, float]:
-    """Distance of a point from the outline [m], negative inside, and the outline's nearest point.
+    """Return a point's distance from the outline [m], negative inside, and the nearest point of it.
 
-    All is in base.
+    All coordinates are in base.
     """
     depth, best = -np.inf, np.inf
     near_x, near_y = 0.0, 0.0
@@ -42,7 +42,7 @@ def disc_rows(
 ) -> int:
     """Append rows for the discs (n, 3) that may be touched within the next step, as for walls.
 
-    A disc stands still within a step: who walks does not push the robot.
+    A disc stands still within a step: people do not push the robot.
     """
     b, c = body[0], p[0]
     cos, sin = math.cos(b.theta), math.sin(b.theta)

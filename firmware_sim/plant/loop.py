@@ -1,13 +1,13 @@
 """The current and speed loops of a drive, at the step of the plant.
 
-A drive closes them at many times that rate, so the winding's current is taken as the one wanted,
-as far as current limit and supply allow, and the speed loop is implicit: its current is that of
-the speed *after* the step. That is stable for any gains, however small the wheel's inertia.
+A drive closes them at many times that rate, so the winding has the demanded current, as far as
+current limit and supply allow, and the speed loop is implicit: its current is that of the speed
+*after* the step. That is stable for any gains, however small the wheel's inertia.
 
 Over one step the current is a line through its value at the speed before, i = start - slope ·
 (ω - ω_before). The slope is that of the loop, that of the supply's limit, which is k/R, or none
-where the current is limited. A limited current that could take the wheel alone beyond the speed at
-which the loop asks for none ends there: the line is the secant.
+where the current is limited. A limited current that could take the wheel beyond the speed at which
+the loop demands none ends there: the line is the secant.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ def loop_current(
     else:
         a.reference += min(max(a.demand - a.reference, -a.ramp), a.ramp)
         other = axes[int(a.sensor)]
-        # The axes before this one have taken their step.
+        # The axes before this one have made their step.
         sensed = a.sense * (other.before if a.sensor < k else other.omega)
         gain = a.kp + a.ki * DT_S
         wanted = gain * (a.reference - sensed) + a.integral
-        # A loop that is told anything else than its wheel's speed runs away explicitly.
+        # A loop with the wrong speed feedback runs away explicitly.
         slope = gain if a.sensor == k and a.sense > 0.0 else 0.0
     limited = min(max(wanted, -a.current_max), a.current_max)
     top = a.voltage_share * bus_v
@@ -54,7 +54,7 @@ def loop_current(
 
 @compiled
 def wind_up(axes: np.ndarray, k: int) -> None:
-    """Integrate the speed loop's error, unless that would ask for more than a limit gives."""
+    """Integrate the speed loop's error, unless its demand exceeds a limit."""
     a = axes[k]
     if a.mode == CURRENT:
         return

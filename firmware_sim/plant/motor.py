@@ -54,10 +54,10 @@ def chopped_voltage(
     decay: float,
     limit_a: float,
 ) -> float:
-    """Voltage after the bridge's current limit: what keeps the current after the step within it.
+    """Voltage that keeps the current after the step within the bridge's current limit [V].
 
-    The bridge can give no more than ±`bus_v`, so a motor that is driven fast from outside may
-    still exceed the limit.
+    The bridge gives at most ±`bus_v`, so a motor that is driven fast from outside may still exceed
+    the limit.
     """
     high = emf_v + resistance * (limit_a - decay * current) / (1.0 - decay)
     low = emf_v + resistance * (-limit_a - decay * current) / (1.0 - decay)
@@ -68,7 +68,7 @@ def chopped_voltage(
 def friction_torque(
     speed: float, torque: float, coulomb: float, stiction_ratio: float, gear_loss: float
 ) -> float:
-    """Greatest friction at the wheel [N m]: Coulomb with static excess, and the gear's loss."""
+    """Maximum friction at the wheel [N m]: Coulomb with static excess, and the gear's loss."""
     excess = (stiction_ratio - 1.0) / (1.0 + (speed / STRIBECK_RAD_S) ** 2)
     return coulomb * (1.0 + excess) + gear_loss * abs(torque)
 
@@ -128,15 +128,15 @@ def heat_step(
 class Motor:
     """A motor on its own, with a fixed load inertia at the wheel and an ideal supply.
 
-    Not used by the plant, which couples two of them to battery and floor; it runs the same
-    compiled functions, so what holds here holds there.
+    The plant, which couples several motors to battery and floor, runs the same compiled functions,
+    so tests of this class apply to it.
 
     Parameters
     ----------
     parameters
-        The motor.
+        Parameters of the motor.
     load_kg_m2
-        Inertia at the wheel beside that of the rotor [kg m²].
+        Inertia at the wheel in addition to the rotor's [kg m²].
     dt_s
         Step [s].
     """
@@ -160,7 +160,7 @@ class Motor:
         return self._inertia
 
     def step(self, voltage_v: float, bus_v: float, load_n_m: float = 0.0) -> None:
-        """Advance by one step with a voltage, out of a supply, against a steady load torque."""
+        """Advance by one step with a voltage [V], limited by a supply [V], against a load [N m]."""
         p, dt = self._p, self._dt
         k = p.gear_ratio * p.back_emf_v_s_rad
         resistance = winding_resistance(p.resistance_ohm, self.winding_c)

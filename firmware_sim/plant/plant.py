@@ -1,6 +1,6 @@
 """The robot's body, motors and battery in the room.
 
-The state is the truth: nothing here is measured but the counts of encoders, whole numbers.
+The state is the truth; only the encoders' counts, whole numbers, are measurements.
 """
 
 from __future__ import annotations
@@ -53,12 +53,12 @@ class Plant:
     axes
         Driven wheels with their motors, in the order of `config.drive.wheel_names`.
     discs
-        Middles in world and radii, (n, 3) [m], of what else stands in the way; they may move.
+        Centres in world and radii, (n, 3) [m], of further, possibly moving, obstacles.
 
     Raises
     ------
     SimulationError
-        The robot cannot stand where it should start.
+        If the robot cannot stand at its start.
     """
 
     def __init__(self, config: RobotConfig, world: World, rng: np.random.Generator) -> None:
@@ -75,7 +75,7 @@ class Plant:
         self.discs = np.empty((0, 3))
         self._body = np.zeros(1, BODY)
         self._b = self._body[0]
-        # Hot-path access goes through these, at a fifth of a record's cost.
+        # Views for hot-path access, at a fifth of a record's cost.
         self._body_numbers: memoryview[float] = self._body.data.cast("B").cast("d")
         self._records = axis_records(config, chassis)
         self.axes = tuple(
@@ -89,7 +89,7 @@ class Plant:
         self._begin_at(*world.start)
 
     def _start(self, config: RobotConfig) -> None:
-        """Charge the battery as it is at power-on."""
+        """Set the battery to its state at power-on."""
         battery = config.simulation.battery
         self._b["charge"] = battery.charge
         self._b["battery_a"] = battery.electronics_current_a
@@ -97,18 +97,18 @@ class Plant:
         self._b["bus_v"] = source - battery.internal_resistance_ohm * self.battery_current_a
 
     def warm(self) -> None:
-        """Compile, or load from the cache, what `step` needs; changes nothing."""
+        """Compile, or load from the cache, the functions of `step`; changes nothing."""
         self.step(0)
 
     def steer(self, angle_rad: float) -> None:
         """Demand an angle of the steering servo [rad], positive left.
 
-        It is limited to what the linkage allows.
+        It is limited to the range of the linkage.
 
         Raises
         ------
         ValueError
-            The angle is not finite.
+            If the angle is not finite.
         """
         if not math.isfinite(angle_rad):
             raise ValueError(f"steer: angle {angle_rad}")
@@ -116,7 +116,7 @@ class Plant:
         self._body_numbers[_STEERING_CMD] = min(max(angle_rad, -limit), limit)
 
     def fit_brake_resistor(self, resistor: BrakeResistor | None) -> None:
-        """Put a brake resistor on the rail, or take it away."""
+        """Connect a brake resistor to the rail, or disconnect it."""
         self._b["resistor_ohm"], self._b["resistor_v"] = resistor or (0.0, 0.0)
 
     def step(self, n: int = 1) -> None:
@@ -135,7 +135,7 @@ class Plant:
         )
 
     def _begin_at(self, x_m: float, y_m: float, theta_rad: float) -> None:
-        """Put the robot at its start; raises SimulationError, with the nearest place for it."""
+        """Put the robot at its start; raises SimulationError that names the nearest free place."""
         low_x, low_y, high_x, high_y = self._world.bounds
         try:
             if not (low_x <= x_m <= high_x and low_y <= y_m <= high_y):
@@ -153,7 +153,7 @@ class Plant:
         Raises
         ------
         SimulationError
-            A wall is in the way.
+            If a wall is in the way.
         """
         if obstacle := self._obstacle(x_m, y_m, theta_rad):
             raise SimulationError(
@@ -173,7 +173,7 @@ class Plant:
         return "a wall" if touches else ""
 
     def _nearest_place(self, x_m: float, y_m: float, theta_rad: float) -> str:
-        """Say where the robot can stand, with the same heading."""
+        """Describe the nearest place where the robot can stand with this heading."""
         for place in self._world.places(x_m, y_m)[:_PLACES_TRIED].tolist():
             x, y = (round(each, 2) for each in place)
             if not self._obstacle(x, y, theta_rad):
@@ -183,7 +183,7 @@ class Plant:
     def contact(
         self, place: np.ndarray, radius_m: float, motion: tuple[float, float, float]
     ) -> tuple[float, float]:
-        """Return the gap to a disc [m], and how fast the outline there moves towards it [m/s].
+        """Return the gap to a disc [m], and the speed of the outline there towards it [m/s].
 
         `motion` is forward and lateral speed of base [m/s] and yaw rate [rad/s].
         """
@@ -202,7 +202,7 @@ class Plant:
         return self.v_m_s, self.vy_m_s, self.omega_rad_s
 
     def loosen(self, wheel: int, grip: float) -> None:
-        """Leave the tyre of a wheel, by number, only a share of its grip on the floor: a fault."""
+        """Reduce the grip of a wheel's tyre, by number, to a share: a fault."""
         for row, each in zip(self._rows, self._chassis.grips, strict=False):
             if each.wheel == wheel:
                 press(row, grip * each.load_n, self._p)
@@ -280,12 +280,12 @@ class Plant:
 
     @property
     def touching(self) -> bool:
-        """Whether a wall is touched, or was within the last 0.3 s."""
+        """Whether the robot touches a wall, or did within the last 0.3 s."""
         return float(self._b["touch_s"]) > 0.0
 
     @property
     def impact_m_s(self) -> float:
-        """Speed towards the wall at the beginning of the last collision [m/s]."""
+        """Speed towards the wall at the start of the last collision [m/s]."""
         return float(self._b["impact_m_s"])
 
     @property

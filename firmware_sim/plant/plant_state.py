@@ -16,7 +16,7 @@ from firmware_sim.config.config import RobotConfig
 from firmware_sim.config.drives.chassis import Chassis
 
 DT_S: Final = 1.0e-3
-"""Step of the plant."""
+"""Step of the plant [s]."""
 
 BODY = np.dtype(
     [
@@ -33,7 +33,7 @@ BODY = np.dtype(
             "charge",
             "polarisation_v",
             "bus_v",
-            "rail_v",  # of the rail's capacitors, if above what the battery gives
+            "rail_v",  # of the rail's capacitors, if above the battery's
             "battery_a",
             "resistor_a",  # through the brake resistor
             "resistor_ohm",  # of the brake resistor
@@ -51,7 +51,7 @@ AXIS = np.dtype(
     [
         (name, np.float64)
         for name in (
-            "mode",  # how the bridge works, see plant_step
+            "mode",  # of the bridge, see plant_step
             "duty",  # after PWM and dead-band
             "omega",  # of the wheel, rad/s
             "angle",  # rad, unwrapped
@@ -66,8 +66,8 @@ AXIS = np.dtype(
             "ki",  # A per rad
             "reference",  # rad/s
             "integral",  # A
-            "sensor",  # axis whose speed the loop is told
-            "sense",  # factor on it: 1 of a sound encoder
+            "sensor",  # axis whose speed the loop measures
+            "sense",  # factor on it: 1 for a sound encoder
             "floor",  # relative change of the rolling radius
             "blocked",  # 1: a fault holds the wheel
             "rolling",  # rolling resistance, N m
@@ -81,7 +81,7 @@ AXIS = np.dtype(
             "start",  # workspace: see loop.loop_current
             "slope",
             "saturated",
-            "inertia",  # workspace: what an impulse meets
+            "inertia",  # workspace: effective, for an impulse
             "before",  # workspace: omega before the step
         )
     ]
@@ -91,8 +91,8 @@ CONSTANTS = np.dtype(
     [
         (name, np.float64)
         for name in (
-            "axes",  # how many
-            "grips",  # how many
+            "axes",  # number of them
+            "grips",  # number of them
             "steers",  # 1 if some of them turn with the steering
             "mass",
             "yaw_inertia",  # about the centre of mass
@@ -145,7 +145,7 @@ CONSTANTS = np.dtype(
 
 
 def places(record: np.dtype, *names: str) -> Iterator[int]:
-    """Yield where in a record its fields stand."""
+    """Yield the positions of fields in a record."""
     return map(list(record.names or ()).index, names)
 
 

@@ -1,6 +1,6 @@
 """One millisecond of the plant, compiled: motors and battery, wheels and walls, motion.
 
-The order within a step: steering servo; rail voltage from the current of the step before; motors
+The order within a step: steering servo; rail voltage from the current of the last step; motors
 without load; impulses of wheels and walls; currents for the mean speed of the step; heat and
 charge; motion along the arc of the new velocity.
 """
@@ -42,7 +42,7 @@ from firmware_sim.plant.plant_state import DT_S
 from firmware_sim.plant.walls import approach_speed, wall_rows
 
 EPISODE_S = 0.3
-"""Contacts less than this apart are one collision."""
+"""Interval within which contacts are one collision [s]."""
 
 
 @compiled
@@ -102,7 +102,7 @@ def turn_steering(body: np.ndarray, p: np.ndarray) -> None:
 
 @compiled
 def spin_motor(body: np.ndarray, axes: np.ndarray, p: np.ndarray, k: int) -> None:
-    """Speed of wheel k after the step if off the ground, and the inertia of its motor."""
+    """Compute the speed of wheel k after the step if off the ground, and its motor's inertia."""
     b, c, a = body[0], p[0], axes[k]
     a.before = a.omega
     a.resistance = winding_resistance(c.winding_ohm, a.winding_c) + c.bridge_ohm
@@ -152,7 +152,7 @@ def roughen(axes: np.ndarray, p: np.ndarray, k: int, noise: np.ndarray) -> None:
 
 @compiled
 def move_freely(body: np.ndarray, p: np.ndarray) -> None:
-    """Velocities after the step without tyres and walls: turning of the frame, and drag."""
+    """Compute the velocities after the step without tyres and walls: rotating frame, and drag."""
     b, c = body[0], p[0]
     vx = b.vx + DT_S * b.omega * b.vy
     b.vy -= DT_S * b.omega * b.vx
@@ -162,7 +162,7 @@ def move_freely(body: np.ndarray, p: np.ndarray) -> None:
     slide_y = b.vy + b.omega * lever_x
     speed = math.hypot(slide_x, slide_y)
     if speed > 0.0:
-        # No more than what stops the point.
+        # No more than stops the point.
         lever2 = lever_x * lever_x + lever_y * lever_y
         stop = speed / (1.0 / c.mass + lever2 / c.yaw_inertia)
         impulse = min(c.drag * DT_S, stop) / speed
@@ -182,7 +182,7 @@ def collide(
 ) -> None:
     """Solve with contacts or slipping wheels; count a collision when one with a wall begins.
 
-    The rows of walls are the first of the contacts.
+    The rows of walls come first among the contacts.
     """
     b = body[0]
     grips = int(p[0].grips)

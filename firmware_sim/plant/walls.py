@@ -16,9 +16,9 @@ from firmware_sim.plant.plant_state import DT_S
 
 CELL_M = 0.25
 NEAR_M = 0.05
-"""Gap within which the grid lists a wall; must exceed what the robot drives in one step."""
+"""Gap within which the grid lists a wall [m]; must exceed the robot's travel in one step."""
 END_M = 5.0e-4
-"""A wall's end this near to a corner of the outline makes no contact: the corner itself does."""
+"""Distance [m] from a corner of the outline within which a wall's end makes no own contact."""
 
 
 def body_outline(corners: tuple[tuple[float, float], ...]) -> np.ndarray:
@@ -91,7 +91,7 @@ def wall_rows(
 ) -> int:
     """Fill in the rows for walls that may be touched within the next step; returns their number.
 
-    `rows` are those behind the rows of the grips, here and in all functions of this module.
+    `rows` are those after the rows of the grips, here and in all functions of this module.
     """
     b, c = body[0], p[0]
     first, last = cell_walls(b.x - c.grid_x, b.y - c.grid_y, grid)
@@ -110,7 +110,7 @@ def wall_rows(
         along = min(max(-(ax * dx + ay * dy), 0.0), length)
         if math.hypot(ax + along * dx, ay + along * dy) > c.reach + ahead:
             continue
-        # From here in base.
+        # From here on in base.
         ax, ay = cos * ax + sin * ay, -sin * ax + cos * ay
         bx, by = cos * bx + sin * by, -sin * bx + cos * by
         count = corner_rows(
@@ -182,8 +182,8 @@ def put_wall(
 ) -> int:
     """Append the pair of rows of one wall contact, if there is room; returns the new number.
 
-    The body may close no more than the gap within the step. Where it is already too deep it is
-    moved out, at no more than 0.1 m/s.
+    The body may close no more than the gap within the step. A penetration is resolved at no more
+    than 0.1 m/s.
     """
     if count >= MAX_WALLS:
         return count

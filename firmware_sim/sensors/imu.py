@@ -1,4 +1,4 @@
-"""The inertial measurement unit: what gyro and accelerometer feel of the robot's motion."""
+"""The inertial measurement unit: gyro and accelerometer."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class BodyMotion(NamedTuple):
 
 
 class Tilt(NamedTuple):
-    """How the floor under the robot, or a hand, moves it out of the plane.
+    """Motion of the robot out of the plane, by the floor or a hand.
 
     Roll about x and pitch about y of base [rad], right-handed, and upward acceleration [m/s^2].
     """
@@ -42,16 +42,16 @@ class Imu:
     """Measures gravity, the acceleration of its mounting point, and all rotation.
 
     Gyro and accelerometer have a constant bias drawn from the seed, and white noise; the floor
-    shakes the accelerometer the more, the faster the robot drives.
+    shakes the accelerometer in proportion to the robot's speed.
 
     Parameters
     ----------
     parameters
-        Of the sensor.
+        Parameters of the sensor.
     mount
-        Where it sits.
+        Pose of the sensor in base.
     rng
-        Draws biases and noise.
+        Generator of biases and noise.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class Imu:
         self._before: tuple[int, BodyMotion, Tilt] | None = None
 
     def sample(self, now_ns: int, motion: BodyMotion, tilt: Tilt = LEVEL) -> ImuSample:
-        """Return the means since the sample before, by the motion at its end and at this one's."""
+        """Return the means since the last sample, from the motion at both times."""
         before_ns, before, before_tilt = self._before or (now_ns, motion, tilt)
         self._before = now_ns, motion, tilt
         dt_s = (now_ns - before_ns) * 1e-9
@@ -112,7 +112,7 @@ def _turned(x: float, y: float, angle_rad: float) -> tuple[float, float]:
 
 
 def _body_rates(roll: float, pitch: float, yaw: float, tilt: Tilt) -> Vector:
-    """Return the rates about the body's axes of those of roll, pitch and yaw (ISO 1151-2)."""
+    """Return the rates about the body's axes for rates of roll, pitch and yaw (ISO 1151-2)."""
     sin_roll, cos_roll = math.sin(tilt.roll_rad), math.cos(tilt.roll_rad)
     level = yaw * math.cos(tilt.pitch_rad)
     return (

@@ -1,4 +1,4 @@
-"""A planar lidar, for estimators that need more than sonar. Its scans do not fit on CAN."""
+"""A planar lidar, for estimators that need more than sonar; its scans do not fit on CAN."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from firmware_sim.world.world import World
 
 
 class Lidar:
-    """Takes scans of the room. A scan is taken at one instant: the robot's motion does not bend it.
+    """Takes scans of the room, each at one instant, without distortion by the robot's motion.
 
     Parameters
     ----------
@@ -23,7 +23,7 @@ class Lidar:
     world
         The room.
     rng
-        Seeds noise and drop-outs.
+        Generator of noise and drop-outs.
     """
 
     def __init__(self, parameters: LidarParameters, world: World, rng: np.random.Generator) -> None:

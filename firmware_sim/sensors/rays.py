@@ -2,7 +2,7 @@
 
 A fan has n rays at equal angles about its axis. Rather than every ray against every wall, each wall
 is tried only with the rays between the bearings of its ends, so the cost depends on what is
-visible. All is done in the frame of the fan, x along its axis.
+visible. All coordinates are in the frame of the fan, x along its axis.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ def cast_fan(
     x, y, axis_rad
         Pose of the fan in world.
     angles
-        Of the rays about the axis, (n,), from `fan_angles`.
+        Angles of the rays about the axis, (n,), from `fan_angles`.
     max_range
         Maximum range [m].
     segments
         Walls, (m, 4).
     ranges, hits
-        Results, (n,): range [m], inf if there is none; number of the wall, -1 where none.
+        Results, (n,): range [m], inf without a wall; number of the wall, -1 without one.
     """
     n = len(angles)
     first, spacing = angles[0], angles[1] - angles[0]

@@ -1,8 +1,8 @@
-"""The ring of ultrasonic sensors: what their echoes say, and how they mislead.
+"""The ring of ultrasonic sensors: echoes and their errors.
 
-The echo that counts is the first, from the nearest surface in the cone that reflects back: one met
-at no more than the greatest incidence, or a concave corner. A surface met at a flatter angle hides
-what is behind it and returns nothing. Sensors of a group fire together; one may receive another's
+The first echo counts. It comes from the nearest surface in the cone that reflects back: one hit at
+no more than the maximum incidence, or a concave corner. A surface hit at a flatter angle hides what
+is behind it and returns nothing. Sensors of a group fire together; one may receive another's
 sound.
 """
 
@@ -20,9 +20,9 @@ from firmware_sim.world.near import Near
 from firmware_sim.world.world import World
 
 GROUP = 4
-"""Sonars that fire together: those of one CAN frame."""
+"""Number of sonars that fire together, those of one CAN frame."""
 PER_M = 1000.0
-"""Steps of a reported range in a metre."""
+"""Steps of a reported range per metre."""
 
 SENSOR = np.dtype(
     [
@@ -70,14 +70,14 @@ class SonarRing:
     world
         The room.
     rng
-        Seeds noise, outliers, drop-outs and cross-talk.
+        Generator of noise, outliers, drop-outs and cross-talk.
     """
 
     def __init__(self, config: RobotConfig, world: World, rng: np.random.Generator) -> None:
         p = config.simulation.sonar
         mounts = [(m.x_m, m.y_m, m.heading_rad) for m in config.sonar]
         self._mounts = np.array(mounts, dtype=np.float64).reshape(-1, 3)
-        # Where another's sound is mirrored may be farther by half of the way between both sonars.
+        # The mirror of another's sound may be farther by half of the distance between both sonars.
         offset_m = max(np.hypot(*self._mounts[:, :2].T), default=0.0)
         reach_m = p.max_range_m + 2.0 * offset_m
         self.walls = Near(world.segments, reach_m)
@@ -96,7 +96,7 @@ class SonarRing:
         return -(-len(self._mounts) // GROUP)
 
     def warm(self) -> None:
-        """Compile, or load from the cache, what `fire` needs; draws no noise."""
+        """Compile, or load from the cache, the functions of `fire`; draws no noise."""
         noise = self._noise.copy()
         self.fire(0, 0.0, 0.0, 0.0)
         self._noise[:] = noise
@@ -146,7 +146,7 @@ def fire_group(
     echoes: np.ndarray,
     noise: np.ndarray,
 ) -> None:
-    """Fill `echoes` with what up to four sonars report that fire together."""
+    """Fill `echoes` with the reports of up to four sonars that fire together."""
     n = len(mounts)
     cos, sin = math.cos(theta), math.sin(theta)
     for i in range(n):

@@ -1,7 +1,7 @@
-"""A room of square cells, as a robot's map has it: its walls, its corners and where there is room.
+"""A room of square cells, like a robot's map: walls, corners and free space.
 
-The walls are the sides of occupied cells that face another cell, exactly where they are; sides in a
-row are one wall, so that a long wall costs what a long wall costs.
+The walls are the exact sides of occupied cells that face another cell; collinear sides are merged,
+so that a long wall costs no more than one.
 """
 
 from __future__ import annotations
@@ -12,22 +12,22 @@ from dataclasses import dataclass
 import numpy as np
 
 ROOM_M = 0.4
-"""Clearance of a free line: a little more than half a robot's width."""
+"""Clearance of a free line [m]: a little more than half a robot's width."""
 _LONGEST_M = 8.0
 _DIRECTIONS = 72
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cells:
-    """Which cells are walls, and where a robot can be.
+    """Cells that are walls, and cells where a robot can be.
 
     Attributes
     ----------
     occupied, free
-        (rows, columns) bool; the rest is unknown: no wall, but no robot is placed there. Row 0 is
-        the lowest.
+        Masks, (rows, columns) bool; all other cells are unknown: no walls, but no robot is placed
+        there. Row 0 is the lowest.
     side_m
-        Of a cell.
+        Side of a cell.
     origin
         Lower left corner of cell (0, 0) in world, x, y [m], and the direction of its row [rad].
     """
@@ -83,11 +83,11 @@ class Cells:
         """Return x, y [m], heading [rad] and length [m] of a straight line from the roomiest place.
 
         The heading is the one with the longest line, up to 8 m, that keeps `ROOM_M` from everything
-        not free; the length is 0 if the place has not that much room. There must be a free cell.
+        not free; the length is 0 if the place has less room. There must be a free cell.
         """
         from scipy import ndimage  # type: ignore[import-untyped] # noqa: PLC0415 - it takes 0.1 s
 
-        # From the middle of a cell to the nearest side of one that is not free, at the least.
+        # At least the distance from a cell's middle to the nearest side of one that is not free.
         room_m = (ndimage.distance_transform_edt(np.pad(self.free, 1)) - 0.75) * self.side_m
         row, column = np.unravel_index(np.argmax(room_m), room_m.shape)
         headings = np.arange(_DIRECTIONS) * (2.0 * math.pi / _DIRECTIONS)
@@ -109,7 +109,7 @@ class Cells:
         return placed
 
     def _at(self, cells: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """Return what cells hold at points in world, (n,); False outside."""
+        """Return the values of cells at points in world, (n,); False outside."""
         x, y, theta = self.origin
         c, s = math.cos(theta), math.sin(theta)
         along = (points - (x, y)) @ np.array([[c, -s], [s, c]]) / self.side_m
@@ -128,6 +128,6 @@ def _runs(steps: np.ndarray) -> np.ndarray:
 
 
 def _quarter(padded: np.ndarray, *, right: bool, up: bool) -> np.ndarray:
-    """Return one of the four cells about each corner of cells, (rows + 1, columns + 1)."""
+    """Return one of the four cells around each corner of cells, (rows + 1, columns + 1)."""
     rows, columns = padded.shape
     return padded[int(up) : rows - 1 + up, int(right) : columns - 1 + right]

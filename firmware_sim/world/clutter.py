@@ -1,4 +1,4 @@
-"""Boxes and cylinders at random places, which are on no map."""
+"""Boxes and cylinders at random places that are on no map."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from firmware_sim.world.shapes import Obstacle
 from firmware_sim.world.world import OBSTACLE, World, load_world, things_of
 
 CLEAR_M = 0.6
-"""Room around the robot's start and other places that are kept clear [m]."""
+"""Clearance around the robot's start and other places [m]."""
 APART_M = 0.05
-"""Gap to everything else [m]."""
+"""Minimum gap to all other objects [m]."""
 SMALLEST_M, LARGEST_M = 0.2, 0.5
 HEIGHT_M = 0.6
-"""Sonars, lidars and cameras see it."""
+"""Height of clutter, visible to sonars, lidars and cameras [m]."""
 _STREAM = 7
 
 
@@ -32,25 +32,25 @@ def cluttered(
     seed: int,
     keep_clear: Sequence[tuple[float, float]] = (),
 ) -> World:
-    """Return a world in which boxes and cylinders stand about.
+    """Return a world with boxes and cylinders added.
 
-    They may close the way to a goal.
+    They may block the path to a goal.
 
     Parameters
     ----------
     world
         The room.
     count
-        How many, >= 0.
+        Number of objects, >= 0.
     seed
-        Same seed, same clutter.
+        Seed of the places.
     keep_clear
-        Places that nothing comes nearer to than `CLEAR_M` [m]; the start is one of them.
+        Places to keep clear by `CLEAR_M` [m], in addition to the start.
 
     Raises
     ------
     SimulationError
-        If there is no place for so many.
+        If there is no place for that many.
     """
     rng = np.random.default_rng([seed, _STREAM])
     start = world.start[:2]
@@ -82,7 +82,7 @@ def load_cluttered(
     Raises
     ------
     SimulationError
-        If the file is wrong, or there is no place for so many.
+        If the file is invalid, or there is no place for that many.
     """
     world = load_world(path)
     if start is not None:
@@ -118,7 +118,7 @@ def _place(text: str) -> tuple[float, float]:
 
 
 def _draw(rng: np.random.Generator, number: int) -> Obstacle:
-    """Return a box or a cylinder, nowhere yet."""
+    """Return a box or a cylinder, not yet placed."""
     name, is_round = f"clutter {number + 1}", rng.random() < 0.5
     a_m, b_m = rng.uniform(SMALLEST_M, LARGEST_M, 2).round(3).tolist()
     heading_deg = round(float(rng.uniform(0.0, 180.0)), 1)

@@ -1,4 +1,4 @@
-"""Free space of a round body in a room, and the ways from place to place there."""
+"""Free space of a round body in a room, and paths in it."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ STEPS = [(dx, dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1) if dx or dy]
 
 
 class FreeSpace:
-    """The cells in which the middle of a disc can be, as far as they hang together with a place.
+    """The cells in which the centre of a disc can be and that are connected to a place.
 
     Parameters
     ----------
     world
         The room, with its obstacles.
     radius_m
-        Of the disc [m], >= 0.
+        Radius of the disc [m], >= 0.
     near
-        x, y [m] of the place.
+        Place x, y [m].
     """
 
     def __init__(self, world: World, radius_m: float, near: tuple[float, float]) -> None:
@@ -71,13 +71,13 @@ class FreeSpace:
         return blocked
 
     def _connected(self, free: np.ndarray, near: tuple[float, float]) -> np.ndarray:
-        """Return the free cells that hang together with the one nearest to a place."""
+        """Return the free cells that are connected to the one nearest to a place."""
         from scipy import ndimage  # type: ignore[import-untyped] # noqa: PLC0415 - it takes 0.1 s
 
         cells = np.argwhere(free)
         if not len(cells):
             return np.zeros_like(free)
-        # Where a step across a corner needs both sides, steps to the four sides reach as much.
+        # Since a step across a corner needs both sides, steps to the four sides reach the same.
         regions, _ = ndimage.label(free)
         row, column = cells[np.argmin(np.hypot(*(self._middles(cells) - near).T))]
         found: np.ndarray = regions == regions[row, column]
@@ -94,7 +94,7 @@ class FreeSpace:
                 yield y, x
 
     def way(self, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
-        """Return the corners of a short way between two of `places`, (k, 2) [m], both included."""
+        """Return the corners of a short path between two of `places`, (k, 2) [m], both included."""
         first, last = self._cell(begin), self._cell(end)
         lengths, came = {first: 0.0}, {first: first}
         waiting = [(0.0, first)]
@@ -123,7 +123,7 @@ class FreeSpace:
         return row, column
 
     def _straightened(self, corners: np.ndarray) -> np.ndarray:
-        """Return the corners that are left where one is in sight of another."""
+        """Return the corners that remain when visible ones are joined directly."""
         kept, at = [corners[0]], 0
         while at < len(corners) - 1:
             seen = itertools.takewhile(

@@ -1,4 +1,4 @@
-"""Walls of a large room within the reach of a sensor, so that it need not try all."""
+"""Walls of a large room within the reach of a sensor, so that it need not try all of them."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ TILE_M = 2.0
 
 
 class Near:
-    """The rows of walls or corners that may matter to a sensor, by where the robot is.
+    """Rows of walls or corners that may matter to a sensor, by the robot's position.
 
-    For each tile of the floor the rows are chosen when the robot first comes there, and keep their
-    order: what a sensor makes of them is to the bit what it makes of all.
+    The rows of each tile of the floor are chosen when the robot first enters it, and keep their
+    order, so that a sensor's result is bit for bit the same as with all rows.
 
     Parameters
     ----------
     rows
         Walls (n, 4), from x, y to x, y, or corners (n, 6), x, y and more [m].
     reach_m
-        How far from `base` a row may be that matters [m].
+        Distance from `base` up to which a row matters [m].
     """
 
     def __init__(self, rows: np.ndarray, reach_m: float) -> None:
@@ -30,7 +30,7 @@ class Near:
         self._square = np.maximum(np.sum(self._along**2, axis=1), 1.0e-12)
         self._reach_m = reach_m + TILE_M / math.sqrt(2.0)
         self.moving = rows[:0]
-        """Rows of what moves, which follow those of the walls."""
+        """Rows of moving objects, which follow those of the walls."""
         self._chosen: dict[tuple[int, int], np.ndarray] = {}
 
     def at(self, x_m: float, y_m: float) -> np.ndarray:

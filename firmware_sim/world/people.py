@@ -1,4 +1,4 @@
-"""People who walk about in a room and do not evade the robot."""
+"""People who walk in a room and do not avoid the robot."""
 
 from __future__ import annotations
 
@@ -18,28 +18,28 @@ towards it before the step [m/s]."""
 
 RADIUS_M = 0.22
 ROOM_M = 0.08
-"""Room that they keep to walls [m]."""
+"""Clearance that people keep from walls [m]."""
 SLOWEST_M_S, FASTEST_M_S = 0.5, 1.2
 FROM_START_M = 1.5
-"""Minimum distance of a person from the robot at the start, where there is room for it [m]."""
+"""Minimum distance of a person from the robot at the start, if there is room for it [m]."""
 CREEP_M_S = 0.05
-"""A robot that moves towards a person faster than this runs into them."""
+"""Speed towards a person above which the robot causes the contact [m/s]."""
 TOUCH_M = 2.0e-3
 """Gap at which robot and person touch [m]."""
 PARTED_M = 0.05
 """Gap at which a contact is over [m]."""
 STANDS_NS = 2_000_000_000
-"""Time for which who has met the robot stands before they turn round [ns]."""
+"""Time for which a person who met the robot stands before turning round [ns]."""
 PLACES = 6
-"""Places that everybody visits in turn."""
+"""Number of places that each person visits in turn."""
 SIDES = 12
 STEP_NS = 10_000_000
 
 
 class _Person:
-    """One of them: a round of ways that ends where it began, and how far along it they are.
+    """One person: a closed path, and the distance walked along it.
 
-    Ways are found before a run begins: while it lasts, nobody waits for people to think.
+    Paths are planned before a run begins, so that it never waits for them.
     """
 
     __slots__ = ("_corners", "_lengths_m", "at_m", "sign", "speed_m_s", "stands_ns", "touches")
@@ -59,36 +59,35 @@ class _Person:
         return self.along(self.at_m)
 
     def along(self, at_m: float) -> np.ndarray:
-        """Return a place on the round, (2,) [m]."""
+        """Return a place on the path, (2,) [m]."""
         at_m %= float(self._lengths_m[-1])
         return np.array([np.interp(at_m, self._lengths_m, each) for each in self._corners.T])
 
     @property
     def next_m(self) -> float:
-        """How far along the round the next step leads."""
+        """Distance along the path after the next step [m]."""
         return self.at_m + self.sign * self.speed_m_s * STEP_NS * 1e-9
 
 
 class People:
     """Discs that walk at steady speeds, through each other.
 
-    They are those of the world, on their ways, and others from place to place, round walls.
-
-    Who touches the robot stands for two seconds, then turns round.
+    They are the people of the world, on their paths, and others from place to place, round walls. A
+    person who touches the robot stands for two seconds, then turns round.
 
     Parameters
     ----------
     world
         The room with its obstacles and people; robots start at its start.
     count
-        How many others, >= 0.
+        Number of others, >= 0.
     rng
-        Draws speeds and places.
+        Generator of speeds and places.
 
     Raises
     ------
     SimulationError
-        If there is no place for them.
+        If there is no room for them.
 
     Attributes
     ----------
@@ -112,7 +111,7 @@ class People:
 
     @property
     def discs(self) -> np.ndarray:
-        """Middles and radii, (n, 3) [m]."""
+        """Centres and radii, (n, 3) [m]."""
         return np.array([(*each.place, RADIUS_M) for each in self._people])
 
     @property
@@ -122,7 +121,7 @@ class People:
 
     @property
     def sides(self) -> np.ndarray:
-        """Sides that sensors see of them, (12 n, 4): from x, y to x, y [m]."""
+        """Sides that sensors see, (12 n, 4): from x, y to x, y [m]."""
         return np.vstack([self._sides + np.tile(each.place, 2) for each in self._people])
 
     def step(self, now_ns: int, contact: Contact) -> None:
@@ -162,7 +161,7 @@ def _walkers(world: World, count: int, rng: np.random.Generator) -> list[_Person
 
 
 def _round(space: FreeSpace, begins: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return a closed way over some places, (k, 2) [m]."""
+    """Return a closed path over some places, (k, 2) [m]."""
     others = space.places[rng.choice(len(space.places), PLACES - 1, replace=False)]
     places = [begins[rng.integers(len(begins))], *others]
     ways = [space.way(*each) for each in zip(places, [*others, places[0]], strict=True)]

@@ -1,4 +1,4 @@
-"""Rooms from maps as ROS has them: `map.yaml` beside an image, read as its `map_server` reads them.
+"""Rooms from ROS maps: `map.yaml` beside an image, read as by its `map_server`.
 
 The file's format is that of docs.nav2.org, Map Server. A cell is a wall from 50 % on: in mode
 trinary the occupied ones.
@@ -31,7 +31,7 @@ def load_cells(path: Path) -> Cells:
     Raises
     ------
     SimulationError
-        If yaml file or image cannot be read or is wrong.
+        If yaml file or image cannot be read or is invalid.
     """
     header = _DEFAULTS | _header(path)
     origin = header.get("origin")
@@ -55,9 +55,9 @@ def load_cells(path: Path) -> Cells:
 
 
 def _header(path: Path) -> dict[str, Any]:
-    """Return the content of the yaml file, all as text: YAML 1.1 takes `1e-05` for that anyway."""
+    """Return the content of the yaml file, all as text, since YAML 1.1 reads `1e-05` as such."""
     try:
-        # BaseLoader makes text, lists and tables of it, nothing else.
+        # BaseLoader returns only text, lists and tables.
         header = yaml.load(path.read_text(encoding="utf-8"), yaml.BaseLoader)  # noqa: S506
     except (OSError, UnicodeDecodeError, yaml.YAMLError, RecursionError) as error:
         raise SimulationError(f"{path}: cannot be read: {error}") from error
@@ -95,7 +95,7 @@ def _image(path: Path, name: str) -> tuple[np.ndarray, bool]:
 def _percent(
     channels: np.ndarray, low: float, high: float, mode: str, *, has_alpha: bool, negate: bool
 ) -> np.ndarray:
-    """Return how surely each pixel is occupied, 0 to 100, or -1 where that is unknown."""
+    """Return the occupancy of each pixel, 0 to 100, or -1 if unknown."""
     counted = channels[..., :-1] if has_alpha and mode != "trinary" else channels
     shade: np.ndarray = counted.mean(axis=2)
     if mode == "raw":

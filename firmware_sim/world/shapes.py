@@ -33,17 +33,17 @@ class Thing:
     Attributes
     ----------
     name
-        For messages.
+        Name in messages.
     kind
         `wall`, `box`, `pillar` or `obstacle`.
     corners
-        Of its foot, (k, 2) [m], in the order of its sides.
+        Corners of its foot, (k, 2) [m], in the order of its sides.
     solid
-        Whether the last corner is joined to the first and it has an inside; else a bare polyline.
+        Whether the last corner is joined to the first, so that it has an inside; else a polyline.
     chained
-        Whether each corner is joined to the next; else they are the ends of single sides, by twos.
+        Whether each corner is joined to the next; else pairs of them are the ends of single sides.
     height_m
-        From the floor to its top.
+        Height of its top above the floor.
     colour
         `#rrggbb`; "" if the file has none.
     """
@@ -189,7 +189,7 @@ class Marker:
 @closed
 @dataclass(frozen=True, slots=True)
 class Person:
-    """Person who walks a closed way of `points` at a steady speed, over and over."""
+    """Person who walks a closed path of `points` at a steady speed, over and over."""
 
     points: Annotated[tuple[Point, ...], Field(min_length=2)]
     speed_m_s: Positive = 0.8

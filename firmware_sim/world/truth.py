@@ -1,4 +1,4 @@
-"""Ground truth, lidar scans and pictures on local streams, for scoring and for the estimators.
+"""Ground truth, lidar scans and pictures on local streams, for scoring and for estimators.
 
 Ground truth must never reach the controller, and a lidar's scans (360 ranges at 10 Hz) and a
 camera's pictures do not fit a classic CAN bus, so none travels on it. All are published on ZeroMQ
@@ -39,22 +39,21 @@ class Truth(msgspec.Struct, frozen=True, gc=False):
     collisions
         Collisions since the start, with people only those that the robot caused.
     ran_into
-        Contacts with people that they caused.
+        Contacts that people caused.
     people
-        Where they are: x, y [m].
+        Positions of the people: x, y [m].
     charge
-        Of the battery, [0, 1].
+        Charge of the battery, [0, 1].
     bus_frames, bus_errors
         Frames and errors on the simulated bus since the start.
     bus_load
-        Share [0, 1] of the last second.
+        Bus load in the last second, [0, 1].
     late
-        How often the simulator fell so far behind real time that it dropped time; 0 in lockstep.
+        Number of times that the simulator lagged so far that it dropped time; 0 in lockstep.
     late_max_ns
         Maximum lateness of the simulator, whether it dropped time or not [ns].
     power_off_ns
-        When the wheels were last seen to have lost their power, to 5 ms; before that 0 of the
-        simulation.
+        Time at which the wheels last lost power, to 5 ms; time 0 of the simulation before that.
     unsafe_motions, unsafe_reason
         Unauthorised motions since the start, and the reason of the last: see
         `firmware_sim.faults.monitor`.
@@ -94,7 +93,7 @@ class Scan(msgspec.Struct, frozen=True, gc=False, tag="LidarScan"):
     first_rad, step_rad
         Beam i looks at first + i * step from forward in base, counter-clockwise.
     max_range_m
-        Beyond it nothing comes back.
+        Maximum range.
     ranges
         Ranges [m], float32 little-endian, one a beam; inf: nothing came back.
     """
@@ -205,7 +204,7 @@ def _private_path(address: str) -> Path:
 
 
 def _check_free(path: Path, address: str) -> None:
-    """Raise SimulationError where binding would remove a file, or take the place of a publisher."""
+    """Raise SimulationError if binding would remove a file, or replace a publisher."""
     if path.is_socket():
         with socket.socket(socket.AF_UNIX) as probe:
             if probe.connect_ex(str(path)) == 0:

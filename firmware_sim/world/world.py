@@ -11,16 +11,16 @@ camera, and any number of
   `radius_m`, drawn as a polygon of `sides` sides about the circle,
 - `[[obstacle]]`: objects on the floor that are on no map: `centre`, `radius_m` or `size`,
   `height_m`,
-- `[[person]]`: who walks about: `points` of a closed way, `speed_m_s`.
+- `[[person]]`: a walking person: `points` of a closed path, `speed_m_s`.
 
 Each may have a `height_m` (default 2.5 m for walls, 0.8 m for boxes and furniture) and a `colour`
 (`#rrggbb`, default drawn from the floor's seed). The robot touches all of them and the camera sees
-all of them; a sonar or a lidar sees what is higher than it is mounted. The map that robotctl makes
+all of them; a sonar or a lidar sees what is higher than its mount. The map that robotctl makes
 of a world has walls, boxes and furniture, not the obstacles and people. Everything is within
 500 m of the origin.
 
-A map as ROS has it, `.yaml`, is a world too: its occupied cells are walls of 2.5 m, on an evenly
-lit floor of tiles; the robot starts where there is the most room.
+A ROS map, `.yaml`, is a world too: its occupied cells are walls of 2.5 m, on an evenly lit floor of
+tiles; the robot starts where there is the most room.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ from firmware_sim.world.shapes import (
 
 OBSTACLE = "obstacle"
 FARTHEST_M = 500.0
-"""Maximum distance of anything from the origin: a grid over all of it finds collisions."""
+"""Maximum distance of anything from the origin [m], which bounds the grid of collisions."""
 _TOUCHING_M = 1.0e-6
 _PLACES_M = 0.1
 _MOST_PLACES = 250_000
@@ -76,8 +76,8 @@ class StartPose:
 class WorldSection:
     """The table `[world]`.
 
-    `bounds` is min x, min y, max x, max y of where a robot may be put; if absent, those of all
-    that stands there.
+    `bounds` is min x, min y, max x, max y of the area for robots; the extent of all objects by
+    default.
     """
 
     name: str
@@ -95,7 +95,7 @@ class WorldSection:
 @closed
 @dataclass(frozen=True, slots=True)
 class Floor:
-    """The table `[floor]`: what it is of, and the seed of its pattern and of all colours."""
+    """The table `[floor]`: its material, and the seed of its pattern and of all colours."""
 
     texture: Literal["carpet", "concrete", "tiles", "wood"] = "tiles"
     seed: Annotated[int, Field(strict=True, ge=0)] = 0
@@ -104,7 +104,7 @@ class Floor:
 @closed
 @dataclass(frozen=True, slots=True)
 class Lamp:
-    """A lamp at x, y, z [m]; one of `power` 1 lights the floor below it as any other does."""
+    """A lamp at x, y, z [m]; `power` 1 lights the floor below it equally from any height."""
 
     at: tuple[Real, Real, Positive]
     power: Positive = 1.0
@@ -138,18 +138,18 @@ class World:
     Attributes
     ----------
     name
-        For messages.
+        Name in messages.
     segments
-        Walls, (n, 4): from x, y to x, y [m] in world; those of boxes and furniture too, those of
-        obstacles not.
+        Walls, (n, 4): from x, y to x, y [m] in world, with the sides of boxes and furniture but not
+        of obstacles.
     corners
         Square or nearly square corners as seen from inside, (m, 6): x, y of the corner [m] and the
         unit vectors of both arms. A sonar's echo comes back from them from any direction between
         the arms.
     bounds
-        Min x, min y, max x, max y [m] of where a robot may be put.
+        Area for robots: min x, min y, max x, max y [m].
     start
-        x [m], y [m], heading [rad].
+        Start pose: x [m], y [m], heading [rad].
     things
         All objects, in the order of the segments; obstacles last.
     floor
@@ -157,13 +157,13 @@ class World:
     lamps
         Lamps; none: ceiling lamps about 3.6 m apart.
     boards
-        Printed chessboards on it.
+        Printed chessboards on the floor.
     markers
         Printed markers on things.
     people
-        Who walks about, besides those that a run asks for.
+        People of the world's file; a run may add others.
     cells
-        Of a world that is a map; else None.
+        Cells of a world that is a map; else None.
     """
 
     name: str
@@ -181,17 +181,17 @@ class World:
 
     @property
     def solids(self) -> tuple[tuple[str, np.ndarray], ...]:
-        """Name and corners, (k, 2) [m], of what has an inside."""
+        """Name and corners, (k, 2) [m], of the solid objects."""
         return tuple((thing.name, thing.corners) for thing in self.things if thing.solid)
 
     @property
     def touchable(self) -> np.ndarray:
-        """Sides of all that a robot can drive against, (n, 4) [m]: the segments, then obstacles."""
+        """Sides of everything that a robot can hit, (n, 4) [m]: the segments, then obstacles."""
         low = _sides(thing for thing in self.things if thing.kind == OBSTACLE)
         return np.ascontiguousarray(np.vstack([self.segments, low]))
 
     def seen_from(self, height_m: float) -> World:
-        """Return the objects that a level sensor at a height sees: those higher than it."""
+        """Return the world visible to a level sensor at a height: objects higher than it."""
         seen = tuple(thing for thing in self.things if thing.height_m > height_m)
         if seen == tuple(thing for thing in self.things if thing.kind != OBSTACLE):
             return self
@@ -200,7 +200,7 @@ class World:
         return dataclasses.replace(self, segments=segments, corners=corners, things=seen)
 
     def solid_at(self, x_m: float, y_m: float) -> str:
-        """Name of the box, furniture or thick wall that a point is inside of; "" if none."""
+        """Name of the box, furniture or thick wall around a point; "" if none."""
         if self.cells is not None and self.cells.is_occupied(np.array([[x_m, y_m]]))[0]:
             return "a wall"
         for name, ring in self.solids:
@@ -219,7 +219,7 @@ class World:
     def places(self, x_m: float, y_m: float) -> np.ndarray:
         """Points where a robot might be put, the nearest to x, y [m] first, (n, 2) [m].
 
-        They lie 0.1 m apart, or more in a large world, and may have a wall near by.
+        They are 0.1 m apart, or more in a large world, and may be near a wall.
         """
         low_x, low_y, high_x, high_y = self.bounds
         step_m = max(_PLACES_M, math.sqrt((high_x - low_x) * (high_y - low_y) / _MOST_PLACES))
@@ -251,7 +251,7 @@ class World:
 
 
 _OTHERS: Final = {"item": "mission", "fault": "scenario of faults", "drive": "robot's file"}
-"""Kind of a file with such a table, if it is no world."""
+"""Kind of a file with such a table that is not a world."""
 
 
 def load_world(path: Path) -> World:
@@ -260,7 +260,7 @@ def load_world(path: Path) -> World:
     Raises
     ------
     SimulationError
-        The file cannot be read or is wrong; one line for each error.
+        If the file cannot be read or is invalid; one line for each error.
     """
     if path.suffix.lower() in SUFFIXES:
         return _world_of(load_cells(path), path)
@@ -297,7 +297,7 @@ def load_world(path: Path) -> World:
 
 
 def _world_of(cells: Cells, path: Path) -> World:
-    """Return the world that a map's cells are."""
+    """Return the world of a map's cells."""
     if not cells.free.any():
         raise SimulationError(
             f"{path}: no cell is free, so there is no place for a robot: are negate, free_thresh "
@@ -322,7 +322,7 @@ def _world_of(cells: Cells, path: Path) -> World:
 
 
 def _check_near(places: np.ndarray, what: str, path: Path) -> None:
-    """Raise SimulationError where a coordinate [m] is too far from the origin."""
+    """Raise SimulationError if a coordinate [m] is too far from the origin."""
     farthest = float(np.abs(places).max())
     if farthest > FARTHEST_M:
         raise SimulationError(
@@ -392,7 +392,7 @@ def _inner_corners(segments: np.ndarray) -> np.ndarray:
                 other = [-unit[j]] if along > 1.0e-6 else []
                 if along < length[j] - 1.0e-6:
                     other.append(unit[j])
-                # A corner of two ends is met twice, once from each wall.
+                # A corner of two ends is found twice, once from each wall.
                 both_ends = len(other) == 1
                 if both_ends and j < i:
                     continue

@@ -1,8 +1,5 @@
-"""The composition root: from a configuration to objects and processes.
+"""The composition root: from a configuration to objects and processes."""
 
-Public names:
+from lazy_loader import attach_stub
 
-- `simulation.lockstep.run_lockstep`, `simulation.lockstep.LockstepRun`,
-  `simulation.sim_options.SimOptions`: a robot in simulation, in one process
-- `processes.robot.make_core`, `processes.robot.make_robot`: its parts, each from the configuration
-"""
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -1,6 +1,1 @@
-"""The `robotctl` command.
-
-Public names:
-
-- `main.main`, `commands.COMMANDS`: the program and its subcommands
-"""
+"""The `robotctl` command."""

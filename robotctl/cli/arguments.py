@@ -3,38 +3,16 @@
 from __future__ import annotations
 
 import json
-import math
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from robotctl.errors import ConfigError
 
-RobotName = Annotated[
-    str, typer.Option("--robot", help="Robot file, or the name of a built-in one.")
+PatchFile = Annotated[
+    Path | None, typer.Option(help="Write the configuration patch here; default: print it.")
 ]
-
-TimeUnit = Annotated[
-    str | None,
-    typer.Option(
-        "--time-unit", help="Unit of the log's times: s, ms, us or ns; default: its format's."
-    ),
-]
-
-MaxRange = Annotated[
-    float | None,
-    typer.Option(
-        "--max-range",
-        metavar="M",
-        help="Lidar ranges from here on are no echoes; default: found from the log.",
-    ),
-]
-
-Overrides = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Override one key, e.g. control.left.kp=2."),
-]
-
 
 Web = Annotated[
     str | None,
@@ -65,26 +43,6 @@ def web_settings(address: str) -> tuple[str, ...]:
         )
     host = json.dumps(host.removeprefix("[").removesuffix("]"))
     return "web.enabled=true", f"web.host={host}", f"web.port={int(port)}"
-
-
-def place(option: str, text: str) -> tuple[float, ...]:
-    """Return the numbers of a place: x, y and perhaps a heading.
-
-    Raises
-    ------
-    ConfigError
-        If it is none.
-    """
-    try:
-        numbers = tuple(map(float, text.split(",")))
-    except ValueError:
-        numbers = ()
-    if len(numbers) not in (2, 3) or not all(map(math.isfinite, numbers)):
-        raise ConfigError(
-            f"{option} {text}: two or three numbers with commas are needed, such as 1.5,-2 or "
-            "1.5,-2,90"
-        )
-    return numbers
 
 
 def refuse_unused(ctx: typer.Context, why: str, *parameters: str) -> None:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from rich.table import Table
 
-from robotctl.cli.arguments import Overrides, RobotName
 from robotctl.cli.console import plain_console
+from robotctl.cli.options import takes_options
+from robotctl.config.arguments import DEFAULT_ROBOT, Overrides, RobotFile, robot_file
 from robotctl.errors import ConfigError, InvalidValue
 from robotctl.messages.ports import EXTENDED_FLAG
 
@@ -29,14 +31,15 @@ def can() -> None:
 
 
 @app.command("budget")
-def show_budget(robot: RobotName = "diff_drive", overrides: Overrides = None) -> None:
+@takes_options
+def show_budget(robot: RobotFile = DEFAULT_ROBOT, overrides: Overrides = ()) -> None:
     """Print the worst-case load of each cyclic frame; status 1 where a bus is over 50 %."""
-    from robotctl.config.robot_file import config_directory, find_file, load_robot  # noqa: PLC0415
+    from robotctl.config.robot_file import config_directory, load_robot  # noqa: PLC0415
     from robotctl.drivers.can.bus_load import DRIVE, MAX_LOAD, budget  # noqa: PLC0415
     from robotctl.drivers.can.dbc import load_dbc  # noqa: PLC0415
     from robotctl.drivers.can.nodes.registry import CAN_NODES  # noqa: PLC0415
 
-    config = load_robot(find_file(robot), overrides or ())
+    config = load_robot(robot, overrides)
     dbc = load_dbc(config_directory() / "robot.dbc")
     console = plain_console()
     loads = []
@@ -79,9 +82,15 @@ def _on_bus(config: RobotConfig, bus: CanConfig) -> tuple[list[Cyclic], set[str]
 
 
 @app.command("scan")
+@takes_options
 def scan_bus(
     robot: Annotated[
-        str | None, typer.Option(help="Robot whose buses are scanned: a file, or a built-in one.")
+        Path | None,
+        typer.Option(
+            parser=robot_file,
+            metavar="NAME",
+            help="Robot whose buses are scanned: a file, or a built-in one.",
+        ),
     ] = None,
     interface: Annotated[
         Literal["socketcan", "simcan"], typer.Option(help="Kind of bus.")
@@ -92,14 +101,14 @@ def scan_bus(
         int, typer.Option(help="Data bit rate of CAN FD [bit/s]; 0: a classic bus.")
     ] = 0,
     json: Annotated[bool, typer.Option("--json", help="Print the results as JSON.")] = False,
-    overrides: Overrides = None,
+    overrides: Overrides = (),
 ) -> None:
     """Find the devices on a bus without moving any, and suggest tables for the robot's file.
 
     Status 0: all is well. 1: something must be mended, or nothing was found.
     """
     from robotctl.cli.can_scan import print_json, print_reports, scan_buses  # noqa: PLC0415
-    from robotctl.config.robot_file import find_file, load_robot  # noqa: PLC0415
+    from robotctl.config.robot_file import load_robot  # noqa: PLC0415
     from robotctl.drivers.can.config import CanConfig  # noqa: PLC0415
     from robotctl.drivers.can.scan_tables import WHEELS  # noqa: PLC0415
 
@@ -110,7 +119,7 @@ def scan_bus(
         except InvalidValue as error:
             raise ConfigError(f"--{error.key.replace('_', '-')}: {error.rule}") from None
     else:
-        config = load_robot(find_file(robot), overrides or ())
+        config = load_robot(robot, overrides)
         buses, wheels = config.buses, (*config.drive.wheel_names, *config.drive.joint_names)
     reports = scan_buses(buses)
     if json:

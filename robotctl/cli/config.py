@@ -3,54 +3,56 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from robotctl.cli.arguments import Overrides
+from robotctl.cli.options import takes_options
+from robotctl.config.arguments import DEFAULT_ROBOT, Overrides, robot_file
 from robotctl.words import counted
 
-RobotFile = Annotated[str, typer.Argument(help="Robot file, or the name of a built-in one.")]
+Robot = Annotated[
+    Path, typer.Argument(parser=robot_file, help="Robot file, or the name of a built-in one.")
+]
 
 app = typer.Typer(help="Check and show robot configurations.", no_args_is_help=True)
 
 
 @app.command()
-def check(
-    file: RobotFile,
-    overrides: Overrides = None,
-) -> None:
+@takes_options
+def check(file: Robot, overrides: Overrides = ()) -> None:
     """Check a robot's file as a whole, its map and its places; status 2 if something is wrong.
 
     One line for each error.
     """
-    from robotctl.app.simulation.sim_options import simulated_robot  # noqa: PLC0415
-    from robotctl.config.robot_file import find_file, load_robot  # noqa: PLC0415 - pydantic
+    from robotctl.app.simulation.simulator_files import simulated_robot  # noqa: PLC0415
+    from robotctl.config.robot_file import load_robot  # noqa: PLC0415 - pydantic
 
-    path = find_file(file)
-    config = load_robot(path, overrides or ())
+    config = load_robot(file, overrides)
     if config.simulation:
-        simulated_robot(path, overrides or ())
+        simulated_robot(file, overrides)
     if config.localisation.map or config.localisation.places:
         # It loads numba.
         from robotctl.app.localisation.localisation_files import check_localisation  # noqa: PLC0415
 
-        check_localisation(config, path)
+        check_localisation(config, file)
     print(
-        f"{path}: {config.robot.name}, {config.drive.kind}, "
+        f"{file}: {config.robot.name}, {config.drive.kind}, "
         f"{counted(len(config.sonar), 'sonar')}, "
         f"{config.runtime.rate_hz} Hz: all keys are known and all values are allowed"
     )
 
 
 @app.command()
-def show(file: RobotFile = "diff_drive", overrides: Overrides = None) -> None:
+@takes_options
+def show(file: Robot = DEFAULT_ROBOT, overrides: Overrides = ()) -> None:
     """Print a robot's whole configuration as JSON, defaults and overrides included."""
     import msgspec  # noqa: PLC0415
 
-    from robotctl.config.robot_file import find_file, load_robot  # noqa: PLC0415 - pydantic
+    from robotctl.config.robot_file import load_robot  # noqa: PLC0415 - pydantic
 
-    config = load_robot(find_file(file), overrides or ())
+    config = load_robot(file, overrides)
     print(msgspec.json.format(msgspec.json.encode(config)).decode())
 
 

@@ -12,9 +12,9 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from robotctl.cli.arguments import Overrides, RobotName
 from robotctl.cli.console import plain_console
-from robotctl.config.robot_file import find_file
+from robotctl.cli.options import takes_options
+from robotctl.config.arguments import DEFAULT_ROBOT, Overrides, RobotFile
 from robotctl.deploy.check_result import Finding, Verdict
 from robotctl.deploy.doctor import LAG_SECONDS, LOGS, examine
 from robotctl.words import counted
@@ -29,8 +29,9 @@ _STYLE = {
 }
 
 
+@takes_options
 def doctor(
-    robot: RobotName = "diff_drive",
+    robot: RobotFile = DEFAULT_ROBOT,
     json: Annotated[bool, typer.Option("--json", help="Print the results as JSON.")] = False,
     logs: Annotated[
         Path, typer.Option(metavar="FOLDER", help="Folder whose disk is tested.")
@@ -38,7 +39,7 @@ def doctor(
     seconds: Annotated[
         float, typer.Option(min=0.1, max=3600.0, help="How long to measure wake-ups.")
     ] = LAG_SECONDS,
-    overrides: Overrides = None,
+    overrides: Overrides = (),
 ) -> None:
     """Check whether this computer and the robot on it are fit to drive; moves nothing.
 
@@ -46,7 +47,7 @@ def doctor(
     """
     findings = []
     console = plain_console()
-    for finding in examine(find_file(robot), tuple(overrides or ()), logs, lag_seconds=seconds):
+    for finding in examine(robot, overrides, logs, lag_seconds=seconds):
         findings.append(finding)
         if not json:
             _print(console, finding)

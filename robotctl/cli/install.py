@@ -11,7 +11,8 @@ from typing import Annotated, Final
 
 import typer
 
-from robotctl.cli.arguments import RobotName
+from robotctl.cli.options import takes_options
+from robotctl.config.arguments import DEFAULT_ROBOT, RobotFile
 from robotctl.config.robot_file import find_file, load_robot
 from robotctl.deploy.install import conflicts, installed_mission, read_manifest
 from robotctl.deploy.install import install as install_files
@@ -30,8 +31,9 @@ Root = Annotated[
 ]
 
 
+@takes_options
 def install(
-    robot: RobotName = "diff_drive",
+    robot: RobotFile = DEFAULT_ROBOT,
     mission: Annotated[
         str,
         typer.Option(help="Mission file or name for mode AUTO; default: keep the installed one."),
@@ -54,9 +56,8 @@ def install(
     root = root.absolute()
     kept = None if mission or no_mission else installed_mission(root)
     executable = Path(sys.executable).with_name("robotctl")
-    file = find_file(robot)
     files = service_files(
-        file,
+        robot,
         find_file(mission, "missions") if mission else kept,
         executable,
         os.cpu_count() or 1,
@@ -78,7 +79,7 @@ def install(
     added = tuple(
         "udevadm trigger --action=add --subsystem-match=net "
         f"--sysname-match={shlex.quote(bus.channel)}"
-        for bus in load_robot(file).buses
+        for bus in load_robot(robot).buses
     )
     # The service could keep nothing that it compiles.
     compiled = f"{shlex.quote(str(executable))} compile"

@@ -21,15 +21,19 @@ from robotctl.app.supervision.service import ServiceNotifier
 from robotctl.app.supervision.signals import StopFlag, on_emergency_signal
 from robotctl.app.supervision.stack import Stack
 from robotctl.app.supervision.supervisor import POLL_S, Supervisor
-from robotctl.cli.arguments import Overrides, RobotName, Web, web_settings
+from robotctl.cli.arguments import Web, web_settings
 from robotctl.cli.compile import compile_missing
 from robotctl.cli.live.keys import AFTERWARDS, HINT, Keys
 from robotctl.cli.live.voice import Voice
+from robotctl.cli.options import takes_options
 from robotctl.cli.web import words
+from robotctl.config.arguments import DEFAULT_ROBOT, Overrides, RobotFile, mission_file
 from robotctl.config.options import StackOptions
-from robotctl.config.robot_file import RobotConfig, find_file
+from robotctl.config.robot_file import RobotConfig
 from robotctl.drivers.mavlink.listening import busy_links
 from robotctl.messages.control import ControlState, NavigationState, Notice
+from robotctl.model.geometry.se2 import SE2
+from robotctl.planning.behave.mission.mission_file import Mission
 from robotctl.runtime.ipc.topics import Endpoints, Subscriber, endpoint_directory
 from robotctl.runtime.open_files import need_open_files
 from robotctl.runtime.storage.log_folder import refusal
@@ -66,11 +70,17 @@ def _tell_connections(config: RobotConfig) -> None:
         print(busy, flush=True)
 
 
+@takes_options
 def run(
-    robot: RobotName = "diff_drive",
+    robot: RobotFile = DEFAULT_ROBOT,
     mission: Annotated[
-        str, typer.Option(help="Mission file or name for mode AUTO; default: none.")
-    ] = "",
+        Path | None,
+        typer.Option(
+            parser=mission_file,
+            metavar="NAME",
+            help="Mission file or name for mode AUTO; default: none.",
+        ),
+    ] = None,
     record: Annotated[
         Path | None,
         typer.Option(metavar="FOLDER", help="Folder for the record of the control loop."),
@@ -82,42 +92,56 @@ def run(
         ),
     ] = False,
     web: Web = None,
-    overrides: Overrides = None,
+    overrides: Overrides = (),
 ) -> None:
     """Run control, navigation and telemetry until Ctrl-C; arm from a ground station.
 
     Space, e, and `pkill -USR1 robotctl` stop the robot at once. Processes that end are restarted,
     disarmed.
     """
-    path = find_file(robot)
-    mission_path = find_file(mission, "missions") if mission else None
-    loaded = load_mission(mission_path) if mission_path else None
-    start = loaded.start.pose if loaded else None
-    state = state_directory(os.environ).resolve()
-    options = StackOptions(
-        instance="robot",
-        robot=str(path.resolve()),
-        overrides=(*web_settings(web or ""), *(overrides or ())),
-        mission=str(mission_path.resolve()) if mission_path else "",
-        x_m=start.x_m if start else 0.0,
-        y_m=start.y_m if start else 0.0,
-        theta_rad=start.theta_rad if start else 0.0,
-        record=str(record.resolve()) if record else "",
-        flights=str(record.resolve() if record else state / "flights"),
-        state=str(state),
-        run=uuid.uuid4().hex,
-    )
+    loaded = load_mission(mission) if mission else None
+    options = _options(robot, mission, loaded, record, (*web_settings(web or ""), *overrides))
     config = options.load()
     if resume:
         options = _resumed(options, len(loaded.item) if loaded else 0)
     need_open_files()
     if not kernel_cache.is_complete():
         compile_missing(simulated=False)
-    stopped = StopFlag()
-    notifier = ServiceNotifier(os.environ)
     log = ExitLog(record.resolve()) if record else None
     if record and (reason := refusal(record)):
         print(f"{reason}; the robot drives without logs")
+    _supervise(options, config, log)
+
+
+def _options(
+    robot: Path,
+    mission: Path | None,
+    loaded: Mission | None,
+    record: Path | None,
+    overrides: tuple[str, ...],
+) -> StackOptions:
+    """Return how to start the processes; the robot stands where its mission begins, or at 0."""
+    start = loaded.start.pose if loaded else SE2(0.0, 0.0, 0.0)
+    state = state_directory(os.environ).resolve()
+    return StackOptions(
+        instance="robot",
+        robot=str(robot.resolve()),
+        overrides=overrides,
+        mission=str(mission.resolve()) if mission else "",
+        x_m=start.x_m,
+        y_m=start.y_m,
+        theta_rad=start.theta_rad,
+        record=str(record.resolve()) if record else "",
+        flights=str(record.resolve() if record else state / "flights"),
+        state=str(state),
+        run=uuid.uuid4().hex,
+    )
+
+
+def _supervise(options: StackOptions, config: RobotConfig, log: ExitLog | None) -> None:
+    """Run the processes until Ctrl-C or a shutdown, and say what happens."""
+    stopped = StopFlag()
+    notifier = ServiceNotifier(os.environ)
     _tell_connections(config)
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
     endpoints = Endpoints(endpoint_directory(options.instance))

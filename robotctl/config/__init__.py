@@ -1,7 +1,5 @@
-"""A robot's file: reading, checking and changing it.
+"""A robot's file: reading, checking and changing it."""
 
-Public names:
+from lazy_loader import attach_stub
 
-- `robot_file.load_robot`, `robot_file.RobotConfig`, `robot_file.find_file`: read and checked, with
-  settings on top
-"""
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

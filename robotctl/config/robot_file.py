@@ -27,6 +27,7 @@ from robotctl.drivers.can.nodes.registry import CAN_NODES
 from robotctl.errors import ConfigError, InvalidValue
 from robotctl.estimation.camera.config import GroundCameraConfig
 from robotctl.estimation.localisation_config import LocalisationConfig
+from robotctl.estimation.localisers import localiser_kind
 from robotctl.mavlink.config import MavlinkConfig
 from robotctl.model.actuators import Takes
 from robotctl.model.drives.drives import Drive
@@ -348,7 +349,7 @@ def contradictions(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]
     if config.log.pictures_every_s and not config.has_camera:
         yield ("log", "pictures_every_s"), "needs camera.enabled = true"
     settings = config.localisation
-    if settings.method in ("ekf", "mcl") and not settings.map:
+    if localiser_kind(settings.method).needs_map and not settings.map:
         problem = "needs localisation.map, a world (.toml) or a ROS map (.yaml)"
         yield ("localisation", "method"), f'"{settings.method}" {problem}'
 

@@ -1,11 +1,5 @@
-"""Pure control laws: from a set-point and a measurement to a demand, without clock or I/O.
+"""Pure control laws: from a set-point and a measurement to a demand, without clock or I/O."""
 
-Public names:
+from lazy_loader import attach_stub
 
-- `pid.Pid`, `pid.PidConfig`, `pwm.PwmMap`, `wheel_velocity.WheelVelocityEstimator`: the loop of a
-  wheel: PID with feed-forward, duty, speed from counts
-- `limiter.TwistLimiter`, `limiter.LimitsConfig`: velocities within the limits of the robot
-- `wall_following.WallFollower`, `servoing.servo`, `steering_law.steer_round`: laws of motion
-- `identification.identification.fit_first_order`, `identification.tuning.simc_pi`: models and gains
-  from experiments
-"""
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

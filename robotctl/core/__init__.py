@@ -1,9 +1,5 @@
-"""The pure steps of control and navigation, put together once.
+"""The pure steps of control and navigation, put together once."""
 
-Public names:
+from lazy_loader import attach_stub
 
-- `control_core.ControlCore`, `checkpoint.checkpoint`, `checkpoint.restored`: the step of control,
-  and its state as bytes
-- `control_tick.ControlTick`, `navigation_tick.NavigationTick`, `operator.Operator`: one tick, in a
-  process or in lockstep
-"""
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -11,7 +11,6 @@ from typing import Final
 
 import msgspec
 
-from robotctl.config_values import tuned
 from robotctl.control.limiter import LimitsConfig
 from robotctl.control.speed_wheel import SpeedWheel
 from robotctl.control.wheel_loop import WheelLoop
@@ -22,7 +21,7 @@ from robotctl.core.driving import STOPPED, Driving
 from robotctl.core.motion import EncoderMotion
 from robotctl.core.motor_test import problem
 from robotctl.core.procedures import Procedures
-from robotctl.errors import InvalidValue
+from robotctl.core.tuner import Tuner
 from robotctl.messages.actuators import ActuatorCommand
 from robotctl.messages.control import (
     Arm,
@@ -57,7 +56,6 @@ from robotctl.safety.supervision import Supervision
 
 _AT_REST_M_S = 0.005
 _REST: Final = Twist(0.0, 0.0)
-_CLEAR_INTERVAL_NS = 100_000_000
 _TESTABLE: Final = frozenset({SafetyState.STANDBY, SafetyState.MOTOR_TEST})
 _ENDS_PROCEDURES: Final = frozenset(
     {Event.EMERGENCY_STOP, Event.FAULT, Event.DISARM, Event.ARM, Event.NOT_READY}
@@ -125,51 +123,36 @@ class ControlCore:
         self.machine = SafetyMachine()
         self.odometer_start_m = 0.0
         """Odometer before this core was created [m]."""
-        self._drive = drive
         self.actuators = actuators
-        self._duty_wheels = tuple(each.name for each in actuators if each.takes is Takes.DUTY)
+        self._drive = drive
+        self._safety = safety
         self._wheels = _wheels(actuators, control, impossible_wheel_rad_s(drive, limits))
-        self._powerless = control.powerless(self._duty_wheels)
-        """Reasons against arming that a file cannot be refused for: it may be one to be tuned."""
-        self._began_with = {"control": control, "limits": limits}
-        """Settings that can be tuned, as they were at the start."""
-        self._tuning = 0
-        """Number of the tuning in force."""
         self.motion = EncoderMotion(drive, self._wheels, pose_odom_base, imu)
         allowed = bounds(actuators, fastest_wheel_rad_s(drive, limits), drive.joint_max_rad)
         self._driving = Driving(
             drive, self._wheels, limits, allowed, safety.setpoint_timeout_ms, period_ns
         )
-        self._safety = safety
-        self._command = STOPPED
-        self._supervision = Supervision(
-            safety,
-            ages,
-            Monitored(
-                plausibility,
-                actuators,
-                control.pwm.deadband,
-                drive.joint_max_rad,
-                limits.a_max_m_s2 / max(drive.wheel_radii_m),
-                sonars,
-                imu,
-            ),
+        self._tuner = Tuner(control, limits, self._wheels, _duty_wheels(actuators), self._driving)
+        monitored = Monitored(
+            plausibility,
+            actuators,
+            control.pwm.deadband,
+            drive.joint_max_rad,
+            limits.a_max_m_s2 / max(drive.wheel_radii_m),
+            sonars,
+            imu,
         )
+        self._supervision = Supervision(safety, ages, monitored)
         self._health = self._supervision.health
-        self._command_before = self._command
-        """Command of the bridges when the newest feedback was taken, one period ago."""
-        self._node_events = NodeEvents({each.drive for each in actuators})
-        self._ticks = 0
-        self._arming = ArmRequests()
+        self._arming = ArmRequests(safety)
         self._procedures = Procedures(drive, actuators, control.pwm, plausibility, period_ns)
-        self._objections: tuple[Fault, ...] = ()
-        self._cleared_ns = 0
-        self._stopped_ns = 0
-        """Time of the last emergency stop or fault [ns]."""
+        self._node_events = NodeEvents({each.drive for each in actuators})
+        self._command = self._command_before = STOPPED
+        """This tick's, and that in force when the newest feedback was taken, one period ago."""
         self._restarts: tuple[Fault, ...] = ()
         """Nodes that are back in this tick."""
         self._notices: list[Notice] = []
-        self._armings = 0
+        self._ticks = self._armings = 0
 
     @property
     def warm(self) -> bool:
@@ -194,7 +177,7 @@ class ControlCore:
         self._ticks += 1
         if self._ticks == 1:
             self.motion.epoch_ns = now_ns
-        self._health.step(now_ns)
+        self._health.stalls.step(now_ns)
 
     def _take_feedback(self, feedback: Feedback, now_ns: int) -> None:
         """Update estimates and monitors from the feedback."""
@@ -204,7 +187,7 @@ class ControlCore:
             self._supervision.compare(feedback, self._command_before, self.motion)
         self._procedures.measure(self.motion, now_ns)
         if self.machine.state in _TESTABLE:
-            self._procedures.surroundings.watch(self._health.fresh_sonar_m(now_ns), now_ns)
+            self._procedures.surroundings.watch(self._health.sonars.fresh_m(now_ns), now_ns)
         self._notices += self._supervision.strangers.take_notices(now_ns)
         events = self._node_events.take(feedback, now_ns)
         if events is not None:
@@ -241,7 +224,8 @@ class ControlCore:
                 case VelocityCommand():
                     self._driving.velocity = request
                 case Tuning():
-                    self._retune(request)
+                    refusal = self._tuner.take(request)
+                    self._notices += () if refusal is None else (refusal,)
                 case EmergencyStop():
                     stop = request.source
                     source = request.source.name.lower().replace("_", " ")
@@ -265,31 +249,13 @@ class ControlCore:
             self._end_procedure(Outcome.CANCELLED, "disarmed", now_ns)
             self._on(Event.DISARM, "disarmed", now_ns)
             self._arming.answer(request.request_id)
-        elif why := self._untimely(request, now_ns, stopping=stopping):
+        elif why := self._arming.untimely(request, now_ns, self.machine.reason, stopping=stopping):
             self._arming.answer(request.request_id, why)
         else:
             self._end_procedure(Outcome.CANCELLED, "arming was asked for", now_ns)
-            self._arming.wait(request)
-            self._objections = objections
+            self._arming.wait(request, objections)
             if self.machine.state in LATCHED:
                 self._on(Event.RESET, "arming after a stop", now_ns)
-
-    def _retune(self, tuning: Tuning) -> None:
-        """Take other gains and limits, without a bump; what is not allowed changes nothing."""
-        try:
-            tables = tuned(self._began_with, tuning.values)
-        except InvalidValue as error:
-            text = f"tuning refused: {error}"
-            self._notices.append(Notice(tuning.stamp_ns, Severity.WARNING, text))
-            return
-        control: ControlConfig = tables["control"]
-        names = self._duty_wheels
-        looped = [wheel for wheel in self._wheels if isinstance(wheel, WheelLoop)]
-        for wheel, pid in zip(looped, control.loops(names), strict=True):
-            wheel.retune(pid)
-        self._powerless = control.powerless(names)
-        self._driving.retune(tables["limits"])
-        self._tuning = tuning.number
 
     def _begin_procedure(
         self, request: CalibrateGyro | MotorTest, objections: tuple[Fault, ...], now_ns: int
@@ -329,16 +295,6 @@ class ControlCore:
         self._procedures.end(outcome, why)
         self._on(Event.TEST_OVER, why, now_ns)
 
-    def _untimely(self, request: Arm, now_ns: int, *, stopping: bool) -> Fault | None:
-        """Return why a request to arm comes too early or too late; None if it does not."""
-        if request.stamp_ns < now_ns - self._safety.request_max_age_ms * 1_000_000:
-            return Fault(FaultCode.REQUEST_TOO_OLD, "too old")
-        if request.stamp_ns > now_ns:
-            return Fault(FaultCode.REQUEST_TOO_EARLY, "of the future")
-        if stopping or request.stamp_ns <= self._stopped_ns:
-            return _before_stop(self.machine.reason)
-        return None
-
     def _supervise(self, now_ns: int) -> EmergencyStopSource | None:
         """Let supervision move the state machine; return why others must stop the drive."""
         if self.machine.powered:
@@ -376,27 +332,24 @@ class ControlCore:
         if self.machine.powered:
             arming.answer_waiting()
             return False
-        refusals = self._refusals(now_ns, self._objections)
+        refusals = self._refusals(now_ns, arming.objections)
         if not refusals and self._on(Event.ARM, "", now_ns):
             arming.answer_waiting()
             self._take_over(now_ns)
             return False
-        if now_ns - arming.since_ns > self._safety.arm_timeout_ms * 1_000_000:
+        if arming.is_overdue(now_ns):
             refusals = refusals or (Fault(FaultCode.NOT_READY, self.machine.reason),)
             arming.answer_waiting(*refusals)
             text = f"arming refused: {'; '.join(map(str, refusals))}"
             self._notices.append(Notice(now_ns, Severity.WARNING, text))
             return False
-        if self._health.drive_latched and now_ns - self._cleared_ns > _CLEAR_INTERVAL_NS:
-            self._cleared_ns = now_ns
-            return True
-        return False
+        return self._health.drive_latched and arming.may_clear(now_ns)
 
     def _refusals(
         self, now_ns: int, objections: tuple[Fault, ...], *, untuned: bool = False
     ) -> tuple[Fault, ...]:
         """Return all reasons against arming now; `untuned`: loops without gains are none."""
-        refusals = objections if untuned else objections + self._powerless
+        refusals = objections if untuned else objections + self._tuner.powerless
         refusals += self._supervision.refusals(
             now_ns, self.motion.speeds_rad_s, self.motion.imu, enabled=self._command_before.enable
         )
@@ -452,8 +405,7 @@ class ControlCore:
         changed = self.machine.on(event, why)
         self._armings += changed and event is Event.ARM
         if event is Event.EMERGENCY_STOP or (changed and event is Event.FAULT):
-            self._stopped_ns = now_ns
-            self._arming.answer_waiting(_before_stop(str(why)))
+            self._arming.stop(now_ns, str(why))
         if changed and event in _ENDS_PROCEDURES:
             self._procedures.end(Outcome.FAILED, str(why) or event.value)
         if changed and event in (Event.EMERGENCY_STOP, Event.FAULT):
@@ -488,9 +440,9 @@ class ControlCore:
             acks=self._arming.acks,
             armings=self._armings,
             against_arming=() if self.machine.powered else self._refusals(now_ns, objections),
-            tuning=self._tuning,
+            tuning=self._tuner.number,
             procedure=self._procedures.latest,
-            stopped_ns=self._stopped_ns,
+            stopped_ns=self._arming.stopped_ns,
         )
 
     def _duties(self) -> tuple[float, ...]:
@@ -504,7 +456,7 @@ def _wheels(
     actuators: tuple[Actuator, ...], control: ControlConfig, impossible_rad_s: float
 ) -> tuple[WheelControl, ...]:
     """Return what turns references into commands, for each wheel."""
-    loops = iter(control.loops(tuple(e.name for e in actuators if e.takes is Takes.DUTY)))
+    loops = iter(control.loops(_duty_wheels(actuators)))
     wheels: list[WheelControl] = []
     for each in actuators:
         ticks = each.ticks_per_revolution
@@ -515,6 +467,6 @@ def _wheels(
     return tuple(wheels)
 
 
-def _before_stop(why: str) -> Fault:
-    """Return the answer to a request to arm of before a stop."""
-    return Fault(FaultCode.REQUEST_BEFORE_STOP, f"made before the stop: {why}")
+def _duty_wheels(actuators: tuple[Actuator, ...]) -> tuple[str, ...]:
+    """Return the names of the wheels whose drives take a duty."""
+    return tuple(each.name for each in actuators if each.takes is Takes.DUTY)

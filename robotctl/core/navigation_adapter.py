@@ -5,18 +5,17 @@ from __future__ import annotations
 import math
 import zlib
 from collections.abc import Iterable, Sequence
-from contextlib import suppress
 from typing import Final, NamedTuple, TypeAlias
 
-import numpy as np
+import msgspec
 
 from robotctl.core.fence_keeper import FenceKeeper
 from robotctl.core.navigation_requests import too_late, translated
 from robotctl.core.plan_view import PlanViews
+from robotctl.core.sightings import Sightings
+from robotctl.core.station_watch import StationWatch
 from robotctl.core.told_views import Told, ToldViews
 from robotctl.errors import ConfigError, MissionError
-from robotctl.estimation.odometry.odometry_history import OdometryHistory
-from robotctl.estimation.ranging.scan_messages import lidar_scan
 from robotctl.messages.control import (
     ControlState,
     ExternalPose,
@@ -33,11 +32,8 @@ from robotctl.messages.tuning import Tuning
 from robotctl.messages.world_pose import WorldPose
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
-from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.planning.behave.mission.mission_file import Mission, parse_mission
 from robotctl.planning.config import NavigationConfig
-from robotctl.planning.guard.course import Point
-from robotctl.planning.guard.floor_memory import FloorMemory, FloorView
 from robotctl.planning.map.zone import Zone
 from robotctl.planning.navigation_step import LoadRequest, NavigationInputs
 from robotctl.planning.navigator import Navigator
@@ -49,40 +45,28 @@ COMMAND_LIFE_PERIODS: Final = 4
 STATE_MAX_AGE_NS: Final = 200_000_000
 """An older control state is not acted on [ns]."""
 
-_VIEW_LIFE_NS: Final = 500_000_000
-"""Maximum age of the camera's view for driving without an operator [ns]: at 1 m/s half of what the
-view shows ahead; `_MISSED` periods of the camera bound it, too."""
-
-_MISSED: Final = 2.5
-
-_PICTURE_LIFE_NS: Final = 1_000_000_000
-"""An older picture says nothing of what is ahead now, however late it came [ns]."""
-
-PRESENCE_MAX_AGE_NS: Final = 1_000_000_000
-"""Time without a report from telemetry after which there is no ground station [ns]."""
-
-_UNSEEN: Final = (
-    "what was seen of the floor is forgotten: the robot does not drive forwards by itself until "
-    "the camera has seen what lies right before it; back it up a little by hand"
-)
-
 _Aside: TypeAlias = (
     ExternalPose | GroundStationPresence | SetFence | EnableFence | SetRally | SetZones | Tuning
 )
 """Requests that are not for the navigator."""
 
-_COMMAND: Final = frozenset({"v_m_s", "omega_rad_s", "vy_m_s", "expires_ns"})
-"""Fields of a step that are no part of the state."""
-
 _UNKNOWN: Final = SE2(math.nan, math.nan, math.nan)
 """Pose before the first control state: the navigator stands still and drops no breadcrumb."""
+
+
+class _MissionFile(NamedTuple):
+    """Path, CRC-32 and content of a mission's file; for the mission of the start content alone."""
+
+    path: str
+    crc: int
+    content: bytes
 
 
 class _Offer(NamedTuple):
     """A mission, or none, with the file that it is from."""
 
     mission: Mission | None
-    file: str
+    path: str
     content: bytes
 
 
@@ -133,9 +117,7 @@ class NavigationAdapter:
         self.navigator = navigator
         self.fence = fence
         self.period_ns = round(1e9 / config.rate_hz)
-        self._file, self._crc = "", 0
-        """The mission's file and CRC-32, if it was loaded since the start."""
-        self._content = mission_content
+        self._mission_file = _MissionFile("", 0, mission_content)
         self._rally: SetRally | None = None
         self._zones: tuple[DrawnZone, ...] = ()
         self._zones_crc = 0
@@ -143,28 +125,14 @@ class NavigationAdapter:
         self._told = ToldViews()
         self._offer: _Offer | None = None
         """A mission that the navigator is asked to take in this step."""
-        self._odometry = OdometryHistory()
-        self._floor = FloorMemory()
-        self._looks = camera_rate_hz > 0.0
-        self._view_life_ns = 0
-        if self._looks:
-            self._view_life_ns = max(_VIEW_LIFE_NS, round(_MISSED * 1e9 / camera_rate_hz))
-        self._view_ns: int | None = None
-        """When the last view of the camera came [ns]."""
-        self._guard = config.guard
+        self._sightings = Sightings(config.guard, camera_rate_hz)
         self._world = WorldPose(has_localiser=has_localiser)
-        self._odom_epoch_ns: int | None = None
-        """Epoch of the last state."""
         self._notices: list[str] = []
         self._message = ""
         self._armings: int | None = None
         """The count in the last state, None if that was not enabled."""
-        self._needs_station = needs_station
+        self._station = StationWatch(needs_station=needs_station, timeout_s=station_timeout_s)
         self._views = PlanViews(navigator.outlook)
-        self._station_timeout_s = station_timeout_s
-        self._station_ns: int | None = None
-        self._watched_ns = self._lost_ns = 0
-        """When a ground station was there; last heartbeats of the watched and of a lost one."""
 
     def step(
         self,
@@ -191,8 +159,8 @@ class NavigationAdapter:
         inputs = self._inputs(control, requests, now_ns, seen)._replace(late_ns=late_ns)
         out = self.navigator.step(inputs, now_ns)
         offer, self._offer = self._offer, None
-        if offer is not None and self.navigator.mission is offer.mission:
-            self._hold(offer.file, offer.content)
+        if offer is not None and self.navigator.auto.mission is offer.mission:
+            self._hold(offer.path, offer.content)
         until_ns = now_ns + COMMAND_LIFE_PERIODS * self.period_ns
         if out.expires_ns is not None:
             # Control brakes in the tick in which a set-point is void, not at the next step here.
@@ -200,18 +168,16 @@ class NavigationAdapter:
         wanted = Twist(out.v_m_s, out.omega_rad_s, out.vy_m_s)
         twist = self._within_fence(control, inputs, wanted, now_ns)
         command = VelocityCommand(now_ns, until_ns, *twist)
-        if out.message != self._message and inputs.enabled and out.held:
-            self._notices.append(out.message)
-        self._message = out.message
-        told = {key: value for key, value in out._asdict().items() if key not in _COMMAND}
-        told["message"] = self.fence.message or out.message
-        state = NavigationState(
-            stamp_ns=now_ns,
-            mission_file=self._file,
-            mission_crc=self._crc,
+        if out.state.message != self._message and inputs.enabled and out.state.held:
+            self._notices.append(out.state.message)
+        self._message = out.state.message
+        state = msgspec.structs.replace(
+            out.state,
+            message=self.fence.message or out.state.message,
+            mission_file=self._mission_file.path,
+            mission_crc=self._mission_file.crc,
             fence=self.fence.state,
             rally_crc=0 if self._rally is None else self._rally.crc,
-            **told,
         )
         return command, state
 
@@ -222,17 +188,17 @@ class NavigationAdapter:
             if isinstance(each, SetFence | EnableFence):
                 self.fence.take(each)
             elif isinstance(each, SetRally):
-                self.navigator.use_rally(each.places)
+                self.navigator.bounds.use_rally(each.places)
                 self._rally = each
             elif isinstance(each, SetZones):
                 self._draw(each)
         if self.fence.planned != before:
-            self.navigator.use_fence(self.fence.planned)
+            self.navigator.bounds.use_fence(self.fence.planned)
 
     def _draw(self, request: SetZones) -> None:
         """Take the drawn zones, or give the reason for refusing them as a notice."""
         try:
-            self.navigator.use_drawn_zones(
+            self.navigator.bounds.use_drawn_zones(
                 [Zone(each.name, each.corners, each.speed_m_s) for each in request.zones]
             )
         except (MissionError, ValueError) as error:
@@ -263,16 +229,14 @@ class NavigationAdapter:
             if not isinstance(each, _Aside)
         ]
         taken = tuple(each for each in wanted if each is not None)
-        attended, lost = self._attended(requests, now_ns), self._loses_station(now_ns)
+        self._station.note(requests)
+        attended, lost = self._station.attends(now_ns), self._station.loses(now_ns)
         if control is None:
             self._armings = None
             return NavigationInputs(
                 _UNKNOWN, Twist(0.0, 0.0), (), (), False, taken, True, attended, lost, heard=False
             )
-        views = [each for each in seen if isinstance(each, CameraView)]
-        floor = self._look(control, views)
-        if any(now_ns - each.stamp_ns <= _PICTURE_LIFE_NS for each in views):
-            self._view_ns = now_ns
+        self._sightings.take(control, seen, now_ns)
         known = self._world.pose(control)
         pose = control.T_odom_base if known is None else known
         fresh = now_ns - control.stamp_ns <= STATE_MAX_AGE_NS
@@ -293,12 +257,12 @@ class NavigationAdapter:
             station_lost=lost,
             heard=fresh,
             requests=taken,
-            blind=self._blind(now_ns),
-            floor_base=floor,
+            blind=self._sightings.blindness(now_ns),
+            floor_base=self._sightings.floor_base,
             epoch=self._world.epoch(control),
-            scans=self._placed(seen),
+            scans=self._sightings.scans(seen),
             T_world_odom=pose @ control.T_odom_base.inverse(),
-            markers=self._marked(seen),
+            markers=self._sightings.markers(seen),
             charge=math.nan if control.battery is None else control.battery.charge,
         )
 
@@ -310,12 +274,12 @@ class NavigationAdapter:
         MissionError
             If the robot cannot drive it.
         """
-        self.navigator.load(mission)
+        self.navigator.auto.load(mission)
         self._hold(file, content)
 
     def _hold(self, file: str, content: bytes) -> None:
         """Note the file of the present mission."""
-        self._file, self._content, self._crc = file, content, zlib.crc32(content)
+        self._mission_file = _MissionFile(file, zlib.crc32(content), content)
 
     def _loaded(self, message: LoadMission) -> LoadRequest | None:
         """Return the request for a mission; None if it is none, which its sender should know."""
@@ -332,14 +296,14 @@ class NavigationAdapter:
 
     def views(self, now_ns: int) -> list[PlanView | Told]:
         """Return what the robot drives by and is told, if it is time for people to see it."""
-        mission = MissionView(now_ns, self._file, self._crc, self._content)
+        mission = MissionView(now_ns, *self._mission_file)
         return [*self._views.of(now_ns), *self._told.due(mission, self._bounds(now_ns))]
 
     def _bounds(self, now_ns: int) -> BoundsView:
         """Return what bounds the robot."""
         navigator, fence, rally = self.navigator, self.fence, self._rally
-        of_mission = () if navigator.mission is None else navigator.mission.zone
-        own = [*_drawn(navigator.own_zones, "robot"), *_drawn(of_mission, "mission")]
+        of_mission = () if navigator.auto.mission is None else navigator.auto.mission.zone
+        own = [*_drawn(navigator.bounds.own_zones, "robot"), *_drawn(of_mission, "mission")]
         home = navigator.home
         return BoundsView(
             now_ns,
@@ -357,27 +321,9 @@ class NavigationAdapter:
 
     def take_notices(self) -> list[str]:
         """Return sentences for people since the last call."""
-        said = self.navigator.take_notices()
-        notices, self._notices = [*self._notices, *said, *self.fence.take_notices()], []
-        return notices
-
-    def _attended(self, requests: Sequence[NavigationRequest], now_ns: int) -> bool:
-        """Say whether a ground station is there, or need not be."""
-        for each in requests:
-            if isinstance(each, GroundStationPresence):
-                self._station_ns, self._watched_ns = each.stamp_ns, each.heard_ns
-        if not self._needs_station:
-            return True
-        heard_ns = self._station_ns
-        return heard_ns is not None and now_ns - heard_ns <= PRESENCE_MAX_AGE_NS
-
-    def _loses_station(self, now_ns: int) -> bool:
-        """Say whether a ground station that was there is lost now; once for each."""
-        silent_s = (now_ns - self._watched_ns) * 1e-9
-        if self._watched_ns in (0, self._lost_ns) or silent_s <= self._station_timeout_s:
-            return False
-        self._lost_ns = self._watched_ns
-        return True
+        own, self._notices = self._notices, []
+        others = (self._sightings, self.navigator, self.fence)
+        return own + [said for each in others for said in each.take_notices()]
 
     def _in_time(
         self, requests: Sequence[NavigationRequest], now_ns: int
@@ -395,74 +341,7 @@ class NavigationAdapter:
             )
         return taken
 
-    def _look(self, control: ControlState, views: Sequence[CameraView]) -> list[Point]:
-        """Return the points on the floor around, from all that the camera saw while armed.
-
-        It is kept over stops, because odometry continues, and an object that the robot has stopped
-        for is often below the picture.
-        """
-        odometry = control.T_odom_base
-        if control.odom_epoch_ns != self._odom_epoch_ns:
-            self._odom_epoch_ns = control.odom_epoch_ns
-            self._forget(control, odometry)
-        self._odometry.add(control.stamp_ns, odometry)
-        for view in views if control.state in POWERED else ():
-            seen_from = self._odometry.at(view.stamp_ns)
-            if seen_from is not None:
-                self._floor.see(seen_from, _floor_view(view))
-        return self._floor.around(odometry)
-
-    def _blind(self, now_ns: int) -> str:
-        """Return why the floor ahead is not seen now, empty if it is, or need not be."""
-        if not self._looks:
-            return ""
-        if self._view_ns is None:
-            return "the camera has given no picture yet"
-        age_ns = now_ns - self._view_ns
-        if age_ns <= self._view_life_ns:
-            return ""
-        return f"the camera has given no picture for {age_ns / 1e9:.1f} s"
-
-    def _placed(self, seen: Sequence[LidarScan | CameraView]) -> list[tuple[SE2, RangeScan]]:
-        """Return the scans of the lidar, each with `base` in `odom` at its time.
-
-        Those of a time before the odometry, and those that are none, are left out.
-        """
-        placed = []
-        for each in seen:
-            if not isinstance(each, LidarScan):
-                continue
-            then = self._odometry.at(each.stamp_ns)
-            with suppress(ValueError):
-                scan = lidar_scan(each)
-                placed += [] if then is None else [(then, scan)]
-        return placed
-
-    def _marked(self, seen: Sequence[LidarScan | CameraView]) -> list[tuple[int, SE2]]:
-        """Return the markers in the camera's views, each in `odom`."""
-        views = [each for each in seen if isinstance(each, CameraView)]
-        return [
-            (marker.number, then @ SE2(marker.x_m, marker.y_m, marker.theta_rad))
-            for view in views
-            if (then := self._odometry.at(view.stamp_ns)) is not None
-            for marker in view.markers
-        ]
-
-    def _forget(self, control: ControlState, odometry: SE2) -> None:
-        """Forget the floor; what lies below the picture of a moving robot is then unknown."""
-        self._odometry, self._floor = OdometryHistory(), FloorMemory()
-        if self._looks and control.armings:
-            self._floor.doubt(odometry, self._guard.nose_m, self._guard.half_width_m)
-            self._notices.append(_UNSEEN)
-
 
 def _drawn(zones: Sequence[Zone], origin: str) -> list[DrawnZone]:
     """Return zones of a file as a message."""
     return [DrawnZone(each.name, each.corners, each.speed_m_s, origin) for each in zones]
-
-
-def _floor_view(view: CameraView) -> FloorView:
-    """Return a view of the camera for the planning layer."""
-    beams = (view.angles_rad, view.ranges_m, view.sigmas_m, view.nearest_m)
-    angles, ranges, sigmas, nearest = (np.array(each, dtype=np.float64) for each in beams)
-    return FloorView(view.x_m, view.y_m, angles, ranges, sigmas, nearest, not view.trouble)

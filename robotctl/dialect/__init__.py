@@ -1,10 +1,6 @@
 """The MAVLink dialect that robotctl speaks: pymavlink's `common`, and what that lacks.
 
 Importing this package makes pymavlink's codec of MAVLink 2 know all of it, for the whole process.
-
-Public names:
-
-- `additions.MAVLink_command_cancel_message`, and so on: the messages that robotctl.xml adds
 """
 
 from __future__ import annotations

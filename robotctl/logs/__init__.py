@@ -1,8 +1,5 @@
-"""Readers and writers of recordings.
+"""Readers and writers of recordings."""
 
-Public names:
+from lazy_loader import attach_stub
 
-- `formats.recorded_log.read_recording`, `formats.recorded_log.read_reference`,
-  `formats.recorded_log.LOG_FORMATS`: any log, or its reference poses
-- `formats.tum.write_tum`, `mcap.log.McapLog`: writers
-"""
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

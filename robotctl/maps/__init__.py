@@ -1,8 +1,5 @@
-"""Files of maps, places and worlds.
+"""Files of maps, places and worlds."""
 
-Public names:
+from lazy_loader import attach_stub
 
-- `map_file.load_map`, `map_file.save_map`: ROS maps
-- `world.load_walls`, `localisation_map.load_localisation_map`, `place_file.load_book`: worlds,
-  either kind by its name, places
-"""
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

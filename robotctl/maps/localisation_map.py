@@ -123,8 +123,8 @@ def _check_cells(grid: GridMap, path: Path) -> None:
     raise ConfigError(f"{path}: {reason}")
 
 
-def walls_for_ekf(world_map: LocalisationMap, name: str) -> WallMap:
-    """Return the walls of the map called `name`.
+def walls_of(world_map: LocalisationMap, name: str, method: str) -> WallMap:
+    """Return the walls of the map called `name`, for a localiser that needs some.
 
     Raises
     ------
@@ -132,5 +132,5 @@ def walls_for_ekf(world_map: LocalisationMap, name: str) -> WallMap:
         If it has only cells.
     """
     if world_map.walls is None:
-        raise ConfigError(f"{name}: has cells; the EKF needs walls, a world (.toml)")
+        raise ConfigError(f"{name}: has cells; the {method.upper()} needs walls, a world (.toml)")
     return world_map.walls

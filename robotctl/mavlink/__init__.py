@@ -1,8 +1,5 @@
-"""The MAVLink vehicle: services between the robot and its ground stations.
+"""The MAVLink vehicle: services between the robot and its ground stations."""
 
-Public names:
+from lazy_loader import attach_stub
 
-- `telemetry.Telemetry`, `config.MavlinkConfig`, `context.TelemetryRobot`: the vehicle on some links
-- `services.registry.SERVICES`, `service.Microservice`, `catalogue.Stream`, `command.Command`: its
-  microservices, and what one is
-"""
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -109,3 +109,8 @@ Request: TypeAlias = (
     | AbortRequest
 )
 """Any of them; the application makes them from its messages."""
+
+
+def on_earth(x_m: float, y_m: float) -> bool:
+    """Say whether a point is finite and within 1000 km of the origin."""
+    return abs(x_m) < FARTHEST_M and abs(y_m) < FARTHEST_M

@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from robotctl.messages.mode import Mode
-from robotctl.messages.requests import FARTHEST_M, Request
+from robotctl.messages.control import NavigationState
+from robotctl.messages.requests import Request, on_earth
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
 from robotctl.model.sensors.range_scan import RangeScan
@@ -72,54 +72,12 @@ class NavigationInputs(NamedTuple):
 
 
 class NavigationOutputs(NamedTuple):
-    """Decisions of a step; `item` counts from 0 and equals `items` once all are done."""
+    """Decisions of a step."""
 
     v_m_s: float
     omega_rad_s: float
     vy_m_s: float
     expires_ns: int | None
     """When a velocity of sticks or a set-point is void [ns]; None: it is neither."""
-    mode: Mode
-    message: str
-    held: bool
-    """Whether `message` says why the robot itself went to HOLD."""
-    plans: int
-    """Paths taken in driving by plan, since the start."""
-    recoveries: int
-    """Tries to get on again."""
-    goals: int
-    """Positions and explorations taken in GUIDED."""
-    goal_reached: bool | None
-    """How the last of them ended; None: it is under way, or was given up for something else."""
-    goal: Point | None
-    """Place in `world` that the robot drives to now [m]; None: no known place."""
-    reverse: bool
-    """Whether it drives to places in reverse."""
-    home: tuple[float, float, float] | None
-    """Goal of RTL in `world` [m, m, rad]; None: it was not moved."""
-    mission_runs: int
-    """Number of times that a mission was loaded, restarted or aborted."""
-    mission_commands: int
-    """How often something that was asked of the mission was done."""
-    mission: str
-    """Name of the mission; empty: there is none."""
-    item: int
-    items: int
-    item_name: str
-    mission_completed: bool
-    mission_failed: bool
-    item_s_m: float
-    """Distance along an item that is a path or a wall [m]."""
-    loop_counts: tuple[int, ...]
-    """How often each repeat and jump of the mission was taken."""
-    loops: str
-    """The same for people."""
-    waits: bool
-    """The present item waits for an operator's go-ahead."""
-    trouble: str
-    """The last failure of an item in this run of the mission."""
-
-
-def on_earth(x_m: float, y_m: float) -> bool:
-    """Say whether a point is finite and within 1000 km of the origin."""
-    return abs(x_m) < FARTHEST_M and abs(y_m) < FARTHEST_M
+    state: NavigationState
+    """What is published; mission file, fence and rally points are left to the adapter."""

@@ -1,10 +1,5 @@
-"""How steps are run: clock, loop, sockets between processes, recorder, storage.
+"""How steps are run: clock, loop, sockets between processes, recorder, storage."""
 
-Public names:
+from lazy_loader import attach_stub
 
-- `clock.RealClock`, `clock.VirtualClock`, `loop.Loop`: clocks, and the loop with absolute deadlines
-- `ipc.topics.Endpoints`, `ipc.topics.Subscriber`, `ipc.topics.RequestSender`: listening to a robot
-  that runs, and asking it
-- `flight.recorder.read_record`, `flight.ring.FlightRing`: records of the control loop
-- `storage.state_file.StateFile`, `storage.log_folder.LogFolder`: files that survive a power cut
-"""
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

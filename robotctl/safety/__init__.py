@@ -1,10 +1,5 @@
-"""Reasons to stop: state machine, health, monitors and arming, pure.
+"""Reasons to stop: state machine, health, monitors and arming, pure."""
 
-Public names:
+from lazy_loader import attach_stub
 
-- `state_machine.SafetyMachine`, `state_machine.TRANSITIONS`, `state_machine.SafetyConfig`: states
-  and their transitions
-- `health.Health`, `supervision.Supervision`, `supervision.MONITORS`: ages of inputs, monitors, what
-  speaks against arming
-- `command_guard.guarded`: the last look at a command
-"""
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -2,32 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 from robotctl.messages.actuators import NEVER_NS, ActuatorFeedback
-from robotctl.messages.control import (
-    BatteryFeedback,
-    BusState,
-    BusStatus,
-    Feedback,
-    NodeStatus,
-    SonarFeedback,
-)
+from robotctl.messages.control import BatteryFeedback, BusState, BusStatus, Feedback
 from robotctl.messages.faults import Fault, FaultCode
 from robotctl.model.actuators import Actuator, Takes
-from robotctl.safety.ages import AgeLimit, are_fresh, is_fresh, span_ns
+from robotctl.safety.ages import AgeLimit, is_fresh
 from robotctl.safety.drive_health import ACTUATOR_AGES, DriveHealth
+from robotctl.safety.node_health import NodeHealth
+from robotctl.safety.sonar_health import SonarHealth
+from robotctl.safety.stall import StallWatch
 
 BUS_LOAD_MAX: Final = 0.8
 """Bus load above which the least urgent frames, the node services, are delayed without bound."""
-
-_SILENCE: Final = frozenset({FaultCode.NODE_SILENT, FaultCode.DRIVE_STOPPED})
-"""Faults that a stall of this process causes, besides those of age."""
-
-_PAUSE_NS: Final = 250_000_000
-"""Time after a stall during which it explains them: the motor controller reports one status
-later."""
 
 _KEPT: Final = frozenset({*ACTUATOR_AGES, "battery", "sonars"})
 """Inputs that `Health` judges by more than their age."""
@@ -53,8 +41,12 @@ class Health:
 
     Attributes
     ----------
-    drives
-        The motor drives.
+    drives, sonars, nodes, stalls
+        Judges of a part of the inputs each, and of this process.
+    reports
+        Newest of all actuators; empty before the first.
+    battery, bus
+        Newest of each.
     """
 
     def __init__(
@@ -66,31 +58,19 @@ class Health:
     ) -> None:
         self.drives = _drives(ages, actuators)
         self._ages = {age.field: age for age in ages if age.field not in ACTUATOR_AGES}
-        self._silence = _SILENCE | {age.code for age in ages}
-        """Faults that a pause of this process brings about."""
+        self.sonars = SonarHealth(sonars, self._ages["sonars"] if sonars else None)
+        self.nodes = NodeHealth(heartbeat_limit_ns)
+        stall_ns = min(age.limit_ns for age in ages if age.field == "motion")
+        self.stalls = StallWatch(stall_ns, (age.code for age in ages))
         self._others = [age for age in ages if age.field not in _KEPT]
         """Inputs judged by age alone,"""
         self._others_ns = dict.fromkeys((age.field for age in self._others), NEVER_NS)
         """and when the newest of each came [ns]."""
         self.reports: tuple[ActuatorFeedback, ...] = ()
-        """The newest of all actuators; empty before the first."""
         self.battery: BatteryFeedback | None = None
-        self._take_nodes(())
+        self._battery_limit_ns = self._ages["battery"].limit_ns
         self.bus = BusStatus()
         self._bus_fault: Fault | None = None
-        self.sonar_m = [math.nan] * len(sonars)
-        self.sonar_ns = [NEVER_NS] * len(sonars)
-        """Time of the last range that was one [ns]; a sonar's own fault does not count."""
-        self._sonar_names = sonars
-        self._sonars_ns = span_ns(self.sonar_ns)
-        self._stall_ns = min(age.limit_ns for age in ages if age.field == "motion")
-        """A step that comes later than this after the last was held up [ns]."""
-        self._battery_limit_ns = self._ages["battery"].limit_ns
-        self._sonar_limit_ns = self._ages["sonars"].limit_ns if sonars else 0
-        self._heartbeat_limit_ns = heartbeat_limit_ns
-        self._stepped_ns: int | None = None
-        self._paused_ns = 0
-        self._pause_over_ns = NEVER_NS
 
     def update(self, feedback: Feedback) -> None:
         """Take the inputs of one tick."""
@@ -101,21 +81,12 @@ class Health:
         if feedback.battery is not None:
             self.battery = feedback.battery
         if feedback.sonars:
-            self._take_sonars(feedback.sonars)
+            self.sonars.update(feedback.sonars)
         if self._others:
             self._take_others(feedback)
-        if feedback.nodes is not self.nodes:
-            self._take_nodes(feedback.nodes)
+        if feedback.nodes is not self.nodes.nodes:
+            self.nodes.update(feedback.nodes)
         self._take_bus(feedback.bus)
-
-    def step(self, now_ns: int) -> None:
-        """Note the time of this step, and whether this process was held up since the last one.
-
-        A stalled process sends neither commands nor SYNC, so it causes the missing inputs itself.
-        """
-        before_ns, self._stepped_ns = self._stepped_ns, now_ns
-        if before_ns is not None and now_ns - before_ns > self._stall_ns:
-            self._paused_ns, self._pause_over_ns = now_ns - before_ns, now_ns
 
     def _take_others(self, feedback: Feedback) -> None:
         """Note when the inputs judged by age alone last arrived."""
@@ -123,17 +94,6 @@ class Health:
             value = getattr(feedback, age.field)
             if value is not None:
                 self._others_ns[age.field] = value.stamp_ns
-
-    def _take_sonars(self, sonars: tuple[SonarFeedback, ...]) -> None:
-        """Keep the ranges of some groups."""
-        for sonar in sonars:
-            for index, range_m in enumerate(sonar.ranges_m, sonar.first):
-                if index < len(self.sonar_m):
-                    self.sonar_m[index] = range_m
-                    # A missing measurement does not renew the age of the last one.
-                    if not math.isnan(range_m):
-                        self.sonar_ns[index] = sonar.stamp_ns
-        self._sonars_ns = span_ns(self.sonar_ns)
 
     def _take_bus(self, bus: BusStatus) -> None:
         """Keep the state of the bus, and the fault that it is."""
@@ -144,13 +104,6 @@ class Health:
         self._bus_fault = None
         if code is not None:
             self._bus_fault = Fault(code, f"the CAN bus is {_words(bus.state)}")
-
-    def _take_nodes(self, nodes: tuple[NodeStatus, ...]) -> None:
-        """Store the nodes' state, which changes only with their heartbeats."""
-        self.nodes = nodes
-        self._heartbeats_ns = span_ns([node.heartbeat_ns for node in nodes])
-        # There are some, and none has a problem but perhaps its age.
-        self._in_service = bool(nodes) and not any(node.problem for node in nodes)
 
     def wheels_fresh(self, now_ns: int) -> bool:
         """Return whether the motion of all wheels is not too old."""
@@ -165,14 +118,6 @@ class Health:
         stamp_ns = self._others_ns.get(field)
         return stamp_ns is not None and is_fresh(stamp_ns, now_ns, self._ages[field].limit_ns)
 
-    def fresh_sonar_m(self, now_ns: int) -> tuple[float, ...]:
-        """Return the range of each sonar [m]; inf: no echo; nan: too old, or none at all."""
-        limit_ns = self._sonar_limit_ns
-        return tuple(
-            range_m if is_fresh(stamp_ns, now_ns, limit_ns) else math.nan
-            for range_m, stamp_ns in zip(self.sonar_m, self.sonar_ns, strict=True)
-        )
-
     def fresh_battery(self, now_ns: int) -> BatteryFeedback | None:
         """Return the battery's report if it is not too old."""
         battery = self.battery
@@ -186,25 +131,18 @@ class Health:
 
     def node_problem(self, now_ns: int) -> Fault | None:
         """Return the fault that keeps a node out of service, or None if all are in service."""
-        problems = self._node_problems(now_ns)
+        problems = self.nodes.faults(now_ns)
         return problems[0] if problems else None
 
     def fault(self, now_ns: int) -> Fault | None:
         """Return why a powered robot must stop now, or None."""
         faults = self._faults(now_ns)
         if faults:
-            return self._explained(faults[0], now_ns)
+            return self.stalls.explained(faults[0], now_ns)
         for drive in self.drives:
             if disobeys := drive.disobeys():
                 return self.command_loss(now_ns) or disobeys
         return None
-
-    def _explained(self, fault: Fault, now_ns: int) -> Fault:
-        """Return a fault, or that this process was held up where this explains it."""
-        if now_ns - self._pause_over_ns > _PAUSE_NS or fault.code not in self._silence:
-            return fault
-        text = f"control was held up for {self._paused_ns / 1e6:.0f} ms: {fault}"
-        return Fault(FaultCode.CONTROL_HELD_UP, text)
 
     def armed(self, now_ns: int) -> None:
         """Take note that the robot is armed: from now on the drives are to be enabled."""
@@ -235,11 +173,11 @@ class Health:
         for drive in self.drives:
             faults += drive.faults(now_ns)
         faults += self._battery_faults(now_ns)
-        faults += self._sonar_faults(now_ns)
+        faults += self.sonars.faults(now_ns)
         for age in self._others:
             if not is_fresh(self._others_ns[age.field], now_ns, age.limit_ns):
                 faults.append(age.fault())
-        faults += self._node_problems(now_ns)
+        faults += self.nodes.faults(now_ns)
         return faults
 
     def _battery_faults(self, now_ns: int) -> list[Fault]:
@@ -253,37 +191,6 @@ class Health:
             text = f"the battery is critical ({battery.voltage_v:.1f} V)"
             return [Fault(FaultCode.BATTERY_CRITICAL, text)]
         return []
-
-    def _sonar_faults(self, now_ns: int) -> list[Fault]:
-        """Return which sonars have been silent for too long."""
-        limit_ns = self._sonar_limit_ns
-        if are_fresh(self._sonars_ns, now_ns, limit_ns):
-            return []
-        age = self._ages["sonars"]
-        silence = f"{age.words} {limit_ns / 1e6:g} ms"
-        return [
-            Fault(age.code, f"sonar {name} {silence}", name)
-            for name, stamp_ns in zip(self._sonar_names, self.sonar_ns, strict=True)
-            if not is_fresh(stamp_ns, now_ns, limit_ns)
-        ]
-
-    def _node_problems(self, now_ns: int) -> list[Fault]:
-        """Return the faults that keep nodes out of service."""
-        limit_ns = self._heartbeat_limit_ns
-        if self._in_service and are_fresh(self._heartbeats_ns, now_ns, limit_ns):
-            return []
-        problems = []
-        if not self.nodes:
-            text = "no heartbeat from any node on the bus"
-            problems.append(Fault(FaultCode.NODE_NOT_HEARD, text))
-        for node in self.nodes:
-            if node.problem:
-                problems.append(Fault(node.fault, node.problem, node.name))
-            elif not is_fresh(node.heartbeat_ns, now_ns, limit_ns):
-                silence = f"no heartbeat for {limit_ns / 1e6:g} ms"
-                text = f"{node.name} (node {node.node_id}): {silence}"
-                problems.append(Fault(FaultCode.NODE_SILENT, text, node.name))
-        return problems
 
     @property
     def drive_latched(self) -> bool:

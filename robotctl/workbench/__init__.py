@@ -1,9 +1,5 @@
-"""Offline work behind the commands: each takes its options and returns a result.
+"""Offline work behind the commands: each takes its options and returns a result."""
 
-Public names:
+from lazy_loader import attach_stub
 
-- `tuning.tune.tune`, `odometry.calibrate_odometry.calibrate_odometry`,
-  `sensors.characterise.characterise`: tuning and calibration
-- `localize.localize.localize`, `localize.mapping.make_map`, `logs.export.export_csv`: recorded logs
-- `planning.plan.make_plan`: paths
-"""
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

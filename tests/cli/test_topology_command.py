@@ -6,6 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from robotctl.cli.commands import app
+from robotctl.config.robot_file import find_file
 from robotctl.errors import ConfigError
 from robotctl.maps.topology_file import load_places, load_topology, save_topology
 from robotctl.workbench.topology.topology import build_topology
@@ -130,11 +131,11 @@ def test_bad_input_is_said(flat, tmp_path):
 
 def test_marks_that_are_missing_are_told_before_the_map_is_read(tmp_path):
     with pytest.raises(ConfigError, match=r"MISSING.*allowed: .*office"):
-        build_topology("no such map", "diff_drive", (), "MISSING")
+        build_topology("no such map", find_file("diff_drive"), (), "MISSING")
     marks = tmp_path / "broken.toml"
     marks.write_text("[[mark]]\nnam = 3\n", encoding="utf-8")
     with pytest.raises(ConfigError, match=r"broken\.toml"):
-        build_topology("no such map", "diff_drive", (), str(marks))
+        build_topology("no such map", find_file("diff_drive"), (), str(marks))
 
 
 def test_marks_that_come_along_are_found_by_name(tmp_path):

@@ -10,7 +10,8 @@ import cantools.database
 import pydantic
 import pytest
 
-from robotctl.app.simulation.sim_options import SimOptions, SimulatorError, simulated_robot
+from robotctl.app.simulation.sim_options import SimOptions
+from robotctl.app.simulation.simulator_files import SimulatorError, simulated_robot
 from robotctl.app.supervision.silence import STATE_PERIOD_NS
 from robotctl.config.robot_file import (
     MAX_SUPPLY_V,

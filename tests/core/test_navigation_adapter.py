@@ -10,7 +10,8 @@ from robotctl.app.processes.navigator import make_navigation
 from robotctl.app.processes.robot import make_core
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig, find_file, load_robot
-from robotctl.core.navigation_adapter import PRESENCE_MAX_AGE_NS, STATE_MAX_AGE_NS
+from robotctl.core.navigation_adapter import STATE_MAX_AGE_NS
+from robotctl.core.station_watch import PRESENCE_MAX_AGE_NS
 from robotctl.messages.control import (
     GroundStationPresence,
     LoopStatistics,

@@ -29,7 +29,7 @@ def begun(make_run, robot, length_m):
 
 def test_each_robot_backs_up_by_the_distance(make_run, robot):
     run = begun(make_run, robot, 0.8)
-    run.until(lambda out: out.mission_completed, 30.0)
+    run.until(lambda out: out.state.mission_completed, 30.0)
     assert run.world.pose.x_m == pytest.approx(1.2, abs=0.1)
     assert run.world.pose.y_m == pytest.approx(1.0, abs=0.05)
 
@@ -39,7 +39,7 @@ def test_an_interruption_keeps_where_it_began(make_run, robot):
     run.until(lambda _: run.world.pose.x_m < 1.6, 30.0)
     run.step(ModeRequest(Mode.HOLD))
     run.step(ModeRequest(Mode.AUTO))
-    run.until(lambda out: out.mission_completed, 30.0)
+    run.until(lambda out: out.state.mission_completed, 30.0)
     assert run.world.pose.x_m == pytest.approx(1.2, abs=0.1)
 
 

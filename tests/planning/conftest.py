@@ -219,8 +219,8 @@ class Run:
             markers=self.markers,
         )
         out = self.navigator.step(inputs, self.now_ns)
-        if not self.messages or self.messages[-1] != out.message:
-            self.messages.append(out.message)
+        if not self.messages or self.messages[-1] != out.state.message:
+            self.messages.append(out.state.message)
         for _ in range(5):
             self.world.drive(out.v_m_s, out.omega_rad_s, 0.01)
         self.world.check_contact()

@@ -54,7 +54,7 @@ def home_distance(run):
 def test_it_begins_in_hold_and_stands(robot, make_run):
     run = make_run(robot)
     out = run.step(VelocityRequest(LATER, 0.5, 0.0), StickRequest(LATER, 1.0, 0.0))
-    assert out.mode is Mode.HOLD
+    assert out.state.mode is Mode.HOLD
     assert (out.v_m_s, out.omega_rad_s) == (0.0, 0.0)
 
 
@@ -106,7 +106,7 @@ def test_a_guided_velocity_towards_a_wall_stops_ahead_of_it(robot, make_run):
         assert abs(run.world.twist.v_m_s) < 0.05
         assert run.world.touched == 0
         assert out.v_m_s == 0.0
-        assert "waiting" in out.message
+        assert "waiting" in out.state.message
 
 
 @pytest.mark.parametrize(
@@ -138,7 +138,7 @@ def test_a_new_position_replaces_the_old_and_a_velocity_ends_it(differential, ma
 def test_before_a_wall_a_robot_that_turns_on_the_spot_turns_away(differential, make_run):
     run = make_run(differential, start=SE2(4.0, 1.0, 0.0))
     run.step(GUIDED, VelocityRequest(LATER, 0.4, 0.0))
-    run.until(lambda out: "waiting" in out.message, 20.0)
+    run.until(lambda out: "waiting" in out.state.message, 20.0)
     before = run.world.pose
     out = run.step(VelocityRequest(LATER, 0.4, 0.5))
     assert (out.v_m_s, out.omega_rad_s) == (0.0, 0.5)
@@ -150,14 +150,14 @@ def test_before_a_wall_a_robot_that_turns_on_the_spot_turns_away(differential, m
 def test_a_drive_and_steer_robot_before_a_wall_stands(steered, make_run):
     run = make_run(steered, start=SE2(4.0, 1.0, 0.0))
     run.step(GUIDED, VelocityRequest(LATER, 0.4, 0.5))
-    out = run.until(lambda out: "waiting" in out.message, 20.0)
+    out = run.until(lambda out: "waiting" in out.state.message, 20.0)
     assert (out.v_m_s, out.omega_rad_s) == (0.0, 0.0)
 
 
 def test_a_robot_that_cannot_turn_on_the_spot_says_so(steered, make_run):
     out = make_run(steered).step(GUIDED, VelocityRequest(LATER, 0.0, 0.5))
     assert (out.v_m_s, out.omega_rad_s) == (0.0, 0.0)
-    assert out.message == "this robot cannot turn on the spot"
+    assert out.state.message == "this robot cannot turn on the spot"
 
 
 @pytest.mark.parametrize("direction_deg", [0.0, 45.0, 90.0, -135.0, 179.0])
@@ -210,8 +210,8 @@ def test_a_direction_means_nothing_once_the_place_is_lost(differential, make_run
 def test_auto_without_a_mission_is_refused_with_the_reason(robot, make_run):
     run = make_run(robot)
     out = run.step(AUTO)
-    assert out.mode is Mode.HOLD
-    assert "no mission is loaded" in out.message
+    assert out.state.mode is Mode.HOLD
+    assert "no mission is loaded" in out.state.message
     assert run.navigator.refusal(Mode.AUTO)
     assert not run.navigator.refusal(Mode.RTL)
 
@@ -225,12 +225,12 @@ def test_items_run_in_their_order(differential, make_run):
     plan = mission(WaitItem("wait", 1.0), TurnToItem("turn_to", 90.0), ahead(2.0))
     run = make_run(differential, mission=plan)
     run.step(AUTO)
-    run.until(lambda out: out.item == 1, 1.2)
-    out = run.until(lambda out: out.item == 2, 5.0)
+    run.until(lambda out: out.state.item == 1, 1.2)
+    out = run.until(lambda out: out.state.item == 2, 5.0)
     assert run.world.pose.theta_rad == pytest.approx(math.pi / 2, abs=0.06)
-    assert out.item_name == "ahead"
-    out = run.until(lambda out: out.mission_completed, 20.0)
-    assert (out.item, out.items, out.item_name) == (3, 3, "")
+    assert out.state.item_name == "ahead"
+    out = run.until(lambda out: out.state.mission_completed, 20.0)
+    assert (out.state.item, out.state.items, out.state.item_name) == (3, 3, "")
     assert run.world.pose.x_m == pytest.approx(2.0, abs=0.07)
 
 
@@ -240,9 +240,9 @@ def test_while_not_armed_nothing_moves_and_no_time_passes(robot, make_run):
     run.step(AUTO)
     for _ in range(100):
         out = run.step()
-        assert (out.v_m_s, out.item) == (0.0, 0)
+        assert (out.v_m_s, out.state.item) == (0.0, 0)
     run.enabled = True
-    run.until(lambda out: out.item == 1, 1.2)
+    run.until(lambda out: out.state.item == 1, 1.2)
 
 
 def test_an_interrupted_mission_goes_on_where_it_was_left(robot, make_run):
@@ -250,13 +250,13 @@ def test_an_interrupted_mission_goes_on_where_it_was_left(robot, make_run):
     run.step(AUTO)
     run.until(lambda out: run.world.pose.x_m > 2.0, 10.0)
     out = run.step(HOLD)
-    assert (out.v_m_s, out.item) == (0.0, 1)
+    assert (out.v_m_s, out.state.item) == (0.0, 1)
     run.step(MANUAL, StickRequest(LATER, 0.3, 0.0))
     for _ in range(20):
         run.step()
     before = run.now_ns
     run.step(AUTO)
-    run.until(lambda out: out.mission_completed, 10.0)
+    run.until(lambda out: out.state.mission_completed, 10.0)
     assert (run.now_ns - before) / 1e9 < 6.0
     assert min(pose.x_m for pose in run.trace[-40:]) > 2.0
 
@@ -277,11 +277,11 @@ def test_time_in_another_mode_is_no_time_of_the_item(robot, make_run, other):
     run.step(AUTO)
     drive_a_second_and_pause_for_40()
     began_ns = run.now_ns
-    run.until(lambda out: out.item == 1, 25.0)
+    run.until(lambda out: out.state.item == 1, 25.0)
     assert run.now_ns - began_ns == pytest.approx(19e9, abs=0.2e9)
     drive_a_second_and_pause_for_40()
-    out = run.until(lambda out: out.mission_completed or out.mission_failed, 29.0)
-    assert out.mission_completed, out.message
+    out = run.until(lambda out: out.state.mission_completed or out.state.mission_failed, 29.0)
+    assert out.state.mission_completed, out.state.message
 
 
 @pytest.mark.parametrize("mode", [AUTO, RTL])
@@ -295,11 +295,11 @@ def test_armed_again_after_a_stop_the_robot_does_not_drive_on_by_itself(robot, m
     run.enabled = True
     for _ in range(40):
         out = run.step()
-        assert (out.v_m_s, out.omega_rad_s, out.mode) == (0.0, 0.0, Mode.HOLD)
-    assert out.message == "hold: the robot was stopped"
-    assert out.held
-    assert not run.step(AUTO).held
-    run.until(lambda out: out.mission_completed, 10.0)
+        assert (out.v_m_s, out.omega_rad_s, out.state.mode) == (0.0, 0.0, Mode.HOLD)
+    assert out.state.message == "hold: the robot was stopped"
+    assert out.state.held
+    assert not run.step(AUTO).state.held
+    run.until(lambda out: out.state.mission_completed, 10.0)
 
 
 def test_without_a_known_way_home_rtl_is_refused_with_the_reason(robot, make_run):
@@ -309,8 +309,8 @@ def test_without_a_known_way_home_rtl_is_refused_with_the_reason(robot, make_run
     run.world.odometry = SE2(there.x_m + 1.5, there.y_m, there.theta_rad)  # found elsewhere
     run.step()
     out = run.step(RTL)
-    assert (out.mode, out.v_m_s) == (Mode.HOLD, 0.0)
-    assert "the path home is not known" in out.message
+    assert (out.state.mode, out.v_m_s) == (Mode.HOLD, 0.0)
+    assert "the path home is not known" in out.state.message
 
 
 def test_a_target_of_before_the_stop_is_forgotten(robot, make_run):
@@ -328,8 +328,10 @@ def test_a_target_of_before_the_stop_is_forgotten(robot, make_run):
 def test_a_place_is_refused_by_a_robot_that_knows_none(differential, make_run):
     run = make_run(differential, flat=False)
     out = run.step(GUIDED, PlaceRequest("kitchen"))
-    assert out.message.startswith("refused: this robot knows no places: navigation.pilot.topology")
-    assert out.goals == 0
+    assert out.state.message.startswith(
+        "refused: this robot knows no places: navigation.pilot.topology"
+    )
+    assert out.state.goals == 0
     assert run.step(PositionRequest(3.0, 0.0)).v_m_s > 0.0
 
 
@@ -341,7 +343,7 @@ def test_a_position_sent_while_not_armed_is_not_driven_to_when_armed(robot, make
     run.enabled = True
     for _ in range(40):
         out = run.step()
-        assert (out.v_m_s, out.omega_rad_s, out.mode) == (0.0, 0.0, Mode.GUIDED)
+        assert (out.v_m_s, out.omega_rad_s, out.state.mode) == (0.0, 0.0, Mode.GUIDED)
     assert run.step(PositionRequest(3.0, 0.0)).v_m_s > 0.0
 
 
@@ -361,7 +363,7 @@ def test_a_navigator_held_up_for_seconds_stands_and_goes_on(robot, make_run, gap
     run.until(lambda out: run.world.pose.x_m > 2.0, 10.0)
     run.now_ns += round(gap_s * 1e9)
     steps = [run.step() for _ in range(40)]
-    assert {each.mode for each in steps} == {Mode.AUTO}
+    assert {each.state.mode for each in steps} == {Mode.AUTO}
     stands = [each.v_m_s == 0.0 for each in steps]
     if gap_s < 0.5:
         assert not any(stands)
@@ -369,7 +371,7 @@ def test_a_navigator_held_up_for_seconds_stands_and_goes_on(robot, make_run, gap
         waited = sum(stands)
         assert 15 <= waited <= 22  # a second of steps in time
         assert all(stands[:waited])
-        assert f"held up (a step took that long) for {gap_s + 0.05:.1f}" in steps[0].message
+        assert f"held up (a step took that long) for {gap_s + 0.05:.1f}" in steps[0].state.message
 
 
 def test_a_navigator_held_up_for_longer_holds(robot, make_run):
@@ -379,31 +381,31 @@ def test_a_navigator_held_up_for_longer_holds(robot, make_run):
     run.now_ns += 5_100_000_000
     for _ in range(60):
         out = run.step()
-        assert (out.v_m_s, out.mode) == (0.0, Mode.HOLD)
-    assert out.message.startswith("hold: navigation was held up")
+        assert (out.v_m_s, out.state.mode) == (0.0, Mode.HOLD)
+    assert out.state.message.startswith("hold: navigation was held up")
     assert run.step(AUTO).v_m_s > 0.0
 
 
 def test_asking_for_auto_again_repeats_a_completed_mission(differential, make_run):
     run = make_run(differential, mission=mission(WaitItem("wait", 0.2)))
     run.step(AUTO)
-    run.until(lambda out: out.mission_completed, 1.0)
-    assert run.step().mission_completed
-    assert not run.step(AUTO).mission_completed
-    run.until(lambda out: out.mission_completed, 1.0)
+    run.until(lambda out: out.state.mission_completed, 1.0)
+    assert run.step().state.mission_completed
+    assert not run.step(AUTO).state.mission_completed
+    run.until(lambda out: out.state.mission_completed, 1.0)
 
 
 def test_the_robot_waits_for_an_obstacle_and_goes_on_when_it_is_gone(robot, make_run):
     run = make_run(robot, mission=mission(ahead(3.5)))
     run.world.obstacle = box(2.8, 0.8, 3.0, 1.2)
     run.step(AUTO)
-    out = run.until(lambda out: "waiting" in out.message, 15.0)
-    assert "front measures" in out.message
+    out = run.until(lambda out: "waiting" in out.state.message, 15.0)
+    assert "front measures" in out.state.message
     for _ in range(60):
         out = run.step()
     assert run.world.twist.v_m_s == 0.0
     run.world.obstacle = None
-    run.until(lambda out: out.mission_completed, 15.0)
+    run.until(lambda out: out.state.mission_completed, 15.0)
     assert run.world.touched == 0
 
 
@@ -411,15 +413,15 @@ def test_a_robot_blocked_for_too_long_gives_up_with_the_reason_and_can_go_on_lat
     run = make_run(robot, mission=mission(ahead(3.5)))
     run.world.obstacle = box(2.8, 0.8, 3.0, 1.2)
     run.step(AUTO)
-    out = run.until(lambda out: out.mission_failed, 30.0)
-    assert 'item 1 "ahead" (drive): blocked for 10 s: front measures' in out.message
-    assert not out.mission_completed
+    out = run.until(lambda out: out.state.mission_failed, 30.0)
+    assert 'item 1 "ahead" (drive): blocked for 10 s: front measures' in out.state.message
+    assert not out.state.mission_completed
     assert run.step().v_m_s == 0.0
     run.world.obstacle = None
     run.step(HOLD)
-    assert not run.step(AUTO).mission_failed
-    out = run.until(lambda out: out.mission_completed or out.mission_failed, 30.0)
-    assert out.mission_completed, out.message
+    assert not run.step(AUTO).state.mission_failed
+    out = run.until(lambda out: out.state.mission_completed or out.state.mission_failed, 30.0)
+    assert out.state.mission_completed, out.state.message
 
 
 def test_each_time_the_way_is_blocked_the_patience_begins_anew(robot, make_run):
@@ -427,40 +429,40 @@ def test_each_time_the_way_is_blocked_the_patience_begins_anew(robot, make_run):
     for x in (2.2, 3.2):
         run.world.obstacle = box(x, 0.8, x + 0.2, 1.2)
         out = run.step(AUTO) if x < 3.0 else run.step()
-        run.until(lambda out: "waiting" in out.message, 15.0)
+        run.until(lambda out: "waiting" in out.state.message, 15.0)
         for _ in range(140):  # 7 of 10 seconds
             out = run.step()
-        assert not out.mission_failed
+        assert not out.state.mission_failed
         run.world.obstacle = None
-    run.until(lambda out: out.mission_completed, 15.0)
+    run.until(lambda out: out.state.mission_completed, 15.0)
 
 
 def test_an_item_over_its_time_fails_with_the_reason(robot, make_run):
     item = DriveItem("drive", ((1.0, 1.0), (4.0, 1.0)), time_out_s=2.0)
     run = make_run(robot, mission=mission(item))
     run.step(AUTO)
-    out = run.until(lambda out: out.mission_failed, 3.0)
-    assert "not done after 2 s" in out.message
+    out = run.until(lambda out: out.state.mission_failed, 3.0)
+    assert "not done after 2 s" in out.state.message
 
 
 def test_a_robot_far_from_its_path_gives_up(robot, make_run):
     run = make_run(robot, mission=mission(ahead(3.5)), start=SE2(1.0, 2.0, 0.0))
     out = run.step(AUTO)
-    assert out.mission_failed
-    assert "1.00 m off the path" in out.message
+    assert out.state.mission_failed
+    assert "1.00 m off the path" in out.state.message
     assert out.v_m_s == 0.0
 
 
 def test_home_moves_to_where_the_robot_is_and_rtl_leads_there(robot, make_run):
     run = make_run(robot, mission=mission(ahead(1.5), ahead(3.5)))
-    assert run.step(AUTO).home is None
-    run.until(lambda out: out.item == 1, 20.0)
+    assert run.step(AUTO).state.home is None
+    run.until(lambda out: out.state.item == 1, 20.0)
     there = run.world.pose
     out = run.step(HomeRequest(there.x_m, there.y_m, there.theta_rad))
-    assert out.home == (there.x_m, there.y_m, there.theta_rad)
-    run.until(lambda out: out.mission_completed, 20.0)
+    assert out.state.home == (there.x_m, there.y_m, there.theta_rad)
+    run.until(lambda out: out.state.mission_completed, 20.0)
     run.step(RTL)
-    run.until(lambda out: out.message == "home", 60.0)
+    run.until(lambda out: out.state.message == "home", 60.0)
     run.step(HomeRequest(0.0, 0.0, 0.0))
     assert "not moved while the robot drives there" in run.messages[-1]
     here = run.world.pose
@@ -471,9 +473,9 @@ def test_home_elsewhere_leaves_the_way_there_unknown_until_the_robot_is_there(ro
     run = make_run(robot)
     run.step(HomeRequest(5.0, 1.0, 0.0))
     out = run.step(RTL)
-    assert out.mode is Mode.HOLD
-    assert "the path home is not known" in out.message
-    assert run.step(HomeRequest(math.nan, 1.0, 0.0)).home == (5.0, 1.0, 0.0)
+    assert out.state.mode is Mode.HOLD
+    assert "the path home is not known" in out.state.message
+    assert run.step(HomeRequest(math.nan, 1.0, 0.0)).state.home == (5.0, 1.0, 0.0)
 
 
 def test_the_way_home_leads_back_through_the_door(robot, make_run):
@@ -482,9 +484,9 @@ def test_the_way_home_leads_back_through_the_door(robot, make_run):
     )
     run = make_run(robot, mission=mission(way), drift=0.003, range_noise_m=0.01)
     run.step(AUTO)
-    run.until(lambda out: out.mission_completed, 60.0)
+    run.until(lambda out: out.state.mission_completed, 60.0)
     run.step(RTL)
-    out = run.until(lambda out: out.message == "home", 90.0)
+    out = run.until(lambda out: out.state.message == "home", 90.0)
     assert out.v_m_s == 0.0
     assert run.world.touched == 0
     assert home_distance(run) < 0.25  # breadcrumbs 0.1 m apart, and the odometry's drift
@@ -493,10 +495,10 @@ def test_the_way_home_leads_back_through_the_door(robot, make_run):
 def test_drive_and_steer_robots_return_in_reverse_gear_and_others_forwards(robot, make_run):
     run = make_run(robot, mission=mission(ahead(3.0)))
     run.step(AUTO)
-    run.until(lambda out: out.mission_completed, 20.0)
+    run.until(lambda out: out.state.mission_completed, 20.0)
     run.step(RTL)
     speeds = []
-    while (out := run.step()).message != "home":
+    while (out := run.step()).state.message != "home":
         speeds.append(out.v_m_s)
         assert len(speeds) < 1000
     assert min(speeds) < 0 if robot.drive.steered else min(speeds) >= 0.0
@@ -507,7 +509,7 @@ def test_drive_and_steer_robots_return_in_reverse_gear_and_others_forwards(robot
 def test_an_interrupted_way_home_goes_on(robot, make_run):
     run = make_run(robot, mission=mission(ahead(3.5)))
     run.step(AUTO)
-    run.until(lambda out: out.mission_completed, 20.0)
+    run.until(lambda out: out.state.mission_completed, 20.0)
     run.step(RTL)
     run.until(lambda out: run.world.pose.x_m < 2.5, 20.0)
     run.step(HOLD)
@@ -515,7 +517,7 @@ def test_an_interrupted_way_home_goes_on(robot, make_run):
         run.step()
     run.step(RTL)
     before = run.world.distance_m
-    run.until(lambda out: out.message == "home", 20.0)
+    run.until(lambda out: out.state.message == "home", 20.0)
     assert home_distance(run) < 0.15
     assert run.world.distance_m - before < 1.8
 
@@ -528,7 +530,7 @@ def test_ways_with_changes_of_gear_are_driven_back(steered, make_run):
             run.step()
     assert home_distance(run) > 1.0
     run.step(RTL)
-    run.until(lambda out: out.message == "home", 60.0)
+    run.until(lambda out: out.state.message == "home", 60.0)
     assert home_distance(run) < 0.15
 
 
@@ -546,8 +548,8 @@ def test_an_invalid_pose_or_velocity_stops_the_robot(robot, make_run, bad):
             NavigationInputs(pose, twist, ranges, (run.now_ns,) * 8, True), run.now_ns
         )
         assert (out.v_m_s, out.omega_rad_s) == (0.0, 0.0)
-        assert "no valid pose" in out.message
-    run.until(lambda out: out.mission_completed, 20.0)
+        assert "no valid pose" in out.state.message
+    run.until(lambda out: out.state.mission_completed, 20.0)
 
 
 @pytest.mark.parametrize("ranges", [(), (1.0,), (math.nan,) * 8])
@@ -556,7 +558,7 @@ def test_without_readings_of_its_sonars_the_robot_stands(robot, make_run, ranges
     inputs = NavigationInputs(run.world.pose, Twist(0.0, 0.0), ranges, (0,) * 8, True, (AUTO,))
     out = run.navigator.step(inputs, 0)
     assert out.v_m_s == 0.0
-    assert "gives no reading" in out.message
+    assert "gives no reading" in out.state.message
 
 
 def test_recorded_inputs_give_the_same_outputs_bit_for_bit(robot, make_run):
@@ -570,9 +572,9 @@ def test_recorded_inputs_give_the_same_outputs_bit_for_bit(robot, make_run):
 
     run.navigator.step = recording
     run.step(AUTO)
-    run.until(lambda out: out.mission_completed, 20.0)
+    run.until(lambda out: out.state.mission_completed, 20.0)
     run.step(RTL)
-    run.until(lambda out: out.message == "home", 30.0)
+    run.until(lambda out: out.state.message == "home", 30.0)
     replayed = make_run(robot, mission=plan).navigator
     assert len(recorded) > 100
     assert all(replayed.step(inputs, now) == out for inputs, now, out in recorded)
@@ -583,11 +585,11 @@ def test_before_the_first_pose_no_breadcrumb_is_dropped(robot, make_run):
     unknown = NavigationInputs(
         SE2(math.nan, math.nan, math.nan), Twist(0.0, 0.0), (), (), False, (AUTO,)
     )
-    assert "no valid pose" in run.navigator.step(unknown, 0).message
-    run.until(lambda out: out.mission_completed, 20.0)
+    assert "no valid pose" in run.navigator.step(unknown, 0).state.message
+    run.until(lambda out: out.state.mission_completed, 20.0)
     before = run.world.distance_m
     run.step(RTL)
-    run.until(lambda out: out.message == "home", 20.0)
+    run.until(lambda out: out.state.message == "home", 20.0)
     assert run.world.distance_m - before == pytest.approx(1.4, abs=0.25)
 
 
@@ -598,7 +600,7 @@ def test_a_point_beside_is_given_up_where_no_sonar_looks_back(steered, make_run)
     for _ in range(40):
         out = run.step(PositionRequest(0.1, 0.25)) if run.now_ns < 1e8 else run.step()
         assert out.v_m_s == 0.0
-    assert out.message == "0.3 m to go, too close beside: backing up needs a rear sonar"
+    assert out.state.message == "0.3 m to go, too close beside: backing up needs a rear sonar"
 
 
 def test_a_point_beside_is_reached_by_backing_up_where_a_sonar_looks_back(steered, make_run):
@@ -606,5 +608,5 @@ def test_a_point_beside_is_reached_by_backing_up_where_a_sonar_looks_back(steere
     run.step(GUIDED)
     out = run.step(PositionRequest(0.1, 0.25))
     assert out.v_m_s < 0.0
-    assert "backing up" in out.message
-    run.until(lambda out: out.message == "arrived", 30.0)
+    assert "backing up" in out.state.message
+    run.until(lambda out: out.state.message == "arrived", 30.0)

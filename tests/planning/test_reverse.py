@@ -38,8 +38,8 @@ def test_a_place_is_driven_to_backwards_whatever_way_the_robot_looks(
 ):
     run = make_run(differential, start=SE2(1.5, 2.5, heading_rad))
     out = run.step(GUIDED, REVERSE, PositionRequest(4.0, 2.5))
-    assert out.reverse
-    run.until(lambda out: out.goal_reached is not None, 40.0)
+    assert out.state.reverse
+    run.until(lambda out: out.state.goal_reached is not None, 40.0)
     ahead, back = ways(run)
     assert away(run, 4.0, 2.5) < 0.06
     assert ahead < 0.02
@@ -51,7 +51,7 @@ def test_a_place_is_driven_to_backwards_whatever_way_the_robot_looks(
 def test_any_robot_that_looks_back_drives_to_what_lies_behind_it_backwards(robot, make_run):
     run = make_run(robot, start=SE2(4.0, 2.5, 0.0))
     run.step(GUIDED, REVERSE, PositionRequest(1.5, 2.7))
-    run.until(lambda out: out.goal_reached is not None, 40.0)
+    run.until(lambda out: out.state.goal_reached is not None, 40.0)
     assert away(run, 1.5, 2.7) < 0.06
     ahead, back = ways(run)
     assert ahead < 0.02
@@ -65,12 +65,12 @@ def test_a_mission_goes_backwards_along_its_path_and_ahead_again_when_it_is_aske
     last = StraightToItem("straight_to", 2.0, 3.4)
     run = make_run(differential, mission=Mission("t", "flat", StartPose(1.0, 1.0), (path, last)))
     run.step(AUTO, REVERSE)
-    run.until(lambda out: out.item == 1, 60.0)
+    run.until(lambda out: out.state.item == 1, 60.0)
     ahead, back = ways(run)
     assert ahead < 0.02
     assert back == pytest.approx(5.2, abs=0.2)
     run.step(AHEAD)
-    run.until(lambda out: out.mission_completed, 40.0)
+    run.until(lambda out: out.state.mission_completed, 40.0)
     assert away(run, 2.0, 3.4) < 0.06
     assert ways(run)[1] == pytest.approx(back, abs=0.1)
     assert run.world.touched == 0
@@ -79,7 +79,7 @@ def test_a_mission_goes_backwards_along_its_path_and_ahead_again_when_it_is_aske
 def test_what_stands_behind_stops_it(differential, make_run):
     run = make_run(differential, start=SE2(4.0, 2.5, 0.0))
     run.step(GUIDED, REVERSE, PositionRequest(0.2, 1.0))  # beyond what the walls leave
-    run.until(lambda out: "waiting" in out.message, 40.0)
+    run.until(lambda out: "waiting" in out.state.message, 40.0)
     for _ in range(100):
         run.step()
     assert run.world.touched == 0
@@ -87,21 +87,21 @@ def test_what_stands_behind_stops_it(differential, make_run):
 
 def test_another_mode_or_the_same_anew_drives_ahead(differential, make_run):
     run = make_run(differential)
-    assert run.step(GUIDED, REVERSE).reverse
-    assert not run.step(GUIDED).reverse
-    assert run.step(REVERSE).reverse
-    assert not run.step(HOLD).reverse
+    assert run.step(GUIDED, REVERSE).state.reverse
+    assert not run.step(GUIDED).state.reverse
+    assert run.step(REVERSE).state.reverse
+    assert not run.step(HOLD).state.reverse
     out = run.step(REVERSE)
-    assert not out.reverse
-    assert "AUTO and GUIDED" in out.message
+    assert not out.state.reverse
+    assert "AUTO and GUIDED" in out.state.message
 
 
 def test_a_robot_that_sees_nothing_behind_it_refuses(differential, make_run):
     mounts = tuple(mount for mount in differential.mounts if abs(mount.heading_deg) < 130.0)
     run = make_run(replace(differential, mounts=mounts))
     out = run.step(GUIDED, REVERSE)
-    assert not out.reverse
-    assert "no sonar looks back" in out.message
+    assert not out.state.reverse
+    assert "no sonar looks back" in out.state.message
 
 
 @pytest.mark.parametrize("with_map", [True, False])

@@ -54,7 +54,7 @@ class Streamed:
             goal = goal_at(time_s)
             out = self.step(*([PositionRequest(*goal)] if k % every == 0 else ()))
             gears += [math.copysign(1.0, out.v_m_s)] if abs(out.v_m_s) > 0.01 else []
-            if there_s is None and out.goal_reached:
+            if there_s is None and out.state.goal_reached:
                 there_s = (self.bench.now_ns - begin_ns) * 1e-9
         self.reversals = int(np.count_nonzero(np.diff(gears)))
         return there_s
@@ -106,7 +106,7 @@ def test_a_position_that_moves_on_is_followed():
 def test_a_place_that_cannot_be_reached_is_planned_to_twice_a_second_at_most():
     run = Streamed()
     run.drive(lambda t: (5.98, 2.0 + 0.02 * math.sin(31.0 * t)), 1, seconds=5.0)
-    assert run.out.goal_reached is not True
+    assert run.out.state.goal_reached is not True
     assert np.diff(run.planned_ns).min() >= 500_000_000
     assert run.drive(lambda _: GOAL, 1) is not None
 
@@ -114,8 +114,8 @@ def test_a_place_that_cannot_be_reached_is_planned_to_twice_a_second_at_most():
 def test_the_same_place_in_a_wall_is_refused_once_and_tried_again_after_a_pause():
     run = Streamed()
     run.drive(lambda _: (5.98, 2.0), 1, seconds=3.0)
-    assert run.out.goal_reached is False
-    assert "lies in an obstacle" in run.out.message
+    assert run.out.state.goal_reached is False
+    assert "lies in an obstacle" in run.out.state.message
     tried = len(run.planned_ns)
     assert tried == 1
     for _ in range(40):

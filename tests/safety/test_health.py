@@ -140,8 +140,8 @@ def test_a_health_that_never_saw_anything_has_seen_nothing_at_any_time(now_ns: i
     """Nor does the time since the machine's start let it look fresh."""
     kept = make(SAFETY, PERIOD_NS)
     assert str(kept.fault(now_ns)) == "wheel feedback is older than 15 ms"
-    assert len(kept.fresh_sonar_m(now_ns)) == len(NAMES)
-    assert all(math.isnan(range_m) for range_m in kept.fresh_sonar_m(now_ns))
+    assert len(kept.sonars.fresh_m(now_ns)) == len(NAMES)
+    assert all(math.isnan(range_m) for range_m in kept.sonars.fresh_m(now_ns))
     assert not kept.reports_fresh(now_ns)
     assert kept.drives[0].supply_v(now_ns) is None
     assert kept.fresh_battery(now_ns) is None
@@ -194,8 +194,8 @@ def test_what_is_too_old_is_given_to_nobody() -> None:
     assert health(feedback).fresh_battery(NOW) == feedback.battery
     assert health(feedback).fresh_battery(NOW + 1) is None
     kept = health()
-    assert kept.fresh_sonar_m(NOW + 250 * MS) == (1.0, math.inf, 3.0, 4.0)
-    assert all(math.isnan(range_m) for range_m in kept.fresh_sonar_m(NOW + 250 * MS + 1))
+    assert kept.sonars.fresh_m(NOW + 250 * MS) == (1.0, math.inf, 3.0, 4.0)
+    assert all(math.isnan(range_m) for range_m in kept.sonars.fresh_m(NOW + 250 * MS + 1))
 
 
 def test_feedback_without_news_keeps_what_was_there() -> None:
@@ -230,7 +230,7 @@ def test_a_group_of_sonars_goes_where_its_first_says_and_none_beyond_the_ring() 
     second = SonarFeedback(NOW, 4, (5.0, 6.0, 7.0, 8.0))
     names = (*NAMES, "fifth", "sixth")
     kept = health(replace(GOOD, sonars=(*GOOD.sonars, second)), sonars=names)
-    assert kept.fresh_sonar_m(NOW) == (1.0, math.inf, 3.0, 4.0, 5.0, 6.0)
+    assert kept.sonars.fresh_m(NOW) == (1.0, math.inf, 3.0, 4.0, 5.0, 6.0)
     assert kept.fault(NOW) is None
 
 
@@ -238,8 +238,8 @@ def test_a_sonar_that_reports_its_own_fault_keeps_the_time_of_its_last_range() -
     later = NOW + 100 * MS
     broken = SonarFeedback(later, 0, (1.5, math.nan, 2.5, 3.5))
     kept = health(GOOD, replace(GOOD, sonars=(broken,)))
-    assert kept.sonar_ns == [later, NOW, later, later]
-    assert math.isnan(kept.fresh_sonar_m(later)[1])
+    assert kept.sonars.stamps_ns == [later, NOW, later, later]
+    assert math.isnan(kept.sonars.fresh_m(later)[1])
     # Nothing else has grown old by then but what else was sent at NOW.
     reasons = kept.refusals(NOW + 250 * MS + 1)
     silent = [reason.part for reason in reasons if reason.code == FaultCode.SONAR_STALE]
@@ -390,12 +390,12 @@ def paused(pause_ms: int, later: Feedback | None = None, later_ms: int = 0) -> s
     """Return the reason to stop behind a pause, after which `later` comes."""
     made = health(GOOD)
     made.armed(NOW)
-    made.step(NOW)
+    made.stalls.step(NOW)
     now_ns = NOW + pause_ms * MS
-    made.step(now_ns)
+    made.stalls.step(now_ns)
     for _ in range(later_ms // 5):
         now_ns += 5 * MS
-        made.step(now_ns)
+        made.stalls.step(now_ns)
     if later is not None:
         made.update(later)
     return str(made.fault(now_ns) or "")
@@ -446,8 +446,8 @@ def test_each_fault_has_its_code_and_the_part_it_is_about(
 def test_a_pause_has_a_code_of_its_own(pause_ms: int, code: FaultCode | None) -> None:
     made = health(GOOD)
     made.armed(NOW)
-    made.step(NOW)
-    made.step(NOW + pause_ms * MS)
+    made.stalls.step(NOW)
+    made.stalls.step(NOW + pause_ms * MS)
     fault = made.fault(NOW + pause_ms * MS)
     assert (fault and fault.code) == code
 
@@ -459,7 +459,7 @@ def test_what_is_too_old_behind_a_pause_of_this_process_is_blamed_on_the_pause()
 def test_what_is_too_old_without_a_pause_is_not() -> None:
     made = health(GOOD)
     for tick in range(20):
-        made.step(NOW + tick * 5 * MS)
+        made.stalls.step(NOW + tick * 5 * MS)
     assert str(made.fault(NOW + 95 * MS)) == "wheel feedback is older than 15 ms"
 
 
@@ -569,8 +569,8 @@ def test_an_imu_that_never_reported_is_said_twice() -> None:
 
 def test_a_pause_of_control_explains_an_imu_that_is_not_heard() -> None:
     kept = inertial(INERTIAL)
-    kept.step(NOW)
-    kept.step(NOW + 100 * MS)
+    kept.stalls.step(NOW)
+    kept.stalls.step(NOW + 100 * MS)
     kept.update(frames(wheels=WHEELS._replace(stamp_ns=NOW + 100 * MS, timestamp_us=99)))
     fault = kept.fault(NOW + 100 * MS)
     assert fault is not None

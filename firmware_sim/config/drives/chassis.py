@@ -27,7 +27,7 @@ class Hold(IntEnum):
     """Laws that bound the force of a grip."""
 
     ALONE = 0
-    """Friction times load, less what the grips of `spent_by` use of it."""
+    """Friction times load, less the share that the grips of `spent_by` use."""
     FIRST = 1
     """One friction circle together with the grip that follows."""
     SECOND = 2
@@ -42,19 +42,19 @@ class Grip(NamedTuple):
     Attributes
     ----------
     x_m, y_m
-        Contact.
+        Contact point.
     along
-        Unit vector; of a steered wheel that at steering angle 0.
+        Unit vector, for a steered wheel at steering angle 0.
     load_n
         Weight on the contact [N].
     wheel
-        Number of the wheel that it belongs to; None: an undriven one, or several.
+        Number of its wheel; None: an undriven one, or several.
     roll
         Speed of the rim along it, per speed of the rim: 1 for the rolling direction, 0 across.
     steered
         Whether it turns with the steering.
     hold
-        Law of its greatest force.
+        Law of its maximum force.
     spent_by
         First and last (excluded) of the grips whose forces use up its friction, with `ALONE`.
     """
@@ -105,11 +105,11 @@ class Chassis:
     wheels
         Driven wheels, in the order of the drive's names.
     grips
-        Where and how the floor can push the robot.
+        Directions along which the floor can push the robot.
     span_m
         Distance of the farthest contact from base, for the speed of slipping tyres.
     tyres_per_wheel
-        Wheels that one motor turns: two on the axle of a car.
+        Wheels turned by one motor: two on the axle of a car.
     """
 
     wheels: tuple[Wheel, ...]
@@ -132,7 +132,7 @@ def true_radii(
     Raises
     ------
     ValueError
-        There are errors, but not one for each wheel.
+        If there are errors, but not one for each wheel.
     """
     errors = simulation.errors.wheel_radius or (0.0,) * len(names)
     if len(errors) != len(names):
@@ -148,13 +148,13 @@ def balanced_loads(
 ) -> tuple[float, ...]:
     """Share the weight among contacts, by balance of forces and moments [N].
 
-    Of more than three the loads of least squares are taken: those of equal springs under a stiff
+    More than three contacts get the loads of least squares: those of equal springs under a stiff
     body.
 
     Raises
     ------
     ValueError
-        The robot would tip over.
+        If the robot would tip over.
     """
     weight = simulation.mass_kg * GRAVITY_M_S2
     com_x, com_y = simulation.centre_of_mass_m
@@ -168,7 +168,7 @@ def balanced_loads(
 
 
 def tips_over(simulation: SimulationParameters, supports: str) -> ValueError:
-    """Return the error about a centre of mass beside what supports the robot."""
+    """Return the error for a centre of mass outside the supports."""
     x_m, y_m = simulation.centre_of_mass_m
     return ValueError(
         f"simulation.centre_of_mass_m: at {x_m:g}, {y_m:g} the robot would tip over, allowed is a "

@@ -43,8 +43,8 @@ class DifferentialDrive:
     def chassis(self, simulation: SimulationParameters) -> Chassis:
         """Share the weight among the wheels and the castor, by balance of moments.
 
-        Both tyres together resist sideways motion as one grip in the middle of the axle: each by
-        itself could do no other.
+        Both tyres together resist sideways motion as one grip in the middle of the axle, which is
+        equivalent.
         """
         weight = simulation.mass_kg * GRAVITY_M_S2
         half_track = self.track_width_m * (1 + simulation.errors.track_width) / 2

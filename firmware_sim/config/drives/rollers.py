@@ -97,8 +97,8 @@ def on_rollers(
 ) -> Chassis:
     """Wheels with rollers, from their contacts, rolling directions and axes of their rollers.
 
-    A roller passes on force along its axis only. Across it turns, against the drag of its bearing:
-    what the floor moves there beyond the rim.
+    A roller passes on force along its axis only. Across it, it turns against the drag of its
+    bearing.
     """
     loads = balanced_loads(contacts, simulation)
     grips = []

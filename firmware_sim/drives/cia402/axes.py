@@ -1,4 +1,4 @@
-"""Axes of a CiA 402 twin, and the objects of its dictionary that command them and tell of them."""
+"""Axes of a CiA 402 twin, and the objects of its dictionary that command and report them."""
 
 from __future__ import annotations
 
@@ -44,13 +44,13 @@ class Axes:
     units
         Its true units.
     motors, ratios
-        Its motors, and turns of each for one of its wheel, > 0.
+        Its motors, and the motor turns per wheel turn of each, > 0.
     settings
-        What else is true of it.
+        Other true properties.
     dictionary, indices
-        Its objects, and their indices.
+        Its object dictionary, and the indices of its objects.
     stage
-        Its supply.
+        Its power stage.
     at_motors
         Brings the motors to the present.
 
@@ -101,7 +101,7 @@ class Axes:
             dictionary.on_read(0x6079, 0, lambda: round(1000.0 * stage.bus_voltage_v))
 
     def _connect_axis(self, number: int) -> None:
-        """Connect the objects of an axis as the standard has them."""
+        """Connect the standard objects of an axis."""
         offset, axis, dictionary = AXIS_OFFSET * number, self.axes[number], self.dictionary
         read, write = dictionary.on_read, dictionary.on_write
         per_rad, per_turn = self._units.actual, self._units.counts_per_turn
@@ -146,7 +146,7 @@ class Axes:
         self.dictionary.on_write(0x60FF, sub, lambda value: self._turn(axis, value))
 
     def _connect_zlac(self) -> None:
-        """Connect what both wheels of a ZLAC8015D share: left is the low half."""
+        """Connect the objects that both wheels of a ZLAC8015D share: left is the low half."""
         read, write, axes = self.dictionary.on_read, self.dictionary.on_write, self.axes
         read(0x603F, 0, lambda: _halves([axis.error for axis in axes]))
         read(0x6041, 0, lambda: _halves([axis.status_word for axis in axes]))
@@ -226,18 +226,18 @@ def _current(motor: Motor, unit_a: float) -> int:
 
 
 def _fit(value: float, bits: int) -> int:
-    """Return the nearest integer that a signed object of so many bits holds."""
+    """Return the nearest integer in the range of a signed object of `bits` bits."""
     top = (1 << bits - 1) - 1
     return round(min(max(value, -top), top))
 
 
 def _wrap(value: int, bits: int) -> int:
-    """Return a counter as a signed object of so many bits holds it."""
+    """Return a counter wrapped to a signed object of `bits` bits."""
     half = 1 << bits - 1
     return (value + half) % (1 << bits) - half
 
 
 def _halves(values: Sequence[int]) -> int:
-    """Return two 16-bit values in one of 32, the first low."""
+    """Return two 16-bit values packed into 32 bits, the first low."""
     low, high = (*values, 0)[:2]
     return low & 0xFFFF | (high & 0xFFFF) << 16

@@ -50,13 +50,13 @@ class Cia402Motor:
 
     @property
     def frames(self) -> tuple[int, ...]:
-        """Identifiers of its frames and of the host's to it."""
+        """Identifiers of its frames and of the host's frames to it."""
         services = EMERGENCY_BASE, SDO_RESPONSE_BASE, SDO_REQUEST_BASE, HEARTBEAT_BASE
         own = (base + self.node_id for base in (*RPDO_BASES, *TPDO_BASES, *services))
         return (*own, HEARTBEAT_BASE + self.host_id)
 
     def guards(self, _settings: Cia402Settings) -> frozenset[Guard]:
-        """Return what it guards itself against."""
+        """Return the dangers against which it guards itself."""
         return frozenset(Guard)
 
     def make(

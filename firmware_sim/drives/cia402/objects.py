@@ -14,7 +14,7 @@ from firmware_sim.nodes.variables import Access, DataType, Kind, Member, Object,
 
 PDOS: Final = 4
 ENTRIES: Final = 4
-"""Objects that a PDO of these drives carries at most."""
+"""Maximum objects in a PDO of these drives."""
 INVALID: Final = 0x8000_0000
 RPDO_BASES: Final = (0x200, 0x300, 0x400, 0x500)
 TPDO_BASES: Final = (0x180, 0x280, 0x380, 0x480)
@@ -61,7 +61,7 @@ def _communication(node_id: int, settings: Cia402Settings) -> Iterator[Object]:
 
 
 def _connection() -> Iterator[Object]:
-    """Yield how a drive notices a silent host, and what it does then."""
+    """Yield the objects for the detection of a silent host, and the reaction to it."""
     yield variable(0x100C, "Guard time", _U16, _RW, 0)
     yield variable(0x100D, "Life time factor", _U8, _RW, 0)
     yield compound(
@@ -106,7 +106,7 @@ def _pdos(node_id: int) -> Iterator[Object]:
 
 
 def _axis(offset: int, settings: Cia402Settings) -> Iterator[Object]:
-    """Yield the objects of one axis as the standard has them."""
+    """Yield the standard objects of one axis."""
     rated_ma = round(1000.0 * settings.rated_current_a)
     for index, name, kind, access, default in (
         (0x603F, "Error code", _U16, _RO, 0),

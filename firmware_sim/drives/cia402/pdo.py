@@ -13,12 +13,12 @@ from firmware_sim.nodes.variables import Key, SdoAbortError
 
 _ID: Final = 0x7FF
 _SYNC_MAX: Final = 240
-"""Greatest transmission type that is a number of SYNC."""
+"""Greatest transmission type that counts SYNCs."""
 
 
 @dataclass(slots=True)
 class _Pdo:
-    """One PDO as it is configured."""
+    """Configuration of one PDO."""
 
     identifier: int
     every: int
@@ -42,7 +42,7 @@ class Pdos:
     dictionary
         Its objects.
     send
-        Sends a frame.
+        Function that sends a frame.
     event_ns
         Unit of the event timers [ns].
     on_short
@@ -63,10 +63,10 @@ class Pdos:
         self._received: dict[int, _Pdo] = {}
         self._sent: list[_Pdo] = []
         self.is_stale = True
-        """Whether an object of the configuration was written since `refresh`."""
+        """Whether the configuration was written since `refresh`."""
 
     def refresh(self, now_ns: int) -> None:
-        """Take over the configuration."""
+        """Apply the configuration."""
         self.is_stale = False
         received = (self._configured(0x1400 + n, 0x1600 + n) for n in range(PDOS))
         self._received = {pdo.identifier: pdo for pdo in received if pdo is not None}
@@ -92,7 +92,7 @@ class Pdos:
         return _Pdo(identifier & _ID, max(kind, 1) if is_sync else 0, period_ns, parts)
 
     def on_frame(self, identifier: int, data: bytes) -> bool:
-        """Take a received PDO; return whether its values hold now."""
+        """Take a received PDO; return whether its values are in force now."""
         pdo = self._received.get(identifier)
         if pdo is None:
             return False
@@ -114,10 +114,10 @@ class Pdos:
                 variable = self._dictionary.variable(index, sub)
                 self._dictionary.force(index, sub, variable.from_bytes(part))
             except SdoAbortError:
-                continue  # a value out of range: the last one holds
+                continue  # a value out of range: the last one stays
 
     def on_sync(self) -> None:
-        """Take over received values, and send what comes with this SYNC."""
+        """Apply received values, and send the PDOs due with this SYNC."""
         for pdo in self._received.values():
             if pdo.waiting is not None:
                 data, pdo.waiting = pdo.waiting, None
@@ -136,7 +136,7 @@ class Pdos:
                 self._transmit(pdo)
 
     def step(self, now_ns: int) -> None:
-        """Send what is due by its event timer."""
+        """Send the PDOs whose event timers have ended."""
         for pdo in self._sent:
             if now_ns >= pdo.due_ns:
                 pdo.due_ns += pdo.period_ns
@@ -144,7 +144,7 @@ class Pdos:
 
     @property
     def due_ns(self) -> int:
-        """When the next event timer ends [ns]."""
+        """End of the next event timer [ns]."""
         return min((pdo.due_ns for pdo in self._sent), default=NEVER_NS)
 
     def _transmit(self, pdo: _Pdo) -> None:

@@ -1,4 +1,4 @@
-"""`[simulation.twin.NAME]` of a CiA 402 drive: what is true of it, and what no document says."""
+"""`[simulation.twin.NAME]` of a CiA 402 drive: its true properties, documented or not."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Cia402Settings:
     counts_per_turn
         Position units in one turn of its motors; 0: as the robot's file says.
     boot_ms
-        From power-up to the boot-up message [ms].
+        Time from power-up to the boot-up message [ms].
     vendor, product
         Identity, object 1018h.
     profile
@@ -36,31 +36,31 @@ class Cia402Settings:
     stop_options
         Values that 605Ah and 605Eh take.
     quick_stop, fault_stop
-        What a drive without 605Ah or 605Eh does, as values of those.
+        Reactions of a drive without 605Ah or 605Eh, as values of those.
     sdo_pause_ms
-        A request that comes sooner behind the last one is lost [ms].
+        Minimum pause between SDO requests; an earlier one is lost [ms].
     current_limit_a
-        Greatest current of a motor [A]; a quarter more is a fault.
+        Maximum current of a motor [A]; a quarter more is a fault.
     motor_max_c
-        Temperature of a motor that is a fault [degC].
+        Motor temperature above which the drive has a fault [degC].
     rated_current_a
         Object 6075h [A].
     speed_max_rad_s
-        Greatest speed of a motor that the drive controls [rad/s].
+        Maximum controlled speed of a motor [rad/s].
     off_line_frames
-        Frames that begin its off-line time anew: all to it, or commands by PDO.
+        Frames that restart its off-line time: all to it, or commands by PDO.
     off_line_reaction
-        What it does after its off-line time.
+        Reaction after its off-line time.
     off_line_ms
         Off-line time that the maker's tool has set where CANopen cannot, Roboteq's RWD [ms]; 0: the
         one of 2000h, if it has that, else none.
     ramps_are_full_scale
-        ZLAC8015D: 6083h and 6084h are times from rest to the greatest speed, not from speed to
-        speed.
+        ZLAC8015D: whether 6083h and 6084h are times from rest to the maximum speed, not from
+        speed to speed.
     lost_reaction
-        What a drive without 6007h does when it misses the host: goes on, coasts, or brakes.
+        Reaction of a drive without 6007h to a silent host: goes on, coasts, or brakes.
     heals
-        Whether it leaves fault by itself when the cause is over.
+        Whether it leaves the fault state unasked when the cause is over.
     """
 
     node_id: NodeId = 0

@@ -42,13 +42,13 @@ STAYS: Final = 4
 """Quick stop options above this are those of `Stop` plus 4; the axis then stays in quick stop."""
 
 _SETTLES_NS: Final = 100_000_000
-"""Time behind the end of a ramp after which a motor that still turns is let go [ns]."""
+"""Time after the end of a ramp after which a motor that still turns is released [ns]."""
 _BRAKES_NS: Final = 1_000_000_000
-"""Greatest time of braking at the current limit [ns]."""
+"""Maximum time of braking at the current limit [ns]."""
 
 _HOLDS_NS: Final = 50_000_000
-"""Time that a motor braked at the current limit stands before it is let go: a wheel may have locked
-while the robot slides on [ns]."""
+"""Time for which a motor braked at the current limit must stand before its release [ns]: a wheel
+may have locked on a sliding robot."""
 
 _VOLTAGE_ENABLED, _REMOTE = 0x10, 0x200
 _TARGET_REACHED, _INTERNAL_LIMIT = 0x400, 0x800
@@ -84,13 +84,13 @@ class PowerAxis:
     motor
         The motor.
     ratio
-        Turns of the motor for one of the wheel, > 0.
+        Motor turns per wheel turn, > 0.
     current_limit_a
-        Greatest current of the motor [A].
+        Maximum current of the motor [A].
     speed_max_rad_s
-        Greatest speed of the motor [rad/s].
+        Maximum speed of the motor [rad/s].
     options
-        What it does on commands and faults.
+        Reactions to commands and faults.
     ramps
         Returns its ramps, for a target speed [rad/s].
 
@@ -103,7 +103,7 @@ class PowerAxis:
     error
         Its error code; 0: none.
     is_stopping
-        Whether it is on its way to rest, to be looked at again soon.
+        Whether a stop is in progress, which needs frequent checks.
     """
 
     def __init__(
@@ -125,7 +125,7 @@ class PowerAxis:
         self.target_rad_s = 0.0
         self.error = 0
         self.has_cause = False
-        """Whether the cause of the fault is still there: a reset does nothing then."""
+        """Whether the cause of the fault persists, so that a reset has no effect."""
         self.is_stopping = False
         self._then = State.SWITCH_ON_DISABLED
         self._ramp_ns: int | None = None
@@ -133,9 +133,9 @@ class PowerAxis:
         self._sense = 1.0
         """Sign of the speed when the stop began."""
         self._turned_ns = self._hold_ns = 0
-        """When the motor was last seen to turn, and how long it must stand [ns]."""
+        """Time of the motor's last motion, and how long it must stand [ns]."""
         self._rest_ns = 0
-        """When that ramp is at its end [ns]."""
+        """End of that ramp [ns]."""
         self._word = 0
 
     def power_up(self) -> None:
@@ -192,7 +192,7 @@ class PowerAxis:
             self.quick_stop()
 
     def quick_stop(self) -> None:
-        """Stop as 605Ah says, without power behind it unless that says otherwise."""
+        """Stop as 605Ah says, then remove power unless that says otherwise."""
         option = self._options().quick_stop
         stays = option > STAYS
         self.state = State.QUICK_STOP_ACTIVE
@@ -249,18 +249,18 @@ class PowerAxis:
         self._stop(Stop(self._options().fault) if was_on else Stop.COAST, State.FAULT)
 
     def release(self) -> None:
-        """Take the power at once; the motor coasts."""
+        """Remove power at once; the motor coasts."""
         if self.state not in (State.FAULT, State.FAULT_REACTION_ACTIVE):
             self._release(State.SWITCH_ON_DISABLED)
 
     def brake(self) -> None:
-        """Brake at the current limit, then take the power."""
+        """Brake at the current limit, then remove power."""
         if self.state is State.OPERATION_ENABLED:
             self.state = State.QUICK_STOP_ACTIVE
             self._stop(Stop.CURRENT_LIMIT, State.SWITCH_ON_DISABLED)
 
     def step(self, now_ns: int) -> None:
-        """Look whether a stop is over: the motor stands, or its ramp is at its end."""
+        """Check whether a stop is over: the motor stands, or its ramp has ended."""
         if not self.is_stopping:
             return
         if self._ramp_ns is not None:
@@ -284,7 +284,7 @@ class PowerAxis:
         self.motor.command(Mode.COAST)
 
     def _stop(self, how: Stop, then: State) -> None:
-        """Come to rest, then be in a state without power."""
+        """Come to rest, then enter a state without power."""
         if how is Stop.COAST:
             self._release(then)
             return
@@ -310,7 +310,7 @@ class PowerAxis:
         self.motor.command(Mode.BRAKE_CURRENT, self._current_limit_a)
 
     def _limit(self, ramp_rad_s2: float | None) -> None:
-        """Set the limits of the bridge, where they change."""
+        """Set the limits of the bridge, if they change."""
         limits = Limits(current_a=self._current_limit_a)
         if ramp_rad_s2 is not None:
             limits = Limits(

@@ -1,4 +1,4 @@
-"""A drive of CiA 402 on the bus: NMT, SDO, PDOs, emergency messages, and who it listens for."""
+"""A drive of CiA 402 on the bus: NMT, SDO, PDOs, emergency messages, supervision of the host."""
 
 from __future__ import annotations
 
@@ -55,11 +55,11 @@ class Cia402Twin(Twin):
     units
         Its true units.
     motors, ratios
-        Its motors, and turns of each for one of its wheel, > 0; None: an axis without a motor.
+        Its motors, and the motor turns per wheel turn, > 0; None: an axis without a motor.
     settings
-        What else is true of it.
+        Other true properties.
     stage, run_to, store
-        The supply, the plant's clock, and its non-volatile memory.
+        Power stage, clock of the plant, and non-volatile memory.
     """
 
     def __init__(
@@ -107,9 +107,9 @@ class Cia402Twin(Twin):
         ).axes
         self._boot_ns = self._heartbeat_ns = NEVER_NS
         self._lost_ns = NEVER_NS
-        """When the host counts as lost [ns]: by heartbeat, node guarding, or off-line time."""
+        """Time at which the host is lost [ns]: by heartbeat, node guarding, or off-line time."""
         self._look_ns = 0
-        """When a stop is looked at next [ns]."""
+        """Time of the next check of a stop [ns]."""
         self._toggle = 0
         self._words: list[int] = []
         self._endangered: set[PowerAxis] = set()
@@ -134,7 +134,7 @@ class Cia402Twin(Twin):
         self._connect_objects()
 
     def _connect_objects(self) -> None:
-        """Connect the objects to what they stand for."""
+        """Connect the objects to the state that they show."""
         dictionary = self.dictionary
         dictionary.on_write(0x1017, 0, self._set_heartbeat)
         dictionary.on_write(0x1010, 1, self._save)
@@ -163,7 +163,7 @@ class Cia402Twin(Twin):
     # Faults and power, for tests and scenarios --------------------------------------------------
 
     def trip(self, code: int, axis: int = 0) -> None:
-        """Let an axis have a fault, with its error code."""
+        """Raise a fault of an axis, with its error code."""
         self._at_motors()
         self.axes[axis].fault(code)
         self._emergency(code)
@@ -171,7 +171,7 @@ class Cia402Twin(Twin):
         self._reschedule()
 
     def heal(self) -> None:
-        """Let the causes of all faults be over."""
+        """Remove the causes of all faults."""
         for axis in self.axes:
             axis.has_cause = False
             if self._settings.heals and axis.state is State.FAULT:
@@ -215,7 +215,7 @@ class Cia402Twin(Twin):
         self._heard(is_command=False)
 
     def _leave(self, state: int) -> None:
-        """Leave operational: in stopped the connection is aborted (CiA 402-2, 6007h)."""
+        """Leave operational; stopping aborts the connection (CiA 402-2, 6007h)."""
         self.nmt_state = state
         if state == STOPPED:
             self._at_motors()
@@ -306,7 +306,7 @@ class Cia402Twin(Twin):
         self._changed()
 
     def _guard(self) -> None:
-        """Look at current and temperature of the motors."""
+        """Check current and temperature of the motors."""
         settings = self._settings
         for axis in self.axes:
             code = 0
@@ -331,7 +331,7 @@ class Cia402Twin(Twin):
         return due_ns
 
     def _changed(self) -> None:
-        """Send the event-driven PDOs where a status word changed."""
+        """Send the event-driven PDOs whose status word changed."""
         words = [axis.status_word & 0x6F for axis in self.axes]
         if words != self._words:
             self._words = words
@@ -341,7 +341,7 @@ class Cia402Twin(Twin):
     # The host is lost ---------------------------------------------------------------------------
 
     def _lose_host(self) -> None:
-        """React to a host that is silent for too long."""
+        """React to a host that was silent for too long."""
         if self._has_off_line_time:
             self._end_off_line_time()
             return
@@ -352,7 +352,7 @@ class Cia402Twin(Twin):
         self._abort_connection(self._reaction())
 
     def _reaction(self) -> int:
-        """Return the action of 6007h; of a drive without it, what is true of that."""
+        """Return the action of 6007h, or the true one of a drive without it."""
         if 0x6007 in self._indices:
             return self.dictionary.number(0x6007)
         lost = self._settings.lost_reaction

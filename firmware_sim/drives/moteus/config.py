@@ -1,4 +1,4 @@
-"""The table `[[motor]]` of a moteus, and the true drive behind it."""
+"""The table `[[motor]]` of a moteus, as the simulator reads it."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ class MoteusMotor:
 
     @property
     def frames(self) -> tuple[int, ...]:
-        """Identifiers of a host with number 0, which asks for answers, and of these."""
+        """Identifiers of its answers, and of a host with number 0 that asks for them."""
         plain = REPLIES << 8 | self.node_id, self.node_id << 8
         return tuple(
             FD_FLAG | each | (EXTENDED_FLAG if each > STANDARD_MASK else 0) for each in plain
         )
 
     def guards(self, _settings: MoteusSettings) -> frozenset[Guard]:
-        """Return what it guards itself against: it limits its current, but has no fault for it."""
+        """Return the dangers against which it guards itself; it only limits over-current."""
         return frozenset({Guard.HEAT})
 
     def make(
@@ -53,6 +53,6 @@ class MoteusMotor:
         run_to: Callable[[int], int],
         store: ParameterStore,
     ) -> MoteusTwin:
-        """Return the drive."""
+        """Return the twin."""
         ratio = self.axes[0].ratio
         return MoteusTwin(self.name, self.node_id, settings, motors[0], ratio, stage, run_to, store)

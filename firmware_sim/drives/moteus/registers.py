@@ -1,4 +1,4 @@
-"""Subframes of moteus's frames, as the drive takes and answers them (`docs/protocol/can.md`)."""
+"""Subframes of moteus's frames, as the drive reads and answers them (`docs/protocol/can.md`)."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ _UNITS: Final[dict[int, tuple[float, float, float]]] = {
     0x027: TIME,
     0x029: (0.05, 0.001, 0.00001),
 }
-"""Units of registers as integers of 8, 16 and 32 bits; others are whole numbers."""
+"""Units of registers as integers of 8, 16 and 32 bits; other registers are whole numbers."""
 
 
 class Write(NamedTuple):
-    """A register written; not a number where its integer says so."""
+    """A written register; nan for the integer that stands for it."""
 
     register: int
     value: float
 
 
 class Read(NamedTuple):
-    """Registers to be read, in one kind of number."""
+    """Registers to read, in one number format."""
 
     kind: int
     first: int
@@ -56,20 +56,20 @@ class StreamWrite(NamedTuple):
 
 
 class StreamPoll(NamedTuple):
-    """A question for what the diagnostic stream has, so many bytes at most."""
+    """Request for data of the diagnostic stream, with its maximum length in bytes."""
 
     channel: int
     most: int
 
 
 def subframes(data: bytes) -> Iterator[Write | Read | StreamWrite | StreamPoll]:
-    """Yield what a frame asks for; what is not understood, or not complete, ends it."""
+    """Yield the requests of a frame up to the first unknown or incomplete one."""
     with suppress(IndexError, struct.error):
         yield from _complete(data)
 
 
 def _complete(data: bytes) -> Iterator[Write | Read | StreamWrite | StreamPoll]:
-    """Yield the same; IndexError or struct.error where a subframe is not complete."""
+    """Yield the requests; raises IndexError or struct.error at an incomplete subframe."""
     place = 0
     while place < len(data):
         head = data[place]

@@ -15,12 +15,12 @@ Milliseconds: TypeAlias = Annotated[int, Field(strict=True, ge=0, le=60_000)]
 @closed
 @dataclass(frozen=True, slots=True)
 class MoteusSettings:
-    """The table `[simulation.twin.NAME]`: the drive as it was configured, and what is left open.
+    """The table `[simulation.twin.NAME]`: configuration and undocumented properties of the drive.
 
     Attributes
     ----------
     firmware, register_map
-        Versions that it tells.
+        Versions that it reports.
     serial
         Its serial number: 96 bits, in words of 32, the lowest first.
     timeout_mode
@@ -36,9 +36,9 @@ class MoteusSettings:
     preparing_ms
         Time in modes 2 to 4 before it operates.
     boot_ms
-        From power to the first answer.
+        Time from power-up to the first answer.
     answers_after
-        Whether an answer tells of the state after the commands of its frame; else before.
+        Whether an answer reports the state after the commands of its frame; else before.
     """
 
     firmware: int = 0x000109

@@ -2,7 +2,7 @@
 
 Sources: docs/protocol/can.md, docs/protocol/registers.md, docs/protocol/diagnostic.md,
 docs/reference/configuration.md and docs/troubleshooting/timeout-mode-11.md of mjbots/moteus. Of
-position mode it knows velocity (position not a number), which is what wheels need.
+position mode only velocity (position nan) is simulated, which wheels need.
 """
 
 from __future__ import annotations
@@ -33,15 +33,15 @@ OVER_VOLTAGE, OVER_TEMPERATURE, UNDER_VOLTAGE = 34, 38, 40
 """Fault codes that the twin detects itself; `trip` takes any other."""
 LEAST_V: Final = 8.0
 GUARD_NS: Final = 10 * MS
-"""Period in which supply and temperature are looked at."""
+"""Period of the checks of supply and temperature [ns]."""
 
 _CHANNEL: Final = 1
 _TIMEOUT_MODE: Final = (1, 0)
-"""Key of what it stores."""
+"""Key of its stored value."""
 _KEY: Final = "servo.timeout_mode"
 _BOARD_C: Final = 30.0
 _COMMANDED: Final = (POSITION, ZERO_VELOCITY)
-"""Modes that can be commanded, and that a watchdog guards."""
+"""Modes that can be commanded, and that have a watchdog."""
 REPLIES: Final = 0x80
 """Flag of a sender that wants an answer."""
 
@@ -60,17 +60,17 @@ class MoteusTwin(Twin):
     Parameters
     ----------
     name, number
-        Name in the robot's file, and number on the bus.
+        Name in the robot's file, and id on the bus.
     settings
-        What is true of it.
+        True properties.
     motor, ratio
-        Its motor, and turns of that for one of the wheel.
+        Its motor, and motor turns per wheel turn.
     stage
-        Supply.
+        Power stage.
     run_to
-        As `Twin` has it.
+        As for `Twin`.
     store
-        Its flash.
+        Its flash memory.
 
     Attributes
     ----------
@@ -146,7 +146,7 @@ class MoteusTwin(Twin):
     # Faults from outside ------------------------------------------------------------------------
 
     def trip(self, code: int) -> None:
-        """Let a fault happen: all torque is gone until a stop."""
+        """Raise a fault: no torque until a stop."""
         self.mode, self.fault = FAULT, code
         self._act()
         self._reschedule()
@@ -173,7 +173,7 @@ class MoteusTwin(Twin):
             self._guard()
 
     def _guard(self) -> None:
-        """Look at supply and temperature while there is torque."""
+        """Check supply and temperature while there is torque."""
         if self.mode in (STOPPED, FAULT):
             return
         settings, supply_v = self._settings, self._stage.bus_voltage_v
@@ -185,7 +185,7 @@ class MoteusTwin(Twin):
             self.trip(OVER_TEMPERATURE)
 
     def _act(self) -> None:
-        """Do with the motor what the mode says."""
+        """Command the motor according to the mode."""
         mode = self.timeout_mode if self.mode == TIMEOUT else self.mode
         if mode == BRAKE:
             self._motor.command(Mode.SHORTED)
@@ -239,7 +239,7 @@ class MoteusTwin(Twin):
         return None if found is None else found()
 
     def _reply(self, destination: int, data: bytes) -> None:
-        """Send an answer in a frame of the next length there is."""
+        """Send an answer in a frame of the next valid length."""
         length = next(each for each in FD_LENGTHS if each >= len(data))
         plain = self._number << 8 | destination
         extended = EXTENDED_FLAG if plain > 0x7FF else 0
@@ -247,7 +247,7 @@ class MoteusTwin(Twin):
         self.send(FD_FLAG | BIT_RATE_SWITCH_FLAG | extended | plain, data + padding)
 
     def _on_write(self, written: dict[int, float], now_ns: int) -> None:
-        """Take a command: the mode is written first, the rest is as its registers say."""
+        """Take a command: the mode first, then the other registers."""
         if 0x000 not in written:
             return
         mode = int(written[0x000])
@@ -268,7 +268,7 @@ class MoteusTwin(Twin):
         self._act()
 
     def _begin(self, mode: int, now_ns: int) -> None:
-        """Operate, after the modes before that where the bridge was off."""
+        """Start to operate, by way of the preparing modes if the bridge was off."""
         if self.mode == STOPPED:
             self.mode = ENABLING
             self._ready_ns = now_ns + self._settings.preparing_ms * MS
@@ -282,14 +282,14 @@ class MoteusTwin(Twin):
     # Diagnostic stream --------------------------------------------------------------------------
 
     def _on_typed(self, data: bytes) -> None:
-        """Take text; each line is a command."""
+        """Take typed text; each line is a command."""
         *lines, self._typed = (self._typed + data).replace(b"\r", b"\n").split(b"\n")
         for line in lines:
             if line:
                 self._said += self.command(line.decode("ascii", "replace")).encode() + b"\r\n"
 
     def _on_poll(self, most: int) -> bytes:
-        """Return the subframe with what has been said."""
+        """Return the subframe with the next output of the stream."""
         said, self._said = self._said[:most], self._said[most:]
         return bytes((registers.STREAM_ANSWER, _CHANNEL, len(said))) + said
 

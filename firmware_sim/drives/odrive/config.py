@@ -21,7 +21,7 @@ from firmware_sim.nodes.power_stage import PowerStage
 @closed
 @dataclass(frozen=True, slots=True)
 class ODriveMotor:
-    """One axis of an ODrive; `watchdog_endpoints` is the host's, see its documentation."""
+    """One axis of an ODrive; only the host uses `watchdog_endpoints`."""
 
     Settings: ClassVar[type] = ODriveSettings
 
@@ -36,11 +36,11 @@ class ODriveMotor:
 
     @property
     def frames(self) -> tuple[int, ...]:
-        """Identifiers of its frames and of the host's to it."""
+        """Identifiers of its frames and of the host's frames to it."""
         return tuple(self.node_id << wire.NODE_SHIFT | command for command in wire.EXCHANGED)
 
     def guards(self, settings: ODriveSettings) -> frozenset[Guard]:
-        """Return what it guards itself against."""
+        """Return the dangers against which it guards itself."""
         heat = {Guard.HEAT} if settings.motor_thermistor else set()
         return frozenset({Guard.CURRENT} | heat)
 

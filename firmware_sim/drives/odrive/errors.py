@@ -55,7 +55,7 @@ class Errors:
         self.active = self.reason = 0
 
     def add(self, code: int, part: str, *, lasts: bool = False) -> None:
-        """Set bits of a part, which firmware 0.6 does not tell apart; `lasts`: until `heal`."""
+        """Set error bits of a part, of which firmware 0.6 has none; `lasts`: until `heal`."""
         if lasts:
             self._causes.append((code, part))
         if self.is_old:
@@ -72,19 +72,19 @@ class Errors:
             self.add(code, part, lasts=True)
 
     def heal(self) -> None:
-        """Lose all causes and errors without being told to; no ODrive is documented to do so."""
+        """Remove all causes and errors unasked, which no ODrive is documented to do."""
         self._causes.clear()
         self._reset()
 
     @property
     def has_expired(self) -> bool:
-        """Whether the watchdog has."""
+        """Whether the watchdog has expired."""
         if self.is_old:
             return bool(self.axis & Errors05.AXIS_WATCHDOG)
         return bool(self.reason & Errors06.WATCHDOG)
 
     @property
     def any(self) -> bool:
-        """Whether there are some."""
+        """Whether there are errors."""
         parts = self.axis | self.motor | self.encoder | self.controller
         return bool(parts | self.active | self.reason)

@@ -17,25 +17,26 @@ _Period = Annotated[int, Field(strict=True, ge=0, le=10_000)]
 @closed
 @dataclass(frozen=True, slots=True)
 class ODriveSettings:
-    """The true drive: what its owner set, and what its maker does not document.
+    """The true drive: its owner's settings, and properties that its maker does not document.
 
     Attributes
     ----------
     firmware, hardware
-        Versions; with firmware 0.5 the hardware is not told.
+        Versions; firmware 0.5 does not report the hardware's.
     unreleased
-        Whether it says that its firmware is a development version.
+        Whether it reports its firmware as a development version.
     heartbeat_ms, encoder_ms
-        Periods of the messages that come by themselves [ms]; 0: they do not.
+        Periods of the cyclic messages [ms]; 0: off.
     watchdog_ms
-        Watchdog that is stored in it [ms]; 0: off.
+        Stored time of the watchdog [ms]; 0: off.
     sdo_endpoints
-        Endpoints of the watchdog's time [s] and of whether it is on, with firmware 0.6.
+        Endpoints of the watchdog's time [s] and its switch, with firmware 0.6.
     watchdog_fed_by
-        Messages that feed it with firmware 0.6: those with a set-point or a requested state, or
-        any. With 0.5 any does.
+        Messages that feed the watchdog with firmware 0.6: those with a set-point or a requested
+        state, or any. With 0.5 any does.
     watchdog_while_idle
-        Whether it expires while the axis is idle, too, with firmware 0.6. With 0.5 it does.
+        Whether the watchdog also expires while the axis is idle, with firmware 0.6. With 0.5 it
+        does.
     heartbeat_on_change
         Whether a heartbeat comes at once when state or errors change.
     pads_sdo
@@ -43,27 +44,27 @@ class ODriveSettings:
     boot_ms
         Time from power to the first message [ms].
     arming_ms
-        Time from the request of closed-loop control to that [ms].
+        Time from the request of closed-loop control to its start [ms].
     calibrated
-        Whether motor and encoder are; else it refuses closed-loop control.
+        Whether motor and encoder are calibrated; else it refuses closed-loop control.
     vel_limit
-        Greatest speed of the motor [turn/s].
+        Maximum speed of the motor [turn/s].
     vel_limit_tolerance
-        Multiple of it at which the axis disarms; 0: at none.
+        Multiple of `vel_limit` at which the axis disarms; 0: never.
     vel_ramp_rate
         Acceleration with input mode VEL_RAMP [turn/s^2].
     current_limit_a
-        Greatest current of the motor [A].
+        Maximum current of the motor [A].
     current_margin_a
-        Current beyond it at which the axis disarms [A].
+        Current above the limit at which the axis disarms [A].
     undervoltage_v, overvoltage_v
-        Voltages of the supply at which it disarms [V].
+        Supply voltages at which it disarms [V].
     brake_resistor_ohm, brake_resistor_from_v
-        Resistor on the supply, and from which voltage on it is used; 0: none.
+        Brake resistor (0: none), and the supply voltage from which it conducts [V].
     motor_thermistor
         Whether the motor has a temperature sensor.
     motor_max_c
-        Temperature by it at which the axis disarms [degC].
+        Motor temperature at which the axis disarms [degC].
     inverter_c
         Temperature of the bridge [degC].
     """

@@ -26,24 +26,24 @@ _TURN: Final = 2.0 * math.pi
 
 
 class ODriveTwin(Twin):
-    """The twin: see `Twin`.
+    """Twin of one axis.
 
     Parameters
     ----------
     name
         Name of the drive.
     node_id
-        Its number on the bus.
+        Its id on the bus.
     settings
         The true drive.
     motor
-        Motor on it.
+        Motor of the axis.
     stage
-        Supply.
+        Power stage.
     run_to
-        As of `Twin`.
+        As for `Twin`.
     store
-        What `save_configuration` keeps: the watchdog.
+        Non-volatile memory of `save_configuration`: the watchdog.
     """
 
     def __init__(
@@ -69,13 +69,13 @@ class ODriveTwin(Twin):
         self._reset(NEVER_NS)
 
     def _reset(self, ready_ns: int) -> None:
-        """Forget all but what is stored; messages begin at a time [ns]."""
+        """Reset all but stored settings; messages begin at `ready_ns` [ns]."""
         settings = self._settings
         self._ready_ns = ready_ns
         self._beat_ns = ready_ns if settings.heartbeat_ms else NEVER_NS
         self._encoder_ns = ready_ns if settings.encoder_ms else NEVER_NS
         self._armed_ns = NEVER_NS
-        """When the requested closed-loop control begins [ns]."""
+        """Start of the requested closed-loop control [ns]."""
         self.state = wire.IDLE
         self._result = wire.SUCCESS
         self._mode, self._input_mode = wire.POSITION_CONTROL, wire.PASSTHROUGH
@@ -103,7 +103,7 @@ class ODriveTwin(Twin):
         return min(self._beat_ns, self._encoder_ns, self._armed_ns, self._watchdog_due_ns())
 
     def _watchdog_due_ns(self) -> int:
-        """Return when the watchdog expires, if it has not [ns]."""
+        """Return the time at which the watchdog will expire [ns]."""
         if self.errors.has_expired:
             return NEVER_NS
         return max(self.watchdog.due_ns(is_armed=self.is_armed), self._ready_ns)
@@ -130,7 +130,7 @@ class ODriveTwin(Twin):
         return self.state == wire.CLOSED_LOOP
 
     def _check(self) -> None:
-        """Look at supply, speed, current and temperature of an armed axis."""
+        """Check supply, speed, current and temperature of an armed axis."""
         if not self.is_armed:
             return
         settings = self._settings
@@ -150,19 +150,19 @@ class ODriveTwin(Twin):
             self._trip(old, new, "motor")
 
     def _trip(self, old: int, new: int, part: str = "axis") -> None:
-        """Disarm with an error: its bit in 0.5, where a part has it, and in 0.6."""
+        """Disarm with an error: its bit in firmware 0.5, with the part that has it, and in 0.6."""
         self.errors.add(old if self._is_old else new, part)
         self._disarm()
 
     def trip(self, code: int, part: str = "axis", *, lasts: bool = False) -> None:
-        """Have an error from outside.
+        """Raise an error from outside.
 
         Parameters
         ----------
         code
-            Bits of Active_Errors with firmware 0.6; with 0.5 those of the part.
+            Bits of Active_Errors with firmware 0.6, of the part's errors with 0.5.
         part
-            With firmware 0.5 "axis", "motor", "encoder" or "controller".
+            Part with firmware 0.5: "axis", "motor", "encoder" or "controller".
         lasts
             Whether its cause stays until `errors.heal`.
         """
@@ -184,7 +184,7 @@ class ODriveTwin(Twin):
             self._send_heartbeat()
 
     def _arm(self) -> None:
-        """Enter closed-loop control, if nothing is in its way."""
+        """Enter closed-loop control, unless an error prevents it."""
         if self.errors.any:
             self._result = wire.DISARMED
             return
@@ -199,7 +199,7 @@ class ODriveTwin(Twin):
         self._note_change()
 
     def _drive(self) -> None:
-        """Give the motor its set-point."""
+        """Pass the set-point to the motor."""
         if not self.is_armed:
             return
         self._run_to(self._now_ns)
@@ -233,7 +233,7 @@ class ODriveTwin(Twin):
             if takes is not None:
                 takes(data.ljust(8, b"\0"))
             elif content is not None and not data:
-                self._tell(command, content)  # as if it were a remote request
+                self._tell(command, content)  # answered like a remote request
             self._check()
 
         return handle
@@ -252,7 +252,7 @@ class ODriveTwin(Twin):
         return handle
 
     def _takes(self) -> dict[int, Callable[[bytes], None]]:
-        """Return what takes data of each command."""
+        """Return the handler of data of each command."""
         takes: dict[int, Callable[[bytes], None]] = {
             wire.ESTOP: lambda _: self._trip(Errors05.AXIS_ESTOP, Errors06.ESTOP),
             wire.SET_AXIS_STATE: self._on_state,
@@ -307,7 +307,7 @@ class ODriveTwin(Twin):
         self._start(self._now_ns)
 
     def _on_sdo(self, data: bytes) -> None:
-        """Read or write an endpoint; from firmware 0.6.11 on a writing is answered, too."""
+        """Read or write an endpoint; firmware 0.6.11 and later also answers writes."""
         settings = self._settings
         opcode, endpoint, _ = wire.SDO.unpack_from(data)
         value = self.watchdog.access(opcode, endpoint, data[wire.SDO.size :])
@@ -323,12 +323,12 @@ class ODriveTwin(Twin):
         self.send(self._id | command, data)
 
     def _tell(self, command: int, content: Callable[[], bytes]) -> None:
-        """Send a message with what is so now."""
+        """Send a message with the present state."""
         self._run_to(self._now_ns)
         self._send(command, content())
 
     def _contents(self) -> dict[int, Callable[[], bytes]]:
-        """Return the content of each message that can be asked for."""
+        """Return the content of each message that can be requested."""
         values = self._values
         contents: dict[int, Callable[[], bytes]] = {
             wire.ENCODER_ESTIMATES: values.estimates,

@@ -1,4 +1,4 @@
-"""Contents of an ODrive's messages: what the axis measures, and its versions."""
+"""Contents of an ODrive's messages: measurements of the axis, and versions."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class Values:
     settings
         The true drive.
     motor
-        Motor on it.
+        Motor of the axis.
     stage
-        Supply.
+        Power stage.
     """
 
     def __init__(self, settings: ODriveSettings, motor: Motor, stage: PowerStage) -> None:
@@ -43,7 +43,7 @@ class Values:
         return wire.TWO_INT32.pack(shadow, count % _COUNTS_PER_TURN)
 
     def current(self, *, is_armed: bool) -> bytes:
-        """Return the motor current, wanted and measured [A]."""
+        """Return the motor current, commanded and measured [A]."""
         current_a = self._motor.current_a
         return wire.TWO_FLOATS.pack(current_a if is_armed else 0.0, current_a)
 

@@ -1,4 +1,4 @@
-"""Watchdog of an ODrive axis: what feeds it, when it expires, and how it is set.
+"""Watchdog of an ODrive axis: messages that feed it, expiry, and settings.
 
 Sources: for 0.5 odriverobotics/ODrive, Firmware/MotorControl/axis.cpp and
 Firmware/communication/can/can_simple.cpp (any message to the axis feeds it, and it expires in any
@@ -28,7 +28,7 @@ class Watchdog:
     settings
         The true drive.
     store
-        Memory of what is saved.
+        Memory of its saved settings.
     """
 
     def __init__(self, settings: ODriveSettings, store: ParameterStore) -> None:
@@ -40,7 +40,7 @@ class Watchdog:
         self.start(NEVER_NS)
 
     def start(self, ready_ns: int) -> None:
-        """Take what is stored; the drive is ready at a time [ns]."""
+        """Load the stored settings; the drive is ready at `ready_ns` [ns]."""
         flash = stored(self._store)
         watchdog_ms = self._settings.watchdog_ms
         self.is_on = bool(flash.get((0, 1), watchdog_ms > 0.0))
@@ -54,16 +54,16 @@ class Watchdog:
         return round(seconds * 1e9) if 0.0 <= seconds < 1e6 else 0
 
     def feed(self, command: int, now_ns: int) -> None:
-        """Take a message, which feeds it or not."""
+        """Feed the watchdog if the message does so."""
         if self._fed_by_any or command in _FEEDS:
             self._expires_ns = now_ns + self._timeout_ns()
 
     def due_ns(self, *, is_armed: bool) -> int:
-        """Return when it expires [ns]."""
+        """Return the time of expiry [ns]."""
         return self._expires_ns if self.is_on and (self._always or is_armed) else NEVER_NS
 
     def access(self, opcode: int, endpoint: int, value: bytes) -> bytes | None:
-        """Write one of its two endpoints, or not; return its value, None if it is another."""
+        """Read or write one of its two endpoints; return its value, None for another endpoint."""
         timeout, enable = self._settings.sdo_endpoints
         if endpoint == timeout:
             if opcode == wire.WRITE:
@@ -76,10 +76,10 @@ class Watchdog:
         return None
 
     def save(self) -> None:
-        """Keep the present settings over a power cycle."""
+        """Store the present settings over power cycles."""
         (timeout,) = wire.UINT32.unpack(self.timeout)
         self._store.save({(0, 0): timeout, (0, 1): int(self.is_on)})
 
     def erase(self) -> None:
-        """Go back to the stored settings of the beginning with the next start."""
+        """Restore the factory settings at the next start."""
         self._store.clear()

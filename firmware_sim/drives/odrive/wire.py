@@ -11,7 +11,7 @@ from typing import Final
 
 NODE_SHIFT: Final = 5
 FIRST_06: Final = (0, 6, 0)
-"""First firmware of the new kind."""
+"""First firmware of series 0.6."""
 
 VERSION: Final = 0x00
 HEARTBEAT: Final = 0x01
@@ -50,7 +50,7 @@ PASSTHROUGH, VEL_RAMP = 1, 2
 WRITE: Final = 1
 """Opcode of RxSdo; 0 reads."""
 SAVE, ERASE = 1, 2
-"""Actions of Reboot, besides 0."""
+"""Actions of Reboot; 0 only reboots."""
 
 SUCCESS, BUSY, CANCELLED, DISARMED, NOT_CALIBRATED = 0, 1, 2, 3, 14
 """Results of a procedure, in 0.6."""

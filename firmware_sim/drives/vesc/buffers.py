@@ -11,7 +11,7 @@ SIZE: Final = 512
 
 
 def crc16(data: bytes) -> int:
-    """CRC of polynomial 0x1021, bits from the top, beginning with 0."""
+    """CRC-16 with polynomial 0x1021, most significant bit first, initial value 0."""
     crc = 0
     for byte in data:
         crc ^= byte << 8
@@ -21,7 +21,7 @@ def crc16(data: bytes) -> int:
 
 
 class Buffers:
-    """Receiving side: frames go to the buffer that is filled up to their offset."""
+    """Receiving side: a frame goes to the buffer that is filled up to its offset."""
 
     def __init__(self) -> None:
         self._content = [bytearray() for _ in range(BUFFERS)]

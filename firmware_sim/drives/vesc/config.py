@@ -1,4 +1,4 @@
-"""The table `[[motor]]` of a VESC, and the true drive behind it."""
+"""The table `[[motor]]` of a VESC, as the simulator reads it."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ SERVO_AXIS = 2
 @closed
 @dataclass(frozen=True, slots=True)
 class VescServoSection:
-    """Servo at the output."""
+    """Servo at the servo output."""
 
     centre: Share = 0.5
     range_deg: Positive = 90.0
@@ -63,12 +63,12 @@ class VescMotor:
 
     @property
     def frames(self) -> tuple[int, ...]:
-        """Identifiers of its frames and of the host's to it."""
+        """Identifiers of its frames and of the host's frames to it."""
         commands = (*STATUS_COMMANDS.values(), *HOST_COMMANDS)
         return tuple(EXTENDED_FLAG | command << 8 | self.node_id for command in commands)
 
     def guards(self, _settings: VescSettings) -> frozenset[Guard]:
-        """Return what it guards itself against."""
+        """Return the dangers against which it guards itself."""
         return frozenset(Guard)
 
     def make(
@@ -79,7 +79,7 @@ class VescMotor:
         run_to: Callable[[int], int],
         store: ParameterStore,
     ) -> VescTwin:
-        """Return the drive; `motors` are those of its wheels, so that there is one."""
+        """Return the twin; `motors` has the one motor of its wheel."""
         joints = [axis for axis in self.axes if axis.axis == SERVO_AXIS]
         servo = None
         if joints:

@@ -22,27 +22,27 @@ class VescSettings:
     firmware
         Major and minor version.
     stored_timeout_ms, stored_brake_current_a
-        Settings for a silent host in its flash.
+        Stored settings for a silent host.
     status
-        Which are sent, by their numbers.
+        Numbers of the status frames that it sends.
     min_erpm
-        The speed loop lets go below this.
+        Speed below which the speed loop releases the motor.
     max_erpm, ramp_erpm_s
         Limits of the speed loop.
     current_a, absolute_current_a
-        Limit of the motor's current, and of the fault.
+        Limit of the motor current, and current of the fault.
     fault_stop_ms
-        Time that a fault lasts.
+        Duration of a fault.
     boot_ms
-        From power to the first frame.
+        Time from power-up to the first frame.
     notifies_boot
         Whether it sends NOTIFY_BOOT.
     sets_timeout
         Whether it knows COMM_SET_APPCONF_NO_STORE.
     tells_flags
-        Whether it tells time-out and kill switch in COMM_GET_VALUES_SELECTIVE.
+        Whether it reports time-out and kill switch in COMM_GET_VALUES_SELECTIVE.
     servo_output
-        Whether that is enabled.
+        Whether the servo output is enabled.
     """
 
     firmware: tuple[int, int] = (6, 5)

@@ -22,27 +22,27 @@ from firmware_sim.plant.axis import Limits, Mode
 
 MS: Final = 1_000_000
 ALL: Final = 255
-"""Number that addresses every VESC."""
+"""Id that addresses every VESC."""
 
 SUPERVISION_NS: Final = 10 * MS
 FRAME_NS: Final = 300_000
-"""Time for a frame of an answer: the firmware waits for each to get through."""
+"""Time for a frame of an answer [ns]: the firmware waits until each is sent."""
 LEAST_CURRENT_A: Final = 0.05
-"""Less motor current is taken as none (`cc_min_current`)."""
+"""Motor current below which it counts as none [A] (`cc_min_current`)."""
 VOLTAGE_V: Final = (8.0, 57.0)
-"""Least and greatest supply."""
+"""Minimum and maximum supply [V]."""
 MOTOR_C: Final = 100.0
-"""Greatest temperature of the motor."""
+"""Maximum temperature of the motor [degC]."""
 
 OVER_VOLTAGE, UNDER_VOLTAGE, ABSOLUTE_CURRENT, MOTOR_HOT = 1, 2, 4, 6
 """Fault codes that the twin detects itself; `trip` takes any other."""
 
 _TIMEOUT, _BRAKE_MA = (1, 0), (2, 0)
-"""Keys of what it stores."""
+"""Keys of its stored values."""
 
 STATUS_COMMANDS: Final = {1: 9, 2: 14, 3: 15, 4: 16, 5: 27, 6: 58}
 HOST_COMMANDS: Final = (0, 1, 2, 3, 5, 6, 7, 8, 12, 17)
-"""Numbers of the frames to a VESC that the twin knows."""
+"""Commands, by number, that the twin knows."""
 _INT16, _INT32 = 0x7FFF, 0x7FFF_FFFF
 _AIR_C: Final = 25.0
 
@@ -51,11 +51,11 @@ _TAIL_BYTES: Final = 480
 _HEAD: Final = struct.Struct(">IBIf")
 """Signature, number, time-out [ms], brake current [A]."""
 _SERVO_OUTPUT: Final = 31 - _HEAD.size
-"""Place of `servo_out_enable` in the rest of the configuration, of firmware 6."""
+"""Offset of `servo_out_enable` in the rest of the configuration of firmware 6."""
 
 
 class Fitting(NamedTuple):
-    """Number, pole pairs, turns of the motor for one of the wheel, rate of the status [Hz]."""
+    """Id, pole pairs, motor turns per wheel turn, rate of the status frames [Hz]."""
 
     number: int
     pole_pairs: int
@@ -64,7 +64,7 @@ class Fitting(NamedTuple):
 
 
 class ServoOutput(NamedTuple):
-    """Servo: position at angle 0, turn over its range [deg], turns of it for one of the joint."""
+    """Servo: position at angle 0, turn over its range [deg], servo turns per joint turn."""
 
     centre: float
     range_deg: float
@@ -79,19 +79,19 @@ class VescTwin(Twin):
     name
         Name in the robot's file.
     fitting
-        Its number, and what is at its motor.
+        Its id, and the properties of its motor.
     settings
-        What is true of it.
+        True properties.
     motor
         Its motor.
     servo
         Servo at its output, if any.
     stage
-        Supply, and the steering.
+        Power stage: supply and steering servo.
     run_to
-        As `Twin` has it.
+        As for `Twin`.
     store
-        Its flash.
+        Its flash memory.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ class VescTwin(Twin):
     fault
         Present fault code.
     kill_switch
-        Whether that is active.
+        Whether the kill switch is active.
     """
 
     def __init__(
@@ -143,7 +143,7 @@ class VescTwin(Twin):
         self._on_power_up(0)
 
     def _set_limits(self) -> None:
-        """Give the axis the limits of the drive's loops, at the wheel."""
+        """Set the limits of the drive's loops, at the wheel."""
         settings, axis = self._settings, self._motor.axis
         axis.limits = Limits(
             current_a=settings.current_a,
@@ -214,7 +214,7 @@ class VescTwin(Twin):
             self._send_status()
 
     def _supervise(self, now_ns: int) -> None:
-        """Look at time-out, supply, current and temperature."""
+        """Check time-out, supply, current and temperature."""
         self._timed_out = self.timeout_ms != 0 and now_ns - self._updated_ns > self.timeout_ms * MS
         low_v, high_v = VOLTAGE_V
         supply_v = self._stage.bus_voltage_v
@@ -257,7 +257,7 @@ class VescTwin(Twin):
     # Commands -----------------------------------------------------------------------------------
 
     def _awake(self, command: int) -> Callable[[bytes, int], None]:
-        """Return the handler of a command, which a booting drive does not hear."""
+        """Return the handler of a command, which a booting drive ignores."""
         take = self._commands[command]
 
         def handle(data: bytes, now_ns: int) -> None:
@@ -268,7 +268,7 @@ class VescTwin(Twin):
         return handle
 
     def _set(self, mode: Mode, value: float = 0.0) -> None:
-        """Command the motor, unless a fault or the kill switch has taken the power."""
+        """Command the motor, unless a fault or the kill switch has removed power."""
         if self.fault:
             return
         if mode in (Mode.BRAKE_CURRENT, Mode.HOLD, Mode.CURRENT) and abs(value) < LEAST_CURRENT_A:
@@ -356,14 +356,14 @@ class VescTwin(Twin):
             self._answer_ns = min(self._answer_ns, now_ns)
 
     def _on_servo(self, position: float) -> None:
-        """Move the servo: no part of the time-out."""
+        """Move the servo; does not restart the time-out."""
         servo = self._servo
         if servo is not None and self._tail[_SERVO_OUTPUT]:
             turn = (min(max(position, 0.0), 1.0) - servo.centre) * servo.range_deg
             self._stage.steer(math.radians(turn / servo.ratio))
 
     def _configuration(self) -> bytes:
-        """App configuration: its known head, and a tail of which one byte means something here."""
+        """App configuration: its known head, and a tail of which one byte is used here."""
         number = self._fitting.number
         head = _HEAD.pack(_SIGNATURE, number, self.timeout_ms, self.brake_current_a)
         return head + self._tail
@@ -382,7 +382,7 @@ class VescTwin(Twin):
         return bytes((command,))
 
     def _values(self, mask: int) -> bytes:
-        """Values of COMM_GET_VALUES_SELECTIVE, as far as they are needed here."""
+        """Values of COMM_GET_VALUES_SELECTIVE that are used here."""
         values = b""
         if mask & 1 << 15:
             values += bytes((self.fault,))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from robotctl.app.localisation.localiser import (
     LocaliserBegin,
     LocaliserInput,
+    MadeLocaliser,
     external_covariance,
     localisation_state,
     sensed_robot,
@@ -22,7 +23,7 @@ from robotctl.estimation.kalman.robust_kalman import Innovation
 from robotctl.estimation.odometry.estimate import arc_between
 from robotctl.estimation.sensors.registry import load_sensors
 from robotctl.estimation.sensors.sensor import SensedRobot
-from robotctl.maps.localisation_map import walls_for_ekf
+from robotctl.maps.localisation_map import walls_of
 from robotctl.messages.control import ControlState, ImuFeedback
 from robotctl.messages.estimation import LocalisationState
 from robotctl.model.geometry.localisation import LocalisationStatus
@@ -53,7 +54,7 @@ class EkfLocaliser:
         self._walls = walls
         self._odometry: SE2 | None = None
         self._imu: ImuFeedback | None = None
-        """Odometry of the step before."""
+        """Odometry and gyro of the step before."""
         self._innovation: Innovation | None = None
 
     @property
@@ -88,7 +89,8 @@ class EkfLocaliser:
                 self._keep(*sensor.innovations(ekf, each, self._robot, self._walls))
         for pose in seen.poses:
             where = SE2(pose.x_m, pose.y_m, pose.theta_rad)
-            self._keep(ekf.update_pose(pose.stamp_ns, where, external_covariance(pose)))
+            covariance = external_covariance(pose, self._robot.settings)
+            self._keep(ekf.update_pose(pose.stamp_ns, where, covariance))
         state = localisation_state("ekf", ekf.estimate(), odometry, now_ns)
         last = self._innovation
         if last is None:
@@ -101,23 +103,24 @@ class EkfLocaliser:
                 self._innovation = innovation
 
 
-def make_ekf(begin: LocaliserBegin) -> EkfLocaliser:
+def make(begin: LocaliserBegin) -> MadeLocaliser:
     """Return the EKF of a robot.
 
     Raises
     ------
     ConfigError
-        If the map has no walls that are lines.
+        If the map is wrong, or has no walls that are lines.
     """
     config, settings = begin.config, begin.config.localisation
-    walls = walls_for_ekf(begin.world_map, settings.map)
+    world_map = begin.world_map()
+    walls = walls_of(world_map, settings.map, settings.method)
     sigma_m, sigma_rad = settings.start_sigma_m, math.radians(settings.start_sigma_deg)
     covariance = np.diag([sigma_m**2, sigma_m**2, sigma_rad**2])
     known = PoseEstimate(0, begin.start, covariance, LocalisationStatus.LOCALISED)
     ekf = PoseEkf(
         EkfConfig(motion=config.odometry, sonar=settings.sonar, gyro=config.imu.enabled), known
     )
-    return EkfLocaliser(ekf, sensed_robot(config), walls)
+    return MadeLocaliser(EkfLocaliser(ekf, sensed_robot(config), walls), world_map)
 
 
 def _ahead_rad(imu: ImuFeedback) -> float:

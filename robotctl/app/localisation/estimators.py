@@ -3,33 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Final, TypeAlias, TypeVar
 
 import msgspec
 import numpy as np
 
-from robotctl.app.localisation.ekf_localiser import make_ekf
 from robotctl.app.localisation.localiser import (
-    Localiser,
     LocaliserBegin,
     LocaliserInput,
+    MadeLocaliser,
     sensed_robot,
 )
 from robotctl.app.localisation.mapper import Mapper
-from robotctl.app.localisation.mcl_localiser import make_mcl
-from robotctl.app.localisation.slam_files import NAME, MapPlaces
-from robotctl.app.localisation.slam_localiser import SlamDrawing, make_slam
 from robotctl.config.robot_file import RobotConfig
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
-from robotctl.estimation.localisation_config import LocalisationConfig
-from robotctl.estimation.mcl.free_space import free_area_m2
-from robotctl.estimation.mcl.search_size import too_large
+from robotctl.estimation.localisers import LOCALISERS
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.estimation.sensors.registry import load_sensors
 from robotctl.estimation.sensors.sensor import Listener, Measured, SensedRobot
-from robotctl.maps.localisation_map import load_localisation_map, off_map
+from robotctl.maps.localisation_map import off_map
 from robotctl.messages.control import ControlState, ExternalPose
 from robotctl.messages.estimation import (
     CameraView,
@@ -45,12 +40,6 @@ from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
-
-ESTIMATORS: Final[dict[str, Callable[[LocaliserBegin], Localiser]]] = {
-    "ekf": make_ekf,
-    "mcl": make_mcl,
-}
-"""Localisers by `localisation.method`: a new one is one file, and one line here."""
 
 Picture: TypeAlias = ParticleCloud | LiveMap | SlamGraph
 Stamped = TypeVar("Stamped", bound=SensorMessage | ExternalPose)
@@ -74,7 +63,7 @@ _WORDS: Final = {
 
 
 class Estimators:
-    """Localiser and mapper of one robot, either of which may be missing.
+    """Localiser and growing map of one robot, either of which may be missing.
 
     Attributes
     ----------
@@ -85,41 +74,31 @@ class Estimators:
 
     Parameters
     ----------
-    localiser, mapper
-        Both of the same `history`.
+    made
+        The localiser and the map that grows, both of the same `history`.
     history
-        Of the odometry.
+        History of the odometry.
     robot
         What is known of its sensors.
-    notices
-        Notices to publish at once.
-    given
-        The map that the robot localises itself in; None: there is none.
-    close
-        Saves what is kept, at the end.
     """
 
     def __init__(
         self,
-        localiser: Localiser | None,
-        mapper: Mapper | SlamDrawing | None,
+        made: MadeLocaliser,
         history: OdometryHistory,
         robot: SensedRobot,
-        notices: Sequence[str] = (),
-        given: GridMap | None = None,
-        close: Callable[[], None] = lambda: None,
     ) -> None:
-        self.close = close
-        self.localiser = localiser
-        self.mapper = mapper
+        self.close = made.close
+        self.localiser = made.localiser
+        self.mapper = made.drawing
         self.rejected = 0
         self.untimely = 0
         self._history = history
         self._listeners = {name: each.listener(robot) for name, each in load_sensors().items()}
         self._state: LocalisationState | None = None
-        self.world_map = given
+        self.world_map = None if made.world_map is None else made.world_map.grid
         """The map that the robot localises itself in, where there is one."""
-        self._given = None if given is None else map_message(given, 0)
+        self._given = None if self.world_map is None else map_message(self.world_map, 0)
         self._given_ns = -_GIVEN_NS
         self._pictured_ns = 0
         self._status: LocalisationStatus | None = None
@@ -127,7 +106,7 @@ class Estimators:
         """Epoch of the odometry in the last control state."""
         self._said_rejected = False
         self._said_untimely = False
-        self._notices = list(notices)
+        self._notices = list(made.notices)
 
     def step(
         self,
@@ -198,8 +177,8 @@ class Estimators:
         return good
 
     def settled_map(self) -> GridMap | None:
-        """Return the map that is made to find the robot in, if it is drawn as it is known now."""
-        return self.mapper.settled_map() if isinstance(self.mapper, SlamDrawing) else None
+        """Return the map that the robot makes to find itself in, drawn as it is known now."""
+        return None if self.mapper is None else self.mapper.settled_map()
 
     def take_notices(self) -> list[str]:
         """Return sentences on changes since the last call."""
@@ -224,12 +203,7 @@ class Estimators:
             shown = self.localiser.particles[::every].astype(np.dtype("<f4"))
             found.append(ParticleCloud(now_ns, shown.tobytes()))
         if self.mapper is not None:
-            grid = self.mapper.live_map(now_ns)
-            if grid is not None:
-                found.append(grid)
-        if isinstance(self.mapper, SlamDrawing):
-            graph = self.mapper.graph(now_ns)
-            found += [] if graph is None else [graph]
+            found += self.mapper.pictures(now_ns)
         return found
 
     def given_map(self, now_ns: int) -> list[GivenMap]:
@@ -255,38 +229,28 @@ def make_estimators(
     """
     settings = config.localisation
     history = OdometryHistory()
-    localiser: Localiser | None = None
-    mapper: Mapper | SlamDrawing | None = None
-    given, notices, close = None, [], lambda: None
-    if settings.method == "slam":
-        places = keyframes_of(settings, beside, state)
-        slam, mapper = make_slam(config, sensed_robot(config), start, history, places)
-        localiser, close = slam, slam.close
-    elif settings.method != "none":
-        world_map = load_localisation_map(settings.map, beside)
-        given = world_map.grid
-        begin = LocaliserBegin(config, world_map, start, history, beside)
-        localiser = ESTIMATORS[settings.method](begin)
-        if settings.start == "known" and (said := off_map(world_map, start)):
-            notices = [said]
-        if settings.start == "unknown":
-            notices += filter(None, [too_large(free_area_m2(world_map.grid))])
-    if settings.mapping and mapper is None:
-        mapper = _mapper(config, history)
-    return Estimators(localiser, mapper, history, sensed_robot(config), notices, given, close)
+    made, notices = MadeLocaliser(None), list[str]()
+    if settings.method in LOCALISERS:
+        made = make_localiser(LocaliserBegin(config, start, history, beside, state))
+    if made.world_map is not None and settings.start == "known":
+        notices += filter(None, [off_map(made.world_map, start)])
+    if settings.mapping and made.drawing is None:
+        made = made._replace(drawing=_mapper(config, history))
+    made = made._replace(notices=[*notices, *made.notices])
+    return Estimators(made, history, sensed_robot(config))
 
 
-def keyframes_of(settings: LocalisationConfig, beside: Path, state: Path | None) -> MapPlaces:
-    """Return where a robot keeps its map: as its file says, else in the folder `state`.
+def make_localiser(begin: LocaliserBegin) -> MadeLocaliser:
+    """Return the localiser that a robot's file names, imported now.
 
-    A relative path counts from the folder `beside`, if the file is there, else from the working
-    directory.
+    Raises
+    ------
+    ConfigError, DiskError
+        If what it needs cannot be read, or kept.
     """
-    if settings.keyframes:
-        here = beside / settings.keyframes
-        file = here if here.is_file() else Path(settings.keyframes)
-        return MapPlaces(file, is_read_only=not settings.mapping)
-    return MapPlaces(None if state is None else state / NAME, is_own=True)
+    kind = LOCALISERS[begin.config.localisation.method]
+    made: MadeLocaliser = import_module(kind.module).make(begin)
+    return made
 
 
 def _mapper(config: RobotConfig, history: OdometryHistory) -> Mapper:

@@ -6,18 +6,15 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig
 from robotctl.errors import ConfigError
 from robotctl.model.geometry.se2 import SE2
 
-AGAIN_SIGMA_M: Final = 0.5
-AGAIN_SIGMA_DEG: Final = 10.0
-"""Uncertainty of a restart in a run: 0.3 s until the pose is saved, and the braking distance."""
-
 _STILL_M, _STILL_RAD = 1e-3, 1e-3
+"""Motion from the start that is rounding [m], [rad]."""
 
 if TYPE_CHECKING:
     from robotctl.app.localisation.estimators import Estimators
@@ -48,8 +45,8 @@ def load_estimators(
         settings = config.localisation
         settings = replace(
             settings,
-            start_sigma_m=max(settings.start_sigma_m, AGAIN_SIGMA_M),
-            start_sigma_deg=max(settings.start_sigma_deg, AGAIN_SIGMA_DEG),
+            start_sigma_m=max(settings.start_sigma_m, settings.restart_sigma_m),
+            start_sigma_deg=max(settings.start_sigma_deg, settings.restart_sigma_deg),
         )
         config, start = replace(config, localisation=settings), last
     try:

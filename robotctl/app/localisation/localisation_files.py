@@ -8,7 +8,8 @@ from pathlib import Path
 from robotctl.app.localisation.place_watch import find_places, load_place_watch
 from robotctl.config.robot_file import MAPS, RobotConfig
 from robotctl.errors import ConfigError
-from robotctl.maps.localisation_map import find_map, load_localisation_map, walls_for_ekf
+from robotctl.estimation.localisers import localiser_kind
+from robotctl.maps.localisation_map import find_map, load_localisation_map, walls_of
 from robotctl.maps.map_file import image_of
 from robotctl.maps.topology_file import find_topology, load_places
 
@@ -33,8 +34,8 @@ def check_localisation(config: RobotConfig, robot: Path) -> None:
     try:
         if settings.map:
             world_map = load_localisation_map(settings.map, beside)
-            if settings.method == "ekf":
-                walls_for_ekf(world_map, settings.map)
+            if localiser_kind(settings.method).needs_walls:
+                walls_of(world_map, settings.map, settings.method)
     except (ConfigError, OSError) as error:
         problems.append(f"{robot}: localisation.map: {error}")
     try:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple, Protocol
 
@@ -10,17 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.config.robot_file import RobotConfig
+from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.estimation.sensors.sensor import SensedRobot
-from robotctl.maps.localisation_map import LocalisationMap
+from robotctl.maps.localisation_map import LocalisationMap, load_localisation_map
 from robotctl.messages.control import ControlState, ExternalPose
-from robotctl.messages.estimation import CameraView, LocalisationState
+from robotctl.messages.estimation import CameraView, LiveMap, LocalisationState, SlamGraph
 from robotctl.model.geometry.pose_estimate import PoseEstimate, from_upper_triangle, upper_triangle
 from robotctl.model.geometry.se2 import SE2
-
-_EXTERNAL_SIGMA_M: Final = 0.1
-_EXTERNAL_SIGMA_RAD: Final = 0.1
-"""Standard deviations of an external pose without covariance."""
+from robotctl.model.grid_map import GridMap
 
 _LEAST_VARIANCE: Final = 1e-6
 """Minimum variance: nothing measures better than 1 mm and 1 mrad [m^2, rad^2]."""
@@ -36,13 +34,24 @@ class LocaliserBegin(NamedTuple):
     """Ingredients of a localiser."""
 
     config: RobotConfig
-    world_map: LocalisationMap
     start: SE2
     """`base` in `world`, where that is known."""
     history: OdometryHistory
     """History of the odometry; its owner, who steps the localiser, keeps it up to date."""
     beside: Path
     """Folder of the robot's file, where other files may lie."""
+    state: Path | None = None
+    """Folder of what survives restarts; None: there is none."""
+
+    def world_map(self) -> LocalisationMap:
+        """Return the map that the robot's file names.
+
+        Raises
+        ------
+        ConfigError
+            If there is none, it is wrong, or no robot can find itself in it.
+        """
+        return load_localisation_map(self.config.localisation.map, self.beside)
 
 
 def sensed_robot(config: RobotConfig) -> SensedRobot:
@@ -77,6 +86,34 @@ class Localiser(Protocol):
         """Return sentences for people since the last call."""
 
 
+class GrowingMap(Protocol):
+    """A map that is drawn while the robot drives."""
+
+    def step(self, localisation: LocalisationState | None, seen: LocaliserInput) -> None:
+        """Draw what was seen since the last step; without a localiser `localisation` is None."""
+
+    def settled_map(self) -> GridMap | None:
+        """Return the map to plan on; None: it is for people only, or about to be redrawn."""
+
+    def pictures(self, now_ns: int) -> list[LiveMap | SlamGraph]:
+        """Return the map, and what it hangs on, for display; empty if nothing has been seen."""
+
+
+class MadeLocaliser(NamedTuple):
+    """A localiser, and what comes with it, the growing map too."""
+
+    localiser: Localiser | None
+    """None: the robot goes by odometry alone."""
+    world_map: LocalisationMap | None = None
+    """The map that the robot localises itself in; None: it knows none."""
+    drawing: GrowingMap | None = None
+    """Draws the map that the localiser makes; None: it makes none."""
+    close: Callable[[], None] = lambda: None
+    """Saves what is kept, at the end."""
+    notices: Sequence[str] = ()
+    """Notices to publish at once."""
+
+
 def localisation_state(
     method: str, estimate: PoseEstimate, odometry: SE2, now_ns: int
 ) -> LocalisationState:
@@ -93,14 +130,15 @@ def localisation_state(
     )
 
 
-def external_covariance(pose: ExternalPose) -> NDArray[np.float64]:
+def external_covariance(pose: ExternalPose, settings: LocalisationConfig) -> NDArray[np.float64]:
     """Return the covariance (3, 3) of an external pose, or its diagonal if invalid.
 
     It can be inverted: variances are kept within 1e-6 and 1e6, and correlations that leave no
     room, or come near it by 1e-9, are not believed.
     """
     if len(pose.covariance) != 6:
-        return np.diag([_EXTERNAL_SIGMA_M**2, _EXTERNAL_SIGMA_M**2, _EXTERNAL_SIGMA_RAD**2])
+        sigma_m, sigma_rad = settings.external_sigma_m, settings.external_sigma_rad
+        return np.diag([sigma_m**2, sigma_m**2, sigma_rad**2])
     matrix = from_upper_triangle(pose.covariance)
     variances = np.clip(np.diag(matrix), _LEAST_VARIANCE, _MOST_VARIANCE)
     np.fill_diagonal(matrix, variances)

@@ -4,24 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable
-from typing import Any, Final
+from typing import Any
 
 from robotctl.app.localisation.localiser import LocaliserInput
+from robotctl.estimation.grid.config import OccupancyGridConfig
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.estimation.sensors.registry import load_sensors
 from robotctl.estimation.sensors.sensor import Detail, Measured, SensedRobot, Sensor
-from robotctl.messages.estimation import LiveMap, LocalisationState
+from robotctl.messages.estimation import LiveMap, LocalisationState, SlamGraph
 from robotctl.messages.map_message import map_message
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.model.geometry.se2 import SE2
-
-_LEAST_M: Final = 0.05
-_LEAST_RAD: Final = 0.05
-"""A robot at rest sees the same again, which is no new evidence."""
-_OCCUPIED_ABOVE: Final = 0.85
-"""Live, walls are seen many times: one or two echoes are not yet one."""
+from robotctl.model.grid_map import GridMap
 
 
 class Mapper:
@@ -70,22 +66,24 @@ class Mapper:
             self._is_fine = True
             self.grid.reset()
         for key, update in sensor.cells(measured, self._robot):
-            if _moved(self._last.get(key), odometry):
+            if _moved(self._last.get(key), odometry, self.grid.config):
                 self._last[key] = odometry
                 update(self.grid, T_world_odom @ odometry)
 
-    def live_map(self, now_ns: int) -> LiveMap | None:
-        """Return the map for people and for the score; None if nothing has been seen yet."""
+    def settled_map(self) -> GridMap | None:
+        """None: the map is for people and for the score; plans are made on the robot's own."""
+
+    def pictures(self, now_ns: int) -> list[LiveMap | SlamGraph]:
+        """Return the map; empty if nothing has been seen yet."""
         if not self._last:
-            return None
-        return map_message(self.grid.to_map(_OCCUPIED_ABOVE), now_ns)
+            return []
+        return [map_message(self.grid.to_map(self.grid.config.occupied_above), now_ns)]
 
 
-def _moved(before: SE2 | None, after: SE2) -> bool:
+def _moved(before: SE2 | None, after: SE2, config: OccupancyGridConfig) -> bool:
     """Say whether the robot moved enough to see something new; None: it has seen nothing yet."""
     if before is None:
         return True
     distance_m = math.hypot(after.x_m - before.x_m, after.y_m - before.y_m)
-    return (
-        distance_m >= _LEAST_M or abs(wrap_angle(after.theta_rad - before.theta_rad)) >= _LEAST_RAD
-    )
+    turned_rad = abs(wrap_angle(after.theta_rad - before.theta_rad))
+    return distance_m >= config.update_min_m or turned_rad >= config.update_min_rad

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from operator import itemgetter
@@ -16,18 +16,20 @@ from numpy.typing import NDArray
 from robotctl.app.localisation.localiser import (
     LocaliserBegin,
     LocaliserInput,
+    MadeLocaliser,
     external_covariance,
     localisation_state,
     sensed_robot,
 )
 from robotctl.app.localisation.map_sensors import MapSensors
 from robotctl.app.localisation.place_watch import Fix, PlaceWatch, load_place_watch
+from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.estimation.mcl.config import MclConfig
 from robotctl.estimation.mcl.free_space import free_area_m2, free_poses
 from robotctl.estimation.mcl.localiser import MonteCarloLocaliser
 from robotctl.estimation.mcl.map_symmetry import symmetries
 from robotctl.estimation.mcl.remembered import Remembered
-from robotctl.estimation.mcl.search_size import search_size
+from robotctl.estimation.mcl.search_size import search_size, too_large
 from robotctl.estimation.mcl.sliced import Sliced
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.estimation.ranging.log_likelihood import LogLikelihood
@@ -39,11 +41,6 @@ from robotctl.model.sensors.sonar import SonarReading
 
 _OUTSIDE: Final = "outside"
 _PLACE: Final = "place"
-_BLIND_NS: Final = 500_000_000
-"""Time to wait for measurements [ns]; those of sensors arrive within a tenth of it."""
-_WEIGHED: Final = 10_000
-"""Poses after which a step leaves the rest of a measurement to the next one: it is one of a search
-over the whole map. A robot that waited for it would stand in the way, deaf to its operator."""
 _FITS_NOWHERE: Final = (
     "what the robot sees matches no place on the map: is it the right map, and up to date?"
 )
@@ -58,8 +55,8 @@ class MclLocaliser:
         The particles, where they start.
     sensors
         Likelihoods of what they measure.
-    used
-        Which sensors are listened to.
+    settings
+        Which sensors are listened to, and how uncertain poses from outside are.
     history
         Of the odometry; kept up to date by the caller.
     places
@@ -70,16 +67,17 @@ class MclLocaliser:
         self,
         mcl: MonteCarloLocaliser,
         sensors: MapSensors,
-        used: Collection[str],
+        settings: LocalisationConfig,
         history: OdometryHistory,
         places: PlaceWatch | None = None,
     ) -> None:
         self._mcl = mcl
         self._sensors = sensors
-        self._used = used
+        self._settings = settings
         self._history = history
         self._places = places
         self._fitted_nowhere = False
+        self._blind_ns = round(1e9 * mcl.config.blind_s)
         self._at: tuple[int, SE2] | None = None
         """Time and odometry pose that the particles stand at."""
         self._measuring: Sliced[None] | None = None
@@ -108,7 +106,7 @@ class MclLocaliser:
         """Process everything since the last step; return the present estimate."""
         if self._at is None:
             self._at = (control.stamp_ns, control.T_odom_base)
-        left = self._measure(_WEIGHED)
+        left = self._measure(self._mcl.config.search.poses_per_step)
         for stamp_ns, sensor, measurement in sorted(self._measurements(seen), key=itemgetter(0, 1)):
             if not self._move_to(stamp_ns):
                 continue
@@ -121,7 +119,7 @@ class MclLocaliser:
             late, self._late = self._late, Remembered()
             self._begin(late, _PLACE, left)
         # Without measurements the belief still moves, and reports that it fades.
-        self._move_to(control.stamp_ns - _BLIND_NS)
+        self._move_to(control.stamp_ns - self._blind_ns)
         state = localisation_state("mcl", self._mcl.estimate(self._at[0]), self._at[1], now_ns)
         return msgspec.structs.replace(state, particles=len(self._mcl.poses))
 
@@ -146,13 +144,13 @@ class MclLocaliser:
         """Yield what was measured when, by which sensor, and what makes a measurement of it."""
         sensors = self._sensors
         for name, measured in seen.measured.items():
-            for each in measured if name in self._used else ():
+            for each in measured if name in self._settings.sensors else ():
                 source = sensors.source(name, each)
                 yield each.stamp_ns, source, partial(sensors.measurement, name, each)
         for fix in self._recognised(seen.measured.get(SONAR, ())):
             yield fix.stamp_ns, _PLACE, partial(_given, fix.log_likelihood)
         for pose in seen.poses:
-            yield pose.stamp_ns, _OUTSIDE, partial(pose_measurement, pose)
+            yield pose.stamp_ns, _OUTSIDE, partial(pose_measurement, pose, self._settings)
 
     def _recognised(self, readings: Sequence[SonarReading]) -> Iterator[Fix]:
         """Yield what places say that the robot has turned at."""
@@ -187,10 +185,10 @@ def _given(log_likelihood: LogLikelihood) -> LogLikelihood:
     return log_likelihood
 
 
-def pose_measurement(pose: ExternalPose) -> LogLikelihood:
+def pose_measurement(pose: ExternalPose, settings: LocalisationConfig) -> LogLikelihood:
     """Return the log-likelihood of an external pose: a Gaussian, the heading wrapped."""
     # covariance = L L^T: as a sum of squares the log-likelihood is never above 0.
-    whitening = np.linalg.inv(np.linalg.cholesky(external_covariance(pose)))
+    whitening = np.linalg.inv(np.linalg.cholesky(external_covariance(pose, settings)))
 
     def log_likelihood(poses: NDArray[np.float64]) -> NDArray[np.float64]:
         off = poses - (pose.x_m, pose.y_m, pose.theta_rad)
@@ -201,11 +199,17 @@ def pose_measurement(pose: ExternalPose) -> LogLikelihood:
     return log_likelihood
 
 
-def make_mcl(begin: LocaliserBegin) -> MclLocaliser:
-    """Return the particles of a robot, their kernels compiled or loaded from the cache."""
-    config, world_map, start, history, beside = begin
+def make(begin: LocaliserBegin) -> MadeLocaliser:
+    """Return the particles of a robot, their kernels compiled or loaded from the cache.
+
+    Raises
+    ------
+    ConfigError
+        If map or places are wrong.
+    """
+    config, start, world_map = begin.config, begin.start, begin.world_map()
     settings = config.localisation
-    known = MclConfig()
+    known = MclConfig.tuned(settings.mcl)
     mcl_config = replace(
         known,
         max_particles=settings.particles_max,
@@ -215,15 +219,18 @@ def make_mcl(begin: LocaliserBegin) -> MclLocaliser:
     free, free_m2 = free_poses(world_map.grid), free_area_m2(world_map.grid)
     tried = MonteCarloLocaliser(mcl_config, free, np.random.default_rng(0))
     _rehearse(tried, sensors.rehearsal(), start)
-    size = max(search_size(free_m2), settings.particles_max)
+    size = max(search_size(free_m2, settings.mcl.search), settings.particles_max)
     mcl_config = replace(mcl_config, search_particles=size)
     seeded = np.random.default_rng(settings.seed)
-    mcl = MonteCarloLocaliser(mcl_config, free, seeded, symmetries(world_map.grid))
+    alike = symmetries(world_map.grid, settings.mcl.search)
+    mcl = MonteCarloLocaliser(mcl_config, free, seeded, alike)
     if settings.start == "known":
         mcl.start_at(start, settings.start_sigma_m, math.radians(settings.start_sigma_deg))
     area_m2 = float(world_map.grid.free().sum()) * world_map.grid.resolution_m**2
-    places = load_place_watch(settings.places, beside, config.sonar, area_m2)
-    return MclLocaliser(mcl, sensors, settings.sensors, history, places)
+    places = load_place_watch(settings.places, begin.beside, config.sonar, area_m2)
+    localiser = MclLocaliser(mcl, sensors, settings, begin.history, places)
+    is_too_large = too_large(free_m2, settings.mcl.search) if settings.start == "unknown" else None
+    return MadeLocaliser(localiser, world_map, notices=[is_too_large] if is_too_large else [])
 
 
 def _rehearse(mcl: MonteCarloLocaliser, measurements: Sequence[LogLikelihood], start: SE2) -> None:

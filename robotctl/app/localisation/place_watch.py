@@ -47,11 +47,11 @@ class PlaceWatch:
         turn = self._turns.add(reading, odometry)
         if turn is None:
             return None
-        found = self._book.recognise(turn.signature)
-        if found.place is None:
+        found = self._book.suggest(turn.signature)
+        if found.found is None:
             self._notices.append(f"no place is recognised: {found.refusal}")
         else:
-            self._notices.append(f"the place {found.place.place} is recognised by its sonars")
+            self._notices.append(f"the place {found.found.place} is recognised by its sonars")
         fix = place_fix(found, self._area_m2)
         return None if fix is None else Fix(turn.stamp_ns, fix)
 

@@ -8,6 +8,7 @@ from typing import Final, NamedTuple, Protocol
 import msgspec
 
 from robotctl.errors import ConfigError
+from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.estimation.sensor_names import LIDAR
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.estimation.slam.keyframes.saved_map import (
@@ -51,6 +52,19 @@ class MapPlaces(NamedTuple):
     path: Path | None
     is_read_only: bool = False
     is_own: bool = False
+
+
+def keyframes_of(settings: LocalisationConfig, beside: Path, state: Path | None) -> MapPlaces:
+    """Return where a robot keeps its map: as its file says, else in the folder `state`.
+
+    A relative path counts from the folder `beside`, if the file is there, else from the working
+    directory.
+    """
+    if settings.keyframes:
+        here = beside / settings.keyframes
+        file = here if here.is_file() else Path(settings.keyframes)
+        return MapPlaces(file, is_read_only=not settings.mapping)
+    return MapPlaces(None if state is None else state / NAME, is_own=True)
 
 
 def keyframes_to_localise(path: Path, sensor: str) -> KeyframeMap:

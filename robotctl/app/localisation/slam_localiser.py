@@ -11,25 +11,30 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.app.localisation.localiser import LocaliserInput, localisation_state
+from robotctl.app.localisation.localiser import (
+    LocaliserBegin,
+    LocaliserInput,
+    MadeLocaliser,
+    localisation_state,
+    sensed_robot,
+)
 from robotctl.app.localisation.seen_images import SeenImages, rehearse
-from robotctl.app.localisation.slam_files import KeyframeFile, MapPlaces, keyframes_to_localise
+from robotctl.app.localisation.slam_files import KeyframeFile, keyframes_of, keyframes_to_localise
 from robotctl.app.localisation.slam_graphs import SlamGraphs
 from robotctl.app.localisation.slam_sensor import SlamSensor, recognises_places, slam_sensor
-from robotctl.config.robot_file import RobotConfig
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.estimation.sensor_names import SONAR
 from robotctl.estimation.sensors.lidar import REHEARSED
-from robotctl.estimation.sensors.sensor import SensedRobot
 from robotctl.estimation.slam.incremental.smoother import IncrementalSmoother
-from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.heard_places import HeardPlaces
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe
 from robotctl.estimation.slam.keyframes.map_search import MapSearch
-from robotctl.estimation.slam.keyframes.mapper import LEAST_ECHOES, SlamMapper
+from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.estimation.slam.keyframes.motion import Place
 from robotctl.estimation.slam.keyframes.saved_map import KeyframeMap, SavedOdometry, as_saved
+from robotctl.estimation.slam.keyframes.tracker import LEAST_ECHOES
+from robotctl.estimation.slam_config import KeyframeConfig
 from robotctl.messages.control import ControlState
 from robotctl.messages.estimation import ClosedLoop, LiveMap, LocalisationState, SlamGraph
 from robotctl.messages.map_message import map_message
@@ -42,17 +47,8 @@ from robotctl.model.grid_map import GridMap
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.model.sensors.sonar import SonarReading
 
-_LEAST_M: Final = 0.05
-_LEAST_RAD: Final = 0.05
-"""A robot at rest sees the same again."""
-_REST_NS: Final = 1_000_000_000
-"""Time at rest after which a scan is matched, since the robot may have been moved by hand [ns]."""
 _AT_ONCE: Final = 40
 """Keyframes that are drawn in one step when the map is redrawn."""
-_SHIFT_M: Final = 0.03
-"""Motion of a keyframe since it was drawn from which the map is redrawn [m]."""
-_REDRAW_NS: Final = 2_000_000_000
-"""Minimum interval between two redrawings [ns]."""
 
 
 class SlamLocaliser:
@@ -88,6 +84,7 @@ class SlamLocaliser:
         by_images: bool = False,
     ) -> None:
         self.mapper = mapper
+        self.config = sensor.robot.settings.slam.driving
         self._sensor, self._maker = sensor, sensor.maker()
         self._history = history
         self._file = file
@@ -146,7 +143,7 @@ class SlamLocaliser:
     def step(self, control: ControlState, seen: LocaliserInput, now_ns: int) -> LocalisationState:
         """Take the scans since the last step; return the present estimate."""
         self._perceive(seen)
-        if self.mapper.look() and self._last is not None:
+        if self.mapper.relocalise() and self._last is not None:
             self._T_world_odom = self.T_world_map @ self.mapper.pose @ self._last.inverse()
         if self._T_world_odom is None:
             self._T_world_odom = self._go_on(control)
@@ -184,7 +181,7 @@ class SlamLocaliser:
             number, pose = self._on_map(T_world_odom @ control.T_odom_base)
             place = Place(control.stamp_ns, number, pose)
             self._doubted = len(mapper.keyframes) if is_another else -1
-            mapper.go_on(place, control.T_odom_base, is_another=is_another)
+            mapper.restart_segment(place, control.T_odom_base, is_another=is_another)
         return T_world_odom
 
     @property
@@ -236,12 +233,13 @@ class SlamLocaliser:
 
     def _is_new(self, scan: RangeScan, odometry: SE2) -> bool:
         """Return whether a scan says more than the last one."""
-        if self._last is None or self.mapper.is_lost or scan.stamp_ns - self._taken_ns > _REST_NS:
+        config, rested_s = self.config, 1e-9 * (scan.stamp_ns - self._taken_ns)
+        if self._last is None or self.mapper.is_lost or rested_s > config.rest_s:
             return True
         motion = self._last.inverse() @ odometry
         return (
-            math.hypot(motion.x_m, motion.y_m) >= _LEAST_M
-            or abs(wrap_angle(motion.theta_rad)) >= _LEAST_RAD
+            math.hypot(motion.x_m, motion.y_m) >= config.update_min_m
+            or abs(wrap_angle(motion.theta_rad)) >= config.update_min_rad
         )
 
     def _take(self, scan: RangeScan, odometry: SE2) -> None:
@@ -301,7 +299,8 @@ class SlamDrawing:
         self._localiser = localiser
         self._picture = _Picture(grid, 0)
         self._next: _Picture | None = None
-        self._begun_ns = -_REDRAW_NS
+        self._redraw_ns = round(1e9 * localiser.config.redraw_every_s)
+        self._begun_ns = -self._redraw_ns
         self._graphs = SlamGraphs()
 
     @property
@@ -312,9 +311,9 @@ class SlamDrawing:
     def step(self, localisation: LocalisationState | None, _seen: LocaliserInput) -> None:
         """Draw keyframes that are new, or some of those that have moved."""
         mapper, now_ns = self._localiser.mapper, localisation.stamp_ns if localisation else 0
-        if self._next is None and self._is_old() and now_ns - self._begun_ns >= _REDRAW_NS:
+        if self._next is None and self._is_old() and now_ns - self._begun_ns >= self._redraw_ns:
             self._begun_ns = now_ns
-            self._next = _Picture(OccupancyGrid(self.grid.config), mapper.renewals)
+            self._next = _Picture(OccupancyGrid(self.grid.config), mapper.known_places.renewals)
         self._draw(self._picture)
         if self._next is not None and self._draw(self._next):
             self._picture, self._next = self._next, None
@@ -323,8 +322,10 @@ class SlamDrawing:
         """Return whether keyframes are elsewhere by now, or have another scan."""
         mapper, drawn = self._localiser.mapper, self._picture.drawn
         off = np.hypot(*(mapper.back_end.poses[: len(drawn), :2] - drawn[:, :2]).T)
-        has_moved = bool(np.nan_to_num(off).max(initial=0.0) > _SHIFT_M)
-        return has_moved or mapper.renewals != self._picture.renewals
+        has_moved = bool(
+            np.nan_to_num(off).max(initial=0.0) > self._localiser.config.redraw_shift_m
+        )
+        return has_moved or mapper.known_places.renewals != self._picture.renewals
 
     def _draw(self, picture: _Picture) -> bool:
         """Draw some keyframes that are not in a picture; return whether it is complete."""
@@ -347,25 +348,17 @@ class SlamDrawing:
         drawn = len(self._picture.missing(self._localiser.mapper.keyframes)) == 0
         return self.grid.to_map() if drawn and not self._is_old() else None
 
-    def live_map(self, now_ns: int) -> LiveMap | None:
-        """Return the map; None if nothing has been seen yet."""
-        if len(self._picture.drawn) == 0:
-            return None
-        return map_message(self.grid.to_map(), now_ns)
-
-    def graph(self, now_ns: int) -> SlamGraph | None:
-        """Return the graph, if it is time; see `SlamGraphs`."""
+    def pictures(self, now_ns: int) -> list[LiveMap | SlamGraph]:
+        """Return the map if anything has been seen, and the graph if it is due."""
+        pictures: list[LiveMap | SlamGraph] = []
+        if len(self._picture.drawn):
+            pictures.append(map_message(self.grid.to_map(), now_ns))
         localiser = self._localiser
-        return self._graphs.due(localiser.mapper.back_end, localiser.T_world_map, now_ns)
+        graph = self._graphs.due(localiser.mapper.back_end, localiser.T_world_map, now_ns)
+        return pictures if graph is None else [*pictures, graph]
 
 
-def make_slam(
-    config: RobotConfig,
-    robot: SensedRobot,
-    start: SE2,
-    history: OdometryHistory,
-    places: MapPlaces,
-) -> tuple[SlamLocaliser, SlamDrawing]:
+def make(begin: LocaliserBegin) -> MadeLocaliser:
     """Return the mapper of a robot that knows no map or goes on with its own, and what draws it.
 
     Raises
@@ -374,8 +367,9 @@ def make_slam(
         If the robot has no sensor for it, or the map that it localises itself in cannot be read;
         if it cannot be kept.
     """
-    sensor = slam_sensor(config, robot)
-    grid = config.localisation.grid
+    config, grid = begin.config, begin.config.localisation.grid
+    sensor = slam_sensor(config, sensed_robot(config))
+    places = keyframes_of(config.localisation, begin.beside, begin.state)
     quick = SlamMapper(KeyframeConfig(keyframe_m=0.0))
     rehearsed = SlamLocaliser(quick, sensor, SE2(), OdometryHistory())
     _rehearse(rehearsed)
@@ -384,7 +378,7 @@ def make_slam(
         rehearse(quick)
     drawing = SlamDrawing(rehearsed, OccupancyGrid(grid))
     drawing.step(None, LocaliserInput())
-    drawing.live_map(0)
+    drawing.pictures(0)
     saved, file = None, None
     if places.path is not None and places.is_read_only:
         saved = keyframes_to_localise(places.path, sensor.name)
@@ -392,8 +386,11 @@ def make_slam(
         file = KeyframeFile(places.path, sensor.name, is_own=places.is_own)
         saved = file.saved
     mapper = SlamMapper(replace(sensor.config, is_live=True, is_fixed=places.is_read_only))
-    localiser = SlamLocaliser(mapper, sensor, start, history, saved, file, by_images=by_images)
-    return localiser, SlamDrawing(localiser, OccupancyGrid(grid))
+    localiser = SlamLocaliser(
+        mapper, sensor, begin.start, begin.history, saved, file, by_images=by_images
+    )
+    drawn = SlamDrawing(localiser, OccupancyGrid(grid))
+    return MadeLocaliser(localiser, drawing=drawn, close=localiser.close)
 
 
 def _rehearse(localiser: SlamLocaliser) -> None:

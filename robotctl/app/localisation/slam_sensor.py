@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 from robotctl.config.robot_file import RobotConfig
 from robotctl.errors import ConfigError
+from robotctl.estimation.localisers import localiser_kind
 from robotctl.estimation.sensor_names import CAMERA, LIDAR, SONAR
 from robotctl.estimation.sensors.sensor import SensedRobot
-from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.local_scans.registry import SCAN_SOURCES, load_source
 from robotctl.estimation.slam.local_scans.source import ScanMaker
+from robotctl.estimation.slam_config import KeyframeConfig
 
 
 class SlamSensor(NamedTuple):
@@ -56,10 +58,11 @@ def slam_sensor(config: RobotConfig, robot: SensedRobot) -> SlamSensor:
             'true goes on with the map; localisation.method = "mcl" finds the robot on the ROS '
             "map of a drive, localisation.map"
         )
-    return SlamSensor(name, robot, source.config)
+    return SlamSensor(name, robot, replace(source.config, tuning=settings.slam))
 
 
 def recognises_places(config: RobotConfig) -> bool:
     """Return whether a robot looks for loops by the images of its camera."""
     settings = config.localisation
-    return config.has_camera and settings.method == "slam" and CAMERA in settings.sensors
+    matches_images = localiser_kind(settings.method).matches_images
+    return config.has_camera and matches_images and CAMERA in settings.sensors

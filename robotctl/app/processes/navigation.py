@@ -57,10 +57,10 @@ def resume(
             mission = load_mission(Path(saved.mission_file))
             content = Path(saved.mission_file).read_bytes()
             adapter.remember(mission, saved.mission_file, content)
-        navigator.resume(saved.item, saved.item_s_m, saved.loop_counts)
+        navigator.auto.resume(saved.item, saved.item_s_m, saved.loop_counts)
     except (OSError, ValueError, RobotctlError) as error:
         return (f"{options.state}: {error}; mode AUTO starts the mission over",)
-    if navigator.mission_completed:
+    if navigator.auto.is_completed:
         return ("the mission is completed; mode AUTO repeats it",)
     if not saved.item and not any(saved.loop_counts):
         return ()

@@ -157,7 +157,7 @@ def equip(
         If the robot's file names a planner or controller that there is not.
     """
     grid = None if estimators is None else estimators.world_map
-    asked = navigator.drives_by_plan or bool(config.navigation.pilot.topology)
+    asked = navigator.auto.needs_pilot or bool(config.navigation.pilot.topology)
     if grid is not None or config.lidar is not None or asked:
         navigator.take_pilot(_pilot(config, options, grid, say, plan_s))
         return True

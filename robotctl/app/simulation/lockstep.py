@@ -19,24 +19,20 @@ from robotctl.app.compile_progress import compile_progress
 from robotctl.app.localisation.load_estimators import load_estimators
 from robotctl.app.processes.navigator import equip, load_mission, make_navigation
 from robotctl.app.processes.robot import record_header
-from robotctl.app.simulation.camera_score import camera_score
-from robotctl.app.simulation.journey_score import journey_score
+from robotctl.app.scoring.run_score import RunFacts, RunScore
+from robotctl.app.scoring.score import (
+    Report,
+    StampedPose,
+    is_over,
+    run_message,
+)
 from robotctl.app.simulation.lockstep_camera import LockstepCamera
 from robotctl.app.simulation.lockstep_logs import LockstepLogs
 from robotctl.app.simulation.lockstep_stack import LockstepStack, make_simulation
-from robotctl.app.simulation.map_truth import map_truth
 from robotctl.app.simulation.operator import MissionOperator
-from robotctl.app.simulation.room import arrived, load_furnished
-from robotctl.app.simulation.run_score import RunScore
-from robotctl.app.simulation.score import (
-    Report,
-    StampedPose,
-    bus_report,
-    is_over,
-    loop_report,
-    run_message,
-)
-from robotctl.app.simulation.sim_options import SimOptions, load_faults
+from robotctl.app.simulation.room import load_furnished
+from robotctl.app.simulation.sim_options import SimOptions
+from robotctl.app.simulation.simulator_files import load_faults, simulated_robot
 from robotctl.app.simulation.time_limit import TimeLimit
 from robotctl.config.options import StackOptions
 from robotctl.core.navigation_tick import NavigationTick
@@ -96,12 +92,12 @@ class LockstepRun:
         self._tick = NavigationTick(adapter, self._estimators, Operator(self._ask, self._hear))
         self._camera = LockstepCamera.load(self.config)
         walls = WallMap(room.segments)
-        seen = camera_score(self.config, options, room)
-        self._score = RunScore(
-            map_truth(options, room, self._mission, self.config),
-            journey_score(options, room, self._mission, self.config),
-            seen,
-            has_localiser=self.config.localisation.method != "none",
+        self._score = RunScore.of(
+            self.config,
+            simulated_robot(options.robot, options.overrides),
+            room,
+            start,
+            self._mission,
             is_recorded=options.record is not None,
         )
         self.notices = [] if self._estimators is None else self._estimators.take_notices()
@@ -260,38 +256,19 @@ class LockstepRun:
         control, navigation = self.stack.snapshot(), self._tick.state
         truth = self.stack.simulation.truth()
         duration_s = self.stack.clock.now_ns() * 1e-9
-        return Report(
+        facts = RunFacts(
             robot=self.config.robot.name,
             world=self.world.stem,
-            mission=self._mission.name,
+            mission=self._mission,
             seed=self._options.seed,
             bus_kind="lockstep",
-            mission_completed=navigation is not None and navigation.mission_completed,
-            message=run_message(control, navigation),
             ended=self._ended,
-            items_done=navigation.item if navigation else 0,
-            items=navigation.items if navigation else 0,
-            duration_s=round(duration_s, 3),
-            distance_m=round(truth.distance_m, 3),
-            collisions=truth.collisions,
-            ran_into=truth.ran_into,
-            unsafe_motions=truth.unsafe_motions,
-            unsafe_reason=truth.unsafe_reason,
-            **self._score.journey.report(),
-            arrived=arrived(self._mission, navigation),
-            plans=navigation.plans if navigation else 0,
-            recoveries=navigation.recoveries if navigation else 0,
-            pose_error=self._score.pose_error,
-            loop=loop_report(self.stack.statistics()),
-            bus=bus_report(control.bus),
+            duration_s=duration_s,
             real_time_factor=round(duration_s / took_s, 2),
             faults=tuple(self._faults),
             log_trouble=self._log_trouble,
-            localisation=self._score.localisation_report,
-            slam=self._score.slam_report,
-            map_quality=self._score.map_quality,
-            camera=self._score.camera_report,
         )
+        return self._score.report(facts, control, navigation, truth, self.stack.statistics())
 
 
 def run_lockstep(

@@ -9,7 +9,7 @@ import numpy as np
 
 from firmware_sim.errors import SimulationError
 from robotctl.app.localisation.slam_sensor import recognises_places
-from robotctl.app.simulation.sim_options import SimulatorError
+from robotctl.app.simulation.simulator_files import SimulatorError
 from robotctl.config.robot_file import RobotConfig
 from robotctl.messages.camera_port import CameraFrame
 from robotctl.messages.control import ControlState

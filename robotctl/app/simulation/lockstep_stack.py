@@ -12,7 +12,7 @@ from firmware_sim.bus.state import FdSupport
 from firmware_sim.errors import SimulationError
 from firmware_sim.world.world import World
 from robotctl.app.processes.robot import make_codec, make_core, make_parts
-from robotctl.app.simulation.sim_options import SimulatorError, simulated_robot
+from robotctl.app.simulation.simulator_files import SimulatorError, simulated_robot
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig
 from robotctl.core.control_core import Inputs, Outputs

@@ -13,9 +13,7 @@ from firmware_sim.world.free_space import CELL_M, FreeSpace
 from firmware_sim.world.world import World, load_world
 from robotctl.app.simulation.sim_options import SimOptions
 from robotctl.errors import ConfigError
-from robotctl.messages.control import NavigationState
 from robotctl.planning.behave.behaviours.goto import GotoItem
-from robotctl.planning.behave.behaviours.goto_place import GotoPlaceItem
 from robotctl.planning.behave.behaviours.straight_to import StraightToItem
 from robotctl.planning.behave.mission.mission_file import Mission, StartPose
 
@@ -97,15 +95,6 @@ def goals(mission: Mission) -> tuple[tuple[float, float], ...]:
     return tuple(
         (item.x_m, item.y_m) for item in mission.item if isinstance(item, GotoItem | StraightToItem)
     )
-
-
-def arrived(mission: Mission, navigation: NavigationState | None) -> bool | None:
-    """Return whether the robot is at the goal of its mission; None of a mission with more items."""
-    if navigation is None or len(mission.item) != 1:
-        return None
-    if not isinstance(mission.item[0], GotoItem | GotoPlaceItem):
-        return None
-    return navigation.mission_completed
 
 
 def load_furnished(world: Path, options: SimOptions, mission: Mission) -> World:

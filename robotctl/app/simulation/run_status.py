@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import msgspec
-
+from robotctl.app.scoring.score import Truth
 from robotctl.app.supervision.silence import LONG_NS, STATE_PERIOD_NS, silence
 from robotctl.messages.control import ControlState, NavigationState
 from robotctl.messages.estimation import (
@@ -25,23 +24,6 @@ TRUTH_PERIOD_NS = 20_000_000
 
 BEST_EFFORT = "runtime.allow_best_effort=true"
 """A simulated robot is harmless without real-time rights."""
-
-
-class Truth(msgspec.Struct, frozen=True):
-    """The part of firmware_sim's published truth that scores a run."""
-
-    stamp_ns: int
-    x_m: float
-    y_m: float
-    theta_rad: float
-    distance_m: float
-    collisions: int
-    power_off_ns: int
-    unsafe_motions: int
-    unsafe_reason: str
-    late_max_ns: int
-    ran_into: int
-    people: tuple[tuple[float, float], ...]
 
 
 @dataclass(slots=True)
@@ -70,6 +52,12 @@ class RunStatus:
     """Link of the web page; empty: there is none, or not yet."""
     camera_period_ns: int = 200_000_000
     """Twice that of the camera, whose views are stamped by their exposure [ns]."""
+    was_ready: bool = False
+    """Whether there has been a run that could be scored."""
+    ended: str = ""
+    """Why the run ended."""
+    said_waiting: bool = False
+    """Whether it was said that navigation takes its time."""
 
     @property
     def control_silence(self) -> str:

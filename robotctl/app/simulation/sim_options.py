@@ -1,57 +1,33 @@
-"""Options of a simulated run, and the simulator's own files, checked."""
+"""Options of a simulated run."""
 
 from __future__ import annotations
 
-import json
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Annotated, Final, Literal
 
-from firmware_sim.config.config import RobotConfig as SimulatedRobot
-from firmware_sim.config.config import load_robot, parse_override
-from firmware_sim.errors import SimulationError
-from firmware_sim.faults.scenario import Scenario, load_scenario
-from robotctl.drivers.can.config import CanConfig
-from robotctl.errors import ConfigError, RobotctlError
-from robotctl.maps.world import find_world
-from robotctl.planning.behave.mission.mission_file import Mission, StartPose
+import typer
+
+from robotctl.errors import ConfigError
+
+if TYPE_CHECKING:
+    from robotctl.planning.behave.mission.mission_file import Mission, StartPose
+
+OWN_BUS: Final = "simcan"
+"""The default bus."""
 
 
-class SimulatorError(RobotctlError):
-    """The simulated firmware could not start or has ended."""
+def _scenario(name: str) -> Path:
+    """Return the file of a fault scenario; raises ConfigError if there is none."""
+    from robotctl.config.robot_file import find_file  # noqa: PLC0415 - help is quick
+
+    return find_file(name, "scenarios")
 
 
 @dataclass(frozen=True, slots=True)
 class SimOptions:
-    """The user's options.
-
-    Parameters
-    ----------
-    robot, mission, world
-        Files; an empty world means the mission's own, one may be a ROS map's yaml file.
-    bus
-        `simcan[:CHANNEL]`, or the name of a SocketCAN interface; of a robot with several buses
-        `simcan[:CHANNEL]` too, or as many interfaces with commas between.
-    seed
-        Seed of the simulated world.
-    max_seconds
-        The run ends there as not completed.
-    overrides
-        `key=value` settings of the robot.
-    record
-        Directory of record and logs; None: none.
-    faults
-        Scenario of the faults that befall the robot; None: none.
-    localisation
-        Settings of the localiser, `key=value`; where they name no map it is the world itself.
-    hard_real_time
-        Whether simulated time runs on while this computer stalls, as on a robot.
-    start
-        x, y and perhaps a heading where the robot starts [m, m, deg]; empty: as the mission says.
-    people, clutter
-        How many people walk about, and how many boxes and cylinders stand about that are on no map.
+    """What to simulate.
 
     Raises
     ------
@@ -61,18 +37,50 @@ class SimOptions:
 
     robot: Path
     mission: Path
-    world: str = ""
-    bus: str = "simcan"
-    seed: int = 1
-    max_seconds: float = 300.0
-    overrides: tuple[str, ...] = ()
-    record: Path | None = None
-    faults: Path | None = None
-    localisation: tuple[str, ...] = ()
-    hard_real_time: bool = False
+    world: Annotated[
+        str,
+        typer.Option(help="World file or name, or a ROS map.yaml; default: the mission's."),
+    ] = ""
+    bus: Annotated[
+        str,
+        typer.Option(help="simcan, simcan:CHANNEL, or a SocketCAN interface such as vcan0."),
+    ] = OWN_BUS
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the simulated world.")] = 1
+    max_seconds: Annotated[
+        float, typer.Option(min=1.0, help="Time limit from arming on, in the robot's time.")
+    ] = 300.0
+    record: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Folder for the control record and the CAN log."),
+    ] = None
+    faults: Annotated[
+        Path | None,
+        typer.Option(
+            parser=_scenario,
+            metavar="NAME",
+            help="Fault scenario, file or name; status 3 if a fault did not begin.",
+        ),
+    ] = None
+    people: Annotated[
+        int, typer.Option(min=0, help="How many people walk about, who do not evade the robot.")
+    ] = 0
+    clutter: Annotated[
+        int,
+        typer.Option(min=0, help="How many boxes and cylinders stand about that are on no map."),
+    ] = 0
+    hard_real_time: Annotated[
+        bool,
+        typer.Option(
+            "--hard-real-time",
+            help="Simulated time runs on when this computer stalls; default: it pauses.",
+        ),
+    ] = False
     start: tuple[float, ...] = ()
-    people: int = 0
-    clutter: int = 0
+    """x, y and perhaps a heading where the robot starts [m, m, deg]; empty: as the mission says."""
+    overrides: tuple[str, ...] = ()
+    """`key=value` settings of the robot."""
+    localisation: tuple[str, ...] = ()
+    """`key=value` settings of the localiser; where they name no map it is the world itself."""
 
     def __post_init__(self) -> None:
         """Check the bus as the robot's file is checked, also where a run needs none."""
@@ -82,6 +90,8 @@ class SimOptions:
                 f"--bus {self.bus}: allowed are simcan, simcan:CHANNEL or a SocketCAN interface "
                 "such as vcan0"
             )
+        from robotctl.drivers.can.config import CanConfig  # noqa: PLC0415 - help is quick
+
         interface, channels = self.channels([""])
         try:
             for each in channels:
@@ -97,6 +107,8 @@ class SimOptions:
         ConfigError
             If there is none.
         """
+        from robotctl.maps.world import find_world  # noqa: PLC0415 - help is quick
+
         if self.world:
             return find_world(self.world)
         if not mission.world:
@@ -107,6 +119,8 @@ class SimOptions:
 
     def start_of(self, mission: Mission) -> StartPose:
         """Return where the robot starts."""
+        from robotctl.planning.behave.mission.mission_file import StartPose  # noqa: PLC0415
+
         return StartPose(*self.start) if self.start else mission.start
 
     def settings(self, world: Path) -> tuple[str, ...]:
@@ -127,89 +141,3 @@ class SimOptions:
             first = channel or "simcan0"
             return "simcan", (first, *(f"{first}-{name}" for name in names[1:]))
         return "socketcan", tuple(kind.split(","))
-
-
-def bus_names(robot: Path) -> tuple[str, ...]:
-    """Return the names of the buses that a robot's file lists; none of a single one, `[can]`.
-
-    What is wrong with the file is said where it is read as a whole.
-    """
-    try:
-        tables = tomllib.loads(robot.read_text(encoding="utf-8-sig")).get("can")
-    except (OSError, ValueError, RecursionError):
-        return ()
-    if not isinstance(tables, list):
-        return ()
-    return tuple(str(table.get("name", "main")) for table in tables if isinstance(table, dict))
-
-
-def bus_overrides(options: SimOptions) -> tuple[str, ...]:
-    """Return the settings that put a robot on the buses of a simulated run.
-
-    Raises
-    ------
-    ConfigError
-        If `--bus` names another number of interfaces than the robot has buses.
-    """
-    names = bus_names(options.robot)
-    interface, channels = options.channels(names or ("",))
-    count = max(len(names), 1)
-    if len(channels) != count:
-        buses = f"{count} buses ({', '.join(names)})" if names else "one bus"
-        raise ConfigError(
-            f"--bus {options.bus}: {len(channels)} interfaces found, but {options.robot} has "
-            f"{buses}; name one for each, with commas between"
-        )
-    keys = [f"can.{number}" for number in range(count)] if names else ["can"]
-    # A string of JSON is one of TOML too: the path of a socket may hold a quote.
-    return tuple(
-        setting
-        for key, channel in zip(keys, channels, strict=True)
-        for setting in (
-            f'{key}.interface="{interface}"',
-            f"{key}.channel={json.dumps(channel, ensure_ascii=False)}",
-        )
-    )
-
-
-def simulation_overrides(overrides: Sequence[str]) -> list[str]:
-    """Return those settings of the user that are firmware_sim's.
-
-    The limits and the time-out of commands are, since it holds against the robot what goes beyond
-    them, and how often a camera is asked for a picture; where it sits may be wrong in what the
-    robot believes.
-    """
-    shared = ("simulation.", "limits.", "safety.command_timeout_ms", "camera.rate_hz", "imu.")
-    return [each for each in overrides if each.startswith(shared)]
-
-
-def simulated_robot(robot: Path, overrides: Sequence[str] = ()) -> SimulatedRobot:
-    """Return the part of a robot's file that firmware_sim reads, after the user's settings.
-
-    Raises
-    ------
-    SimulatorError
-        With one line for each error.
-    """
-    try:
-        settings = dict(parse_override(text) for text in simulation_overrides(overrides))
-        return load_robot(robot, settings)
-    except SimulationError as error:
-        raise SimulatorError(str(error)) from error
-
-
-def load_faults(options: SimOptions) -> Scenario:
-    """Return the scenario of a run, checked against its robot; one without faults by default.
-
-    Raises
-    ------
-    SimulatorError
-        If the file is wrong, or the robot's.
-    """
-    if options.faults is None:
-        return Scenario()
-    robot = simulated_robot(options.robot, options.overrides)
-    try:
-        return load_scenario(options.faults, robot)
-    except SimulationError as error:
-        raise SimulatorError(str(error)) from error

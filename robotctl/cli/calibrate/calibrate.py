@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from robotctl.cli.arguments import Overrides, RobotName, TimeUnit, refuse_unused
+from robotctl.cli.arguments import PatchFile, refuse_unused
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import advise_keeping, check_files, give_patch, write_file
+from robotctl.cli.options import takes_options
 from robotctl.errors import CalibrationError
+from robotctl.workbench.odometry.options import OdometryCalibrateOptions
 
 if TYPE_CHECKING:
     from robotctl.workbench.odometry.calibrate_odometry import OdometryCalibrateResult
@@ -28,26 +30,14 @@ def calibrate() -> None:
 
 
 @app.command()
+@takes_options
 def odometry(
     ctx: typer.Context,
-    robot: RobotName = "diff_drive",
-    log: Annotated[
-        Path | None,
-        typer.Option(help="Log with reference poses: CARMEN, MRCLAM, LEGO, ROS bag or our own."),
-    ] = None,
-    mrclam_robot: Annotated[int | None, typer.Option(help="Robot of an MRCLAM folder.")] = None,
-    runs: Annotated[
-        Path | None, typer.Option(help="Drives measured by tape, see docs/calibration.md.")
-    ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the simulated drives.")] = 1,
+    options: OdometryCalibrateOptions,
     plot: Annotated[
         Path | None, typer.Option(help="Plot before and after: .png, .svg or .pdf.")
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option(help="Write the configuration patch here; default: print it.")
-    ] = None,
-    overrides: Overrides = None,
-    time_unit: TimeUnit = None,
+    out: PatchFile = None,
 ) -> None:
     """Find wheel sizes, track width or wheelbase, and noise of odometry, with 95 % intervals.
 
@@ -55,9 +45,9 @@ def odometry(
     and dead reckoning is better with it. 1: a drive failed, or the data are too few. 3: it is
     worse, no patch. 2: bad input.
     """
-    if log is not None or runs is not None:
+    if options.log is not None or options.runs is not None:
         refuse_unused(ctx, "with recorded drives", "seed")
-    if log is None:
+    if options.log is None:
         refuse_unused(ctx, "without --log", "mrclam_robot", "time_unit")
     # Loading takes a second, which `--help` need not wait for.
     from robotctl.cli.calibrate.plot import save_plot  # noqa: PLC0415
@@ -66,15 +56,8 @@ def odometry(
         drive_table,
         reference_lines,
     )
-    from robotctl.config.robot_file import find_file  # noqa: PLC0415
-    from robotctl.workbench.odometry.calibrate_odometry import (  # noqa: PLC0415
-        OdometryCalibrateOptions,
-        calibrate_odometry,
-    )
+    from robotctl.workbench.odometry.calibrate_odometry import calibrate_odometry  # noqa: PLC0415
 
-    options = OdometryCalibrateOptions(
-        find_file(robot), tuple(overrides or ()), seed, log, mrclam_robot, runs, time_unit
-    )
     check_files(out, plot=plot)
     progress = plain_console(stderr=True)
     try:

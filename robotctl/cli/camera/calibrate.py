@@ -8,23 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from robotctl.cli.arguments import Overrides, RobotName
-from robotctl.cli.camera.arguments import (
-    BoardName,
-    Family,
-    SigmaMm,
-    SigmaPx,
-    Square,
-    board_of,
-    family_of,
-    noise_of,
-    pictures_of,
-    place_of,
-)
+from robotctl.cli.arguments import PatchFile
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import advise_keeping, check_files, give_patch, write_file
-from robotctl.config.robot_file import find_file
+from robotctl.cli.options import takes_options
 from robotctl.errors import CalibrationError, ConfigError
+from robotctl.workbench.camera.options import CameraCalibrateOptions
 
 if TYPE_CHECKING:
     from robotctl.workbench.camera.calibrate import CameraCalibrateResult
@@ -32,76 +21,29 @@ if TYPE_CHECKING:
 ABORTED = 1
 
 
+@takes_options
 def calibrate(
-    robot: RobotName = "diff_drive",
-    lens: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Pictures of the board for the lens: file, folder, 'left*.jpg' or live:ROBOT."
-        ),
-    ] = None,
-    lens_unknown: Annotated[
-        bool, typer.Option("--lens-unknown", help="Find the focal length from the floor instead.")
-    ] = False,
-    board: BoardName = "9x6",
-    square_mm: Square = 25.0,
-    floor: Annotated[
-        Path | None,
-        typer.Option(help="Picture of the board or of markers on the floor, or live:ROBOT."),
-    ] = None,
-    at: Annotated[
-        str | None,
-        typer.Option(
-            metavar="X,Y,DEG", help="Middle of the board in base, and direction of its arrow."
-        ),
-    ] = None,
-    markers: Annotated[
-        Path | None, typer.Option(help="CSV of markers on the floor: id, x, y of their middle.")
-    ] = None,
-    family: Family = "apriltag_36h11",
-    points: Annotated[
-        Path | None, typer.Option(help="CSV of points clicked in a picture: u, v, x, y.")
-    ] = None,
-    sigma_px: SigmaPx = 0.5,
-    sigma_mm: SigmaMm = 1.0,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the search for outliers.")] = 1,
+    options: CameraCalibrateOptions,
     show: Annotated[
         Path | None, typer.Option(help="Draw points and a grid of the floor into the picture.")
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option(help="Write the configuration patch here; default: print it.")
-    ] = None,
-    overrides: Overrides = None,
+    out: PatchFile = None,
 ) -> None:
     """Find lens and mount of a camera, say how good they are, and which markers would help.
 
     Status 0: found. 1: the pictures or points do not determine it. 2: bad input.
     """
     from robotctl.compiled import COMPILING, cache_is_cold  # noqa: PLC0415 - numba
-    from robotctl.workbench.camera.calibrate import CameraCalibrateOptions, calibrate_camera  # noqa: PLC0415
+    from robotctl.workbench.camera.calibrate import calibrate_camera  # noqa: PLC0415
     from robotctl.workbench.camera.pictures import check_suffix  # noqa: PLC0415
 
     check_files(show, out)
     if show is not None:
         check_suffix(show)
-        if floor is None:
+        if options.floor is None:
             raise ConfigError("--show needs --floor PICTURE to draw into")
-    options = CameraCalibrateOptions(
-        find_file(robot),
-        tuple(overrides or ()),
-        pictures_of(lens or []),
-        lens_unknown,
-        board_of(board, square_mm),
-        floor,
-        place_of(at),
-        markers,
-        family_of(family),
-        points,
-        noise_of(sigma_px, sigma_mm),
-        seed,
-    )
     progress = plain_console(stderr=True)
-    if (floor or points) and cache_is_cold():
+    if (options.floor or options.points) and cache_is_cold():
         progress.print(f"{COMPILING} …", soft_wrap=True)
     try:
         result = calibrate_camera(options, lambda line: progress.print(f"{line} …"))

@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from robotctl.cli.arguments import Overrides, RobotName
-from robotctl.cli.camera.arguments import Family, SigmaMm, SigmaPx, family_of, noise_of
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
-from robotctl.config.robot_file import find_file
+from robotctl.cli.options import takes_options
 from robotctl.errors import CalibrationError
+from robotctl.workbench.camera.options import CheckOptions
 
 if TYPE_CHECKING:
     from robotctl.workbench.camera.check import CheckResult
@@ -24,22 +23,10 @@ ABORTED = 1
 OFF = 3
 
 
+@takes_options
 def check(
-    picture: Annotated[
-        Path | None, typer.Argument(help="Picture of markers on the floor, by the robot's camera.")
-    ] = None,
-    robot: RobotName = "diff_drive",
-    markers: Annotated[
-        Path | None, typer.Option(help="CSV of the markers: id, x, y of their middle.")
-    ] = None,
-    family: Family = "apriltag_36h11",
-    points: Annotated[
-        Path | None, typer.Option(help="CSV of points clicked in a picture: u, v, x, y.")
-    ] = None,
-    sigma_px: SigmaPx = 0.5,
-    sigma_mm: SigmaMm = 1.0,
+    options: CheckOptions,
     plot: Annotated[Path | None, typer.Option(help="Plot the errors: .png, .svg or .pdf.")] = None,
-    overrides: Overrides = None,
 ) -> None:
     """Compare markers at known places with the camera's estimates.
 
@@ -47,18 +34,9 @@ def check(
     1: no marker is seen. 2: bad input.
     """
     from robotctl.cli.camera.check_plot import save_plot  # noqa: PLC0415
-    from robotctl.workbench.camera.check import CheckOptions, check_camera  # noqa: PLC0415
+    from robotctl.workbench.camera.check import check_camera  # noqa: PLC0415
 
     check_files(plot=plot)
-    options = CheckOptions(
-        find_file(robot),
-        tuple(overrides or ()),
-        picture,
-        markers,
-        family_of(family),
-        points,
-        noise_of(sigma_px, sigma_mm),
-    )
     try:
         result = check_camera(options)
     except CalibrationError as error:
@@ -75,7 +53,9 @@ def check(
     if result.doubts:
         print("The calibration is off: calibrate again, or measure the places again.")
         sys.exit(OFF)
-    print(f"The camera is as good as {sigma_px:g} px and {sigma_mm:g} mm let expect.")
+    print(
+        f"The camera is as good as {options.sigma_px:g} px and {options.sigma_mm:g} mm let expect."
+    )
 
 
 def _points_table(result: CheckResult) -> Table:

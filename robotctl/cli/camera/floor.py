@@ -11,16 +11,18 @@ import typer
 from numpy.typing import NDArray
 from rich.table import Table
 
-from robotctl.cli.arguments import Overrides, RobotName
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
-from robotctl.config.robot_file import camera_of, find_file, load_robot
+from robotctl.cli.options import takes_options
+from robotctl.config.arguments import DEFAULT_ROBOT, Overrides, RobotFile
+from robotctl.config.robot_file import camera_of, load_robot
 from robotctl.errors import ConfigError
 
 
+@takes_options
 def floor(
     picture: Annotated[Path, typer.Argument(help="Picture by the robot's camera.")],
-    robot: RobotName = "diff_drive",
+    robot: RobotFile = DEFAULT_ROBOT,
     out: Annotated[
         Path | None, typer.Option(help="Write the floor as seen from above here.")
     ] = None,
@@ -38,7 +40,7 @@ def floor(
     sigma_px: Annotated[
         float, typer.Option(min=0.0, help="Standard deviation of a pixel, for the intervals.")
     ] = 0.5,
-    overrides: Overrides = None,
+    overrides: Overrides = (),
 ) -> None:
     """Show the floor of a picture from above in metres, and convert pixels to metres."""
     from robotctl.estimation.camera.calibration.floor import FloorWindow  # noqa: PLC0415
@@ -62,8 +64,7 @@ def floor(
         view = FloorWindow(near, far, side, resolution)
     except ValueError as error:
         raise ConfigError(f"--near, --far, --side, --resolution: {error}") from error
-    robot_file = find_file(robot)
-    config = camera_of(load_robot(robot_file, tuple(overrides or ())), robot_file)
+    config = camera_of(load_robot(robot, overrides), robot)
     camera = CameraGeometry.of(config)
     image = read_picture_of(picture, config.intrinsics)
     clicked = None if pixels is None else read_columns(pixels, PIXELS)

@@ -7,11 +7,13 @@ from typing import Annotated
 
 import typer
 
-from robotctl.cli.camera.arguments import BoardName, Family, Square, board_of, family_of
 from robotctl.cli.files import check_files, write_file
+from robotctl.cli.options import takes_options
 from robotctl.errors import ConfigError
+from robotctl.workbench.camera.options import BoardName, Family, Square, board_of
 
 
+@takes_options
 def pattern(
     out: Annotated[Path, typer.Option(help="Write it here: .png, which states its printed size.")],
     board: BoardName = "9x6",
@@ -39,7 +41,7 @@ def pattern(
         if marker is None:
             sheet = draw_board(board_of(board, square_mm))
         else:
-            sheet = draw_marker(family_of(family), marker, 1e-3 * side_mm)
+            sheet = draw_marker(family, marker, 1e-3 * side_mm)
     except ValueError as error:
         raise ConfigError(str(error)) from error
     write_file(out, lambda file: write_print(file, sheet, PX_PER_MM))

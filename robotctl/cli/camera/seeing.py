@@ -11,13 +11,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from robotctl.cli.arguments import Overrides, RobotName
-from robotctl.cli.camera.arguments import pictures_of
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
-from robotctl.config.robot_file import find_file
+from robotctl.cli.options import takes_options
 from robotctl.errors import ConfigError
 from robotctl.words import counted
+from robotctl.workbench.camera.options import SeeingOptions
 
 if TYPE_CHECKING:
     import numpy as np
@@ -58,75 +57,42 @@ _OBSTACLES = _Kind(
     },
 )
 
-Pictures = Annotated[
-    list[str],
-    typer.Argument(
-        help="Pictures of the robot's camera: files, folders, or live:ROBOT for a running robot."
-    ),
-]
 Out = Annotated[
     Path | None,
     typer.Option(help="Write annotated pictures: a file for one, otherwise an existing folder."),
 ]
 CsvFile = Annotated[Path | None, typer.Option("--csv", help="Write the table here as CSV.")]
 JsonFile = Annotated[Path | None, typer.Option("--json", help="Write all results here as JSON.")]
-Sequence = Annotated[
-    bool,
-    typer.Option(
-        "--sequence",
-        help="The pictures are consecutive: the floor is known from earlier ones.",
-    ),
-]
 
 
+@takes_options
 def ranges(
-    pictures: Pictures,
-    robot: RobotName = "diff_drive",
-    out: Out = None,
-    csv: CsvFile = None,
-    json: JsonFile = None,
-    sequence: Sequence = False,
-    overrides: Overrides = None,
+    options: SeeingOptions, out: Out = None, csv: CsvFile = None, json: JsonFile = None
 ) -> None:
     """Measure where the floor ends, as a range scan from below the camera.
 
     Status 0: all pictures are trusted. 1: in some, which are named, the floor could not be
     distinguished from the rest. 2: bad input.
     """
-    _run(_RANGES, pictures, robot, out, csv, json, sequence, overrides)
+    _run(_RANGES, options, out, csv, json)
 
 
+@takes_options
 def obstacles(
-    pictures: Pictures,
-    robot: RobotName = "diff_drive",
-    out: Out = None,
-    csv: CsvFile = None,
-    json: JsonFile = None,
-    sequence: Sequence = False,
-    overrides: Overrides = None,
+    options: SeeingOptions, out: Out = None, csv: CsvFile = None, json: JsonFile = None
 ) -> None:
     """Find free-standing objects on the floor: position, width, height.
 
     Status 0: all pictures are trusted. 1: in some, which are named, the floor could not be
     distinguished from the rest. 2: bad input.
     """
-    _run(_OBSTACLES, pictures, robot, out, csv, json, sequence, overrides)
+    _run(_OBSTACLES, options, out, csv, json)
 
 
 def _run(
-    kind: _Kind,
-    pictures: list[str],
-    robot: str,
-    out: Path | None,
-    csv: Path | None,
-    json: Path | None,
-    sequence: bool,
-    overrides: list[str] | None,
+    kind: _Kind, options: SeeingOptions, out: Path | None, csv: Path | None, json: Path | None
 ) -> None:
     """Look at all pictures, show and write what was asked for."""
-    robot_file = find_file(robot)
-    files = pictures_of(pictures, "")
-    targets = _targets(files, out)
     check_files(csv, json)
     from robotctl.compiled import COMPILING, cache_is_cold  # noqa: PLC0415 - numba
 
@@ -135,7 +101,8 @@ def _run(
         progress.print(f"{COMPILING} …")
     from robotctl.workbench.camera import seeing as app  # noqa: PLC0415 - OpenCV and numba
 
-    seeing = app.Seeing(app.SeeingOptions(robot_file, tuple(overrides or ()), files, sequence))
+    seeing = app.Seeing(options)
+    targets = _targets(seeing.files, out)
     rows_of: Callable[[SeenPicture], list[dict[str, Any]]]
     keys, rows_of = (
         (app.RANGE_KEYS, app.range_rows)

@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from robotctl.cli.arguments import MaxRange, Overrides, RobotName, TimeUnit, refuse_unused
+from robotctl.cli.arguments import PatchFile, refuse_unused
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import advise_keeping, check_files, give_patch, write_file
+from robotctl.cli.options import takes_options
 from robotctl.errors import CalibrationError
+from robotctl.workbench.sensors.options import CharacteriseOptions
 
 if TYPE_CHECKING:
     from robotctl.workbench.sensors.characterise import Characterisation
@@ -20,35 +22,14 @@ ABORTED = 1
 WORSE = 3
 
 
+@takes_options
 def characterise(
     ctx: typer.Context,
-    robot: RobotName = "diff_drive",
-    log: Annotated[
-        Path | None,
-        typer.Option(help="CARMEN log or ROS bag with poses, or our own: a folder of --record."),
-    ] = None,
-    map_file: Annotated[
-        str,
-        typer.Option(
-            "--map",
-            metavar="MAP",
-            help="Room of the log: a world, or a ROS map (.yaml); default: made from its even "
-            "scans.",
-        ),
-    ] = "",
-    sensor: Annotated[
-        str, typer.Option(help="sonar or lidar; default: sonar if there are readings.")
-    ] = "",
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the simulated drive.")] = 1,
+    options: CharacteriseOptions,
     plot: Annotated[
         Path | None, typer.Option(help="Plot errors and echoes: .png, .svg or .pdf.")
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option(help="Write the configuration patch here; default: print it.")
-    ] = None,
-    overrides: Overrides = None,
-    max_range: MaxRange = None,
-    time_unit: TimeUnit = None,
+    out: PatchFile = None,
 ) -> None:
     """Find noise, outliers and limits of sonars or lidar, with 95 % intervals.
 
@@ -56,20 +37,15 @@ def characterise(
     or readings without poses. 3: with the new settings readings say less about the place than with
     the present ones, no patch. 2: bad input.
     """
-    if log is not None:
+    if options.log is not None:
         refuse_unused(ctx, "with --log", "seed")
     else:
-        refuse_unused(ctx, "without --log", "max_range", "time_unit")
+        refuse_unused(ctx, "without --log", "max_range_m", "time_unit")
     check_files(out, plot=plot)
     # They take a second or more to load.
     from robotctl.compiled import COMPILING, cache_is_cold  # noqa: PLC0415
-    from robotctl.config.robot_file import find_file  # noqa: PLC0415
-    from robotctl.workbench.sensors.characterise import CharacteriseOptions  # noqa: PLC0415
     from robotctl.workbench.sensors.characterise import characterise as run  # noqa: PLC0415
 
-    options = CharacteriseOptions(
-        find_file(robot), tuple(overrides or ()), log, map_file, sensor, seed, max_range, time_unit
-    )
     progress = plain_console(stderr=True)
     if cache_is_cold():
         progress.print(COMPILING, soft_wrap=True)

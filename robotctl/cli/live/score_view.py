@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 from rich.table import Table
 
+from robotctl.app.scoring.score import CameraReport, Report, SlamReport
 from robotctl.app.simulation.held_up import SAY_MS
-from robotctl.app.simulation.score import CameraReport, Report, SlamReport
 from robotctl.words import counted
 
 _FAULTS_SHOWN = 8

@@ -13,8 +13,8 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
+from robotctl.app.scoring.score import run_message
 from robotctl.app.simulation.run_status import RunStatus
-from robotctl.app.simulation.score import run_message
 from robotctl.app.simulation.sim import SimRun
 from robotctl.cli.console import plain_console
 from robotctl.cli.live.map_view import RunMap, legend, title

@@ -2,45 +2,32 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from robotctl.cli.arguments import MaxRange, TimeUnit
 from robotctl.cli.console import plain_console
+from robotctl.cli.options import takes_options
 from robotctl.cli.progress import progress_bar
 from robotctl.model.grid_map import count_values
+from robotctl.workbench.localize.map_options import MapOptions
 
 if TYPE_CHECKING:
     from robotctl.workbench.localize.mapping import MapResult
 
 
-def map_log(
-    log: Annotated[
-        Path, typer.Option(help="CARMEN log, LEGO folder, ROS bag or recording of robotctl.")
-    ],
-    out: Annotated[Path, typer.Option(metavar="PREFIX", help="Write PREFIX.yaml and PREFIX.pgm.")],
-    scans: Annotated[
-        str, typer.Option(help="all, or every second one: even or odd, counted from 0.")
-    ] = "all",
-    resolution: Annotated[float, typer.Option(metavar="M", help="Cell size.")] = 0.05,
-    max_range: MaxRange = None,
-    time_unit: TimeUnit = None,
-) -> None:
+@takes_options
+def map_log(options: MapOptions) -> None:
     """Map the lidar scans of a recorded log, at its reference poses or its odometry."""
     # It loads numba and OpenCV, which other subcommands can do without.
     from robotctl.compiled import COMPILING, cache_is_cold  # noqa: PLC0415
-    from robotctl.workbench.localize.mapping import MapOptions, make_map  # noqa: PLC0415
+    from robotctl.workbench.localize.mapping import make_map  # noqa: PLC0415
 
-    options = MapOptions(log, out, scans, resolution, max_range, time_unit)
     console = plain_console(stderr=True)
     if cache_is_cold():
         console.print(COMPILING, soft_wrap=True)
-    with progress_bar(console, log.name, "mapping") as tell:
+    with progress_bar(console, options.log.name, "mapping") as tell:
         result = make_map(options, tell)
     for note in result.notes:
-        console.print(f"{log.name}: {note}", soft_wrap=True)
+        console.print(f"{options.log.name}: {note}", soft_wrap=True)
     print("\n".join(_lines(result)))
 
 

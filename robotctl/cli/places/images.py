@@ -106,7 +106,7 @@ def _lines(matched: MatchedImages) -> Iterator[str]:
     for image, recognition in zip(matched.images, matched.recognitions, strict=True):
         if (found := recognition.found) is not None:
             yield (
-                f"{image.name}: as {matched.known[found.image].name}, {found.inliers} of "
+                f"{image.name}: as {matched.known[found.place].name}, {found.inliers} of "
                 f"{found.matches} matches fit, {found.share:.0%} of the features"
             )
     refusals = Counter(each.refusal for each in matched.recognitions if each.refusal)

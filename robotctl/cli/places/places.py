@@ -12,16 +12,18 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from robotctl.cli.arguments import Overrides, RobotName, refuse_unused
+from robotctl.cli.arguments import refuse_unused
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
+from robotctl.cli.options import takes_options
 from robotctl.cli.places.images import match, train_vocabulary
 from robotctl.words import counted
+from robotctl.workbench.places.options import PlaceSource
 
 if TYPE_CHECKING:
     from robotctl.estimation.places.database import PlaceBook
-    from robotctl.estimation.places.places import Candidate
-    from robotctl.workbench.places.places import PlaceSource, Recognised
+    from robotctl.estimation.places.places import SonarCandidate
+    from robotctl.workbench.places.places import Recognised
     from robotctl.workbench.places.turns import Progress
 
 REFUSED = 3
@@ -31,38 +33,16 @@ app.command("train-vocabulary")(train_vocabulary)
 app.command()(match)
 
 Book = Annotated[Path, typer.Option(metavar="FILE", help="File of known places.")]
-Log = Annotated[
-    Path | None, typer.Option(help="Recording of a turn on the spot: folder or robot-*.mcap.")
-]
-World = Annotated[
-    str, typer.Option(help="World file or name: the simulated robot turns there, in lockstep.")
-]
-Live = Annotated[
-    str, typer.Option(metavar="ROBOT", help="Listen to a running robot (robot, sim-PID) turning.")
-]
-At = Annotated[
-    str,
-    typer.Option(
-        metavar="X,Y[,HEADING]",
-        help="Pose at the start of the turn, m and deg; in a world also a mark's name.",
-    ),
-]
-Seed = Annotated[int, typer.Option(min=0, help="Seed of the simulated world.")]
 Plot = Annotated[Path | None, typer.Option(help="Plot to a .png, .svg or .pdf.")]
 
 
 @app.command()
+@takes_options
 def learn(
     ctx: typer.Context,
     name: Annotated[str, typer.Argument(help="Name of the place, new or known.")],
     book: Book,
-    log: Log = None,
-    world: World = "",
-    live: Live = "",
-    at: At = "",
-    robot: RobotName = "diff_drive",
-    seed: Seed = 1,
-    overrides: Overrides = None,
+    source: PlaceSource,
 ) -> None:
     """Learn a place from a turn on the spot; learnt again, it is another visit.
 
@@ -72,9 +52,8 @@ def learn(
     from robotctl.workbench.places import places  # noqa: PLC0415 - it loads numba
 
     check_files(book)
-    if not world:
+    if not source.world:
         refuse_unused(ctx, "without --world", "seed")
-    source = _source(log, world, live, at, robot, seed, overrides)
     with _turning(source) as progress:
         learned = places.learn(name, book, source, progress, _tell)
     known = learned.book
@@ -91,18 +70,8 @@ def learn(
 
 
 @app.command()
-def recognise(
-    ctx: typer.Context,
-    book: Book,
-    log: Log = None,
-    world: World = "",
-    live: Live = "",
-    at: At = "",
-    robot: RobotName = "diff_drive",
-    seed: Seed = 1,
-    plot: Plot = None,
-    overrides: Overrides = None,
-) -> None:
+@takes_options
+def recognise(ctx: typer.Context, book: Book, source: PlaceSource, plot: Plot = None) -> None:
     """Turn on the spot and say which place it is, and how the robot is turned there.
 
     Status 0: recognised. 3: refused, with the reason. 2: bad input.
@@ -110,9 +79,8 @@ def recognise(
     from robotctl.workbench.places import places  # noqa: PLC0415 - it loads numba
 
     check_files(plot=plot)
-    if not world:
+    if not source.world:
         refuse_unused(ctx, "without --world", "seed")
-    source = _source(log, world, live, at, robot, seed, overrides)
     with _turning(source) as progress:
         found = places.recognise(book, source, progress, _tell)
     for each in found:
@@ -145,20 +113,6 @@ def list_places(book: Book, plot: Plot = None) -> None:
         print(f"plot: {plot}")
 
 
-def _source(
-    log: Path | None,
-    world: str,
-    live: str,
-    at: str,
-    robot: str,
-    seed: int,
-    overrides: list[str] | None,
-) -> PlaceSource:
-    from robotctl.workbench.places.places import PlaceSource  # noqa: PLC0415 - it loads numba
-
-    return PlaceSource(log, world, live, at, robot, tuple(overrides or ()), seed)
-
-
 @contextmanager
 def _turning(source: PlaceSource) -> Iterator[Progress]:
     """Show how far the robot has turned; nothing if no terminal is."""
@@ -176,7 +130,7 @@ def _tell(note: str) -> None:
 def _lines(found: Recognised) -> Iterator[str]:
     """Yield what to say of a turn."""
     recognition = found.recognition
-    place = recognition.place
+    place = recognition.found
     if place is None:
         yield f"refused: {recognition.refusal}"
     else:
@@ -191,7 +145,7 @@ def _lines(found: Recognised) -> Iterator[str]:
             yield f"  {_candidate(each)}"
 
 
-def _candidate(candidate: Candidate) -> str:
+def _candidate(candidate: SonarCandidate) -> str:
     """Return a candidate's line."""
     heading_deg = math.degrees(candidate.pose.theta_rad)
     sigma_m = math.sqrt(candidate.covariance[0, 0] + candidate.covariance[1, 1])
@@ -201,7 +155,7 @@ def _candidate(candidate: Candidate) -> str:
         if candidate.in_world
         else f"turned by {math.degrees(candidate.rotation_rad):.1f} deg"
     )
-    return f"{candidate.place}: {where}, belief {candidate.weight:.0%}"
+    return f"{candidate.place}: {where}, belief {candidate.score:.0%}"
 
 
 def _table(known: PlaceBook) -> Table:

@@ -39,7 +39,7 @@ def save_recognition(book: PlaceBook, found: Sequence[Recognised], file: Path) -
         panel = figure.add_subplot(1, len(found), i + 1, projection="polar")
         recognition, signature = each.recognition, each.visited.turn.signature
         turned_rad, title = 0.0, f"refused: {recognition.refusal.partition(':')[0]}"
-        best = recognition.place
+        best = recognition.found
         if best is not None:
             turned_rad = best.rotation_rad
             title = f"{best.place}, turned by {math.degrees(turned_rad):.0f}°"
@@ -57,7 +57,7 @@ def save_matched(matched: MatchedImages, truth: NDArray[np.bool_] | None, file: 
     if truth is not None:
         axes.plot(*np.argwhere(truth).T[::-1], "s", color="0.85", markersize=5, label="truth")
     looked_at = [
-        (each.image, i, each.score)
+        (each.place, i, each.score)
         for i, recognition in enumerate(matched.recognitions)
         for each in recognition.candidates
     ]

@@ -7,19 +7,23 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from robotctl.cli.arguments import Overrides, place, refuse_unused
+from robotctl.cli.arguments import refuse_unused
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
+from robotctl.cli.options import takes_options
 from robotctl.cli.topology.topology import way_lines
 from robotctl.errors import ConfigError
 from robotctl.words import counted
+from robotctl.workbench.planning.options import PlanOptions
 
 if TYPE_CHECKING:
     from robotctl.workbench.planning.plan import PlanResult
 
 
+@takes_options
 def plan(
     ctx: typer.Context,
+    options: PlanOptions,
     places: Annotated[
         list[str] | None,
         typer.Argument(metavar="FROM TO", help="With --topological: from where to where."),
@@ -28,36 +32,6 @@ def plan(
         Path | None,
         typer.Option(metavar="FILE", help="Map of places, of `robotctl topology build`."),
     ] = None,
-    world_map: Annotated[
-        str,
-        typer.Option(
-            "--map", help="ROS map (.yaml), world, or MovingAI map (.map): there cells are meant."
-        ),
-    ] = "",
-    start: Annotated[
-        str, typer.Option(metavar="X,Y[,DEG]", help="Start [m, m, deg]; of a .map: COLUMN,ROW.")
-    ] = "",
-    goal: Annotated[
-        str, typer.Option(metavar="X,Y[,DEG]", help="Goal [m, m, deg]; of a .map: COLUMN,ROW.")
-    ] = "",
-    planner: Annotated[
-        str, typer.Option(help="astar, dijkstra, hybrid, rrt, rrt-connect or rrtstar.")
-    ] = "astar",
-    steering: Annotated[
-        str,
-        typer.Option(
-            help="Of the rrt planners: straight, dubins (forwards only) or reeds-shepp. By "
-            "default, reeds-shepp for robots that steer and straight for others."
-        ),
-    ] = "",
-    robot: Annotated[
-        str, typer.Option(help="Robot file, or the name of one that comes along; for its outline.")
-    ] = "",
-    overrides: Overrides = None,
-    time_limit: Annotated[
-        float, typer.Option(metavar="S", help="The search ends after so many seconds.")
-    ] = 10.0,
-    seed: Annotated[int, typer.Option(help="Of planners that draw random samples.")] = 0,
     out: Annotated[Path | None, typer.Option(help="Write the path here, CSV.")] = None,
     plot: Annotated[
         Path | None, typer.Option(help="Draw map and path here: .png, .svg or .pdf.")
@@ -72,12 +46,11 @@ def plan(
     if topological is not None:
         _plan_by_places(ctx, topological, places or [])
         return
-    _check_given(places or [], {"--map": world_map, "--start": start, "--goal": goal})
+    _check_given(places or [], options)
     check_files(out, report, plot=plot)
     # It loads numba, which other subcommands can do without.
     from robotctl.compiled import COMPILING, cache_is_cold  # noqa: PLC0415
     from robotctl.workbench.planning.plan import (  # noqa: PLC0415
-        PlanOptions,
         make_plan,
         write_path,
         write_report,
@@ -85,19 +58,7 @@ def plan(
 
     if cache_is_cold():
         plain_console(stderr=True).print(COMPILING, soft_wrap=True)
-    result = make_plan(
-        PlanOptions(
-            map=world_map,
-            start=place("--start", start),
-            goal=place("--goal", goal),
-            planner=planner,
-            steering=steering,
-            robot=robot,
-            overrides=tuple(overrides or ()),
-            time_limit_s=time_limit,
-            seed=seed,
-        )
-    )
+    result = make_plan(options)
     found = result.report()["found"]
     if report is not None:
         write_file(report, lambda file: write_report(result, file))
@@ -116,8 +77,10 @@ def _plan_by_places(ctx: typer.Context, file: Path, places: list[str]) -> None:
     """Print the way between two places; status 1 if there is none."""
     from robotctl.workbench.topology.topology import find_way  # noqa: PLC0415 - it loads scipy
 
-    others = ("world_map", "start", "goal", "planner", "steering", "robot", "overrides")
-    refuse_unused(ctx, "with --topological", *others, "time_limit", "seed", "out", "plot", "report")
+    unused = ("map", "start", "goal", "planner", "steering", "robot", "overrides")
+    refuse_unused(
+        ctx, "with --topological", *unused, "time_limit_s", "seed", "out", "plot", "report"
+    )
     if len(places) != 2:
         found = ", ".join(places) or "none"
         raise ConfigError(f"--topological {file}: two places are needed, found {found}")
@@ -128,11 +91,12 @@ def _plan_by_places(ctx: typer.Context, file: Path, places: list[str]) -> None:
     print("\n".join(way_lines(places[0], way)))
 
 
-def _check_given(places: list[str], needed: dict[str, str]) -> None:
+def _check_given(places: list[str], options: PlanOptions) -> None:
     """Refuse a plan by coordinates without them, or with names of places."""
     if places:
         raise ConfigError(f"{places[0]}: places are for --topological FILE")
-    if missing := [option for option, value in needed.items() if not value]:
+    needed = ("map", "start", "goal")
+    if missing := [f"--{each}" for each in needed if not getattr(options, each)]:
         raise ConfigError(
             f"{', '.join(missing)}: needed for a plan by coordinates; or --topological FILE"
         )

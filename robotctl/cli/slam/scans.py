@@ -10,22 +10,15 @@ from rich.console import Console
 from robotctl.cli.progress import progress_bar
 from robotctl.cli.slam.output import error_words, write_slam
 from robotctl.words import counted
+from robotctl.workbench.slam.options import SlamOptions
 
 if TYPE_CHECKING:
     from robotctl.workbench.slam.scans import ScanResult
 
 
-def slam_by_scans(
-    log: Path,
-    out: Path,
-    time_unit: str | None,
-    console: Console,
-    onto: Path | None,
-    sensor: str,
-    images: Path | None,
-) -> None:
+def slam_by_scans(options: SlamOptions, sensor: str, out: Path, console: Console) -> None:
     """Make trajectory, map and graph of a recorded drive and write them into a folder."""
-    with progress_bar(console, log.name, "SLAM") as tell:
+    with progress_bar(console, options.log.name, "SLAM") as tell:
         # It takes a second or more, in which nothing would be seen.
         from robotctl.compiled import COMPILING, cache_is_cold  # noqa: PLC0415
         from robotctl.workbench.slam.scan_files import write_scan_results  # noqa: PLC0415
@@ -33,7 +26,9 @@ def slam_by_scans(
 
         if cache_is_cold():
             console.print(COMPILING, soft_wrap=True)
-        result = scan_slam(log, time_unit, tell, onto, sensor, images)
+        result = scan_slam(
+            options.log, options.time_unit, tell, options.onto, sensor, options.images
+        )
     write_slam(
         out,
         console,

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from robotctl.cli.arguments import Overrides, RobotName
 from robotctl.cli.files import check_files, write_file
+from robotctl.cli.options import takes_options
+from robotctl.config.arguments import DEFAULT_ROBOT, Overrides, RobotFile
 from robotctl.words import counted
 
 if TYPE_CHECKING:
@@ -21,6 +22,7 @@ File = Annotated[Path, typer.Argument(help="File of `topology build`.")]
 
 
 @app.command("build")
+@takes_options
 def build_command(
     world_map: Annotated[str, typer.Argument(metavar="MAP", help="ROS map (.yaml) or world.")],
     out: Annotated[Path, typer.Option(metavar="FILE", help="Write places and passages here.")],
@@ -31,18 +33,18 @@ def build_command(
             help="File of [[mark]]s (name, x_m, y_m): a place with one gets its name.",
         ),
     ] = "",
-    robot: RobotName = "diff_drive",
+    robot: RobotFile = DEFAULT_ROBOT,
     plot: Annotated[
         Path | None, typer.Option(help="Draw places over the map: .png, .svg or .pdf.")
     ] = None,
-    overrides: Overrides = None,
+    overrides: Overrides = (),
 ) -> None:
     """Find rooms, corridors, junctions and the passages between them in a map."""
     check_files(out, plot=plot)
     from robotctl.maps.topology_file import save_topology  # noqa: PLC0415 - it loads scipy
     from robotctl.workbench.topology import topology as work  # noqa: PLC0415
 
-    built = work.build_topology(world_map, robot, tuple(overrides or ()), marks)
+    built = work.build_topology(world_map, robot, overrides, marks)
     found = built.topology.map
     for place in found.places:
         print(

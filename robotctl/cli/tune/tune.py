@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from robotctl.cli.arguments import Overrides, RobotName
+from robotctl.cli.arguments import PatchFile
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, give_patch, write_file
+from robotctl.cli.options import takes_options
 from robotctl.config.patch import as_overrides
+from robotctl.workbench.tuning.options import TuneOptions
 
 if TYPE_CHECKING:
     from robotctl.workbench.tuning.tune import TuneResult
@@ -21,21 +23,13 @@ ABORTED = 1
 WORSE = 3
 
 
+@takes_options
 def tune(
-    robot: RobotName = "diff_drive",
-    method: Annotated[
-        str,
-        typer.Option(help="step: steps of the duty, SIMC gains. relay: oscillation, Ku and Tu."),
-    ] = "step",
-    wheel: Annotated[str, typer.Option(help="Wheels to tune: left, right, drive or all.")] = "all",
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the simulated world.")] = 1,
+    options: TuneOptions,
     plot: Annotated[
         Path | None, typer.Option(help="Plot the responses: .png, .svg or .pdf.")
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option(help="Write the configuration patch here; default: print it.")
-    ] = None,
-    overrides: Overrides = None,
+    out: PatchFile = None,
 ) -> None:
     """Measure the simulated robot's wheels, compute gains, show the responses before and after.
 
@@ -45,12 +39,9 @@ def tune(
     # Loading takes a second, which `--help` need not wait for.
     from robotctl.cli.tune.plot import save_plot  # noqa: PLC0415
     from robotctl.cli.tune.view import response_table, wheel_table  # noqa: PLC0415
-    from robotctl.config.robot_file import find_file  # noqa: PLC0415
     from robotctl.workbench.tuning.track import ExperimentError  # noqa: PLC0415
-    from robotctl.workbench.tuning.tune import TuneOptions  # noqa: PLC0415
     from robotctl.workbench.tuning.tune import tune as run_tuning  # noqa: PLC0415
 
-    options = TuneOptions(find_file(robot), method, wheel, tuple(overrides or ()), seed)
     check_files(out, plot=plot)
     progress = plain_console(stderr=True)
     try:

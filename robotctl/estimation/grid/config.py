@@ -42,6 +42,14 @@ class OccupancyGridConfig:
         wide to say where.
     sonar_no_echo_m
         Distance that a sonar without an echo clears [m]: smooth walls at an angle return none.
+    camera_sigma_m
+        Greatest standard deviation of a camera's range that is drawn [m].
+    update_min_m, update_min_rad
+        Motion after which a sensor draws again [m], [rad], >= 0: a robot at rest sees the same
+        again, which is no new evidence.
+    occupied_above
+        Probability from which a cell of the live map is shown as occupied, 0.5 to 1: walls are seen
+        many times, and one or two echoes are not yet one.
 
     Raises
     ------
@@ -62,6 +70,10 @@ class OccupancyGridConfig:
     sonar_band_m: float = 0.05
     sonar_range_m: float = 2.5
     sonar_no_echo_m: float = 1.0
+    camera_sigma_m: float = 0.1
+    update_min_m: float = 0.05
+    update_min_rad: float = 0.05
+    occupied_above: float = 0.85
 
     def __post_init__(self) -> None:
         for key in ("limit", "hit", "miss", "sonar_hit", "sonar_miss"):
@@ -72,11 +84,17 @@ class OccupancyGridConfig:
             "sonar_band_m",
             "sonar_range_m",
             "sonar_no_echo_m",
+            "camera_sigma_m",
         ):
             self._check(key, 0.0, 1e4)
         self._check("resolution_m", 1e-4, 1e4)
         self._check("fan_deg", 0.0, 90.0)
         self._check("sonar_width_deg", 0.0, 180.0)
+        self._check("occupied_above", 0.5, 1.0)
+        for key in ("update_min_m", "update_min_rad"):
+            value = getattr(self, key)
+            if not 0.0 <= value < 1e4:
+                raise InvalidValue(key, f"must lie in [0, 10000), found {value}", value)
         for key in ("hit", "miss", "sonar_hit", "sonar_miss"):
             if not self.step <= getattr(self, key) <= self.limit:
                 raise InvalidValue(

@@ -64,6 +64,22 @@ class RobustConfig:
         if not 1.0 < self.opening < math.inf:
             raise ValueError(f"opening: {self.opening} found, a finite number > 1 allowed")
 
+    def weight(self, nis: float, dof: int) -> float:
+        """Return the weight of an innovation by its nis and dimension; 0: it is kept out."""
+        huber, gross = _limits(self.huber_sigma, self.gross_sigma, dof)
+        if nis <= huber:
+            return 1.0
+        # Beyond the limit the influence of an innovation stays constant.
+        return 0.0 if nis > gross else math.sqrt(huber / nis)
+
+
+@cache
+def _limits(huber_sigma: float, gross_sigma: float, dof: int) -> tuple[float, float]:
+    """Return the nis that are as unlikely as these sigmas in one dimension."""
+    inside = math.erf(huber_sigma / math.sqrt(2.0))
+    huber = chi2_quantile(inside, dof) if inside < 1.0 else huber_sigma**2
+    return huber, huber * (gross_sigma / huber_sigma) ** 2
+
 
 @dataclass(frozen=True, slots=True)
 class Innovation:
@@ -115,24 +131,12 @@ class RobustKalman:
         Start: state (n,) and covariance (n, n).
     config
         Treatment of large innovations.
-    opening_states
-        How many states, from the first on, a run of gross outliers makes less sure of; None: all.
     """
 
-    def __init__(
-        self,
-        x: Array,
-        P: Array,
-        config: RobustConfig | None = None,
-        opening_states: int | None = None,
-    ) -> None:
+    def __init__(self, x: Array, P: Array, config: RobustConfig | None = None) -> None:
         self._config = config or RobustConfig()
-        self._opened = np.ones(len(x))
-        self._opened[:opening_states] = math.sqrt(self._config.opening)
         self._filter = _filter_class()(dim_x=len(x), dim_z=1)
         self._filter.x, self._filter.P = x, P
-        # of each number of dimensions: nis where weights begin to fall, and where they end
-        self._limits = {1: self._limits_of(1), 2: self._limits_of(2), 3: self._limits_of(3)}
 
     @property
     def x(self) -> Array:
@@ -181,17 +185,14 @@ class RobustKalman:
         innovation, S = kalman.y, kalman.S
         # Normalised innovation squared: chi-squared with len(z) degrees of freedom.
         nis = float(innovation @ kalman.SI @ innovation)
-        huber, gross = self._limits[len(z)]
-        if nis <= huber:
-            return nis, 1.0
-        if nis > gross:
-            # Rejected, but the covariance opens a little: a run of rejections is accepted in the
-            # end.
-            kalman.x, kalman.P = x, P * np.outer(self._opened, self._opened)
-            return nis, 0.0
-        # Huber: beyond the limit the influence of an innovation stays constant.
-        weight = math.sqrt(huber / nis)
+        weight = self._config.weight(nis, len(z))
+        if weight == 1.0:
+            return nis, weight
         kalman.x, kalman.P = x, P
+        if weight == 0.0:
+            # The covariance opens a little, so that a run of rejections is accepted in the end.
+            kalman.P = P * self._config.opening
+            return nis, weight
         kalman.update(
             # This R scales S by 1 / weight, hence the gain by weight.
             z,
@@ -201,9 +202,3 @@ class RobustKalman:
             residual=residual,
         )
         return nis, weight
-
-    def _limits_of(self, dof: int) -> tuple[float, float]:
-        """Return the nis that is as unlikely as the configured sigma in one dimension."""
-        inside = math.erf(self._config.huber_sigma / math.sqrt(2.0))
-        huber = chi2_quantile(inside, dof) if inside < 1.0 else self._config.huber_sigma**2
-        return huber, huber * (self._config.gross_sigma / self._config.huber_sigma) ** 2

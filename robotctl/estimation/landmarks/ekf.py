@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.estimation.kalman.adaptive_noise import AdaptiveVariance, MotionNoiseFactor
 from robotctl.estimation.kalman.consistency import InnovationWindow
 from robotctl.estimation.kalman.ekf_models import bearing_residual
-from robotctl.estimation.kalman.robust_kalman import Innovation, RobustKalman
+from robotctl.estimation.kalman.growing_gaussian import GrowingGaussian
+from robotctl.estimation.kalman.robust_kalman import Innovation
 from robotctl.estimation.landmarks.config import LandmarkConfig
 from robotctl.estimation.landmarks.fix import SeenLandmark, pose_from_landmarks
 from robotctl.estimation.landmarks.models import OdometryReading, S, sighting
-from robotctl.estimation.landmarks.prediction import predict, walk_of
+from robotctl.estimation.landmarks.prediction import CalibratedRobot
 from robotctl.model.drives.motion import arc
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.pose_estimate import LocalisationStatus, PoseEstimate
@@ -24,8 +24,10 @@ from robotctl.model.geometry.se2 import SE2
 
 Array: TypeAlias = NDArray[np.float64]
 
-_FIX_SPAN_NS = 10_000_000_000
+_FIX_SPAN_NS: Final = 10_000_000_000
 """Sightings this close to each other make a new start together."""
+_POSE: Final = np.arange(3)
+_STATES: Final = np.arange(len(S))
 
 
 class LandmarkEkf:
@@ -45,66 +47,51 @@ class LandmarkEkf:
 
     def __init__(self, config: LandmarkConfig, start: PoseEstimate) -> None:
         self._config = config
-        mean, sigma = config.calibration()
-        P = np.diag(sigma**2)
-        mean[:3] = start.pose.x_m, start.pose.y_m, start.pose.theta_rad
-        P[:3, :3] = start.covariance
-        self._walk = walk_of(config)
-        self._kalman = RobustKalman(mean, P, config.robust, opening_states=3)
+        self._robot = CalibratedRobot(config, start)
+        self._belief = GrowingGaussian(*self._robot.start)
         self._window = InnovationWindow(config.window)
-        self._variances = tuple(
-            AdaptiveVariance(config.guess_sightings, config.forgetting_s) for _ in range(2)
-        )
-        self._motion_factor = MotionNoiseFactor(config.motion_guess_sigma, config.forgetting_s)
-        self._since = np.zeros_like(P)  # what the motion's noise added since the last sighting
         self._seen: deque[SeenLandmark] = deque()
-        self._trusted = deque([(mean, P)], maxlen=config.window)
-        self._stamp_ns = start.stamp_ns
+        self._trusted = deque([self._robot.start], maxlen=config.window)
         self.restarts = 0
         """How often the pose was found again."""
 
     @property
     def x(self) -> Array:
-        """State, in the order of `landmark_models.S`."""
-        return self._kalman.x.copy()
+        """State, in the order of `models.S`."""
+        return self._belief.x.copy()
 
     @property
     def sigma(self) -> Array:
         """Standard deviations of the state."""
-        return np.sqrt(np.diag(self._kalman.P))
+        return np.sqrt(np.diag(self._belief.covariance()))
 
     @property
     def delay_s(self) -> float:
         """How long before a time its motion is in the odometry [s]."""
-        return float(self._kalman.x[S.DELAY])
+        return float(self._belief.x[S.DELAY])
 
     @property
     def noise_factors(self) -> tuple[float, float]:
         """Learned standard deviations of range and bearing, over the configured ones."""
-        ranges, bearings = self._variances
-        return math.sqrt(ranges.factor), math.sqrt(bearings.factor)
+        ranges, bearings = np.sqrt(self._robot.noise.sighting_factors).tolist()
+        return ranges, bearings
 
     @property
     def motion_noise_factor(self) -> float:
-        """Standard deviations that the motion is taken to have, over the configured ones, >= 1.
-
-        What is learned between sightings close to each other misses that errors of the motion last,
-        and so add up faster than white noise where nothing is seen. So it counts `correlation`
-        times, and never for less than the guess.
-        """
-        return math.sqrt(max(1.0, self._config.correlation * self._motion_factor.factor))
+        """Standard deviations that the motion is taken to have, over the configured ones, >= 1."""
+        return self._robot.noise.motion_factor
 
     def estimate(self) -> PoseEstimate:
         """Return the pose estimate, including the uncertainty of map and reference."""
-        x, c = self._kalman.x, self._config
-        covariance = self._kalman.P[:3, :3] + np.diag(
+        x, c = self._belief.x, self._config
+        covariance = self._belief.block(_POSE) + np.diag(
             [c.map_sigma_m**2, c.map_sigma_m**2, c.map_sigma_rad**2]
         )
         status = LocalisationStatus.LOCALISED
         if self._window.contradicted:
             status = LocalisationStatus.LOST
         pose = SE2(float(x[S.X]), float(x[S.Y]), wrap_angle(float(x[S.THETA])))
-        return PoseEstimate(self._stamp_ns, pose, covariance, status)
+        return PoseEstimate(self._robot.stamp_ns, pose, covariance, status)
 
     def predict(self, stamp_ns: int, begin: OdometryReading, end: OdometryReading) -> None:
         """Move until a time [ns] by odometry between two readings, each `delay_s` before its time.
@@ -114,21 +101,8 @@ class LandmarkEkf:
         ValueError
             If the time goes back.
         """
-        if stamp_ns < self._stamp_ns:
-            raise ValueError(f"time goes back: {stamp_ns} ns after {self._stamp_ns} ns")
-        kalman = self._kalman
-        dt_s = 1e-9 * (stamp_ns - self._stamp_ns)
-        after, F, Q, distance_m, turn_rad = predict(
-            kalman.x, begin, end, dt_s, self._config, self._walk, self.motion_noise_factor
-        )
-        kalman.predict(after, F, Q)
-        self._since = F @ self._since @ F.T
-        self._since[:3, :3] += Q[:3, :3]
-        self._motion_factor.fade(dt_s)
-        self._stamp_ns = stamp_ns
-        for variance in self._variances:
-            variance.fade(dt_s)
-        delta = arc(SE2(), distance_m, turn_rad).inverse()
+        made = self._robot.move(self._belief, stamp_ns, begin, end)
+        delta = arc(SE2(), made.distance_m, made.turn_rad).inverse()
         for seen in self._seen:
             seen.move(delta)
         while self._seen and self._seen[0].stamp_ns < stamp_ns - _FIX_SPAN_NS:
@@ -146,54 +120,48 @@ class LandmarkEkf:
         """
         if not (math.isfinite(bearing_rad) and 0.0 < range_m < math.inf):
             raise ValueError(f"sighting must be finite, found {range_m} m, {bearing_rad} rad")
-        c, kalman = self._config, self._kalman
-        expected, H, distance_m = sighting(kalman.x, landmark_world)
-        guess = np.array(
-            [
-                c.sighting_range_sigma_m + c.sighting_range_sigma_m_per_m * distance_m,
-                c.sighting_bearing_sigma_rad,
-            ]
-        )
-        factors = [variance.factor for variance in self._variances]
+        stamp_ns, noise = self._robot.stamp_ns, self._robot.noise
         z = np.array([range_m, bearing_rad])
-        R = np.diag(guess**2 * factors * c.correlation)
-        self._seen.append(SeenLandmark(self._stamp_ns, landmark_world, range_m, bearing_rad))
-        if self._window.contradicted:
-            off = bearing_residual(z, expected)
-            nis, weight = float(off @ np.linalg.solve(H @ kalman.P @ H.T + R, off)), 0.0
-        else:
-            P_before = kalman.P
-            nis, weight = kalman.update(z, expected, H, R, bearing_residual)
+        self._seen.append(SeenLandmark(stamp_ns, landmark_world, range_m, bearing_rad))
+        expected, H, distance_m = sighting(self._belief.x, landmark_world)
+        off = bearing_residual(z, expected)
+        R = noise.of_sightings(np.array([distance_m]))
+        (G,) = self._belief.innovation_covariances(_STATES[np.newaxis], H[np.newaxis])
+        nis, weight = float(off @ np.linalg.solve(G + R[0], off)), 0.0
+        if not self._window.contradicted:
+            weight = self._config.robust.weight(nis, len(off))
+            self._correct(H, off, G, R[0], weight)
             if weight > 0.0:
-                self._learn_motion(weight * bearing_residual(z, expected), H, P_before, R)
-            self._trusted.append((kalman.x, kalman.P))
+                noise.learn_motion(weight * off[np.newaxis], H[np.newaxis], G[np.newaxis], R)
+            self._trusted.append((self.x, self._belief.covariance()))
         if weight > 0.0:
-            self._learn(z, landmark_world, guess, weight)
-        innovation = Innovation(self._stamp_ns, "landmark", nis, 2, weight)
+            self._learn(z, landmark_world, noise.guess(np.array([distance_m])), weight)
+        innovation = Innovation(stamp_ns, "landmark", nis, 2, weight)
         self._window.add(innovation)
         if self._window.contradicted:
             self._restart()
         return innovation
 
+    def _correct(self, H: Array, off: Array, G: Array, R: Array, weight: float) -> None:
+        """Correct by an innovation that gets a weight; one that is kept out opens the pose."""
+        if weight == 0.0:
+            opened = np.ones(len(S))
+            opened[_POSE] = math.sqrt(self._config.robust.opening)
+            P = self._belief.covariance() * np.outer(opened, opened)
+            self._belief.set_block(_STATES, P)
+            return
+        # S times 1 / weight makes the gain smaller by the weight.
+        R = R + (1.0 / weight - 1.0) * (G + R)
+        self._belief.update(_STATES[np.newaxis], H[np.newaxis], off[np.newaxis], R[np.newaxis])
+
     def _learn(
-        self, z: Array, landmark_world: tuple[float, float], guess: Array, weight: float
+        self, z: Array, landmark_world: tuple[float, float], sigma: Array, weight: float
     ) -> None:
         """Learn the noise from the residuals after the update."""
-        expected, H, _ = sighting(self._kalman.x, landmark_world)
-        residual = bearing_residual(z, expected)
-        # the state's share came by sightings whose noise was taken `correlation` times as large
-        uncertain = np.einsum("ij,jk,ik->i", H, self._kalman.P, H) / self._config.correlation
-        squares = (weight * residual**2 + uncertain) / guess**2
-        for variance, square in zip(self._variances, squares.tolist(), strict=True):
-            variance.add(square)
-
-    def _learn_motion(self, innovation: Array, H: Array, P: Array, R: Array) -> None:
-        """Learn the noise of the motion since the last sighting."""
-        taken = H @ self._since @ H.T
-        learned = taken * self._motion_factor.factor / self.motion_noise_factor**2
-        S = H @ P @ H.T + R / self._config.correlation - taken + learned
-        self._motion_factor.add(innovation, S, learned)
-        self._since = np.zeros_like(self._since)
+        expected, H, _ = sighting(self._belief.x, landmark_world)
+        residual = math.sqrt(weight) * bearing_residual(z, expected)
+        left = self._belief.innovation_covariances(_STATES[np.newaxis], H[np.newaxis])
+        self._robot.noise.learn_sightings(residual[np.newaxis], left, sigma)
 
     def _restart(self) -> None:
         """Restart from the last sightings, if they determine a pose.
@@ -208,6 +176,6 @@ class LandmarkEkf:
         x[:3] = pose.x_m, pose.y_m, pose.theta_rad
         P[:3, :], P[:, :3] = 0.0, 0.0
         P[:3, :3] = covariance
-        self._kalman.set(x, P)
+        self._belief = GrowingGaussian(x, P)
         self._window.reset()
         self.restarts += 1

@@ -35,6 +35,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from robotctl.compiled import compiled
 from robotctl.model.geometry.angles import wrap_angle
 
 Array: TypeAlias = NDArray[np.float64]
@@ -61,6 +62,12 @@ class S(enum.IntEnum):
     ARM_X = 15
     ARM_Y = 16
     WANDER = 17
+
+
+_OFFSET, _SCALE = int(S.RANGE_OFFSET), int(S.RANGE_SCALE)
+_DEPTH, _AXIS = int(S.DEPTH_SHARE), int(S.AXIS)
+_TURNED, _TURN_SCALE = int(S.BEARING_OFFSET), int(S.BEARING_SCALE)
+_ARM_X, _ARM_Y, _WANDER = int(S.ARM_X), int(S.ARM_Y), int(S.WANDER)
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,35 +129,56 @@ def sighting(x: Array, landmark_world: tuple[float, float]) -> tuple[Array, Arra
 
     Not defined with the camera on the landmark.
     """
+    z, by_robot, _ = sightings(x, np.array([landmark_world]))
     c, s = math.cos(x[S.THETA]), math.sin(x[S.THETA])
     dx, dy = landmark_world[0] - x[S.X], landmark_world[1] - x[S.Y]
-    bx, by = c * dx + s * dy, -s * dx + c * dy
-    qx, qy = bx - x[S.ARM_X], by - x[S.ARM_Y]
-    r, phi = math.hypot(qx, qy), math.atan2(qy, qx)
-    off = phi - x[S.AXIS]
-    lost = 1.0 - math.cos(off)
-    shape = 1.0 - x[S.DEPTH_SHARE] * lost
-    k = (1.0 + x[S.RANGE_SCALE]) * shape
-    turn = -(1.0 + x[S.RANGE_SCALE]) * r * x[S.DEPTH_SHARE] * math.sin(off)
-    expected = np.array(
-        [
-            x[S.RANGE_OFFSET] + k * r,
-            x[S.BEARING_OFFSET] + x[S.WANDER] + (1.0 + x[S.BEARING_SCALE]) * phi,
-        ]
-    )
-    # the landmark in the camera's place, by pose and arm
-    by_where = np.zeros((2, len(x)))
-    by_where[:, :3] = (-c, -s, by), (s, -c, -bx)
-    by_where[0, S.ARM_X] = by_where[1, S.ARM_Y] = -1.0
-    r_by = (qx * by_where[0] + qy * by_where[1]) / r
-    phi_by = (qx * by_where[1] - qy * by_where[0]) / r**2
-    H = np.empty((2, len(x)))
-    H[0] = k * r_by + turn * phi_by
-    H[0, S.RANGE_OFFSET] = 1.0
-    H[0, S.RANGE_SCALE] = r * shape
-    H[0, S.DEPTH_SHARE] = -(1.0 + x[S.RANGE_SCALE]) * r * lost
-    H[0, S.AXIS] = -turn
-    H[1] = (1.0 + x[S.BEARING_SCALE]) * phi_by
-    H[1, S.BEARING_OFFSET] = H[1, S.WANDER] = 1.0
-    H[1, S.BEARING_SCALE] = phi
-    return expected, H, r
+    distance_m = math.hypot(c * dx + s * dy - x[S.ARM_X], -s * dx + c * dy - x[S.ARM_Y])
+    return z[0], by_robot[0], distance_m
+
+
+@compiled
+def sightings(x: Array, y: Array) -> tuple[Array, Array, Array]:
+    """Return expected ranges [m] and bearings [rad] of points (k, 2), and their Jacobians.
+
+    Returns
+    -------
+    Expected (k, 2), and its Jacobians by the state (k, 2, n) and by the point (k, 2, 2).
+    """
+    count = len(y)
+    z, by_point = np.empty((count, 2)), np.empty((count, 2, 2))
+    by_robot = np.zeros((count, 2, len(x)))
+    c, s = math.cos(x[2]), math.sin(x[2])
+    scale, turn_scale = 1.0 + x[_SCALE], 1.0 + x[_TURN_SCALE]
+    for k in range(count):
+        dx, dy = y[k, 0] - x[0], y[k, 1] - x[1]
+        bx, by = c * dx + s * dy, -s * dx + c * dy
+        qx, qy = bx - x[_ARM_X], by - x[_ARM_Y]
+        r, phi = math.hypot(qx, qy), math.atan2(qy, qx)
+        off = phi - x[_AXIS]
+        lost = 1.0 - math.cos(off)
+        shape = 1.0 - x[_DEPTH] * lost
+        turn = -scale * r * x[_DEPTH] * math.sin(off)
+        z[k, 0] = x[_OFFSET] + scale * shape * r
+        z[k, 1] = x[_TURNED] + x[_WANDER] + turn_scale * phi
+        H = by_robot[k]
+        # by the point's place in the camera, then by what moves that
+        ux, uy = qx / r, qy / r
+        h = np.array(
+            [
+                [scale * shape * ux - turn * uy / r, scale * shape * uy + turn * ux / r],
+                [-turn_scale * uy / r, turn_scale * ux / r],
+            ]
+        )
+        for q in range(2):
+            H[q, 0] = -h[q, 0] * c + h[q, 1] * s
+            H[q, 1] = -h[q, 0] * s - h[q, 1] * c
+            H[q, 2] = h[q, 0] * by - h[q, 1] * bx
+            H[q, _ARM_X], H[q, _ARM_Y] = -h[q, 0], -h[q, 1]
+            by_point[k, q, 0], by_point[k, q, 1] = -H[q, 0], -H[q, 1]
+        H[0, _OFFSET] = 1.0
+        H[0, _SCALE] = r * shape
+        H[0, _DEPTH] = -scale * r * lost
+        H[0, _AXIS] = -turn
+        H[1, _TURNED] = H[1, _WANDER] = 1.0
+        H[1, _TURN_SCALE] = phi
+    return z, by_robot, by_point

@@ -19,41 +19,29 @@ import math
 from collections.abc import Iterable
 from typing import Final
 
-_MEMORY: Final = 100
-"""Measurements over which level and scatter are averaged."""
-_WORTH: Final = 20
-"""Weight of the initial assumption about them, in measurements."""
-_LEAST_SCATTER: Final = 0.5
-"""[nat]."""
-_SLACK: Final = 1.0
-"""Standard deviations below the level that are still nothing."""
-_GREATEST: Final = 4.0
-"""Maximum weight of one measurement."""
-_LEARNT_FROM: Final = 2.0
-"""Maximum change of level and scatter, so that a bad fit is noticed before it is learnt."""
-_ALARM: Final = 8.0
-"""Sum of standard deviations, less the slack, at which the fit is called bad if both fell."""
-_ALARM_ALONE: Final = 40.0
-"""The same for the evidence alone. On public lidar logs the sum of a tracked robot reaches 22."""
-_CALM: Final = 1.0
-"""Sum of the advantage below which a sensor has nothing against the belief: a robot that was moved
-by hand exceeds it with the first measurement."""
-_CALM_EVIDENCE: Final = 4.0
-"""The same of the evidence alone, which falls in a crowd."""
-_SAYS_MORE: Final = 1.5
-"""A sensor says more than another one if its measurements usually favour the belief by this factor
-more."""
+from robotctl.estimation.mcl.tuning import MonitorConfig
+
+_EVIDENCE: Final = (-2.0, 2.0)
+_ADVANTAGE: Final = (10.0, 4.0)
+"""Level and scatter of both figures before the first measurement [nat]; they count for
+`prior_measurements` only."""
 
 
 class LikelihoodMonitor:
     """Watches the fit of one sensor's measurements.
 
     At first a perfect fit is taken to have an evidence of about 0 (`log_likelihood.py`).
+
+    Parameters
+    ----------
+    config
+        When the fit is bad.
     """
 
-    def __init__(self) -> None:
-        self._evidence = _Watched(level=-2.0, scatter=2.0)
-        self._advantage = _Watched(level=10.0, scatter=4.0)
+    def __init__(self, config: MonitorConfig | None = None) -> None:
+        self._config = config or MonitorConfig()
+        self._evidence = _Watched(*_EVIDENCE, self._config)
+        self._advantage = _Watched(*_ADVANTAGE, self._config)
 
     def is_low(self, evidence: float) -> bool:
         """Whether an evidence is so far below its level that it counts."""
@@ -77,14 +65,15 @@ class LikelihoodMonitor:
         # Carried away, both fall. A crowd lowers only the first, an ambiguous empty place only the
         # second.
         both = min(fallen, self._advantage.fallen(evidence - elsewhere))
-        if fallen > _ALARM_ALONE:
+        if fallen > self._config.alarm_alone:
             return True
-        return both > _ALARM and not any(each._overrules(self) for each in others)
+        return both > self._config.alarm and not any(each._overrules(self) for each in others)
 
     def _overrules(self, other: LikelihoodMonitor) -> bool:
         """Whether this sensor says more than another one, and nothing against the belief."""
-        is_calm = self._advantage.sum < _CALM and self._evidence.sum < _CALM_EVIDENCE
-        return is_calm and self._advantage.level > _SAYS_MORE * other._advantage.level
+        config = self._config
+        is_calm = self._advantage.sum < config.calm and self._evidence.sum < config.calm_evidence
+        return is_calm and self._advantage.level > config.says_more * other._advantage.level
 
     def forgive(self) -> None:
         """Begin new sums; levels and scatters stay."""
@@ -101,32 +90,34 @@ class _Watched:
         As they are now.
     """
 
-    def __init__(self, level: float, scatter: float) -> None:
-        self._count = _WORTH
+    def __init__(self, level: float, scatter: float, config: MonitorConfig) -> None:
+        self._config = config
+        self._count = config.prior_measurements
         self.level = level
         self._variance = scatter**2
         self.sum = 0.0
 
     @property
     def _scatter(self) -> float:
-        return max(math.sqrt(self._variance), _LEAST_SCATTER)
+        return max(math.sqrt(self._variance), self._config.scatter_min)
 
     def is_low(self, figure: float) -> bool:
         """Whether the sum would grow."""
-        return figure < self.level - _SLACK * self._scatter
+        return figure < self.level - self._config.slack * self._scatter
 
     def fallen(self, figure: float) -> float:
         """Take in a figure and return the sum."""
-        scatter = self._scatter
+        scatter, config = self._scatter, self._config
         off = (figure - self.level) / scatter
-        self.sum = max(0.0, self.sum - min(max(off, -_GREATEST), _GREATEST) - _SLACK)
+        self.sum = max(0.0, self.sum - min(max(off, -config.clip), config.clip) - config.slack)
         # Learnt from clipped figures, so that a bad fit raises the alarm before it becomes normal.
-        self._learn(min(max(off, -_LEARNT_FROM), _LEARNT_FROM) * scatter)
+        most = config.learning_clip
+        self._learn(min(max(off, -most), most) * scatter)
         return self.sum
 
     def _learn(self, off: float) -> None:
         """Move level and variance by a figure that was so far off [nat]."""
         self._count += 1
-        gain = max(1.0 / self._count, 1.0 / _MEMORY)
+        gain = max(1.0 / self._count, 1.0 / self._config.memory)
         self.level += gain * off
         self._variance = (1.0 - gain) * (self._variance + gain * off * off)

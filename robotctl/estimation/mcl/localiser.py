@@ -109,7 +109,7 @@ class MonteCarloLocaliser:
         self._rival: Rival | None = None
         self._remembered = Remembered()
         """Measurements since a search began."""
-        self._misfit = Misfit()
+        self._misfit = Misfit(self.config.search)
         self._heard: set[str] = set()
         """Sensors that have weighted the belief on this stretch, and"""
         self._heard_before: set[str] = set()
@@ -263,7 +263,7 @@ class MonteCarloLocaliser:
             self._lost = True
             return
         evidence = self._belief.track(logs)
-        watch = self._watches.setdefault(sensor, LikelihoodMonitor())
+        watch = self._watches.setdefault(sensor, LikelihoodMonitor(self.config.monitor))
         if watch.is_low(evidence):
             evidence += self._forgiveness(log_likelihood, self._belief, logs)
             best = np.argpartition(probe_logs, -_FORGIVEN)[-_FORGIVEN:]

@@ -24,6 +24,7 @@ from robotctl.estimation.mcl.particle_belief import ParticleBelief
 from robotctl.estimation.mcl.particles import resample_systematic
 from robotctl.estimation.mcl.remembered import Remembered
 from robotctl.estimation.mcl.sliced import Sliced, evaluated_in_slices
+from robotctl.estimation.mcl.tuning import SearchConfig
 from robotctl.model.geometry.se2 import SE2
 
 _WEIGHED_BY_ALL: Final = 0.1
@@ -32,12 +33,6 @@ _LED: Final = 1000
 """Poses that are led to the peaks."""
 _OF_BELIEF: Final = 200
 """Particles of the belief that are led to its own peak, for comparison."""
-_BEHIND: Final = 1.0
-"""Log-likelihood per measurement below the best at which a place is no alternative [nat]; odometry
-blurs both."""
-_APART_M: Final = 0.5
-_APART_RAD: Final = 0.3
-"""Poses that are nearer are the same place."""
 
 
 def look_alikes(
@@ -67,7 +62,7 @@ def look_alikes(
     fits = yield from evaluated_in_slices(remembered.newest, anywhere)
     best = _best(anywhere, fits, round(_WEIGHED_BY_ALL * len(anywhere)))
     others = np.concatenate([best, *images])
-    others = others[are_apart(others, belief.best)]
+    others = others[are_apart(others, belief.best, config.search)]
     if len(others) == 0:
         return None
     fits = yield from evaluated_in_slices(remembered, others, len(remembered))
@@ -77,18 +72,20 @@ def look_alikes(
     if led is None or own is None:
         return None
     # Some may have been led into the place where the search ended.
-    led = led[are_apart(led, belief.best)]
+    led = led[are_apart(led, belief.best, config.search)]
     logs = remembered(led)
-    near = logs > remembered(own).max() - _BEHIND * len(remembered)
+    near = logs > remembered(own).max() - config.search.alike_within * len(remembered)
     return led[near] if near.any() else None
 
 
-def are_apart(poses: NDArray[np.float64], place: Cluster) -> NDArray[np.bool_]:
+def are_apart(
+    poses: NDArray[np.float64], place: Cluster, config: SearchConfig
+) -> NDArray[np.bool_]:
     """Return which poses (n, 3) are not in a place, (n,)."""
     off_m = np.hypot(poses[:, 0] - place.mean.x_m, poses[:, 1] - place.mean.y_m)
     off_rad = poses[:, 2] - place.mean.theta_rad
     off_rad = np.abs(np.arctan2(np.sin(off_rad), np.cos(off_rad)))
-    apart: NDArray[np.bool_] = (off_m >= _APART_M) | (off_rad >= _APART_RAD)
+    apart: NDArray[np.bool_] = (off_m >= config.apart_m) | (off_rad >= config.apart_rad)
     return apart
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft, ndimage  # type: ignore[import-untyped]
 
+from robotctl.estimation.mcl.tuning import SearchConfig
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 
@@ -22,18 +23,17 @@ _CELLS: Final = 512
 """Cells of a side at most; those of a large map are larger."""
 _PEAKS: Final = 6
 """Number of peaks that are kept for each turn."""
-_ALIKE: Final = 0.35
-"""Share of the walls that fall on walls at a peak, at least."""
 _APART_M: Final = 1.0
 """Minimum distance between peaks, and minimum shift without a turn."""
 
 
-def symmetries(grid: GridMap) -> list[SE2]:
+def symmetries(grid: GridMap, config: SearchConfig | None = None) -> list[SE2]:
     """Return motions T, in world, such that walls of the map lie about where T puts others.
 
     A robot at a pose p sees at T @ p about the same. The motions are good to a cell of 0.2 m, or
     to 1/512 of a large map.
     """
+    least = (config or SearchConfig()).symmetry_min
     points = grid.centre_of(np.argwhere(grid.occupied()))
     if len(points) == 0:
         return []
@@ -45,7 +45,8 @@ def symmetries(grid: GridMap) -> list[SE2]:
     walls = ndimage.gaussian_filter(walls, 1.0, mode="constant", truncate=3.0)
     found = []
     for quarters in range(4):
-        for shift in _shifts(walls, np.rot90(walls, quarters), quarters, _APART_M / side_m):
+        turned = np.rot90(walls, quarters)
+        for shift in _shifts(walls, turned, quarters, _APART_M / side_m, least):
             turn = SE2(0.0, 0.0, math.remainder(quarters * math.pi / 2.0, math.tau))
             corner = _corner(walls.shape, quarters)
             # Index i of the turned picture is the point turn @ (point of walls) - corner.
@@ -68,7 +69,11 @@ def _corner(shape: tuple[int, ...], quarters: int) -> NDArray[np.float64]:
 
 
 def _shifts(
-    walls: NDArray[np.float64], turned: NDArray[np.float64], quarters: int, apart: float
+    walls: NDArray[np.float64],
+    turned: NDArray[np.float64],
+    quarters: int,
+    apart: float,
+    least: float,
 ) -> NDArray[np.float64]:
     """Return by how much `turned` is shifted so that it falls on `walls`, (n, 2) [cells]."""
     size = [fft.next_fast_len(a + b) for a, b in zip(walls.shape, turned.shape, strict=True)]
@@ -78,7 +83,7 @@ def _shifts(
         for row in (slice(None, math.ceil(apart)), slice(-math.ceil(apart), None)):
             alike[row, : math.ceil(apart)] = alike[row, -math.ceil(apart) :] = 0.0
     width = 2 * math.ceil(apart) + 1
-    peaks = (alike == ndimage.maximum_filter(alike, width, mode="wrap")) & (alike >= _ALIKE)
+    peaks = (alike == ndimage.maximum_filter(alike, width, mode="wrap")) & (alike >= least)
     at = np.argwhere(peaks)
     shifts: NDArray[np.float64] = at[np.argsort(-alike[peaks])][:_PEAKS].astype(np.float64)
     for axis in range(2):

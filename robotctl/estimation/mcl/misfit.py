@@ -8,20 +8,20 @@ twenty is -13 to -24 nat on maps of other buildings, and not below -10 nat where
 
 from __future__ import annotations
 
-from typing import Final
-
-_MEMORY: Final = 20
-"""Measurements over which the fit is averaged."""
-_ENOUGH: Final = 10
-"""With fewer there is no verdict."""
-_LEAST: Final = -11.0
-"""Mean log-likelihood of a map that may be right [nat]."""
+from robotctl.estimation.mcl.tuning import SearchConfig
 
 
 class Misfit:
-    """Mean of how well measurements fit the best place that is known."""
+    """Mean of how well measurements fit the best place that is known.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    config
+        When nothing fits.
+    """
+
+    def __init__(self, config: SearchConfig | None = None) -> None:
+        self._config = config or SearchConfig()
         self.reset()
 
     def reset(self) -> None:
@@ -32,9 +32,10 @@ class Misfit:
     def add(self, log_likelihood: float) -> None:
         """Add a tolerant sensor's log-likelihood of the best place [nat]."""
         self._count += 1
-        self._mean += (log_likelihood - self._mean) / min(self._count, _MEMORY)
+        self._mean += (log_likelihood - self._mean) / min(self._count, self._config.fit_memory)
 
     @property
     def is_bad(self) -> bool:
         """Whether nothing fits, for long enough."""
-        return self._count >= _ENOUGH and self._mean < _LEAST
+        config = self._config
+        return self._count >= config.fit_measurements and self._mean < config.fit_min

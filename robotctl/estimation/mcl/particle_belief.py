@@ -43,6 +43,8 @@ class ParticleBelief:
 
     Attributes
     ----------
+    config
+        Settings.
     poses, weights
         Particles, (n, 3), and their weights, (n,), of sum 1; not to be changed.
     searching
@@ -54,7 +56,7 @@ class ParticleBelief:
     """
 
     def __init__(self, config: MclConfig, poses: NDArray[np.float64], *, searching: bool) -> None:
-        self._config = config
+        self.config = config
         self.poses = poses
         self.weights = np.full(len(poses), 1.0 / len(poses))
         self.searching = searching
@@ -69,13 +71,13 @@ class ParticleBelief:
     @property
     def is_sure(self) -> bool:
         """Whether it has been compact for long enough."""
-        return self.agreed >= self._config.localised_updates
+        return self.agreed >= self.config.localised_updates
 
     def advance(self, way: OdometrySegment, rng: np.random.Generator) -> None:
         """Resample where the belief calls for it, then move all particles by the odometry."""
         # Resampling after every measurement would lose particles to chance; while the weights are
         # nearly equal it gains nothing.
-        uneven = effective_size(self.weights) < self._config.resample_below * len(self.weights)
+        uneven = effective_size(self.weights) < self.config.resample_below * len(self.weights)
         if uneven or self.searching:
             self._resample(self._wanted_particles(rng), rng)
         self.poses = way.moved(self.poses, rng)
@@ -84,7 +86,7 @@ class ParticleBelief:
         self, log_likelihood: LogLikelihood, sample_free: SampleFree, rng: np.random.Generator
     ) -> Sliced[bool]:
         """Weigh a belief that is spread wide; return False if the measurement fits nowhere."""
-        config = self._config
+        config = self.config
         self._inject_random_poses(sample_free, rng)
         found = yield from anneal(
             self.poses, self.weights, log_likelihood, config.bins, config.search_floor, rng
@@ -104,7 +106,7 @@ class ParticleBelief:
             out.
         """
         weights, evidence = posterior(self.weights, logs)
-        least = self._config.n_eff_floor * len(logs)
+        least = self.config.n_eff_floor * len(logs)
         # Few particles would carry all the weight: apply only a part of the measurement.
         if evidence > -math.inf and effective_size(weights) < least:
             exponent = bearable_exponent(self.weights, logs, least)
@@ -120,10 +122,10 @@ class ParticleBelief:
         self.agreed = self.agreed + 1 if fits and self._is_compact() else 0
 
     def _found_clusters(self) -> list[Cluster]:
-        return clusters(self.poses, self.weights, self._config.bins, _CLUSTERS)
+        return clusters(self.poses, self.weights, self.config.bins, _CLUSTERS)
 
     def _is_compact(self) -> bool:
-        best, config = self.best, self._config
+        best, config = self.best, self.config
         return (
             best.weight >= config.localised_weight
             and best.sigma_m <= config.localised_m
@@ -133,7 +135,7 @@ class ParticleBelief:
     def _inject_random_poses(self, sample_free: SampleFree, rng: np.random.Generator) -> None:
         """Mix random poses into the belief."""
         # All injected poses together get the weight `share`, so that they do not dilute the belief.
-        share, count = self._config.random_injection, self._config.most_searching
+        share, count = self.config.random_injection, self.config.most_searching
         injected = sample_free(rng, math.ceil(share * count))
         alike = np.full(len(injected), share / len(injected))
         self.poses = np.concatenate([self.poses, injected])
@@ -145,7 +147,7 @@ class ParticleBelief:
         self.weights = np.full(count, 1.0 / count)
 
     def _wanted_particles(self, rng: np.random.Generator) -> int:
-        config = self._config
+        config = self.config
         most = config.most_searching if self.searching else config.max_particles
         # A fixed number: KLD sampling has nothing to choose.
         if config.min_particles == most:

@@ -11,7 +11,6 @@ two.
 from __future__ import annotations
 
 import enum
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,16 +18,6 @@ from numpy.typing import NDArray
 from robotctl.estimation.mcl.belief import Cluster
 from robotctl.estimation.mcl.look_alikes import are_apart
 from robotctl.estimation.mcl.particle_belief import ParticleBelief
-
-_MARGIN: Final = 10.0
-"""Lead of the better place [nat]."""
-_LEAST_M: Final = 0.5
-_LEAST_RAD: Final = 0.5
-"""Distance [m] or turns [rad] over which it must lead, and"""
-_LEAST_MEASUREMENTS: Final = 4
-"""so many measurements."""
-_GREATEST: Final = 10.0
-"""Maximum weight of one measurement [nat]."""
 
 
 class RivalVerdict(enum.Enum):
@@ -51,6 +40,7 @@ class Rival:
 
     def __init__(self, belief: ParticleBelief) -> None:
         self.belief = belief
+        self._config = belief.config.rival
         self._was_compact = False
         self._begin()
 
@@ -77,29 +67,30 @@ class Rival:
         tracked
             The heaviest cluster of the tracked belief.
         """
+        config = self._config
         is_compact = self.belief.agreed > 0
         if is_compact != self._was_compact:
             self._was_compact = is_compact
             self._begin()
             return RivalVerdict.OPEN
         # Clipped, so that one wild measurement decides nothing.
-        self.lead += min(max(lead, -_GREATEST), _GREATEST)
+        self.lead += min(max(lead, -config.clip), config.clip)
         self._distance_m += distance_m
         self._angle_rad += angle_rad
         self._measurements += 1
-        moved = self._distance_m >= _LEAST_M or self._angle_rad >= _LEAST_RAD
+        moved = self._distance_m >= config.travel_min_m or self._angle_rad >= config.turn_min_rad
         # A wrong place may fit better while the robot stands: people hide walls, a corner resembles
         # another.
-        if not moved or self._measurements < _LEAST_MEASUREMENTS:
+        if not moved or self._measurements < config.measurements_min:
             return RivalVerdict.OPEN
-        if self.lead < -_MARGIN:
+        if self.lead < -config.lead:
             return RivalVerdict.REFUTED
         if not self.belief.is_sure:
             return RivalVerdict.OPEN
         # The search ended in the tracked place, so the alarm was false.
-        if not are_apart(self._place(), tracked)[0]:
+        if not are_apart(self._place(), tracked, self.belief.config.search)[0]:
             return RivalVerdict.REFUTED
-        return RivalVerdict.PROVEN if self.lead > _MARGIN else RivalVerdict.OPEN
+        return RivalVerdict.PROVEN if self.lead > config.lead else RivalVerdict.OPEN
 
     def _place(self) -> NDArray[np.float64]:
         """Return the middle of the heaviest cluster, (1, 3)."""

@@ -24,10 +24,10 @@ from numpy.typing import NDArray
 
 from robotctl.estimation.places.places import (
     ANY_HEADING,
-    Candidate,
     Place,
-    Recognition,
     RecognitionConfig,
+    SonarCandidate,
+    SonarRecognition,
     Spread,
     Visit,
 )
@@ -134,28 +134,29 @@ class PlaceBook:
             f"{self.signatures.least_seen:.0%} are needed"
         )
 
-    def recognise(self, signature: Signature) -> Recognition:
-        """Return the place where a signature was taken, or why none is recognised.
+    def suggest(self, sensed: Signature) -> SonarRecognition:
+        """Return the places where a signature may have been taken, and why none is recognised.
 
         Raises
         ------
         ValueError
             If it has another number of bearings than the book.
         """
-        refusal = self._too_narrow(signature)
+        refusal = self._too_narrow(sensed)
         if not refusal and not self._visits:
             refusal = "no place is known yet"
         if refusal:
-            return Recognition((), refusal, self.threshold)
-        comparison = self.compare(signature)
+            return SonarRecognition((), refusal, threshold=self.threshold)
+        comparison = self.compare(sensed)
         which = self.worth_comparing(comparison)
         differences = comparison.differences(which)
         least = differences.min(axis=1)
         if least.min() == math.inf:
             refusal = "too few bearings are in this and in a known signature"
-            return Recognition((), refusal, self.threshold)
+            return SonarRecognition((), refusal, threshold=self.threshold)
         refusal = self._refusal(which, least)
-        return Recognition(self._candidates(which, differences), refusal, self.threshold)
+        candidates = self._candidates(which, differences)
+        return SonarRecognition(candidates, refusal, threshold=self.threshold)
 
     def compare(self, signature: Signature) -> Comparison:
         """Return a signature's comparison with those of all visits, in their order."""
@@ -198,23 +199,23 @@ class PlaceBook:
 
     def _candidates(
         self, which: NDArray[np.int64], differences: NDArray[np.float64]
-    ) -> tuple[Candidate, ...]:
+    ) -> tuple[SonarCandidate, ...]:
         """Return similar enough candidates with distinct headings, best first, weighted."""
         low = (differences <= np.roll(differences, 1, axis=1)) & (
             differences <= np.roll(differences, -1, axis=1)
         )
         rows, shifts = np.nonzero(low & (differences <= self.threshold))
-        found: list[Candidate] = []
+        found: list[SonarCandidate] = []
         for i in np.argsort(differences[rows, shifts], kind="stable"):
             row, shift = int(rows[i]), int(shifts[i])
             candidate = self._candidate(int(which[row]), differences[row], shift)
             if not any(_alike(candidate, each) for each in found):
                 found.append(candidate)
-        total = sum(each.weight for each in found)
-        return tuple(dataclasses.replace(each, weight=each.weight / total) for each in found)
+        total = sum(each.score for each in found)
+        return tuple(dataclasses.replace(each, score=each.score / total) for each in found)
 
-    def _candidate(self, index: int, curve: NDArray[np.float64], shift: int) -> Candidate:
-        """Return a candidate at a visit, with a weight that is not yet normalised."""
+    def _candidate(self, index: int, curve: NDArray[np.float64], shift: int) -> SonarCandidate:
+        """Return a candidate at a visit, with a score that is not yet normalised."""
         place, visit = self._visits[index]
         difference = float(curve[shift])
         effective = max(difference, self.within.mean)
@@ -227,14 +228,14 @@ class PlaceBook:
         # Both turns, the one that was learnt and this one, have their error.
         covariance[2, 2] = min(variance + 2.0 * self.config.turn_sigma_rad**2, ANY_HEADING)
         off = max(difference - self.within.mean, 0.0) / self.within.sigma
-        return Candidate(
+        return SonarCandidate(
             place.name,
-            difference,
             SE2(visit.pose.x_m, visit.pose.y_m, heading),
-            place.in_world,
-            wrap_angle(heading - place.visits[0].pose.theta_rad),
-            covariance,
             math.exp(-0.5 * off * off),
+            difference=difference,
+            in_world=place.in_world,
+            rotation_rad=wrap_angle(heading - place.visits[0].pose.theta_rad),
+            covariance=covariance,
         )
 
     def learned(self, name: str, signature: Signature, pose: SE2 | None = None) -> PlaceBook:
@@ -275,11 +276,11 @@ class PlaceBook:
 
     def _pose_at(self, place: Place, signature: Signature, given: SE2 | None) -> SE2:
         """Return the pose of another visit to a place: the given one, if plausible."""
-        found = PlaceBook([place], self.signatures, self.config).recognise(signature)
-        if found.place is None:
+        found = PlaceBook([place], self.signatures, self.config).suggest(signature)
+        if found.found is None:
             raise ValueError(f"this is not {place.name} ({found.refusal})")
         if given is None:
-            return found.place.pose
+            return found.found.pose
         at = place.visits[0].pose
         away_m = math.hypot(given.x_m - at.x_m, given.y_m - at.y_m)
         if away_m > _ONE_PLACE_M:
@@ -315,6 +316,6 @@ def _spread(samples: NDArray[np.float64], prior: Spread, strength: float) -> Spr
     return Spread((strength * prior.mean + n * mean) / total, math.sqrt(squares / total), n)
 
 
-def _alike(a: Candidate, b: Candidate) -> bool:
+def _alike(a: SonarCandidate, b: SonarCandidate) -> bool:
     """Return whether two candidates are the same."""
     return a.place == b.place and abs(wrap_angle(a.rotation_rad - b.rotation_rad)) < _APART_RAD

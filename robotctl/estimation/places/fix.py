@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.estimation.places.places import Candidate, Recognition
+from robotctl.estimation.places.places import SonarCandidate, SonarRecognition
 from robotctl.estimation.ranging.log_likelihood import LogLikelihood
 
 
@@ -49,7 +49,7 @@ class PlaceFixConfig:
 
 
 def place_fix(
-    recognition: Recognition, area_m2: float, config: PlaceFixConfig | None = None
+    recognition: SonarRecognition, area_m2: float, config: PlaceFixConfig | None = None
 ) -> LogLikelihood | None:
     """Return the function from poses to the log-likelihood of a recognition.
 
@@ -81,7 +81,7 @@ def place_fix(
     if not placed:
         return None
     trusted = 1.0 - config.wrong
-    weights = np.array([each.weight for each in placed])
+    weights = np.array([each.score for each in placed])
     heights = np.log(trusted * weights / weights.sum())
     roots = np.linalg.cholesky(config.widen**2 * np.array([each.covariance for each in placed]))
     heights -= np.log(np.linalg.det(roots)) + 1.5 * math.log(math.tau)
@@ -101,7 +101,7 @@ def place_fix(
 
 
 def _squared_distance(
-    poses: NDArray[np.float64], candidate: Candidate, root: NDArray[np.float64]
+    poses: NDArray[np.float64], candidate: SonarCandidate, root: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return Mahalanobis' distance squared from a candidate, (n,); `root` is Cholesky's."""
     off = poses - (candidate.pose.x_m, candidate.pose.y_m, candidate.pose.theta_rad)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.errors import InvalidValue
+from robotctl.estimation.places.recogniser import Candidate, Recognition
 from robotctl.estimation.places.signatures import Signature
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
@@ -120,68 +121,53 @@ class Place:
             raise ValueError(f"place {self.name}: at least one visit is needed")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Candidate:
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SonarCandidate(Candidate[str]):
     """A place where the robot may be, and its heading there.
+
+    `pose` is in `world` or in the frame of the place; `score` is the share of the belief in this
+    candidate among all, which sum to 1.
 
     Parameters
     ----------
-    place
-        Its name.
     difference
         D, 0 to 1.
-    pose
-        `base` now, in `world` or in the frame of the place.
     in_world
-        Which of both.
+        Whether the pose is in `world`.
     rotation_rad
         Heading now minus that at the place's first visit, in (-pi, pi].
     covariance
-        Of the pose, (3, 3) [m, m, rad].
-    weight
-        Share of the belief in this one among all candidates; their sum is 1.
+        Covariance (3, 3) of the pose [m, m, rad].
     """
 
-    place: str
     difference: float
-    pose: SE2
     in_world: bool
     rotation_rad: float
     covariance: NDArray[np.float64]
-    weight: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Recognition:
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SonarRecognition(Recognition[SonarCandidate]):
     """Result of comparing a signature with the known places.
+
+    Several candidates may be similar enough even if the place is refused.
 
     Parameters
     ----------
-    candidates
-        All similar enough, best first; may be several even if the place is refused.
-    refusal
-        Why no place is recognised, a sentence; "" where the first candidate's is.
     threshold
-        The greatest difference that is accepted.
+        Maximum accepted difference.
     """
 
-    candidates: tuple[Candidate, ...]
-    refusal: str
     threshold: float
-
-    @property
-    def place(self) -> Candidate | None:
-        """The recognised place; None if it is refused."""
-        return None if self.refusal else self.candidates[0]
 
     @property
     def rotation_variance(self) -> float:
         """Variance of the recognised place's rotation [rad^2], its other headings included."""
         best = self.candidates[0]
         same = [each for each in self.candidates if each.place == best.place]
-        weight = sum(each.weight for each in same)
+        weight = sum(each.score for each in same)
         variance = sum(
-            each.weight
+            each.score
             * (each.covariance[2, 2] + wrap_angle(each.rotation_rad - best.rotation_rad) ** 2)
             for each in same
         )

@@ -25,10 +25,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from robotctl.estimation.ranging.likelihood_config import BeamSkipping
+
 _JUDGES: Final = 256
-_CLOSE_M: Final = 0.5
-_CLOSE_RAD: Final = 0.25
-"""Poses that spread more (one standard deviation) cannot say that a beam is wrong."""
+"""Poses that judge the beams: a share among them is good to 3 %, sqrt(0.25 / 256)."""
 
 
 def evenly_chosen(valid: NDArray[np.bool_], count: int) -> NDArray[np.intp]:
@@ -45,10 +45,10 @@ def tempering(beams: int, correlation: float) -> float:
     return 1.0 / (1.0 + max(beams - 1, 0) * correlation)
 
 
-def judges(poses: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def judges(poses: NDArray[np.float64], skipping: BeamSkipping) -> NDArray[np.float64] | None:
     """Return a few of the poses (n, 3), evenly chosen; None if they are spread."""
     few = np.ascontiguousarray(poses[:: max(1, len(poses) // _JUDGES)])
     resultant = np.hypot(np.cos(few[:, 2]).mean(), np.sin(few[:, 2]).mean())
-    if resultant < math.exp(-0.5 * _CLOSE_RAD**2):
+    if resultant < math.exp(-0.5 * skipping.spread_max_rad**2):
         return None
-    return few if np.hypot(*few[:, :2].std(axis=0)) <= _CLOSE_M else None
+    return few if np.hypot(*few[:, :2].std(axis=0)) <= skipping.spread_max_m else None

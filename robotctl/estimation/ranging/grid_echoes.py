@@ -19,6 +19,7 @@ from scipy import ndimage  # type: ignore[import-untyped]
 
 from robotctl.compiled import compiled
 from robotctl.estimation.ranging.range_casting import RangeCaster
+from robotctl.estimation.ranging.sonar_cones import SonarCones
 from robotctl.model.grid_map import GridMap
 
 _RAYS: Final = 9
@@ -37,31 +38,18 @@ class GridEchoes:
     ----------
     grid
         The map; unknown cells count as free.
-    mounts
-        The sonars in `base`, (k, 3): x, y, direction of the axis [m, m, rad].
-    beam_rad
-        Opening of the cone, from edge to edge, in (0, pi) [rad].
-    max_incidence_rad
-        Greatest angle between sound and a surface's normal, in (0, pi/2) [rad].
-    max_range_m
-        Maximum range of an echo [m].
+    cones
+        The sonars.
     """
 
-    def __init__(
-        self,
-        grid: GridMap,
-        mounts: NDArray[np.float64],
-        beam_rad: float,
-        max_incidence_rad: float,
-        max_range_m: float,
-    ) -> None:
-        self._mounts = mounts
+    def __init__(self, grid: GridMap, cones: SonarCones) -> None:
+        self._mounts = cones.mounts
         self._caster = RangeCaster(grid)
         self._grid = grid
         self._normals = surface_normals(grid.occupied())
-        self._fan = np.linspace(-0.5 * beam_rad, 0.5 * beam_rad, _RAYS)
-        self._cos_limit = math.cos(max_incidence_rad)
-        self._max_range_m = max_range_m
+        self._fan = np.linspace(-0.5 * cones.beam_rad, 0.5 * cones.beam_rad, _RAYS)
+        self._cos_limit = math.cos(cones.max_incidence_rad)
+        self._max_range_m = cones.max_range_m
 
     def with_limit(self, max_incidence_rad: float) -> GridEchoes:
         """Return the same sonars with another incidence limit, in (0, pi/2) [rad]."""
@@ -70,20 +58,7 @@ class GridEchoes:
         return other
 
     def ranges(self, poses: NDArray[np.float64], sonars: NDArray[np.intp]) -> NDArray[np.float64]:
-        """Return what some of the sonars should measure from each pose.
-
-        Parameters
-        ----------
-        poses
-            Of `base` in `world`, (n, 3) [m, m, rad].
-        sonars
-            Which, (k,).
-
-        Returns
-        -------
-        NDArray
-            (n, k) [m]; inf if nothing sends an echo.
-        """
+        """Return what sonars should measure at poses, see `Echoes.ranges`."""
         mounts = self._mounts[sonars]
         c, s = np.cos(poses[:, 2:]), np.sin(poses[:, 2:])
         x = poses[:, :1] + c * mounts[:, 0] - s * mounts[:, 1]

@@ -40,10 +40,6 @@ from robotctl.model.sensors.range_scan import RangeScan
 
 _LEVELS = 9
 """Number of distinct standard deviations, each sqrt(2) times the previous: up to 16 times."""
-_NEAR = 3.0
-"""A beam is hidden if it ends by more standard deviations before the map's first obstacle."""
-_HIDDEN = math.log(0.5)
-"""Log-likelihood of such a beam at least, where people are forgiven."""
 _BLOCK = 128
 """Particles weighed together: their sums stay in the first-level cache."""
 
@@ -141,7 +137,7 @@ class LikelihoodField:
         expected_m = self._caster.cast(
             np.stack([x, y, poses[:, 2]], axis=1), scan.angles_rad[chosen], scan.max_range_m
         )
-        near_m = _NEAR * self.config.sigma_m * 2.0 ** (0.5 * levels)
+        near_m = self.config.hidden_sigmas * self.config.sigma_m * 2.0 ** (0.5 * levels)
         hidden: NDArray[np.bool_] = (scan.ranges_m[chosen] + near_m)[:, np.newaxis] < expected_m
         return hidden
 
@@ -163,7 +159,7 @@ class LikelihoodField:
     def _summed_forgiving(
         self, poses: NDArray[np.float64], beams: _Beams, hidden: NDArray[np.bool_]
     ) -> NDArray[np.float64]:
-        """Return the same, where beams that are `hidden`, (k, n), have no less than `_HIDDEN`.
+        """Return the same, where beams that are `hidden`, (k, n), keep `hidden_likelihood`.
 
         Whatever hides the map stands in its free space: off the map nothing is tolerated.
         """
@@ -178,7 +174,7 @@ class LikelihoodField:
             self._log_fields,
             self._free,
             hidden,
-            _HIDDEN,
+            math.log(self.config.hidden_likelihood),
             total,
         )
         return total
@@ -192,7 +188,7 @@ class LikelihoodField:
 
     def _without_skipped(self, poses: NDArray[np.float64], beams: _Beams) -> _Beams:
         """Return the beams that enough poses agree with."""
-        few = judges(poses)
+        few = judges(poses, self.config.skipping)
         if few is None:
             return beams
         cos, sin = self._heading(few)

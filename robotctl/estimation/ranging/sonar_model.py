@@ -25,12 +25,18 @@ from numpy.typing import NDArray
 
 from robotctl.estimation.ranging.grid_echoes import GridEchoes
 from robotctl.estimation.ranging.log_likelihood import LogLikelihood
+from robotctl.estimation.ranging.sonar_cones import Echoes, SonarCones
 from robotctl.estimation.ranging.sonar_config import SonarModelConfig
 from robotctl.estimation.ranging.wall_echoes import WallEchoes
 from robotctl.model.grid_map import GridMap
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.model.sensors.sonar_mounts import mount_rows
 from robotctl.model.wall_map import WallMap
+
+
+def echoes_in(room: WallMap | GridMap, cones: SonarCones) -> Echoes:
+    """Return the echoes of sonars in a room: exact on walls, by a fan of rays on cells."""
+    return WallEchoes(room, cones) if isinstance(room, WallMap) else GridEchoes(room, cones)
 
 
 class SonarModel:
@@ -53,18 +59,14 @@ class SonarModel:
         config: SonarModelConfig | None = None,
     ) -> None:
         self.config = config or SonarModelConfig()
-        at = mount_rows(mounts)
-        heard = (
+        cones = SonarCones(
+            mount_rows(mounts),
             math.radians(self.config.beam_deg),
             math.radians(self.config.max_incidence_deg),
             self.config.max_range_m,
         )
-        self._echoes: WallEchoes | GridEchoes
-        if isinstance(room, WallMap):
-            self._echoes = WallEchoes(room, at, *heard)
-        else:
-            self._echoes = GridEchoes(room, at, *heard)
-        self._sonars = len(at)
+        self._echoes = echoes_in(room, cones)
+        self._sonars = len(cones.mounts)
 
     def measurement(self, ranges_m: NDArray[np.float64]) -> LogLikelihood:
         """Return the function from poses to the log-likelihood of readings.

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from robotctl.compiled import compiled
 from robotctl.estimation.ranging.segment_index import NearIndex
+from robotctl.estimation.ranging.sonar_cones import SonarCones
 from robotctl.model.wall_map import WallMap
 
 _Indexed: TypeAlias = tuple[
@@ -51,33 +52,21 @@ class WallEchoes:
     ----------
     walls
         The room.
-    mounts
-        The sonars in `base`, (k, 3): x, y, direction of the axis [m, m, rad].
-    beam_rad
-        Opening of the cone, from edge to edge, in (0, pi) [rad].
-    max_incidence_rad
-        Greatest angle between sound and the wall's normal, in (0, pi/2) [rad].
-    max_range_m
-        Maximum range of an echo [m].
+    cones
+        The sonars.
     """
 
-    def __init__(
-        self,
-        walls: WallMap,
-        mounts: NDArray[np.float64],
-        beam_rad: float,
-        max_incidence_rad: float,
-        max_range_m: float,
-    ) -> None:
+    def __init__(self, walls: WallMap, cones: SonarCones) -> None:
+        mounts, max_range_m = cones.mounts, cones.max_range_m
         self._mounts = np.column_stack([mounts[:, :2], np.cos(mounts[:, 2]), np.sin(mounts[:, 2])])
         self._lines = _lines(walls.segments)
         self._corners = inner_corners(walls)
         radius_m = float(np.hypot(mounts[:, 0], mounts[:, 1]).max(initial=0.0))
         self._limits = np.array(
             [
-                math.cos(0.5 * beam_rad),
-                math.sin(0.5 * beam_rad),
-                math.tan(max_incidence_rad),
+                math.cos(0.5 * cones.beam_rad),
+                math.sin(0.5 * cones.beam_rad),
+                math.tan(cones.max_incidence_rad),
                 max_range_m,
                 radius_m,
             ]
@@ -95,20 +84,7 @@ class WallEchoes:
         return other
 
     def ranges(self, poses: NDArray[np.float64], sonars: NDArray[np.intp]) -> NDArray[np.float64]:
-        """Return what some of the sonars should measure from each pose.
-
-        Parameters
-        ----------
-        poses
-            Of `base` in `world`, (n, 3) [m, m, rad].
-        sonars
-            Which, (k,).
-
-        Returns
-        -------
-        NDArray
-            (n, k) [m]; inf if no wall sends an echo.
-        """
+        """Return what sonars should measure at poses, see `Echoes.ranges`."""
         found = np.empty((len(poses), len(sonars)))
         _ring(
             poses,

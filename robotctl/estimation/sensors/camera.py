@@ -26,8 +26,6 @@ from robotctl.model.sensors.range_scan import RangeScan
 
 _VAGUE_M: Final = 0.5
 """Ranges of a camera are seldom less sure [m]."""
-_SURE_M: Final = 0.1
-"""Maximum standard deviation of a range in the map [m]."""
 
 
 def _listen(message: ControlState | SensorMessage) -> Sequence[RangeScan]:
@@ -50,15 +48,15 @@ def _rehearsal(robot: SensedRobot) -> RangeScan | None:
     return replace(REHEARSED, sigmas_m=sigmas) if robot.has_camera else None
 
 
-def _cells(view: RangeScan, _: SensedRobot) -> Iterator[tuple[Hashable, CellUpdate]]:
-    yield CAMERA, scan_update(_sure(view))
+def _cells(view: RangeScan, robot: SensedRobot) -> Iterator[tuple[Hashable, CellUpdate]]:
+    yield CAMERA, scan_update(_sure(view, robot.settings.grid.camera_sigma_m))
 
 
-def _sure(view: RangeScan) -> RangeScan:
+def _sure(view: RangeScan, most_m: float) -> RangeScan:
     """Return a view without the ranges that are too vague for a cell."""
     if view.sigmas_m is None:
         return view
-    ranges = np.where(view.sigmas_m <= _SURE_M, view.ranges_m, np.nan)
+    ranges = np.where(view.sigmas_m <= most_m, view.ranges_m, np.nan)
     return replace(view, ranges_m=np.where(np.isinf(view.ranges_m), np.inf, ranges))
 
 

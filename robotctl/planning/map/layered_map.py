@@ -29,7 +29,8 @@ from robotctl.planning.map.body_cells import cells_at, shrunk
 from robotctl.planning.map.clearance import Clearance
 from robotctl.planning.map.layers_config import LayersConfig
 from robotctl.planning.map.planning_map import PlanningMap
-from robotctl.planning.map.take_over import settle, take_over, take_values
+from robotctl.planning.map.shut_cells import ShutCells
+from robotctl.planning.map.take_over import take_over, take_values
 from robotctl.planning.map.zones import Closed, slowness, speed_limits
 
 _OCCUPIED_PERCENT: Final = 50
@@ -74,6 +75,11 @@ class LayeredMap:
         Parts of it that the robot keeps out of or passes slowly, and its fence.
     full_speed_m_s
         Of the robot where no zone limits it [m/s], > 0.
+
+    Attributes
+    ----------
+    shut
+        The parts that the robot keeps out of.
     """
 
     def __init__(
@@ -88,11 +94,8 @@ class LayeredMap:
         self._closed, self._full_speed_m_s = closed, full_speed_m_s
         self._given = grid.cells.copy()
         static = grid.occupied(_OCCUPIED_PERCENT)
-        self._shut = closed.cells(grid)
-        self._behind = grid.cells[self._shut]
-        """Values of the shut cells in the map itself."""
-        self._given[self._shut] = OCCUPIED
-        self._is_open = False
+        shut = closed.cells(grid)
+        self._given[shut] = OCCUPIED
         live = GridMap(self._given.copy(), grid.resolution_m, grid.origin)
         self._space = space = PlanningMap(
             live,
@@ -119,6 +122,7 @@ class LayeredMap:
             _OCCUPIED_PERCENT,
             self.config.through_unknown,
         )
+        self.shut = ShutCells(closed, shut, grid.cells[shut], space, self._cells)
         self._lidar = marks.make_layer(grid.shape, 1, gain=3, needed=1, most=3)
         # One echo of a sonar in seven has nothing to do with the world: two must agree.
         self._sonar = marks.make_layer(grid.shape, 2, gain=2, needed=3, most=6)
@@ -200,7 +204,7 @@ class LayeredMap:
             layer.evidence[:] = 0
             layer.in_list[0] = 0
         cells.marks[:] = 0
-        self._is_open = False
+        self.shut.forget()
         cells.base[:] = cells.live[:] = self._given
         cells.obstacle[:] = cells.base >= _OCCUPIED_PERCENT
         if not self.config.through_unknown:
@@ -364,45 +368,6 @@ class LayeredMap:
             last = [min(max(math.floor(high[i]), 0), n - 1) for i, n in ((1, rows), (0, columns))]
             self._clearance.refresh((first[0], first[1]), (last[0], last[1]))
         return self._space.collides(poses)
-
-    def closed_at(self, pose: SE2) -> str:
-        """Return the name of what the body at a pose of `world` should keep out of; else ""."""
-        rows, columns = self._body_at(pose)
-        shut = np.flatnonzero(self._shut[rows, columns])
-        if not len(shut):
-            return ""
-        cell = int(rows[shut[0]]), int(columns[shut[0]])
-        return self._closed.what_closes(self._space.grid, cell)
-
-    def open_around(self, pose: SE2) -> None:
-        """Let a robot that stands where it should keep out of drive out of there.
-
-        What is shut without a gap around the pose of `world` is open until `close_behind`.
-        """
-        areas, _ = ndimage.label(self._shut, np.ones((3, 3)))
-        around = np.unique(areas[self._body_at(pose)])
-        opened = np.isin(areas, around[around > 0])
-        self._cells.base[opened] = self._behind[opened[self._shut]]
-        settle(self._cells)
-        self._is_open = True
-
-    def close_behind(self, pose: SE2) -> None:
-        """Shut again what was opened, once the body is out of it."""
-        if self._is_open and not self._shut[self._body_at(pose)].any():
-            self._cells.base[self._shut] = OCCUPIED
-            settle(self._cells)
-            self._is_open = False
-
-    def room_outside(self) -> NDArray[np.bool_]:
-        """Return where the robot can turn, and is out of all that is shut, (rows, columns)."""
-        space = self.space()
-        away: NDArray[np.float64] = ndimage.distance_transform_edt(~self._shut)
-        roomy: NDArray[np.bool_] = np.minimum(space.clearance, away) > space.circumscribed + 0.5
-        return roomy
-
-    def _body_at(self, pose: SE2) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return the cells of the map under the body at a pose of `world`."""
-        return cells_at(moved(self._space.to_cells(pose), self._space.samples), self._space.shape)
 
     def stand_at(self, T_world_base: SE2) -> None:
         """Note that the floor under the robot is free, whatever echoes from its own edge say."""

@@ -125,7 +125,7 @@ class LiveWorld:
         self._here, self._now_ns = pose, now_ns
         if self._grid is None and self.map.room_m(pose) < FARTHEST_M:
             self.map = self.map.grown(_beside(pose))
-        self.map.close_behind(pose)
+        self.map.shut.close_behind(pose)
         self.map.stand_at(pose)
         for T_odom_base, scan in seen.scans:
             if scan.stamp_ns > self._scan_ns:

@@ -8,25 +8,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.config.robot_file import RobotConfig, load_robot
 from robotctl.errors import CalibrationError, ConfigError
-from robotctl.estimation.camera.calibration.homography import PointNoise
 from robotctl.estimation.camera.calibration.intrinsics import LensFit
 from robotctl.estimation.camera.calibration.mount import MountFit, fit_mount
-from robotctl.estimation.camera.calibration.pattern import Board, larger_board
+from robotctl.estimation.camera.calibration.pattern import larger_board
 from robotctl.estimation.camera.calibration.spread import (
     Advice,
     Expected,
     expected_errors,
     recommend,
 )
-from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.camera import CameraIntrinsics
 from robotctl.workbench.camera.correspondences import (
     FloorPoints,
@@ -36,69 +33,10 @@ from robotctl.workbench.camera.correspondences import (
     markers_unseen,
 )
 from robotctl.workbench.camera.lens import Progress, lens_of_pictures
-from robotctl.workbench.camera.pictures import check_size, read_picture
+from robotctl.workbench.camera.options import CameraCalibrateOptions
+from robotctl.workbench.camera.pictures import check_size, pictures_of, read_picture
 
 _FEW, _MANY = 2, 20
-
-
-@dataclass(frozen=True, slots=True)
-class CameraCalibrateOptions:
-    """The user's options.
-
-    Parameters
-    ----------
-    robot, overrides
-        The robot's file, and `key=value` settings on top of it.
-    lens
-        Pictures of the board for the lens; empty: the lens of the robot's file.
-    lens_unknown
-        Find the focal length from the floor instead.
-    board
-        The chessboard, of `lens` and of `floor`.
-    floor
-        A picture of the board or of markers on the floor.
-    at
-        Where the board lies in `base`: its middle and its arrow; None: there is none.
-    markers
-        CSV of markers on the floor: id, x, y.
-    family
-        Of the markers.
-    points
-        CSV of clicked points: u, v, x, y.
-    noise
-        How well places and pixels are known.
-    seed
-        Seed of the search for outliers.
-    """
-
-    robot: Path
-    overrides: tuple[str, ...] = ()
-    lens: tuple[Path, ...] = ()
-    lens_unknown: bool = False
-    board: Board = field(default_factory=Board)
-    floor: Path | None = None
-    at: SE2 | None = None
-    markers: Path | None = None
-    family: str = "apriltag_36h11"
-    points: Path | None = None
-    noise: PointNoise = field(default_factory=PointNoise)
-    seed: int = 1
-
-    def __post_init__(self) -> None:
-        on_floor = self.at is not None or self.markers is not None
-        if on_floor and self.floor is None:
-            raise ConfigError("--at and --markers need --floor PICTURE, in which they are seen")
-        if self.floor is not None and not on_floor:
-            raise ConfigError(
-                "--floor needs --at X,Y,HEADING, where the board lies, or --markers FILE.csv"
-            )
-        if self.lens and self.lens_unknown:
-            raise ConfigError("--lens and --lens-unknown contradict each other")
-        if not (self.lens or self.floor or self.points):
-            raise ConfigError(
-                "nothing to calibrate from: give --lens PICTURES, --floor PICTURE with --at or "
-                "--markers, --points FILE.csv, or several of these; docs/camera.md says how"
-            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +92,7 @@ def calibrate_camera(options: CameraCalibrateOptions, progress: Progress) -> Cam
     lens: LensFit | None = None
     notes: list[str] = []
     if options.lens:
-        lens, notes = lens_of_pictures(options.lens, options.board, progress)
+        lens, notes = lens_of_pictures(pictures_of(options.lens), options.chessboard, progress)
     points, fit = FloorPoints.none(), None
     if options.floor is not None or options.points is not None:
         intrinsics, known, remarks = _intrinsics(options, config, lens, picture)
@@ -210,7 +148,7 @@ def _floor_points(
         if options.markers is not None:
             fixed = fixed.joined(markers_seen(picture, options.markers, options.family))
         if options.at is not None:
-            boards = board_seen(picture, options.floor, options.board, options.at)
+            boards = board_seen(picture, options.floor, options.chessboard, options.at)
     return fixed, boards
 
 
@@ -286,7 +224,7 @@ def _about(
     if fit.degrees <= _FEW:
         notes.append("so few points hardly check each other: measure some more")
     if options.at is not None and picture is not None:
-        board = options.board
+        board = options.chessboard
         larger = larger_board(picture, board)
         if larger is not None:
             notes.append(

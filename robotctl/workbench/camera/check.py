@@ -4,53 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
 
 from robotctl.config.robot_file import camera_of, load_robot
-from robotctl.errors import ConfigError
 from robotctl.estimation.camera.calibration.errors import Band, FloorErrors, bands, floor_errors
-from robotctl.estimation.camera.calibration.homography import PointNoise
 from robotctl.model.sensors.camera_geometry import CameraGeometry
 from robotctl.workbench.camera.correspondences import FloorPoints, clicked_points, markers_seen
+from robotctl.workbench.camera.options import CheckOptions
 from robotctl.workbench.camera.pictures import read_picture_of
-
-
-@dataclass(frozen=True, slots=True)
-class CheckOptions:
-    """The user's options.
-
-    Parameters
-    ----------
-    robot, overrides
-        The robot's file, and `key=value` settings on top of it.
-    picture
-        With markers in it.
-    markers
-        CSV of these: id, x, y.
-    family
-        Of the markers.
-    points
-        CSV of clicked points: u, v, x, y.
-    noise
-        How well places and pixels are known.
-    """
-
-    robot: Path
-    overrides: tuple[str, ...]
-    picture: Path | None
-    markers: Path | None
-    family: str
-    points: Path | None
-    noise: PointNoise
-
-    def __post_init__(self) -> None:
-        if (self.picture is None) != (self.markers is None):
-            raise ConfigError("a picture and --markers FILE.csv belong together")
-        if self.markers is None and self.points is None:
-            raise ConfigError(
-                "nothing to check against: give PICTURE with --markers FILE.csv, or --points "
-                "FILE.csv, or both"
-            )
 
 
 @dataclass(frozen=True, slots=True)

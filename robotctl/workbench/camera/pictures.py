@@ -179,3 +179,28 @@ def write_print(path: Path, picture: NDArray[np.uint8], px_per_mm: int) -> None:
     body = b"pHYs" + struct.pack(">IIB", 1000 * px_per_mm, 1000 * px_per_mm, 1)
     chunk = struct.pack(">I", len(body) - 4) + body + struct.pack(">I", zlib.crc32(body))
     path.write_bytes(png[:_AFTER_IHDR] + chunk + png[_AFTER_IHDR:])
+
+
+def pictures_of(names: Sequence[str], option: str = "--lens ") -> tuple[Path, ...]:
+    """Return picture files: all of a folder, those matching a pattern, otherwise the file itself.
+
+    `option` is what the user wrote before the name, for messages.
+
+    Raises
+    ------
+    ConfigError
+        If a name fits nothing.
+    """
+    files: list[Path] = []
+    for name in names:
+        path = Path(name)
+        if path.is_dir():
+            found = [each for each in path.iterdir() if each.suffix.lower() in SUFFIXES]
+        elif "*" in path.name or "?" in path.name:
+            found = list(path.parent.glob(path.name))
+        else:
+            found = [path]
+        if not found:
+            raise ConfigError(f"{option}{name}: no pictures found")
+        files += sorted(found)
+    return tuple(dict.fromkeys(files))

@@ -19,7 +19,8 @@ from robotctl.errors import ConfigError
 from robotctl.estimation.camera.ground import GroundCamera, GroundView
 from robotctl.estimation.camera.obstacles import GroundObstacle
 from robotctl.model.sensors.camera_geometry import CameraGeometry
-from robotctl.workbench.camera.pictures import read_picture_of
+from robotctl.workbench.camera.options import SeeingOptions
+from robotctl.workbench.camera.pictures import pictures_of, read_picture_of
 
 RANGE_KEYS: Final = ("picture", "angle_deg", "range_m", "sigma_m", "x_m", "y_m", "seen")
 OBSTACLE_KEYS: Final = (
@@ -50,29 +51,6 @@ class SeenPicture:
     view: GroundView
 
 
-@dataclass(frozen=True, slots=True)
-class SeeingOptions:
-    """The pictures.
-
-    Attributes
-    ----------
-    robot
-        Its file, with the calibrated camera.
-    overrides
-        `KEY=VALUE` each.
-    pictures
-        Files, in this order.
-    sequence
-        Whether they follow each other, so that the floor is known from the earlier ones; else
-        each is seen as the first.
-    """
-
-    robot: Path
-    overrides: tuple[str, ...]
-    pictures: tuple[Path, ...]
-    sequence: bool = False
-
-
 class Seeing:
     """Looks at pictures of one robot's camera.
 
@@ -91,6 +69,7 @@ class Seeing:
         config = load_robot(options.robot, options.overrides)
         camera = camera_of(config, options.robot)
         self._options = options
+        self.files = pictures_of(options.pictures, "")
         self._intrinsics = camera.intrinsics
         self.geometry = CameraGeometry.of(camera)
         try:
@@ -108,7 +87,7 @@ class Seeing:
         OSError
             If a file cannot be read.
         """
-        for number, path in enumerate(self._options.pictures):
+        for number, path in enumerate(self.files):
             picture = read_picture_of(path, self._intrinsics)
             if not self._options.sequence:
                 self._camera.reset()

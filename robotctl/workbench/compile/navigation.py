@@ -16,6 +16,7 @@ from robotctl.app.processes.floor_pipeline import GroundWatch
 from robotctl.app.processes.navigator import equip, make_navigation
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import config_directory
+from robotctl.estimation.localisers import LOCALISERS
 from robotctl.estimation.sensor_names import SENSORS
 from robotctl.maps.localisation_map import LocalisationMap, load_localisation_map
 from robotctl.planning.path.local.controllers import CONTROLLERS
@@ -43,10 +44,10 @@ def warm_up() -> None:
 def _robots() -> Iterator[tuple[str, tuple[str, ...]]]:
     """Yield built-in robots with settings that between them choose every part."""
     every = f"localisation.sensors={json.dumps([*SENSORS])}"
-    particles, kalman = (f'localisation.method="{name}"' for name in ("mcl", "ekf"))
-    yield "diff_drive", (particles, MAP, every, CAMERA, "localisation.mapping=true")
-    yield "ackermann", (particles, MAP)
-    yield "diff_drive", (kalman, MAP)
+    for name, kind in LOCALISERS.items():
+        localiser = (f'localisation.method="{name}"', *([MAP] if kind.needs_map else []))
+        yield "diff_drive", (*localiser, every, CAMERA, "localisation.mapping=true")
+        yield "ackermann", localiser
     for controller in CONTROLLERS:
         yield "jackal", (f'navigation.pilot.controller="{controller}"',)
 

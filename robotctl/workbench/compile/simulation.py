@@ -6,9 +6,9 @@ from typing import Final
 
 import numpy as np
 
-from robotctl.app.simulation.journey_score import JourneyScore
+from robotctl.app.scoring.journey_score import JourneyScore
+from robotctl.app.scoring.score import StampedPose
 from robotctl.app.simulation.lockstep_stack import make_simulation
-from robotctl.app.simulation.score import StampedPose
 from robotctl.config.robot_file import config_directory
 
 _SECOND_NS: Final = 1_000_000_000

@@ -51,8 +51,8 @@ def run_ekf(
             f"which --method ekf needs; for a log with scans use --method mcl{recording.why()}"
         )
     start_rng, odometry_rng = rng.spawn(2)
-    recording = with_noisy_motion(recording, options.odometry_noise, odometry_rng)
-    config = replace(config, motion=with_noise(config.motion, options.odometry_noise))
+    recording = with_noisy_motion(recording, options.odometry_sigmas, odometry_rng)
+    config = replace(config, motion=with_noise(config.motion, options.odometry_sigmas))
     try:
         begin_ns = CountedOdometry(recording).begin_ns
         if options.start is None:

@@ -18,38 +18,13 @@ from robotctl.maps.map_file import save_map
 from robotctl.model.grid_map import GridMap
 from robotctl.model.recording import RecordedScan, Recording
 from robotctl.toml_source import nearest
+from robotctl.workbench.localize.map_options import MapOptions
 
 _TAKEN: Final = {"all": slice(None), "even": slice(0, None, 2), "odd": slice(1, None, 2)}
 _AT_ONCE: Final = 256
 _STRAYS: Final = 0.0002
 """A map is cropped at each side while that cuts off no more of the known cells: rays that leave by
 windows and doors."""
-
-
-@dataclass(frozen=True, slots=True)
-class MapOptions:
-    """The options.
-
-    Parameters
-    ----------
-    log
-        A recorded log of any kind with lidar scans.
-    prefix
-        The map is written to PREFIX.yaml and PREFIX.pgm; PREFIX.yaml and PREFIX.pgm mean it too.
-    scans
-        `all`, or only those of `even` or `odd` place in the log, counted from 0.
-    resolution_m
-        Side of a cell [m], > 0.
-    max_range_m, time_unit
-        See `read_recording`.
-    """
-
-    log: Path
-    prefix: Path
-    scans: str = "all"
-    resolution_m: float = 0.05
-    max_range_m: float | None = None
-    time_unit: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -90,7 +90,7 @@ def run_mcl(
     if options.search and options.particles is None:
         run.notes += filter(None, [too_large(free_area_m2(world_map.grid))])
     for done, (moment, delta) in enumerate(
-        zip(moments, noisy(deltas, options.odometry_noise, odometry_rng), strict=True), 1
+        zip(moments, noisy(deltas, options.odometry_sigmas, odometry_rng), strict=True), 1
     ):
         began_ns = time.process_time_ns()
         localiser.move(delta)
@@ -137,13 +137,13 @@ def _made(
     rng: np.random.Generator,
 ) -> tuple[MonteCarloLocaliser, MapSensors]:
     """Return a localiser and its measurement model, with compiled kernels."""
-    config = MclConfig()
+    config = MclConfig.tuned((options.sensors or LocalisationConfig()).mcl)
     most, noise = options.max_particles, config.motion.noise
     if options.odometry is not None:
         noise = noise.at_least(options.odometry)
     config = replace(
         config,
-        motion=replace(config.motion, noise=with_noise(noise, options.odometry_noise)),
+        motion=replace(config.motion, noise=with_noise(noise, options.odometry_sigmas)),
         max_particles=most,
         min_particles=min(most, config.min_particles),
     )

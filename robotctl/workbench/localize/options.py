@@ -6,10 +6,12 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, TypeAlias
+from typing import Annotated, Final, TypeAlias
 
 import numpy as np
+import typer
 
+from robotctl.config.arguments import MaxRange, TimeUnit
 from robotctl.errors import ConfigError, RobotctlError
 from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.logs.recorded_motion import start_pose
@@ -36,44 +38,23 @@ class LocalizeError(RobotctlError):
     """A log, a map and a method do not go together."""
 
 
+def _start(text: str) -> SE2:
+    """Return the pose of --start; raises ConfigError if it is none."""
+    try:
+        x, y, heading_deg = map(float, text.split(","))
+        if not math.isfinite(x + y + heading_deg):
+            raise ValueError
+    except ValueError:
+        raise ConfigError(
+            f"--start {text}: three numbers with commas are needed, x [m], y [m] and heading "
+            "[deg], e.g. 1.5,-2,90"
+        ) from None
+    return SE2(x, y, math.remainder(math.radians(heading_deg), math.tau))
+
+
 @dataclass(frozen=True, slots=True)
 class LocalizeOptions:
-    """The options.
-
-    Parameters
-    ----------
-    log
-        File or folder of a recording.
-    map
-        A ROS map, or a world; "": landmarks are the map.
-    method
-        One of `METHODS`.
-    search
-        Start anywhere on the map instead of near the reference.
-    particles
-        Most particles; None: `TRACKING_PARTICLES`, with `search` `SEARCHING_PARTICLES`, and while
-        the place is not known as many as the map's area takes.
-    beams
-        Beams weighed of each scan; None: as `sensors` says.
-    scans
-        See `mapping.choose_scans`.
-    odometry_noise
-        Noise put on the odometry: of the distance after 1 m [m], and of the heading after 1 m and
-        after 1 rad [rad], standard deviations.
-    seed
-        Seed of everything random.
-    mrclam_robot
-        Robot of an MRCLAM folder.
-    sensors
-        Parameters of lidar and sonars for the particles; None: the defaults.
-    odometry
-        Noise of the robot's odometry; None: the default.
-    max_range_m, time_unit
-        See `read_recording`.
-    start
-        `base` in `world` at the first measurement; None: as the reference has it.
-    reference
-        A TUM file to compare with, instead of the log's own reference.
+    """A recorded drive, a map, and how to localise.
 
     Raises
     ------
@@ -81,22 +62,58 @@ class LocalizeOptions:
         If a value is out of its range.
     """
 
-    log: Path
-    map: str = ""
-    method: str = "mcl"
-    search: bool = False
-    particles: int | None = None
-    beams: int | None = None
-    scans: str = "all"
-    odometry_noise: tuple[float, float] = (0.0, 0.0)
-    seed: int = 1
-    mrclam_robot: int | None = None
+    log: Annotated[
+        Path,
+        typer.Option(help="CARMEN log, MRCLAM folder, LEGO log, ROS bag, or a recording of ours."),
+    ]
+    map: Annotated[
+        str, typer.Option(metavar="MAP.yaml", help="ROS map, or a world; for ekf a world.")
+    ] = ""
+    method: Annotated[
+        str, typer.Option(help="mcl: particles and scans. ekf: sightings of landmarks.")
+    ] = "mcl"
+    search: Annotated[
+        bool, typer.Option("--global", help="Start anywhere on the map, not near the reference.")
+    ] = False
+    start: Annotated[
+        SE2 | None,
+        typer.Option(parser=_start, metavar="X,Y,DEG", help="Start pose on the map: m, m, deg."),
+    ] = None
+    reference: Annotated[
+        Path | None,
+        typer.Option(help="TUM file, or log with a reference, to compare with instead of its own."),
+    ] = None
+    particles: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            help="Maximum number of particles; default: 2000, for a search by area.",
+        ),
+    ] = None
+    beams: Annotated[
+        int | None,
+        typer.Option(min=1, help="Beams used of each scan; default: 60, or as --robot says."),
+    ] = None
+    scans: Annotated[
+        str, typer.Option(help="all, even or odd: by position in the log, from 0.")
+    ] = "all"
+    odometry_noise: Annotated[
+        str,
+        typer.Option(
+            metavar="SIGMA_TRANS,SIGMA_ROT",
+            help="Noise added to the odometry: m after 1 m, rad after 1 m or 1 rad.",
+        ),
+    ] = "0,0"
+    seed: Annotated[int, typer.Option(min=0, help="Seed of everything random.")] = 1
+    mrclam_robot: Annotated[
+        int | None, typer.Option(min=1, help="Robot of an MRCLAM folder; default: 1.")
+    ] = None
+    max_range_m: MaxRange = None
+    time_unit: TimeUnit = None
     sensors: LocalisationConfig | None = None
+    """Parameters of lidar and sonars for the particles; None: the defaults."""
     odometry: MotionNoise | None = None
-    max_range_m: float | None = None
-    time_unit: str | None = None
-    start: SE2 | None = None
-    reference: Path | None = None
+    """Noise of the robot's odometry; None: the default."""
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
@@ -104,9 +121,9 @@ class LocalizeOptions:
                 f"--method {self.method}: must be one of {', '.join(METHODS)}"
                 f"{nearest(self.method, METHODS)}"
             )
-        if not all(0.0 <= sigma < math.inf for sigma in self.odometry_noise):
+        if not all(0.0 <= sigma < math.inf for sigma in self.odometry_sigmas):
             raise ConfigError(
-                f"--odometry-noise: found {self.odometry_noise}, two finite numbers >= 0 allowed"
+                f"--odometry-noise: found {self.odometry_sigmas}, two finite numbers >= 0 allowed"
             )
         if self.method == "mcl" and not self.map:
             raise ConfigError("--method mcl needs --map MAP.yaml")
@@ -116,6 +133,18 @@ class LocalizeOptions:
             raise ConfigError("--start and --global: found both, one of them is allowed")
         if self.sensors is not None and self.method != "mcl":
             raise ConfigError(f"--robot needs --method mcl, found {self.method}")
+
+    @property
+    def odometry_sigmas(self) -> tuple[float, float]:
+        """Noise put on the odometry, standard deviations: after 1 m [m], after 1 m or rad [rad]."""
+        try:
+            trans, rot = map(float, self.odometry_noise.split(","))
+        except ValueError:
+            raise ConfigError(
+                f"--odometry-noise {self.odometry_noise}: two numbers with a comma are needed, "
+                "e.g. 0.1,0.05"
+            ) from None
+        return trans, rot
 
     @property
     def max_particles(self) -> int:

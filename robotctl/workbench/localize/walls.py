@@ -47,7 +47,7 @@ def run_wall_ekf(
         If there is no odometry, or no start is known.
     """
     start_rng, odometry_rng = rng.spawn(2)
-    odometry = with_noisy_motion(recording, options.odometry_noise, odometry_rng).odometry
+    odometry = with_noisy_motion(recording, options.odometry_sigmas, odometry_rng).odometry
     if odometry is None:
         raise LocalizeError(f"{recording.name}: no odometry in it")
     begin_ns = int(odometry.stamps_ns[0])
@@ -58,7 +58,7 @@ def run_wall_ekf(
     poses = [SE2(*row) for row in odometry.poses[known].tolist()]
     start = known_start(recording, options, stamps_ns[0], start_rng)
     config = EkfConfig()
-    motion = with_noise(config.motion, options.odometry_noise)
+    motion = with_noise(config.motion, options.odometry_sigmas)
     ekf = PoseEkf(replace(config, motion=motion), start)
     sonars = deque(each for each in recording.sonars if each.reading.stamp_ns > begin_ns)
     run = Run(has_heading=recording.reference_has_heading)

@@ -36,39 +36,9 @@ from robotctl.workbench.odometry.calibrate_squares import (
     Progress,
     systematic_error_m,
 )
+from robotctl.workbench.odometry.options import OdometryCalibrateOptions
 
 _HALF_LEAST = 12
-
-
-@dataclass(frozen=True, slots=True)
-class OdometryCalibrateOptions:
-    """The user's options.
-
-    Parameters
-    ----------
-    robot
-        The robot's file.
-    overrides
-        `key=value` settings on top of it.
-    seed
-        Seed of the simulated drives.
-    log
-        A log with reference poses.
-    mrclam_robot
-        Robot of an MRCLAM folder.
-    runs
-        A file of runs measured by tape. Without this and `log` the simulated robot drives.
-    time_unit
-        Of the log's times, see `read_recording`.
-    """
-
-    robot: Path
-    overrides: tuple[str, ...] = ()
-    seed: int = 1
-    log: Path | None = None
-    mrclam_robot: int | None = None
-    runs: Path | None = None
-    time_unit: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

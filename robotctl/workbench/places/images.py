@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.errors import ConfigError, InvalidValue, PlaceError
+from robotctl.estimation.places.recogniser import Recognition
 from robotctl.estimation.places.visual.features import Features
 from robotctl.estimation.places.visual.orb import features_of
 from robotctl.estimation.places.visual.recognition import (
+    VisualCandidate,
     VisualPlaces,
-    VisualRecognition,
     sight_of,
 )
 from robotctl.estimation.places.visual.training import train
@@ -48,13 +49,13 @@ class MatchedImages:
 
     images: tuple[Path, ...]
     known: tuple[Path, ...]
-    recognitions: tuple[VisualRecognition, ...]
+    recognitions: tuple[Recognition[VisualCandidate], ...]
 
     @property
     def pairs(self) -> list[tuple[int, int]]:
         """Image and known image of all that were recognised."""
         found = ((i, each.found) for i, each in enumerate(self.recognitions))
-        return [(i, each.image) for i, each in found if each is not None]
+        return [(i, each.place) for i, each in found if each is not None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +155,7 @@ def match_images(
     recognitions = []
     for done, features in enumerate(_features(images)):
         sight = sight_of(vocabulary, features)
-        recognitions.append(places.recognise(sight, is_next=not known))
+        recognitions.append(places.suggest(sight, is_next=not known))
         if not known:
             places.add(sight)
         progress(len(known) + done + 1, total)
@@ -214,7 +215,7 @@ def _rows(matched: MatchedImages) -> Iterator[tuple[object, ...]]:
         for each in recognition.candidates:
             yield (
                 image,
-                matched.known[each.image],
+                matched.known[each.place],
                 f"{each.score:.4f}",
                 each.matches,
                 each.inliers,

@@ -12,7 +12,7 @@ from robotctl import toml_source
 from robotctl.config.robot_file import RobotConfig, config_directory, find_file, load_robot
 from robotctl.errors import ConfigError, PlaceError
 from robotctl.estimation.places.database import PlaceBook
-from robotctl.estimation.places.places import Recognition
+from robotctl.estimation.places.places import SonarRecognition
 from robotctl.estimation.places.signatures import SignatureConfig
 from robotctl.maps.place_file import load_book, save_book
 from robotctl.maps.world import find_world
@@ -21,57 +21,12 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.runtime.clock import RealClock
 from robotctl.toml_source import nearest
 from robotctl.workbench.places.live import live_turn
+from robotctl.workbench.places.options import PlaceSource
 from robotctl.workbench.places.sim import simulated_turn
 from robotctl.workbench.places.turns import Progress, Visited, recorded_turns
 
 _ONE_PLACE_M: Final = 0.3
 """Distance beyond which turns of a recording are at different places."""
-
-
-@dataclass(frozen=True, slots=True)
-class PlaceSource:
-    """Source of turns, and the robot; exactly one of `log`, `world` and `live` is given.
-
-    Parameters
-    ----------
-    log
-        A recording.
-    world
-        The simulated robot turns in this world.
-    live
-        Name of a running robot.
-    at
-        Pose at the start of the turn, in `world`: `X,Y` or `X,Y,HEADING` [m, m, deg], or a mark of
-        the simulated world; "": not known.
-    robot
-        File of the robot, or its name.
-    overrides
-        Settings on top of it.
-    seed
-        Of the simulated world.
-
-    Raises
-    ------
-    ConfigError
-        If there is not exactly one source.
-    """
-
-    log: Path | None = None
-    world: str = ""
-    live: str = ""
-    at: str = ""
-    robot: str = "diff_drive"
-    overrides: tuple[str, ...] = ()
-    seed: int = 1
-
-    def __post_init__(self) -> None:
-        given = {"--log": self.log is not None, "--world": self.world, "--live": self.live}
-        found = [option for option, value in given.items() if value]
-        if len(found) != 1:
-            raise ConfigError(
-                f"one of {', '.join(given)} must give the place of the turn, found "
-                f"{' and '.join(found) or 'none'}"
-            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +51,7 @@ class Recognised:
     """A turn, its end pose, and the recognition."""
 
     visited: Visited
-    recognition: Recognition
+    recognition: SonarRecognition
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,7 +82,7 @@ def learn(
     PlaceError
         If there is no turn on the spot, or it says nothing that matches the place.
     """
-    robot = load_robot(find_file(source.robot), source.overrides)
+    robot = load_robot(find_file(str(source.robot)), source.overrides)
     if book.exists():
         known = load_book(book)
     else:
@@ -135,7 +90,7 @@ def learn(
         known = PlaceBook(signatures=SignatureConfig(max_range_m=reach_m))
     alike: set[str] = set()
     for visited in _at_one_place(_turns(source, robot, known.signatures, name, progress, tell)):
-        candidates = known.recognise(visited.turn.signature).candidates
+        candidates = known.suggest(visited.turn.signature).candidates
         alike |= {each.place for each in candidates} - {name}
         try:
             known = known.learned(name, visited.turn.signature, visited.pose)
@@ -158,10 +113,10 @@ def recognise(
     ConfigError, LogFormatError, SimulatorError, PlaceError
         As `learn`.
     """
-    robot = load_robot(find_file(source.robot), source.overrides)
+    robot = load_robot(find_file(str(source.robot)), source.overrides)
     known = load_book(book)
     return [
-        Recognised(visited, known.recognise(visited.turn.signature))
+        Recognised(visited, known.suggest(visited.turn.signature))
         for visited in _turns(source, robot, known.signatures, "", progress, tell)
     ]
 
@@ -183,7 +138,7 @@ def _turns(
     world = find_world(source.world)
     at = source.at or name
     start = _pose(at) if "," in at else marked(world, at)
-    path = find_file(source.robot)
+    path = find_file(str(source.robot))
     return [
         simulated_turn(
             path, robot, source.overrides, world, start, source.seed, signatures, progress

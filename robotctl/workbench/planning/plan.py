@@ -34,47 +34,11 @@ from robotctl.planning.path.global_planning.plan import (
 )
 from robotctl.planning.path.global_planning.planners import PLANNERS
 from robotctl.toml_source import nearest
+from robotctl.workbench.planning.options import PlanOptions
 
 DEFAULT_ROBOT: Final = "diff_drive"
 _STEP: Final = 0.5
 """Spacing of the places of a path at which its clearance is taken [cells]."""
-
-
-@dataclass(frozen=True, slots=True)
-class PlanOptions:
-    """The user's options.
-
-    Parameters
-    ----------
-    map
-        A ROS map, a world, or a MovingAI map.
-    start, goal
-        x, y and perhaps a heading: [m, m, deg]; of a MovingAI map column and row from the top
-        left.
-    planner
-        A name of `PLANNERS`.
-    steering
-        Motions of the random trees, one of `Steering`; empty: as the robot drives.
-    robot
-        The robot's file, or the name of one; empty: the small robot that comes along. On a
-        MovingAI map a robot is a point.
-    overrides
-        `key=value` settings on top of it.
-    time_limit_s
-        The search ends after this [s].
-    seed
-        Of planners that draw random samples.
-    """
-
-    map: str
-    start: tuple[float, ...]
-    goal: tuple[float, ...]
-    planner: str = "astar"
-    steering: str = ""
-    robot: str = ""
-    overrides: tuple[str, ...] = ()
-    time_limit_s: float = 10.0
-    seed: int = 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

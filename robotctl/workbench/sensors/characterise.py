@@ -17,15 +17,15 @@ from numpy.typing import NDArray
 from robotctl.app.localisation.map_sensors import MapSensors
 from robotctl.config.patch import round_figures
 from robotctl.config.robot_file import RobotConfig, load_robot
-from robotctl.errors import CalibrationError, ConfigError
+from robotctl.errors import CalibrationError
 from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.estimation.ranging.fit.expected_ranges import EchoExpectations
 from robotctl.estimation.ranging.fit.sensor_fit import SensorFit, fit_sensor, reach_m
 from robotctl.estimation.sensor_names import LIDAR, SONAR
 from robotctl.estimation.sensors.sensor import SensedRobot
 from robotctl.model.drives.odometry_noise import MotionNoise
-from robotctl.toml_source import nearest
 from robotctl.words import counted
+from robotctl.workbench.sensors.options import CharacteriseOptions
 from robotctl.workbench.sensors.sources import (
     CALIBRATIONS,
     Progress,
@@ -45,45 +45,6 @@ _PLACES: Final = ((64, (0.05, 0.05, 0.03)), (256, (0.5, 0.5, 0.3)))
 _LEAST: Final = 0.01
 _MOST: Final = 0.45
 _NAMES: Final = {"short_per_m": "rate of short readings"}
-
-
-@dataclass(frozen=True, slots=True)
-class CharacteriseOptions:
-    """The user's options.
-
-    Parameters
-    ----------
-    robot
-        The robot's file.
-    overrides
-        `key=value` settings on top of it.
-    log
-        A log; None: the simulated robot drives.
-    map
-        The room of a log: a world or a ROS map; for a simulated drive a world, else the mission's.
-    sensor
-        `sonar` or `lidar`; empty: sonar where the source has some.
-    seed
-        Of the simulated drive.
-    max_range_m, time_unit
-        See `read_recording`.
-    """
-
-    robot: Path
-    overrides: tuple[str, ...] = ()
-    log: Path | None = None
-    map: str = ""
-    sensor: str = ""
-    seed: int = 1
-    max_range_m: float | None = None
-    time_unit: str | None = None
-
-    def __post_init__(self) -> None:
-        if self.sensor not in ("", *CALIBRATIONS):
-            raise ConfigError(
-                f"--sensor {self.sensor}: must be {' or '.join(CALIBRATIONS)}"
-                f"{nearest(self.sensor, tuple(CALIBRATIONS))}"
-            )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

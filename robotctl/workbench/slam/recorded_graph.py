@@ -45,7 +45,7 @@ def graph_of_recording(
     known = [drive.run.slam.past(stamp_ns)[0] for stamp_ns in drive.past_ns]
     ids = np.arange(count)
     build.variables(SE2, ids, way_of(deltas, kept, known))
-    features = drive.run.slam.belief.features
+    features = drive.run.slam.features
     numbers = [drive.run.slam.names.index(name) for name in names]
     build.variables(POINT2, count + np.arange(len(names)), features[numbers])
     first = np.array([[start.pose.x_m, start.pose.y_m, start.pose.theta_rad]])
@@ -55,7 +55,7 @@ def graph_of_recording(
     build.factors(BETWEEN_2D, steps, deltas[1:], inverses(noises[1:]))
     places = {name: count + number for number, name in enumerate(names)}
     seen = [each for each in drive.seen if each[1] in places]
-    x = drive.run.slam.belief.x_v.copy()
+    x = drive.run.slam.x_v.copy()
     x[:3] = 0.0
     z = np.array([[each.range_m, each.bearing_rad] for _, _, each in seen])
     points = np.array([CAMERA_POINT.initial(x, row) for row in z])

@@ -13,9 +13,9 @@ from robotctl.estimation.slam.factors.between import BETWEEN_2D
 from robotctl.estimation.slam.graph.builder import GraphBuilder
 from robotctl.estimation.slam.graph.variables import SE2 as POSES
 from robotctl.estimation.slam.keyframes.back_end import as_row
-from robotctl.estimation.slam.keyframes.loops import Closure
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.estimation.slam.keyframes.saved_map import HEADING, whole_map
+from robotctl.estimation.slam.keyframes.verification import Closure
 from robotctl.estimation.slam.robust.robust_cost import OFF
 from robotctl.logs.formats.tum import write_tum
 from robotctl.logs.graphs.g2o import G2O

@@ -17,14 +17,15 @@ from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.estimation.sensor_names import LIDAR
 from robotctl.estimation.sensors.sensor import SensedRobot
 from robotctl.estimation.slam.front_end.surface import surface_of
-from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.heard_places import HeardPlaces
-from robotctl.estimation.slam.keyframes.mapper import LEAST_ECHOES, SlamMapper
+from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.estimation.slam.keyframes.motion import Place
 from robotctl.estimation.slam.keyframes.saved_map import KeyframeMap
+from robotctl.estimation.slam.keyframes.tracker import LEAST_ECHOES
 from robotctl.estimation.slam.local_scans.registry import load_source
 from robotctl.estimation.slam.local_scans.source import ScanSource
 from robotctl.estimation.slam.robust.robust_cost import OFF
+from robotctl.estimation.slam_config import KeyframeConfig
 from robotctl.logs.formats.image_folder import TimedImage
 from robotctl.logs.formats.keyframes_log import load_keyframes
 from robotctl.logs.formats.recorded_log import read_recording
@@ -111,8 +112,8 @@ class ScanResult:
             "notes": list(self.recording.notes),
             "scans": len(self.recording.scans),
             "odometry": self.has_odometry,
-            "slips": self.mapper.slips,
-            "unmatched": self.mapper.lost,
+            "slips": self.mapper.tracker.slips,
+            "unmatched": self.mapper.tracker.unmatched,
             "keyframes": len(self.mapper.keyframes),
             "links": len(back_end.links),
             "links_of_loops": sum(link.is_loop for link in back_end.links),
@@ -249,7 +250,7 @@ def scan_slam_of(
     mapper = SlamMapper(config)
     if after is not None:
         mapper.resume(after, is_there=True)
-        mapper.go_on(Place(0, *after.place), recording.scans[0].odometry, is_another=True)
+        mapper.restart_segment(Place(0, *after.place), recording.scans[0].odometry, is_another=True)
     drive = _Drive(mapper, recording, by_wheels, after, pictures)
     for row in range(count):
         drive.add(row)
@@ -282,14 +283,16 @@ def scan_slam_onto(
                 f"{recording.name}: none of its {count} scans is found for sure on the map of "
                 f"{len(saved.keyframes)} scans"
             )
-        found = mapper.found
+        found = mapper.relocaliser.found
         drive.add(row)
-        first = row if mapper.found > found else first
+        first = row if mapper.relocaliser.found > found else first
         row += 1
     for later in range(row, count):
         drive.add(later)
         progress(later - first, count)
-    mapper.stand(drive.places[first], recording.scans[first].odometry if by_wheels else None)
+    mapper.robot.relocate(
+        drive.places[first], recording.scans[first].odometry if by_wheels else None
+    )
     for earlier in range(first - 1, -1, -1):
         drive.add(earlier)
         progress(count - earlier, count)
@@ -329,8 +332,8 @@ class _Drive:
         mapper, each = self.mapper, self._recording.scans[row]
         began_ns = time.process_time_ns()
         mapper.add(each.scan, each.odometry if self._by_wheels else None)
-        if mapper.looks and _is_away(self._looked, mapper.pose):
-            while mapper.looks and not mapper.look():
+        if mapper.relocaliser.is_searching and _is_away(self._looked, mapper.pose):
+            while mapper.relocaliser.is_searching and not mapper.relocalise():
                 pass
             self._looked = mapper.pose
         if self._pictures is not None:

@@ -5,17 +5,15 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, TypeAlias
+from typing import Final, TypeAlias, cast
 
 import numpy as np
 
 from robotctl.errors import ConfigError, RobotctlError
 from robotctl.estimation.landmarks.config import LandmarkConfig
 from robotctl.estimation.landmarks.localisation import CountedOdometry
-from robotctl.estimation.slam.ekf_slam.bookkeeping import ASSOCIATIONS, Association
-from robotctl.estimation.slam.ekf_slam.camera_points import CAMERA_POINT
+from robotctl.estimation.slam.ekf_slam.bookkeeping import Association
 from robotctl.estimation.slam.ekf_slam.joined_maps import MOST_FEATURES
 from robotctl.estimation.slam.ekf_slam.recorded import RecordedSlam
 from robotctl.estimation.slam.graph.variables import SE2 as POSES
@@ -29,8 +27,8 @@ from robotctl.model.geometry.pose_estimate import PoseEstimate
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.recording import UNKNOWN_LANDMARK, Recording
 from robotctl.model.trajectory import Trajectory
-from robotctl.toml_source import nearest
 from robotctl.workbench.slam.graphs import slam_of_graph, smoothed
+from robotctl.workbench.slam.options import SlamOptions
 from robotctl.workbench.slam.recorded_graph import graph_of_recording
 from robotctl.workbench.slam.result import Estimated, Landmarks, SlamResult
 
@@ -43,46 +41,6 @@ _TOLD: Final = 1000
 
 class SlamError(RobotctlError):
     """A log has not what SLAM needs."""
-
-
-@dataclass(frozen=True, slots=True)
-class SlamOptions:
-    """The options.
-
-    Parameters
-    ----------
-    log
-        File or folder of a recording.
-    features, solver, association
-        One of `FEATURES`, of `SOLVERS`, and of `ASSOCIATIONS`.
-    mrclam_robot, time_unit
-        See `read_recording`.
-
-    Raises
-    ------
-    ConfigError
-        If a word is none of these.
-    """
-
-    log: Path
-    features: str = "landmarks"
-    solver: str = "ekf"
-    association: Association = "names"
-    mrclam_robot: int | None = None
-    time_unit: str | None = None
-
-    def __post_init__(self) -> None:
-        for option, words in (
-            ("features", FEATURES),
-            ("solver", SOLVERS),
-            ("association", ASSOCIATIONS),
-        ):
-            word = getattr(self, option)
-            if word not in words:
-                raise ConfigError(
-                    f"--{option} {word}: unknown; allowed are {', '.join(words)}"
-                    f"{nearest(word, list(words))}"
-                )
 
 
 def slam(options: SlamOptions, progress: Progress) -> SlamResult:
@@ -138,7 +96,7 @@ def slam_of_recording(recording: Recording, options: SlamOptions, progress: Prog
         start = _start(recording, config)
     except ValueError as error:
         raise SlamError(f"{options.log}: {error}") from error
-    drive = RecordedSlam(recording, config, start, options.association)
+    drive = RecordedSlam(recording, config, start, cast("Association", options.association))
     began_ns = time.process_time_ns()
     online = []
     for step in drive.steps():
@@ -186,14 +144,13 @@ def _start(recording: Recording, config: LandmarkConfig) -> PoseEstimate:
 
 def _landmarks(drive: RecordedSlam) -> Landmarks:
     """Return the map of a filter."""
-    slam = drive.run.slam
-    numbers = [number for number, kind in enumerate(slam.kinds) if kind is CAMERA_POINT]
-    names = tuple(slam.names[number] for number in numbers)
+    slam, counts = drive.run.slam, drive.book.counts
+    numbers = [slam.names.index(name) for name in counts]
     return Landmarks(
-        names,
-        slam.belief.features[numbers],
-        np.array([slam.belief.block(number, number) for number in numbers]).reshape(-1, 2, 2),
-        tuple(drive.book.counts[name] for name in names),
+        tuple(counts),
+        slam.features[numbers],
+        np.array([slam.covariance(number) for number in numbers]).reshape(-1, 2, 2),
+        tuple(counts.values()),
     )
 
 

@@ -26,7 +26,7 @@ class BuiltTopology:
     topology: Topology
 
 
-def build_topology(name: str, robot: str, overrides: tuple[str, ...], marks: str) -> BuiltTopology:
+def build_topology(name: str, robot: Path, overrides: tuple[str, ...], marks: str) -> BuiltTopology:
     """Divide a map into places; a place with a mark gets its name.
 
     Parameters
@@ -46,7 +46,7 @@ def build_topology(name: str, robot: str, overrides: tuple[str, ...], marks: str
     """
     file = find_file(marks, "places") if marks else None
     wanted = toml_source.load(file, Marks).mark if file else ()
-    robot_config = load_robot(find_file(robot), overrides)
+    robot_config = load_robot(robot, overrides)
     outline = body_outline(robot_config.navigation.guard, robot_config.sonar)
     grid = load_any_map(name, Path()).grid
     built = build(grid, outline.inscribed_m)

@@ -8,7 +8,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from statistics import fmean
 from typing import Final, Literal, TypeAlias
 
@@ -27,6 +26,7 @@ from robotctl.workbench.tuning.fit import (
     wheel_feedforward,
 )
 from robotctl.workbench.tuning.open_loop import OpenLoop, find_duty, relay_run, staircase
+from robotctl.workbench.tuning.options import TuneOptions
 from robotctl.workbench.tuning.patch import patch_text
 from robotctl.workbench.tuning.track import ExperimentError, SpeedStep, Track, speed_step
 
@@ -51,31 +51,6 @@ _TOP_SPEED: Final = 1.2
 _RELAY_SPEED: Final = 0.7
 _HOLDS_S: Final = (0.7, 1.4, 2.8)
 _TIME_CONSTANTS: Final = 5.0
-
-
-@dataclass(frozen=True, slots=True)
-class TuneOptions:
-    """The user's options.
-
-    Parameters
-    ----------
-    robot
-        The robot's file.
-    method
-        `step`: steps of the duty and SIMC; `relay`: oscillation and Tyreus-Luyben.
-    wheel
-        `left`, `right`, `drive` or `all`.
-    overrides
-        `key=value` settings on top of the file.
-    seed
-        Seed of the simulated world.
-    """
-
-    robot: Path
-    method: str = "step"
-    wheel: str = "all"
-    overrides: tuple[str, ...] = ()
-    seed: int = 1
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,21 +4,17 @@ from __future__ import annotations
 
 import errno
 import math
-from dataclasses import replace
 from pathlib import Path
-from typing import get_args, get_type_hints
 
 import msgspec
 import numpy as np
 import pytest
 
-from robotctl.app.localisation.estimators import ESTIMATORS, Estimators, make_estimators
-from robotctl.app.localisation.load_estimators import AGAIN_SIGMA_M, load_estimators
+from robotctl.app.localisation.estimators import Estimators, make_estimators
+from robotctl.app.localisation.load_estimators import load_estimators
 from robotctl.app.localisation.localiser import (
-    LocaliserBegin,
     LocaliserInput,
     external_covariance,
-    localisation_state,
 )
 from robotctl.app.localisation.mapper import Mapper
 from robotctl.app.localisation.mcl_localiser import pose_measurement
@@ -28,6 +24,7 @@ from robotctl.errors import ConfigError
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
 from robotctl.estimation.kalman.ekf import checked_covariance
 from robotctl.estimation.localisation_config import LocalisationConfig
+from robotctl.estimation.localisers import LOCALISERS
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.estimation.ranging.scan_messages import camera_scan, lidar_scan
 from robotctl.estimation.sensors.sensor import SensedRobot
@@ -36,7 +33,7 @@ from robotctl.messages.control import ControlState, ExternalPose
 from robotctl.messages.estimation import CameraView, LidarScan, LocalisationState
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.localisation import LocalisationStatus
-from robotctl.model.geometry.pose_estimate import PoseEstimate, upper_triangle
+from robotctl.model.geometry.pose_estimate import upper_triangle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import FREE, OCCUPIED
 from robotctl.model.wall_map import WallMap
@@ -184,7 +181,7 @@ def test_what_is_no_scan_is_left_out_and_said_once(world: Path, bad: dict[str, o
     assert several.rejected == 5
     assert sum("no scan" in line for line in news) == 1
     assert several.mapper is not None
-    assert several.mapper.live_map(0) is None
+    assert several.mapper.pictures(0) == []
 
 
 def test_scans_from_before_the_odometry_is_known_are_left_out(world: Path) -> None:
@@ -276,9 +273,9 @@ def test_a_robot_that_does_not_know_its_place_draws_nothing() -> None:
     searching = LocalisationState(0, "mcl", LocalisationStatus.SEARCHING, 0.0, 0.0, 0.0, (0.0,) * 6)
     seen = LocaliserInput({"lidar": [lidar_scan(scan(0, SE2(1.0, 1.0, 0.0)))]})
     mapper.step(searching, seen)
-    assert mapper.live_map(0) is None
+    assert mapper.pictures(0) == []
     mapper.step(msgspec.structs.replace(searching, status=LocalisationStatus.LOCALISED), seen)
-    assert mapper.live_map(0) is not None
+    assert len(mapper.pictures(0)) == 1
 
 
 def view(
@@ -333,7 +330,7 @@ def test_particles_go_by_what_the_camera_sees_but_not_by_pictures_that_it_does_n
     ],
 )
 def test_a_covariance_from_outside_is_used_as_far_as_it_is_one(given, expected) -> None:
-    found = external_covariance(ExternalPose(0, 0.0, 0.0, 0.0, given))
+    found = external_covariance(ExternalPose(0, 0.0, 0.0, 0.0, given), LocalisationConfig())
     assert found == pytest.approx(np.array(expected))
 
 
@@ -359,12 +356,12 @@ def test_any_covariance_from_outside_can_be_inverted_and_says_less_the_farther_o
     rng = np.random.default_rng(7)
     for _ in range(5000):
         pose = ExternalPose(0, 1.0, 2.0, 0.5, correlated(rng))
-        covariance = external_covariance(pose)
+        covariance = external_covariance(pose, LocalisationConfig())
         checked_covariance(covariance)  # what the EKF demands
         off = rng.standard_normal((20, 3)) * 10.0 ** rng.uniform(-3.0, 3.0, (20, 1))
         off[:, 2] = np.clip(off[:, 2], -1.0, 1.0)
         here = np.array([pose.x_m, pose.y_m, pose.theta_rad])
-        logs = pose_measurement(pose)(np.vstack([here + off, here]))
+        logs = pose_measurement(pose, LocalisationConfig())(np.vstack([here + off, here]))
         assert np.all(np.isfinite(logs)), pose
         assert np.all(logs[:-1] < 0.0), pose
         assert logs[-1] == 0.0
@@ -379,10 +376,11 @@ def test_a_covariance_that_is_sound_is_taken_as_it_is() -> None:
         root = rng.standard_normal((3, 5))
         matrix = root @ root.T
         pose = ExternalPose(0, 1.0, 2.0, 0.0, upper_triangle(matrix))
-        assert external_covariance(pose) == pytest.approx(matrix, rel=1e-12)
+        assert external_covariance(pose, LocalisationConfig()) == pytest.approx(matrix, rel=1e-12)
         off = 0.1 * rng.standard_normal((4, 3))
         expected = [-0.5 * each @ np.linalg.solve(matrix, each) for each in off]
-        assert pose_measurement(pose)(off + np.array([1.0, 2.0, 0.0])) == pytest.approx(expected)
+        log_likelihood = pose_measurement(pose, LocalisationConfig())
+        assert log_likelihood(off + np.array([1.0, 2.0, 0.0])) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("method", ["ekf", "mcl"])
@@ -424,7 +422,11 @@ def test_the_room_of_these_tests_is_the_one_of_the_file(world: Path) -> None:
 @pytest.mark.parametrize("method", ["ekf", "mcl"])
 @pytest.mark.parametrize(
     ("last", "sigma_m"),
-    [(None, 0.1), (SE2(1.0, 1.0, 0.0), 0.1), (SE2(3.0, 2.5, 1.2), AGAIN_SIGMA_M)],
+    [
+        (None, 0.1),
+        (SE2(1.0, 1.0, 0.0), 0.1),
+        (SE2(3.0, 2.5, 1.2), LocalisationConfig().restart_sigma_m),
+    ],
     ids=["first start", "before it has moved", "under way"],
 )
 def test_started_again_under_way_the_localiser_begins_where_the_robot_was_last(
@@ -480,37 +482,24 @@ def test_a_disk_that_takes_no_compiled_kernels_is_an_error_with_a_reason(
         load_estimators(options.load(), options)
 
 
-def test_each_method_of_a_robots_file_has_a_localiser() -> None:
-    methods = get_args(get_type_hints(LocalisationConfig)["method"])
-    # That of SLAM is made with its drawing of the map.
-    assert set(ESTIMATORS) == set(methods) - {"none", "slam"}
+@pytest.mark.parametrize("method", ["none", *LOCALISERS])
+def test_each_localiser_is_chosen_by_a_robots_file(world: Path, method: str) -> None:
+    overrides = (f'localisation.map="{world}"', f'localisation.method="{method}"')
+    several = make_estimators(
+        load_robot(find_file("diff_drive"), overrides), SE2(1.0, 1.0, 0.5), world.parent
+    )
+    state = several.step(control(0, SE2(7.0, 0.0, 2.0)), (), (), 0)
+    assert (state and state.method) == (None if method == "none" else method)
+    several.close()
 
 
-class Told:
-    """A localiser that believes where it began."""
-
-    def __init__(self, begin: LocaliserBegin) -> None:
-        self.particles = np.empty((0, 3))
-        self.begin_odometry = lambda: None
-        self.take_notices = lambda: ["told"]
-        self._begin = begin
-
-    def step(self, control: ControlState, _seen: object, now_ns: int) -> LocalisationState:
-        start = self._begin.start
-        known = PoseEstimate(now_ns, start, np.eye(3), LocalisationStatus.LOCALISED)
-        return localisation_state("told", known, control.T_odom_base, now_ns)
-
-
-def test_a_new_localiser_is_one_line_in_the_table(
-    monkeypatch: pytest.MonkeyPatch, world: Path
+@pytest.mark.parametrize(
+    ("setting", "allowed"),
+    [('places="a.toml"', '"mcl"'), ('keyframes="a"', '"slam"'), ('start="unknown"', '"mcl"')],
+)
+def test_a_setting_that_means_nothing_to_a_localiser_is_refused_with_those_it_helps(
+    setting: str, allowed: str
 ) -> None:
-    monkeypatch.setitem(ESTIMATORS, "told", Told)
-    overrides = (f'localisation.map="{world}"', 'localisation.method="ekf"')
-    config = load_robot(find_file("diff_drive"), overrides)
-    config = replace(config, localisation=replace(config.localisation, method="told"))
-    several = make_estimators(config, SE2(1.0, 1.0, 0.5), world.parent)
-    state = control(0, SE2(7.0, 0.0, 2.0))
-    found = several.step(state, (), (), 0)
-    assert found.method == "told"
-    assert distance(pose_in_world(state, found), SE2(1.0, 1.0, 0.5)) < 1e-9
-    assert "told" in several.take_notices()
+    overrides = ('localisation.method="ekf"', 'localisation.map="flat"', f"localisation.{setting}")
+    with pytest.raises(ConfigError, match=f'needs method {allowed}, found "ekf"'):
+        load_robot(find_file("diff_drive"), overrides)

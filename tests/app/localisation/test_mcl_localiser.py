@@ -9,6 +9,7 @@ import numpy as np
 from robotctl.app.localisation.localiser import LocaliserInput
 from robotctl.app.localisation.mcl_localiser import MclLocaliser
 from robotctl.app.localisation.place_watch import Fix
+from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.estimation.mcl.config import MclConfig
 from robotctl.estimation.mcl.free_space import free_poses
 from robotctl.estimation.mcl.localiser import MonteCarloLocaliser
@@ -60,10 +61,13 @@ class OnePlace:
         return []
 
 
+LIDAR_ONLY = LocalisationConfig(sensors=("lidar",))
+
+
 def test_a_place_that_is_recognised_during_a_search_is_used_when_there_is_time():
     history, sensor = OdometryHistory(), Counted()
     mcl = MonteCarloLocaliser(MclConfig(), ROOM, np.random.default_rng(1))
-    localiser = MclLocaliser(mcl, sensor, {"lidar"}, history, OnePlace())
+    localiser = MclLocaliser(mcl, sensor, LIDAR_ONLY, history, OnePlace())
     odometry, busy = SE2(), 0
     for step in range(60):
         now_ns = step * STEP_NS

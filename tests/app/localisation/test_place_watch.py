@@ -12,7 +12,8 @@ from robotctl.app.localisation.estimators import make_estimators
 from robotctl.config.robot_file import find_file, load_robot
 from robotctl.errors import ConfigError
 from robotctl.model.geometry.se2 import SE2
-from robotctl.workbench.places.places import PlaceSource, learn
+from robotctl.workbench.places.options import PlaceSource
+from robotctl.workbench.places.places import learn
 from tests.workbench.places.test_places import Shifted, write_log
 from tests.workbench.places.turning_robot import ROBOT, hallway, kitchen, turning
 

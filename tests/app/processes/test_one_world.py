@@ -10,9 +10,9 @@ import pytest
 from robotctl.app.processes.navigator import make_navigation
 from robotctl.app.processes.progress import ProgressKeeper, load_progress, progress_file
 from robotctl.app.processes.robot import make_core
-from robotctl.app.simulation.journey_score import JourneyScore
-from robotctl.app.simulation.map_truth import MapTruth
-from robotctl.app.simulation.run_score import RunScore
+from robotctl.app.scoring.journey_score import JourneyScore
+from robotctl.app.scoring.map_truth import MapTruth
+from robotctl.app.scoring.run_score import RunScore
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file, load_robot
 from robotctl.control.limiter import TwistLimiter
@@ -284,7 +284,7 @@ def test_a_jump_at_a_restart_of_navigation(world: World, by: SE2) -> None:
     item, item_s_m = world.state.item, world.state.item_s_m
     world.jump(by)
     world.navigate()
-    world.adapter.navigator.resume(item, item_s_m)
+    world.adapter.navigator.auto.resume(item, item_s_m)
     world.step()
     world.step(SetMode(world.now_ns, Mode.AUTO))
     world.run()

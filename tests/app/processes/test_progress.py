@@ -316,7 +316,7 @@ def test_auto_goes_on_within_the_interrupted_item_and_only_when_it_is_asked_for(
     options: StackOptions,
 ) -> None:
     adapter = make_navigation(CONFIG, options)
-    adapter.navigator.resume(1, 5.0)
+    adapter.navigator.auto.resume(1, 5.0)
     now_ns = SECOND_NS
 
     def step(*requests: SetMode) -> tuple[float, NavigationState]:

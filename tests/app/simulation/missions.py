@@ -7,8 +7,8 @@ from pathlib import Path
 
 import msgspec
 
+from robotctl.app.scoring.score import Report
 from robotctl.app.simulation.lockstep import run_lockstep
-from robotctl.app.simulation.score import Report
 from robotctl.app.simulation.sim_options import SimOptions
 from robotctl.config.robot_file import find_file
 

@@ -15,10 +15,10 @@ from firmware_sim.camera.truth import project
 from firmware_sim.config import camera_parameters as simulated
 from robotctl.config.patch import as_overrides
 from robotctl.config.robot_file import find_file, load_robot
-from robotctl.estimation.camera.calibration.homography import PointNoise
 from robotctl.model.sensors.camera import CameraConfig, CameraIntrinsics, CameraMount
 from robotctl.model.sensors.camera_geometry import CameraGeometry
-from robotctl.workbench.camera.calibrate import CameraCalibrateOptions, calibrate_camera
+from robotctl.workbench.camera.calibrate import calibrate_camera
+from robotctl.workbench.camera.options import CameraCalibrateOptions
 from robotctl.workbench.camera.patch import patch_values
 
 ROBOT = find_file("diff_drive")
@@ -86,7 +86,7 @@ def test_a_simulated_camera_that_is_mounted_wrong_is_found_out_by_calibration(
     rows = [f"{u:.2f},{v:.2f},{x},{y}" for (u, v), (x, y) in zip(pixels, ground, strict=True)]
     file.write_text("\n".join(["u,v,x,y", *rows]))
     result = calibrate_camera(
-        CameraCalibrateOptions(ROBOT, points=file, noise=PointNoise(0.3, 0.0005)),
+        CameraCalibrateOptions(ROBOT, points=file, sigma_px=0.3, sigma_mm=0.5),
         lambda _line: None,
     )
     assert result.fit is not None

@@ -4,7 +4,7 @@ import pytest
 
 from hil_tests.fault_rows import ROWS
 from reactions import Run, can_feel, measure
-from robotctl.app.simulation.sim_options import simulated_robot
+from robotctl.app.simulation.simulator_files import simulated_robot
 from robotctl.config.robot_file import find_file
 
 ROBOTS = ("diff_drive", "tricycle", "ackermann")

@@ -10,10 +10,11 @@ from pathlib import Path
 
 import pytest
 
+from robotctl.app.scoring.score import Report
 from robotctl.app.simulation.lockstep import run_lockstep
-from robotctl.app.simulation.score import Report
 from robotctl.app.simulation.sim import SimRun
-from robotctl.app.simulation.sim_options import SimOptions, SimulatorError, load_faults
+from robotctl.app.simulation.sim_options import SimOptions
+from robotctl.app.simulation.simulator_files import SimulatorError, load_faults
 from robotctl.cli.commands import app
 from robotctl.config.robot_file import find_file
 from robotctl.errors import ConfigError

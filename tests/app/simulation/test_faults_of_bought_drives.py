@@ -12,7 +12,7 @@ import pytest
 
 from hil_tests.fault_rows import BUS_BROKEN, NODE_GONE, Row
 from reactions import MILLISECOND_NS, Run, can_feel
-from robotctl.app.simulation.sim_options import simulated_robot
+from robotctl.app.simulation.simulator_files import simulated_robot
 from robotctl.config.robot_file import find_file
 from robotctl.messages.faults import FaultCode as C
 

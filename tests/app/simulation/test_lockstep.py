@@ -10,7 +10,8 @@ from firmware_sim.config.config import SafetySection
 from firmware_sim.faults.monitor import Since
 from robotctl.app.simulation.lockstep import LockstepRun
 from robotctl.app.simulation.lockstep_stack import make_simulation
-from robotctl.app.simulation.sim_options import SimOptions, SimulatorError
+from robotctl.app.simulation.sim_options import SimOptions
+from robotctl.app.simulation.simulator_files import SimulatorError
 from robotctl.config.robot_file import find_file
 from robotctl.messages.actuators import ActuatorCommand
 from robotctl.messages.faults import FaultCode

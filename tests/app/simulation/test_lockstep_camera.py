@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from robotctl.app.simulation.sim_options import SimulatorError
+from robotctl.app.simulation.simulator_files import SimulatorError
 from robotctl.config.robot_file import find_file
 from robotctl.logs.formats.image_folder import timed_images
 from tests.app.simulation.missions import drive, fingerprint, without_computing_times

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robotctl.app.simulation.score import Report
+from robotctl.app.scoring.score import Report
 from robotctl.app.simulation.sim_options import SimOptions
 from robotctl.config.robot_file import find_file
 from robotctl.errors import ConfigError

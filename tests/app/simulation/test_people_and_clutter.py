@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from firmware_sim.world.people import RADIUS_M
-from robotctl.app.simulation.journey_score import JourneyScore
+from robotctl.app.scoring.journey_score import JourneyScore
+from robotctl.app.scoring.score import StampedPose
 from robotctl.app.simulation.lockstep import LockstepRun
 from robotctl.app.simulation.room import goals, load_furnished
-from robotctl.app.simulation.score import StampedPose
 from robotctl.app.simulation.sim_options import SimOptions
 from robotctl.config.robot_file import find_file
 from robotctl.maps.world import find_world

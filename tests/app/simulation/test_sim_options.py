@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from robotctl.app.processes.navigator import load_mission
-from robotctl.app.simulation.sim_options import SimOptions, bus_overrides
+from robotctl.app.simulation.sim_options import SimOptions
+from robotctl.app.simulation.simulator_files import bus_overrides
 from robotctl.config.robot_file import find_file, load_robot
 from robotctl.errors import ConfigError
 

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from robotctl.estimation.kalman.chi_squared import chi2_bounds
 from robotctl.estimation.landmarks.line_fitting import BeamNoise
 from robotctl.estimation.landmarks.scan_lines import ScanLinesConfig, find_lines
+from robotctl.estimation.ranging.sonar_cones import SonarCones
 from robotctl.estimation.ranging.wall_echoes import WallEchoes
 from robotctl.logs.formats.recorded_log import read_recording
 from robotctl.model.geometry.angles import wrap_angle
@@ -29,7 +30,7 @@ def scan_of(walls, pose=(2.0, 1.5, 0.4), beams=360, fov=math.tau, sigma_m=0.01, 
     """A scan of walls with noise of the ranges, by rays that are cast elsewhere."""
     angles = np.linspace(-0.5 * fov, 0.5 * fov, beams, endpoint=fov < math.tau)
     mounts = np.stack([np.zeros(beams), np.zeros(beams), angles], axis=1)
-    rays = WallEchoes(WallMap(walls), mounts, 1e-6, math.radians(89.9), 30.0)
+    rays = WallEchoes(WallMap(walls), SonarCones(mounts, 1e-6, math.radians(89.9), 30.0))
     ranges = rays.ranges(np.array([pose]), np.arange(beams))[0]
     rng = np.random.default_rng(seed)
     return RangeScan(0, angles, ranges + sigma_m * rng.standard_normal(beams), 20.0)

@@ -56,22 +56,22 @@ def book():
 @pytest.mark.parametrize("theta", [0.0, 1.0, 2.9, -1.8])
 def test_a_place_is_recognised_however_the_robot_is_turned(book, name, theta):
     x, y = PLACES[name]
-    found = book.recognise(heard(L_ROOM, x + 0.03, y - 0.03, theta))
+    found = book.suggest(heard(L_ROOM, x + 0.03, y - 0.03, theta))
     assert found.refusal == ""
-    assert found.place.place == name
-    off = wrap_angle(found.place.pose.theta_rad - theta)
+    assert found.found.place == name
+    off = wrap_angle(found.found.pose.theta_rad - theta)
     assert abs(off) < math.radians(4.0)
     # Two turns of 0.05 rad alone are 4.05 deg; the signatures add less than that.
     assert math.radians(4.05) < math.sqrt(found.rotation_variance) < math.radians(5.0)
     first = next(p for p in book.places if p.name == name).visits[0].pose.theta_rad
-    assert found.place.rotation_rad == pytest.approx(wrap_angle(found.place.pose.theta_rad - first))
+    assert found.found.rotation_rad == pytest.approx(wrap_angle(found.found.pose.theta_rad - first))
 
 
 @pytest.mark.parametrize("at", [(3.0, 1.4), (1.5, 2.9), (4.2, 0.5), (0.6, 4.6)])
 def test_places_that_were_not_learnt_are_refused_and_the_reason_has_the_figures(book, at):
     signature = heard(L_ROOM, *at, 0.4)
-    found = book.recognise(signature)
-    assert found.place is None
+    found = book.suggest(signature)
+    assert found.found is None
     assert found.refusal.startswith("unknown")
     assert f"{min(difference(visit, signature) for visit in visits(book)):.3f}" in found.refusal
     assert f"{book.threshold:.3f}" in found.refusal
@@ -82,10 +82,10 @@ def test_the_position_that_is_stated_holds_the_true_one():
     squared, greatest_m = [], []
     for name, (x, y) in 4 * [*PLACES.items()]:
         dx, dy = 0.05 * rng.standard_normal(2)
-        found = book.recognise(heard(L_ROOM, x + dx, y + dy, rng.uniform(-3.0, 3.0)))
-        if found.place is not None and found.place.place == name:
-            off = np.array([found.place.pose.x_m - x - dx, found.place.pose.y_m - y - dy])
-            covariance = found.place.covariance[:2, :2]
+        found = book.suggest(heard(L_ROOM, x + dx, y + dy, rng.uniform(-3.0, 3.0)))
+        if found.found is not None and found.found.place == name:
+            off = np.array([found.found.pose.x_m - x - dx, found.found.pose.y_m - y - dy])
+            covariance = found.found.covariance[:2, :2]
             squared.append(off @ np.linalg.solve(covariance, off))
             greatest_m.append(math.sqrt(np.linalg.eigvalsh(covariance)[-1]))
     assert len(squared) >= 10
@@ -98,7 +98,7 @@ def test_a_wall_on_one_side_says_nothing_of_the_way_along_it():
     floor = [(-50.0, 0.0, 50.0, 0.0)]
     relaxed = RecognitionConfig(least_echoes=0.1)
     book = PlaceBook(config=relaxed).learned("wall", heard(floor, 0.0, 1.0, 0.7), SE2(0, 1, 0.7))
-    (candidate,) = book.recognise(heard(floor, 0.0, 1.0, 0.7)).candidates
+    (candidate,) = book.suggest(heard(floor, 0.0, 1.0, 0.7)).candidates
     along, away = candidate.covariance[0, 0], candidate.covariance[1, 1]
     assert along > 10.0 * away
     assert candidate.covariance[0, 1] == pytest.approx(0.0, abs=0.05 * along)
@@ -111,7 +111,7 @@ def test_an_ideal_wall_fixes_the_way_to_it_and_leaves_the_way_along_it_open(head
     depth = np.where(np.abs(off) < 0.9, 1.2 / np.cos(off), np.nan)
     wall = Signature(depth, np.isnan(depth).astype(float))
     book = PlaceBook().learned("wall", wall, SE2(0.0, 0.0, heading))
-    covariance = book.recognise(wall).candidates[0].covariance[:2, :2]
+    covariance = book.suggest(wall).candidates[0].covariance[:2, :2]
     to_wall = np.array([math.cos(heading), math.sin(heading)])
     along = np.array([-math.sin(heading), math.cos(heading)])
     assert 0.3 * reach_m**2 < along @ covariance @ along <= reach_m**2
@@ -120,13 +120,13 @@ def test_an_ideal_wall_fixes_the_way_to_it_and_leaves_the_way_along_it_open(head
 
 def test_a_square_room_leaves_four_headings_and_says_so():
     book = book_of({"cell": (1.5, 1.5)}, visits=1, walls=SQUARE)
-    found = book.recognise(heard(SQUARE, 1.5, 1.5, 0.3))
-    assert found.place is not None
+    found = book.suggest(heard(SQUARE, 1.5, 1.5, 0.3))
+    assert found.found is not None
     turns = sorted(wrap_angle(each.pose.theta_rad - 0.3) for each in found.candidates)
     assert len(turns) == 4
     quarter = [abs(math.remainder(turn, math.pi / 2)) for turn in turns]
     assert max(quarter) < math.radians(4.0)
-    assert sum(each.weight for each in found.candidates) == pytest.approx(1.0)
+    assert sum(each.score for each in found.candidates) == pytest.approx(1.0)
     assert found.rotation_variance > 1.0
 
 
@@ -134,8 +134,8 @@ def test_two_places_alike_are_ambiguous_and_both_stay_candidates():
     twin = [(x1 + 20, y1, x2 + 20, y2) for x1, y1, x2, y2 in L_ROOM]
     book = book_of({"here": (1.0, 1.5), "there": (21.0, 1.5), "north": (2.3, 4.3)},
                    visits=1, walls=[*L_ROOM, *twin])  # fmt: skip
-    found = book.recognise(heard(L_ROOM, 1.0, 1.5, 1.0))
-    assert found.place is None
+    found = book.suggest(heard(L_ROOM, 1.0, 1.5, 1.0))
+    assert found.found is None
     assert found.refusal.startswith("ambiguous")
     assert {each.place for each in found.candidates} == {"here", "there"}
 
@@ -143,7 +143,7 @@ def test_two_places_alike_are_ambiguous_and_both_stay_candidates():
 def test_where_nothing_is_heard_no_place_is_recognised_or_learnt():
     empty = heard([], 0.0, 0.0, 0.0)
     book = book_of()
-    assert book.recognise(empty).refusal.startswith("unknown")
+    assert book.suggest(empty).refusal.startswith("unknown")
     with pytest.raises(ValueError, match="echo in 0%"):
         book.learned("desert", empty)
 
@@ -152,11 +152,11 @@ def test_where_sonars_hardly_looked_no_place_is_told():
     n = CONFIG.bearings
     silence = np.where(np.arange(n) < 20, 0.0, np.nan)
     narrow = Signature(np.where(np.isnan(silence), np.nan, 1.0), silence)
-    assert "28% of the bearings" in book_of().recognise(narrow).refusal
+    assert "28% of the bearings" in book_of().suggest(narrow).refusal
 
 
 def test_an_empty_book_refuses():
-    found = PlaceBook().recognise(heard(L_ROOM, 1.0, 1.5, 0.0))
+    found = PlaceBook().suggest(heard(L_ROOM, 1.0, 1.5, 0.0))
     assert (found.refusal, found.candidates) == ("no place is known yet", ())
 
 
@@ -164,8 +164,8 @@ def test_half_a_ring_is_enough_to_recognise_and_nothing_is_ruled_out_by_what_it_
     whole = heard(L_ROOM, 1.0, 1.5, 0.0)
     half = np.arange(CONFIG.bearings) < 0.6 * CONFIG.bearings
     seen = Signature(np.where(half, whole.depth_m, np.nan), np.where(half, whole.silence, np.nan))
-    found = book.recognise(seen)
-    assert found.place.place == "west"
+    found = book.suggest(seen)
+    assert found.found.place == "west"
 
 
 def test_the_threshold_lies_as_many_deviations_above_one_as_below_the_other(book):
@@ -246,9 +246,9 @@ def test_without_a_pose_a_place_has_the_frame_of_its_first_visit_and_later_ones_
     assert not place.in_world
     assert place.visits[0].pose == SE2()
     assert place.visits[1].pose.theta_rad == pytest.approx(1.2, abs=0.05)
-    found = book.recognise(heard(L_ROOM, x, y, -0.6))
-    assert found.place.rotation_rad == pytest.approx(-1.1, abs=0.05)
-    assert not found.place.in_world
+    found = book.suggest(heard(L_ROOM, x, y, -0.6))
+    assert found.found.rotation_rad == pytest.approx(-1.1, abs=0.05)
+    assert not found.found.in_world
 
 
 def test_a_visit_that_is_elsewhere_is_not_taken_for_the_place():
@@ -332,6 +332,6 @@ def test_a_heading_without_any_feature_is_not_known():
         for a in np.arange(0.0, math.tau, 0.05)
     ]
     book = PlaceBook().learned("silo", heard(ring, 0.0, 0.0, 0.0), SE2())
-    found = book.recognise(heard(ring, 0.0, 0.0, 1.0))
-    assert found.place is not None
+    found = book.suggest(heard(ring, 0.0, 0.0, 1.0))
+    assert found.found is not None
     assert found.rotation_variance > 0.3 * ANY_HEADING

@@ -12,7 +12,7 @@ from robotctl.estimation.mcl.free_space import free_poses
 from robotctl.estimation.mcl.localiser import MonteCarloLocaliser
 from robotctl.estimation.places.database import PlaceBook
 from robotctl.estimation.places.fix import PlaceFixConfig, place_fix
-from robotctl.estimation.places.places import Candidate, Recognition
+from robotctl.estimation.places.places import SonarCandidate, SonarRecognition
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.wall_map import WallMap
@@ -23,11 +23,14 @@ COVARIANCE = np.array([[0.01, 0.004, 0.001], [0.004, 0.02, 0.0], [0.001, 0.0, 0.
 
 
 def candidate(x, y, theta, weight=1.0, *, in_world=True, covariance=COVARIANCE):
-    return Candidate("a", 0.02, SE2(x, y, theta), in_world, 0.0, covariance, weight)
+    return SonarCandidate(
+        "a", SE2(x, y, theta), weight, difference=0.02, in_world=in_world, rotation_rad=0.0,
+        covariance=covariance,
+    )  # fmt: skip
 
 
 def recognition(*candidates, refusal=""):
-    return Recognition(candidates, refusal, 0.1)
+    return SonarRecognition(tuple(candidates), refusal, threshold=0.1)
 
 
 def test_the_density_is_the_mixture_of_its_candidates_and_of_anywhere():
@@ -46,7 +49,7 @@ def test_the_density_is_the_mixture_of_its_candidates_and_of_anywhere():
         off = poses - (each.pose.x_m, each.pose.y_m, each.pose.theta_rad)
         off[:, 2] = np.angle(np.exp(1j * off[:, 2]))
         normal = stats.multivariate_normal(np.zeros(3), 1.5**2 * COVARIANCE)
-        expected += 0.9 * each.weight * normal.pdf(off)
+        expected += 0.9 * each.score * normal.pdf(off)
     assert np.allclose(found - found[-1], np.log(expected) - np.log(expected[-1]))
 
 
@@ -67,7 +70,7 @@ def test_it_does_not_change_the_poses_that_it_weighs():
 def test_places_of_which_nobody_knows_where_they_are_say_nothing_of_poses():
     lost = candidate(0.0, 0.0, 1.0, in_world=False)
     assert place_fix(recognition(lost), AREA_M2) is None
-    assert place_fix(Recognition((), "unknown", 0.1), AREA_M2) is None
+    assert place_fix(SonarRecognition((), "unknown", threshold=0.1), AREA_M2) is None
     there = candidate(3.0, 1.0, 0.0, 0.5)
     both = place_fix(recognition(lost, there), AREA_M2)
     alone = place_fix(recognition(there), AREA_M2)
@@ -114,7 +117,7 @@ def test_one_recognition_pulls_a_cloud_that_is_anywhere_to_the_place(room, seed)
     mcl = localiser(room, seed)
     true = (5.03, 2.27, 0.8)
     assert share_near(mcl, *true) < 0.02
-    mcl.measure(place_fix(room[1].recognise(heard(L_ROOM, *true)), 20.0), "places")
+    mcl.measure(place_fix(room[1].suggest(heard(L_ROOM, *true)), 20.0), "places")
     assert share_near(mcl, *true) > 0.8
     estimate = mcl.estimate(0)
     assert math.hypot(estimate.pose.x_m - true[0], estimate.pose.y_m - true[1]) < 0.3

@@ -14,6 +14,7 @@ from firmware_sim.sensors.sonar import SonarRing
 from firmware_sim.world.world import load_world
 from robotctl.estimation.grid.wall_raster import grid_of_walls
 from robotctl.estimation.ranging.grid_echoes import GridEchoes, surface_normals
+from robotctl.estimation.ranging.sonar_cones import SonarCones
 from robotctl.estimation.ranging.sonar_config import SonarModelConfig
 from robotctl.estimation.ranging.sonar_model import SonarModel
 from robotctl.estimation.ranging.wall_echoes import WallEchoes
@@ -32,10 +33,7 @@ MOUNTS = [SonarMount("ahead", 0.1, 0.0, 0.0), SonarMount("left", 0.0, 0.1, 90.0)
 def echoes(walls: list[list[float]], beam_deg: float, limit_deg: float, mounts=AHEAD) -> WallEchoes:
     return WallEchoes(
         WallMap(np.array(walls, float)),
-        mounts,
-        math.radians(beam_deg),
-        math.radians(limit_deg),
-        FAR_M,
+        SonarCones(mounts, math.radians(beam_deg), math.radians(limit_deg), FAR_M),
     )
 
 
@@ -123,7 +121,8 @@ def test_among_many_walls_the_range_is_that_of_a_dense_fan_of_rays():
         start = rng.uniform(-3.0, 3.0, (12, 2))
         walls = np.hstack([start, start + rng.uniform(-1.5, 1.5, (12, 2))])  # no corners
         mount = np.array([[0.2, -0.1, 0.5]])
-        found = WallEchoes(WallMap(walls), mount, math.radians(25), math.radians(35), FAR_M)
+        cones = SonarCones(mount, math.radians(25), math.radians(35), FAR_M)
+        found = WallEchoes(WallMap(walls), cones)
         poses = rng.uniform([-2, -2, -3], [2, 2, 3], (20, 3))
         for pose, value in zip(poses, found.ranges(poses, np.array([0]))[:, 0], strict=True):
             c, s = math.cos(pose[2]), math.sin(pose[2])
@@ -155,8 +154,9 @@ def test_ranges_are_those_of_the_firmware_simulator_s_own_geometry(name):
     poses = free_poses(world, rng, 150)
     wanted = np.array([ring.fire(0, *pose) + ring.fire(1, *pose) for pose in poses])
     walls = WallMap(world.segments)
-    on_walls = WallEchoes(walls, mounts, *limits, sonar.max_range_m)
-    on_cells = GridEchoes(grid_of_walls(walls), mounts, *limits, sonar.max_range_m)
+    cones = SonarCones(mounts, *limits, sonar.max_range_m)
+    on_walls = WallEchoes(walls, cones)
+    on_cells = GridEchoes(grid_of_walls(walls), cones)
     sonars = np.arange(len(mounts))
     assert alike(on_walls.ranges(poses, sonars), wanted, 0.01) > 0.98
     assert alike(on_cells.ranges(poses, sonars), wanted, 0.08) > 0.88

@@ -80,7 +80,7 @@ def filtered(problem, *, forgets=True):
     """Return the filter after the last pose."""
     steps = arrivals(problem.graph)
     last = departures(problem.graph, steps)
-    result = GraphFilter(problem, problem.graph.size)
+    result = GraphFilter(problem)
     for step, factors in enumerate(steps):
         result.step(factors)
         if forgets and step < len(steps) - 1:

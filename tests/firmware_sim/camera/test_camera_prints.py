@@ -156,9 +156,9 @@ def test_a_second_way_down_the_corridor_is_recognised_at_the_right_places():
         picture = camera.look(x_m, y_m, theta, number=number).picture
         features = features_of(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY))
         sight = sight_of(vocabulary, features)
-        found.append(places.recognise(sight, is_next=True).found)
+        found.append(places.suggest(sight, is_next=True).found)
         places.add(sight)
-    pairs = [(i, each.image) for i, each in enumerate(found) if each is not None]
+    pairs = [(i, each.place) for i, each in enumerate(found) if each is not None]
     assert all(i >= len(at_m) and abs(i - len(at_m) - image) <= 3 for i, image in pairs)
     assert len(pairs) > 0.5 * len(at_m)
 

@@ -173,10 +173,8 @@ def test_a_unit_that_is_none_is_refused(tmp_path):
 
 def test_nothing_is_calibrated_by_a_log_without_times(tmp_path):
     from robotctl.config.robot_file import find_file, load_robot
-    from robotctl.workbench.odometry.calibrate_odometry import (
-        OdometryCalibrateOptions,
-        calibrate_odometry,
-    )
+    from robotctl.workbench.odometry.calibrate_odometry import calibrate_odometry
+    from robotctl.workbench.odometry.options import OdometryCalibrateOptions
     from robotctl.workbench.sensors.sources import source_of_log
 
     path = carmen(tmp_path, np.zeros(40), np.zeros(40))

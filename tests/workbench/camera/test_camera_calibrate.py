@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -13,17 +14,13 @@ import pytest
 from robotctl.config.patch import as_overrides
 from robotctl.config.robot_file import find_file, load_robot
 from robotctl.errors import CalibrationError, ConfigError
-from robotctl.estimation.camera.calibration.homography import PointNoise
 from robotctl.estimation.camera.calibration.pattern import Board, draw_board, draw_marker
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.camera import CameraConfig, CameraMount
 from robotctl.model.sensors.camera_geometry import CameraGeometry
-from robotctl.workbench.camera.calibrate import (
-    CameraCalibrateOptions,
-    CameraCalibrateResult,
-    calibrate_camera,
-)
-from robotctl.workbench.camera.check import CheckOptions, check_camera
+from robotctl.workbench.camera.calibrate import CameraCalibrateResult, calibrate_camera
+from robotctl.workbench.camera.check import check_camera
+from robotctl.workbench.camera.options import CameraCalibrateOptions, CheckOptions
 from robotctl.workbench.camera.patch import patch_text, patch_values
 from robotctl.workbench.camera.pictures import read_picture, write_picture
 from tests.workbench.camera.floor_pictures import Sheet, floor_of, picture_of
@@ -82,7 +79,7 @@ def assert_true(result: CameraCalibrateResult, sigmas: float = 3.0) -> None:
 
 def test_a_board_on_the_floor_gives_the_mount(folder: Path) -> None:
     result = calibrated(
-        floor=folder / "board.png", board=BOARD, at=AT, noise=PointNoise(0.2, 0.0002)
+        floor=folder / "board.png", square_mm=30.0, at=AT, sigma_px=0.2, sigma_mm=0.2
     )
     assert_true(result)
     assert len(result.points.names) == 54
@@ -94,7 +91,7 @@ def test_a_board_that_lies_the_other_way_round_is_told_by_where_the_camera_looks
 ) -> None:
     turned = SE2(AT.x_m, AT.y_m, AT.theta_rad + np.pi)
     result = calibrated(
-        floor=folder / "board.png", board=BOARD, at=turned, noise=PointNoise(0.2, 0.0002)
+        floor=folder / "board.png", square_mm=30.0, at=turned, sigma_px=0.2, sigma_mm=0.2
     )
     assert_true(result)
 
@@ -118,11 +115,11 @@ def test_clicked_points_give_the_mount_with_the_lens_and_without(folder: Path) -
 
 def test_all_sources_go_into_one_fit(folder: Path) -> None:
     result = calibrated(
-        floor=folder / "board.png", board=BOARD, at=AT, points=folder / "points.csv"
+        floor=folder / "board.png", square_mm=30.0, at=AT, points=folder / "points.csv"
     )
     assert_true(result)
     assert len(result.points.names) == 54 + 8
-    alone = calibrated(floor=folder / "board.png", board=BOARD, at=AT)
+    alone = calibrated(floor=folder / "board.png", square_mm=30.0, at=AT)
     assert result.expected[-1].calibration_m < 0.5 * alone.expected[-1].calibration_m
     assert alone.advice is not None
     assert result.advice is None
@@ -144,15 +141,13 @@ def test_the_patch_makes_the_robot_measure_right(folder: Path, tmp_path: Path) -
     truth = np.array([[1.0, 0.2], [2.0, -0.3]])
     off = camera.ground(CAMERA.project_ground(truth)) - truth
     assert np.abs(off).max() < 0.03
-    options = (ROBOT, tuple(as_overrides(patch_values(result))), folder / "markers.png")
-    check = check_camera(
-        CheckOptions(*options, folder / "markers.csv", "apriltag_36h11", None, PointNoise(1.0))
+    overrides = tuple(as_overrides(patch_values(result)))
+    options = CheckOptions(
+        folder / "markers.png", ROBOT, markers=folder / "markers.csv", sigma_px=1.0
     )
+    check = check_camera(replace(options, overrides=overrides))
     assert check.doubts == []
-    before = check_camera(
-        CheckOptions(ROBOT, (), *options[2:], folder / "markers.csv", "apriltag_36h11", None,
-                     PointNoise(1.0))
-    )  # fmt: skip
+    before = check_camera(options)
     assert before.doubts
     assert before.errors.off_m[:, 0].max() > 5.0 * np.abs(check.errors.off_m).max()
 
@@ -164,7 +159,7 @@ def test_without_a_camera_in_the_file_a_picture_without_lens_still_gives_all(
     start, end = text.index("[camera]"), text.index("[can]")
     robot = tmp_path / "blind.toml"
     robot.write_text(text[:start] + text[end:])
-    options = CameraCalibrateOptions(robot, floor=folder / "board.png", board=BOARD, at=AT)
+    options = CameraCalibrateOptions(robot, floor=folder / "board.png", square_mm=30.0, at=AT)
     result = calibrate_camera(options, lambda _line: None)
     tables = tomllib.loads(patch_text(result))["camera"]
     whole = robot.read_text() + patch_text(result)
@@ -183,7 +178,7 @@ def test_without_a_camera_in_the_file_a_picture_without_lens_still_gives_all(
         ({"at": AT}, ConfigError, "need --floor"),
         ({"lens": ("board.png",), "lens_unknown": True}, ConfigError, "contradict"),
         (
-            {"floor": "board.png", "at": AT, "board": Board(7, 5, 0.03)},
+            {"floor": "board.png", "at": AT, "square_mm": 30.0, "board": "7x5"},
             CalibrationError,
             "no chess",
         ),
@@ -193,7 +188,11 @@ def test_without_a_camera_in_the_file_a_picture_without_lens_still_gives_all(
         ({"points": "swapped.csv"}, CalibrationError, "left and right swapped"),
         ({"points": "words.csv"}, ConfigError, "words.csv:3: y: found 'left', a finite number"),
         ({"points": "heads.csv"}, ConfigError, 'no column x; did you mean "x_m"'),
-        ({"lens": ("board.png",) * 3}, CalibrationError, "3 pictures with the board; 4 are needed"),
+        (
+            {"lens": ("board.png", "b2.png", "b3.png")},
+            CalibrationError,
+            "3 pictures with the board; 4",
+        ),
         ({"lens": ("points.csv",)}, ConfigError, "not a picture"),
     ],
 )
@@ -201,6 +200,8 @@ def test_what_tells_nothing_is_refused_with_its_reason(
     folder: Path, options: dict[str, object], error: type[Exception], words: str
 ) -> None:
     lines = (folder / "points.csv").read_text().splitlines()
+    for copy in ("b2.png", "b3.png"):
+        (folder / copy).write_bytes((folder / "board.png").read_bytes())
     (folder / "few.csv").write_text("\n".join(lines[:5]))
     (folder / "line.csv").write_text("u,v,x,y\n" + "".join(f"{k},{k},{k},1\n" for k in range(6)))
     swapped = [line.split(",") for line in lines[2:]]
@@ -213,11 +214,11 @@ def test_what_tells_nothing_is_refused_with_its_reason(
         key: tuple(folder / str(each) for each in value)
         if isinstance(value, tuple)
         else folder / value
-        if isinstance(value, str)
+        if isinstance(value, str) and key != "board"
         else value
         for key, value in options.items()
     }
-    located.setdefault("board", BOARD)
+    located.setdefault("square_mm", 30.0)
     with pytest.raises(error, match=words):
         calibrated(**located)
 
@@ -225,7 +226,7 @@ def test_what_tells_nothing_is_refused_with_its_reason(
 @pytest.mark.recordings("camera")
 def test_a_real_lens_is_found_as_opencv_published_it(recordings: Path) -> None:
     pictures = tuple(sorted((recordings / "camera").glob("left*.jpg")))
-    result = calibrated(lens=pictures, board=Board(9, 6, 0.025))
+    result = calibrated(lens=pictures, square_mm=25.0)
     lens = result.lens
     assert lens is not None
     storage = cv2.FileStorage(
@@ -261,8 +262,10 @@ def test_tags_that_ask_to_turn_the_pictures_do_not_change_the_lens(
         tagged(picture, tmp_path, 1 + number % 8) for number, picture in enumerate(pictures)
     )
     assert len(turned) == 13
-    board = Board(9, 6, 0.025)
-    plain, other = calibrated(lens=pictures, board=board), calibrated(lens=turned, board=board)
+    plain, other = (
+        calibrated(lens=pictures, square_mm=25.0),
+        calibrated(lens=turned, square_mm=25.0),
+    )
     assert plain.lens is not None
     assert other.lens is not None
     # Two fits of the same pixels differ by the order in which OpenCV's threads add them up.
@@ -283,18 +286,17 @@ def test_a_picture_that_a_program_has_turned_is_told_from_one_that_is_only_tagge
     write_picture(turned, np.ascontiguousarray(np.rot90(read_picture(other))))
     said = "left01.jpg: 640 x 480 and .*turned.png: 480 x 640; one has been rotated"
     with pytest.raises(ConfigError, match=said):
-        calibrated(lens=(upright, turned), board=Board(9, 6, 0.025))
+        calibrated(lens=(upright, turned), square_mm=25.0)
     with pytest.raises(ConfigError, match=r"480 x 640 pixels, but .* one has been rotated"):
-        calibrated(floor=turned, board=BOARD, at=AT)
+        calibrated(floor=turned, square_mm=30.0, at=AT)
 
 
 @pytest.mark.recordings("camera")
 def test_the_mount_from_a_real_picture_is_the_pose_of_opencv(recordings: Path) -> None:
     pictures = tuple(sorted((recordings / "camera").glob("left*.jpg")))
-    board = Board(9, 6, 0.025)
     result = calibrated(
-        lens=pictures, board=board, floor=pictures[2], at=SE2(0.5, 0.0, 0.0),
-        noise=PointNoise(0.3, 0.0001),
+        lens=pictures, square_mm=25.0, floor=pictures[2], at=SE2(0.5, 0.0, 0.0),
+        sigma_px=0.3, sigma_mm=0.1,
     )  # fmt: skip
     fit = result.fit
     assert fit is not None
@@ -320,7 +322,7 @@ def test_the_mount_from_a_real_picture_is_the_pose_of_opencv(recordings: Path) -
 def test_a_part_of_a_board_is_pointed_out(recordings: Path) -> None:
     picture = recordings / "camera" / "left02.jpg"
     for columns, said in ((8, True), (9, False)):
-        result = calibrated(floor=picture, board=Board(columns, 6, 0.025), at=SE2())
+        result = calibrated(floor=picture, board=f"{columns}x6", square_mm=25.0, at=SE2())
         notes = [note for note in result.notes if "seems to have 9 x 6 inner corners" in note]
         assert bool(notes) == said
 
@@ -331,4 +333,4 @@ def test_a_picture_of_another_size_is_refused(folder: Path, tmp_path: Path) -> N
     with pytest.raises(
         ConfigError, match=r"320 x 240 pixels, but the lens is for 640 x 480; .* has another lens$"
     ):
-        calibrated(floor=tmp_path / "small.png", board=BOARD, at=AT)
+        calibrated(floor=tmp_path / "small.png", square_mm=30.0, at=AT)

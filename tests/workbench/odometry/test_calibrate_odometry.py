@@ -20,13 +20,11 @@ from robotctl.model.recording import Recording
 from robotctl.model.trajectory import Trajectory
 from robotctl.workbench.odometry import calibrate_sources, calibrate_squares
 from robotctl.workbench.odometry.calibrate_checks import Check
-from robotctl.workbench.odometry.calibrate_odometry import (
-    OdometryCalibrateOptions,
-    calibrate_odometry,
-)
+from robotctl.workbench.odometry.calibrate_odometry import calibrate_odometry
 from robotctl.workbench.odometry.calibrate_patch import patch_text, patch_values
 from robotctl.workbench.odometry.calibrate_sources import run_of_recording, wheels_of
 from robotctl.workbench.odometry.calibrate_squares import Campaign
+from robotctl.workbench.odometry.options import OdometryCalibrateOptions
 from tests.workbench.odometry.lego_drive import NOMINAL, write_lego
 
 DIFFERENTIAL = DifferentialDrive("differential", 0.3, 0.05, 2400)

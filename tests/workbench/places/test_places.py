@@ -21,7 +21,8 @@ from robotctl.runtime.clock import VirtualClock
 from robotctl.runtime.flight.recorder import Recorder, RecordHeader
 from robotctl.runtime.ipc.topics import Endpoints, Publisher, endpoint_directory
 from robotctl.workbench.places.live import live_turn
-from robotctl.workbench.places.places import PlaceSource, learn, marked, recognise
+from robotctl.workbench.places.options import PlaceSource
+from robotctl.workbench.places.places import learn, marked, recognise
 from tests.workbench.places.turning_robot import ROBOT, hallway, kitchen, turning
 
 
@@ -76,7 +77,7 @@ def test_a_place_learnt_from_a_recording_has_the_pose_of_its_reference(book):
 def test_it_is_recognised_in_another_recording_turned_and_another_place_is_not(book, tmp_path):
     again = write_log(tmp_path / "again", turning(kitchen, heading=0.4, drift=1.3))
     (found,) = recognise(book, PlaceSource(log=again), quiet)
-    place = found.recognition.place
+    place = found.recognition.found
     assert place is not None
     end = found.visited.turn.odometry.theta_rad + 1.3
     assert math.remainder(place.pose.theta_rad - end, math.tau) == pytest.approx(0.0, abs=0.06)
@@ -171,7 +172,7 @@ def test_a_running_robot_is_listened_to_and_its_localiser_says_where_it_ended(bo
     )  # fmt: skip
     visited = Published("rover", turning(kitchen, rounds=FOREVER), knows).turn()
     assert (visited.pose.x_m, visited.pose.y_m) == pytest.approx((5.0, 1.0))
-    assert load_book(book).recognise(visited.turn.signature).place.place == "kitchen"
+    assert load_book(book).suggest(visited.turn.signature).found.place == "kitchen"
 
 
 @pytest.mark.usefixtures("sockets")
@@ -258,7 +259,7 @@ def test_the_simulated_robot_learns_and_recognises_a_place_of_the_office_turned(
     learn("meeting_room", book, PlaceSource(world="office"), told.append)
     assert max(told) > 6.0
     (found,) = recognise(book, PlaceSource(world="office", at="14.02,4.47,100", seed=2), quiet)
-    place = found.recognition.place
+    place = found.recognition.found
     assert place is not None
     assert math.degrees(place.rotation_rad) == pytest.approx(100.0, abs=3.0)
     truth = found.visited.pose

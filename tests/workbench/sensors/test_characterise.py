@@ -27,7 +27,8 @@ from robotctl.model.recording import RecordedSonar, Recording
 from robotctl.model.sensors.measurement import MotionMeasurement, RangeMeasurement
 from robotctl.model.sensors.sonar import SonarReading
 from robotctl.model.trajectory import Trajectory
-from robotctl.workbench.sensors.characterise import CharacteriseOptions, characterise, told
+from robotctl.workbench.sensors.characterise import characterise, told
+from robotctl.workbench.sensors.options import CharacteriseOptions
 from robotctl.workbench.sensors.patch import patch_text, patch_values
 from robotctl.workbench.sensors.sources import CALIBRATIONS, Source, source_of_log, taken
 

@@ -13,7 +13,8 @@ from robotctl.estimation.slam.graph.variables import SE2 as POSES
 from robotctl.logs.graphs.g2o import G2O
 from robotctl.logs.graphs.graph_files import read_graph
 from robotctl.model.geometry.se2 import SE2
-from robotctl.workbench.slam.slam import SlamOptions, slam, write_results
+from robotctl.workbench.slam.options import SlamOptions
+from robotctl.workbench.slam.slam import slam, write_results
 
 
 def silent(*_):

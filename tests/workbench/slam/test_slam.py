@@ -8,8 +8,9 @@ from robotctl.estimation.landmarks.models import sighting
 from robotctl.estimation.slam.ekf_slam.camera_points import CAMERA_POINT
 from robotctl.logs.formats.mrclam_log import read_mrclam
 from robotctl.model.trajectory import Trajectory
+from robotctl.workbench.slam.options import SlamOptions
 from robotctl.workbench.slam.result import Estimated
-from robotctl.workbench.slam.slam import SlamOptions, slam_of_recording
+from robotctl.workbench.slam.slam import slam_of_recording
 from tests.estimation.landmarks.landmark_drives import simulated_drive
 
 

@@ -26,8 +26,9 @@ from robotctl.workbench.tuning.fit import (
     wheel_feedforward,
 )
 from robotctl.workbench.tuning.open_loop import OpenLoopRecord, find_duty
+from robotctl.workbench.tuning.options import TuneOptions
 from robotctl.workbench.tuning.track import ExperimentError
-from robotctl.workbench.tuning.tune import TuneOptions, identify, responses, tune
+from robotctl.workbench.tuning.tune import identify, responses, tune
 from tests.cli.command import status_of
 
 ROBOTS = ("diff_drive", "tricycle", "ackermann")

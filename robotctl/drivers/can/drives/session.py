@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from robotctl.drivers.can.bus_part import Send
-from robotctl.messages.control import NodeStatus
+from robotctl.drivers.can.presence import Presence
 from robotctl.messages.faults import Fault, FaultCode
 
 ANSWER_NS: Final = 100_000_000
@@ -81,7 +81,7 @@ class _Phase(enum.Enum):
     REFUSED = "failed, waits for another attempt"
 
 
-class Session:
+class Session(Presence):
     """State machine of one drive, advanced by its frames and by `serve`.
 
     Parameters
@@ -102,27 +102,18 @@ class Session:
 
     Attributes
     ----------
-    status
-        Present state; another object only where it changed.
-    boots
-        How often the drive came, the first time included.
     in_service
         Whether the drive may be used.
-    fault
-        Why not; None if it may.
     """
 
     __slots__ = (
         "_attempts",
         "_call",
         "_exchange",
-        "_heard_ns",
         "_is_reading",
         "_make_reading",
         "_make_script",
-        "_name",
         "_next_frame",
-        "_node_id",
         "_phase",
         "_reading_due_ns",
         "_reading_ns",
@@ -131,10 +122,7 @@ class Session:
         "_timeout_ns",
         "_unread",
         "_wait_until_ns",
-        "boots",
-        "fault",
         "in_service",
-        "status",
     )
 
     def __init__(
@@ -147,8 +135,9 @@ class Session:
         reading_ns: int,
         timeout_ns: int,
     ) -> None:
-        self._node_id = node_id
-        self._name = name
+        rate = "" if call else " (its heartbeat rate must not be 0)"
+        fault = Fault(FaultCode.NODE_NOT_HEARD, f"not heard on the bus{rate}")
+        super().__init__(node_id, name, _UNHEARD, fault)
         self._call = call
         self._make_script = script
         self._make_reading = reading
@@ -163,12 +152,8 @@ class Session:
         self._is_reading = False
         self._reading_due_ns = 0
         self._unread = 0
-        self._heard_ns = self._renew_ns = 0
-        self.boots = 0
-        rate = "" if call else " (its heartbeat rate must not be 0)"
-        self.fault: Fault | None = Fault(FaultCode.NODE_NOT_HEARD, f"not heard on the bus{rate}")
+        self._renew_ns = 0
         self.in_service = False
-        self.status: NodeStatus
         self._refresh()
 
     @property
@@ -178,7 +163,7 @@ class Session:
 
     def hear(self, stamp_ns: int) -> None:
         """Note that the drive was heard at a time [ns]."""
-        self._heard_ns = stamp_ns
+        self.heard_ns = stamp_ns
         if stamp_ns >= self._renew_ns:
             if self._phase is _Phase.SILENT:
                 self.restart()
@@ -204,7 +189,7 @@ class Session:
 
     def check(self, now_ns: int) -> None:
         """Take the drive out of service if it is silent for too long; give up overdue answers."""
-        if now_ns - self._heard_ns > self._timeout_ns and self._phase is not _Phase.SILENT:
+        if now_ns - self.heard_ns > self._timeout_ns and self._phase is not _Phase.SILENT:
             self._drop_script()
             self._phase = _Phase.SILENT
             self.in_service = False
@@ -311,21 +296,10 @@ class Session:
             self._script.close()
         self._script = self._exchange = None
 
-    def _say(self, fault: Fault | None) -> None:
-        self.fault = fault
-        self._refresh()
-
     def _refresh(self) -> None:
         """Update `status`."""
-        self._renew_ns = self._heard_ns + _RENEW_NS if self._phase is not _Phase.SILENT else 0
-        fault = self.fault
-        silent = _UNHEARD if self._phase is _Phase.SILENT else _NOT_YET
-        self.status = NodeStatus(
-            self._node_id,
-            self._name,
-            _IN_SERVICE if self.in_service else silent,
-            self._heard_ns,
-            self.boots,
-            f"{self._name} (node {self._node_id}): {fault}" if fault else "",
-            fault.code if fault else FaultCode.NONE,
-        )
+        is_silent = self._phase is _Phase.SILENT
+        self._renew_ns = 0 if is_silent else self.heard_ns + _RENEW_NS
+        absent = _UNHEARD if is_silent else _NOT_YET
+        self.nmt_state = _IN_SERVICE if self.in_service else absent
+        super()._refresh()

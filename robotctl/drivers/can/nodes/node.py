@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Callable
-from typing import Final, NamedTuple
+from typing import Final
 
-from robotctl.drivers.can.e2e import E2eReceiver
-from robotctl.drivers.can.nodes.commissioning import Script, Setting, Start, no_answer
+from robotctl.drivers.can.nodes.commissioning import Script, Setting, Start
+from robotctl.drivers.can.nodes.process_data import Claim, ProcessData
+from robotctl.drivers.can.nodes.read_back import ReadBack
 from robotctl.drivers.can.nodes.sdo import REQUEST_BASE, Request, SdoClient, SdoResponse
+from robotctl.drivers.can.presence import Presence
 from robotctl.drivers.can.stranger_book import StrangerBook
-from robotctl.messages.control import NodeStatus, StrangerKind
+from robotctl.messages.control import StrangerKind
 from robotctl.messages.faults import Fault, FaultCode
 
 NMT_ID: Final = 0x000
@@ -39,22 +41,6 @@ START_ATTEMPTS: Final = 3
 RETRY_NS: Final = 1_000_000_000
 """From a failed commissioning to the next attempt [ns]."""
 
-UNREAD_MAX: Final = 5
-"""Consecutive readings of a setting that may fail: another tool may use the node's SDO channel."""
-
-QUIET_NS: Final = 500_000_000
-"""Time after another tool's request without readings: both would get both answers [ns]."""
-
-QUIET_MAX_NS: Final = 1_000_000_000
-"""Maximum time that a tool's continuous requests keep the robot from reading [ns]."""
-
-
-class Claim(NamedTuple):
-    """NMT state to which a node in service is said to have come, and when that was said [ns]."""
-
-    state: int
-    stamp_ns: int
-
 
 class NodePhase(enum.Enum):
     """Phases of a node's commissioning."""
@@ -68,7 +54,7 @@ class NodePhase(enum.Enum):
     REFUSED = "failed, waits for another attempt"
 
 
-class Node:
+class Node(Presence):
     """State machine of one node, advanced by frames and by `poll`.
 
     Parameters
@@ -90,6 +76,15 @@ class Node:
         Whether the script needs the node in pre-operational, as where it maps PDOs.
     sdo_pause_ns
         Least time from one request to its SDO server to the next [ns].
+
+    Attributes
+    ----------
+    phase
+        Phase of its commissioning.
+    busy
+        Whether `poll` may have something to send.
+    data
+        Its process data.
     """
 
     def __init__(
@@ -104,9 +99,11 @@ class Node:
         rests: bool = False,
         sdo_pause_ns: int = 0,
     ) -> None:
-        self.node_id = node_id
+        fault = Fault(FaultCode.NODE_NOT_HEARD, "not heard on the bus")
+        super().__init__(node_id, name, NMT_BOOT_UP, fault)
         self.phase = NodePhase.SILENT
-        self._name = name
+        self.busy = knock is not None
+        self.data = ProcessData()
         self._make_script = script
         self._timeout_ns = heartbeat_timeout_ns
         self._strangers = strangers
@@ -116,37 +113,12 @@ class Node:
         self._script: Script | None = None
         self._extra: Request | None = None
         self._answered: Callable[[SdoResponse], None] | None = None
-        self._kept: tuple[Setting, ...] = ()
-        """Settings to read back; the first is next."""
-        self._is_reading = False
-        self._doubted = False
-        """Whether the last reading differed: a single one may be a damaged answer."""
-        self._unread = 0
-        self._read_ns = self._quiet_ns = 0
-        """When a setting was read last; until when the SDO channel is left to others [ns]."""
-        self._nmt_state = NMT_BOOT_UP
-        self._heartbeat_ns = 0
-        self._boots = 0
-        self._receivers: list[E2eReceiver] = []
-        """Receivers of its process data."""
-        self._data_late_ns = 0
-        """Time within which some of that comes [ns]."""
-        self._claim: Claim | None = None
-        """A change of state that process data may yet prove false."""
+        self._read_back = ReadBack()
         self._foreign_write = False
         """Whether the answer to such a write is awaited."""
         self._attempts = 0
         self._wait_until_ns = 0
-        self._fault: Fault | None = Fault(FaultCode.NODE_NOT_HEARD, "not heard on the bus")
-        self.busy = knock is not None
-        """Whether `poll` may have something to send."""
-        self.status: NodeStatus
         self._refresh()
-
-    def watch(self, receiver: E2eReceiver, late_ns: int) -> None:
-        """Know process data of the node, which comes at least once in `late_ns` [ns]."""
-        self._receivers.append(receiver)
-        self._data_late_ns = min(late_ns, self._data_late_ns or late_ns)
 
     def on_heartbeat(self, data: bytes, stamp_ns: int) -> None:
         """Take a heartbeat or boot-up message received at `stamp_ns` [ns].
@@ -158,25 +130,24 @@ class Node:
             return
         state = data[0] & 0x7F
         in_service = self.phase in (NodePhase.VERIFYING, NodePhase.READY)
-        if in_service and state != NMT_OPERATIONAL and self._receivers:
-            if self._claim is None:
-                self._claim = Claim(state, stamp_ns)
+        if in_service and state != NMT_OPERATIONAL and self.data.receivers:
+            if self.data.claim is None:
+                self.data.claim = Claim(state, stamp_ns)
             return
         self._enter(state, stamp_ns)
 
     def _enter(self, state: int, stamp_ns: int) -> None:
         """Follow a node that is in an NMT state."""
-        self._nmt_state = state
-        self._heartbeat_ns = stamp_ns
+        self.nmt_state = state
+        self.heard_ns = stamp_ns
         # CANopen: a node that has sent its boot-up message is in pre-operational (CiA 301).
         if state == NMT_BOOT_UP:
-            for receiver in self._receivers:
-                receiver.reset()  # its counters begin anew, which is no sign of lost frames
-            self._boots += 1
-            self._nmt_state = NMT_PRE_OPERATIONAL
+            self.data.restart()
+            self.boots += 1
+            self.nmt_state = NMT_PRE_OPERATIONAL
             self._begin()
         elif self.phase is NodePhase.SILENT:
-            self._boots += 1  # nothing is known of its past: never seen, or lost
+            self.boots += 1  # nothing is known of its past: never seen, or lost
             self._begin()
         elif self.phase is NodePhase.STARTING and state == NMT_OPERATIONAL:
             self.phase = NodePhase.VERIFYING
@@ -184,14 +155,14 @@ class Node:
         elif self.phase is NodePhase.WAKING and state == NMT_PRE_OPERATIONAL:
             self._identify()
         elif self.phase in (NodePhase.VERIFYING, NodePhase.READY) and state != NMT_OPERATIONAL:
-            self._boots += 1  # its boot-up was lost, or another device put it out of service
+            self.boots += 1  # its boot-up was lost, or another device put it out of service
             self._begin()
         self._refresh()
 
     def on_foreign_nmt(self, command: int) -> None:
         """Handle another device's NMT command to the node: it is out of service."""
         if command in _PUT_OUT and self.phase in (NodePhase.VERIFYING, NodePhase.READY):
-            self._nmt_state, words = _PUT_OUT[command]
+            self.nmt_state, words = _PUT_OUT[command]
             self._begin()
             self._say(Fault(FaultCode.NODE_PUT_OUT, f"{words} by another device on the bus (NMT)"))
 
@@ -203,35 +174,33 @@ class Node:
         elif self._foreign_write:
             self._foreign_write = False
             if data[:1] == _SDO_ABORT:
-                self._strangers.note_refused(StrangerKind.SDO_WRITE, "SDO", self._name)
+                self._strangers.note_refused(StrangerKind.SDO_WRITE, "SDO", self.name)
 
     def _weigh(self, claim: Claim, now_ns: int) -> bool:
         """Judge a claim by the process data since; return whether it was found to be true."""
-        if any(receiver.continued_since(claim.stamp_ns) for receiver in self._receivers):
-            self._claim = None
-            name = "boot-up message" if claim.state == NMT_BOOT_UP else "heartbeat"
-            self._strangers.note(
-                StrangerKind.FALSE_STATE,
-                name,
-                HEARTBEAT_BASE + self.node_id,
-                self._name,
-                claim.stamp_ns,
-            )
+        is_true = self.data.verdict(claim, now_ns)
+        if is_true is None:
             return False
-        if now_ns - claim.stamp_ns < self._data_late_ns:
-            return False
-        self._claim = None
-        self._enter(*claim)
-        return True
+        self.data.claim = None
+        if is_true:
+            self._enter(*claim)
+            return True
+        name = "boot-up message" if claim.state == NMT_BOOT_UP else "heartbeat"
+        heartbeat_id = HEARTBEAT_BASE + self.node_id
+        self._strangers.note(
+            StrangerKind.FALSE_STATE, name, heartbeat_id, self.name, claim.stamp_ns
+        )
+        return False
 
     def check(self, now_ns: int) -> bool:
         """Return whether the node is out of service since the last call.
 
         It is where it has booted, or its heartbeat is too old.
         """
-        if self._claim is not None and self._weigh(self._claim, now_ns):
+        claim = self.data.claim
+        if claim is not None and self._weigh(claim, now_ns):
             return True
-        if now_ns - self._heartbeat_ns <= self._timeout_ns or self.phase is NodePhase.SILENT:
+        if now_ns - self.heard_ns <= self._timeout_ns or self.phase is NodePhase.SILENT:
             return False
         self._stop_script()
         self.phase = NodePhase.SILENT
@@ -248,7 +217,7 @@ class Node:
         """
         if self.phase is not NodePhase.READY or self._extra is not None:
             return False
-        self._is_reading = False  # that can wait
+        self._read_back.is_reading = False  # that can wait
         self._extra = request
         self._answered = answered
         self._sdo.start(request)
@@ -257,26 +226,19 @@ class Node:
 
     def on_foreign_sdo(self, data: bytes, stamp_ns: int) -> None:
         """Leave the node's single SDO channel to another tool's request for a while [ns]."""
-        self._quiet_ns = stamp_ns + QUIET_NS
+        self._read_back.give_way(stamp_ns)
         self._foreign_write = len(data) > 0 and data[0] & _SDO_COMMAND == _SDO_DOWNLOAD
         if self._foreign_write:
             request_id = REQUEST_BASE + self.node_id
-            self._strangers.note(StrangerKind.SDO_WRITE, "SDO", request_id, self._name, stamp_ns)
+            self._strangers.note(StrangerKind.SDO_WRITE, "SDO", request_id, self.name, stamp_ns)
 
     def read_back(self, now_ns: int) -> None:
         """Start reading the next setting of a node in service, if no transfer is in progress."""
-        # Continuous requests of a tool must not keep settings from being checked for ever.
-        if now_ns < self._quiet_ns and now_ns - self._read_ns < QUIET_MAX_NS:
-            return
-        if self.phase is NodePhase.READY and self._sdo.idle and self._kept:
-            self._read_ns = now_ns
-            self._read()
-
-    def _read(self) -> None:
-        """Begin to read the next setting."""
-        self._is_reading = True
-        self._sdo.start(self._kept[0].reading)
-        self.busy = True
+        if self.phase is NodePhase.READY and self._sdo.idle:
+            reading = self._read_back.next(now_ns)
+            if reading is not None:
+                self._sdo.start(reading)
+                self.busy = True
 
     def withdraw(self) -> None:
         """Abandon a transfer beside the script."""
@@ -316,15 +278,13 @@ class Node:
     def _begin(self, *, again: bool = False) -> None:
         """Start commissioning; a repeated attempt leaves the sentence of the last failure."""
         self._stop_script()
-        self._claim = None
+        self.data.claim = None
         self._attempts = 0
         self._wait_until_ns = 0
         self.busy = True
         if not again:
             self._say(Fault(FaultCode.NODE_STARTING, "is being identified"))
-        if self._nmt_state == NMT_STOPPED or (
-            self._rests and self._nmt_state != NMT_PRE_OPERATIONAL
-        ):
+        if self.nmt_state == NMT_STOPPED or (self._rests and self.nmt_state != NMT_PRE_OPERATIONAL):
             self.phase = NodePhase.WAKING
         else:
             self._identify()
@@ -347,7 +307,7 @@ class Node:
 
     def _advance(self, response: SdoResponse) -> None:
         """Pass the end of a transfer to its initiator."""
-        if self._is_reading:
+        if self._read_back.is_reading:
             self._compare(response)
             return
         if self._extra is not None:
@@ -363,30 +323,18 @@ class Node:
         except StopIteration as stop:
             self._script = None
             if isinstance(stop.value, Fault):
-                self._refuse(stop.value, self._heartbeat_ns)
+                self._refuse(stop.value, self.heard_ns)
             else:
                 self._finish(stop.value)
 
     def _compare(self, response: SdoResponse) -> None:
         """Take the node out of service if a setting differs or is unreadable."""
-        self._is_reading = self.busy = False
-        setting = self._kept[0]
-        # No answer is no proof of a change: only several in a row count.
-        if response.value is None:
-            self._unread += 1
-            if self._unread > UNREAD_MAX:
-                self._refuse(no_answer(setting.reading), self._heartbeat_ns)
-            return
-        self._unread = 0
-        if response.value == setting.wanted:
-            self._doubted = False
-            self._kept = (*self._kept[1:], setting)
-        elif self._doubted:
-            text = f"{setting.differs(response.value)}: it was changed"
-            self._refuse(Fault(FaultCode.NODE_CHANGED, text), self._heartbeat_ns)
-        else:
-            self._doubted = True
-            self._read()
+        found = self._read_back.take(response)
+        self.busy = isinstance(found, Request)
+        if isinstance(found, Request):
+            self._sdo.start(found)
+        elif found is not None:
+            self._refuse(found, self.heard_ns)
 
     def _refuse(self, fault: Fault, now_ns: int) -> None:
         """Keep the node out of service and say why; try again later."""
@@ -399,16 +347,14 @@ class Node:
         """Put the node into service; `kept` must stay as it is."""
         self.phase = NodePhase.READY
         self.busy = False
-        self._kept = kept
-        self._doubted = False
-        self._unread = 0
+        self._read_back.begin(kept)
         self._say(None)
 
     def _stop_script(self) -> None:
         """Drop the transfer in progress."""
         self._sdo.cancel()
         self._extra = None
-        self._is_reading = False
+        self._read_back.is_reading = False
         if self._script is not None:
             self._script.close()
             self._script = None
@@ -420,22 +366,3 @@ class Node:
     def _nmt_target(self) -> str:
         """Return the target NMT state, as text."""
         return "pre-operational" if self.phase is NodePhase.WAKING else "operational"
-
-    def _say(self, fault: Fault | None) -> None:
-        """Set the problem."""
-        self._fault = fault
-        self._refresh()
-
-    def _refresh(self) -> None:
-        """Update `status`."""
-        fault = self._fault
-        problem = f"{self._name} (node {self.node_id}): {fault}" if fault else ""
-        self.status = NodeStatus(
-            self.node_id,
-            self._name,
-            self._nmt_state,
-            self._heartbeat_ns,
-            self._boots,
-            problem,
-            fault.code if fault else FaultCode.NONE,
-        )

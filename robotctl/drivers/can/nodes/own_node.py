@@ -7,17 +7,15 @@ from typing import Any, Final, NamedTuple
 
 from robotctl.drivers.can.bus_load import transmission_type
 from robotctl.drivers.can.bus_notes import BusNotes
-from robotctl.drivers.can.bus_part import Handler, Send
+from robotctl.drivers.can.bus_part import Handler
 from robotctl.drivers.can.dbc import Message
 from robotctl.drivers.can.e2e import SURPLUS_ON_SYNC, SURPLUS_TIMED, E2eReceiver
 from robotctl.drivers.can.nodes.can_node import NodeFrame, Value
 from robotctl.drivers.can.nodes.commissioning import Script
-from robotctl.drivers.can.nodes.node import HEARTBEAT_BASE, Node
+from robotctl.drivers.can.nodes.node import Node
+from robotctl.drivers.can.nodes.node_part import NodePart
 from robotctl.drivers.can.nodes.robot_codec import SYNC, RobotCodec
-from robotctl.drivers.can.nodes.sdo import REQUEST_BASE, RESPONSE_BASE, Request
-from robotctl.messages.control import EmergencyMessage, NodeStatus, StrangerKind
-
-EMERGENCY_BASE: Final = 0x080
+from robotctl.messages.control import StrangerKind
 
 READ_BACK_NS: Final = 100_000_000
 """Period of reading back one setting of a node [ns]: all seven of the drive take 0.7 s."""
@@ -34,7 +32,7 @@ class Sink(NamedTuple):
     keeps_all: bool = False
 
 
-class OwnNode:
+class OwnNode(NodePart):
     """A node that `configs/robot.dbc` describes.
 
     Parameters
@@ -60,8 +58,6 @@ class OwnNode:
 
     Attributes
     ----------
-    handlers
-        Frames that it listens to.
     host_frames
         Names of the frames on its bus that only the host may send, by identifier.
     """
@@ -81,31 +77,19 @@ class OwnNode:
         *,
         steered: bool = False,
     ) -> None:
-        self.node = node = Node(node_id, name, script, heartbeat_timeout_ns, notes.strangers)
+        node = Node(node_id, name, script, heartbeat_timeout_ns, notes.strangers)
+        super().__init__(node, notes)
         self.host_frames: Mapping[int, str] = codec.host_only
-        self._emergencies = notes.emergencies
         self._read_back_ns: int | None = None
-        self.handlers: dict[int, Handler] = {
-            codec.nmt_id: self._on_foreign_nmt,
-            HEARTBEAT_BASE + node_id: node.on_heartbeat,
-            REQUEST_BASE + node_id: node.on_foreign_sdo,
-            RESPONSE_BASE + node_id: lambda data, _: node.on_sdo(data),
-            EMERGENCY_BASE + node_id: self._on_emergency,
-        }
         sync = codec.dbc.message(SYNC)
         for frame, sink in frames.items():
             message = codec.dbc.message(frame.message)
             period_ns, on_sync = _period_ns(message, sync, rate_hz, steered=steered)
             receiver = _receiver(message, period_ns, notes, name, on_sync=on_sync)
-            node.watch(receiver, period_ns if on_sync else round(_LATE * period_ns))
+            node.data.watch(receiver, period_ns if on_sync else round(_LATE * period_ns))
             self.handlers[message.arbitration_id] = _guarded(
                 receiver, codec.readers[frame.message], sink
             )
-
-    @property
-    def status(self) -> NodeStatus:
-        """Whether it is there and in service, and why not."""
-        return self.node.status
 
     def check(self, now_ns: int) -> None:
         """Judge what was received up to now; from time to time read a setting back."""
@@ -115,33 +99,6 @@ class OwnNode:
         elif now_ns >= self._read_back_ns:
             self._read_back_ns = now_ns + READ_BACK_NS
             self.node.read_back(now_ns)
-
-    def serve(self, send: Send, now_ns: int) -> bool:
-        """Send the next frame of commissioning or of a wanted transfer; whether there was one."""
-        node = self.node
-        if not node.busy:
-            return False
-        frame = node.poll(now_ns)
-        if frame is None:
-            return False
-        if send(*frame):
-            node.sent(now_ns)
-        return True
-
-    def request(self, request: Request) -> None:
-        """Start a transfer beside the script, if the node is in service."""
-        self.node.request(request)
-
-    def _on_foreign_nmt(self, data: bytes, _: int) -> None:
-        """Handle another device's NMT command."""
-        if len(data) == 2 and data[1] in (0, self.node.node_id):
-            self.node.on_foreign_nmt(data[0])
-
-    def _on_emergency(self, data: bytes, stamp_ns: int) -> None:
-        if len(data) == 8:
-            code = int.from_bytes(data[:2], "little")
-            message = EmergencyMessage(stamp_ns, self.node.node_id, code, data[2])
-            self._emergencies.append(message)
 
 
 def _period_ns(message: Message, sync: Message, rate_hz: int, *, steered: bool) -> tuple[int, bool]:

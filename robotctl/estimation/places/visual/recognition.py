@@ -15,11 +15,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from robotctl.estimation.places.recogniser import Candidate, Recognition
 from robotctl.estimation.places.visual.features import Descriptors, Features
 from robotctl.estimation.places.visual.geometry import common_geometry
 from robotctl.estimation.places.visual.index import InvertedIndex
 from robotctl.estimation.places.visual.matching import match
 from robotctl.estimation.places.visual.vocabulary import Vocabulary
+from robotctl.model.geometry.se2 import SE2
 
 CANDIDATES: Final = 5
 """Images whose geometry is looked at, those of most score."""
@@ -45,54 +47,26 @@ _ALIKE: Final = 0.4
 """Score from which on two images are much the same: of a camera that stands or creeps."""
 
 
-@dataclass(frozen=True, slots=True)
-class VisualCandidate:
-    """An image that may show the same place.
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class VisualCandidate(Candidate[int]):
+    """An image that may show the same place, by its number in the order in which they were added.
+
+    `score` is the similarity of the words; the pose is that of the image.
 
     Parameters
     ----------
-    image
-        Its number, in the order in which they were added.
-    score
-        How alike the words are, 0 to 1.
     matches, inliers
         Features that look alike, and those that also fit one motion of the camera.
     share
         Inliers over the features of the image that has fewer.
     model
         What the motion was fitted by: `plane`, `scene` or `none`.
-    refusal
-        Why it does not count; "" if it does.
     """
 
-    image: int
-    score: float
     matches: int
     inliers: int
     share: float
     model: str
-    refusal: str
-
-
-@dataclass(frozen=True, slots=True)
-class VisualRecognition:
-    """Result of recognising an image.
-
-    Parameters
-    ----------
-    candidates
-        Images that were looked at, the one of most score first.
-    refusal
-        Why no place was recognised; "" if one was.
-    """
-
-    candidates: tuple[VisualCandidate, ...]
-    refusal: str
-
-    @property
-    def found(self) -> VisualCandidate | None:
-        """The image that shows the same place, None if refused."""
-        return next((each for each in self.candidates if not each.refusal), None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,32 +137,32 @@ class VisualPlaces:
         self._index.add(sight.words, sight.weights)
         self._sights.append(sight)
 
-    def recognise(self, sight: Sight, *, is_next: bool) -> VisualRecognition:
-        """Return which image shows the same place, or why none does.
+    def suggest(self, sensed: Sight, *, is_next: bool = True) -> Recognition[VisualCandidate]:
+        """Return which images may show the same place, and why none does.
 
         Parameters
         ----------
-        sight
-            What is seen.
+        sensed
+            The image.
         is_next
             Whether it follows the last image in the drive: then those of the same visit are left
             out. `add` remembers it afterwards.
         """
-        if len(sight.points) < LEAST_FEATURES:
+        if len(sensed.points) < LEAST_FEATURES:
             self._before.append(())
-            return VisualRecognition((), f"only {len(sight.points)} features")
-        scores = self._index.scores(sight.words, sight.weights)
+            return Recognition((), f"only {len(sensed.points)} features")
+        scores = self._index.scores(sensed.words, sensed.weights)
         if is_next:
             scores = scores[: max(0, len(scores) - self._gap - _alike_before(scores))]
-        looked_at = [self._verified(sight, image, scores) for image in self._peaks(scores)]
+        looked_at = [self._verified(sensed, image, scores) for image in self._peaks(scores)]
         judged = self._judged(looked_at)
-        self._before.append(tuple(each.image for each in looked_at if not each.refusal))
-        result = VisualRecognition(tuple(judged), "")
+        self._before.append(tuple(each.place for each in looked_at if not each.refusal))
+        result = Recognition(tuple(judged))
         if result.found is None:
             best = max(judged, key=lambda each: each.share, default=None)
             return replace(result, refusal=best.refusal if best else "nothing like it")
         if is_next:
-            self._closures.append((len(self), result.found.image))
+            self._closures.append((len(self), result.found.place))
         return result
 
     def _peaks(self, scores: NDArray[np.float64]) -> list[int]:
@@ -213,7 +187,10 @@ class VisualPlaces:
         fewer = max(_FEW, min(len(sight.points), len(known.points)))
         if len(pairs) < LEAST_SHARE * fewer:
             score = float(scores[image])
-            return VisualCandidate(image, score, len(pairs), 0, 0.0, "none", "few features match")
+            return VisualCandidate(
+                image, SE2(), score, "few features match",
+                matches=len(pairs), inliers=0, share=0.0, model="none",
+            )  # fmt: skip
         fit = common_geometry(
             sight.points[pairs[:, 0]],
             known.points[pairs[:, 1]],
@@ -227,8 +204,9 @@ class VisualPlaces:
         elif share < LEAST_SHARE:
             refusal = "too little in common"
         return VisualCandidate(
-            image, float(scores[image]), len(pairs), len(fit.inliers), share, fit.model, refusal
-        )
+            image, SE2(), float(scores[image]), refusal,
+            matches=len(pairs), inliers=len(fit.inliers), share=share, model=fit.model,
+        )  # fmt: skip
 
     def _judged(self, looked_at: Sequence[VisualCandidate]) -> list[VisualCandidate]:
         """Return the candidates; at most one is left that is not refused."""
@@ -238,13 +216,13 @@ class VisualPlaces:
         best = max(fitting, key=lambda each: each.share)
         refusal = ""
         if any(
-            each.share > RIVAL * best.share and not self._are_one_place(each.image, best.image)
+            each.share > RIVAL * best.share and not self._are_one_place(each.place, best.place)
             for each in looked_at
             if each is not best
         ):
             refusal = "ambiguous"
         elif best.share < ALONE_SHARE and not any(
-            self._are_near(best.image, earlier) for found in self._before for earlier in found
+            self._are_near(best.place, earlier) for found in self._before for earlier in found
         ):
             refusal = "not confirmed by the images before"
         return [

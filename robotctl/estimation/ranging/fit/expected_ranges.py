@@ -15,8 +15,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.estimation.ranging.grid_echoes import GridEchoes
-from robotctl.estimation.ranging.wall_echoes import WallEchoes
+from robotctl.estimation.ranging.sonar_cones import Echoes, SonarCones
+from robotctl.estimation.ranging.sonar_model import echoes_in
 from robotctl.model.grid_map import GridMap
 from robotctl.model.wall_map import WallMap
 
@@ -75,9 +75,8 @@ class EchoExpectations:
         beam_rad: float,
         reach_m: float,
     ) -> None:
-        def echoes(room: WallMap | GridMap, share: float = 1.0) -> WallEchoes | GridEchoes:
-            at = (mounts, share * beam_rad, _OPEN_RAD, reach_m)
-            return WallEchoes(room, *at) if isinstance(room, WallMap) else GridEchoes(room, *at)
+        def echoes(room: WallMap | GridMap, share: float = 1.0) -> Echoes:
+            return echoes_in(room, SonarCones(mounts, share * beam_rad, _OPEN_RAD, reach_m))
 
         self._echoes = echoes(room)
         self._others = [echoes(room, 1.0 - _BEAM), echoes(room, 1.0 + _BEAM)]
@@ -152,7 +151,7 @@ class EchoExpectations:
         return steady
 
 
-def _least_incidences(echoes: WallEchoes | GridEchoes, lines: Sightlines) -> NDArray[np.float64]:
+def _least_incidences(echoes: Echoes, lines: Sightlines) -> NDArray[np.float64]:
     """Return the middle of the step in which each is first heard as the limit rises, (m,) [rad]."""
     steps = np.full(len(lines.sensors), _COARSE * _FINE + 1)
     silent = np.arange(len(steps))
@@ -183,7 +182,7 @@ def _without_ends(walls: WallMap) -> WallMap:
     return WallMap(kept) if len(kept) else walls
 
 
-def _along(echoes: WallEchoes | GridEchoes, lines: Sightlines) -> NDArray[np.float64]:
+def _along(echoes: Echoes, lines: Sightlines) -> NDArray[np.float64]:
     """Return the range along each line, (m,) [m]."""
     found = np.empty(len(lines.sensors))
     for sensor in np.unique(lines.sensors).tolist():

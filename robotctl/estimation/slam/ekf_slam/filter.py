@@ -31,7 +31,9 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from robotctl.compiled import compiled
 from robotctl.estimation.kalman.chi_squared import chi2_quantile
+from robotctl.estimation.kalman.growing_gaussian import GrowingGaussian
 from robotctl.estimation.slam.ekf_slam.association import (
     NONE,
     Gates,
@@ -41,7 +43,6 @@ from robotctl.estimation.slam.ekf_slam.association import (
     unambiguous,
 )
 from robotctl.estimation.slam.ekf_slam.features import HEADING, PLACE, FeatureKind
-from robotctl.estimation.slam.ekf_slam.gaussian import JointGaussian
 from robotctl.model.drives.motion import arc
 from robotctl.model.drives.motion_noise import MotionNoise, added_covariance, pose_jacobian
 from robotctl.model.geometry.angles import wrap_angle
@@ -54,6 +55,8 @@ Indices: TypeAlias = NDArray[np.int64]
 
 NEW: Final = -2
 """Association of a measurement with no feature of the map."""
+PAST_POSE: Final = ("place", "heading")
+"""Beginnings of the names of the two features of a past pose."""
 _POSE: Final = 3
 
 
@@ -83,35 +86,64 @@ class EkfSlam:
         gates: Gates | None = None,
         considered: Sequence[int] = (),
     ) -> None:
-        self.belief = JointGaussian(x_v, P_xx)
-        """State and covariance of all."""
+        self.belief = GrowingGaussian(x_v, P_xx)
+        """State and covariance of the robot, then of two numbers for each feature."""
+        self.nv = len(x_v)
+        """Size of the robot's state."""
         self.names: list[int | str] = []
         """Name of each feature."""
         self.kinds: list[FeatureKind] = []
         """Kind of each feature."""
         self.gates = gates or Gates()
-        self._considered = np.ix_(considered, considered) if considered else None
-        self._turns = np.ones(1 if invariant else 0, np.bool_)
+        self._robot = np.arange(self.nv)
+        self._considered = np.array(considered, np.int64)
+        self._invariant = invariant
         self._index: dict[int | str, int] = {}
+        self._turning = self._turning_columns()
+
+    @property
+    def x_v(self) -> Array:
+        """The robot's state (nv,), a view."""
+        return self.belief.x[: self.nv]
+
+    @property
+    def features(self) -> Array:
+        """The features (k, 2), a view."""
+        return self.belief.x[self.nv :].reshape(-1, 2)
 
     @property
     def pose(self) -> SE2:
         """`base` in `world`."""
-        x, y, theta = self.belief.x_v[:_POSE].tolist()
+        x, y, theta = self.x_v[:_POSE].tolist()
         return SE2(x, y, wrap_angle(theta))
+
+    def pose_covariance(self) -> Array:
+        """Return the covariance of x [m], y [m], theta [rad], (3, 3)."""
+        return self.belief.block(self._robot[:_POSE])
+
+    def covariance(self, feature: int) -> Array:
+        """Return the covariance of a feature (2, 2).
+
+        Raises
+        ------
+        IndexError
+            If there is no such feature.
+        """
+        return self.belief.block(self._column(feature) + np.arange(2))
 
     def estimate(self, stamp_ns: int) -> PoseEstimate:
         """Return the pose and its covariance, of a time [ns]."""
-        covariance = self.belief.block(None, None)[:_POSE, :_POSE].copy()
-        return PoseEstimate(stamp_ns, self.pose, covariance, LocalisationStatus.LOCALISED)
+        return PoseEstimate(
+            stamp_ns, self.pose, self.pose_covariance(), LocalisationStatus.LOCALISED
+        )
 
     def nees(self, truth: SE2) -> float:
         """Return the squared error of the pose, normalised by its covariance; 3 dimensions.
 
         With `invariant` the error is that in the tangent space in which the filter corrects.
         """
-        P = self.belief.block(None, None)[:_POSE, :_POSE]
-        return tangent_nees(self.pose, P, truth) if len(self._turns) else _nees(self.pose, P, truth)
+        nees = tangent_nees if self._invariant else _nees
+        return nees(self.pose, self.pose_covariance(), truth)
 
     def index(self, name: int | str) -> int | None:
         """Return which feature has a name; None if none has."""
@@ -177,20 +209,31 @@ class EkfSlam:
         ValueError
             If the covariance of the innovations is not positive definite: noises without any.
         """
-        expected, by_robot, by_feature = self._expected(kind, which)
+        expected, columns, J = self.expected(kind, which)
         off = kind.residual(z, expected)
-        if self._considered is None:
-            return self.belief.update(which, by_robot, by_feature, off, R, self._turns)
-        states, P_xx = self._considered[1][0], self.belief.block(None, None)
-        x, P = self.belief.x_v[states].copy(), P_xx[self._considered].copy()
-        nis = self.belief.update(which, by_robot, by_feature, off, R, self._turns)
-        self.belief.x_v[states], P_xx[self._considered] = x, P
+        if not len(self._considered):
+            return self.belief.update(columns, J, off, R, self._turning)
+        x, P = self.x_v[self._considered], self.belief.block(self._considered)
+        nis = self.belief.update(columns, J, off, R, self._turning)
+        self.x_v[self._considered] = x
+        self.belief.set_block(self._considered, P)
         return nis
+
+    def expected(self, kind: FeatureKind, which: Indices) -> tuple[Array, Indices, Array]:
+        """Return what features (m,) should be measured as, and on what that depends.
+
+        Returns
+        -------
+        Expected measurements (m, 2); columns of the state (m, nv + 2), and the Jacobians by these
+        (m, 2, nv + 2).
+        """
+        expected, by_robot, by_feature = kind.expected(self.x_v, self.features[which])
+        return expected, *_joined(which, by_robot, by_feature)
 
     def add(self, kind: FeatureKind, name: int | str, z: Array, R: Array) -> int:
         """Add the feature of a measurement (2,) with the noise R (2, 2); return its number."""
-        y = kind.initial(self.belief.x_v, z)
-        _, by_robot, by_feature = kind.expected(self.belief.x_v, y[np.newaxis])
+        y = kind.initial(self.x_v, z)
+        _, by_robot, by_feature = kind.expected(self.x_v, y[np.newaxis])
         inverse = np.linalg.inv(by_feature[0])
         return self._append(kind, name, y, -inverse @ by_robot[0], inverse @ R @ inverse.T)
 
@@ -201,11 +244,11 @@ class EkfSlam:
         that is 0. `past` returns them.
         """
         nothing = np.zeros((2, 2))
-        by_pose = np.zeros((2, 2, self.belief.nv))
+        by_pose = np.zeros((2, 2, self.nv))
         by_pose[0, 0, 0] = by_pose[0, 1, 1] = by_pose[1, 0, 2] = 1.0
-        x, y, theta = self.belief.x_v[:_POSE].tolist()
-        self._append(PLACE, f"place {name}", np.array([x, y]), by_pose[0], nothing)
-        self._append(HEADING, f"heading {name}", np.array([theta, 0.0]), by_pose[1], nothing)
+        x, y, theta = self.x_v[:_POSE].tolist()
+        self._append(PLACE, f"{PAST_POSE[0]} {name}", np.array([x, y]), by_pose[0], nothing)
+        self._append(HEADING, f"{PAST_POSE[1]} {name}", np.array([theta, 0.0]), by_pose[1], nothing)
 
     def past(self, name: int | str) -> tuple[SE2, Array]:
         """Return a remembered pose as it is estimated now, and its covariance (3, 3).
@@ -215,34 +258,52 @@ class EkfSlam:
         KeyError
             If none was remembered by this name.
         """
-        place, heading = self._index[f"place {name}"], self._index[f"heading {name}"]
-        belief = self.belief
-        (x, y), theta = belief.features[place].tolist(), float(belief.features[heading, 0])
-        P = np.empty((3, 3))
-        P[:2, :2] = belief.block(place, place)
-        P[:2, 2] = P[2, :2] = belief.block(place, heading)[:, 0]
-        P[2, 2] = belief.block(heading, heading)[0, 0]
-        return SE2(x, y, wrap_angle(theta)), P
+        place, heading = (self._column(self._index[f"{what} {name}"]) for what in PAST_POSE)
+        at = np.array([place, place + 1, heading])
+        x, y, theta = self.belief.x[at].tolist()
+        return SE2(x, y, wrap_angle(theta)), self.belief.block(at)
 
     def _append(
         self, kind: FeatureKind, name: int | str, y: Array, by_robot: Array, noise: Array
     ) -> int:
         """Add a feature; return its number."""
-        number = self.belief.append(y, by_robot, noise)
+        self.belief.append(y, self._robot, by_robot, noise)
+        number = len(self.names)
         self.names.append(name)
         self.kinds.append(kind)
         self._index[name] = number
-        if len(self._turns):
-            self._turns = np.insert(self._turns, number, kind.turns)
+        self._turning = self._turning_columns()
         return number
 
     def remove(self, which: int) -> None:
-        """Forget a feature; those behind it move up by one."""
-        self.belief.remove(which)
-        if len(self._turns):
-            self._turns = np.delete(self._turns, which)
-        del self.names[which], self.kinds[which]
-        self._index = {name: number for number, name in enumerate(self.names)}
+        """Forget a feature; the last one takes its number.
+
+        Raises
+        ------
+        IndexError
+            If there is no such feature.
+        """
+        self.belief.remove(self._column(which), 2)
+        del self._index[self.names[which]]
+        self.names[which], self.kinds[which] = self.names[-1], self.kinds[-1]
+        self.names.pop()
+        self.kinds.pop()
+        if which < len(self.names):
+            self._index[self.names[which]] = which
+        self._turning = self._turning_columns()
+
+    def _column(self, feature: int) -> int:
+        """Return the first column of a feature; raise `IndexError` if there is none."""
+        if not 0 <= feature < len(self.names):
+            raise IndexError(f"feature {feature}: there are {len(self.names)}")
+        return self.nv + 2 * feature
+
+    def _turning_columns(self) -> Indices:
+        """Return the first columns of the positions whose errors turn with the heading."""
+        if not self._invariant:
+            return np.empty(0, np.int64)
+        places = [self.nv + 2 * number for number, kind in enumerate(self.kinds) if kind.turns]
+        return np.array([0, *places], np.int64)
 
     def associate(
         self, kind: FeatureKind, z: Array, R: Array, method: Literal["nearest", "joint"] = "joint"
@@ -264,20 +325,18 @@ class EkfSlam:
         which = np.flatnonzero([each is kind for each in self.kinds])
         if len(which) == 0:
             return np.full(len(z), NEW)
-        expected, by_robot, by_feature = self._expected(kind, which)
+        expected, columns, J = self.expected(kind, which)
         off = kind.residual(
             np.repeat(z, len(which), axis=0), np.tile(expected, (len(z), 1))
         ).reshape(len(z), len(which), 2)
-        each = self.belief.innovation_covariances(which, by_robot, by_feature)
+        each = self.belief.innovation_covariances(columns, J)
         nis = pair_nis(off, each, R)
         gate = chi2_quantile(self.gates.compatible, 2)
         if method == "nearest":
             found = nearest_neighbour(nis, gate)
         else:
             near = np.flatnonzero((nis <= gate).any(axis=0))
-            G = self.belief.joint_innovation_covariance(
-                which[near], by_robot[near], by_feature[near]
-            )
+            G = self.belief.joint_innovation_covariance(columns[near], J[near])
             found = joint_compatibility(off[:, near], G, R, nis[:, near], self.gates.compatible)
             found = np.where(found >= 0, near[found] if len(near) else NONE, NONE)
             found = unambiguous(found, nis, each, R, self.gates.ratio)
@@ -285,9 +344,20 @@ class EkfSlam:
         result: Indices = np.where(found >= 0, which[found], np.where(is_far, NEW, NONE))
         return result
 
-    def _expected(self, kind: FeatureKind, which: Indices) -> tuple[Array, Array, Array]:
-        """Return the expected measurements of features, and their Jacobians."""
-        return kind.expected(self.belief.x_v, self.belief.features[which])
+
+@compiled
+def _joined(which: Indices, by_robot: Array, by_feature: Array) -> tuple[Indices, Array]:
+    """Return the columns of robot and features (m, nv + 2), and the Jacobians by these."""
+    m, _, nv = by_robot.shape
+    columns, J = np.empty((m, nv + 2), np.int64), np.empty((m, 2, nv + 2))
+    for a in range(m):
+        for c in range(nv):
+            columns[a, c] = c
+            J[a, 0, c], J[a, 1, c] = by_robot[a, 0, c], by_robot[a, 1, c]
+        for c in range(2):
+            columns[a, nv + c] = nv + 2 * which[a] + c
+            J[a, 0, nv + c], J[a, 1, nv + c] = by_feature[a, 0, c], by_feature[a, 1, c]
+    return columns, J
 
 
 def tangent_nees(pose: SE2, P: Array, truth: SE2) -> float:

@@ -84,7 +84,7 @@ class GraphDrive:
         self._kept = [0, *kept[kept < count - 1].tolist(), count - 1]
         self._maps = None if most_features is None else JoinedMaps(most_features)
         if self._maps is not None:  # a local map begins at its own origin
-            self._maps.x[:], start = start, np.zeros(3)
+            self._maps.belief.x[:], start = start, np.zeros(3)
         self._slam = EkfSlam(start.copy(), 1e-12 * np.eye(3))
         self.online = np.zeros((count, 3))
         """Poses as they were estimated at their time, (n, 3)."""
@@ -109,8 +109,8 @@ class GraphDrive:
         """Return where a landmark is, by its row (2,), and the covariance of that (2, 2)."""
         if self._maps is not None:
             return self._maps.feature(row)
-        number, belief = self._slam.names.index(row), self._slam.belief
-        return belief.features[number], belief.block(number, number)
+        number = self._slam.names.index(row)
+        return self._slam.features[number], self._slam.covariance(number)
 
     def _past(self, row: int) -> tuple[SE2, Array]:
         """Return a pose that was kept, and its covariance (3, 3)."""

@@ -26,9 +26,11 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from robotctl.estimation.kalman.growing_gaussian import HEADING as HEADING_COLUMN
+from robotctl.estimation.kalman.growing_gaussian import GrowingGaussian
 from robotctl.estimation.slam.ekf_slam.features import HEADING
-from robotctl.estimation.slam.ekf_slam.filter import EkfSlam
-from robotctl.model.geometry.angles import sinc, wrap_angle
+from robotctl.estimation.slam.ekf_slam.filter import PAST_POSE, EkfSlam
+from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.points import rotation
 from robotctl.model.geometry.se2 import SE2
 
@@ -51,19 +53,17 @@ class JoinedMaps:
 
     def __init__(self, most_features: int = MOST_FEATURES) -> None:
         self.most_features = most_features
-        self.x = np.zeros(_POSE)
-        """The pose x [m], y [m], theta [rad] in `world`, then two numbers a feature, (n,)."""
-        self.P = np.zeros((_POSE, _POSE))
-        """Its covariance (n, n)."""
+        self.belief = GrowingGaussian(np.zeros(_POSE), np.zeros((_POSE, _POSE)))
+        """The pose x [m], y [m], theta [rad] in `world`, then two numbers a feature."""
         self.names: list[int | str] = []
         """Names of the features."""
-        self._turns = np.empty(0, np.bool_)
+        self._turns: list[bool] = []
         self._index: dict[int | str, int] = {}
 
     @property
     def base(self) -> SE2:
         """Origin of the present local map, in `world`."""
-        x, y, theta = self.x[:_POSE].tolist()
+        x, y, theta = self.belief.x[:_POSE].tolist()
         return SE2(x, y, wrap_angle(theta))
 
     def begin(self) -> EkfSlam:
@@ -85,26 +85,27 @@ class JoinedMaps:
         ]
         if twice:
             self._unite(np.array(twice))
-        self._move_base()
-        for k, name in enumerate(local.names):
-            self._index.setdefault(name, first + k)
-        if twice:
-            self._drop({second for _, second in twice})
+        self.belief.remove(0, _POSE)  # the pose behind the features begins the next map
+        for _, second in reversed(twice):
+            self._drop(second)
+        self._index = {name: number for number, name in enumerate(self.names)}
         return self.begin()
 
     def feature(self, name: int | str) -> tuple[Array, Array]:
         """Return the two numbers of a feature, and their covariance (2, 2)."""
-        at = _POSE + 2 * self._index[name]
-        return self.x[at : at + 2], self.P[at : at + 2, at : at + 2]
+        at = self._column(name) + np.arange(2)
+        return self.belief.x[at], self.belief.block(at)
 
     def past(self, name: int | str) -> tuple[SE2, Array]:
         """Return a pose that a local map remembered, and its covariance (3, 3)."""
-        place, heading = (
-            _POSE + 2 * self._index[f"{what} {name}"] for what in ("place", "heading")
-        )
-        at = [place, place + 1, heading]
-        x, y, theta = self.x[at].tolist()
-        return SE2(x, y, wrap_angle(theta)), self.P[np.ix_(at, at)]
+        place, heading = (self._column(f"{what} {name}") for what in PAST_POSE)
+        at = np.array([place, place + 1, heading])
+        x, y, theta = self.belief.x[at].tolist()
+        return SE2(x, y, wrap_angle(theta)), self.belief.block(at)
+
+    def _column(self, name: int | str) -> int:
+        """Return the first column of a feature."""
+        return _POSE + 2 * self._index[name]
 
     def _append(self, local: EkfSlam) -> None:
         """Put the features of a local map behind all others, and at last the pose where it ends."""
@@ -126,60 +127,31 @@ class JoinedMaps:
         moved[headings] += base.theta_rad
         by_base[headings, 2] = 1.0
         own = by_local @ belief.covariance() @ by_local.T
-        own += by_base @ self.P[:_POSE, :_POSE] @ by_base.T
-        across = by_base @ self.P[:_POSE]
-        own, across = np.roll(own, -_POSE, (0, 1)), np.roll(across, -_POSE, 0)
-        self.P = np.block([[self.P, across.T], [across, own]])
-        self.x = np.concatenate([self.x, np.roll(moved, -_POSE)])
+        moved, own, by_base = (
+            np.roll(moved, -_POSE), np.roll(own, -_POSE, (0, 1)), np.roll(by_base, -_POSE, 0)
+        )  # fmt: skip
+        self.belief.append(moved, np.arange(_POSE), by_base, own)
         self.names += local.names
-        self._turns = np.concatenate([self._turns, turns])
-
-    def _move_base(self) -> None:
-        """Begin the next local map at the pose that is behind all features."""
-        end = len(self.x) - _POSE
-        order = np.concatenate([np.arange(end, end + _POSE), np.arange(_POSE, end)])
-        self.x, self.P = self.x[order], self.P[np.ix_(order, order)]
+        self._turns += turns.tolist()
 
     def _unite(self, twice: NDArray[np.int64]) -> None:
         """Take in that pairs of features (m, 2) are the same."""
         first, second = (_POSE + 2 * twice[:, k, None] + [0, 1] for k in (0, 1))
-        a, b = first.ravel(), second.ravel()
-        off = self.x[b] - self.x[a]
+        off = self.belief.x[second] - self.belief.x[first]
+        columns = np.concatenate([first, second, np.full((len(twice), 1), HEADING_COLUMN)], axis=1)
+        J = np.zeros((len(twice), 2, 5))
+        J[:, 0, 0] = J[:, 1, 1] = 1.0
+        J[:, 0, 2] = J[:, 1, 3] = -1.0
         # Errors turn with the heading of the base, those of both places about the origin.
-        turned = np.stack([-off[1::2], off[::2]], axis=1).ravel()
-        HP = self.P[a] - self.P[b] + np.outer(turned, self.P[2])
-        S = HP[:, a] - HP[:, b] + np.outer(HP[:, 2], turned)
-        L = np.linalg.cholesky(S + _NOISE_M2 * np.eye(len(S)))
-        W = np.linalg.solve(L, HP)
-        self.P -= W.T @ W
-        self._correct(W.T @ np.linalg.solve(L, off))
-
-    def _correct(self, change: Array) -> None:
-        """Correct the state along the exponential of SE(2), and let the covariance follow."""
+        J[:, 0, 4], J[:, 1, 4] = -off[:, 1], off[:, 0]
         places = _POSE + 2 * np.flatnonzero(self._turns)
-        at = np.concatenate([[0], places, [len(self.x) - _POSE]])
-        rows = np.stack([at, at + 1], axis=1)
-        change[rows] = change[rows] @ _along(float(change[2])).T
-        self.x += change
-        u = np.zeros(len(self.x))
-        u[at], u[at + 1] = -change[at + 1], change[at]
-        v = self.P[2] + 0.5 * self.P[2, 2] * u
-        self.P += np.outer(u, v) + np.outer(v, u)
+        end = self.belief.n - _POSE
+        noise = np.tile(_NOISE_M2 * np.eye(2), (len(twice), 1, 1))
+        self.belief.update(columns, J, off, noise, np.array([0, *places, end], np.int64))
 
-    def _drop(self, numbers: set[int]) -> None:
-        """Take out features."""
-        kept = [k for k in range(len(self.names)) if k not in numbers]
-        at = np.concatenate(
-            [np.arange(_POSE), (_POSE + 2 * np.array(kept)[:, None] + [0, 1]).ravel()]
-        )
-        self.x, self.P = self.x[at], self.P[np.ix_(at, at)]
-        self.names = [self.names[k] for k in kept]
-        self._turns = self._turns[kept]
-        self._index = {name: k for k, name in enumerate(self.names)}
-
-
-def _along(turn_rad: float) -> Array:
-    """Return V (2, 2) of SE(2): a motion V dp goes with dp along a turn of this angle."""
-    half = 0.5 * turn_rad
-    result: Array = sinc(half) * rotation(-half)
-    return result
+    def _drop(self, number: int) -> None:
+        """Take out a feature; the last one takes its number."""
+        self.belief.remove(_POSE + 2 * number, 2)
+        self.names[number], self._turns[number] = self.names[-1], self._turns[-1]
+        self.names.pop()
+        self._turns.pop()

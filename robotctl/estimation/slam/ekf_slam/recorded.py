@@ -123,10 +123,10 @@ class RecordedSlam:
 
     def motion(self, begin_ns: int, end_ns: int) -> Prediction:
         """Return the motion from one time to another [ns], from pose 0 on, as calibrated now."""
-        x = self.run.slam.belief.x_v.copy()
+        x = self.run.slam.x_v.copy()
         x[:3] = 0.0
         begin, end = (self._odometry.at(at, self.run.delay_s) for at in (begin_ns, end_ns))
-        return self.run.prediction(x, begin, end, 1e-9 * (end_ns - begin_ns))
+        return self.run.robot.prediction(x, begin, end, 1e-9 * (end_ns - begin_ns))
 
     def _way_m(self, stamps_ns: list[int]) -> float:
         """Return how far odometry went [m]."""

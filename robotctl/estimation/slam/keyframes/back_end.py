@@ -22,6 +22,10 @@ DRIFT_M: Final = 0.02
 DRIFT_RAD: Final = 0.01
 """Drift of matched scans per metre that their covariances do not contain [m, rad]."""
 
+LOOSE_M: Final = 0.25
+LOOSE_RAD: Final = 0.08
+"""With less doubt between, old keyframes are where they are; others are loops to close."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Link:
@@ -37,6 +41,12 @@ class Link:
 def as_row(pose: SE2) -> Floats:
     """Return x, y, theta as an array."""
     return np.array([pose.x_m, pose.y_m, pose.theta_rad])
+
+
+def certain(doubts: Floats) -> NDArray[np.bool_]:
+    """Return of which keyframes the place is certain, by `BackEnd.doubts`, (n,)."""
+    result: NDArray[np.bool_] = (doubts[:, 0] < LOOSE_M) & (doubts[:, 1] < LOOSE_RAD)
+    return result
 
 
 class BackEnd:
@@ -115,6 +125,19 @@ class BackEnd:
         """Relinearise until the estimate is that of a batch."""
         self._smoother.refine()
         self.poses = self._smoother.estimates(POSES)
+
+    def close(self, links: list[Link]) -> None:
+        """Add the links of a loop, optimise, and take weight from contradicted links."""
+        for link in links:
+            self.link(link)
+        self.update()
+        self.reweigh()
+
+    def finish(self) -> None:
+        """Make the estimate exact, after the last link."""
+        self.refine()
+        self.reweigh()
+        self.refine()
 
     def pose(self, number: int) -> SE2:
         """Return the pose of a keyframe in `map`."""

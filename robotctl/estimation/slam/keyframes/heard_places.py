@@ -4,31 +4,36 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 from robotctl.estimation.places.database import PlaceBook
+from robotctl.estimation.places.recogniser import Candidate, Recognition
 from robotctl.estimation.places.signature_turn import Turn, TurnCollector
-from robotctl.estimation.slam.keyframes.loops import Candidate, LoopSearch
+from robotctl.estimation.slam.keyframes.loops import LoopSearch
 from robotctl.estimation.slam.keyframes.motion import Place
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarMount, SonarReading
 
-_SHIFT_M: Final = 1.0
-_TURN_RAD: Final = 0.5
-"""How far from where it sounds alike the robot may be."""
 _KEPT: Final = 8
-"""Turns that wait until the mapper knows where they ended."""
+"""Number of turns that wait until the mapper knows where they ended; few end between two scans."""
+
+
+class PlacedTurn(NamedTuple):
+    """A turn on the spot, and where the robot was at its end."""
+
+    turn: Turn
+    place: Place
 
 
 class HeardPlaces:
-    """Compares each turn on the spot with those before, and tells a search of loops.
+    """Compares each turn on the spot with those before, and suggests loops.
 
     Parameters
     ----------
     mounts
-        Of the sonars.
+        Mounting of the sonars.
     loops
-        Where to look for loops; scans bear out what the sonars say.
+        Verifies the suggestions by scans.
     """
 
     def __init__(self, mounts: Sequence[SonarMount], loops: LoopSearch) -> None:
@@ -40,7 +45,7 @@ class HeardPlaces:
         self._waiting: deque[Turn] = deque(maxlen=_KEPT)
 
     def begin_odometry(self) -> None:
-        """Take the odometry of the next reading for another one."""
+        """Start with another odometry at the next reading."""
         self._collector.reset()
         self._waiting.clear()
 
@@ -51,24 +56,26 @@ class HeardPlaces:
             self._waiting.append(turn)
 
     def look(self, place: Place, odometry: SE2) -> None:
-        """Look at turns that ended before a scan, with its place and `base` in `odom` then."""
+        """Compare turns that ended before a scan, with its place and `base` in `odom` then."""
         while self._waiting and self._waiting[0].stamp_ns <= place.stamp_ns:
             turn = self._waiting.popleft()
             at_end = place.pose @ odometry.inverse() @ turn.odometry
-            self._look(turn, Place(turn.stamp_ns, place.keyframe, at_end))
+            ended = PlacedTurn(turn, Place(turn.stamp_ns, place.keyframe, at_end))
+            self._loops.suggest(place.keyframe, "sonar turn", self.suggest(ended).candidates)
 
-    def _look(self, turn: Turn, now: Place) -> None:
-        """Recognise the place of a turn; learn it, if it is new."""
-        if self._book.too_little(turn.signature):
-            return
-        found = self._book.recognise(turn.signature).place
+    def suggest(self, sensed: PlacedTurn) -> Recognition[Candidate[int]]:
+        """Return the keyframe in which a turn like this one ended; remember one of a new place."""
+        signature, now = sensed.turn.signature, sensed.place
+        problem = self._book.too_little(signature)
+        if problem:
+            return Recognition((), problem)
+        recognition = self._book.suggest(signature)
+        found = recognition.found
         if found is None:
             name = f"turn {len(self._places) + 1}"
-            self._book = self._book.learned(name, turn.signature)
+            self._book = self._book.learned(name, signature)
             self._places[name] = now
-            return
+            return Recognition((), recognition.refusal)
         old = self._places[found.place]
-        at = old.pose @ found.pose @ now.pose.inverse()
-        self._loops.suggest(
-            Candidate(now.keyframe, old.keyframe, "sonar turn", _SHIFT_M, _TURN_RAD, at)
-        )
+        pose = old.pose @ found.pose @ now.pose.inverse()
+        return Recognition((Candidate(old.keyframe, pose, found.score),))

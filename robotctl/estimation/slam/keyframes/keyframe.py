@@ -10,21 +10,18 @@ import numpy as np
 from robotctl.estimation.slam.front_end.agreement import View, agreement, view_of
 from robotctl.estimation.slam.front_end.point_to_line import Bins, Match, binned, refine
 from robotctl.estimation.slam.front_end.surface import Floats, Surface
-from robotctl.estimation.slam.keyframes.config import KeyframeConfig
+from robotctl.estimation.slam_config import KeyframeConfig
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
 
 LOOSE = np.diag(1.0 / np.array([0.3, 0.3, 0.1]) ** 2)
 """Holds a match along corridors near its start; of no weight elsewhere."""
-_LEAST_OVERLAP: Final = 0.25
 _SHARE: Final = 0.25
 CORRIDOR: Final = 0.15
 """Information along, beside that across, with which a stretch counts as a corridor."""
 _LEAST: Final = np.array([1.0, 1.0, 25.0])
 _BENT: Final = np.array([0.03, 0.03, 0.01]) ** 2
 """Variances by which the odometry bends a stretch [m^2, m^2, rad^2]."""
-_HOPELESS: Final = 0.1
-"""Overlap at the start with which a match is not even tried."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,7 +75,7 @@ def match_pair(
 
     None if they do not overlap, do not match, or contradict each other.
     """
-    if first.sees(second, start) < _HOPELESS:
+    if first.sees(second, start) < config.tuning.links.hopeless_overlap:
         return None
     match = refine(first.bins, second.surface, start, start, LOOSE, wide_m)
     if config.stretch_m:
@@ -86,7 +83,9 @@ def match_pair(
     if match.inliers < config.least_inliers:
         return None
     overlap, contradicts = compared(first, second, match.pose)
-    is_same = contradicts <= 1.0 - config.least_agreement and overlap >= _LEAST_OVERLAP
+    is_same = (
+        contradicts <= 1.0 - config.least_agreement and overlap >= config.tuning.links.least_overlap
+    )
     if not is_same:
         return None
     return replace(match, information=honest(match.information)) if config.stretch_m else match

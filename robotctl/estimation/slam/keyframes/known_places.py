@@ -5,34 +5,17 @@ So a robot that stays in one building keeps a map of one size, which shows what 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 
 from robotctl.estimation.slam.front_end.surface import Floats, surface_of
-from robotctl.estimation.slam.keyframes.back_end import BackEnd
-from robotctl.estimation.slam.keyframes.config import KeyframeConfig
+from robotctl.estimation.slam.keyframes.back_end import BackEnd, certain
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe, compared, keyframe_of, match_pair
-from robotctl.estimation.slam.keyframes.tracker import CONTRADICTS
+from robotctl.estimation.slam.keyframes.motion import CONTRADICTS, Place, PredictedMotion
+from robotctl.estimation.slam.keyframes.robot_state import RobotState
+from robotctl.estimation.slam_config import KeyframeConfig, KnownPlacesConfig
 from robotctl.model.geometry.se2 import SE2
-
-NEAR_M: Final = 0.4
-"""Keyframes are this far apart, unless they see different things."""
-LOOSE_M: Final = 0.25
-LOOSE_RAD: Final = 0.08
-"""With less doubt between, old keyframes are where they are; others are loops to close."""
-_TRIES: Final = 3
-CHANGED: Final = 0.04
-"""Share of two scans that may contradict: beyond it, something was moved."""
-_YOUNG_M: Final = 5.0
-"""Way after which a scan may be replaced: people walk about."""
-_WIDE_M: Final = 0.15
-_MOVED: Final = 0.05
-"""Share of two scans that may contradict, of half of the keyframes asked about a place."""
-_PASSES: Final = 6
-"""Keyframes to pass until a place where the robot was found is sure: half of them bear it out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,19 +55,13 @@ class Known:
         if self.information is None:
             return None
         off = np.array((self.pose.inverse() @ start).log())
-        doubt = covariance + np.linalg.inv(self.information)
-        if off @ np.linalg.solve(doubt, off) > CONTRADICTS:
+        innovation_covariance = covariance + np.linalg.inv(self.information)
+        if off @ np.linalg.solve(innovation_covariance, off) > CONTRADICTS:
             return None
         before = np.linalg.inv(covariance)
         after = np.linalg.inv(before + self.information).astype(np.float64)
         pose = self.pose @ SE2.exp(*(after @ before @ off).tolist())
         return replace(self, pose=pose), after
-
-
-def certain(doubts: np.ndarray) -> np.ndarray:
-    """Return of which keyframes the place is certain, by `BackEnd.doubts`, (n,)."""
-    result: np.ndarray = (doubts[:, 0] < LOOSE_M) & (doubts[:, 1] < LOOSE_RAD)
-    return result
 
 
 def known_place(
@@ -106,19 +83,19 @@ def known_place(
     config
         Of the mapper.
     """
-    at = back_end.pose(reference) @ pose
+    at, limits = back_end.pose(reference) @ pose, config.tuning.known
     away = np.hypot(*(back_end.poses[:, :2] - (at.x_m, at.y_m)).T)
-    near = np.flatnonzero((away < NEAR_M) & certain(back_end.doubts(reference)))
+    near = np.flatnonzero((away < limits.near_m) & certain(back_end.doubts(reference)))
     turn = np.abs(np.angle(np.exp(1j * (back_end.poses[near, 2] - at.theta_rad))))
-    for other in near[np.argsort(away[near] + 0.1 * turn)][:_TRIES].tolist():
+    for other in near[np.argsort(away[near] + 0.1 * turn)][: limits.tries].tolist():
         old = keyframes[other]
         start = back_end.pose(other).inverse() @ at
         if not _is_open(old, start):
             continue
-        pair = match_pair(old, new, start, config, _WIDE_M)
+        pair = match_pair(old, new, start, config, limits.match_m)
         there = start if pair is None else pair.pose
         overlap, contradicts = compared(old, new, there)
-        is_young = new.travelled_m - old.travelled_m < _YOUNG_M
+        is_young = new.travelled_m - old.travelled_m < limits.young_m
         if pair is not None and overlap >= config.keyframe_overlap:
             information = pair.information / config.shared
             return Known(other, there, contradicts, is_young, information)
@@ -155,33 +132,120 @@ def _is_open(old: Keyframe, pose: SE2) -> bool:
     return bool(old.view.farthest[sector] == 0.0 or np.hypot(x, y) < old.view.nearest[sector])
 
 
-def is_borne_out(new: Keyframe, at: SE2, asked: Sequence[Keyframe], poses: Floats) -> bool:
-    """Return whether keyframes at poses (n, 3) bear out that a scan was taken at a pose.
-
-    A robot that was carried away may be where much looks the same.
-    """
-    agreeing = 0
-    for old, row in zip(asked, poses.tolist(), strict=True):
-        agreeing += compared(old, new, SE2(*row).inverse() @ at)[1] < _MOVED
-    return 2 * agreeing >= len(asked)
-
-
 class Probation:
-    """Judges the place where a robot was found by the keyframes that it passes.
+    """Judges a relocalisation by the keyframes that the robot passes.
 
     Until then the map is left alone: what is not on it may look like what is.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, config: KnownPlacesConfig) -> None:
+        self._config = config
         self._passed = self._against = 0
 
     def ends_with(self, known: Known | None) -> bool:
-        """Take a keyframe that was passed, None where none is; return whether all is clear."""
+        """Count a keyframe that was passed, None where none is; return whether all is clear."""
         self._passed += 1
-        self._against += known is None or known.contradicts > CHANGED
-        return self.is_refuted or self._passed >= _PASSES
+        self._against += known is None or known.contradicts > self._config.changed
+        return self.is_refuted or self._passed >= self._config.confirming_keyframes
 
     @property
     def is_refuted(self) -> bool:
-        """Whether too many contradict it."""
-        return 2 * self._against > _PASSES
+        """Whether too many keyframes contradict it."""
+        return 2 * self._against > self._config.confirming_keyframes
+
+
+class KnownPlaces:
+    """Recognises that a would-be keyframe is of a place that is on the map already.
+
+    Parameters
+    ----------
+    config, keyframes, back_end
+        The map.
+    robot
+        Where the robot is on it.
+
+    Attributes
+    ----------
+    renewals
+        Number of keyframes that got a new scan.
+    """
+
+    def __init__(
+        self,
+        config: KeyframeConfig,
+        keyframes: list[Keyframe],
+        back_end: BackEnd,
+        robot: RobotState,
+    ) -> None:
+        self._config = config
+        self._keyframes = keyframes
+        self._back_end = back_end
+        self._robot = robot
+        self._probation: Probation | None = None
+        self.renewals = 0
+
+    @property
+    def is_on_probation(self) -> bool:
+        """Whether a relocalisation is still to be confirmed."""
+        return self._probation is not None
+
+    def begin_probation(self) -> None:
+        """Have the keyframes that are passed from now on confirm where the robot was found."""
+        self._probation = Probation(self._config.tuning.known)
+
+    def step(self, new: Keyframe, pose: SE2) -> bool:
+        """Return whether a scan, at a pose in the last keyframe, is of a known place; stand there.
+
+        The keyframe of a place that has changed gets the scan. Only a live map knows places.
+        """
+        if not self._config.is_live:
+            return False
+        robot = self._robot
+        known, uncertainty = self._find(new, pose)
+        is_left_alone = self._config.is_fixed or self.is_on_probation
+        self._judge(known)
+        if known is None and is_left_alone:
+            known = nearest(robot.place.keyframe, pose, self._back_end)
+        if known is None:
+            return False
+        may_change = robot.travelled_m > robot.unsure_until_m and not is_left_alone
+        if (
+            known.contradicts > self._config.tuning.known.changed
+            and may_change
+            and not known.is_young
+        ):
+            self._keyframes[known.number] = renewed(new, known.pose)
+            self.renewals += 1
+            robot.trail.redraw()
+        robot.pass_keyframe(Place(robot.place.stamp_ns, known.number, known.pose), uncertainty)
+        return True
+
+    def _find(self, new: Keyframe, pose: SE2) -> tuple[Known | None, PredictedMotion | None]:
+        """Return the known place of a scan, and the uncertainty of the pose in it.
+
+        Stretches are where odometry and match say together; others where the match says, as sure
+        as their keyframe.
+        """
+        robot, config = self._robot, self._config
+        last, covariance = robot.place.keyframe, robot.covariance
+        own = np.sqrt([[covariance[:2, :2].trace(), covariance[2, 2]]])
+        if config.stretch_m and not certain(own)[0]:
+            return None, None
+        known = known_place(new, last, pose, self._keyframes, self._back_end, config)
+        if known is None or not config.stretch_m:
+            return known, None
+        weighed = known.weighed(self._back_end.between(known.number, last) @ pose, covariance)
+        if weighed is None:
+            return None, None
+        known, robot.covariance = weighed
+        variances = robot.covariance.diagonal()
+        sigma_m, sigma_rad = np.sqrt([variances[:2].mean(), variances[2]]).tolist()
+        return known, PredictedMotion(SE2(), sigma_m, sigma_rad)
+
+    def _judge(self, known: Known | None) -> None:
+        """Take a keyframe that was passed as a vote on where the robot was found."""
+        if self._probation is None or not self._probation.ends_with(known):
+            return
+        if self._probation.is_refuted:
+            self._robot.lose()
+        self._probation = None

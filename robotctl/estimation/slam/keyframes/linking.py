@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Final
 
 import numpy as np
 
-from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link
-from robotctl.estimation.slam.keyframes.config import KeyframeConfig
+from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link, certain
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe, match_pair
-from robotctl.estimation.slam.keyframes.known_places import certain
-from robotctl.estimation.slam.keyframes.loops import NEAR_M, LoopSearch
+from robotctl.estimation.slam.keyframes.loops import LoopSearch
 from robotctl.estimation.slam.keyframes.straight_walls import StraightWalls
-
-_NEAR_LINKS: Final = 4
-_NEAR_TRIES: Final = 8
+from robotctl.estimation.slam_config import KeyframeConfig
 
 
 class Linking:
@@ -74,7 +69,7 @@ class Linking:
         self._back_end.link(Link(first, second, pair.pose, pair.information, is_loop))
         return True
 
-    def link_near(self, number: int, passed: list[int], *, by_wheels: bool) -> None:
+    def link_near(self, number: int, passed: list[int], *, has_odometry: bool) -> None:
         """Link a keyframe with old ones near it; those that may be near are loops to look for.
 
         Parameters
@@ -83,9 +78,10 @@ class Linking:
             Of the new keyframe.
         passed
             Those that were passed last.
-        by_wheels
+        has_odometry
             Whether there is odometry.
         """
+        self._loops.enter(number)
         poses, doubts = self._back_end.poses, self._back_end.doubts(number)
         is_old = np.ones(number + 1, np.bool_)
         is_old[[*passed, number]] = False
@@ -94,15 +90,15 @@ class Linking:
             is_old &= ways_m < ways_m[number] - self._config.stretch_m
         away = np.hypot(*(poses[:, :2] - poses[number, :2]).T)
         sure = certain(doubts)
-        near = np.flatnonzero(is_old & (away < NEAR_M) & sure)
+        near = np.flatnonzero(is_old & (away < self._config.tuning.loops.near_m) & sure)
         turn = np.abs(np.angle(np.exp(1j * (poses[near, 2] - poses[number, 2]))))
-        linked = 0
-        for other in near[np.argsort(away[near] + turn)][:_NEAR_TRIES].tolist():
+        linked, limits = 0, self._config.tuning.links
+        for other in near[np.argsort(away[near] + turn)][: limits.near_tries].tolist():
             sigma_m, sigma_rad = doubts[other].tolist()
             linked += self._link(other, number, (sigma_m, sigma_rad))
-            if linked == _NEAR_LINKS:
+            if linked == limits.near_links:
                 break
         if linked:
             return
         others = np.flatnonzero(is_old & ~sure)
-        self._loops.consider(number, others, doubts, by_wheels=by_wheels)
+        self._loops.consider(number, others, doubts, has_odometry=has_odometry)

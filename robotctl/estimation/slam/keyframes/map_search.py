@@ -1,4 +1,4 @@
-"""Looks for the place of a scan on a whole map, piece by piece: none of its steps takes long.
+"""Search for the place of a scan on the whole map, window by window: no step takes long.
 
 Branch and bound over all headings, in a window around each of the keyframes that cover the map. A
 place counts if the match is good, no other place of the map fits nearly as well, and two keyframes
@@ -9,43 +9,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 
+from robotctl.estimation.places.recogniser import Candidate
 from robotctl.estimation.slam.front_end.correlative import Window, search
 from robotctl.estimation.slam.front_end.point_to_line import refine
 from robotctl.estimation.slam.keyframes.back_end import BackEnd
-from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe, compared, match_pair
-from robotctl.estimation.slam.keyframes.tracker import SEARCH_POINTS, LocalMap, local_map, thinned
+from robotctl.estimation.slam.keyframes.local_map import LocalMap, local_map, thinned
+from robotctl.estimation.slam_config import KeyframeConfig
 from robotctl.model.geometry.se2 import SE2
-
-_SPACING_M: Final = 1.0
-"""Windows lie around keyframes that are this far apart."""
-_HALF_M: Final = 1.0
-"""Half side of a window: the robot is as far from some keyframe at most."""
-_AROUND_M: Final = 2.5
-_AROUND: Final = 12
-"""Keyframes around that make up the place."""
-_LEAST_SCORE: Final = 0.6
-_LEAST_INLIERS: Final = 0.6
-_AMBIGUOUS: Final = 0.9
-"""Another place with this share of the score leaves it open which is right."""
-_SAME_M: Final = 0.5
-_SAME_RAD: Final = 0.2
-_MOVED: Final = 0.08
-"""Share of two scans of one place that may contradict: furniture is moved."""
-_CLEARLY_MORE: Final = 0.05
-_PAIRS: Final = 2
-_TRIES: Final = 6
-
-
-@dataclass(frozen=True, slots=True)
-class _Candidate:
-    centre: int
-    pose: SE2
-    score: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,16 +48,16 @@ class MapSearch:
     def __init__(
         self, config: KeyframeConfig, keyframes: list[Keyframe], back_end: BackEnd, new: Keyframe
     ) -> None:
-        self._config = config
+        self._config, self._limits = config, config.tuning.relocalisation
         self._keyframes = keyframes
         self._back_end = back_end
         self._new = new
-        self._points = thinned(new.surface.points, SEARCH_POINTS)
+        self._points = thinned(new.surface.points, config.tuning.tracking.search_points)
         self._poses = back_end.poses[: len(keyframes)]
-        self._windows = _cover(self._poses)
-        self._candidates: list[_Candidate] = []
-        self._best: tuple[_Candidate, _Checked] | None = None
-        self._rivals: list[_Candidate] = []
+        self._windows = _cover(self._poses, self._limits.spacing_m)
+        self._candidates: list[Candidate[int]] = []
+        self._best: tuple[Candidate[int], _Checked] | None = None
+        self._rivals: list[Candidate[int]] = []
         self.found: tuple[int, SE2] | None = None
 
     def step(self) -> bool:
@@ -104,55 +78,63 @@ class MapSearch:
             return False
         best = max(self._candidates, key=lambda each: each.score)
         checked = self._check(best)
-        if checked is None or checked.contradicts > _MOVED:
+        if checked is None or checked.contradicts > self._limits.moved:
             return False
         self._best = best, checked
-        self._rivals = [each for each in self._candidates if each.score > _AMBIGUOUS * best.score]
+        self._rivals = [
+            each for each in self._candidates if each.score > self._limits.ambiguous * best.score
+        ]
         return True
 
     def _search(self, centre: int) -> None:
         """Look for the best place in a window."""
         best = max((each.score for each in self._candidates), default=0.0)
-        least = max(_LEAST_SCORE, _AMBIGUOUS * best)
+        least = max(self._limits.least_score, self._limits.ambiguous * best)
         target, _ = self._local(centre)
-        found = search(target.field, self._points, Window(SE2(), _HALF_M, np.pi), least)
+        found = search(target.field, self._points, Window(SE2(), self._limits.half_m, np.pi), least)
         if found is not None:
-            self._candidates.append(_Candidate(centre, found.pose, found.score))
+            self._candidates.append(Candidate(centre, found.pose, found.score))
 
-    def _is_rivalled(self, rival: _Candidate, best: _Candidate, checked: _Checked) -> bool:
+    def _is_rivalled(self, rival: Candidate[int], best: Candidate[int], checked: _Checked) -> bool:
         """Return whether a candidate, or the next best place in its window, may be right as well.
 
         Not if scans contradict it by more than they do the best.
         """
-        T_map_best = self._pose(best.centre) @ best.pose
-        off = T_map_best.inverse() @ self._pose(rival.centre) @ rival.pose
-        if math.hypot(off.x_m, off.y_m) < _SAME_M and abs(off.theta_rad) < _SAME_RAD:
-            target, _ = self._local(rival.centre)
-            window = Window(SE2(0.0, 0.0, rival.pose.theta_rad), _HALF_M, np.pi)
-            least = _AMBIGUOUS * best.score
+        T_map_best = self._pose(best.place) @ best.pose
+        off = T_map_best.inverse() @ self._pose(rival.place) @ rival.pose
+        if (
+            math.hypot(off.x_m, off.y_m) < self._limits.same_m
+            and abs(off.theta_rad) < self._limits.same_rad
+        ):
+            target, _ = self._local(rival.place)
+            window = Window(SE2(0.0, 0.0, rival.pose.theta_rad), self._limits.half_m, np.pi)
+            least = self._limits.ambiguous * best.score
             found = search(target.field, self._points, window, least, rival.pose)
             if found is None:
                 return False
-            rival = _Candidate(rival.centre, found.pose, found.score)
+            rival = Candidate(rival.place, found.pose, found.score)
         other = self._check(rival)
-        return other is not None and other.contradicts <= 2.0 * checked.contradicts + _CLEARLY_MORE
+        return (
+            other is not None
+            and other.contradicts <= 2.0 * checked.contradicts + self._limits.clearly_more
+        )
 
-    def _check(self, candidate: _Candidate) -> _Checked | None:
+    def _check(self, candidate: Candidate[int]) -> _Checked | None:
         """Return the nearest keyframe and the place in it, if scans match one by one."""
-        target, around = self._local(candidate.centre)
+        target, around = self._local(candidate.place)
         match = refine(target.bins, self._new.surface, candidate.pose)
-        if match.inliers < _LEAST_INLIERS:
+        if match.inliers < self._limits.least_inliers:
             return None
-        at = self._pose(candidate.centre) @ match.pose
+        at = self._pose(candidate.place) @ match.pose
         away = np.hypot(*(self._poses[around, :2] - (at.x_m, at.y_m)).T)
         pairs = []
-        for other in np.array(around)[np.argsort(away)][:_TRIES].tolist():
+        for other in np.array(around)[np.argsort(away)][: self._limits.tries].tolist():
             start = self._pose(other).inverse() @ at
             pair = match_pair(self._keyframes[other], self._new, start, self._config, 0.15)
             if pair is not None:
                 _, contradicts = compared(self._keyframes[other], self._new, pair.pose)
                 pairs.append(_Checked(other, pair.pose, contradicts))
-        enough = min(_PAIRS, len(around))
+        enough = min(self._limits.pairs, len(around))
         if len(pairs) < enough:
             return None
         contradicts = sorted(each.contradicts for each in pairs)[enough - 1]
@@ -162,9 +144,11 @@ class MapSearch:
         """Return the map around a keyframe, in its frame, and its keyframes."""
         away = np.hypot(*(self._poses[:, :2] - self._poses[centre, :2]).T)
         near = np.argsort(away)
-        near = near[away[near] < _AROUND_M]
+        near = near[away[near] < self._limits.around_m]
         # Evenly out of all, so that the window is covered as far as it reaches.
-        chosen = near[np.linspace(0, len(near) - 1, min(_AROUND, len(near))).astype(np.int64)]
+        chosen = near[
+            np.linspace(0, len(near) - 1, min(self._limits.around, len(near))).astype(np.int64)
+        ]
         own = self._pose(centre).inverse()
         numbers = [int(each) for each in chosen]
         places = [own @ self._pose(each) for each in numbers]
@@ -174,12 +158,12 @@ class MapSearch:
         return SE2(*self._poses[number].tolist())
 
 
-def _cover(poses: np.ndarray) -> list[int]:
-    """Return keyframes, none near another of them, and each other one near one of them."""
+def _cover(poses: np.ndarray, spacing_m: float) -> list[int]:
+    """Return keyframes so that each one is near one of them, and none near another of them."""
     chosen: list[int] = []
     left = np.arange(len(poses))
     while len(left):
         chosen.append(int(left[0]))
         away = np.hypot(*(poses[left, :2] - poses[left[0], :2]).T)
-        left = left[away >= _SPACING_M]
+        left = left[away >= spacing_m]
     return chosen

@@ -3,48 +3,50 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
+from robotctl.estimation.places.recogniser import Candidate, Recognition
 from robotctl.estimation.places.visual.features import Features
 from robotctl.estimation.places.visual.recognition import (
     LEAST_FEATURES,
+    VisualCandidate,
     VisualPlaces,
-    VisualRecognition,
     sight_of,
 )
 from robotctl.estimation.places.visual.vocabulary import Vocabulary
-from robotctl.estimation.slam.keyframes.loops import Candidate
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
-from robotctl.model.geometry.se2 import SE2
 
 IMAGE_NS: Final = 300_000_000
-"""An image shows what a keyframe saw, if it was taken within this time of it [ns]."""
-_SHIFT_M: Final = 1.5
-_TURN_RAD: Final = 0.5
-"""How far from the place of an image that fits another the robot may be."""
+"""Maximum time between a keyframe and the image that shows the same [ns]."""
+
+
+class Seen(NamedTuple):
+    """The image of a keyframe."""
+
+    keyframe: int
+    features: Features
 
 
 class SeenPlaces:
-    """Tells a mapper's search of loops which images look like the place of an older one.
+    """Suggests loops to a mapper where an image looks like the place of an older one.
 
-    An image that is recognised as none before it is kept on the map, and known again by those who
-    go on with that.
+    An image of a new place is kept on the map, for drives that continue it.
 
     Attributes
     ----------
     keyframes
-        Whose images are known, in their order; those that the map had are the first.
+        Keyframes whose images are known, in their order; first those that the map had.
     recognitions
-        What each of the others was recognised as; candidates are numbers of images in `keyframes`.
+        What each of the others was recognised as; its places are numbers of images in `keyframes`.
 
     Parameters
     ----------
     vocabulary
         Its words.
     mapper
-        Of the keyframes; its scans bear out what the camera says.
+        Mapper of the keyframes; its scans verify what the camera suggests.
     """
 
     def __init__(self, vocabulary: Vocabulary, mapper: SlamMapper) -> None:
@@ -55,7 +57,7 @@ class SeenPlaces:
         self.keyframes = list(mapper.images)
         for each in mapper.images.values():
             self._places.add(sight_of(vocabulary, each))
-        self.recognitions: list[VisualRecognition] = []
+        self.recognitions: list[Recognition[VisualCandidate]] = []
 
     def due(self, stamps_ns: Sequence[int]) -> list[tuple[int, int]]:
         """Return keyframes that are new since the last call, each with the image of its time.
@@ -63,7 +65,7 @@ class SeenPlaces:
         Parameters
         ----------
         stamps_ns
-            Of the images that there are [ns].
+            Times of the images that there are [ns].
 
         Returns
         -------
@@ -84,14 +86,20 @@ class SeenPlaces:
 
     def see(self, number: int, features: Features) -> None:
         """Take the image of a keyframe."""
-        sight = sight_of(self._places.vocabulary, features)
-        recognition = self._places.recognise(sight, is_next=True)
+        self._mapper.loops.suggest(number, "image", self.suggest(Seen(number, features)).candidates)
+
+    def suggest(self, sensed: Seen) -> Recognition[Candidate[int]]:
+        """Return the keyframe whose image shows the same place; remember this one."""
+        sight = sight_of(self._places.vocabulary, sensed.features)
+        recognition = self._places.suggest(sight)
         self._places.add(sight)
-        self.keyframes.append(number)
+        self.keyframes.append(sensed.keyframe)
         self.recognitions.append(recognition)
         found = recognition.found
         if found is not None:
-            old = self.keyframes[found.image]
-            self._mapper.loops.suggest(Candidate(number, old, "image", _SHIFT_M, _TURN_RAD, SE2()))
-        elif len(features) >= LEAST_FEATURES:
-            self._mapper.images[number] = Features(sight.points, sight.descriptors, sight.aspect)
+            return Recognition((Candidate(self.keyframes[found.place], found.pose, found.score),))
+        if len(sensed.features) >= LEAST_FEATURES:
+            self._mapper.images[sensed.keyframe] = Features(
+                sight.points, sight.descriptors, sight.aspect
+            )
+        return Recognition((), recognition.refusal)

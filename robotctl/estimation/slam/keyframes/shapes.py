@@ -8,14 +8,15 @@ sectors, so the best of all turns comes from one Fourier transform. Kim, Kim: Sc
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robotctl.estimation.grown import Grown
+from robotctl.estimation.places.recogniser import Candidate, Recognition
 from robotctl.estimation.slam.front_end.surface import Floats
+from robotctl.estimation.slam.keyframes.candidates import PossiblePlaces
+from robotctl.estimation.slam_config import ShapeConfig
 from robotctl.model.geometry.points import moved
 from robotctl.model.geometry.se2 import SE2
 
@@ -32,42 +33,6 @@ _MOST: Final = 3.0
 """Cells of a bin that count: a wall along the line of sight is no more than one across it."""
 _COMPARED: Final = 1000
 """Keyframes that are compared at all turns, those most alike by rings."""
-
-
-@dataclass(frozen=True, slots=True)
-class Alike:
-    """A keyframe whose surroundings look alike.
-
-    Parameters
-    ----------
-    number
-        Of the keyframe.
-    turn_rad
-        Heading of the new one in it [rad], to half a sector.
-    score
-        0 to 1: correlation of the two.
-    """
-
-    number: int
-    turn_rad: float
-    score: float
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PossiblePlaces:
-    """Keyframes that a new one may be at.
-
-    Parameters
-    ----------
-    numbers
-        Of the keyframes, (n,).
-    turns_rad, within_rad
-        Heading of the new one in each, and how far off it may be to either side, (n,) [rad].
-    """
-
-    numbers: NDArray[np.int64]
-    turns_rad: Floats
-    within_rad: Floats
 
 
 def shape_of(points: Floats) -> Floats:
@@ -93,9 +58,10 @@ def shape_of(points: Floats) -> Floats:
 
 
 class Shapes:
-    """The shapes of all keyframes, by number."""
+    """Shapes of the surroundings of all keyframes, by number."""
 
-    def __init__(self) -> None:
+    def __init__(self, config: ShapeConfig | None = None) -> None:
+        self._config = config or ShapeConfig()
         self._spectra = Grown((_RINGS, _SECTORS // 2 + 1), np.complex64)
         self._rings = Grown((_RINGS,), np.float32)
 
@@ -111,39 +77,32 @@ class Shapes:
         self._spectra.add(np.fft.rfft(shape, axis=1)[None])
         self._rings.add(np.linalg.norm(shape, axis=1)[None])
 
-    def alike(self, number: int, possible: PossiblePlaces, most: int, apart: int) -> list[Alike]:
-        """Return keyframes that look most like one, the best first.
+    def suggest(self, sensed: PossiblePlaces) -> Recognition[Candidate[int]]:
+        """Return the keyframes whose surroundings look most alike, the best first.
 
-        Parameters
-        ----------
-        number
-            Of the one.
-        possible
-            Those that may be.
-        most, apart
-            So many of them at most, whose numbers are so far apart.
+        The score is the correlation of the two; the pose has the heading, to half a sector.
         """
-        among = possible.numbers
+        among = sensed.numbers
         if len(among) == 0:
-            return []
+            return Recognition((), "no place is possible")
         chosen = np.arange(len(among))
         if len(among) > _COMPARED:
             # No turn makes rings more alike than their norms say (Cauchy, Schwarz).
-            bounds = self._rings.view[among] @ self._rings.view[number]
+            bounds = self._rings.view[among] @ self._rings.view[sensed.keyframe]
             chosen = np.argpartition(-bounds, _COMPARED)[:_COMPARED]
         spectra = self._spectra.view
-        products = np.einsum("nrs,rs->ns", spectra[among[chosen]], spectra[number].conj())
+        products = np.einsum("nrs,rs->ns", spectra[among[chosen]], spectra[sensed.keyframe].conj())
         by_turn = np.fft.irfft(products, n=_SECTORS, axis=1)
         turns = np.arange(_SECTORS) * (2.0 * np.pi / _SECTORS)
-        off = (turns - possible.turns_rad[chosen, None] + np.pi) % (2.0 * np.pi) - np.pi
-        by_turn[np.abs(off) > possible.within_rad[chosen, None]] = -1.0
+        off = (turns - sensed.turns_rad[chosen, None] + np.pi) % (2.0 * np.pi) - np.pi
+        by_turn[np.abs(off) > sensed.within_rad[chosen, None]] = -1.0
         scores, shifts = by_turn.max(axis=1), by_turn.argmax(axis=1)
-        result: list[Alike] = []
+        result: list[Candidate[int]] = []
         for row in np.argsort(-scores, kind="stable").tolist():
-            if len(result) == most:
+            if len(result) == self._config.candidates:
                 break
-            other = int(among[chosen[row]])
-            if all(abs(other - each.number) > apart for each in result):
+            other, score = int(among[chosen[row]]), float(scores[row])
+            if all(abs(other - each.place) > self._config.apart for each in result):
                 turn_rad = math.remainder(float(turns[shifts[row]]), 2.0 * math.pi)
-                result.append(Alike(other, turn_rad, float(scores[row])))
-        return result
+                result.append(Candidate(other, SE2(0.0, 0.0, turn_rad), score))
+        return Recognition(tuple(each for each in result if each.score > self._config.least_score))

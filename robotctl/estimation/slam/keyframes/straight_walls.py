@@ -15,27 +15,13 @@ from robotctl.estimation.landmarks.line_fitting import BeamNoise
 from robotctl.estimation.landmarks.scan_lines import ScanLinesConfig, Segment, find_lines
 from robotctl.estimation.slam.front_end.surface import Floats
 from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link
-from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.keyframe import LOOSE, Keyframe, without_corridor
+from robotctl.estimation.slam_config import KeyframeConfig, StraightWallsConfig
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.points import moved, rotation
 from robotctl.model.geometry.se2 import SE2
 
 _LINES: Final = ScanLinesConfig(BeamNoise(sigma_m=0.02), least_length_m=1.2)
-_MOST: Final = 3
-"""Scans that one is compared with."""
-_BACK_M: Final = 12.0
-"""Way behind the robot on which odometry can tell which walls are in line."""
-_GATE_RAD: Final = 0.06
-_GATE_M: Final = 0.15
-_APART_M: Final = 6.0
-"""Pieces that are not in line to this, or farther apart, say nothing of each other."""
-_ONE_M: Final = 0.1
-"""Pieces farther off may be parallel only, such as a radiator: they tell the heading alone."""
-_THICK_M: Final = 0.03
-"""Over its length, by which the direction of a piece may be wrong."""
-_BENT_M: Final = 0.04
-"""Standard deviation of the place: walls are not quite straight, nor are stretches."""
 
 
 class StraightWalls:
@@ -45,6 +31,7 @@ class StraightWalls:
         self, config: KeyframeConfig, keyframes: list[Keyframe], back_end: BackEnd
     ) -> None:
         self._stretch_m, self._shared = config.stretch_m, config.shared
+        self._config = config.tuning.walls
         self._keyframes = keyframes
         self._back_end = back_end
         self._walls: dict[int, tuple[Keyframe, tuple[Segment, ...]]] = {}
@@ -60,12 +47,12 @@ class StraightWalls:
         count = 0
         for other in self._near(number):
             start = self._back_end.between(other, number)
-            found = aligned(self._walls_of(other), self._walls_of(number), start)
+            found = aligned(self._walls_of(other), self._walls_of(number), start, self._config)
             if found is not None:
                 pose, information = found
                 self._back_end.link(Link(other, number, pose, information / self._shared))
                 count += 1
-                if count == _MOST:
+                if count == self._config.compared:
                     break
         return count
 
@@ -83,7 +70,9 @@ class StraightWalls:
         away = np.hypot(*(poses[:number, :2] - poses[number, :2]).T)
         near: list[int] = []
         next_m = ways_m[number] - self._stretch_m
-        is_near = (away < _APART_M) & (ways_m[:number] > ways_m[number] - _BACK_M)
+        is_near = (away < self._config.apart_m) & (
+            ways_m[:number] > ways_m[number] - self._config.back_m
+        )
         is_near[: self._first] = False
         for other in np.flatnonzero(is_near)[::-1].tolist():
             if ways_m[other] <= next_m:
@@ -93,7 +82,10 @@ class StraightWalls:
 
 
 def aligned(
-    first: tuple[Segment, ...], second: tuple[Segment, ...], start: SE2
+    first: tuple[Segment, ...],
+    second: tuple[Segment, ...],
+    start: SE2,
+    config: StraightWallsConfig,
 ) -> tuple[SE2, Floats] | None:
     """Return the pose of the second scan in the first at which walls are in line.
 
@@ -103,6 +95,8 @@ def aligned(
         Walls of two scans.
     start
         The expected pose, which remains where no wall says anything.
+    config
+        When walls are in line.
 
     Returns
     -------
@@ -111,7 +105,7 @@ def aligned(
     H, g = np.zeros((3, 3)), np.zeros(3)
     for old in first:
         for new in second:
-            row = _in_line(old, new, start)
+            row = _in_line(old, new, start, config)
             if row is not None:
                 residuals, J, information = row
                 H += J.T @ (information[:, None] * J)
@@ -122,28 +116,31 @@ def aligned(
     return start @ SE2.exp(*step.tolist()), without_corridor(H)
 
 
-def _in_line(old: Segment, new: Segment, pose: SE2) -> tuple[Floats, Floats, Floats] | None:
+def _in_line(
+    old: Segment, new: Segment, pose: SE2, config: StraightWallsConfig
+) -> tuple[Floats, Floats, Floats] | None:
     """Return residuals of direction and offset, (2,), their Jacobian and information; or None.
 
     The offset is measured across the mean direction, between the middles of the pieces.
     """
     turn = wrap_angle(new.line.alpha_rad + pose.theta_rad - old.line.alpha_rad)
-    if abs(turn) > _GATE_RAD:
+    if abs(turn) > config.gate_rad:
         return None
     middle = new.ends.mean(axis=0)
     between = moved(pose, middle[None])[0] - old.ends.mean(axis=0)
     alpha = old.line.alpha_rad + 0.5 * turn
     normal = np.array([math.cos(alpha), math.sin(alpha)])
     off, apart = float(normal @ between), float(np.hypot(*between))
-    if abs(off) > _GATE_M or apart > _APART_M:
+    if abs(off) > config.gate_m or apart > config.apart_m:
         return None
     own = rotation(pose.theta_rad) @ normal
     along = float(np.array([-normal[1], normal[0]]) @ between)
     by_turn = own @ np.array([-middle[1], middle[0]]) + 0.5 * along
     J = np.array([[0.0, 0.0, 1.0], [own[0], own[1], by_turn]])
     turned = sum(
-        each.line.covariance[0, 0] + (_THICK_M / each.length_m) ** 2 for each in (old, new)
+        each.line.covariance[0, 0] + (config.thickness_m / each.length_m) ** 2
+        for each in (old, new)
     )
-    moved_m2 = _BENT_M**2 + 0.25 * apart**2 * turned
-    is_one = abs(off) < _ONE_M
+    moved_m2 = config.bend_m**2 + 0.25 * apart**2 * turned
+    is_one = abs(off) < config.offset_m
     return np.array([turn, off]), J, np.array([1.0 / turned, is_one / moved_m2])

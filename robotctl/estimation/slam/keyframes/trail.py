@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from robotctl.estimation.slam.keyframes.back_end import BackEnd
-from robotctl.estimation.slam.keyframes.config import KeyframeConfig
+from robotctl.estimation.slam.keyframes.back_end import BackEnd, certain
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe
-from robotctl.estimation.slam.keyframes.known_places import certain
-from robotctl.estimation.slam.keyframes.tracker import LocalMap, local_map
+from robotctl.estimation.slam.keyframes.local_map import LocalMap, local_map
+from robotctl.estimation.slam_config import KeyframeConfig
 
 
 class Trail:

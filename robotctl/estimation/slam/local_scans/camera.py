@@ -12,9 +12,9 @@ from typing import Final
 import numpy as np
 
 from robotctl.estimation.sensors.sensor import SensedRobot
-from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.local_scans.gathered import GatheredScans
 from robotctl.estimation.slam.local_scans.source import CALIBRATED, ScanSource
+from robotctl.estimation.slam_config import KeyframeConfig
 from robotctl.model.geometry.points import moved
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.recording import RecordedScan

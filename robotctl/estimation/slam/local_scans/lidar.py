@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.local_scans.source import ScanSource
+from robotctl.estimation.slam_config import KeyframeConfig
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.recording import RecordedScan
 from robotctl.model.sensors.range_scan import RangeScan

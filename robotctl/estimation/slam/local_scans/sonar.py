@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from robotctl.estimation.ranging.sonar_config import SonarModelConfig
 from robotctl.estimation.sensors.sensor import SensedRobot
-from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.local_scans.gathered import GatheredScans
 from robotctl.estimation.slam.local_scans.source import CALIBRATED, ScanSource
+from robotctl.estimation.slam_config import KeyframeConfig
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.recording import RecordedScan
 from robotctl.model.sensors.sonar import SonarMount, SonarReading

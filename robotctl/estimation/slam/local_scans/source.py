@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
 
 from robotctl.estimation.sensors.sensor import SensedRobot
-from robotctl.estimation.slam.keyframes.config import KeyframeConfig, WheelNoise
+from robotctl.estimation.slam_config import KeyframeConfig, WheelNoise
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.recording import RecordedScan, Recording
 

@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from robotctl.compiled import compiled
+from robotctl.estimation.kalman.growing_gaussian import GrowingGaussian
 from robotctl.estimation.slam.equations import GraphError
 from robotctl.estimation.slam.graph.factor import (
     ROUNDING,
@@ -31,22 +31,14 @@ from robotctl.estimation.slam.start.chordal import matrices
 from robotctl.estimation.slam.start.twists import twist_increments
 
 MOST_NUMBERS: Final = 6000
-"""In the state; its covariance then takes 288 MB."""
+"""Maximum size of the state; its covariance then takes 144 MB."""
 _LOST_M: Final = 100.0
 _LOST_RAD: Final = 3.0
-"""Standard deviations of what is known of a variable that no single factor places."""
+"""Standard deviations of a variable that no single factor places [m], [rad]."""
 _SINGULAR: Final = 1e8
+"""Condition of a Jacobian from which on a factor does not place a variable."""
 _PLACING: Final = 10
-
-
-@compiled
-def _downdate(P: Floats, W: Floats, n: int) -> None:
-    """Take W^T W, of W (size, n), from the first n rows and columns of P."""
-    for i in range(n):
-        for k in range(len(W)):
-            factor = W[k, i]
-            for j in range(n):
-                P[i, j] -= factor * W[k, j]
+"""Maximum steps of Newton's method that place a variable."""
 
 
 def _in_space(kind: VariableKind, values: Floats) -> tuple[Floats, Floats]:
@@ -99,11 +91,9 @@ class GraphFilter:
     ----------
     problem
         Its start is used for fixed variables, and where no single factor places one.
-    capacity
-        Variables in the state at most.
     """
 
-    def __init__(self, problem: Problem, capacity: int) -> None:
+    def __init__(self, problem: Problem) -> None:
         self.graph = problem.graph
         self.start = problem.start
         self.values = {kind: each.copy() for kind, each in problem.start.items()}
@@ -111,7 +101,7 @@ class GraphFilter:
         """Numbers of the variables in the state."""
         self._dof = self.graph.dof()
         self._D = int(self._dof.max(initial=1))
-        self._P = np.zeros((capacity * self._D, capacity * self._D))
+        self._errors = GrowingGaussian(np.empty(0), np.empty((0, 0)))
         self._is_known = np.zeros(self.graph.size, np.bool_)
         self._is_known[problem.fixed] = True
         self._is_definite = [is_definite(block.information) for block in self.graph.blocks]
@@ -121,9 +111,9 @@ class GraphFilter:
     def covariance(self, number: int) -> Floats:
         """Return the covariance (dof, dof) of a variable in the state, in its tangent space."""
         own, (kind, row) = self._slot(number), self._place(number)
-        P = self._P[own, own][: kind.dof, : kind.dof]
+        P = self._errors.block(own[: kind.dof])
         if not kind.is_pose:
-            return P.copy()
+            return P
         G = _local(kind, self.values[kind][row])
         return G @ P @ G.T
 
@@ -132,10 +122,9 @@ class GraphFilter:
         kind = list(self._kinds)[self._of[number]]
         return kind, number - self._kinds[kind]
 
-    def _slot(self, number: int) -> slice:
-        """Return where a variable is in the state."""
-        at = self.members.index(number) * self._D
-        return slice(at, at + self._D)
+    def _slot(self, number: int) -> Ints:
+        """Return the columns of a variable in the state, (D,)."""
+        return self.members.index(number) * self._D + np.arange(self._D)
 
     def step(self, factors: list[tuple[int, int]]) -> None:
         """Take in factors: block and row of each; those first that place something."""
@@ -211,15 +200,14 @@ class GraphFilter:
 
     def _add(self, number: int, A: Floats, others: list[int], own: Floats) -> None:
         """Add a variable with an error of A (dof, D) times that of another one, plus its own."""
-        n, D, width = len(self.members) * self._D, self._D, len(own)
-        new = slice(n, n + width)
-        self._P[n : n + D, : n + D], self._P[:n, n : n + D] = 0.0, 0.0
-        self._P[new, new] = own
+        dof, D = len(own), self._D
+        J, noise = np.zeros((D, 0)), np.zeros((D, D))
+        columns = np.empty(0, np.int64)
+        noise[:dof, :dof] = own
         if others and others[0] in self.members:
-            slot = self._slot(others[0])
-            self._P[new, :n] = A @ self._P[slot, :n]
-            self._P[:n, new] = self._P[new, :n].T
-            self._P[new, new] += A @ self._P[slot, slot] @ A.T
+            columns, J = self._slot(others[0]), np.zeros((D, D))
+            J[:dof] = A
+        self._errors.append(np.zeros(D), columns, J, noise)
         self.members.append(number)
         self._is_known[number] = True
 
@@ -232,34 +220,27 @@ class GraphFilter:
 
     def _update(self, index: int, row: int) -> None:
         """Correct the whole state by a factor of variables that are known."""
-        n, D = len(self.members) * self._D, self._D
-        r, jacobians, S = self._linearised(index, row)
-        if len(r) == 0:
-            return
-        PJ = np.zeros((n, len(r)))
+        r, jacobians, R = self._linearised(index, row)
         ends = [int(numbers[row]) for numbers in self.graph.numbers(self.graph.blocks[index])]
         there = [(self._slot(e), J) for e, J in zip(ends, jacobians, strict=True)
                  if e in self.members]  # fmt: skip
-        if not there:  # between fixed variables
+        if not there or len(r) == 0:  # between fixed variables, or without information
             return
-        for slot, J in there:
-            PJ += self._P[:n, slot] @ J.T
-        for slot, J in there:
-            S = S + J @ PJ[slot]
+        columns = np.concatenate([slot for slot, _ in there])
+        J = np.ascontiguousarray(np.hstack([each for _, each in there]))
         try:
-            L = np.linalg.cholesky(S)
-        except np.linalg.LinAlgError:
+            self._errors.update(columns[None], J[None], -r[None], R[None])
+        except ValueError:
             raise GraphError(
                 f"the filter is no Gaussian any more at {self.graph.names(ends)}: measurements "
                 "that differ too much in precision, or positions too far from 0; use another solver"
             ) from None
-        W = np.ascontiguousarray(np.linalg.solve(L, PJ.T))
-        error = (-np.linalg.solve(L, r) @ W).reshape(-1, D)
-        _downdate(self._P, W, n)
+        errors = self._errors.x.reshape(-1, self._D)
         members = np.array(self.members, np.int64)
         for kind, first in self._kinds.items():
             chosen = (members >= first) & (members < first + len(self.graph.ids[kind]))
-            self._move(kind, members[chosen] - first, error[chosen, : kind.dof])
+            self._move(kind, members[chosen] - first, errors[chosen, : kind.dof])
+        self._errors.x[:] = 0.0
 
     def _move(self, kind: VariableKind, rows: Ints, errors: Floats) -> None:
         """Move values of a kind by errors, (n, dof)."""
@@ -268,13 +249,10 @@ class GraphFilter:
 
     def forget(self, numbers: list[int]) -> None:
         """Marginalise variables out: of a Gaussian in moments, their rows and columns."""
-        D = self._D
         for number in numbers:
-            n = len(self.members) * D
-            slot, last = self._slot(number), slice(n - D, n)
-            self._P[slot, :n] = self._P[last, :n]
-            self._P[:n, slot] = self._P[:n, last]
-            self.members[self.members.index(number)] = self.members[-1]
+            at = self.members.index(number)
+            self._errors.remove(at * self._D, self._D)
+            self.members[at] = self.members[-1]
             self.members.pop()
 
 
@@ -315,7 +293,7 @@ def extended_kalman(problem: Problem, tell: Tell) -> Solution:
             f"the filter would hold {most} variables at once, as later factors return to them; "
             f"at most {allowed} are allowed; use another solver"
         )
-    own = GraphFilter(problem, most)
+    own = GraphFilter(problem)
     leaving: list[list[int]] = [[] for _ in steps]
     for number in np.flatnonzero(last >= 0).tolist():
         leaving[last[number]].append(number)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Final
+from typing import Final, TypeVar
 
 from robotctl.control.limiter import LimitsConfig
 from robotctl.errors import InvalidValue
@@ -18,10 +18,11 @@ from robotctl.planning.behave.behaviours.outlook import NOWHERE, Outlook
 from robotctl.planning.behave.journey.approach import Approach
 from robotctl.planning.behave.journey.exploration import Exploration
 from robotctl.planning.behave.journey.journey import Journey
-from robotctl.planning.behave.journey.rehearsal import rehearse
+from robotctl.planning.behave.journey.place_finder import KnownPlaces
 from robotctl.planning.behave.journey.tools import JourneyTools
-from robotctl.planning.behave.journey.travel import KnownPlaces, Travel
-from robotctl.planning.config import NavigationConfig, RecoveryConfig
+from robotctl.planning.behave.journey.travel import Travel
+from robotctl.planning.behave.journey.warm_up import warm_up
+from robotctl.planning.config import NavigationConfig, PilotConfig, RecoveryConfig
 from robotctl.planning.map.costs import costs_of
 from robotctl.planning.map.live_world import LiveWorld
 from robotctl.planning.map.seen import Seen
@@ -29,12 +30,12 @@ from robotctl.planning.map.topological.graph import TopologicalMap
 from robotctl.planning.map.zone import Zone
 from robotctl.planning.path.global_planning.goal import Goal
 from robotctl.planning.path.global_planning.path_finder import PathFinder
-from robotctl.planning.path.global_planning.plan import GoesOn, PlannerConfig
+from robotctl.planning.path.global_planning.plan import GoesOn, Planner, PlannerConfig
 from robotctl.planning.path.global_planning.planners import PLANNERS
 from robotctl.planning.path.local.controller import ControllerConfig
 from robotctl.planning.path.local.controllers import CONTROLLERS
 
-_WIDER: Final = 1.3
+_TURNING_RESERVE: Final = 1.3
 """Planned over minimum turning radius: leaves room for corrections."""
 
 
@@ -84,44 +85,30 @@ class MapPilot:
         topology: TopologicalMap | None = None,
         budget: Callable[[], GoesOn] = lambda: lambda: True,
     ) -> None:
-        wanted = config.pilot
-        planner = wanted.planner or ("hybrid" if drive.steered else "astar")
-        for key, name, names in (
-            ("planner", planner, PLANNERS),
-            ("controller", wanted.controller, CONTROLLERS),
-        ):
-            if name not in names:
-                allowed = ", ".join(names)
-                raise InvalidValue(key, f"{name} found; allowed are {allowed}", name)
+        radius_m = _TURNING_RESERVE * drive.min_turning_radius_m
         world = LiveWorld(
             footprint,
             mounts,
             grid,
             home,
-            wanted.zone,
+            config.pilot.zone,
             full_speed_m_s=limits.v_max_m_s,
             braking_m_s2=config.pursuit.acceleration_m_s2,
             has_lidar=has_lidar,
         )
-        radius_m = _WIDER * drive.min_turning_radius_m
-        self._planner = PLANNERS[planner](
-            PlannerConfig(
-                margin_m=wanted.margin_m,
-                turning_radius_m=radius_m or 2.0 * footprint.inscribed_m,
-                steering="reeds-shepp" if drive.steered else "straight",
-            )
-        )
+        self._planner = _planner(config.pilot, drive, footprint, radius_m)
         local = ControllerConfig(
             dt_s=1.0 / config.rate_hz,
             deceleration_m_s2=config.guard.deceleration_m_s2,
-            margin_m=wanted.margin_m,
+            margin_m=config.pilot.margin_m,
         )
+        make_controller = _entry("controller", config.pilot.controller, CONTROLLERS)
         self.tools = JourneyTools(
             world,
             PathFinder(
                 self._planner, world, budget, steered=drive.steered, turning_radius_m=radius_m
             ),
-            CONTROLLERS[wanted.controller](local, drive, limits, footprint),
+            make_controller(local, drive, limits, footprint),
             local,
             config.recovery,
         )
@@ -137,7 +124,7 @@ class MapPilot:
 
     def warm_up(self) -> None:
         """Plan and drive a step on a small map, so that all is compiled before the robot moves."""
-        rehearse(self._planner, self.tools.controller, self._footprint)
+        warm_up(self._planner, self.tools.controller, self._footprint)
         if self._places is not None:
             _ = self._places.looks
 
@@ -230,3 +217,27 @@ class MapPilot:
             place,
             start,
         )
+
+
+_T = TypeVar("_T")
+
+
+def _entry(key: str, name: str, entries: Mapping[str, _T]) -> _T:
+    """Return an entry of a registry; `InvalidValue`: there is none of that name."""
+    if name not in entries:
+        raise InvalidValue(key, f"{name} found; allowed are {', '.join(entries)}", name)
+    return entries[name]
+
+
+def _planner(
+    config: PilotConfig, drive: Drive, footprint: Footprint, turning_radius_m: float
+) -> Planner:
+    """Return the global planner; `InvalidValue`: there is none of that name."""
+    name = config.planner or ("hybrid" if drive.steered else "astar")
+    return _entry("planner", name, PLANNERS)(
+        PlannerConfig(
+            margin_m=config.margin_m,
+            turning_radius_m=turning_radius_m or 2.0 * footprint.inscribed_m,
+            steering="reeds-shepp" if drive.steered else "straight",
+        )
+    )

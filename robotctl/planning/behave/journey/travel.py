@@ -12,9 +12,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable
 from typing import Final
 
 from robotctl.model.geometry.se2 import SE2
@@ -28,29 +26,20 @@ from robotctl.planning.behave.behaviours.behaviour import (
     failed,
 )
 from robotctl.planning.behave.journey.approach import Approach
+from robotctl.planning.behave.journey.blindness import BlindWait
+from robotctl.planning.behave.journey.place_finder import Belief, KnownPlaces, PlaceFinder
 from robotctl.planning.behave.journey.tools import JourneyTools
-from robotctl.planning.map.topological.graph import Passage, TopologicalMap
+from robotctl.planning.map.topological.graph import Passage
 from robotctl.planning.map.topological.recognition import (
-    Appearance,
-    PlaceSearch,
-    appearances,
     look_of,
 )
-from robotctl.words import counted
 
 _LOOK_NS: Final = 400_000_000
 """Interval between two comparisons with the present place [ns]."""
-_DOUBT: Final = 0.1
-"""Error of the place per distance driven since the last scan that fitted."""
+_DRIFT: Final = 0.1
+"""Error of the robot's place per distance driven since the last scan that fitted."""
 _WRONG_M: Final = 2.5
 """Distance driven without a fitting scan after which the robot searches for its place again [m]."""
-_LOOKS: Final = 8
-"""Times that it looks for its place on one travel."""
-_WINDOWS: Final = 4
-"""Searched in a step, if there is time."""
-_ROAM_M: Final = 2.5
-_ROAM_NS: Final = 20_000_000_000
-"""Distance and time that a robot that recognises nothing drives before it looks again."""
 _BEYOND: Final = tuple(
     SE2(x_m, y_m)
     for x_m, y_m in (
@@ -73,49 +62,6 @@ _BESIDE_M: Final = 0.4
 """Distances beyond a passage, and at most to its side, at which it counts as passed [m]."""
 _TRIES: Final = 2
 """Times that it fails to get through a passage until it takes another way."""
-_STANDS_M_S, _STANDS_RAD_S = 0.02, 0.05
-_BLIND_NS: Final = 10_000_000_000
-"""A robot that sees nothing for this long gives up [ns]."""
-
-
-@dataclass(slots=True)
-class _Belief:
-    """Belief of where the robot is.
-
-    Parameters
-    ----------
-    place
-        Its name.
-    T_world_frame
-        The frame of the place; `world` is that of the behaviour's poses.
-    is_borne_out
-        Whether a scan has fitted.
-    unseen_m
-        Way since the last scan that did, or since it came there [m].
-    """
-
-    place: str
-    T_world_frame: SE2
-    is_borne_out: bool
-    unseen_m: float = 0.0
-
-
-class KnownPlaces:
-    """The places that a robot can drive to.
-
-    Parameters
-    ----------
-    topology
-        Their map.
-    """
-
-    def __init__(self, topology: TopologicalMap) -> None:
-        self.map = topology
-
-    @cached_property
-    def looks(self) -> Mapping[str, Appearance]:
-        """Appearance of each place, by name; its first use compiles the kernels."""
-        return appearances(self.map)
 
 
 class Travel(Behaviour):
@@ -152,9 +98,9 @@ class Travel(Behaviour):
         self._passages = {passage.name: passage for passage in topology.passages}
         self._looks_of = places.looks
         self._goal = goal
-        self._start = start
         self._approach = approach
-        self._make_roam = roam
+        self._blind = BlindWait()
+        self._finder = PlaceFinder(tools, places, roam, start, self._blind)
         self.reset()
 
     def anchor(self, pose: SE2) -> Anchor:
@@ -163,58 +109,51 @@ class Travel(Behaviour):
 
     def reset(self) -> None:
         """Start over."""
-        self._belief: _Belief | None = None
-        self._hint = self._start
-        self._looks = 0
+        self._belief: Belief | None = None
         self._failures: Counter[str] = Counter()
         self._closed: dict[str, str] = {}
         """Why, of passages that it does not get through."""
         self._epoch: tuple[int, int] | None = None
-        self._reason = ""
+        self._finder.reset()
         self.pause()
 
     def pause(self) -> None:
         """Go on from where the robot is after the pause."""
         self._approach.reset()
-        self._search: tuple[PlaceSearch, SE2] | None = None
-        self._roam: tuple[Behaviour, int] | None = None
-        self._roamed_m = 0.0
+        self._finder.pause()
         self._seen_ns = 0
-        self._blind_ns = 0
+        self._blind.end()
         self._last: SE2 | None = None
 
     def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
         """Return the next velocity; done in the middle of the goal."""
         if blindness := self._tools.world.blindness:
-            return self._wait(blindness, now_ns)
+            return self._blind.step(blindness, now_ns)
         if situation.epoch != self._epoch:  # poses before and after have nothing in common
             self._epoch, self._belief = situation.epoch, None
             self.pause()
         self._note_way(situation.pose)
         if self._belief is not None:
-            self._blind_ns = 0
+            self._blind.end()
             self._compare(self._belief, now_ns)
         if self._belief is None:
-            return self._recognise(situation, now_ns)
+            found = self._finder.step(situation, now_ns)
+            if not isinstance(found, Belief):
+                return found
+            self._belief = found
+            return BehaviourOutput(0.0, 0.0, text=f"recognised {found.place}")
         return self._drive(self._belief, situation, now_ns)
-
-    def _wait(self, blindness: str, now_ns: int) -> BehaviourOutput:
-        """Stand while nothing is seen; give up after a while."""
-        self._blind_ns = self._blind_ns or now_ns
-        if now_ns - self._blind_ns > _BLIND_NS:
-            return failed(f"{blindness} for {_BLIND_NS / 1e9:g} s")
-        return BehaviourOutput(0.0, 0.0, text=f"waiting: {blindness}")
 
     def _note_way(self, pose: SE2) -> None:
         """Count the way driven."""
         if self._last is not None:
             driven_m = math.hypot(pose.x_m - self._last.x_m, pose.y_m - self._last.y_m)
-            self._roamed_m += driven_m
+            self._finder.note_driven(driven_m)
             if self._belief is not None:
                 self._belief.unseen_m += driven_m
         self._last = pose
 
-    def _compare(self, belief: _Belief, now_ns: int) -> None:
+    def _compare(self, belief: Belief, now_ns: int) -> None:
         """Compare what is seen with the present place; forget a place that it is not."""
         if now_ns - self._seen_ns < _LOOK_NS:
             return
@@ -226,7 +165,7 @@ class Travel(Behaviour):
         if look is None:
             return
         expected = belief.T_world_frame.inverse() @ T_world_base
-        seen = self._looks_of[belief.place].follow(look, expected, _DOUBT * belief.unseen_m)
+        seen = self._looks_of[belief.place].follow(look, expected, _DRIFT * belief.unseen_m)
         if seen is not None:
             belief.T_world_frame = T_world_base @ seen.pose.inverse()
             belief.unseen_m, belief.is_borne_out = 0.0, True
@@ -235,68 +174,10 @@ class Travel(Behaviour):
 
     def _forget(self, reason: str) -> None:
         """Search for the place again."""
-        self._belief, self._reason = None, reason
+        self._belief, self._finder.reason = None, reason
         self.pause()
 
-    def _recognise(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
-        """Stand and look for the place; where nothing is recognised, drive on and look again."""
-        if self._roam is not None:
-            return self._roam_on(*self._roam, situation, now_ns)
-        if self._search is None:
-            return self._begin_search(situation, now_ns)
-        search, T_world_base = self._search
-        for _ in range(_WINDOWS):
-            if search.step():
-                return self._end_search(search, T_world_base, now_ns)
-            if not self._tools.paths.has_time:
-                break
-        return BehaviourOutput(0.0, 0.0, text="looking where it is")
-
-    def _begin_search(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
-        """Take a scan to search with, once the robot stands."""
-        twist, taken = situation.twist, self._tools.world.last_scan
-        stands = abs(twist.v_m_s) < _STANDS_M_S and abs(twist.omega_rad_s) < _STANDS_RAD_S
-        look = None if taken is None else look_of(taken[1])
-        if taken is None or look is None:
-            return self._wait("no echo of a lidar comes to recognise places by", now_ns)
-        self._blind_ns = 0
-        if stands:
-            if self._looks >= _LOOKS:
-                return failed(
-                    f"gave up after {counted(self._looks, 'look')} around: {self._reason}"
-                )
-            self._looks += 1
-            names = [self._hint] if self._hint else list(self._looks_of)
-            places = [self._looks_of[name] for name in names]
-            self._search = PlaceSearch(look, places, self._map), taken[0]
-        return BehaviourOutput(0.0, 0.0, text="standing, to look where it is")
-
-    def _end_search(self, search: PlaceSearch, T_world_base: SE2, now_ns: int) -> BehaviourOutput:
-        """Believe what was found; after nothing, look at other places or elsewhere."""
-        self._search = None
-        hint, self._hint = self._hint, ""
-        if search.found is not None:
-            T_world_frame = T_world_base @ search.found.pose.inverse()
-            self._belief = _Belief(search.found.place, T_world_frame, is_borne_out=True)
-            return BehaviourOutput(0.0, 0.0, text=f"recognised {search.found.place}")
-        self._reason = f"this does not look like {hint}" if hint else search.reason
-        if not hint:
-            self._roam = self._make_roam(), now_ns
-            self._roamed_m = 0.0
-        return BehaviourOutput(0.0, 0.0, text=self._reason)
-
-    def _roam_on(
-        self, roaming: Behaviour, begin_ns: int, situation: BehaviourInput, now_ns: int
-    ) -> BehaviourOutput:
-        """Drive to where more is to be seen."""
-        step = roaming.step(situation, now_ns)
-        enough = self._roamed_m > _ROAM_M or now_ns - begin_ns > _ROAM_NS
-        if enough or step.status is not Status.RUNNING:
-            self._roam = None
-            return BehaviourOutput(0.0, 0.0, text=self._reason)
-        return step._replace(text=f"{self._reason}; driving on to see more")
-
-    def _drive(self, belief: _Belief, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
+    def _drive(self, belief: Belief, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
         """Drive to the passage that leads on, or in the goal to its middle."""
         if belief.place == self._goal:
             return self._arrive(belief, situation, now_ns)
@@ -320,7 +201,7 @@ class Travel(Behaviour):
         text = f"in {belief.place}, to {step.place.name} by {step.passage.name}: {output.text}"
         return output._replace(text=text)
 
-    def _crossed(self, belief: _Belief, pose: SE2) -> Passage | None:
+    def _crossed(self, belief: Belief, pose: SE2) -> Passage | None:
         """Return the passage through which the robot has left its place; None: it is in it."""
         place = self._places[belief.place]
         T_frame_base = belief.T_world_frame.inverse() @ pose
@@ -332,11 +213,11 @@ class Travel(Behaviour):
                 return passage
         return None
 
-    def _enter(self, belief: _Belief, passage: Passage) -> BehaviourOutput:
+    def _enter(self, belief: Belief, passage: Passage) -> BehaviourOutput:
         """Believe to be in the place beyond a passage."""
         there = passage.beyond(belief.place)
         T_world_there = belief.T_world_frame @ self._map.across(belief.place, passage)
-        self._belief = _Belief(there, T_world_there, is_borne_out=False)
+        self._belief = Belief(there, T_world_there, is_borne_out=False)
         self._seen_ns = 0
         return BehaviourOutput(0.0, 0.0, text=f"through {passage.name}: {there}")
 
@@ -350,9 +231,9 @@ class Travel(Behaviour):
         """Look again after a passage was not reached; take another way if that repeats."""
         self._count(passage, reason)
         self._forget(f"{passage.name} was not reached: {reason}")
-        return BehaviourOutput(0.0, 0.0, text=self._reason)
+        return BehaviourOutput(0.0, 0.0, text=self._finder.reason)
 
-    def _arrive(self, belief: _Belief, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
+    def _arrive(self, belief: Belief, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
         """Drive to the middle of the goal."""
         spots = [belief.T_world_frame @ spot for spot in _MIDDLE]
         output = self._approach.step(self._goal, spots, situation, now_ns)
@@ -360,7 +241,7 @@ class Travel(Behaviour):
             return output._replace(text=f"in {self._goal}, to its middle: {output.text}")
         if not belief.is_borne_out or belief.unseen_m > 0.5 * _WRONG_M:
             self._forget(f"this does not look like {self._goal}")
-            return BehaviourOutput(0.0, 0.0, text=self._reason)
+            return BehaviourOutput(0.0, 0.0, text=self._finder.reason)
         if output.status is Status.FAILED:
             return done(f"in {self._goal}; its middle was not reached: {output.text}")
         return done(f"in {self._goal}")

@@ -8,19 +8,19 @@ looked through.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from robotctl.estimation.places.recogniser import Candidate, Recognition
 from robotctl.estimation.slam.front_end.agreement import View as Sight
 from robotctl.estimation.slam.front_end.agreement import agreement, view_of
-from robotctl.estimation.slam.front_end.correlative import Window, search
-from robotctl.estimation.slam.front_end.point_to_line import Bins, binned, refine
-from robotctl.estimation.slam.front_end.score_field import ScoreField, score_field
+from robotctl.estimation.slam.front_end.correlative import Window
 from robotctl.estimation.slam.front_end.surface import Floats, Surface, joined, surface_of
 from robotctl.estimation.slam.keyframes.keyframe import LOOSE
+from robotctl.estimation.slam.keyframes.local_map import map_of, thinned
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.planning.map.topological.appearance import REACH_M, SPACING_M
@@ -29,41 +29,32 @@ from robotctl.planning.map.topological.graph import TopologicalMap, TopologicalP
 POINTS: Final = 120
 """Number of points of a scan that are compared."""
 _ASKED: Final = 2
-"""Views near a pose that judge it."""
+"""Number of views near a pose that judge it."""
 _LEAST_SCORE: Final = 0.5
 _LEAST_AGREES: Final = 0.85
-"""Minimum score, and share of the scan that agrees, of a place that the scan may be from."""
+"""Minimum score of a place that the scan may be from, and share of the scan that agrees."""
 _ALIKE: Final = 0.9
-"""Another place with this share of the score, and of what agrees, leaves it open which it is."""
+"""Share of the best place's score and agreement from which another one makes it ambiguous."""
 _FOLLOW_SCORE: Final = 0.5
 _FOLLOW_AGREES: Final = 0.75
-"""The same near where a robot should be: boxes stand about, and people."""
+"""The same near the expected pose, where less is required: boxes and people stand about."""
 _SPOT_M: Final = 0.5
-"""Sightings of two places that are no farther apart are of one spot."""
+"""Maximum distance between sightings of one spot from two places [m]."""
 _SHIFT_M: Final = 0.4
 _TURN_RAD: Final = 0.2
-"""Around where a robot should be: to each side."""
+"""Half sides of the search window around the expected pose [m], [rad]."""
 
 
-@dataclass(frozen=True, slots=True)
-class Sighting:
-    """A scan laid over a place.
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Sighting(Candidate[str]):
+    """A scan laid over a place; the score is the share of it that lies on what is seen there.
 
     Parameters
     ----------
-    place
-        Its name.
-    pose
-        Of `base` in its frame.
-    score
-        How much of the scan lies on what is seen there, 0 to 1.
     agrees
-        Of what scan and views say of each other, the share that agrees, 0 to 1.
+        Share of the points seen by both scan and views on which they agree, 0 to 1.
     """
 
-    place: str
-    pose: SE2
-    score: float
     agrees: float
 
 
@@ -79,12 +70,9 @@ class Look:
 def look_of(scan: RangeScan) -> Look | None:
     """Return a scan for comparisons; None: it has no echo."""
     surface = surface_of(scan)
-    points = surface.points
-    if len(points) == 0:
+    if len(surface.points) == 0:
         return None
-    if len(points) > POINTS:
-        points = points[np.linspace(0, len(points) - 1, POINTS).astype(np.int64)]
-    return Look(surface, points, view_of(scan))
+    return Look(surface, thinned(surface.points, POINTS), view_of(scan))
 
 
 class Appearance:
@@ -104,17 +92,15 @@ class Appearance:
         scans = [_scan(at, depth_m) for at, depth_m in seen]
         self._sights = [view_of(each) for each in scans]
         self._surfaces = [surface_of(each) for each in scans]
-        whole = joined(self._surfaces)
-        self._field: ScoreField = score_field(whole.outline)
-        self._bins: Bins = binned(whole)
+        self._map = map_of(joined(self._surfaces))
 
     def find(self, look: Look, window: Window, least: float) -> Sighting | None:
         """Return where in a window a scan fits best; None: nowhere better than `least`."""
-        found = search(self._field, look.points, window, least)
-        if found is None:
+        fit = self._map.fit(look.surface, look.points, window, least, LOOSE)
+        if fit is None:
             return None
-        pose = refine(self._bins, look.surface, found.pose, found.pose, LOOSE).pose
-        return Sighting(self.name, pose, found.score, self._agrees(look, pose))
+        pose = fit.match.pose
+        return Sighting(self.name, pose, fit.score, agrees=self._agrees(look, pose))
 
     def follow(self, look: Look, expected: SE2, doubt_m: float) -> Sighting | None:
         """Return where a scan was taken, near where it should be; None: it does not fit there.
@@ -126,7 +112,7 @@ class Appearance:
         expected
             Pose of `base` in the frame of the place.
         doubt_m
-            How far off that may be, beside the usual [m].
+            Error that it may have beside the usual one [m].
         """
         window = Window(expected, _SHIFT_M + doubt_m, _TURN_RAD, _SHIFT_M + doubt_m, _TURN_RAD)
         found = self.find(look, window, _FOLLOW_SCORE)
@@ -165,56 +151,47 @@ def _scan(at: tuple[float, float], depth_m: tuple[float, ...]) -> RangeScan:
 
 
 class PlaceSearch:
-    """Looks for the place of a scan, a window in each step.
+    """Searches for the place of a scan; a robot that drives does so a window in each step.
 
     Parameters
     ----------
-    look
-        The scan.
     places
-        Where it may be from.
+        Places of the map that are compared.
     topology
-        Their map.
-
-    Attributes
-    ----------
-    found
-        When it is over: the place; None: none, or more than one.
-    reason
-        Why none was found.
+        The map.
     """
 
-    def __init__(self, look: Look, places: Sequence[Appearance], topology: TopologicalMap) -> None:
-        self._look = look
+    def __init__(self, places: Sequence[Appearance], topology: TopologicalMap) -> None:
+        self._places = places
         self._map = topology
-        self._left = [(place, window) for place in places for window in place.windows()]
-        self._best: dict[str, Sighting] = {}
-        self.found: Sighting | None = None
-        self.reason = ""
 
-    def step(self) -> bool:
-        """Search one window; return whether the search is over."""
-        if self._left:
-            place, window = self._left.pop()
-            best = max((each.score for each in self._best.values()), default=0.0)
-            seen = place.find(self._look, window, max(0.6 * _LEAST_SCORE, 0.8 * best))
-            if seen is not None and seen.score > _score(self._best.get(place.name)):
-                self._best[place.name] = seen
-        if self._left:
-            return False
-        self._judge()
-        return True
+    def suggest(self, sensed: Look) -> Recognition[Sighting]:
+        """Return the places that a scan may be from, and why none is recognised."""
+        return next(each for each in self.steps(sensed) if each is not None)
 
-    def _judge(self) -> None:
-        """Decide which place it is."""
-        ranked = sorted(self._best.values(), key=lambda each: each.score, reverse=True)
+    def steps(self, sensed: Look) -> Iterator[Recognition[Sighting] | None]:
+        """Search a window in each step; yield None until all are searched."""
+        left = [(place, window) for place in self._places for window in place.windows()]
+        best: dict[str, Sighting] = {}
+        while left:
+            place, window = left.pop()
+            most = max((each.score for each in best.values()), default=0.0)
+            seen = place.find(sensed, window, max(0.6 * _LEAST_SCORE, 0.8 * most))
+            before = best.get(place.name)
+            if seen is not None and (before is None or seen.score > before.score):
+                best[place.name] = seen
+            if left:
+                yield None
+        yield self._judged(sorted(best.values(), key=lambda each: each.score, reverse=True))
+
+    def _judged(self, ranked: Sequence[Sighting]) -> Recognition[Sighting]:
+        """Return the likely places among the best sightings of each, and whether one stands out."""
         likely = [
             each for each in ranked if each.score >= _LEAST_SCORE and each.agrees >= _LEAST_AGREES
         ]
         if not likely:
             what = f"{ranked[0].place} looks least unlike" if ranked else "none looks like it"
-            self.reason = f"this is no place of the map: {what}"
-            return
+            return Recognition((), f"this is no place of the map: {what}")
         best = max(likely, key=lambda each: each.score * each.agrees)
         alike = [
             each.place
@@ -223,10 +200,11 @@ class PlaceSearch:
             and each.agrees >= _ALIKE * best.agrees
             and not self._is_same(best, each)
         ]
+        candidates = (best, *(each for each in likely if each is not best))
         if alike:
-            self.reason = f"from here {' and '.join([best.place, *alike])} look alike"
-            return
-        self.found = best
+            reason = f"from here {' and '.join([best.place, *alike])} look alike"
+            return Recognition(candidates, reason)
+        return Recognition(candidates)
 
     def _is_same(self, one: Sighting, other: Sighting) -> bool:
         """Return whether two sightings are of one spot, beside an open passage of both places."""
@@ -239,10 +217,6 @@ class PlaceSearch:
                 if math.hypot(off.x_m, off.y_m) < _SPOT_M and abs(off.theta_rad) < _TURN_RAD:
                     return True
         return False
-
-
-def _score(sighting: Sighting | None) -> float:
-    return 0.0 if sighting is None else sighting.score
 
 
 def appearances(topology: TopologicalMap) -> dict[str, Appearance]:

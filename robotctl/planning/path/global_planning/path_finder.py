@@ -89,7 +89,7 @@ class PathFinder:
         there = goal.seen_from(pose)
         if not self._world.holds(there):
             self._world.grow_to(there)
-        if self._world.map.closed_at(pose):
+        if self._world.map.shut.closed_at(pose):
             return self._lead_out(pose, there)
         return self._way(self._world.map.space(), pose, there)
 
@@ -98,10 +98,10 @@ class PathFinder:
         given, live = self._world.given, self._world.map
         if failure := blocked_goal(given, goal):
             return failure
-        outside = live.room_outside()
+        outside = live.shut.room_outside(live.space())
         wide = given.clearance >= given.inscribed
         beyond = outside & connected(given, wide, (goal.x_m, goal.y_m))
-        live.open_around(pose)
+        live.shut.open_around(pose)
         space = live.space()
         exits = beyond if beyond.any() else outside
         return lead_out(space, exits, pose, lambda exit_: self._way(space, pose, exit_))

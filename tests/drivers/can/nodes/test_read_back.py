@@ -4,7 +4,7 @@ import struct
 
 import pytest
 
-from robotctl.drivers.can.nodes.node import UNREAD_MAX
+from robotctl.drivers.can.nodes.read_back import UNREAD_MAX
 from robotctl.messages.actuators import ActuatorCommand
 from robotctl.messages.faults import FaultCode
 from tests.drivers.can.nodes.fake_nodes import OPERATIONAL, FakeBus

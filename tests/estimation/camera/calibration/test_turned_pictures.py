@@ -10,7 +10,8 @@ from robotctl.config.robot_file import find_file
 from robotctl.errors import CalibrationError
 from robotctl.estimation.camera.calibration.intrinsics import TurnedPicturesError, calibrate_lens
 from robotctl.estimation.camera.calibration.pattern import Board
-from robotctl.workbench.camera.calibrate import CameraCalibrateOptions, calibrate_camera
+from robotctl.workbench.camera.calibrate import calibrate_camera
+from robotctl.workbench.camera.options import CameraCalibrateOptions
 from robotctl.workbench.camera.pictures import read_picture, write_picture
 
 BOARD = Board(9, 6, 0.025)
@@ -78,7 +79,7 @@ def test_real_pictures_some_of_which_were_turned_are_refused_by_name(
             continue
         given.append(tmp_path / f"turned{number}.png")
         write_picture(given[-1], np.ascontiguousarray(np.rot90(read_picture(path), 2)))
-    options = CameraCalibrateOptions(find_file("diff_drive"), lens=tuple(given), board=BOARD)
+    options = CameraCalibrateOptions(find_file("diff_drive"), lens=tuple(given), square_mm=25.0)
     with pytest.raises(
         CalibrationError, match=r"^turned3\.png, turned6\.png, turned9\.png: turned by half a"
     ):

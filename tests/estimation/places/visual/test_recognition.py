@@ -28,7 +28,7 @@ def driven(vocabulary, looks, **options):
     places, found = VisualPlaces(vocabulary, **options), []
     for features in looks:
         sight = sight_of(vocabulary, features)
-        found.append(places.recognise(sight, is_next=True))
+        found.append(places.suggest(sight, is_next=True))
         places.add(sight)
     return places, found
 
@@ -38,7 +38,7 @@ def test_a_second_lap_is_recognised_and_the_first_is_not(vocabulary):
     second = [look(drawn_wall(i), 15, -10, 1.15, seed=i) for i in range(20)]
     _, found = driven(vocabulary, first + second, gap=5)
     assert all(each.found is None for each in found[:20])
-    assert [each.found.image for each in found[20:]] == list(range(20))
+    assert [each.found.place for each in found[20:]] == list(range(20))
     assert all(each.found.share > 0.2 for each in found[20:])
 
 
@@ -49,15 +49,15 @@ def test_where_two_places_look_the_same_neither_is_chosen(vocabulary):
     for each in looks:
         places.add(sight_of(vocabulary, each))
     query = sight_of(vocabulary, look(drawn_wall(3), 3, -3, seed=2))
-    assert places.recognise(query, is_next=True).refusal == "ambiguous"
+    assert places.suggest(query, is_next=True).refusal == "ambiguous"
 
 
 def test_places_that_a_closure_joined_are_one(vocabulary):
     looks = [look(drawn_wall(i % 10), seed=i) for i in range(20)]
     places, found = driven(vocabulary, looks, gap=5)
-    assert found[13].found.image == 3
+    assert found[13].found.place == 3
     query = sight_of(vocabulary, look(drawn_wall(3), 3, -3, seed=2))
-    assert places.recognise(query, is_next=False).found.image in {3, 13}
+    assert places.suggest(query, is_next=False).found.place in {3, 13}
 
 
 def test_a_weak_likeness_needs_the_images_before(vocabulary):
@@ -71,9 +71,9 @@ def test_a_weak_likeness_needs_the_images_before(vocabulary):
     new = [look(drawn_wall(i)) for i in range(100, 110)]
     _, found = driven(vocabulary, first + new + [partly(i, i) for i in (4, 5, 6)], gap=5)
     assert found[22].refusal == "not confirmed by the images before"
-    assert max(found[22].candidates, key=lambda each: each.share).image == 4
-    assert found[23].found.image == 5
-    assert found[24].found.image == 6
+    assert max(found[22].candidates, key=lambda each: each.share).place == 4
+    assert found[23].found.place == 5
+    assert found[24].found.place == 6
 
 
 def test_a_blank_wall_is_no_place(vocabulary):

@@ -49,7 +49,7 @@ def two_features():
     for name, bearing in ((1, -0.1), (2, 0.1)):
         slam.add(POINT, name, np.array([5.0, bearing]), tight)
     # the robot has turned a little since, nobody knows how much
-    slam.predict(slam.belief.x_v.copy(), np.eye(3), np.diag([0.0, 0.0, 0.02]))
+    slam.predict(slam.x_v.copy(), np.eye(3), np.diag([0.0, 0.0, 0.02]))
     return slam, np.tile(tight, (2, 1, 1))
 
 

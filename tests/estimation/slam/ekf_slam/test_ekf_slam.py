@@ -37,8 +37,8 @@ def both(seed, steps=40):
         for number in range(len(near)):
             if number not in known:
                 dense.add(z[number])
-        if k % 9 == 8 and len(slam.belief):
-            gone = int(rng.integers(len(slam.belief)))
+        if k % 9 == 8 and len(slam.names):
+            gone = int(rng.integers(len(slam.names)))
             slam.remove(gone)
             dense.remove(gone)
     return slam, dense
@@ -52,29 +52,24 @@ def test_it_is_the_textbooks_filter_with_whole_matrices(seed):
     assert slam.belief.covariance() == pytest.approx(dense.P, abs=1e-10)
 
 
-def test_the_blocks_are_views_of_the_one_covariance():
+def test_the_pose_and_each_feature_have_their_part_of_the_covariance():
     slam, dense = both(3)
-    belief = slam.belief
-    places = {None: slice(0, 3)} | {f: slice(3 + 2 * f, 5 + 2 * f) for f in range(len(belief))}
-    for a, rows in places.items():
-        for b, columns in places.items():
-            block = belief.block(a, b)
-            assert block == pytest.approx(dense.P[rows, columns], abs=1e-10)
-            assert np.shares_memory(block, belief.block(b, a))
-    before = belief.block(1, 0)
-    slam.update(POINT, np.array([0]), np.array([[1.0, 0.0]]), R[np.newaxis])
-    assert belief.block(1, 0) == pytest.approx(before)  # the same memory
+    assert slam.pose_covariance() == pytest.approx(dense.P[:3, :3], abs=1e-10)
+    for number in range(len(slam.names)):
+        own = slice(3 + 2 * number, 5 + 2 * number)
+        assert slam.covariance(number) == pytest.approx(dense.P[own, own], abs=1e-10)
     with pytest.raises(IndexError, match="there are"):
-        belief.block(None, len(belief))
+        slam.covariance(len(slam.names))
 
 
 def test_the_names_stay_with_their_features():
     slam, _ = both(5)
-    assert [slam.index(name) for name in slam.names] == list(range(len(slam.belief)))
-    gone, last = slam.names[0], slam.belief.features[-1].copy()
+    assert [slam.index(name) for name in slam.names] == list(range(len(slam.names)))
+    gone, last = slam.names[0], slam.features[-1].copy()
+    name = slam.names[-1]
     slam.remove(0)
     assert slam.index(gone) is None
-    assert slam.belief.features[-1] == pytest.approx(last)
+    assert slam.features[slam.index(name)] == pytest.approx(last)
 
 
 def test_moving_changes_only_what_is_of_the_robot():
@@ -92,7 +87,7 @@ def test_a_measurement_without_noise_of_a_certain_feature_is_refused():
     slam.add(POINT, 1, np.array([2.0, 0.1]), none[0])
     with pytest.raises(ValueError, match="positive definite"):
         slam.update(POINT, np.array([0]), np.array([[2.0, 0.1]]), none)
-    assert slam.belief.features[0] == pytest.approx([2.0 * np.cos(0.1), 2.0 * np.sin(0.1)])
+    assert slam.features[0] == pytest.approx([2.0 * np.cos(0.1), 2.0 * np.sin(0.1)])
 
 
 def run(seed, *, invariant=True, noise=NOISE, start=START):
@@ -111,7 +106,7 @@ def run(seed, *, invariant=True, noise=NOISE, start=START):
         slam.sight(POINT, near.tolist(), z, np.tile(R, (len(near), 1, 1)))
     pose = slam.pose
     turn = [-pose.y_m, pose.x_m, 1.0]
-    for x, y in slam.belief.features:
+    for x, y in slam.features:
         turn += [-y, x]
     learned = turn @ np.linalg.solve(slam.belief.covariance(), turn)
     begin = np.array([-x_v[1], x_v[0], 1.0])
@@ -150,11 +145,11 @@ def test_a_turned_and_moved_world_gives_the_same_turned_and_moved(seed):
         for d, a, _, near, z in steps:
             slam.move(d, a, NOISE)
             slam.sight(POINT, near.tolist(), z, np.tile(R, (len(near), 1, 1)))
-    for (x, y), found in zip(one.belief.features, other.belief.features, strict=True):
+    for (x, y), found in zip(one.features, other.features, strict=True):
         assert found == pytest.approx(T.apply(x, y), abs=1e-9)
     moved = T @ one.pose
     assert other.pose.x_m == pytest.approx(moved.x_m, abs=1e-9)
-    whole = np.kron(np.eye(len(one.belief) + 1), M[:2, :2])
+    whole = np.kron(np.eye(len(one.names) + 1), M[:2, :2])
     whole = np.insert(np.insert(whole, 2, 0.0, axis=0), 2, 0.0, axis=1)
     whole[2, 2] = 1.0
     P = whole @ one.belief.covariance() @ whole.T

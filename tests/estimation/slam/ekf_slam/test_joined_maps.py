@@ -50,12 +50,14 @@ def test_joined_maps_are_the_map_of_one_filter_where_all_is_linear():
     _, whole, maps = driven(0, 15, exact=True)
     assert sorted(maps.names) == sorted(whole.names)
     pose = whole.pose
-    assert maps.x[:3] == pytest.approx([pose.x_m, pose.y_m, maps.x[2]], abs=2e-4)
-    assert maps.P[:3, :3] == pytest.approx(whole.belief.block(None, None), rel=0.02, abs=1e-10)
+    assert maps.belief.x[:3] == pytest.approx([pose.x_m, pose.y_m, maps.belief.x[2]], abs=2e-4)
+    assert maps.belief.covariance()[:3, :3] == pytest.approx(
+        whole.pose_covariance(), rel=0.02, abs=1e-10
+    )
     for number, name in enumerate(whole.names):
         place, P = maps.feature(name)
-        assert place == pytest.approx(whole.belief.features[number], abs=2e-4)
-        assert pytest.approx(whole.belief.block(number, number), rel=0.03, abs=1e-10) == P
+        assert place == pytest.approx(whole.features[number], abs=2e-4)
+        assert pytest.approx(whole.covariance(number), rel=0.03, abs=1e-10) == P
 
 
 def test_they_are_as_sure_as_they_may_be():
@@ -63,7 +65,7 @@ def test_they_are_as_sure_as_they_may_be():
     nees = []
     for seed in range(SEEDS):
         truth, _, maps = driven(seed, 25)
-        nees.append(tangent_nees(maps.base, maps.P[:3, :3], truth))
+        nees.append(tangent_nees(maps.base, maps.belief.covariance()[:3, :3], truth))
     assert low < np.mean(nees) < high
 
 

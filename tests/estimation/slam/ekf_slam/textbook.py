@@ -65,9 +65,10 @@ class DenseSlam:
         self.P = J @ self.P @ J.T + by_z @ noise @ by_z.T
 
     def remove(self, which):
-        gone = [3 + 2 * which, 4 + 2 * which]
-        self.x = np.delete(self.x, gone)
-        self.P = np.delete(np.delete(self.P, gone, axis=0), gone, axis=1)
+        kept = np.arange(len(self.x) - 2)
+        if which < len(kept[3:]) // 2:  # the last feature takes the number
+            kept[3 + 2 * which : 5 + 2 * which] = [len(kept), len(kept) + 1]
+        self.x, self.P = self.x[kept], self.P[np.ix_(kept, kept)]
 
     def _feature(self, which):
         return self.x[3 + 2 * which : 5 + 2 * which]

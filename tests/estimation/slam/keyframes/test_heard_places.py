@@ -18,8 +18,8 @@ class Suggested:
     def __init__(self):
         self.candidates = []
 
-    def suggest(self, candidate):
-        self.candidates.append(candidate)
+    def suggest(self, number, found_by, candidates):
+        self.candidates += [(number, found_by, each) for each in candidates]
 
 
 def turn(x_m, y_m, begin_rad, way=1.0):
@@ -48,8 +48,8 @@ def test_a_turn_at_a_known_spot_says_where_the_robot_is_in_the_old_keyframe():
     # Back at the second, metres off by odometry, turned otherwise, the other way round.
     again = turn(12.04, 8.97, 0.4, way=-1.0)
     shown(places, again, 7, rng, SE2(3.0, -2.0, 0.8), 4 * 10**13)
-    (found,) = loops.candidates
-    assert (found.keyframe, found.other, found.found_by) == (7, 1, "sonar turn")
+    ((number, found_by, found),) = loops.candidates
+    assert (number, found.place, found_by) == (7, 1, "sonar turn")
     true = SE2(*spots[1]).inverse() @ again[0]
     assert math.hypot(found.pose.x_m - true.x_m, found.pose.y_m - true.y_m) < 0.15
     assert abs(math.remainder(found.pose.theta_rad - true.theta_rad, math.tau)) < 0.15

@@ -28,7 +28,7 @@ def test_a_match_with_a_known_place_lies_within_three_times_the_doubt(sigma_rad,
         back_end.add(pose)
     back_end.link(Link(0, 1, turned, np.diag([900.0, 900.0, sigma_rad**-2])))
     loops = LoopSearch(SOURCE.config, keyframes, back_end)
-    Linking(SOURCE.config, keyframes, back_end, loops).link_near(1, [], by_wheels=True)
+    Linking(SOURCE.config, keyframes, back_end, loops).link_near(1, [], has_odometry=True)
     links = back_end.links[1:]
     assert len(links) == is_linked
     for link in links:

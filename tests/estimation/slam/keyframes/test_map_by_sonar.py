@@ -7,7 +7,7 @@ import pytest
 
 from robotctl.estimation.slam.keyframes.known_places import Known
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
-from robotctl.estimation.slam.keyframes.motion import Expected, Kept, Place
+from robotctl.estimation.slam.keyframes.motion import OdometryAnchor, Place, PredictedMotion
 from robotctl.estimation.slam.keyframes.saved_map import restored, whole_map
 from robotctl.estimation.slam.local_scans.sonar import SOURCE
 from robotctl.estimation.slam.local_scans.source import CALIBRATED
@@ -50,7 +50,7 @@ def gone_on(record, inside, odometry, *, is_another):
     saved = restored([record])
     mapper.resume(saved, is_there=True)
     place = Place(0, saved.place[0], saved.place[1] @ inside)
-    mapper.go_on(place, odometry, is_another=is_another)
+    mapper.restart_segment(place, odometry, is_another=is_another)
     return mapper
 
 
@@ -124,7 +124,7 @@ def test_a_known_place_is_where_odometry_and_match_say_by_what_each_is_worth():
 def test_a_doubted_heading_moves_what_comes_after_it():
     """Against many robots that were turned by chance before they drove on."""
     rng, odometry = np.random.default_rng(4), SE2(2.0, 0.0, 0.3)
-    kept = Kept(SE2(0.2, 0.1, 0.5), SE2(), Expected(SE2(), 0.1, 0.17))
+    kept = OdometryAnchor(SE2(0.2, 0.1, 0.5), SE2(), PredictedMotion(SE2(), 0.1, 0.17))
     known = kept.moved_to(odometry, CALIBRATED)
     ends = [
         kept.pose @ SE2(*(rng.normal(size=3) * (0.1, 0.1, 0.17)).tolist()) @ odometry

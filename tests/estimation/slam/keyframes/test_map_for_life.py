@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
-from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.loops import LoopSearch
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.estimation.slam.keyframes.saved_map import ChangeLog, compacted, encoded, restored
+from robotctl.estimation.slam_config import KeyframeConfig
 from robotctl.model.geometry.se2 import SE2
 from tests.estimation.slam.keyframes.test_slam_mapper import OFFICE, ROUND
 from tests.estimation.slam.lidar_world import along, box, drifting, scan_of
@@ -35,8 +35,8 @@ def feed(mapper, walls, poses, rng, odometry=None):
     mapper.begin_odometry()
     for pose, wheels in zip(poses, odometry, strict=True):
         mapper.add(scan(walls, pose, rng), wheels)
-        mapper.look()
-        mapper.look()
+        mapper.relocalise()
+        mapper.relocalise()
 
 
 def off_m(mapper, start, pose):
@@ -81,7 +81,7 @@ def test_a_loaded_map_has_loops_before_its_shapes_are_known(driven):
     last = len(mapper.keyframes) - 1
     doubts = np.full((last + 1, 2), (0.4, 0.1))
     loops.enter(last)
-    loops.consider(last, np.arange(last - 20), doubts, by_wheels=True)
+    loops.consider(last, np.arange(last - 20), doubts, has_odometry=True)
     loops.step()
     assert [each.found_by for each in loops.log] == ["position"]
 
@@ -115,7 +115,7 @@ def test_a_drive_cut_anywhere_goes_on(driven, share):
     rest = (ROUNDS + TURN)[cut : cut + 12]
     feed(mapper, OFFICE, rest, np.random.default_rng(5))
     assert not mapper.is_lost
-    assert mapper.found == 0
+    assert mapper.relocaliser.found == 0
     assert off_m(mapper, HOME, rest[-1]) < 0.05
 
 
@@ -124,7 +124,7 @@ def test_the_map_keeps_its_size(driven):
     before, links = len(mapper.keyframes), len(mapper.back_end.links)
     feed(mapper, OFFICE, ROUNDS + TURN, np.random.default_rng(6))
     assert (len(mapper.keyframes), len(mapper.back_end.links)) == (before, links)
-    assert mapper.renewals == 0
+    assert mapper.known_places.renewals == 0
     assert off_m(mapper, HOME, TURN[-1]) < 0.05
 
 
@@ -135,7 +135,7 @@ def test_what_was_moved_is_forgotten(driven):
     )  # it was at (9, 1.7)
     feed(mapper, moved, ROUNDS + TURN, np.random.default_rng(7))
     feed(mapper, moved, ROUNDS + TURN, np.random.default_rng(8))
-    assert mapper.renewals > 0
+    assert mapper.known_places.renewals > 0
     grid = OccupancyGrid()
     order = np.argsort([each.travelled_m for each in mapper.keyframes])
     world = [HOME @ mapper.back_end.pose(each) for each in order]
@@ -152,7 +152,7 @@ def test_a_robot_that_was_carried_away_is_found_where_it_is(driven):
     feed(mapper, OFFICE, ROUNDS[:10], np.random.default_rng(9))
     away = along([(3.5, 9.0), (8.5, 9.0)], 0.1)
     feed(mapper, OFFICE, away, np.random.default_rng(10))
-    assert mapper.found == 1
+    assert mapper.relocaliser.found == 1
     assert off_m(mapper, HOME, away[-1]) < 0.05
 
 
@@ -163,7 +163,7 @@ def test_a_robot_in_another_building_is_not_found(driven):
     )
     feed(mapper, other, along([(1.0, 1.0), (8.0, 1.0), (8.0, 3.0)], 0.1), np.random.default_rng(11))
     assert mapper.is_lost
-    assert mapper.found == 0
+    assert mapper.relocaliser.found == 0
 
 
 def test_a_map_that_is_fixed_stays_as_it_is(driven):

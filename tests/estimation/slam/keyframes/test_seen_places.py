@@ -16,6 +16,7 @@ from robotctl.estimation.slam.keyframes.saved_map import (
     whole_map,
 )
 from robotctl.estimation.slam.keyframes.seen_places import SeenPlaces
+from robotctl.estimation.slam_config import KeyframeConfig, ShapeConfig, SlamConfig
 from robotctl.maps.vocabulary_file import load_vocabulary, shipped_vocabulary
 from robotctl.model.geometry.se2 import SE2
 from tests.estimation.places.visual.drawn import drawn_wall
@@ -58,13 +59,13 @@ def test_images_are_known_again_by_those_who_go_on_with_the_map():
     for one, other in zip(mapper.images.values(), before.images.values(), strict=True):
         assert np.array_equal(one.descriptors, other.descriptors)
         np.testing.assert_allclose(one.points, other.points, atol=1e-7)
-    mapper.stand(Place(0, 0, SE2()), SE2())
+    mapper.robot.relocate(Place(0, 0, SE2()), SE2())
     seen = SeenPlaces(vocabulary, mapper)
     drive(seen)
     loaded = len(before.images)
     places = [true[mapper.keyframes[each].stamp_ns // 500_000_000] for each in seen.keyframes]
     known = [
-        (place, places[each.found.image])
+        (place, places[each.found.place])
         for place, each in zip(places[loaded:], seen.recognitions, strict=True)
         if each.found is not None
     ]
@@ -84,16 +85,16 @@ def test_the_last_images_are_kept():
 
 
 @pytest.mark.parametrize("is_alike", [False, True])
-def test_a_place_that_is_known_again_by_its_image_closes_the_loop(monkeypatch, is_alike):
+def test_a_place_that_is_known_again_by_its_image_closes_the_loop(is_alike):
     # Bare corridors tell no length to scans without odometry; nor do shapes count here.
-    monkeypatch.setattr("robotctl.estimation.slam.keyframes.loops._ALIKE", 0)
     things = [(1.0, 0.0, 0.5, 0.4), (3.0, 1.7, 0.4, 0.3), (0.0, 3.0, 0.3, 0.6),
               (5.0, 0.0, 0.3, 0.5), (1.7, 4.5, 0.3, 0.8)]  # fmt: skip
     walls = np.concatenate(
         [box(0.0, 0.0, 20.0, 12.0), box(2.0, 2.0, 16.0, 8.0), *(box(*each) for each in things)]
     )
     poses = along([(1.0, 1.0), (19.0, 1.0), (19.0, 11.0), (1.0, 11.0), (1.0, 1.0), (9.0, 1.0)])
-    rng, mapper = np.random.default_rng(1), SlamMapper()
+    no_shapes = KeyframeConfig(tuning=SlamConfig(shapes=ShapeConfig(candidates=0)))
+    rng, mapper = np.random.default_rng(1), SlamMapper(no_shapes)
     seen = SeenPlaces(load_vocabulary(shipped_vocabulary()), mapper)
     for number, pose in enumerate(poses):
         mapper.add(scan_of(walls, pose, rng, reach_m=6.0, stamp_ns=number * 500_000_000))

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from robotctl.estimation.places.recogniser import Candidate
 from robotctl.estimation.slam.keyframes import loops
 from robotctl.estimation.slam.keyframes.back_end import Link
-from robotctl.estimation.slam.keyframes.loops import Candidate
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.model.geometry.points import align, moved
 from robotctl.model.geometry.se2 import SE2
@@ -54,7 +54,7 @@ def test_a_round_through_an_office_closes(with_odometry):
     mapper, made = drive(OFFICE, poses, drifting(poses, rng) if with_odometry else None, rng)
     assert ape_m(made, poses) < 0.05
     assert any(link.is_loop and link.second - link.first > 60 for link in mapper.back_end.links)
-    assert mapper.lost == 0
+    assert mapper.tracker.unmatched == 0
 
 
 def test_a_slip_of_the_wheels_is_noticed_and_does_no_harm():
@@ -66,7 +66,7 @@ def test_a_slip_of_the_wheels_is_noticed_and_does_no_harm():
         for row, pose in enumerate(odometry)
     ]
     mapper, made = drive(OFFICE, poses, slipped, rng)
-    assert mapper.slips == 1
+    assert mapper.tracker.slips == 1
     assert ape_m(made, poses) < 0.05
 
 
@@ -102,7 +102,7 @@ def test_a_hint_counts_only_where_scans_bear_it_out(monkeypatch, off_m):
         old = min(range(40), key=lambda each: np.hypot(*_shift(true[each], true[new])))
         at = true[old].inverse() @ true[new]
         pose = SE2(at.x_m + off_m, at.y_m, at.theta_rad)
-        mapper.loops.suggest(Candidate(new, old, "image", 0.8, 0.3, pose))
+        mapper.loops.suggest(new, "image", [Candidate(old, pose, 1.0)])
     links = mapper.loops.step() + mapper.loops.step()
     assert bool(links) == (off_m < 1.0)
     assert all(bool(each.reason) == (off_m > 1.0) for each in mapper.loops.log[1:])
@@ -122,7 +122,7 @@ def test_a_place_seen_from_the_other_side_matches_scans_that_see_the_same(monkey
         old = min(range(46), key=lambda each: np.hypot(*_shift(true[each], true[new])))
         there = true[old].inverse() @ true[new]
         assert abs(there.theta_rad) > 3.0
-        mapper.loops.suggest(Candidate(new, old, "image", 0.3, 0.2, there))
+        mapper.loops.suggest(new, "image", [Candidate(old, there, 1.0)])
     mapper.loops.step()
     mapper.loops.step()
     assert [each.reason for each in mapper.loops.log] == 2 * ["not confirmed by another yet"]

@@ -7,6 +7,7 @@ import pytest
 
 from robotctl.config.robot_file import find_file, load_robot
 from robotctl.estimation.ranging.segment_index import distances
+from robotctl.estimation.ranging.sonar_cones import SonarCones
 from robotctl.estimation.ranging.sonar_config import SonarModelConfig
 from robotctl.estimation.ranging.wall_echoes import WallEchoes
 from robotctl.estimation.slam.front_end.surface import surface_of
@@ -36,8 +37,11 @@ def heard(walls, poses, rng):
     """Return what the ring reads at each pose: echoes of straight walls, one in twenty wrong."""
     config = SonarModelConfig()
     echoes = WallEchoes(
-        WallMap(walls.reshape(-1, 4)), mount_rows(MOUNTS), math.radians(config.beam_deg),
-        math.radians(config.max_incidence_deg), config.max_range_m,
+        WallMap(walls.reshape(-1, 4)),
+        SonarCones(
+            mount_rows(MOUNTS), math.radians(config.beam_deg),
+            math.radians(config.max_incidence_deg), config.max_range_m,
+        ),
     )  # fmt: skip
     rows = np.array([(each.x_m, each.y_m, each.theta_rad) for each in poses])
     ranges = echoes.ranges(rows, np.arange(len(MOUNTS)))

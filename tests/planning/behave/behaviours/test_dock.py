@@ -31,8 +31,8 @@ def docking(make_run, robot, askew_deg, gap_m=1.2, **world):
 
 def end_of(run, robot):
     """Return distance from the wall [m], angle off square [deg] and touches once it has docked."""
-    out = run.until(lambda out: out.mission_completed or out.mission_failed, 60.0)
-    assert out.mission_completed, run.messages[-3:]
+    out = run.until(lambda out: out.state.mission_completed or out.state.mission_failed, 60.0)
+    assert out.state.mission_completed, run.messages[-3:]
     pose = run.world.pose
     gap_m = WALL_X_M - pose.x_m - robot.front
     return gap_m, math.degrees(pose.theta_rad), run.world.touched
@@ -73,8 +73,8 @@ def test_without_a_wall_it_says_so(make_run, differential):
     mission = Mission("dock", "flat", StartPose(0.0, 0.0), (DockItem("dock", DISTANCE_M),))
     run = make_run(differential, mission=mission, flat=False)
     run.step(AUTO)
-    out = run.until(lambda out: out.mission_failed, 10.0)
-    assert "the front sonar sees no wall ahead" in out.message
+    out = run.until(lambda out: out.state.mission_failed, 10.0)
+    assert "the front sonar sees no wall ahead" in out.state.message
 
 
 def test_what_a_robot_cannot_do_is_refused(robot):

@@ -53,8 +53,8 @@ def test_each_robot_stands_before_the_marker(make_run, robot, start):
     run.until(lambda _: run.world.distance_m > 0.5, 60.0)
     run.step(HOLD)
     run.step(AUTO)
-    out = run.until(lambda out: out.mission_completed or out.mission_failed, 60.0)
-    assert out.mission_completed, run.messages[-3:]
+    out = run.until(lambda out: out.state.mission_completed or out.state.mission_failed, 60.0)
+    assert out.state.mission_completed, run.messages[-3:]
     here = MARKER.inverse() @ run.world.pose
     assert -here.x_m - max(robot.front, 0.2) == pytest.approx(DISTANCE_M, abs=0.04)
     assert abs(here.y_m) < 0.08
@@ -65,5 +65,5 @@ def test_each_robot_stands_before_the_marker(make_run, robot, start):
 def test_a_marker_that_is_not_there_is_told(make_run, differential):
     run = docking(make_run, differential, (-1.5, 0.0, 2.0))
     run.step(AUTO)
-    out = run.until(lambda out: out.mission_failed, 10.0)
-    assert "the camera does not see marker 4" in out.message
+    out = run.until(lambda out: out.state.mission_failed, 10.0)
+    assert "the camera does not see marker 4" in out.state.message

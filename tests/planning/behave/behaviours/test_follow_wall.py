@@ -18,7 +18,7 @@ def follow(make_run, robot, start, item, **world):
     plan = Mission("wall", "flat", StartPose(start.x_m, start.y_m), (item,))
     run = make_run(robot, mission=plan, start=start, **world)
     run.step(ModeRequest(Mode.AUTO))
-    out = run.until(lambda out: out.mission_completed or out.mission_failed, 60.0)
+    out = run.until(lambda out: out.state.mission_completed or out.state.mission_failed, 60.0)
     return run, out
 
 
@@ -30,7 +30,7 @@ def test_the_distance_converges_on_either_side(robot, make_run, offset):
     ):
         item = FollowWallItem("follow_wall", side, 0.8, Until(length_m=2.6))
         run, out = follow(make_run, robot, start, item, range_noise_m=0.01)
-        assert out.mission_completed, out.message
+        assert out.state.mission_completed, out.state.message
         assert run.world.distance_m == pytest.approx(2.6, abs=0.1)
         assert all(abs(pose.y_m - 0.8) < 0.07 for pose in run.trace[-20:])
         assert run.world.touched == 0
@@ -39,7 +39,7 @@ def test_the_distance_converges_on_either_side(robot, make_run, offset):
 def test_it_ends_ahead_of_a_wall_in_front(robot, make_run):
     item = FollowWallItem("follow_wall", "right", 0.8, Until(front_below_m=0.8))
     run, out = follow(make_run, robot, SE2(1.0, 0.8, 0.0), item, outliers=0.02)
-    assert out.mission_completed
+    assert out.state.mission_completed
     front = robot.mounts[0].x_m
     assert 4.95 - run.world.pose.x_m - front == pytest.approx(0.8, abs=0.06)
 
@@ -62,7 +62,7 @@ def test_one_stray_reading_of_the_front_sonar_does_not_end_it(differential):
 def test_it_ends_abeam_of_a_position(robot, make_run):
     item = FollowWallItem("follow_wall", "right", 0.8, Until(position=(3.0, 0.5)))
     run, out = follow(make_run, robot, SE2(1.0, 0.8, 0.0), item)
-    assert out.mission_completed
+    assert out.state.mission_completed
     assert run.world.pose.x_m == pytest.approx(3.0, abs=0.05)
 
 
@@ -70,15 +70,15 @@ def test_the_first_condition_met_ends_it(robot, make_run):
     until = Until(length_m=1.0, front_below_m=0.3, position=(4.0, 1.0))
     item = FollowWallItem("follow_wall", "right", 0.8, until)
     run, out = follow(make_run, robot, SE2(1.0, 0.8, 0.0), item)
-    assert out.mission_completed
+    assert out.state.mission_completed
     assert run.world.distance_m == pytest.approx(1.0, abs=0.1)
 
 
 def test_without_a_wall_it_gives_up_after_a_while(robot, make_run):
     item = FollowWallItem("follow_wall", "left", 0.8, Until(length_m=20.0))
     run, out = follow(make_run, robot, SE2(), item, flat=False)
-    assert out.mission_failed
-    assert "no wall on the left" in out.message
+    assert out.state.mission_failed
+    assert "no wall on the left" in out.state.message
     assert run.world.distance_m == pytest.approx(0.8, abs=0.15)
 
 
@@ -108,10 +108,10 @@ def test_after_an_interruption_it_goes_on_only_where_it_was_left_and_in_that_dir
     run.step()
     for _ in range(2):  # asked for again, it fails again
         out = run.step(ModeRequest(Mode.AUTO))
-        assert out.mission_failed != goes_on
-        assert ("not where it was left" in out.message) != goes_on
+        assert out.state.mission_failed != goes_on
+        assert ("not where it was left" in out.state.message) != goes_on
         assert (out.v_m_s > 0.0) == goes_on
-        assert out.item == 0
+        assert out.state.item == 0
     run.world.pose = run.world.odometry = left  # and goes on once it is put back
     out = run.step(ModeRequest(Mode.AUTO))
     assert out.v_m_s > 0.0
@@ -124,11 +124,11 @@ def test_the_way_along_a_wall_is_kept_over_a_restart(robot, make_run):
     first.step(ModeRequest(Mode.AUTO))
     for _ in range(100):
         out = first.step()
-    assert 1.0 < out.item_s_m < 2.0
+    assert 1.0 < out.state.item_s_m < 2.0
     second = make_run(robot, mission=plan, start=first.world.pose)
-    second.navigator.resume(out.item, out.item_s_m)
+    second.navigator.auto.resume(out.state.item, out.state.item_s_m)
     second.step(ModeRequest(Mode.AUTO))
-    second.until(lambda out: out.mission_completed, 60.0)
+    second.until(lambda out: out.state.mission_completed, 60.0)
     assert second.world.pose.x_m == pytest.approx(1.0 + 2.6, abs=0.1)
 
 

@@ -104,8 +104,8 @@ def test_once_it_knows_its_place_it_does_what_it_was_told(make_run, differential
     lost_step(run, ModeRequest(Mode.AUTO))
     for _ in range(100):
         lost_step(run)
-    out = run.until(lambda out: out.mission_completed, 60.0)
-    assert out.mission_completed
+    out = run.until(lambda out: out.state.mission_completed, 60.0)
+    assert out.state.mission_completed
     assert math.hypot(run.world.pose.x_m - 3.0, run.world.pose.y_m - 1.0) < 0.1
 
 
@@ -114,15 +114,15 @@ def test_no_item_of_the_mission_is_worked_on_meanwhile(make_run, differential, m
     out = lost_step(run, ModeRequest(Mode.AUTO))
     for _ in range(2000):
         out = lost_step(run)
-    assert (out.item, out.mission_failed) == (0, False)
-    assert "looking" in out.message or "turning" in out.message
+    assert (out.state.item, out.state.mission_failed) == (0, False)
+    assert "looking" in out.state.message or "turning" in out.state.message
 
 
 def test_a_position_of_the_ground_station_has_to_wait_too(make_run, differential):
     run = make_run(differential, start=SE2(2.5, 2.5, 0.0))
     lost_step(run, ModeRequest(Mode.GUIDED))
     out = lost_step(run, PositionRequest(4.0, 2.5))
-    assert (out.v_m_s, out.message) == (0.0, "looking around")
+    assert (out.v_m_s, out.state.message) == (0.0, "looking around")
     assert out.omega_rad_s != 0.0
 
 
@@ -161,27 +161,27 @@ def test_a_robot_that_has_done_what_it_was_told_does_not_set_off(make_run, robot
     item = StraightToItem("straight_to", 2.5, 1.0)
     run = make_run(robot, mission=Mission("out", "flat", StartPose(1.0, 1.0), (item,)))
     run.step(ModeRequest(Mode.AUTO))
-    run.until(lambda out: out.mission_completed, 30.0)
+    run.until(lambda out: out.state.mission_completed, 30.0)
     if mode is Mode.RTL:
         run.step(ModeRequest(mode))
-        run.until(lambda out: out.message == "home", 30.0)
+        run.until(lambda out: out.state.message == "home", 30.0)
     elif mode is Mode.GUIDED:
         run.step(ModeRequest(mode))
         run.step(PositionRequest(3.0, 1.0))
-        run.until(lambda out: out.message == "arrived", 30.0)
+        run.until(lambda out: out.state.message == "arrived", 30.0)
     for _ in range(100):
         out = lost_step(run)
-        assert (out.v_m_s, out.omega_rad_s, out.mode) == (0.0, 0.0, mode)
+        assert (out.v_m_s, out.omega_rad_s, out.state.mode) == (0.0, 0.0, mode)
 
 
 def test_a_robot_whose_mission_has_failed_does_not_set_off(make_run, differential, mission):
     run = make_run(differential, mission=mission)
     run.world.obstacle = run.world.walls[:1] * 0.0 + [2.0, 0.5, 2.0, 1.5]
     run.step(ModeRequest(Mode.AUTO))
-    run.until(lambda out: out.mission_failed, 60.0)
+    run.until(lambda out: out.state.mission_failed, 60.0)
     for _ in range(100):
         out = lost_step(run)
-        assert (out.v_m_s, out.omega_rad_s, out.mode) == (0.0, 0.0, Mode.AUTO)
+        assert (out.v_m_s, out.omega_rad_s, out.state.mode) == (0.0, 0.0, Mode.AUTO)
 
 
 def driven_out(make_run, robot):
@@ -189,19 +189,19 @@ def driven_out(make_run, robot):
     item = StraightToItem("straight_to", 3.5, 1.0)
     run = make_run(robot, mission=Mission("out", "flat", StartPose(1.0, 1.0), (item,)))
     run.step(ModeRequest(Mode.AUTO))
-    run.until(lambda out: out.mission_completed, 30.0)
+    run.until(lambda out: out.state.mission_completed, 30.0)
     run.step(ModeRequest(Mode.RTL))
     run.until(lambda out: run.world.pose.x_m < 3.0, 20.0)
     for _ in range(40):  # half a metre at most
         out = lost_step(run)
-        assert out.mode is Mode.RTL
+        assert out.state.mode is Mode.RTL
     return run
 
 
 def test_the_way_home_goes_on_behind_a_search(make_run, robot):
     run = driven_out(make_run, robot)
-    out = run.until(lambda out: out.v_m_s == 0.0 and out.message in {"home", "hold"}, 60.0)
-    assert (out.mode, out.message) == (Mode.RTL, "home")
+    out = run.until(lambda out: out.v_m_s == 0.0 and out.state.message in {"home", "hold"}, 60.0)
+    assert (out.state.mode, out.state.message) == (Mode.RTL, "home")
     assert math.hypot(run.world.pose.x_m - 1.0, run.world.pose.y_m - 1.0) < 0.2
     assert run.world.touched == 0
 
@@ -212,8 +212,8 @@ def test_from_a_place_with_no_known_way_home_none_is_driven_behind_a_search(make
     lost_step(run)
     for _ in range(3):
         out = run.step()
-        assert (out.v_m_s, out.omega_rad_s, out.mode) == (0.0, 0.0, Mode.HOLD)
-    assert out.message.startswith("hold: the path home is not known")
+        assert (out.v_m_s, out.omega_rad_s, out.state.mode) == (0.0, 0.0, Mode.HOLD)
+    assert out.state.message.startswith("hold: the path home is not known")
 
 
 def test_who_does_not_know_the_place_does_not_say_that_it_is_home(make_run, differential):
@@ -221,8 +221,8 @@ def test_who_does_not_know_the_place_does_not_say_that_it_is_home(make_run, diff
     run.world.pose = run.world.odometry = SE2(3.0, 1.0, 0.0)
     lost_step(run)
     out = run.step(ModeRequest(Mode.RTL))
-    assert (out.v_m_s, out.mode) == (0.0, Mode.HOLD)
-    assert out.message.startswith("refused: the path home is not known")
+    assert (out.v_m_s, out.state.mode) == (0.0, Mode.HOLD)
+    assert out.state.message.startswith("refused: the path home is not known")
 
 
 def test_blind_sonars_make_it_stand_once_it_has_turned(make_run, differential, mission):
@@ -258,7 +258,7 @@ def test_without_a_sonar_that_looks_ahead_it_does_not_drive_and_says_so(make_run
     for _ in range(20 * 20):
         out = lost_step(run)
         assert out.v_m_s == 0.0
-    assert (out.omega_rad_s, out.message) == (0.0, "no sonar looks ahead")
+    assert (out.omega_rad_s, out.state.message) == (0.0, "no sonar looks ahead")
 
 
 def test_without_a_sonar_that_looks_back_it_does_not_back_up_and_says_so(
@@ -271,7 +271,7 @@ def test_without_a_sonar_that_looks_back_it_does_not_back_up_and_says_so(
         out = lost_step(run)
         assert out.v_m_s >= 0.0
     assert run.world.twist.v_m_s == pytest.approx(0.0, abs=0.01)
-    assert out.message == "the path is blocked, and there is no rear sonar"
+    assert out.state.message == "the path is blocked, and there is no rear sonar"
     assert run.world.touched == 0
 
 

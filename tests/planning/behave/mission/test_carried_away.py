@@ -75,8 +75,8 @@ def test_so_does_a_robot_that_needs_room_to_turn_where_it_has_some(make_run, ste
 def goes_on(run):
     """See that a run completes the square, without leaving out any of it."""
     begin = len(run.trace)
-    out = run.until(lambda out: out.mission_completed or out.mission_failed, 120.0)
-    assert out.mission_completed, run.messages
+    out = run.until(lambda out: out.state.mission_completed or out.state.mission_failed, 120.0)
+    assert out.state.mission_completed, run.messages
     assert run.world.touched == 0
     way = np.array([(pose.x_m, pose.y_m) for pose in run.trace[begin:]])
     for corner in SQUARE.waypoints[1:]:  # nothing of it is left out; corners are rounded
@@ -87,8 +87,8 @@ def goes_on(run):
 @pytest.mark.parametrize("to", ELSEWHERE)
 def test_a_point_is_driven_to_around_the_walls(make_run, differential, to):
     run = carried(make_run, differential, StraightToItem("straight_to", 3.5, 1.2), to)
-    out = run.until(lambda out: out.mission_completed or out.mission_failed, 120.0)
-    assert out.mission_completed, run.messages
+    out = run.until(lambda out: out.state.mission_completed or out.state.mission_failed, 120.0)
+    assert out.state.mission_completed, run.messages
     assert math.hypot(run.world.pose.x_m - 3.5, run.world.pose.y_m - 1.2) < 0.1
     assert run.world.touched == 0
 
@@ -97,8 +97,8 @@ def test_a_point_is_driven_to_around_the_walls(make_run, differential, to):
 def test_a_wall_is_followed_on_from_where_it_was_left(make_run, differential, to):
     item = FollowWallItem("follow_wall", "right", 1.0, Until(length_m=3.0))
     run = carried(make_run, differential, item, to)
-    out = run.until(lambda out: out.mission_completed or out.mission_failed, 120.0)
-    assert out.mission_completed, run.messages
+    out = run.until(lambda out: out.state.mission_completed or out.state.mission_failed, 120.0)
+    assert out.state.mission_completed, run.messages
     assert abs(run.world.pose.x_m - 4.0) < 0.5
     assert abs(run.world.pose.y_m - 1.0) < 0.15
     assert run.world.touched == 0
@@ -115,8 +115,8 @@ def test_who_waits_or_turns_does_so_at_its_place(make_run, differential, item):
     run.world.pose = run.world.odometry = SE2(6.5, 3.5, 2.0)
     for _ in range(20):
         lost_step(run)
-    out = run.until(lambda out: out.mission_completed or out.mission_failed, 120.0)
-    assert out.mission_completed, run.messages
+    out = run.until(lambda out: out.state.mission_completed or out.state.mission_failed, 120.0)
+    assert out.state.mission_completed, run.messages
     assert math.hypot(run.world.pose.x_m - 1.0, run.world.pose.y_m - 1.0) < 0.3
 
 
@@ -126,30 +126,30 @@ def test_a_pose_that_jumps_without_a_search_is_no_failure_either(make_run, diffe
     run.step(ModeRequest(Mode.AUTO))
     run.until(lambda _: run.world.distance_m > 1.5, 60.0)
     run.jump(ELSEWHERE[0])
-    out = run.until(lambda out: out.mission_completed or out.mission_failed, 120.0)
-    assert out.mission_completed, run.messages
+    out = run.until(lambda out: out.state.mission_completed or out.state.mission_failed, 120.0)
+    assert out.state.mission_completed, run.messages
 
 
 def test_a_stop_on_the_way_back_does_not_make_it_forget_where_to(make_run, differential):
     run = carried(make_run, differential, SQUARE, ELSEWHERE[0])
-    run.until(lambda out: "back to" in out.message, 10.0)
+    run.until(lambda out: "back to" in out.state.message, 10.0)
     for _ in range(20):
         run.step()
     run.step(ModeRequest(Mode.HOLD))
     for _ in range(20):
         run.step()
     run.step(ModeRequest(Mode.AUTO))
-    out = run.until(lambda out: out.mission_completed or out.mission_failed, 120.0)
-    assert out.mission_completed, run.messages
+    out = run.until(lambda out: out.state.mission_completed or out.state.mission_failed, 120.0)
+    assert out.state.mission_completed, run.messages
 
 
 def test_without_a_map_the_way_back_is_straight_and_the_guard_stops_it_at_a_wall(
     make_run, differential
 ):
     run = carried(make_run, differential, SQUARE, SE2(6.5, 1.8, -1.0), known=False)
-    out = run.until(lambda out: out.mission_completed or out.mission_failed, 120.0)
-    assert out.mission_failed
-    assert "blocked" in out.message
+    out = run.until(lambda out: out.state.mission_completed or out.state.mission_failed, 120.0)
+    assert out.state.mission_failed
+    assert "blocked" in out.state.message
     assert run.world.touched == 0
 
 
@@ -161,8 +161,8 @@ def test_a_small_jump_needs_no_way_back(make_run, differential, aside_m):
     run.until(lambda _: run.world.distance_m > 1.5, 60.0)
     pose = run.world.pose
     run.jump(SE2(pose.x_m, pose.y_m + aside_m, pose.theta_rad))
-    out = run.until(lambda out: out.mission_completed or out.mission_failed, 120.0)
-    assert out.mission_completed, run.messages
+    out = run.until(lambda out: out.state.mission_completed or out.state.mission_failed, 120.0)
+    assert out.state.mission_completed, run.messages
     assert not any("back to where" in message for message in run.messages)
 
 
@@ -172,8 +172,8 @@ def test_a_pose_that_jumps_in_the_same_epoch_is_an_error_of_the_odometry(make_ru
     run.step(ModeRequest(Mode.AUTO))
     run.until(lambda _: run.world.distance_m > 1.5, 60.0)
     run.world.pose = run.world.odometry = ELSEWHERE[0]
-    out = run.until(lambda out: out.mission_completed or out.mission_failed, 20.0)
-    assert "off the path" in out.message
+    out = run.until(lambda out: out.state.mission_completed or out.state.mission_failed, 20.0)
+    assert "off the path" in out.state.message
 
 
 def guided(run):
@@ -187,7 +187,7 @@ def home(run):
     """Let a run drive out, and then home."""
     run.step(ModeRequest(Mode.GUIDED))
     run.step(PositionRequest(3.5, 1.2))
-    run.until(lambda out: out.message == "arrived", 60.0)
+    run.until(lambda out: out.state.message == "arrived", 60.0)
     run.step(ModeRequest(Mode.RTL))
     return (1.0, 1.0), "home"
 
@@ -211,8 +211,8 @@ def test_a_position_and_the_way_home_are_reached_around_the_walls_too(
             lost_step(run)
     else:
         run.jump(to)
-    out = run.until(lambda out: out.message == message or out.mode is Mode.HOLD, 120.0)
-    assert out.message == message, run.messages
+    out = run.until(lambda out: out.state.message == message or out.state.mode is Mode.HOLD, 120.0)
+    assert out.state.message == message, run.messages
     assert math.dist((run.world.pose.x_m, run.world.pose.y_m), goal) < 0.2
     assert run.world.touched == 0
 
@@ -225,14 +225,14 @@ def test_every_drive_comes_home_where_it_has_room_to_turn(make_run, robot, by):
     run = make_run(robot, start=SE2(), flat=False)
     run.step(ModeRequest(Mode.GUIDED))
     run.step(PositionRequest(6.0, 1.0))
-    run.until(lambda out: out.message == "arrived", 60.0)
+    run.until(lambda out: out.state.message == "arrived", 60.0)
     run.step(ModeRequest(Mode.RTL))
     begin_m = run.world.distance_m
     run.until(lambda _: run.world.distance_m > begin_m + 2.0, 60.0)
     pose = run.world.pose
     run.jump(SE2(pose.x_m + by[0], pose.y_m + by[1], pose.theta_rad + by[2]))
-    out = run.until(lambda out: out.message == "home" or out.mode is Mode.HOLD, 120.0)
-    assert out.message == "home", run.messages[-3:]
+    out = run.until(lambda out: out.state.message == "home" or out.state.mode is Mode.HOLD, 120.0)
+    assert out.state.message == "home", run.messages[-3:]
     assert math.hypot(run.world.pose.x_m, run.world.pose.y_m) < 0.15
 
 
@@ -245,7 +245,7 @@ def test_without_a_map_they_are_straight_and_the_guard_stops_the_robot(
     for _ in range(20):
         run.step()
     run.jump(ELSEWHERE[1])
-    run.until(lambda out: "blocked" in out.message, 120.0)
+    run.until(lambda out: "blocked" in out.state.message, 120.0)
     assert run.world.touched == 0
 
 
@@ -257,5 +257,5 @@ def test_who_is_moved_while_another_mode_steers_still_fails(make_run, differenti
     run.step(ModeRequest(Mode.HOLD))
     run.world.pose = run.world.odometry = ELSEWHERE[2]
     run.step(ModeRequest(Mode.AUTO))
-    out = run.until(lambda out: out.mission_completed or out.mission_failed, 20.0)
-    assert "off the path" in out.message
+    out = run.until(lambda out: out.state.mission_completed or out.state.mission_failed, 20.0)
+    assert "off the path" in out.state.message

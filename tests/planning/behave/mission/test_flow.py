@@ -140,17 +140,17 @@ def test_a_block_is_driven_three_times_also_through_interruptions_and_a_restart(
     rounds = mission(there(2.5, name="out"), WaitItem("wait", BLINK), RepeatItem("repeat", 2, 3))
     run = make_run(robot, mission=rounds)
     run.step(AUTO)
-    out = run.until(lambda out: out.item == 1, 30.0)
+    out = run.until(lambda out: out.state.item == 1, 30.0)
     run.step(HOLD)
-    assert run.step(AUTO).item == 1
-    out = run.until(lambda out: out.loop_counts == (1,), 10.0)
-    assert out.loops == "item 3 (repeat): 2 of 3"
+    assert run.step(AUTO).state.item == 1
+    out = run.until(lambda out: out.state.loop_counts == (1,), 10.0)
+    assert out.state.loops == "item 3 (repeat): 2 of 3"
     second = make_run(robot, mission=rounds, start=run.world.pose)
-    second.navigator.resume(out.item, out.item_s_m, out.loop_counts)
+    second.navigator.auto.resume(out.state.item, out.state.item_s_m, out.state.loop_counts)
     second.step(AUTO)
-    out = second.until(lambda out: out.mission_completed, 10.0)
+    out = second.until(lambda out: out.state.mission_completed, 10.0)
     assert sum("item 2 (wait)" in each for each in second.messages) <= 2
-    assert out.loop_counts == (0,)
+    assert out.state.loop_counts == (0,)
 
 
 def test_items_that_are_done_at_once_are_no_endless_step(differential, make_run):
@@ -159,7 +159,7 @@ def test_items_that_are_done_at_once_are_no_endless_step(differential, make_run)
     for _ in range(5):
         out = run.step()
         assert (out.v_m_s, out.omega_rad_s) == (0.0, 0.0)
-    assert out.loop_counts[0] >= 5
+    assert out.state.loop_counts[0] >= 5
 
 
 def test_an_operator_gives_the_go_ahead_once_and_only_where_it_is_waited_for(
@@ -167,16 +167,19 @@ def test_an_operator_gives_the_go_ahead_once_and_only_where_it_is_waited_for(
 ):
     items = (there(1.3), WaitForItem("wait_for", go_ahead=True), there(1.6), RepeatItem("repeat"))
     run = make_run(differential, mission=mission(*items))
-    assert "not under way" in run.step(GoAheadRequest()).message
+    assert "not under way" in run.step(GoAheadRequest()).state.message
     run.step(AUTO)
-    assert "nothing waits" in run.step(GoAheadRequest()).message
+    assert "nothing waits" in run.step(GoAheadRequest()).state.message
     for _ in range(2):
-        out = run.until(lambda out: out.waits, 20.0)
-        assert "waits for the go-ahead of an operator" in out.message or "refused" in out.message
+        out = run.until(lambda out: out.state.waits, 20.0)
+        assert (
+            "waits for the go-ahead of an operator" in out.state.message
+            or "refused" in out.state.message
+        )
         run.step(HOLD)
         run.step(AUTO)
-        assert run.step().waits
-        assert not run.step(GoAheadRequest()).waits
+        assert run.step().state.waits
+        assert not run.step(GoAheadRequest()).state.waits
 
 
 def test_the_way_ahead_has_to_stay_clear_for_a_second(robot, make_run):
@@ -186,21 +189,21 @@ def test_the_way_ahead_has_to_stay_clear_for_a_second(robot, make_run):
     run.step(AUTO)
     for _ in range(60):
         out = run.step()
-    assert "1.5 m of free way ahead (front measures" in out.message
+    assert "1.5 m of free way ahead (front measures" in out.state.message
     run.world.obstacle = None
     begin_ns = run.now_ns
-    run.until(lambda out: out.mission_completed, 3.0)
+    run.until(lambda out: out.state.mission_completed, 3.0)
     assert 1.0 <= (run.now_ns - begin_ns) / 1e9 < 1.4
 
 
 def test_a_battery_is_waited_for_and_an_unknown_one_is_not_full(differential, make_run):
     run = make_run(differential, mission=mission(WaitForItem("wait_for", charge_percent=80.0)))
     run.step(AUTO)
-    assert "a charge of 80 % (unknown)" in run.step().message
+    assert "a charge of 80 % (unknown)" in run.step().state.message
     run.charge = 0.79
-    assert "(79 % now)" in run.step().message
+    assert "(79 % now)" in run.step().state.message
     run.charge = 0.81
-    assert run.step().mission_completed
+    assert run.step().state.mission_completed
 
 
 def test_an_operator_jumps_by_number_and_name_and_aborts(differential, make_run):
@@ -209,14 +212,14 @@ def test_an_operator_jumps_by_number_and_name_and_aborts(differential, make_run)
     )
     run.step(AUTO)
     out = run.step(JumpRequest("neat"))
-    assert out.item == 0
-    assert 'no item has the name "neat"; did you mean "near"?' in out.message
-    assert run.step(JumpRequest("near")).item == 1
+    assert out.state.item == 0
+    assert 'no item has the name "neat"; did you mean "near"?' in out.state.message
+    assert run.step(JumpRequest("near")).state.item == 1
     out = run.step(JumpRequest(3))
-    assert (out.item, out.mode) == (2, Mode.AUTO)
+    assert (out.state.item, out.state.mode) == (2, Mode.AUTO)
     out = run.step(AbortRequest())
-    assert (out.item, out.mode, out.v_m_s) == (0, Mode.HOLD, 0.0)
-    assert out.mission_runs == 1
+    assert (out.state.item, out.state.mode, out.v_m_s) == (0, Mode.HOLD, 0.0)
+    assert out.state.mission_runs == 1
 
 
 def test_another_mission_is_taken_when_none_is_under_way(differential, make_run):
@@ -224,23 +227,28 @@ def test_another_mission_is_taken_when_none_is_under_way(differential, make_run)
     other = Mission("other", "flat", StartPose(1.0, 1.0), (there(1.3),))
     run.step(AUTO)
     out = run.step(LoadRequest(other))
-    assert (out.mission, out.mode) == ("test", Mode.AUTO)
-    assert "pause or abort it first" in out.message
+    assert (out.state.mission, out.state.mode) == ("test", Mode.AUTO)
+    assert "pause or abort it first" in out.state.message
     run.step(AbortRequest())
     out = run.step(LoadRequest(other))
-    assert (out.mission, out.items, out.mission_runs, out.message) == ("other", 1, 2, "")
+    assert (out.state.mission, out.state.items, out.state.mission_runs, out.state.message) == (
+        "other",
+        1,
+        2,
+        "",
+    )
     run.step(AUTO)
-    assert run.until(lambda out: out.mission_completed, 20.0).mission == "other"
+    assert run.until(lambda out: out.state.mission_completed, 20.0).state.mission == "other"
     planned = Mission("plan", "flat", StartPose(1.0, 1.0), (GotoItem("goto", 2.0, 1.0),))
-    assert "neither a map nor a lidar" in run.step(LoadRequest(planned)).message
+    assert "neither a map nor a lidar" in run.step(LoadRequest(planned)).state.message
 
 
 def test_exploring_in_guided_needs_a_pilot_and_says_so(differential, make_run):
     run = make_run(differential)
     run.step(ModeRequest(Mode.GUIDED))
     out = run.step(ExploreRequest())
-    assert (out.goals, out.goal_reached) == (1, False)
-    assert "neither a map nor a lidar" in out.message
+    assert (out.state.goals, out.state.goal_reached) == (1, False)
+    assert "neither a map nor a lidar" in out.state.message
 
 
 def test_a_failure_stays_known_when_the_item_is_tried_again(differential, make_run):
@@ -248,8 +256,8 @@ def test_a_failure_stays_known_when_the_item_is_tried_again(differential, make_r
         differential, mission=mission(StraightToItem("straight_to", 3.0, 1.0, time_out_s=0.2))
     )
     run.step(AUTO)
-    out = run.until(lambda out: out.mission_failed, 5.0)
-    assert "not done after" in out.trouble
+    out = run.until(lambda out: out.state.mission_failed, 5.0)
+    assert "not done after" in out.state.trouble
     out = run.step(AUTO)
-    assert not out.mission_failed
-    assert "not done after" in out.trouble
+    assert not out.state.mission_failed
+    assert "not done after" in out.state.trouble

@@ -22,10 +22,7 @@ def looks():
 
 def searched(scan, looks, world=None):
     topology = (world or little_world()).map
-    search = PlaceSearch(look_of(scan), list(looks.values()), topology)
-    while not search.step():
-        pass
-    return search
+    return PlaceSearch(list(looks.values()), topology).suggest(look_of(scan))
 
 
 @pytest.mark.parametrize("room", ROOMS)
@@ -56,7 +53,7 @@ def test_rooms_that_look_alike_are_both_named(looks):
     scan = little_world().scan(SE2(3.0, 2.0, 0.4), 1)
     search = searched(scan, {"hall": hall, "twin": twin})
     assert search.found is None
-    assert search.reason in {
+    assert search.refusal in {
         "from here hall and twin look alike",
         "from here twin and hall look alike",
     }
@@ -68,7 +65,7 @@ def test_beside_an_open_passage_either_place_will_do(x_m):
     world = corridors()
     truth = SE2(x_m, 3.7, 2.0)
     search = searched(world.scan(truth, 1), appearances(world.map), world)
-    assert search.found is not None, search.reason
+    assert search.found is not None, search.refusal
     side = "west" if x_m < 6.0 else "east"
     assert search.found.place in {side, "crossing"}
     passage = next(each for each in world.map.passages if set(each.between) == {side, "crossing"})
@@ -82,4 +79,4 @@ def test_a_round_hall_is_no_place_of_the_map(looks):
     angles = np.linspace(-np.pi, np.pi, 240, endpoint=False)
     search = searched(RangeScan(1, angles, np.full(240, 4.0), 12.0), looks)
     assert search.found is None
-    assert search.reason.startswith("this is no place of the map: ")
+    assert search.refusal.startswith("this is no place of the map: ")

@@ -15,8 +15,9 @@ from robotctl.drivers.can.drives.cia402.device import (
     Silence,
 )
 from robotctl.drivers.can.drives.cia402.dialects import DIALECTS
-from robotctl.drivers.can.drives.cia402.drive import BEATS, Cia402Drive
+from robotctl.drivers.can.drives.cia402.drive import Cia402Drive
 from robotctl.drivers.can.drives.cia402.eds import find_eds, load_eds
+from robotctl.drivers.can.drives.cia402.host_beat import BEATS
 from robotctl.drivers.can.drives.cia402.readings import READ_NS
 from robotctl.drivers.can.drives.cia402.scan import cia402_probe
 from robotctl.drivers.can.drives.cia402.settings import Plan

@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from robotctl.drivers.can.bus_part import Handler, Send
+from robotctl.drivers.can.bus_part import Send
 from robotctl.drivers.can.drives.axis import Axis
 from robotctl.drivers.can.drives.moteus import wire
 from robotctl.drivers.can.drives.moteus.settings import MoteusSettings
 from robotctl.drivers.can.drives.moteus.state import MoteusState
 from robotctl.drivers.can.drives.motor_drive import DriveNeeds
-from robotctl.drivers.can.drives.session import Session
+from robotctl.drivers.can.drives.session_drive import SessionDrive
 from robotctl.messages.actuators import NEVER_NS, ActuatorCommand, ActuatorFeedback
-from robotctl.messages.control import EmergencyStopSource, NodeStatus
+from robotctl.messages.control import EmergencyStopSource
 
 READING_NS: Final = 1_000_000_000
 """Period of reading the settings again [ns]."""
@@ -27,7 +27,7 @@ _SPEED_MAX_TURNS_S: Final = 1e4
 """No motor turns faster; a command beyond is a slip."""
 
 
-class MoteusDrive:
+class MoteusDrive(SessionDrive):
     """A `MotorDrive`.
 
     Parameters
@@ -44,52 +44,28 @@ class MoteusDrive:
         Mode in which it goes when the host is silent.
     """
 
-    wants_sync = False
-
     def __init__(
         self, name: str, number: int, axis: Axis, needs: DriveNeeds, timeout_mode: int
     ) -> None:
-        self._name = name
-        self._axis = axis
-        self._notes = needs.notes
-        self._state = MoteusState(name, needs.command_timeout_ms)
-        self._settings = MoteusSettings(number, needs.command_timeout_ms, timeout_mode)
         self._command_id = command_id = wire.command_id(number)
-        self._session = Session(
-            number,
-            name,
-            (command_id, _QUERY),
-            self._settings.commission,
-            self._settings.watch,
-            READING_NS,
-            needs.heartbeat_timeout_ms * 1_000_000,
-        )
-        self._watchdog_s = needs.command_timeout_ms * 1e-3
+        timeout_ms = needs.command_timeout_ms
+        settings = MoteusSettings(number, timeout_ms, timeout_mode)
+        super().__init__(name, number, (command_id, _QUERY), settings, READING_NS, needs)
+        self._axis = axis
+        self._state = MoteusState(name, timeout_ms)
+        self._watchdog_s = timeout_ms * 1e-3
         self._turns_s_per_rad_s = axis.to_motor(1.0) / math.tau
-        self._clear_wanted = False
         self._clearing_ns = NEVER_NS
         """Until when a fault is being cleared [ns]."""
-        self._boots = 0
         self._stamp_ns = NEVER_NS
         self._turns = self._turns_s = 0.0
         self._current = self._supply = self._temperature = 0
         self._is_new = False
-        self.handlers: dict[int, Handler] = dict.fromkeys(wire.answer_ids(number), self._on_answer)
+        self.handlers = dict.fromkeys(wire.answer_ids(number), self._on_answer)
         self.host_frames = {
             command_id: f"command of {name}",
             wire.command_id(number, answered=False): f"text for {name}",
         }
-        self.reports: tuple[ActuatorFeedback, ...] = (ActuatorFeedback(),)
-
-    @property
-    def status(self) -> NodeStatus:
-        """Whether it is there and in service, and why not."""
-        return self._session.status
-
-    @property
-    def proof(self) -> str | None:
-        """Its settings for a silent host, as read back."""
-        return self._settings.proof
 
     # Receiving ----------------------------------------------------------------------------------
 
@@ -124,40 +100,32 @@ class MoteusDrive:
             text = f"an answer of {len(data)} bytes ({data.hex(' ')}) is not to be understood"
             self._state.unreadable(text)
 
-    def check(self, now_ns: int) -> None:
-        """Judge what was received up to now: update `reports` and `status`."""
-        session = self._session
-        session.check(now_ns)
-        if session.boots != self._boots:
-            self._boots = session.boots
-            self._state.restart()
-        if self._state.update(session.in_service) or self._is_new:
-            self._is_new = False
-            self._report()
+    def _restarted(self, _: int) -> None:
+        self._state.restart()
 
-    def _report(self) -> None:
-        """Put the report together."""
+    def _follow(self, in_service: bool) -> bool:
+        return self._state.update(in_service) or self._is_new
+
+    def _report(self) -> tuple[ActuatorFeedback, ...]:
+        self._is_new = False
         stamp_ns, axis, state = self._stamp_ns, self._axis, self._state
         if stamp_ns == NEVER_NS:
-            fault = state.interlock.fault
-            self.reports = (ActuatorFeedback(state=state.state, fault=fault),)
-            return
-        self.reports = (
-            ActuatorFeedback(
-                stamp_ns,
-                -1,
-                axis.ticks(self._turns),
-                self._turns_s / self._turns_s_per_rad_s,
-                None,
-                stamp_ns,
-                state.state,
-                state.interlock.fault,
-                axis.current_a(wire.AMPERES * self._current),
-                wire.DEGREES * self._temperature,
-                stamp_ns,
-                wire.VOLTS * self._supply,
-            ),
+            return (ActuatorFeedback(state=state.state, fault=state.interlock.fault),)
+        wheel = ActuatorFeedback(
+            stamp_ns,
+            -1,
+            axis.ticks(self._turns),
+            self._turns_s / self._turns_s_per_rad_s,
+            None,
+            stamp_ns,
+            state.state,
+            state.interlock.fault,
+            axis.current_a(wire.AMPERES * self._current),
+            wire.DEGREES * self._temperature,
+            stamp_ns,
+            wire.VOLTS * self._supply,
         )
+        return (wheel,)
 
     # Sending ------------------------------------------------------------------------------------
 
@@ -194,7 +162,3 @@ class MoteusDrive:
         self._clear_wanted = False
         self._clearing_ns = NEVER_NS
         return send(self._command_id, _BRAKE)
-
-    def clear_faults(self) -> None:
-        """Leave latched states with the next `serve`, if the causes are gone."""
-        self._clear_wanted = True

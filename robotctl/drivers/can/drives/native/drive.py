@@ -103,7 +103,7 @@ class NativeDrive:
         """
         if self._clear_wanted:
             self._clear_wanted = False
-            self._own.request(CLEAR_FAULTS)
+            self._own.node.request(CLEAR_FAULTS)
         alive = self._alive
         encode = self._codec.encode_command
         outputs = [0.0, 0.0, self._steering_rad]

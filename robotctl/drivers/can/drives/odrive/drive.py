@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Final
 
 from robotctl.drivers.can.bus_part import Handler, Send
@@ -14,9 +13,9 @@ from robotctl.drivers.can.drives.odrive.errors import Errors
 from robotctl.drivers.can.drives.odrive.feedback import Feedback
 from robotctl.drivers.can.drives.odrive.settings import READING_NS, ODriveSettings, answer_of
 from robotctl.drivers.can.drives.odrive.state import DRIVE, ENTER, STOP, AxisMachine
-from robotctl.drivers.can.drives.session import Session
+from robotctl.drivers.can.drives.session_drive import SessionDrive
 from robotctl.messages.actuators import ActuatorCommand, ActuatorFeedback, DriveState
-from robotctl.messages.control import EmergencyStopSource, NodeStatus
+from robotctl.messages.control import EmergencyStopSource
 from robotctl.messages.faults import Fault, FaultCode
 
 _TURN: Final = 2.0 * math.pi
@@ -34,7 +33,7 @@ _TURNS_05: Final = (
 """Messages asked for in turn, one a tick, besides the estimates."""
 
 
-class ODrive:
+class ODrive(SessionDrive):
     """A `MotorDrive`: see there.
 
     Parameters
@@ -59,9 +58,10 @@ class ODrive:
         needs: DriveNeeds,
         endpoints: tuple[int, ...] = (),
     ) -> None:
+        self._settings = ODriveSettings(node_id, needs.command_timeout_ms, endpoints)
+        super().__init__(name, node_id, None, self._settings, READING_NS, needs)
         self._node_id = node_id
         self._axis = axis
-        self._notes = needs.notes
         self._velocity_id = wire.can_id(node_id, wire.SET_INPUT_VEL)
         self._state_id = wire.can_id(node_id, wire.SET_AXIS_STATE)
         self._mode_id = wire.can_id(node_id, wire.SET_CONTROLLER_MODE)
@@ -75,29 +75,15 @@ class ODrive:
         self._machine = AxisMachine(name)
         self._interlock = self._machine.interlock
         self._errors = Errors(name, self._interlock, self._unreadable, self._explain)
-        self._clear_asked = False
         self._feedback = Feedback(axis, self._unreadable)
-        self._settings = ODriveSettings(node_id, needs.command_timeout_ms, endpoints)
-        self._session = Session(
-            node_id,
-            name,
-            None,
-            self._settings.commission,
-            self._settings.watch,
-            READING_NS,
-            needs.heartbeat_timeout_ms * 1_000_000,
-        )
         self._in_service = False
-        self.proof: str | None = None
-        self.wants_sync = False
-        self.host_frames: Mapping[int, str] = {
+        self.host_frames = {
             self._velocity_id: "Set_Input_Vel",
             self._state_id: "Set_Axis_State",
             self._mode_id: "Set_Controller_Mode",
             wire.can_id(node_id, wire.CLEAR_ERRORS): "Clear_Errors",
         }
-        self.handlers: Mapping[int, Handler] = self._make_handlers()
-        self.reports: tuple[ActuatorFeedback, ...] = (ActuatorFeedback(),)
+        self.handlers = self._make_handlers()
 
     def _make_handlers(self) -> dict[int, Handler]:
         """Return what takes the messages of either firmware."""
@@ -175,9 +161,9 @@ class ODrive:
     # The port -----------------------------------------------------------------------------------
 
     @property
-    def status(self) -> NodeStatus:
-        """Whether it is there and in service, and why not."""
-        return self._session.status
+    def proof(self) -> str | None:
+        """Its settings for a silent host, in words; None while it is not in service."""
+        return self._settings.proof if self._errors.is_old is not None else None
 
     def _refresh(self) -> None:
         """Follow the session and the latch."""
@@ -187,23 +173,22 @@ class ODrive:
             return
         self._in_service = in_service
         settings, fault = self._settings, self._session.fault
-        self._errors.is_old, self.proof, self._turns = None, None, ()
+        self._errors.is_old, self._turns = None, ()
         if fault is None:
-            self._errors.is_old, self.proof = settings.is_old, settings.proof
+            self._errors.is_old = settings.is_old
             self._turns, self._turn = self._turns_05 if settings.is_old else self._turns_06, 0
         else:
             text = f"the ODrive is out of service: {fault}"
             self._interlock.hold(DriveState.STOPPED, fault.code, text)
             self._errors.keep()
 
-    def check(self, now_ns: int) -> None:
-        """Judge what was received up to now."""
-        session = self._session
-        session.check(now_ns)
-        if session.in_service is not self._in_service:
+    def _follow(self, in_service: bool) -> bool:
+        if in_service is not self._in_service:
             self._refresh()
-        if self._feedback.is_new:
-            self.reports = (self._feedback.report(self._state(), self._interlock.fault),)
+        return self._feedback.is_new
+
+    def _report(self) -> tuple[ActuatorFeedback, ...]:
+        return (self._feedback.report(self._state(), self._interlock.fault),)
 
     def _state(self) -> DriveState:
         """Return the state to report."""
@@ -245,25 +230,21 @@ class ODrive:
 
     def serve(self, send: Send, now_ns: int) -> bool:
         """Send at most one frame of clearing, identification or settings."""
-        if self._clear_asked and self._in_service:
+        if self._clear_wanted and self._in_service:
             data = b"" if self._errors.is_old else b"\0"
             if not send(wire.can_id(self._node_id, wire.CLEAR_ERRORS), data):
                 return False
-            self._clear_asked = False
+            self._clear_wanted = False
             self._errors.clear(now_ns)
             return True
         # A drive that is not in service has a cause that is not gone.
-        self._clear_asked = False
+        self._clear_wanted = False
         return self._session.serve(send, now_ns)
 
     def emergency_stop(self, send: Send, source: EmergencyStopSource) -> bool:
         """Take the power at once; the drive latches it, too."""
-        self._clear_asked = False
+        self._clear_wanted = False
         self._errors.keep()
         self._interlock.stop(source)
         self._refresh()
         return send(wire.can_id(self._node_id, wire.ESTOP), b"")
-
-    def clear_faults(self) -> None:
-        """Leave latched states with the next `serve`, if the causes are gone."""
-        self._clear_asked = True

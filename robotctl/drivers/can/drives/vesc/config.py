@@ -10,9 +10,10 @@ from robotctl.drivers.can.bus_load import Cyclic
 from robotctl.drivers.can.drives.axis import Axis, AxisConfig
 from robotctl.drivers.can.drives.motor_drive import DriveNeeds
 from robotctl.drivers.can.drives.vesc import wire
-from robotctl.drivers.can.drives.vesc.drive import QUERY_NS, READING_NS, Currents, Servo, VescDrive
+from robotctl.drivers.can.drives.vesc.drive import QUERY_NS, READING_NS, Currents, VescDrive
 from robotctl.drivers.can.drives.vesc.scan import VescProbe
 from robotctl.drivers.can.drives.vesc.settings import SUPERVISION_MS, Silence, single
+from robotctl.drivers.can.drives.vesc.steering import Servo
 from robotctl.drivers.can.drives.vesc.wire import ID_MAX
 from robotctl.drivers.can.probe import Probe
 from robotctl.errors import InvalidValue

@@ -490,15 +490,15 @@ def test_the_tachometer_may_roll_over(car):
     tacho = (1 << 31) - 100
     car.twin._turns_at_boot = car.twin._motor.turns - tacho / 24
     car.tick(COAST)  # frames on their way
-    car.drive._tachometer = None
+    car.drive._feedback._tachometer = None
     boots = car.drive.status.boots
     drive(car, 8.0, 0.1)
-    assert car.drive._tachometer.value < 1 << 31
+    assert car.drive._feedback._tachometer.value < 1 << 31
     begin, start = car.report.position_ticks, car.turns()
     drive(car, 8.0, 1.0)
     moved = (car.report.position_ticks - begin) / TICKS
     assert moved == pytest.approx(car.turns() - start, abs=0.03)
-    assert car.drive._tachometer.value > 1 << 31
+    assert car.drive._feedback._tachometer.value > 1 << 31
     assert car.drive.status.boots == boots
 
 

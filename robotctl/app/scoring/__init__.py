@@ -1,0 +1,1 @@
+"""Score of a simulated run against the truth; nothing of it is loaded on a robot."""

@@ -1,0 +1,102 @@
+"""Where the robot is on the map: the state that the stages of `SlamMapper` share."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robotctl.estimation.slam.front_end.surface import Floats
+from robotctl.estimation.slam.keyframes.back_end import BackEnd
+from robotctl.estimation.slam.keyframes.motion import OdometryAnchor, Place, PredictedMotion
+from robotctl.estimation.slam.keyframes.trail import Trail
+from robotctl.estimation.slam_config import TrackingConfig
+from robotctl.model.geometry.se2 import SE2
+
+
+class RobotState:
+    """Pose of the robot in a keyframe, and how well it is known.
+
+    Attributes
+    ----------
+    trail
+        Keyframes passed last.
+    place
+        Place of the last scan; the origin before the first.
+    odometry, has_odometry
+        `base` in `odom` at the last scan, None if unknown; whether the motion to that scan was
+        measured.
+    anchor
+        Where odometry leads on from, for the link to the next keyframe.
+    covariance
+        Covariance (3, 3) of the pose on the map of the last keyframes, in its own frame
+        [m, m, rad].
+    travelled_m
+        Distance travelled so far [m].
+    unsure_until_m
+        Travelled distance up to which the keyframes of the map keep their scans [m].
+    last_motion, last_motion_s
+        Motion between the last two scans, and its duration [s]; 0: unknown.
+    unmatched_in_a_row
+        Number of unmatched scans since the last match.
+    is_resumed
+        Whether the next scan is the first one on a saved map, near the robot's last place.
+    """
+
+    def __init__(self, config: TrackingConfig, trail: Trail) -> None:
+        self._config = config
+        self.trail = trail
+        self.place = Place(0, 0, SE2())
+        self.odometry: SE2 | None = None
+        self.has_odometry = True
+        self.anchor = OdometryAnchor()
+        self.covariance: Floats = 1e-6 * np.eye(3)
+        self.travelled_m = self.unsure_until_m = 0.0
+        self.last_motion, self.last_motion_s = SE2(), 0.0
+        self.unmatched_in_a_row = 0
+        self.is_resumed = False
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether so many scans went unmatched that the robot does not know its place."""
+        return self.unmatched_in_a_row >= self._config.lost_scans
+
+    def lose(self) -> None:
+        """Count as lost until a scan matches."""
+        self.unmatched_in_a_row = self._config.lost_scans
+
+    def begin_odometry(self) -> None:
+        """Start with another odometry at the next scan."""
+        self.odometry = None
+        self.anchor = OdometryAnchor()
+
+    def advance(self, stamp_ns: int, pose: SE2) -> None:
+        """Stand at a pose in the present keyframe."""
+        last, self.place = self.place, Place(stamp_ns, self.place.keyframe, pose)
+        step = last.pose.inverse() @ pose
+        self.last_motion, self.last_motion_s = step, 1e-9 * (stamp_ns - last.stamp_ns)
+        self.travelled_m += float(np.hypot(step.x_m, step.y_m))
+
+    def pass_keyframe(self, place: Place, uncertainty: PredictedMotion | None = None) -> None:
+        """Stand in a keyframe, from where odometry leads on; its uncertainty is added to that."""
+        self.place = place
+        self.trail.add(place.keyframe)
+        self.anchor = OdometryAnchor(place.pose, self.odometry, uncertainty)
+
+    def relocate(self, place: Place, odometry: SE2 | None) -> None:
+        """Stand at another place of the map, with `base` in `odom` there."""
+        self.place, self.odometry = place, odometry
+        self.trail.begin(place.keyframe)
+        self.anchor = OdometryAnchor(place.pose, odometry)
+        self.covariance = 1e-3 * np.eye(3)
+        self.keep_keyframes()
+        self.unmatched_in_a_row = 0
+
+    def keep_keyframes(self) -> None:
+        """Leave the scans of keyframes as they are on the next metres: the place is not sure."""
+        self.unsure_until_m = self.travelled_m + self._config.unsure_m
+
+    def fuse_loop(self, back_end: BackEnd) -> None:
+        """Fuse the last link with the covariance of the pose, if it is one of a loop."""
+        last = back_end.links[-1]
+        if last.is_loop:
+            both = np.linalg.inv(self.covariance) + back_end.counted(last)
+            self.covariance = np.linalg.inv(both).astype(np.float64)
