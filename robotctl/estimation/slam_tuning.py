@@ -185,8 +185,8 @@ class Tolerance:
         If a value is out of its range.
     """
 
-    shift_m: float
-    turn_rad: float
+    shift_m: float = 1.5
+    turn_rad: float = 0.5
 
     def __post_init__(self) -> None:
         _check(self)
@@ -313,7 +313,7 @@ class LoopConfig:
     agree_rad: float = 0.05
     at_once: int = 8
     shape: Tolerance = field(default_factory=lambda: Tolerance(1.5, 0.35))
-    image: Tolerance = field(default_factory=lambda: Tolerance(1.5, 0.5))
+    image: Tolerance = field(default_factory=Tolerance)
     sonar: Tolerance = field(default_factory=lambda: Tolerance(1.0, 0.5))
 
     def __post_init__(self) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from robotctl.errors import InvalidValue
@@ -20,7 +21,7 @@ class VisualConfig:
     least_score
         Minimum score of a candidate as a fraction of the best one's, [0, 1].
     log10_chance
-        Maximum log10 of the probability that a fit is chance, < 0.
+        Maximum log10 of the probability that a fit is chance, [-300, 0).
     least_share
         Minimum share of an image's features that must fit, [0, 1]: doors and lamps elsewhere that
         look alike are fewer.
@@ -59,13 +60,12 @@ class VisualConfig:
         leasts = {"candidates": 1, "least_features": 8, "few": 1, "near": 0, "remembered": 0}
         for key, least in leasts.items():
             count = getattr(self, key)
-            if count < least:
+            if not least <= count < math.inf:
                 raise InvalidValue(key, f"{count} found, {least} or more allowed", count)
         for key in ("least_score", "least_share", "alone_share", "rival", "alike"):
             share = getattr(self, key)
             if not 0.0 <= share <= 1.0:
                 raise InvalidValue(key, f"{share} found, a number in [0, 1] allowed", share)
-        if not self.log10_chance < 0.0:
-            raise InvalidValue(
-                "log10_chance", f"{self.log10_chance} found, < 0 allowed", self.log10_chance
-            )
+        chance = self.log10_chance
+        if not -300.0 <= chance < 0.0:
+            raise InvalidValue("log10_chance", f"{chance} found, -300 to below 0 allowed", chance)
