@@ -256,7 +256,7 @@ def test_our_own_recording_is_localised_by_its_sonars_between_walls(tmp_path, me
     assert result.exit_code == 0, result.output
     assert report["lost"] is False
     assert report["updates"] > 100
-    truth = read_tum(tmp_path / "truth.tum").poses
+    truth = read_tum(tmp_path / "truth-0001.tum").poses
     assert np.hypot(*(rows[-1, 1:3] - truth[-1, :2])) < 0.15
 
 
