@@ -220,7 +220,7 @@ def write_own(folder):
     stamps_ns = 10**9 + 100_000_000 * np.arange(150)
     theta = 0.125 * np.arange(150)
     poses = np.stack([3.0 + 0.8 * np.sin(theta), 1.8 - 0.8 * np.cos(theta), theta], axis=1)
-    write_tum(folder / "truth.tum", Trajectory(stamps_ns, poses))
+    write_tum(folder / "truth-0001.tum", Trajectory(stamps_ns, poses))
     mounts = [{"name": f"s{deg}", "x_m": 0.0, "y_m": 0.0, "heading_deg": deg} for deg in SONARS_DEG]
     with (folder / "control-0001.rec").open("wb") as file:
         Recorder(file.write, RecordHeader("1", json.dumps({"sonar": mounts}), 0.0, 0.0, 0.0))
@@ -256,7 +256,7 @@ def test_our_own_recording_is_localised_by_its_sonars_between_walls(tmp_path, me
     assert result.exit_code == 0, result.output
     assert report["lost"] is False
     assert report["updates"] > 100
-    truth = read_tum(tmp_path / "truth.tum").poses
+    truth = read_tum(tmp_path / "truth-0001.tum").poses
     assert np.hypot(*(rows[-1, 1:3] - truth[-1, :2])) < 0.15
 
 

@@ -45,7 +45,7 @@ def write_log(folder, states, truth=None):
     if truth is not None:
         stamps = np.array([state.stamp_ns for state in states])
         poses = np.array([truth @ (s.x_m, s.y_m, s.theta_rad) for s in states])
-        write_tum(folder / "truth.tum", Trajectory(stamps, poses))
+        write_tum(folder / "truth-0001.tum", Trajectory(stamps, poses))
     return folder
 
 
