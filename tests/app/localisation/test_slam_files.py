@@ -11,7 +11,7 @@ from robotctl.logs.formats.keyframes_log import load_keyframes
 from robotctl.model.geometry.se2 import SE2
 from robotctl.runtime.storage.record_log import packed
 from tests.app.simulation.missions import drive
-from tests.estimation.slam.keyframes.test_slam_mapper import OFFICE
+from tests.estimation.slam.keyframes.test_mapper import OFFICE
 from tests.estimation.slam.lidar_world import scan_of
 
 pytestmark = pytest.mark.timeout(400)  # a cold cache: all of it is compiled

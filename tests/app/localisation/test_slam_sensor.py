@@ -16,9 +16,9 @@ from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.model.geometry.se2 import SE2
-from tests.estimation.slam.keyframes.test_slam_mapper import OFFICE
+from tests.estimation.slam.keyframes.test_mapper import OFFICE
 from tests.estimation.slam.lidar_world import along
-from tests.estimation.slam.local_scans.test_sonar_scans import heard
+from tests.estimation.slam.local_scans.test_sonar import heard
 from tests.mavlink.conftest import CONTROL
 
 DRIVE = along([(1.0, 1.0), (13.0, 1.0), (13.0, 6.0)], step_m=0.05, turn_rad=0.05)

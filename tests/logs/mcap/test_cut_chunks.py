@@ -21,7 +21,7 @@ from robotctl.logs.mcap.recovery import McapLogError, recover
 from robotctl.messages.control import Notice
 from tests.cli.command import status_of
 from tests.logs.formats.bags import write_bag
-from tests.logs.mcap.test_mcap_recovery import recovered_or_none
+from tests.logs.mcap.test_recovery import recovered_or_none
 
 TEXTS = [f"{number}: {os.urandom(500).hex()}" for number in range(400)]
 """Of 1000 random letters each, so that a chunk has many blocks of zstd (128 kB) and lz4 (64 kB)."""

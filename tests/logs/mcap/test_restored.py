@@ -15,8 +15,8 @@ from robotctl.messages.control import ControlState, ImuFeedback, Notice
 from robotctl.messages.estimation import ClosedLoop, LidarScan, LocalisationState
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.model.sensors.sonar import SonarMount
-from tests.logs.mcap.test_log_schema import _float32
-from tests.logs.mcap.test_mcap_log import FULL
+from tests.logs.mcap.test_log import FULL
+from tests.logs.mcap.test_schema import _float32
 from tests.mavlink.conftest import CONTROL, NAVIGATION
 
 EPOCH_NS = 1_700_000_000_000_000_000

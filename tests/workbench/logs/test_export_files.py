@@ -28,7 +28,7 @@ from tests.app.simulation.missions import PATROL
 from tests.cli.command import status_of
 from tests.logs.mcap.schema_check import checked_topics
 from tests.mavlink.conftest import CONTROL
-from tests.workbench.logs.test_log_export import EPOCH_NS, write_log
+from tests.workbench.logs.test_export import EPOCH_NS, write_log
 
 SECONDS = 12.0
 

@@ -18,9 +18,9 @@ from robotctl.workbench.slam.scans import (
     scan_slam_of,
     scan_slam_onto,
 )
-from tests.estimation.slam.keyframes.test_slam_mapper import OFFICE
+from tests.estimation.slam.keyframes.test_mapper import OFFICE
 from tests.estimation.slam.lidar_world import along, box, drifting, scan_of
-from tests.estimation.slam.local_scans.test_sonar_scans import heard, scans_of
+from tests.estimation.slam.local_scans.test_sonar import heard, scans_of
 
 FULL_CIRCLE = np.radians(np.arange(-180.0, 180.0, 3.0))
 ROUND = along([(1.0, 1.0), (13.0, 1.0), (13.0, 9.0), (1.0, 9.0)] * 2, 0.05, 0.05)

@@ -8,8 +8,8 @@ import pytest
 from robotctl.estimation.slam.keyframes.heard_places import HeardPlaces
 from robotctl.estimation.slam.keyframes.motion import Place
 from robotctl.model.geometry.se2 import SE2
-from tests.estimation.slam.keyframes.test_slam_mapper import OFFICE
-from tests.estimation.slam.local_scans.test_sonar_scans import MOUNTS, heard
+from tests.estimation.slam.keyframes.test_mapper import OFFICE
+from tests.estimation.slam.local_scans.test_sonar import MOUNTS, heard
 
 
 class Suggested:

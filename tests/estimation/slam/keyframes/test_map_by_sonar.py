@@ -12,9 +12,9 @@ from robotctl.estimation.slam.keyframes.saved_map import restored, whole_map
 from robotctl.estimation.slam.local_scans.sonar import SOURCE
 from robotctl.estimation.slam.local_scans.source import CALIBRATED
 from robotctl.model.geometry.se2 import SE2
-from tests.estimation.slam.keyframes.test_slam_mapper import OFFICE
+from tests.estimation.slam.keyframes.test_mapper import OFFICE
 from tests.estimation.slam.lidar_world import along, drifting
-from tests.estimation.slam.local_scans.test_sonar_scans import TWICE, heard, scans_of
+from tests.estimation.slam.local_scans.test_sonar import TWICE, heard, scans_of
 
 LIVE = replace(SOURCE.config, is_live=True)
 POSES = along(TWICE, step_m=0.05, turn_rad=0.05)

@@ -12,9 +12,9 @@ from robotctl.estimation.sensors.sensor import SensedRobot
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.estimation.slam.local_scans.camera import SOURCE
 from robotctl.model.geometry.points import moved
-from tests.estimation.slam.keyframes.test_slam_mapper import OFFICE, ape_m
+from tests.estimation.slam.keyframes.test_mapper import OFFICE, ape_m
 from tests.estimation.slam.lidar_world import along, drifting, scan_of
-from tests.estimation.slam.local_scans.test_sonar_scans import TWICE
+from tests.estimation.slam.local_scans.test_sonar import TWICE
 
 HEIGHT_M = load_robot(find_file("diff_drive")).camera.mount.z_m
 AHEAD = np.radians(np.linspace(-35.0, 35.0, 80))

@@ -21,7 +21,7 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarReading
 from robotctl.model.sensors.sonar_mounts import mount_rows
 from robotctl.model.wall_map import WallMap
-from tests.estimation.slam.keyframes.test_slam_mapper import OFFICE
+from tests.estimation.slam.keyframes.test_mapper import OFFICE
 from tests.estimation.slam.lidar_world import along, drifting, scan_of
 
 MOUNTS = load_robot(find_file("diff_drive")).sonar

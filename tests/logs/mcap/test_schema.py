@@ -60,7 +60,7 @@ from robotctl.messages.estimation import (
 from robotctl.model.rectangle import Rectangle
 from robotctl.model.sensors.sonar import SonarMount
 from tests.logs.mcap.schema_check import checked_topics
-from tests.logs.mcap.test_mcap_log import FULL
+from tests.logs.mcap.test_log import FULL
 from tests.mavlink.conftest import CONTROL, NAVIGATION
 
 PUBLISHED: dict[str, Descriptor] = {

@@ -168,7 +168,7 @@ import functools, os, sys, time
 sys.path.insert(0, sys.argv[2])
 from pathlib import Path
 from tests.core.robot_double import RobotDouble
-from tests.runtime.flight.test_flight_ring import drive, make_ring
+from tests.runtime.flight.test_ring import drive, make_ring
 robot = RobotDouble()
 ring = make_ring(Path(sys.argv[1]), robot.core)
 drive(robot, ring, 3)
@@ -218,7 +218,7 @@ import sys
 from pathlib import Path
 from robotctl.runtime.flight.ring import FlightRing
 from tests.core.robot_double import RobotDouble
-from tests.runtime.flight.test_flight_ring import HEADER, SMALL
+from tests.runtime.flight.test_ring import HEADER, SMALL
 robot = RobotDouble()
 robot.tick(robot.velocity(0.4, 0.3))
 ring = FlightRing(Path(sys.argv[1]), HEADER, lambda: b"", *SMALL)

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli.command import status_of
-from tests.workbench.logs.test_log_series import drive, write_log
+from tests.workbench.logs.test_series import drive, write_log
 
 
 @pytest.fixture(autouse=True)

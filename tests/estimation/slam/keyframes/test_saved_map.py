@@ -14,7 +14,7 @@ from robotctl.estimation.slam.keyframes.loops import LoopSearch
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.estimation.slam.keyframes.saved_map import ChangeLog, compacted, encoded, restored
 from robotctl.model.geometry.se2 import SE2
-from tests.estimation.slam.keyframes.test_slam_mapper import OFFICE, ROUND
+from tests.estimation.slam.keyframes.test_mapper import OFFICE, ROUND
 from tests.estimation.slam.lidar_world import along, box, drifting, scan_of
 
 FULL_CIRCLE = np.radians(np.arange(-180.0, 180.0, 2.0))
