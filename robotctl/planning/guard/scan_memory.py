@@ -19,7 +19,10 @@ from robotctl.model.rectangle import Rectangle
 from robotctl.model.sensors.range_scan import RangeScan
 
 _REACH_M: Final = 1.0
-"""Points are kept up to this distance from `base` [m]."""
+"""Distance from `base` up to which points matter to the guard [m]."""
+_KEPT_M: Final = 2.5
+"""Distance from `base` beyond which points are forgotten [m]. A robot that backs round in a circle
+comes back to what it has seen, tail first: the diameter of the tightest circles is 1 m."""
 _LIFE_NS: Final = 20_000_000_000
 """Age at which a point is forgotten [ns]: it may have been a person."""
 _SAME_M: Final = 0.05
@@ -62,19 +65,19 @@ class ScanMemory:
             Time of the step [ns].
         """
         base = moved(T_odom_base.inverse(), self._points)
-        kept = (np.hypot(*base.T) < _REACH_M) & (now_ns - self._seen_ns < _LIFE_NS)
+        kept = (np.hypot(*base.T) < _KEPT_M) & (now_ns - self._seen_ns < _LIFE_NS)
         kept &= ~self._covers(base) & ~_in_view(base, scan)
         new = scan.points_base()
-        new = moved(T_odom_base, new[np.hypot(*new.T) < _REACH_M])
+        new = moved(T_odom_base, new[np.hypot(*new.T) < _KEPT_M])
         points = np.concatenate([new, self._points[kept]])
         stamps_ns = np.append(np.full(len(new), now_ns), self._seen_ns[kept])
         _, first = np.unique(np.floor(points / _CELL_M).astype(np.int64), axis=0, return_index=True)
         self._points, self._seen_ns = points[first], stamps_ns[first]
 
     def around(self, T_base_odom: SE2, now_ns: int) -> NDArray[np.float64]:
-        """Return the points in `base`, (n, 2) [m]."""
+        """Return the points near the robot in `base`, (n, 2) [m]."""
         base = moved(T_base_odom, self._points[now_ns - self._seen_ns < _LIFE_NS])
-        near: NDArray[np.float64] = base[~self._covers(base)]
+        near: NDArray[np.float64] = base[(np.hypot(*base.T) < _REACH_M) & ~self._covers(base)]
         return near
 
     def _covers(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -203,6 +203,8 @@ def test_told_to_drive_ahead_while_it_slides_it_does_not_cut_a_corner(room_m, si
 @example(theta=0.0, bearing=1.57, away_m=0.6, speed=0.6, course=1.57, curvature=0.0)
 # The corner of the post leaves the view beside the tail.
 @example(theta=0.0, bearing=2.0, away_m=0.75, speed=0.25, course=2.0, curvature=-1.0)
+# Round in a circle of 1 m, and tail first back to the post.
+@example(theta=0.0, bearing=0.0, away_m=0.6875, speed=0.5, course=3.125, curvature=2.0)
 def test_no_motion_asked_for_touches_a_post_that_it_has_seen(
     theta, bearing, away_m, speed, course, curvature
 ):
