@@ -75,12 +75,12 @@ def floor(
     if clicked is None:
         return
     table = floor_table(camera, clicked, sigma_px)
-    if points is not None:
-        heading = (*PIXELS, "x_m", "y_m", "sigma_x_m", "sigma_y_m")
-        write_file(points, lambda file: write_columns(file, heading, table))
-        print(f"points: {points}")
-    else:
+    if points is None:
         _print(table)
+        return
+    heading = (*PIXELS, "x_m", "y_m", "sigma_x_m", "sigma_y_m")
+    write_file(points, lambda file: write_columns(file, heading, table))
+    print(f"points: {points}")
 
 
 def _print(table: NDArray[np.float64]) -> None:

@@ -22,8 +22,7 @@ def score_table(report: Report) -> Table:
         show_header=False,
         title_justify="left",
     )
-    pose, loop, bus = report.pose_error, report.loop, report.bus
-    lag, step = loop["lag_us"], loop["step_us"]
+    pose = report.pose_error
     done = f"{verdict}, {report.items_done} of {counted(report.items, 'item')}"
     why = [each for each in (report.ended, report.message) if each]
     unsafe = report.unsafe_motions
@@ -48,6 +47,21 @@ def score_table(report: Report) -> Table:
                 f"and {math.degrees(pose.final_rad):.1f}°"
             ),
         ),
+    )
+    rows += _loop_rows(report)
+    if report.log_trouble:
+        rows += (("logs", report.log_trouble),)
+    rows = (*rows[:3], *_journey_rows(report), *rows[3:])
+    for name, text in (*rows, *_computer_rows(report), *_place_rows(report), *_fault_rows(report)):
+        table.add_row(name, text)
+    return table
+
+
+def _loop_rows(report: Report) -> tuple[tuple[str, str], ...]:
+    """Return how regular the loop was, and how full the bus."""
+    loop, bus = report.loop, report.bus
+    lag, step = loop["lag_us"], loop["step_us"]
+    return (
         (
             "loop",
             (
@@ -71,12 +85,6 @@ def score_table(report: Report) -> Table:
             ),
         ),
     )
-    if report.log_trouble:
-        rows += (("logs", report.log_trouble),)
-    rows = (*rows[:3], *_journey_rows(report), *rows[3:])
-    for name, text in (*rows, *_computer_rows(report), *_place_rows(report), *_fault_rows(report)):
-        table.add_row(name, text)
-    return table
 
 
 def _journey_rows(report: Report) -> list[tuple[str, str]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
@@ -10,7 +11,9 @@ from rich.console import Console
 
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
+from robotctl.cli.options import takes_options
 from robotctl.words import counted
+from robotctl.workbench.graphs.options import OptimizeOptions
 
 if TYPE_CHECKING:
     from robotctl.workbench.graphs.optimize import OptimizeResult
@@ -18,16 +21,9 @@ if TYPE_CHECKING:
 _SHOWN: Final = 3
 
 
+@takes_options
 def optimize(
-    graph: Annotated[Path, typer.Argument(help="A g2o, TORO or GTSAM file.", metavar="IN")],
-    solver: Annotated[str, typer.Option(help="gn, lm, dogleg, isam, gbp or ekf.")] = "lm",
-    robust: Annotated[
-        str,
-        typer.Option(
-            metavar="KERNEL", help="consistent, huber, cauchy, geman-mcclure, dcs or gnc."
-        ),
-    ] = "",
-    init: Annotated[str, typer.Option(help="odometry, tree, chordal or file.")] = "",
+    choice: partial[OptimizeOptions],
     out: Annotated[Path | None, typer.Option(help="Write the optimum here.")] = None,
     report: Annotated[Path | None, typer.Option(help="Write the figures here, JSON.")] = None,
     plot: Annotated[
@@ -36,16 +32,6 @@ def optimize(
     animate: Annotated[
         Path | None, typer.Option(help="Draw the graph after each iteration here: .gif.")
     ] = None,
-    clip_indefinite: Annotated[
-        bool,
-        typer.Option(
-            "--clip-indefinite",
-            help="Put 0 in place of negative eigenvalues of information matrices.",
-        ),
-    ] = False,
-    marginals: Annotated[
-        str, typer.Option(metavar="ID,...", help="Covariances of these variables; l5 is a point.")
-    ] = "",
 ) -> None:
     """Find the poses and points that fit the measurements of a graph best.
 
@@ -57,25 +43,15 @@ def optimize(
     # It loads numba, which other subcommands can do without.
     from robotctl.cli.progress import progress_bar  # noqa: PLC0415
     from robotctl.compiled import COMPILING, cache_is_cold  # noqa: PLC0415
-    from robotctl.estimation.slam.solvers.registry import IN_ORDER  # noqa: PLC0415
     from robotctl.logs.graphs.graph_files import format_of  # noqa: PLC0415
-    from robotctl.workbench.graphs.optimize import OptimizeOptions  # noqa: PLC0415
     from robotctl.workbench.graphs.optimize import optimize as work  # noqa: PLC0415
 
     written = None if out is None else format_of(out)
     console = plain_console(stderr=True)
     if cache_is_cold():
         console.print(COMPILING, soft_wrap=True)
-    options = OptimizeOptions(
-        graph,
-        solver,
-        robust,
-        init or ("odometry" if robust or solver in IN_ORDER else "chordal"),
-        tuple(filter(None, marginals.replace(" ", "").split(","))),
-        keeps_course=animate is not None,
-        clip_indefinite=clip_indefinite,
-    )
-    with progress_bar(console, graph.name, "optimising") as tell:
+    options = choice(keeps_course=animate is not None)
+    with progress_bar(console, options.graph.name, "optimising") as tell:
         result = work(options, lambda _, done, total: tell(done, total))
     _write(result, console, out, report, plot, animate)
     print(summary(result))

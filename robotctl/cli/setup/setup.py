@@ -19,6 +19,8 @@ from robotctl.errors import ConfigError
 if TYPE_CHECKING:
     from robotctl.deploy.setup.bench import Buses
     from robotctl.deploy.setup.dialogue import Person
+    from robotctl.deploy.setup.guide import Guide
+    from robotctl.deploy.setup.registry import Step
 
 NOT_DONE = 1
 
@@ -49,19 +51,10 @@ def setup(
     Status 0: done. 1: something is left to do. 2: bad input.
     """
     from robotctl.cli.setup.terminal import Terminal, Witnessed  # noqa: PLC0415
-    from robotctl.deploy.setup.dialogue import PersonLeftError  # noqa: PLC0415
     from robotctl.deploy.setup.guide import Guide  # noqa: PLC0415
-    from robotctl.deploy.setup.registry import STEPS  # noqa: PLC0415
 
-    names = [step.name for step in STEPS]
-    *step_words, robot = words
-    if len(step_words) > 1 or (step_words and step_words[0] not in names) or robot in names:
-        found = " ".join(words)
-        raise ConfigError(f"{found}: [STEP] ROBOT needed, STEP one of {', '.join(names)}")
-    if undo and not step_words:
-        raise ConfigError(f"--undo: needs a step before the robot: {', '.join(names)}")
+    step, robot = _step_and_robot(words, undo=undo)
     file = find_file(robot)
-    step = STEPS[names.index(step_words[0])] if step_words else None
     with ExitStack() as held:
         buses: Buses
         person: Person
@@ -77,21 +70,40 @@ def setup(
             # A closed terminal ends it as Ctrl-C does: motors off, buses released.
             signal.signal(signal.SIGHUP, signal.default_int_handler)
             signal.signal(signal.SIGTERM, signal.default_int_handler)
-        guide = Guide(file, buses, person)
-        is_done = True
-        try:
-            if step is None:
-                is_done = guide.walk()
-            elif undo:
-                guide.undo(step)
-            else:
-                is_done = guide.run(step)
-        except PersonLeftError as error:
-            plain_console(stderr=True).print(f"robotctl: {error}", soft_wrap=True)
-            is_done = False
+        is_done = _done(Guide(file, buses, person), step, undo=undo)
         if simulate:
             print(f"\nThe file would be:\n\n{file.read_text(encoding='utf-8')}")
     sys.exit(0 if is_done else NOT_DONE)
+
+
+def _step_and_robot(words: list[str], *, undo: bool) -> tuple[Step | None, str]:
+    """Return the single step to do, None for all, and the robot; raises `ConfigError`."""
+    from robotctl.deploy.setup.registry import STEPS  # noqa: PLC0415
+
+    names = [step.name for step in STEPS]
+    *step_words, robot = words
+    if len(step_words) > 1 or (step_words and step_words[0] not in names) or robot in names:
+        found = " ".join(words)
+        raise ConfigError(f"{found}: [STEP] ROBOT needed, STEP one of {', '.join(names)}")
+    if undo and not step_words:
+        raise ConfigError(f"--undo: needs a step before the robot: {', '.join(names)}")
+    return STEPS[names.index(step_words[0])] if step_words else None, robot
+
+
+def _done(guide: Guide, step: Step | None, *, undo: bool) -> bool:
+    """Do all steps or one, or undo it; return whether nothing is left to do."""
+    from robotctl.deploy.setup.dialogue import PersonLeftError  # noqa: PLC0415
+
+    try:
+        if step is None:
+            return guide.walk()
+        if undo:
+            guide.undo(step)
+            return True
+        return guide.run(step)
+    except PersonLeftError as error:
+        plain_console(stderr=True).print(f"robotctl: {error}", soft_wrap=True)
+        return False
 
 
 def _simulated(file: Path) -> tuple[Buses, Person]:

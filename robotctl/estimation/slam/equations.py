@@ -60,7 +60,10 @@ class Linearisation:
 class Equations(Protocol):
     """H d = -g, as solvers need it; more on each part in `NormalEquations`."""
 
-    gradient: Floats
+    @property
+    def gradient(self) -> Floats:
+        """The vector g."""
+        ...
 
     def linearise(self, values: Values, into: Linearisation | None = None) -> Linearisation:
         """Return all factors about values."""

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robotctl.errors import CalibrationError, ConfigError
 from robotctl.estimation.camera.calibration.intrinsics import (
@@ -37,23 +38,9 @@ def lens_of_pictures(
     OSError
         If a file cannot be read.
     """
-    found, seen, without = [], [], []
-    sizes: dict[tuple[int, ...], Path] = {}
-    for path in paths:
-        progress(f"looking for the board in {path.name}")
-        picture = read_picture(path)
-        sizes.setdefault(picture.shape[:2], path)
-        if len(sizes) > 1:
-            (first, other) = (f"{file}: {w} x {h}" for (h, w), file in sizes.items())
-            raise ConfigError(
-                f"pictures of one lens have one size, not {first} and {other}{turned_hint(*sizes)}"
-            )
-        corners = find_corners(picture, board)
-        if corners is None:
-            without.append(path.name)
-        else:
-            found.append(corners)
-            seen.append(path)
+    boards, (height, width) = _boards_of(paths, board, progress)
+    found = list(boards.values())
+    seen, without = list(boards), [path.name for path in paths if path not in boards]
     notes = []
     if without:
         notes.append(
@@ -65,7 +52,6 @@ def lens_of_pictures(
             "pictures are used as the sensor took them"
         )
     progress("fitting the lens")
-    ((height, width),) = sizes
     try:
         lens = calibrate_lens(found, board, width, height)
     except TurnedPicturesError as error:
@@ -85,6 +71,28 @@ def lens_of_pictures(
     if out:
         notes.append(f"left out because they fit much worse than the others: {', '.join(out)}")
     return lens, notes
+
+
+def _boards_of(
+    paths: Sequence[Path], board: Board, progress: Progress
+) -> tuple[dict[Path, NDArray[np.float64]], tuple[int, int]]:
+    """Return the corners found, by picture, and height and width of all; raises `ConfigError`."""
+    found = {}
+    sizes: dict[tuple[int, int], Path] = {}
+    for path in paths:
+        progress(f"looking for the board in {path.name}")
+        picture = read_picture(path)
+        sizes.setdefault((picture.shape[0], picture.shape[1]), path)
+        if len(sizes) > 1:
+            (first, other) = (f"{file}: {w} x {h}" for (h, w), file in sizes.items())
+            raise ConfigError(
+                f"pictures of one lens have one size, not {first} and {other}{turned_hint(*sizes)}"
+            )
+        corners = find_corners(picture, board)
+        if corners is not None:
+            found[path] = corners
+    (size,) = sizes
+    return found, size
 
 
 def _invertible(lens: CameraIntrinsics) -> bool:

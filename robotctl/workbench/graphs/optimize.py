@@ -28,6 +28,7 @@ from robotctl.logs.graphs.graph_files import format_of, read_graph
 from robotctl.logs.graphs.graph_format import GraphFile
 from robotctl.logs.graphs.tagged_text import id_of
 from robotctl.toml_source import nearest
+from robotctl.workbench.graphs.options import OptimizeOptions
 
 GRADUATED: Final = "gnc"
 _SUSPICIOUS: Final = 4.0
@@ -38,33 +39,6 @@ _NOT_CONVERGED: Final = {
     "isam": "a further step would lower chi2; try --solver lm",
 }
 """Remarks on solvers that go pose by pose, by their names."""
-
-
-@dataclass(frozen=True, slots=True)
-class OptimizeOptions:
-    """The user's options.
-
-    Parameters
-    ----------
-    graph
-        A file of a graph.
-    solver, robust, init
-        Names of `SOLVERS`, `KERNELS` ("": none) and `STARTS`.
-    marginals
-        Ids of variables whose covariance is wanted; a point may have an l before its id.
-    keeps_course
-        Whether the values after each iteration are wanted.
-    clip_indefinite
-        Whether negative eigenvalues of information matrices become 0; else they are refused.
-    """
-
-    graph: Path
-    solver: str = "lm"
-    robust: str = ""
-    init: str = "chordal"
-    marginals: tuple[str, ...] = ()
-    keeps_course: bool = False
-    clip_indefinite: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -206,22 +180,7 @@ def optimize(
     GraphError
         If the factors do not determine all variables.
     """
-    for option, name, names in (
-        ("--solver", options.solver, SOLVERS),
-        ("--init", options.init, STARTS),
-        *((("--robust", options.robust, KERNELS),) if options.robust else ()),
-    ):
-        if name not in names:
-            raise ConfigError(f"{option} {name}: unknown{nearest(name, list(names))}")
-    if options.robust and options.solver == "ekf":
-        raise ConfigError("--robust works with all solvers but ekf, which cannot take back a loop")
-    if options.robust not in ("", CONSISTENT) and options.solver in IN_ORDER:
-        raise ConfigError(
-            f"--robust {options.robust} does not work with {options.solver}; allowed: {CONSISTENT}"
-        )
-    if options.keeps_course and options.solver in IN_ORDER:
-        whole = ", ".join(name for name in SOLVERS if name not in IN_ORDER)
-        raise ConfigError(f"--animate works with {whole}; {options.solver} adds pose after pose")
+    options = _checked(options)
     clock = _Clock(tell)
     begin_s = clock.now_s
     file = read_graph(options.graph, clip_indefinite=options.clip_indefinite)
@@ -253,6 +212,30 @@ def optimize(
     return OptimizeResult(
         options, file, start, fixed, solution, times, clock.steps, covariances, course
     )
+
+
+def _checked(options: OptimizeOptions) -> OptimizeOptions:
+    """Return options whose names exist and go together, with a start; raises `ConfigError`."""
+    if not options.init:
+        goes_along = options.robust or options.solver in IN_ORDER
+        options = replace(options, init="odometry" if goes_along else "chordal")
+    for option, name, names in (
+        ("--solver", options.solver, SOLVERS),
+        ("--init", options.init, STARTS),
+        *((("--robust", options.robust, KERNELS),) if options.robust else ()),
+    ):
+        if name not in names:
+            raise ConfigError(f"{option} {name}: unknown{nearest(name, list(names))}")
+    if options.robust and options.solver == "ekf":
+        raise ConfigError("--robust works with all solvers but ekf, which cannot take back a loop")
+    if options.robust not in ("", CONSISTENT) and options.solver in IN_ORDER:
+        raise ConfigError(
+            f"--robust {options.robust} does not work with {options.solver}; allowed: {CONSISTENT}"
+        )
+    if options.keeps_course and options.solver in IN_ORDER:
+        whole = ", ".join(name for name in SOLVERS if name not in IN_ORDER)
+        raise ConfigError(f"--animate works with {whole}; {options.solver} adds pose after pose")
+    return options
 
 
 def _problem(

@@ -126,14 +126,14 @@ def source_of_log(
     if is_timeless(np.array([entry.scan.stamp_ns for entry in recording.scans])):
         raise CalibrationError(f"{log}: all scans in it have one time, so their poses are unknown")
     sensor = sensor or (SONAR if recording.sonars else LIDAR)
-    if sensor == SONAR and not recording.sonars:
-        raise CalibrationError(
-            f"{log}: no sonar readings of use in it{_has(recording)}{recording.why()}"
-        )
-    if sensor == LIDAR and not recording.scans:
-        raise CalibrationError(
-            f"{log}: no lidar scans of use in it{_has(recording)}{recording.why()}"
-        )
+    for name, what, readings in (
+        (SONAR, "sonar readings", recording.sonars),
+        (LIDAR, "lidar scans", recording.scans),
+    ):
+        if sensor == name and not readings:
+            raise CalibrationError(
+                f"{log}: no {what} of use in it{_has(recording)}{recording.why()}"
+            )
     found = best_poses(log, recording)
     if found is None:
         raise CalibrationError(
@@ -145,16 +145,10 @@ def source_of_log(
     notes = list(recording.notes)
     mounts = recording.sonar_mounts
     if sensor == SONAR and not mounts:
-        mounts = config.sonar
+        mounts = _mounts_of_file(log, recording, config)
         notes.append(
             "sonar mounting is taken from the robot's file, because the log does not have it"
         )
-        count = len(recording.sonars[0].reading.ranges_m)
-        if count != len(mounts):
-            raise CalibrationError(
-                f"{log}: {count} sonars in it, but the file of {config.robot.name} has "
-                f"{len(mounts)}: give the --robot that recorded it"
-            )
     if map_name:
         world_map, map_by = load_localisation_map(map_name, Path()), Path(map_name).name
     elif len(recording.scans) > 1:
@@ -167,6 +161,17 @@ def source_of_log(
             "(.toml) or a ROS map (.yaml)"
         )
     return Source(sensor, recording, poses, world_map, mounts, poses_by, map_by, tuple(notes))
+
+
+def _mounts_of_file(log: Path, recording: Recording, config: RobotConfig) -> tuple[SonarMount, ...]:
+    """Return the sonars of the robot's file; raises `CalibrationError` if the log has others."""
+    count = len(recording.sonars[0].reading.ranges_m)
+    if count != len(config.sonar):
+        raise CalibrationError(
+            f"{log}: {count} sonars in it, but the file of {config.robot.name} has "
+            f"{len(config.sonar)}: give the --robot that recorded it"
+        )
+    return config.sonar
 
 
 def _has(recording: Recording) -> str:

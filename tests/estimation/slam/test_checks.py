@@ -175,6 +175,6 @@ def test_a_smoother_whose_values_left_all_bounds_says_so_instead_of_trying_for_e
     smoother = IncrementalSmoother()
     a, b = (smoother.variable(SE2, np.zeros(3), fixed=k == 0) for k in range(2))
     smoother.factor(BETWEEN, (a, b), Z[0], np.eye(3))
-    smoother._values[SE2].array[1] = np.nan
+    smoother._variables[SE2].values.array[1] = np.nan
     with pytest.raises(GraphError, match="values have left all bounds"):
         smoother.update()

@@ -27,7 +27,8 @@ from robotctl.logs.graphs.gtsam_text import GTSAM
 from robotctl.logs.graphs.gtsam_text import TAGS as GTSAM_TAGS
 from robotctl.logs.graphs.toro import TAGS as TORO_TAGS
 from robotctl.logs.graphs.toro import TORO
-from robotctl.workbench.graphs.optimize import OptimizeOptions, optimize, write_graph
+from robotctl.workbench.graphs.optimize import optimize, write_graph
+from robotctl.workbench.graphs.options import OptimizeOptions
 
 CORPUS = Path(__file__).parent / "corpus"
 LONGEST = 2048

@@ -15,7 +15,8 @@ from robotctl.estimation.slam.graph.variables import POINT2, SE2, SE3
 from robotctl.logs.graphs.graph_files import GRAPH_FORMATS, format_of, read_graph
 from robotctl.logs.graphs.graph_format import GraphFile, GraphFormatError
 from robotctl.logs.graphs.gtsam_text import GTSAM
-from robotctl.workbench.graphs.optimize import OptimizeOptions, optimize, write_graph
+from robotctl.workbench.graphs.optimize import optimize, write_graph
+from robotctl.workbench.graphs.options import OptimizeOptions
 from tests.logs.graphs.fuzzing import LONGEST, TARGETS, corpus, mutate, solve
 
 FACTORS_OF = {

@@ -16,7 +16,8 @@ from robotctl.cli import compile as command
 from robotctl.config.robot_file import find_file
 from robotctl.workbench.compile import compile as work
 from robotctl.workbench.compile.compile import CompileError, Kernels
-from robotctl.workbench.graphs.optimize import OptimizeOptions, optimize
+from robotctl.workbench.graphs.optimize import optimize
+from robotctl.workbench.graphs.options import OptimizeOptions
 
 ROOT = Path(__file__).resolve().parents[3]
 PACKAGES = {"robotctl": kernel_cache.FOLDER, "firmware_sim": simulated.FOLDER}

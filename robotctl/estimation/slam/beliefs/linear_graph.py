@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robotctl.estimation.slam.beliefs.kernels import gather, inner, product, tree_means
 from robotctl.estimation.slam.equations import Linearisation, linearise
@@ -63,6 +64,51 @@ class Schedule(Protocol):
         ...
 
 
+class Senders(NamedTuple):
+    """The messages that each variable sends: `outgoing[starts[i] : starts[i + 1]]`."""
+
+    outgoing: Ints
+    starts: Ints
+
+
+class _Forest:
+    """A spanning forest of fewest steps, on which messages give the exact means.
+
+    Parameters
+    ----------
+    ends
+        Variables of each link, (m, 2).
+    is_rooted
+        Variables that know their place alone, (n,): trees begin there.
+    size
+        Numbers of a variable.
+    """
+
+    def __init__(self, ends: Ints, is_rooted: NDArray[np.bool_], size: int) -> None:
+        n = len(is_rooted)
+        first, second = (np.ascontiguousarray(each) for each in ends.T)
+        roots = np.argsort(~is_rooted, kind="stable")
+        taken, backward = walk(*incidence(first, second, n), first, second, roots, 0)
+        self._links = 2 * taken + 1 - backward
+        self._children = ends[taken, 1 - backward]
+        self._parents = ends[taken, backward]
+        self._roots = np.setdiff1d(np.arange(n), self._children)
+        self._inverses, self._gains = np.zeros((n, size, size)), np.zeros((n, size, size))
+
+    def gather(self, ends: Ints, H: Floats, precisions: Floats, scales: Floats) -> None:
+        """Send the precisions from the leaves to the roots."""
+        gather(
+            self._children, self._links, self._roots, ends, H, precisions, scales, self._inverses,
+            self._gains,
+        )  # fmt: skip
+
+    def means(self, vectors: Floats) -> Floats:
+        """Return the exact means for vectors (n, D)."""
+        return tree_means(
+            self._children, self._parents, self._roots, self._inverses, self._gains, vectors
+        )
+
+
 class LinearGraph:
     """H d = -g for the increments d of all variables, solved by messages.
 
@@ -96,14 +142,12 @@ class LinearGraph:
         self._is_free = np.ones(graph.size, np.bool_)
         self._is_free[fixed] = False
         self._moved = np.zeros((graph.size, self.D))
-        self._padding = (np.arange(self.D) >= dof[:, None]) | ~self._is_free[:, None]
         self._find_links()
-        self._find_forest()
+        self._forest = _Forest(self.ends, self._knows_alone(), self.D)
         n, m, D = graph.size, len(self.ends), self.D
         self.H, self.g = np.zeros((m, 2, 2, D, D)), np.zeros((m, 2, D))
         self.precisions, self.vectors = np.zeros((n, D, D)), np.zeros((n, D))
         self.undamped, self.scales = self.precisions, np.ones((n, D))
-        self._inverses, self._gains = np.zeros((n, D, D)), np.zeros((n, D, D))
 
     def _find_links(self) -> None:
         """Find the links, and of each factor of two free variables its link; else -1."""
@@ -118,23 +162,17 @@ class LinearGraph:
         self.ends = np.column_stack([unique // max(n, 1), unique % max(n, 1)])
         self._links = [np.where(each < 0, -1, np.searchsorted(unique, each)) for each in codes]
         senders = self.ends.ravel()
-        self.outgoing = np.argsort(senders, kind="stable")
-        self.starts = np.searchsorted(senders[self.outgoing], np.arange(n + 1))
+        outgoing = np.argsort(senders, kind="stable")
+        starts = np.searchsorted(senders[outgoing], np.arange(n + 1))
+        self.senders = Senders(outgoing, starts)
 
-    def _find_forest(self) -> None:
-        """Find a spanning forest of fewest steps, from variables that know their place alone."""
-        n = self.graph.size
-        knows = np.zeros(n, np.bool_)
+    def _knows_alone(self) -> NDArray[np.bool_]:
+        """Return which free variables have a factor of their own, (n,)."""
+        knows = np.zeros(self.graph.size, np.bool_)
         for block, links in zip(self.graph.blocks, self._links, strict=True):
             for each in self.graph.numbers(block):
                 knows[each[links < 0]] = True
-        first, second = (np.ascontiguousarray(each) for each in self.ends.T)
-        roots = np.argsort(~(knows & self._is_free), kind="stable")
-        taken, backward = walk(*incidence(first, second, n), first, second, roots, 0)
-        self._tree_links = 2 * taken + 1 - backward
-        self._children = self.ends[taken, 1 - backward]
-        self._parents = self.ends[taken, backward]
-        self._roots = np.setdiff1d(np.arange(n), self._children)
+        return knows & self._is_free
 
     def linearise(self, values: Values, into: Linearisation | None = None) -> Linearisation:
         """Return all factors about `values`, in the space of an earlier linearisation if given."""
@@ -151,13 +189,18 @@ class LinearGraph:
                 W = W * weights[index][:, None, None]
             self._add(block, at.blocks[index], W, self._links[index])
         places = np.arange(self.D)
-        self.undamped[:, places, places] += self._padding
+        is_padding = places >= self.graph.dof()[:, None]
+        self.undamped[:, places, places] += is_padding | ~self._is_free[:, None]
         self.scales = self.undamped[:, places, places].copy()
         self._right = self.vectors.copy()
         for s in range(2):
             np.add.at(self.scales, self.ends[:, s], self.H[:, s, s, places, places])
             np.add.at(self._right, self.ends[:, s], self.g[:, s])
-        self.gradient: Floats = -self._right.ravel()
+
+    @property
+    def gradient(self) -> Floats:
+        """The vector g of the equations, (n D,)."""
+        return -self._right.ravel()
 
     def _add(self, block: FactorBlock, at: Linearised, W: Floats, links: Ints) -> None:
         """Add factors to their links, or to the only variable of them that is free."""
@@ -191,10 +234,7 @@ class LinearGraph:
         if damping is not None:
             places = np.arange(self.D)
             self.precisions[:, places, places] += damping.reshape(self.scales.shape)
-        gather(
-            self._children, self._tree_links, self._roots, self.ends, self.H, self.precisions,
-            self.scales, self._inverses, self._gains,
-        )  # fmt: skip
+        self._forest.gather(self.ends, self.H, self.precisions, self.scales)
 
     def solve(self) -> Floats:
         """Return the means of the increments, (n D,), as far as the rounds of the schedule go."""
@@ -218,9 +258,7 @@ class LinearGraph:
 
     def answer(self, vectors: Floats) -> Floats:
         """Return the exact means on the forest for vectors (n, D)."""
-        return tree_means(
-            self._children, self._parents, self._roots, self._inverses, self._gains, vectors
-        )
+        return self._forest.means(vectors)
 
     def product(self, x: Floats) -> Floats:
         """Return the matrix times x, (n D,)."""

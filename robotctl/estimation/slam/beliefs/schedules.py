@@ -141,6 +141,6 @@ class Residual(Synchronous):
 
     def _send(self, graph: LinearGraph) -> None:
         send_by_residual(
-            graph.ends, graph.H, graph.g, self._own, self._damping, self.said, graph.starts,
-            graph.outgoing, graph.scales, self._residuals,
+            graph.ends, graph.H, graph.g, self._own, self._damping, self.said, graph.senders.starts,
+            graph.senders.outgoing, graph.scales, self._residuals,
         )  # fmt: skip

@@ -99,6 +99,27 @@ class _Kind:
         self.weights = Grown((), float)
 
 
+class _Variables:
+    """All variables of one kind: their values, their numbers and their columns."""
+
+    def __init__(self, kind: VariableKind) -> None:
+        self.values = Grown((kind.size,), float)
+        self.numbers = Grown((), np.int64)
+        self.columns = Grown((kind.dof,), np.int64)
+
+
+class _Pending:
+    """Changes that the next update takes in."""
+
+    def __init__(self) -> None:
+        self.touched: list[int] = []
+        """Variables whose factors have changed."""
+        self.new: list[int] = []
+        """Variables that no clique holds."""
+        self.factors: list[int] = []
+        """Factors to linearise."""
+
+
 class IncrementalSmoother:
     """The estimate of a graph that grows.
 
@@ -109,11 +130,9 @@ class IncrementalSmoother:
         self.config = config or SmootherConfig()
         self._kinds: list[VariableKind] = []
         self._rows: list[int] = []
-        self._values: dict[VariableKind, Grown] = {}
-        self._members: dict[VariableKind, Grown] = {}
+        self._variables: dict[VariableKind, _Variables] = {}
         self._blocks: dict[FactorKind, _Kind] = {}
         self._block_of: list[tuple[_Kind, int]] = []
-        self._column: dict[VariableKind, Grown] = {}
         self._offsets, self._dof = Grown((), np.int64), Grown((), np.int64)
         self._owner, self._increments = Grown((), np.int64), Grown((), float)
         self._clique_of, self._heads = Grown((), np.int64), Grown((), np.int64)
@@ -132,9 +151,7 @@ class IncrementalSmoother:
             np.empty(64),
             np.zeros(3, np.int64),
         )
-        self._touched: list[int] = []
-        self._new: list[int] = []
-        self._fresh: list[int] = []
+        self._pending = _Pending()
 
     def variable(self, kind: VariableKind, value: Floats, *, fixed: bool = False) -> int:
         """Add a variable at a value (size,), perhaps one that keeps it; return its number.
@@ -147,8 +164,8 @@ class IncrementalSmoother:
         check_values({kind: 1}, {kind: value[None]}, numbers=True)
         number = len(self._kinds)
         self._kinds.append(kind)
-        values = self._values.setdefault(kind, Grown((kind.size,), float))
-        self._rows.append(values.add(value[None]))
+        own = self._variables.setdefault(kind, _Variables(kind))
+        self._rows.append(own.values.add(value[None]))
         width = 0 if fixed else kind.dof
         begin = self._increments.size
         self._offsets.add((begin,))
@@ -156,13 +173,13 @@ class IncrementalSmoother:
         self._owner.add(np.full(width, number))
         self._increments.add(np.zeros(width))
         columns = np.full(kind.dof, _FIXED) if fixed else np.arange(begin, begin + width)
-        self._column.setdefault(kind, Grown((kind.dof,), np.int64)).add(columns[None])
-        self._members.setdefault(kind, Grown((), np.int64)).add((number,))
+        own.columns.add(columns[None])
+        own.numbers.add((number,))
         self._clique_of.add((-1,))
         self._heads.add((-1,))
         if not fixed:
-            self._new.append(number)
-            self._touched.append(number)
+            self._pending.new.append(number)
+            self._pending.touched.append(number)
         return number
 
     def factor(
@@ -195,8 +212,8 @@ class IncrementalSmoother:
         for slot, each in enumerate(free):
             self._following.array[entry + slot] = self._heads.array[each]
             self._heads.array[each] = entry + slot
-        self._touched += free
-        self._fresh.append(number)
+        self._pending.touched += free
+        self._pending.factors.append(number)
         return number
 
     def check_ends(self, kind: FactorKind, variables: Sequence[int]) -> None:
@@ -219,8 +236,9 @@ class IncrementalSmoother:
         """Change the weight of a factor from the next update on; 0 removes it."""
         own, row = self._block_of[factor]
         own.weights.array[row] = weight
-        self._fresh.append(factor)
-        self._touched += [int(each.array[factor]) for each in (self._first, self._second) if each.array[factor] >= 0]  # fmt: skip # noqa: E501
+        self._pending.factors.append(factor)
+        ends = (int(each.array[factor]) for each in (self._first, self._second))
+        self._pending.touched += [each for each in ends if each >= 0]
 
     def remove(self, factor: int) -> None:
         """Take a factor out again, from the next update on."""
@@ -256,17 +274,18 @@ class IncrementalSmoother:
             If the values have left all bounds; the smoother is of no use then.
         """
         self._relinearise()
-        if not self._touched:
+        pending = self._pending
+        if not pending.touched:
             return False
-        self._linearise(np.unique(np.array(self._fresh, np.int64)))
+        self._linearise(np.unique(np.array(pending.factors, np.int64)))
         links = Links(
             self._offsets.view, self._dof.view, self._owner.view, self._first.view,
             self._second.view, self._places.view, self._terms.view, self._heads.view,
             self._following.view,
         )  # fmt: skip
         is_new = np.zeros(self._dof.size, np.bool_)
-        is_new[self._new] = True
-        touched = np.array(self._touched, np.int64)
+        is_new[pending.new] = True
+        touched = np.array(pending.touched, np.int64)
         self._cliques, first = renew(self._cliques, links, self._clique_of.view, touched, is_new)
         if first < 0:
             raise GraphError(
@@ -274,7 +293,7 @@ class IncrementalSmoother:
                 "nearer, or use lm"
             )
         solve_down(self._cliques, first, self.config.wildfire, self._increments.view)
-        self._touched, self._new, self._fresh = [], [], []
+        self._pending = _Pending()
         if self._cliques.used[2] > _WASTE and len(self._cliques.pool) > 4 * self._live():
             self.compact()
         return True
@@ -305,19 +324,19 @@ class IncrementalSmoother:
         if len(large) == 0:
             return
         moved = np.unique(self._owner.view[large])
-        for kind, members in self._members.items():
-            rows = np.flatnonzero(np.isin(members.view, moved))
+        for kind, own in self._variables.items():
+            rows = np.flatnonzero(np.isin(own.numbers.view, moved))
             if len(rows) == 0:
                 continue
-            columns = self._column[kind].array[rows]
-            values = self._values[kind].array
+            columns = own.columns.array[rows]
+            values = own.values.array
             values[rows] = kind.retract(values[rows], increments[columns])
             increments[columns] = 0.0
         factors, neighbours = _around(
             moved, self._heads.view, self._following.view, self._first.view, self._second.view
         )
-        self._fresh += factors.tolist()
-        self._touched += moved.tolist() + neighbours.tolist()
+        self._pending.factors += factors.tolist()
+        self._pending.touched += moved.tolist() + neighbours.tolist()
 
     def _linearise(self, factors: Ints) -> None:
         """Renew matrix and gradient of some factors."""
@@ -339,13 +358,13 @@ class IncrementalSmoother:
             )
             at = Linearised.empty(block)
             values = tuple(
-                self._values[each].array[mine]
+                self._variables[each].values.array[mine]
                 for each, mine in zip(kind.variables, block.variables, strict=True)
             )
             at.fill(block, values)
             numbers = own.numbers.array[rows]
             has = [
-                self._dof.array[self._members[each].array[mine]] > 0
+                self._dof.array[self._variables[each].numbers.array[mine]] > 0
                 for each, mine in zip(kind.variables, block.variables, strict=True)
             ]
             by_b = at.jacobians[1] if len(has) == 2 else np.empty((len(rows), kind.size, 0))
@@ -357,8 +376,8 @@ class IncrementalSmoother:
 
     def estimates(self, kind: VariableKind) -> Floats:
         """Return the present values of all variables of a kind, (n, size), as they were added."""
-        padded = np.append(self._increments.view, 0.0)
-        return kind.retract(self._values[kind].view, padded[self._column[kind].view])
+        own, padded = self._variables[kind], np.append(self._increments.view, 0.0)
+        return kind.retract(own.values.view, padded[own.columns.view])
 
     def row(self, number: int) -> int:
         """Return which row a variable is among those of its kind."""
@@ -366,8 +385,8 @@ class IncrementalSmoother:
 
     def estimates_of(self, kind: VariableKind, rows: Ints) -> Floats:
         """Return the present values of some variables of a kind, by their rows, (m, size)."""
-        padded = np.append(self._increments.view, 0.0)
-        return kind.retract(self._values[kind].array[rows], padded[self._column[kind].array[rows]])
+        own, padded = self._variables[kind], np.append(self._increments.view, 0.0)
+        return kind.retract(own.values.array[rows], padded[own.columns.array[rows]])
 
     def chi2(self) -> float:
         """Return the sum of r^T Omega r of all factors, by their weights, at the estimate."""
@@ -384,9 +403,10 @@ class IncrementalSmoother:
     def estimate(self, number: int) -> Floats:
         """Return the present value of a variable, (size,)."""
         kind, row = self._kinds[number], self._rows[number]
-        columns = self._column[kind].array[row]
+        own = self._variables[kind]
+        columns = own.columns.array[row]
         step = np.where(columns >= 0, self._increments.array[columns], 0.0)
-        result: Floats = kind.retract(self._values[kind].array[row : row + 1], step[None])[0]
+        result: Floats = kind.retract(own.values.array[row : row + 1], step[None])[0]
         return result
 
 
