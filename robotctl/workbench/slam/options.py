@@ -41,9 +41,9 @@ class SlamOptions:
         str,
         typer.Option(
             help="ekf: one Gaussian of robot and map. graph: then the best fit of all. submaps: "
-            "local maps, joined, for logs that are graphs."
+            "local maps, joined, for logs that are graphs. Default: graph for these, else ekf."
         ),
-    ] = "ekf"
+    ] = ""
     association: Annotated[
         str,
         typer.Option(
@@ -97,7 +97,8 @@ class SlamOptions:
                 "are for landmarks, leave them"
             )
         for option, words in WORDS.items():
-            if (word := getattr(self, option)) not in words:
+            word = getattr(self, option)
+            if word not in words and (word or option != "solver"):
                 raise ConfigError(
                     f"--{option} {word}: unknown; allowed are {', '.join(words)}"
                     f"{nearest(word, list(words))}"

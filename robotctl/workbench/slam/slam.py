@@ -52,7 +52,8 @@ def slam(options: SlamOptions, progress: Progress) -> SlamResult:
         If a file cannot be read.
     """
     log = options.log
-    if log.is_file() and any(each.matches(log) for each in GRAPH_FORMATS):
+    is_graph = log.is_file() and any(each.matches(log) for each in GRAPH_FORMATS)
+    if is_graph:
         if options.association != "names":
             raise ConfigError(
                 f"--association {options.association}: {log} is a graph, which says what is seen; "
@@ -73,7 +74,8 @@ def slam(options: SlamOptions, progress: Progress) -> SlamResult:
             log, options.mrclam_robot, with_sonars=False, time_unit=options.time_unit
         )
         result = slam_of_recording(recording, options, progress)
-    return smoothed(result) if options.solver == "graph" else result
+    is_smoothed = options.solver == "graph" or (is_graph and not options.solver)
+    return smoothed(result) if is_smoothed else result
 
 
 def slam_of_recording(recording: Recording, options: SlamOptions, progress: Progress) -> SlamResult:

@@ -60,6 +60,16 @@ def test_filter_and_smoother_agree_on_map_and_way_and_with_the_truth(tmp_path):
         assert pytest.approx(doubts[row], rel=0.15, abs=2e-6) == P
 
 
+def test_a_log_that_is_a_graph_is_smoothed_unless_the_filter_is_asked_for(tmp_path):
+    path, _ = written(tmp_path)
+    usual, graph, ekf = (
+        slam(SlamOptions(log=path, solver=solver), silent).estimate.trajectory.poses
+        for solver in ("", "graph", "ekf")
+    )
+    assert np.array_equal(usual, graph)
+    assert not np.array_equal(usual, ekf)
+
+
 def test_the_graph_that_is_written_is_read_again_at_the_same_place(tmp_path):
     path, points = written(tmp_path)
     result = slam(SlamOptions(log=path, solver="graph"), silent)
