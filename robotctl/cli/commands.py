@@ -103,7 +103,7 @@ COMMANDS: Final = {
     "places": ("places.places:app", "Learn and recognise places by sonar or images."),
     "camera": ("camera.camera:app", "Calibrate a camera, and measure on the floor with it."),
 }
-"""Of each subcommand, module and function (or group) below `robotctl.cli`, and how its help begins.
+"""Subcommands: module and function (or group) below `robotctl.cli`, and the beginning of the help.
 
 A test holds the second to the docstring.
 """

@@ -57,7 +57,7 @@ def resume(instance: Instance = "") -> None:
 
 @app.command()
 def abort(instance: Instance = "") -> None:
-    """Give up the mission: the robot stands, and the mission would begin anew."""
+    """Give up the mission: the robot stands, and a restart begins at the first item."""
     _ask(instance, lambda robot: robot.abort(), "aborted")
 
 

@@ -1,4 +1,4 @@
-"""What lidar and camera saw, placed by odometry: floor, scans and markers."""
+"""Sightings of lidar and camera, placed by odometry: floor, scans and markers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the robot is and what surrounds it, pure."""
+"""Estimation of the robot's pose and surroundings, pure."""
 
 from lazy_loader import attach_stub
 

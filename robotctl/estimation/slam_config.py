@@ -12,7 +12,7 @@ _MOST = 1e4
 
 @dataclass(frozen=True, slots=True)
 class SlamConfig:
-    """When SLAM takes a scan, and draws its map anew.
+    """Rate at which SLAM takes scans and redraws its map.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""From goals and missions to velocity commands, without clock or I/O.
+"""Goals and missions become velocity commands, without clock or I/O.
 
 Data passes three rooms once, downwards: `map` (what is free, what moves, what it costs), `path`
 (finding paths and following them), `behave` (what to do about a goal); `guard` stops the robot.

@@ -1,4 +1,4 @@
-"""Where the robot may go, beside what it sees: fence, zones and rally points."""
+"""Bounds set by people: fence, zones and rally points."""
 
 from __future__ import annotations
 

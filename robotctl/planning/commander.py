@@ -1,4 +1,4 @@
-"""What operators and ground stations ask of the robot, done or refused with a reason."""
+"""Requests of operators and ground stations: carried out, or refused with a reason."""
 
 from __future__ import annotations
 

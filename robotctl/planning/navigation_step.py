@@ -80,4 +80,4 @@ class NavigationOutputs(NamedTuple):
     expires_ns: int | None
     """When a velocity of sticks or a set-point is void [ns]; None: it is neither."""
     state: NavigationState
-    """What is published; mission file, fence and rally points are left to the adapter."""
+    """State to publish; mission file, fence and rally points are left to the adapter."""

@@ -1,4 +1,4 @@
-"""Whether the robot may drive, and whether it may do so by itself."""
+"""Permission to drive, and to drive autonomously."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _STOPPED: Final = "the robot was stopped"
 
 
 class Supervision:
-    """Watches over a robot that drives by itself: operator, stops, stalls, and the camera's view.
+    """Watches over an autonomous robot: operator, stops, stalls, and the camera's view.
 
     By hand, in HOLD and MANUAL, the operator sees for himself: there only arming counts.
     """
@@ -60,7 +60,7 @@ class Supervision:
         return ""
 
     def refusal(self, mode: Mode) -> str:
-        """Return why nobody can have a mode now, empty if it can be had."""
+        """Return why a mode is refused now; empty if it is not."""
         if not self._attended and mode not in BY_HAND:
             return "no ground station is connected"
         return ""

@@ -8,7 +8,7 @@ from robotctl.messages.control import Notice, Severity, Stranger, StrangerKind
 from robotctl.messages.faults import Fault, FaultCode
 
 RECENT_NS: Final = 1_000_000_000
-"""Time after a stranger's last frame during which it keeps the robot from arming [ns]."""
+"""Time after an unknown sender's last frame during which it keeps the robot from arming [ns]."""
 
 FIRST_NS: Final = 1_000_000_000
 """Time from the first frame of a kind to the notice that counts it [ns]."""
@@ -60,7 +60,7 @@ class Strangers:
         self._next_ns = min(self._due_ns.values(), default=None)
 
     def fault(self, now_ns: int) -> Fault | None:
-        """Return the fault of a stranger that was heard a moment ago [ns]."""
+        """Return the fault of an unknown sender that was active a moment ago [ns]."""
         return self._fault if now_ns - self._fault_ns < RECENT_NS else None
 
     def told(self) -> None:

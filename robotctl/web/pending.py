@@ -32,7 +32,7 @@ class Asked:
 
 
 class Pending:
-    """What was asked of each process, and tells clients what it has refused.
+    """Requests to each process; tells clients which it has refused.
 
     Parameters
     ----------

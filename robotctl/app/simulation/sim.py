@@ -159,7 +159,7 @@ class SimRun:
 
     @property
     def connections(self) -> tuple[str, ...]:
-        """Where ground stations and CAN tools can connect."""
+        """Addresses at which ground stations and CAN tools can connect."""
         links = tuple(f"MAVLink {link.url}" for link in self.config.mavlink.link)
         buses = tuple(f"CAN -i {bus.interface} -c {bus.channel}" for bus in self.config.buses)
         return (*links, *buses)
@@ -212,7 +212,7 @@ class SimRun:
             progress.lines += [f"web page: {each}" for each in (links.address, *links.remarks)]
 
     def _note_silence(self, progress: RunStatus) -> None:
-        """Note what is silent, and say so where nobody else does."""
+        """Note what is silent, and report it unless another process does."""
         progress.now_ns = self._clock.now_ns()
         phase = ProcessPhase.IDLE if self._stack is None else self._stack.phase(CONTROL)
         progress.control_phase = "" if phase is ProcessPhase.READY else phase.value

@@ -1,4 +1,4 @@
-"""Notes shared by the parts on a bus: strangers, damaged frames, emergency messages."""
+"""Notes shared by the parts on a bus: other senders, damaged frames, emergency messages."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ COUNTER_MODULUS: Final = 15
 """The alive counter runs 0..14; 15 is never sent."""
 
 SILENCE_PERIODS: Final = 12
-"""Periods of silence after which a message starts anew: before its counter of 15 values can wrap,
+"""Periods of silence after which a message starts over: before its counter of 15 values can wrap,
 and later than the maximum age of feedback (ten periods in a simulator)."""
 
 WINDOW_PERIODS: Final = 20

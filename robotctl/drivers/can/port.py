@@ -34,7 +34,7 @@ from robotctl.messages.control import BusState, BusStatus
 from robotctl.messages.ports import FD_FLAG, Clock, Frame
 
 RETRY_NS: Final = 500_000_000
-"""Between attempts to open a bus that went down [ns]."""
+"""Interval between attempts to open a bus that went down [ns]."""
 
 DRAIN_LIMIT: Final = 256
 """Frames taken in one `receive`; a babbling node must not hold the loop. The rest waits."""

@@ -1,4 +1,4 @@
-"""Strangers on the bus: frames that prove another sender, counted by kind."""
+"""Unknown senders on the bus: frames that prove one, counted by kind."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from robotctl.messages.control import Stranger, StrangerKind
 
 
 class StrangerBook:
-    """Counts the frames of strangers.
+    """Counts the frames of unknown senders.
 
     Attributes
     ----------
@@ -24,7 +24,7 @@ class StrangerBook:
     def note(
         self, kind: StrangerKind, name: str, arbitration_id: int, node: str, stamp_ns: int
     ) -> None:
-        """Count a frame received at `stamp_ns` [ns]; `name` and `node` are as in `Stranger`."""
+        """Count a frame received at `stamp_ns` [ns]; `name` and `node` are those of `Stranger`."""
         key = (kind, name, node)
         known = self._kinds.get(key)
         if known is None:

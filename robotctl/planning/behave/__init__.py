@@ -1,1 +1,1 @@
-"""What to do about a goal: behaviours, journeys and missions."""
+"""Reactions to a goal: behaviours, journeys and missions."""

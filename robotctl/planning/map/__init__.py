@@ -1,1 +1,1 @@
-"""What is known of the world around the robot: what is free, what moves, what it costs."""
+"""Knowledge of the world around the robot: what is free, what moves, what it costs."""

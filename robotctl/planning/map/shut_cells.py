@@ -1,4 +1,4 @@
-"""What zones and a fence shut of a map, opened for a robot that stands in it."""
+"""Cells shut by zones and a fence, opened for a robot that stands in them."""
 
 from __future__ import annotations
 

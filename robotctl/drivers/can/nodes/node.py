@@ -39,7 +39,7 @@ START_TIMEOUT_NS: Final = 250_000_000
 
 START_ATTEMPTS: Final = 3
 RETRY_NS: Final = 1_000_000_000
-"""From a failed commissioning to the next attempt [ns]."""
+"""Delay from a failed commissioning to the next attempt [ns]."""
 
 
 class NodePhase(enum.Enum):

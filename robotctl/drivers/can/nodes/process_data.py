@@ -39,7 +39,7 @@ class ProcessData:
         self._late_ns = min(late_ns, self._late_ns or late_ns)
 
     def restart(self) -> None:
-        """Follow a node that has booted: its counters begin anew, which is no loss of frames."""
+        """Follow a node that has booted: its counters restart, which is no loss of frames."""
         for receiver in self.receivers:
             receiver.reset()
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from robotctl.estimation.places.visual.features import Features
 
 LONGER_SIDE_PX: Final = 640
-"""Longer side of an image for the detection of features [px]."""
+"""Image size (longer side) at which features are detected [px]."""
 COUNT: Final = 500
 """Features of an image, at most."""
 _FAST_THRESHOLD: Final = 10

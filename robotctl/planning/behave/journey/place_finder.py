@@ -126,7 +126,7 @@ class PlaceFinder:
         self.pause()
 
     def pause(self) -> None:
-        """Search anew after the pause."""
+        """Restart the search after the pause."""
         self._search: tuple[Iterator[Recognition[Sighting] | None], SE2] | None = None
         self._roam: tuple[Behaviour, int] | None = None
         self._roamed_m = 0.0

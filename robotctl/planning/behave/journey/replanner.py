@@ -50,7 +50,7 @@ class Replanner:
         self.reset()
 
     def reset(self) -> None:
-        """Plan anew to the goal."""
+        """Plan to the goal again."""
         self._aim = self.goal
         """Goal that the path was planned to."""
         self.pause()

@@ -1,4 +1,4 @@
-"""What steers the robot in one of its modes."""
+"""Steering of the robot in one of its modes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class DriveMode(ABC):
 
     @property
     def expires_ns(self) -> int | None:
-        """When the velocity that somebody sent is void [ns]; None: it steers by none."""
+        """Time at which a received velocity expires [ns]; None: the mode steers by none."""
         return None
 
     @abstractmethod

@@ -71,7 +71,7 @@ class Modes:
 
     @property
     def present(self) -> DriveMode:
-        """What steers in the present mode."""
+        """Steering of the present mode."""
         return self._by_mode[self.mode]
 
     @property
@@ -88,7 +88,7 @@ class Modes:
         return ""
 
     def change(self, mode: Mode) -> None:
-        """Leave the present mode and begin another; the same one begins anew."""
+        """Leave the present mode and begin another, or the same one from its start."""
         self.pause()
         self.mode = mode
         self.use_reverse(reverse=False)
