@@ -382,9 +382,9 @@ def _memory(file: GraphFile) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "city.g2o"
         format_of(path).write(path, file)
-        for name, words in (("robotctl", ["-m", "robotctl", "optimize", str(path)]),):
+        for name, words in (("robotctl", ["-m", "robotctl", "optimise", str(path)]),):
             before = time.perf_counter()
             subprocess.run([sys.executable, *words], check=True, capture_output=True)
             spent = time.perf_counter() - before
             peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
-            machine.note(f"{name} optimize, the city: {peak:.0f} MiB at most, {spent:.1f} s in all")
+            machine.note(f"{name} optimise, the city: {peak:.0f} MiB at most, {spent:.1f} s in all")

@@ -33,7 +33,7 @@ Estimator = Callable[[Recording, PoseEstimate], Iterator[PoseEstimate]]
 
 
 def self_calibrating(recording: Recording, start: PoseEstimate) -> Iterator[PoseEstimate]:
-    """The filter of `robotctl localize --method ekf`."""
+    """The filter of `robotctl localise --method ekf`."""
     for step in localise_by_landmarks(recording, LandmarkConfig(), start):
         yield step.estimate
 

@@ -32,7 +32,7 @@ from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.model.recording import RecordedScan
-from robotctl.workbench.localize.mapping import choose_scans
+from robotctl.workbench.localise.mapping import choose_scans
 
 LOGS = {
     "Intel": ("intel-odometry.log.gz", (0.0, 0.0)),

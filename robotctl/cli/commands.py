@@ -71,8 +71,8 @@ COMMANDS: Final = {
         "logs.plot:plot",
         "Plot fields of a recording over time, with the robot's states, restarts and gaps.",
     ),
-    "localize": (
-        "localize.localize:localize",
+    "localise": (
+        "localise.localise:localise",
         "Localise on a recorded log, and compare with its reference.",
     ),
     "topology": ("topology.topology:app", "Divide a map into places and passages."),
@@ -88,8 +88,8 @@ COMMANDS: Final = {
         "plan.plan:plan",
         "Find the path between two places of a map, or say why there is none.",
     ),
-    "optimize": (
-        "optimize.optimize:optimize",
+    "optimise": (
+        "optimise.optimise:optimise",
         "Find the poses and points that fit the measurements of a graph best.",
     ),
     "characterise": (
@@ -108,6 +108,9 @@ COMMANDS: Final = {
 A test holds the second to the docstring.
 """
 
+OLD_NAMES: Final = {"localize": "localise", "optimize": "optimise", "characterize": "characterise"}
+"""Other spellings of subcommands, which scripts may use."""
+
 _WITH_NUMBERS: Final = frozenset({"goto"})
 """Subcommands whose arguments are numbers."""
 
@@ -117,6 +120,7 @@ class _LazyGroup(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
         """Return the subcommand of the arguments, imported now, with its name and the rest."""
+        args = [OLD_NAMES.get(args[0], args[0]), *args[1:]]
         name, command, rest = super().resolve_command(ctx, args)
         return name, load(name) if name in COMMANDS else command, rest
 

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from robotctl.cli.commands import app
 from tests.logs.formats.bags import KINDS, Laser, write_bag
-from tests.workbench.localize.recorded_room import write_map
+from tests.workbench.localise.recorded_room import write_map
 
 MOUNTED = Laser(0.25, -0.1, 0.4, upside_down=True)
 
@@ -28,13 +28,13 @@ def run(*words):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_map_and_localize(tmp_path, kind):
+def test_map_and_localise(tmp_path, kind):
     path, truth = written(tmp_path, kind)
     made = run("map", "--log", path, "--scans", "even", "--out", tmp_path / "m")
     assert "60 of 120 scans (even), at reference poses" in made.output
     for chart in (tmp_path / "m.yaml", path.parent / "room.yaml"):
         words = ("--map", chart, "--scans", "odd", "--out", tmp_path / "a.tum")
-        run("localize", "--log", path, *words, "--report", tmp_path / "a.json")
+        run("localise", "--log", path, *words, "--report", tmp_path / "a.json")
         report = json.loads((tmp_path / "a.json").read_text())
         assert report["lost"] is False
         assert report["ape"]["rmse_m"] < 0.1

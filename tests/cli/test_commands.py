@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from robotctl.cli.commands import COMMANDS, load
+from robotctl.cli.commands import COMMANDS, OLD_NAMES, load
 
 PROGRAM = "import sys; sys.argv[0] = 'robotctl'; from robotctl.cli.main import main; main()"
 HEAVY = ("numba", "scipy", "cv2", "numpy", "zmq", "can", "pymavlink")
@@ -18,6 +18,23 @@ def test_the_list_of_commands_says_what_each_says_of_itself(name: str) -> None:
     command = load(name)
     assert command.name == name
     assert inspect.cleandoc(command.help).split("\n\n")[0].replace("\n", " ") == COMMANDS[name][1]
+
+
+@pytest.mark.parametrize(("old", "name"), OLD_NAMES.items())
+def test_a_command_is_also_found_by_its_other_spelling(old: str, name: str) -> None:
+    by_name, by_old = (
+        subprocess.run(
+            [sys.executable, "-m", "robotctl", word, "--help"],
+            capture_output=True, text=True, check=True,
+        ).stdout
+        for word in (name, old)
+    )  # fmt: skip
+    assert f"robotctl {name}" in by_name
+    assert by_old == by_name
+    listed = subprocess.run(
+        [sys.executable, "-m", "robotctl", "--help"], capture_output=True, text=True, check=True
+    )
+    assert old not in listed.stdout
 
 
 HELP = ("--help", "sim --help", "tune --help", "calibrate odometry --help", "config show --help")

@@ -54,8 +54,8 @@ def test_the_folder_has_trajectory_map_graph_and_report(log, tmp_path):
     # The robot sees the room from (0, 0) on: its right wall stands at x = 6.
     assert np.count_nonzero(np.abs(x - 6.0) < 0.06) > 60
     assert np.count_nonzero(x > 6.15) < 5
-    optimized = CliRunner().invoke(app, ["optimize", str(out / "graph.g2o")])
-    assert optimized.exit_code == 0, optimized.output
+    optimised = CliRunner().invoke(app, ["optimise", str(out / "graph.g2o")])
+    assert optimised.exit_code == 0, optimised.output
 
 
 @pytest.mark.timeout(400)

@@ -1,4 +1,4 @@
-"""The graph format of docs/extending.md is read and written by `robotctl optimize`."""
+"""The graph format of docs/extending.md is read and written by `robotctl optimise`."""
 
 import subprocess
 import sys
@@ -15,7 +15,7 @@ SQUARE = "from,to,x_m,y_m,theta_rad,sigma\n" + "".join(
 
 def test_the_command_reads_and_writes_it(tmp_path):
     (tmp_path / "a.csv").write_text(SQUARE)
-    words = ["optimize", str(tmp_path / "a.csv"), "--out", str(tmp_path / "b.csv")]
+    words = ["optimise", str(tmp_path / "a.csv"), "--out", str(tmp_path / "b.csv")]
     done = subprocess.run(
         [sys.executable, "-m", "robotctl", *words], capture_output=True, text=True, check=False
     )

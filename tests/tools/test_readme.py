@@ -70,7 +70,7 @@ def test_the_documents_localise_on_a_log_that_comes_along(checkout: Path) -> Non
         line
         for block in blocks(COMMANDS)
         for line in block.splitlines()
-        if re.match(r"\S*robotctl (map|localize) ", line)
+        if re.match(r"\S*robotctl (map|localise) ", line)
     ]
     assert len(offline) >= 2
     done = run("\n".join(offline), checkout)

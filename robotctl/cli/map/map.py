@@ -8,17 +8,17 @@ from robotctl.cli.console import plain_console, say_compiling
 from robotctl.cli.options import takes_options
 from robotctl.cli.progress import progress_bar
 from robotctl.model.grid_map import count_values
-from robotctl.workbench.localize.map_options import MapOptions
+from robotctl.workbench.localise.map_options import MapOptions
 
 if TYPE_CHECKING:
-    from robotctl.workbench.localize.mapping import MapResult
+    from robotctl.workbench.localise.mapping import MapResult
 
 
 @takes_options
 def map_log(options: MapOptions) -> None:
     """Map the lidar scans of a recorded log, at its reference poses or its odometry."""
     # It loads numba and OpenCV, which other subcommands can do without.
-    from robotctl.workbench.localize.mapping import make_map  # noqa: PLC0415
+    from robotctl.workbench.localise.mapping import make_map  # noqa: PLC0415
 
     console = plain_console(stderr=True)
     say_compiling(console)

@@ -18,7 +18,7 @@ from robotctl.estimation.slam.graph.factor_graph import FactorGraph
 from robotctl.estimation.slam.graph.variables import LARGEST
 from robotctl.logs.graphs.graph_format import GraphFile, GraphFormatError
 
-_CLIP = "robotctl optimize --clip-indefinite puts 0 in their place"
+_CLIP = "robotctl optimise --clip-indefinite puts 0 in their place"
 
 
 def judged(path: Path, file: GraphFile, *, clip: bool) -> GraphFile:

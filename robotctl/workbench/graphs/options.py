@@ -1,4 +1,4 @@
-"""Options of `robotctl optimize`."""
+"""Options of `robotctl optimise`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def _ids(text: str) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True, slots=True)
-class OptimizeOptions:
+class OptimiseOptions:
     """A graph, and how to solve it.
 
     Parameters

@@ -32,7 +32,7 @@ from robotctl.model.sensors.measurement import MotionMeasurement
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.model.trajectory import Trajectory
 from robotctl.model.world_map import WorldMap
-from robotctl.workbench.localize.mapping import choose_scans
+from robotctl.workbench.localise.mapping import choose_scans
 
 Progress: TypeAlias = Callable[[str], None]
 

@@ -63,7 +63,7 @@ def slam(options: SlamOptions, progress: Progress) -> SlamResult:
             most = MOST_FEATURES if options.solver == "submaps" else None
             result = slam_of_graph(log.name, read_graph(log), progress, most)
         except ValueError as error:
-            raise SlamError(f"{log}: {error}; robotctl optimize solves any graph") from error
+            raise SlamError(f"{log}: {error}; robotctl optimise solves any graph") from error
     elif options.solver == "submaps":
         raise ConfigError(
             f"--solver submaps: {log} is no graph; the filter of recordings calibrates their "

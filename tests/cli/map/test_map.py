@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from robotctl.cli.commands import app
 from tests.cli.command import status_of
-from tests.workbench.localize.test_mapping import write_log
+from tests.workbench.localise.test_mapping import write_log
 
 
 def test_the_command_writes_both_files_and_says_what_they_hold(tmp_path):

@@ -8,7 +8,7 @@ import pytest
 from robotctl.estimation.grid.revisits import revisit_agreement
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
-from tests.workbench.localize.recorded_room import driven, seen
+from tests.workbench.localise.recorded_room import driven, seen
 
 ANGLES = np.radians(np.arange(181) - 90.0)
 

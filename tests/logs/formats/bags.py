@@ -10,7 +10,7 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from robotctl.model.geometry.se2 import SE2
-from tests.workbench.localize.recorded_room import BEAMS, driven, seen
+from tests.workbench.localise.recorded_room import BEAMS, driven, seen
 
 KINDS = ("ros1", "sqlite", "mcap")
 ODOM, TF, SCAN = "nav_msgs/msg/Odometry", "tf2_msgs/msg/TFMessage", "sensor_msgs/msg/LaserScan"

@@ -11,7 +11,7 @@ from robotctl.errors import ConfigError
 from robotctl.logs.formats.log_text import LogFormatError
 from robotctl.logs.formats.recorded_log import is_log, read_recording
 from tests.logs.formats.bags import KINDS, Bag, Laser, stamp, write_bag
-from tests.workbench.localize.recorded_room import WALLS, driven
+from tests.workbench.localise.recorded_room import WALLS, driven
 
 MOUNTED = Laser(0.25, -0.1, 0.4, upside_down=True)
 

@@ -27,8 +27,8 @@ from robotctl.logs.graphs.gtsam_text import GTSAM
 from robotctl.logs.graphs.gtsam_text import TAGS as GTSAM_TAGS
 from robotctl.logs.graphs.toro import TAGS as TORO_TAGS
 from robotctl.logs.graphs.toro import TORO
-from robotctl.workbench.graphs.optimize import optimize, write_graph
-from robotctl.workbench.graphs.options import OptimizeOptions
+from robotctl.workbench.graphs.optimise import optimise, write_graph
+from robotctl.workbench.graphs.options import OptimiseOptions
 
 CORPUS = Path(__file__).parent / "corpus"
 LONGEST = 2048
@@ -115,7 +115,7 @@ def solve(data: bytes) -> None:
         path.write_bytes(data)
         clip = chance.random() < 0.5
         try:
-            result = optimize(OptimizeOptions(path, solver, robust, init, clip_indefinite=clip))
+            result = optimise(OptimiseOptions(path, solver, robust, init, clip_indefinite=clip))
         except RobotctlError:
             return
         for kind, rows in result.graph.rows(result.file.fixed).items():

@@ -15,8 +15,8 @@ from robotctl.estimation.slam.graph.variables import POINT2, SE2, SE3
 from robotctl.logs.graphs.graph_files import GRAPH_FORMATS, format_of, read_graph
 from robotctl.logs.graphs.graph_format import GraphFile, GraphFormatError
 from robotctl.logs.graphs.gtsam_text import GTSAM
-from robotctl.workbench.graphs.optimize import optimize, write_graph
-from robotctl.workbench.graphs.options import OptimizeOptions
+from robotctl.workbench.graphs.optimise import optimise, write_graph
+from robotctl.workbench.graphs.options import OptimiseOptions
 from tests.logs.graphs.fuzzing import LONGEST, TARGETS, corpus, mutate, solve
 
 FACTORS_OF = {
@@ -340,7 +340,7 @@ def test_a_changed_graph_is_refused_or_solved(seed):
 def test_gtsams_text_refuses_points_that_nothing_sees(tmp_path):
     graph = tmp_path / "graph.g2o"
     graph.write_text("VERTEX_SE2 0 0 0 0\nVERTEX_XY 1 2 3\n")
-    result = optimize(OptimizeOptions(graph))
+    result = optimise(OptimiseOptions(graph))
     with pytest.raises(RobotctlError, match="nothing sees 1 of the graph's"):
         write_graph(result, tmp_path / "graph.txt")
     assert not (tmp_path / "graph.txt").exists()

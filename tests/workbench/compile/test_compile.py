@@ -16,8 +16,8 @@ from robotctl.cli import compile as command
 from robotctl.config.robot_file import find_file
 from robotctl.workbench.compile import compile as work
 from robotctl.workbench.compile.compile import CompileError, Kernels
-from robotctl.workbench.graphs.optimize import optimize
-from robotctl.workbench.graphs.options import OptimizeOptions
+from robotctl.workbench.graphs.optimise import optimise
+from robotctl.workbench.graphs.options import OptimiseOptions
 
 ROOT = Path(__file__).resolve().parents[3]
 PACKAGES = {"robotctl": kernel_cache.FOLDER, "firmware_sim": simulated.FOLDER}
@@ -96,7 +96,7 @@ def test_afterwards_an_errand_slam_and_a_graph_compile_nothing(compiled, tmp_pat
     try:
         run_lockstep(SimOptions(robot, errand, localisation=lost, max_seconds=8.0))
         run_lockstep(SimOptions(robot, errand, localisation=slam, max_seconds=3.0))
-        optimize(OptimizeOptions(graph, marginals=("1",)))
+        optimise(OptimiseOptions(graph, marginals=("1",)))
     finally:
         event.unregister("numba:compile", listener)
     assert listener.names == []

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from robotctl.cli.picture import draw_map, drawing, see_from_above
-from robotctl.workbench.localize.localize import Localized
-from robotctl.workbench.localize.report import position_errors
+from robotctl.workbench.localise.localise import Localised
+from robotctl.workbench.localise.report import position_errors
 
 
-def save_plot(result: Localized, file: Path) -> None:
+def save_plot(result: Localised, file: Path) -> None:
     """Draw map, reference and estimate, and the distance between the two over time."""
     with drawing(file, 9.0, 10.0) as figure:
         above, below = figure.subplots(2, 1, height_ratios=(3, 1))

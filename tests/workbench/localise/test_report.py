@@ -8,7 +8,7 @@ import pytest
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.model.geometry.pose_estimate import PoseEstimate
 from robotctl.model.geometry.se2 import SE2
-from robotctl.workbench.localize.report import Run, is_lost, report
+from robotctl.workbench.localise.report import Run, is_lost, report
 
 LOCALISED, SEARCHING, LOST = (
     LocalisationStatus.LOCALISED,

@@ -23,18 +23,18 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.model.recording import Recording
 from robotctl.model.sensors.sonar import SonarReading
 from robotctl.model.wall_map import WallMap
-from robotctl.workbench.localize.options import (
-    LocalizeError,
-    LocalizeOptions,
+from robotctl.workbench.localise.options import (
+    LocaliseError,
+    LocaliseOptions,
     Progress,
     known_start,
 )
-from robotctl.workbench.localize.report import Run
+from robotctl.workbench.localise.report import Run
 
 
 def run_wall_ekf(
     recording: Recording,
-    options: LocalizeOptions,
+    options: LocaliseOptions,
     walls: WallMap,
     rng: np.random.Generator,
     progress: Progress,
@@ -43,13 +43,13 @@ def run_wall_ekf(
 
     Raises
     ------
-    LocalizeError
+    LocaliseError
         If there is no odometry, or no start is known.
     """
     start_rng, odometry_rng = rng.spawn(2)
     odometry = with_noisy_motion(recording, options.odometry_sigmas, odometry_rng).odometry
     if odometry is None:
-        raise LocalizeError(f"{recording.name}: no odometry in it")
+        raise LocaliseError(f"{recording.name}: no odometry in it")
     begin_ns = int(odometry.stamps_ns[0])
     if options.start is None:
         begin_ns = max(begin_ns, known_from_ns(recording))

@@ -1,4 +1,4 @@
-"""The optimum of a graph of a file, and its figures: the work of `robotctl optimize`."""
+"""The optimum of a graph of a file, and its figures: the work of `robotctl optimise`."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from robotctl.logs.graphs.graph_files import format_of, read_graph
 from robotctl.logs.graphs.graph_format import GraphFile
 from robotctl.logs.graphs.tagged_text import id_of
 from robotctl.toml_source import nearest
-from robotctl.workbench.graphs.options import OptimizeOptions
+from robotctl.workbench.graphs.options import OptimiseOptions
 
 GRADUATED: Final = "gnc"
 _SUSPICIOUS: Final = 4.0
@@ -42,7 +42,7 @@ _NOT_CONVERGED: Final = {
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class OptimizeResult:
+class OptimiseResult:
     """The optimum, with what led there.
 
     Parameters
@@ -65,7 +65,7 @@ class OptimizeResult:
         The values at the start and after each iteration, if they were asked for.
     """
 
-    options: OptimizeOptions
+    options: OptimiseOptions
     file: GraphFile
     start: Values
     fixed: NDArray[np.int64]
@@ -168,9 +168,9 @@ class _Clock:
             self.now_s = time.perf_counter()
 
 
-def optimize(
-    options: OptimizeOptions, tell: Callable[[str, int, int], None] = lambda *_: None
-) -> OptimizeResult:
+def optimise(
+    options: OptimiseOptions, tell: Callable[[str, int, int], None] = lambda *_: None
+) -> OptimiseResult:
     """Read a graph and find its optimum.
 
     Raises
@@ -209,12 +209,12 @@ def optimize(
     if wanted:
         times["marginals"] = clock.stages["marginals"]
     times["total"] = 1e3 * (time.perf_counter() - begin_s)
-    return OptimizeResult(
+    return OptimiseResult(
         options, file, start, fixed, solution, times, clock.steps, covariances, course
     )
 
 
-def _checked(options: OptimizeOptions) -> OptimizeOptions:
+def _checked(options: OptimiseOptions) -> OptimiseOptions:
     """Return options whose names exist and go together, with a start; raises `ConfigError`."""
     if not options.init:
         goes_along = options.robust or options.solver in IN_ORDER
@@ -239,7 +239,7 @@ def _checked(options: OptimizeOptions) -> OptimizeOptions:
 
 
 def _problem(
-    options: OptimizeOptions, graph: FactorGraph, start: Values, fixed: NDArray[np.int64]
+    options: OptimiseOptions, graph: FactorGraph, start: Values, fixed: NDArray[np.int64]
 ) -> Problem:
     """Return the problem to solve.
 
@@ -280,7 +280,7 @@ def variable(graph: FactorGraph, name: str) -> int:
     )
 
 
-def advice(options: OptimizeOptions, figures: dict[str, Any]) -> str:
+def advice(options: OptimiseOptions, figures: dict[str, Any]) -> str:
     """Return what to try where a result is doubtful; empty where it is not.
 
     Parameters
@@ -304,13 +304,13 @@ def advice(options: OptimizeOptions, figures: dict[str, Any]) -> str:
     )
 
 
-def write_graph(result: OptimizeResult, file: Path) -> None:
+def write_graph(result: OptimiseResult, file: Path) -> None:
     """Write the graph with the values found, in the format that the suffix says."""
     found = {kind: np.ones(len(ids), np.bool_) for kind, ids in result.graph.ids.items()}
     optimum = replace(result.file, values=result.solution.values, known=found)
     format_of(file).write(file, optimum)
 
 
-def write_report(result: OptimizeResult, file: Path) -> None:
+def write_report(result: OptimiseResult, file: Path) -> None:
     """Write the figures as JSON."""
     file.write_text(json.dumps(result.report(), indent=2) + "\n", encoding="utf-8")

@@ -1,4 +1,4 @@
-"""`robotctl localize`: a filter of the live robot on a recorded drive, against its reference."""
+"""`robotctl localise`: a filter of the live robot on a recorded drive, against its reference."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from robotctl.model.grid_map import GridMap
 from robotctl.model.recording import Recording
 from robotctl.model.trajectory import Trajectory
 from robotctl.model.world_map import WorldMap
-from robotctl.workbench.localize.ekf import run_ekf
-from robotctl.workbench.localize.mcl import run_mcl
-from robotctl.workbench.localize.options import LocalizeError, LocalizeOptions, Progress
-from robotctl.workbench.localize.report import Run, report
-from robotctl.workbench.localize.walls import run_wall_ekf
+from robotctl.workbench.localise.ekf import run_ekf
+from robotctl.workbench.localise.mcl import run_mcl
+from robotctl.workbench.localise.options import LocaliseError, LocaliseOptions, Progress
+from robotctl.workbench.localise.report import Run, report
+from robotctl.workbench.localise.walls import run_wall_ekf
 
 
 @dataclass(frozen=True, slots=True)
-class Localized:
+class Localised:
     """The outcome.
 
     Parameters
@@ -51,7 +51,7 @@ class Localized:
         )
 
 
-def localize(options: LocalizeOptions, progress: Progress) -> Localized:
+def localise(options: LocaliseOptions, progress: Progress) -> Localised:
     """Run a filter on a log.
 
     Raises
@@ -61,10 +61,10 @@ def localize(options: LocalizeOptions, progress: Progress) -> Localized:
     OSError
         If a file cannot be read.
     """
-    return localize_seeds(options, 1, progress)[0]
+    return localise_seeds(options, 1, progress)[0]
 
 
-def localize_seeds(options: LocalizeOptions, seeds: int, progress: Progress) -> list[Localized]:
+def localise_seeds(options: LocaliseOptions, seeds: int, progress: Progress) -> list[Localised]:
     """Run a filter on a log several times, with consecutive seeds from that of the options.
 
     Raises
@@ -95,11 +95,11 @@ def localize_seeds(options: LocalizeOptions, seeds: int, progress: Progress) -> 
 
 
 def _run(
-    options: LocalizeOptions,
+    options: LocaliseOptions,
     recording: Recording,
     world_map: WorldMap | None,
     progress: Progress,
-) -> Localized:
+) -> Localised:
     """Run a filter with one seed."""
     rng = np.random.default_rng(options.seed)
     if options.method == "mcl" and world_map is not None:
@@ -108,7 +108,7 @@ def _run(
         run = run_wall_ekf(recording, options, world_map.walls, rng, progress)
     else:
         run = run_ekf(recording, options, rng, progress)
-    return Localized(
+    return Localised(
         recording,
         world_map.grid if world_map else None,
         run,
@@ -121,7 +121,7 @@ def _with_reference(recording: Recording, file: Path) -> Recording:
 
     Raises
     ------
-    LocalizeError
+    LocaliseError
         If it is of another time than the recording.
     LogFormatError, OSError
         If the file cannot be read.
@@ -135,7 +135,7 @@ def _with_reference(recording: Recording, file: Path) -> Recording:
         1e-9 * int(at) for at in (*reference.stamps_ns[[0, -1]], min(stamps_ns), max(stamps_ns))
     ]
     if spans[1] < spans[2] or spans[3] < spans[0]:
-        raise LocalizeError(
+        raise LocaliseError(
             f"--reference {file}: has times from {spans[0]:.3f} to {spans[1]:.3f} s, and "
             f"{recording.name} from {spans[2]:.3f} to {spans[3]:.3f} s: of a different drive or "
             "clock"

@@ -1,4 +1,4 @@
-"""A filter's estimates as a table: the file of `robotctl localize --csv`."""
+"""A filter's estimates as a table: the file of `robotctl localise --csv`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Final
 
 from robotctl.model.geometry.pose_estimate import PoseEstimate, upper_triangle
 from robotctl.model.geometry.se2 import SE2
-from robotctl.workbench.localize.report import Run, is_wrong
+from robotctl.workbench.localise.report import Run, is_wrong
 
 COLUMNS: Final = (
     "t_s", "x_m", "y_m", "theta_rad", "status",

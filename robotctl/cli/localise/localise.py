@@ -1,4 +1,4 @@
-"""`robotctl localize`: where was the robot, by a recorded log and a map."""
+"""`robotctl localise`: where was the robot, by a recorded log and a map."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from robotctl.config.robot_file import RobotConfig, find_file, load_robot
 from robotctl.errors import ConfigError
 from robotctl.logs.formats.tum import write_tum
 from robotctl.words import counted
-from robotctl.workbench.localize.options import LocalizeOptions
-from robotctl.workbench.localize.table import write_table
+from robotctl.workbench.localise.options import LocaliseOptions
+from robotctl.workbench.localise.table import write_table
 
 if TYPE_CHECKING:
-    from robotctl.workbench.localize.localize import Localized
+    from robotctl.workbench.localise.localise import Localised
 
 
 @takes_options
-def localize(
-    choice: partial[LocalizeOptions],
+def localise(
+    choice: partial[LocaliseOptions],
     out: Annotated[
         Path | None, typer.Option(help="Write the estimated trajectory here, as TUM file.")
     ] = None,
@@ -71,27 +71,27 @@ def localize(
         text = json.dumps(data, indent=2) + "\n"
         write_file(report, lambda file: file.write_text(text, encoding="utf-8"))
     if plot is not None:
-        from robotctl.cli.localize.plot import save_plot  # noqa: PLC0415
+        from robotctl.cli.localise.plot import save_plot  # noqa: PLC0415
 
         write_file(plot, lambda file: save_plot(first, file))
     if seeds > 1:
-        from robotctl.cli.localize.view import seeds_table  # noqa: PLC0415
+        from robotctl.cli.localise.view import seeds_table  # noqa: PLC0415
 
         plain_console().print(seeds_table(reports))
     else:
         print(_sentence(first.report))
 
 
-def _localised(options: LocalizeOptions, seeds: int) -> list[Localized]:
+def _localised(options: LocaliseOptions, seeds: int) -> list[Localised]:
     """Return the results of all seeds, behind a progress bar."""
     console = plain_console(stderr=True)
     with progress_bar(console, options.log.name, "localising") as tell:
         # It takes a second or more, in which nothing would be seen.
-        from robotctl.workbench.localize.localize import localize_seeds  # noqa: PLC0415
+        from robotctl.workbench.localise.localise import localise_seeds  # noqa: PLC0415
 
         if options.method == "mcl":
             say_compiling(console)
-        results = localize_seeds(options, seeds, tell)
+        results = localise_seeds(options, seeds, tell)
     for note in (*results[0].recording.notes, *results[0].run.notes):
         console.print(f"note: {note}", soft_wrap=True)
     return results

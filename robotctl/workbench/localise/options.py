@@ -1,4 +1,4 @@
-"""Options of `robotctl localize`, and the inputs of all its methods."""
+"""Options of `robotctl localise`, and the inputs of all its methods."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ Progress: TypeAlias = Callable[[int, int], None]
 """Told how many measurements of how many are done."""
 
 
-class LocalizeError(RobotctlError):
+class LocaliseError(RobotctlError):
     """A log, a map and a method do not go together."""
 
 
@@ -53,7 +53,7 @@ def _start(text: str) -> SE2:
 
 
 @dataclass(frozen=True, slots=True)
-class LocalizeOptions:
+class LocaliseOptions:
     """A recorded drive, a map, and how to localise.
 
     Raises
@@ -156,7 +156,7 @@ class LocalizeOptions:
 
 def known_start(
     recording: Recording,
-    options: LocalizeOptions,
+    options: LocaliseOptions,
     stamp_ns: int,
     rng: np.random.Generator,
     reference: SE2 | None = None,
@@ -178,7 +178,7 @@ def known_start(
 
     Raises
     ------
-    LocalizeError
+    LocaliseError
         If no reference says where.
     """
     covariance = np.diag(np.square([START_SIGMA_M, START_SIGMA_M, START_SIGMA_RAD]))
@@ -187,7 +187,7 @@ def known_start(
     pose = reference if recording.reference_has_heading else None
     pose = pose or start_pose(recording, stamp_ns)
     if pose is None:
-        raise LocalizeError(
+        raise LocaliseError(
             f"{recording.name}: no reference gives the start of the drive; give --start x,y,deg or "
             "--reference FILE; --method mcl can start anywhere: --global"
         )

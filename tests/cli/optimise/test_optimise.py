@@ -1,4 +1,4 @@
-"""`robotctl optimize`: from a file to the optimum, its report, picture and file; plain errors."""
+"""`robotctl optimise`: from a file to the optimum, its report, picture and file; plain errors."""
 
 import json
 
@@ -24,7 +24,7 @@ def square(tmp_path):
 
 
 def run(*words):
-    result = CliRunner().invoke(app, ["optimize", *map(str, words)])
+    result = CliRunner().invoke(app, ["optimise", *map(str, words)])
     if isinstance(result.exception, RobotctlError):
         raise result.exception
     return result

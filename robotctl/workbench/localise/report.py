@@ -1,4 +1,4 @@
-"""Error of an estimated trajectory against a reference: the report of `robotctl localize`."""
+"""Error of an estimated trajectory against a reference: the report of `robotctl localise`."""
 
 from __future__ import annotations
 

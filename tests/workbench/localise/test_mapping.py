@@ -10,8 +10,8 @@ from robotctl.estimation.grid.map_quality import map_quality
 from robotctl.maps.map_file import load_map
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.wall_map import WallMap
-from robotctl.workbench.localize.map_options import MapOptions
-from robotctl.workbench.localize.mapping import make_map
+from robotctl.workbench.localise.map_options import MapOptions
+from robotctl.workbench.localise.mapping import make_map
 
 ROOM = WallMap(np.array([[-2, -1.5, 3, -1.5], [3, -1.5, 3, 2], [3, 2, -2, 2], [-2, 2, -2, -1.5]]))
 

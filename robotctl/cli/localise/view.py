@@ -1,4 +1,4 @@
-"""Several runs of `robotctl localize` as one table."""
+"""Several runs of `robotctl localise` as one table."""
 
 from __future__ import annotations
 

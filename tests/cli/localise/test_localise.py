@@ -1,4 +1,4 @@
-"""`robotctl localize` on drives written here."""
+"""`robotctl localise` on drives written here."""
 
 import csv
 import gzip
@@ -18,7 +18,7 @@ from robotctl.model.trajectory import Trajectory
 from robotctl.runtime.flight.recorder import Recorder, RecordHeader
 from tests.cli.command import status_of
 from tests.mavlink.conftest import CONTROL
-from tests.workbench.localize.recorded_room import WALLS, seen, write_drive, write_map
+from tests.workbench.localise.recorded_room import WALLS, seen, write_drive, write_map
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,7 @@ def room(tmp_path_factory):
 
 def run(folder, *arguments, log="room.log", name="a"):
     """Run the command; return its result, its report and the lines of its trajectory."""
-    words = ["localize", "--log", str(folder / log), "--out", str(folder / f"{name}.tum")]
+    words = ["localise", "--log", str(folder / log), "--out", str(folder / f"{name}.tum")]
     words += ["--report", str(folder / f"{name}.json"), *arguments]
     result = CliRunner().invoke(app, words)
     if result.exit_code != 0:
@@ -263,7 +263,7 @@ def test_our_own_recording_is_localised_by_its_sonars_between_walls(tmp_path, me
 @pytest.mark.recordings("lego/robot4_motors.txt")
 def test_the_ekf_follows_a_real_robot_among_nameless_cylinders(recordings, tmp_path):
     out = ("--out", str(tmp_path / "a.tum"), "--report", str(tmp_path / "a.json"))
-    words = ["localize", "--log", str(recordings / "lego"), "--method", "ekf", *out]
+    words = ["localise", "--log", str(recordings / "lego"), "--method", "ekf", *out]
     assert CliRunner().invoke(app, words).exit_code == 0
     report = json.loads((tmp_path / "a.json").read_text())
     assert report["lost"] is False
@@ -322,7 +322,7 @@ def test_a_log_without_scans_is_none_for_particles(tmp_path):
 
 def test_bad_input_ends_with_status_2_and_one_line(tmp_path, capsys):
     words = ("--log", tmp_path / "none.log", "--method", "ekf", "--out", tmp_path / "a.tum")
-    assert status_of("localize", *words) == 2
+    assert status_of("localise", *words) == 2
     error = capsys.readouterr().err.splitlines()
     assert error == [f"robotctl: {tmp_path}/none.log: no such file or folder"]
 
@@ -456,5 +456,5 @@ def test_several_seeds_give_one_table_and_each_its_own_report(room):
 
 def test_no_file_need_be_written(room):
     folder, _ = room
-    words = ["localize", "--log", str(folder / "room.log"), *on_map(folder)]
+    words = ["localise", "--log", str(folder / "room.log"), *on_map(folder)]
     assert CliRunner().invoke(app, words).exit_code == 0

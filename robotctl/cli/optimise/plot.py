@@ -9,12 +9,12 @@ from typing import Any, Final
 import numpy as np
 
 from robotctl.estimation.slam.graph.factor_graph import Values
-from robotctl.workbench.graphs.optimize import OptimizeResult
+from robotctl.workbench.graphs.optimise import OptimiseResult
 
 _FRAMES_PER_S: Final = 2
 
 
-def save_plot(result: OptimizeResult, file: Path) -> None:
+def save_plot(result: OptimiseResult, file: Path) -> None:
     """Draw the start, the optimum, and chi2 by iteration."""
     from matplotlib.figure import Figure  # noqa: PLC0415 - an extra
 
@@ -31,7 +31,7 @@ def save_plot(result: OptimizeResult, file: Path) -> None:
 
 
 def save_animation(
-    result: OptimizeResult, file: Path, tell: Callable[[int, int], None] = lambda *_: None
+    result: OptimiseResult, file: Path, tell: Callable[[int, int], None] = lambda *_: None
 ) -> None:
     """Draw the start and the graph after each iteration, one after the other."""
     from matplotlib.animation import FuncAnimation, PillowWriter  # noqa: PLC0415 - an extra
@@ -52,7 +52,7 @@ def save_animation(
     film.save(file, PillowWriter(fps=_FRAMES_PER_S))
 
 
-def draw_graph(axes: Any, result: OptimizeResult, values: Values) -> None:
+def draw_graph(axes: Any, result: OptimiseResult, values: Values) -> None:
     """Draw poses, points and the factors between poses, from above; those switched off in red."""
     poses = result.graph.poses
     for block, off in zip(result.graph.blocks, result.switched_off(), strict=True):

@@ -18,7 +18,7 @@ from robotctl.maps.map_file import save_map
 from robotctl.model.grid_map import GridMap
 from robotctl.model.recording import RecordedScan, Recording
 from robotctl.toml_source import nearest
-from robotctl.workbench.localize.map_options import MapOptions
+from robotctl.workbench.localise.map_options import MapOptions
 
 _TAKEN: Final = {"all": slice(None), "even": slice(0, None, 2), "odd": slice(1, None, 2)}
 _AT_ONCE: Final = 256

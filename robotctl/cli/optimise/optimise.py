@@ -1,4 +1,4 @@
-"""`robotctl optimize`: the optimum of a pose graph or factor graph."""
+"""`robotctl optimise`: the optimum of a pose graph or factor graph."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
 from robotctl.cli.options import takes_options
 from robotctl.words import counted
-from robotctl.workbench.graphs.options import OptimizeOptions
+from robotctl.workbench.graphs.options import OptimiseOptions
 
 if TYPE_CHECKING:
-    from robotctl.workbench.graphs.optimize import OptimizeResult
+    from robotctl.workbench.graphs.optimise import OptimiseResult
 
 _SHOWN: Final = 3
 
 
 @takes_options
-def optimize(
-    choice: partial[OptimizeOptions],
+def optimise(
+    choice: partial[OptimiseOptions],
     out: Annotated[Path | None, typer.Option(help="Write the optimum here.")] = None,
     report: Annotated[Path | None, typer.Option(help="Write the figures here, JSON.")] = None,
     plot: Annotated[
@@ -44,7 +44,7 @@ def optimize(
     from robotctl.cli.progress import progress_bar  # noqa: PLC0415
     from robotctl.compiled import COMPILING, cache_is_cold  # noqa: PLC0415
     from robotctl.logs.graphs.graph_files import format_of  # noqa: PLC0415
-    from robotctl.workbench.graphs.optimize import optimize as work  # noqa: PLC0415
+    from robotctl.workbench.graphs.optimise import optimise as work  # noqa: PLC0415
 
     written = None if out is None else format_of(out)
     console = plain_console(stderr=True)
@@ -62,29 +62,29 @@ def optimize(
 
 
 def _write(
-    result: OptimizeResult, console: Console, out: Path | None, report: Path | None,
+    result: OptimiseResult, console: Console, out: Path | None, report: Path | None,
     plot: Path | None, animate: Path | None,
 ) -> None:  # fmt: skip
     """Write the files that were asked for."""
     from robotctl.cli.progress import progress_bar  # noqa: PLC0415
-    from robotctl.workbench.graphs.optimize import write_graph, write_report  # noqa: PLC0415
+    from robotctl.workbench.graphs.optimise import write_graph, write_report  # noqa: PLC0415
 
     if report is not None:
         write_file(report, lambda file: write_report(result, file))
     if out is not None:
         write_file(out, lambda file: write_graph(result, file))
     if plot is not None:
-        from robotctl.cli.optimize.plot import save_plot  # noqa: PLC0415 - an extra
+        from robotctl.cli.optimise.plot import save_plot  # noqa: PLC0415 - an extra
 
         write_file(plot, lambda file: save_plot(result, file))
     if animate is not None:
-        from robotctl.cli.optimize.plot import save_animation  # noqa: PLC0415 - an extra
+        from robotctl.cli.optimise.plot import save_animation  # noqa: PLC0415 - an extra
 
         with progress_bar(console, result.options.graph.name, "drawing") as tell:
             write_file(animate, lambda file: save_animation(result, file, tell))
 
 
-def _kept_in_place(result: OptimizeResult) -> str:
+def _kept_in_place(result: OptimiseResult) -> str:
     """Return what keeps its place, and what is held since nothing determines it."""
     graph = result.graph
     if len(result.fixed) == graph.size:
@@ -94,7 +94,7 @@ def _kept_in_place(result: OptimizeResult) -> str:
     return f"kept in place: {'; '.join(parts) or 'nothing, priors do that'}"
 
 
-def summary(result: OptimizeResult) -> str:
+def summary(result: OptimiseResult) -> str:
     """Return what there is to say of an optimum."""
     figures = result.report()
     time_ms = figures["time_ms"]["total"]

@@ -28,16 +28,16 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.model.recording import Recording
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.model.world_map import WorldMap
-from robotctl.workbench.localize.mapping import choose_scans
-from robotctl.workbench.localize.options import (
+from robotctl.workbench.localise.mapping import choose_scans
+from robotctl.workbench.localise.options import (
     START_SIGMA_M,
     START_SIGMA_RAD,
-    LocalizeError,
-    LocalizeOptions,
+    LocaliseError,
+    LocaliseOptions,
     Progress,
     known_start,
 )
-from robotctl.workbench.localize.report import Run
+from robotctl.workbench.localise.report import Run
 
 FITS_NOWHERE: Final = (
     "what was seen matches no place on this map; is it the right map, and up to date?"
@@ -58,7 +58,7 @@ class _Moment:
 
 def run_mcl(
     recording: Recording,
-    options: LocalizeOptions,
+    options: LocaliseOptions,
     world_map: WorldMap,
     rng: np.random.Generator,
     progress: Progress,
@@ -71,7 +71,7 @@ def run_mcl(
 
     Raises
     ------
-    LocalizeError
+    LocaliseError
         If nothing was measured, no start is known, or the map is empty.
     """
     moments = _moments(recording, options)
@@ -108,7 +108,7 @@ def run_mcl(
     return run
 
 
-def _moments(recording: Recording, options: LocalizeOptions) -> list[_Moment]:
+def _moments(recording: Recording, options: LocaliseOptions) -> list[_Moment]:
     """Return all that was measured in the order of its times."""
     moments = []
     for entry in choose_scans(recording, options.scans) if recording.scans else ():
@@ -123,7 +123,7 @@ def _moments(recording: Recording, options: LocalizeOptions) -> list[_Moment]:
         source = f"{SONAR} {reading.first}"
         moments.append(_Moment(stamp_ns, source, heard.odometry, reference, sonar))
     if not moments:
-        raise LocalizeError(
+        raise LocaliseError(
             f"{options.log}: no scans of use in it, which --method mcl needs; for a log with "
             f"sightings of landmarks use --method ekf{recording.why()}"
         )
@@ -132,7 +132,7 @@ def _moments(recording: Recording, options: LocalizeOptions) -> list[_Moment]:
 
 def _made(
     recording: Recording,
-    options: LocalizeOptions,
+    options: LocaliseOptions,
     world_map: WorldMap,
     moments: Sequence[_Moment],
     rng: np.random.Generator,
@@ -164,4 +164,4 @@ def _made(
             tried.measure(first.measurement(sensors))
         return MonteCarloLocaliser(config, free, rng, symmetries(world_map.grid)), sensors
     except ValueError as error:
-        raise LocalizeError(f"{options.map}: {error}") from error
+        raise LocaliseError(f"{options.map}: {error}") from error

@@ -17,13 +17,13 @@ from robotctl.logs.recorded_motion import (
     with_noisy_motion,
 )
 from robotctl.model.recording import UNKNOWN_LANDMARK, Recording, Sighting
-from robotctl.workbench.localize.options import (
-    LocalizeError,
-    LocalizeOptions,
+from robotctl.workbench.localise.options import (
+    LocaliseError,
+    LocaliseOptions,
     Progress,
     known_start,
 )
-from robotctl.workbench.localize.report import Run
+from robotctl.workbench.localise.report import Run
 
 _TOLD = 1000
 _ARM_SIGMA_M = 0.01
@@ -32,13 +32,13 @@ _BEARING_SIGMA_RAD = 0.01
 
 
 def run_ekf(
-    recording: Recording, options: LocalizeOptions, rng: np.random.Generator, progress: Progress
+    recording: Recording, options: LocaliseOptions, rng: np.random.Generator, progress: Progress
 ) -> Run:
     """Follow the filter through the drive, from where motion and reference begin.
 
     Raises
     ------
-    LocalizeError
+    LocaliseError
         If there are no sightings, no motion, or no start is known.
     """
     config = LandmarkConfig()
@@ -46,7 +46,7 @@ def run_ekf(
         recording = replace(recording, sightings=_cylinders(recording))
         config = replace(config, arm_sigma_m=_ARM_SIGMA_M, bearing_sigma_rad=_BEARING_SIGMA_RAD)
     if not recording.sightings:
-        raise LocalizeError(
+        raise LocaliseError(
             f"{options.log}: no sightings of landmarks in it, and no sonars with a map of walls, "
             f"which --method ekf needs; for a log with scans use --method mcl{recording.why()}"
         )
@@ -58,7 +58,7 @@ def run_ekf(
         if options.start is None:
             begin_ns = max(begin_ns, known_from_ns(recording))
     except ValueError as error:
-        raise LocalizeError(str(error)) from error
+        raise LocaliseError(str(error)) from error
     start = known_start(recording, options, begin_ns, start_rng)
     run = Run(has_heading=recording.reference_has_heading)
     began_ns = time.process_time_ns()
