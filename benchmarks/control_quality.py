@@ -12,7 +12,7 @@ from robotctl.app.simulation.lockstep import LockstepRun
 from robotctl.app.simulation.sim_options import SimOptions
 from robotctl.config.robot_file import find_file, load_robot
 from robotctl.control.identification.step_metrics import step_metrics
-from robotctl.workbench.tuning.track import Track, speed_step
+from robotctl.workbench.tuning.track import ExperimentSetting, speed_step
 
 CHARGES = (1.0, 0.7)
 STEP_M_S = 0.5
@@ -49,7 +49,7 @@ def run(_rounds: int, _seconds: float) -> None:
 
 def _step_row(robot: str, charge: float) -> tuple[str, ...]:
     path = find_file(robot)
-    stack = Track(path, charge=charge).stack(load_robot(path))
+    stack = ExperimentSetting(path, charge=charge).stack(load_robot(path))
     step = speed_step(stack, STEP_M_S, 2.0)
     found = step_metrics(step.time_s, step.true_m_s, STEP_M_S)
     return (

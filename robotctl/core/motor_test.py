@@ -127,7 +127,7 @@ class MotorTesting:
         return self._effort.step(self.request.effort, supply_v, dt_s)
 
 
-class Surroundings:
+class MotorTestClearance:
     """Whether something is too near for a test.
 
     Attributes

@@ -9,9 +9,9 @@ from robotctl.core.motion import EncoderMotion
 from robotctl.core.motor_test import (
     FASTEST_M_S,
     Effort,
+    MotorTestClearance,
     MotorTesting,
     SpeedEffort,
-    Surroundings,
     VoltageEffort,
 )
 from robotctl.estimation.inertial.gyro_calibration import LEAST_READINGS, GyroCalibration
@@ -57,7 +57,7 @@ class Procedures:
     ) -> None:
         self.latest = Procedure()
         self.test: MotorTesting | None = None
-        self.surroundings = Surroundings()
+        self.surroundings = MotorTestClearance()
         self._calibration: GyroCalibration | None = None
         self._gyro_ns = 0
         self._held_rad: tuple[float, ...] = ()

@@ -31,7 +31,7 @@ from robotctl.planning.behave.modes.auto import needs_pilot
 from robotctl.planning.behave.modes.guided import TargetRequest
 from robotctl.planning.behave.modes.modes import Modes
 from robotctl.planning.navigation_step import LoadRequest
-from robotctl.planning.supervision import Supervision
+from robotctl.planning.supervision import DriveSupervision
 
 _MissionRequest: TypeAlias = LoadRequest | GoAheadRequest | JumpRequest | AbortRequest
 
@@ -56,7 +56,7 @@ class Commander:
         Goal of RTL; None: it was not moved since the start.
     """
 
-    def __init__(self, robot: NavigatedRobot, modes: Modes, supervision: Supervision) -> None:
+    def __init__(self, robot: NavigatedRobot, modes: Modes, supervision: DriveSupervision) -> None:
         self._robot = robot
         self._modes = modes
         self._supervision = supervision

@@ -26,7 +26,7 @@ from robotctl.planning.config import NavigationConfig
 from robotctl.planning.guard.obstacle_guard import ObstacleGuard
 from robotctl.planning.navigation_step import NavigationInputs, NavigationOutputs
 from robotctl.planning.perception import Perception
-from robotctl.planning.supervision import Supervision
+from robotctl.planning.supervision import DriveSupervision
 
 if TYPE_CHECKING:
     from robotctl.planning.behave.behaviours.outlook import Outlook  # which loads numpy
@@ -109,7 +109,7 @@ class Navigator:
         crumbs = Breadcrumbs(home, steered=drive.steered)
         self._robot = NavigatedRobot(config, drive, mounts, guard, crumbs, sees_markers, places)
         self._perception = Perception(self._robot)
-        self._supervision = Supervision()
+        self._supervision = DriveSupervision()
         self._modes = Modes(mission, self._robot, limits)
         self._commander = Commander(self._robot, self._modes, self._supervision)
         self.bounds = Bounds(self._robot)

@@ -12,7 +12,7 @@ from robotctl.planning.navigation_step import NavigationInputs
 _STOPPED: Final = "the robot was stopped"
 
 
-class Supervision:
+class DriveSupervision:
     """Watches over an autonomous robot: operator, stops, stalls, and the camera's view.
 
     By hand, in HOLD and MANUAL, the operator sees for himself: there only arming counts.

@@ -35,7 +35,7 @@ _BODY_S: Final = 5.0
 """Time for the body of a POST [s]."""
 
 
-class Session(msgspec.Struct, forbid_unknown_fields=True):
+class PageSession(msgspec.Struct, forbid_unknown_fields=True):
     """Body of POST /session."""
 
     token: str
@@ -74,7 +74,7 @@ class Pages:
         self._hand_on = hand_on
         self._reading = asyncio.Lock()
         """Held while a plan is checked: one at a time, so that they leave time for all else."""
-        self._decode_session = msgspec.json.Decoder(Session).decode
+        self._decode_session = msgspec.json.Decoder(PageSession).decode
         self.routes = [
             Route("/", self._page),
             Route("/session", self._rights, methods=["GET"]),

@@ -32,7 +32,7 @@ from robotctl.estimation.slam.keyframes.heard_places import HeardPlaces
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe
 from robotctl.estimation.slam.keyframes.map_search import MapSearch
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
-from robotctl.estimation.slam.keyframes.motion import Place
+from robotctl.estimation.slam.keyframes.motion import ScanPose
 from robotctl.estimation.slam.keyframes.saved_map import KeyframeMap, SavedOdometry, as_saved
 from robotctl.estimation.slam.keyframes.tracker import LEAST_ECHOES
 from robotctl.messages.control import ControlState
@@ -179,7 +179,7 @@ class SlamLocaliser:
         T_world_odom = self._begun @ before.inverse()
         if mapper.keyframes and mapper.config.stretch_m:
             number, pose = self._on_map(T_world_odom @ control.T_odom_base)
-            place = Place(control.stamp_ns, number, pose)
+            place = ScanPose(control.stamp_ns, number, pose)
             self._doubted = len(mapper.keyframes) if is_another else -1
             mapper.restart_segment(place, control.T_odom_base, is_another=is_another)
         return T_world_odom

@@ -44,7 +44,7 @@ Stream: TypeAlias = tuple[int, int, int]
 """System, component, and link of a sender."""
 
 
-class Verdict(NamedTuple):
+class SignatureVerdict(NamedTuple):
     """Whether a frame is taken.
 
     `stamp` is its time stamp, or of one that is too late that which had to be exceeded; 0 for one
@@ -124,12 +124,12 @@ class Signing:
         self._stamp = min(max(self._stamp + 1, self._seen + 1, self._wall()), LATEST)
         return self._stamp
 
-    def judge(self, frame: bytes | bytearray, sender: Address) -> Verdict:
+    def judge(self, frame: bytes | bytearray, sender: Address) -> SignatureVerdict:
         """Say whether a whole frame, whose checksum is right, is of who has the key, and new."""
         if self.key is None:
-            return Verdict(taken=True, stamp=0)
+            return SignatureVerdict(taken=True, stamp=0)
         stamp = int.from_bytes(frame[_STAMP], "little")
-        verdict = Verdict(taken=False, stamp=0)
+        verdict = SignatureVerdict(taken=False, stamp=0)
         if _is_signed(frame) and stamp < LATEST and self._is_right(frame):
             verdict = self._judge_time((*sender, frame[_LINK]), stamp)
         self.refused += not verdict.taken
@@ -156,7 +156,7 @@ class Signing:
         digest = hashlib.sha256((self.key or b"") + frame[:-_SIGNATURE]).digest()
         return hmac.compare_digest(digest[:_SIGNATURE], bytes(frame[-_SIGNATURE:]))
 
-    def _judge_time(self, stream: Stream, stamp: int) -> Verdict:
+    def _judge_time(self, stream: Stream, stamp: int) -> SignatureVerdict:
         """Say whether a time stamp is newer than all of its sender; remember it then."""
         least = self._last.get(stream, self._floor) + 1
         if stream not in self._heard:
@@ -165,7 +165,7 @@ class Signing:
             if self._has_clock and stamp > now + MINUTE:
                 self._ahead[stream] = stamp - now
         if stamp < least:
-            return Verdict(taken=False, stamp=least)
+            return SignatureVerdict(taken=False, stamp=least)
         self._heard.add(stream)
         self._last[stream] = stamp
         if len(self._last) > MOST_STREAMS:  # the one whose time stamps are oldest
@@ -174,7 +174,7 @@ class Signing:
             self._heard.discard(gone)
         if not self._has_clock:
             self._seen = max(self._seen, stamp)
-        return Verdict(taken=True, stamp=stamp)
+        return SignatureVerdict(taken=True, stamp=stamp)
 
     @property
     def _has_clock(self) -> bool:

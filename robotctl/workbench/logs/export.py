@@ -19,7 +19,7 @@ from robotctl.workbench.logs.rows import (
     TOLD,
     RecordingError,
     Survey,
-    Topic,
+    TopicRows,
     log_files,
 )
 
@@ -88,7 +88,7 @@ def export_csv(run: Path, folder: Path, tell: Callable[[int, int], None]) -> Exp
     )
 
 
-def _writer(stack: ExitStack, path: Path, topic: Topic) -> Callable[[Any], Any]:
+def _writer(stack: ExitStack, path: Path, topic: TopicRows) -> Callable[[Any], Any]:
     """Return the function that writes a row of a new file, whose heading is written."""
     file = stack.enter_context(path.open("w", encoding="utf-8", newline=""))
     write: Callable[[Any], Any] = csv.writer(file).writerow

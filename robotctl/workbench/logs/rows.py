@@ -36,7 +36,7 @@ class RecordingError(RobotctlError):
 
 
 @dataclass(slots=True)
-class Topic:
+class TopicRows:
     """Columns of a topic in order, which of them are texts, and the number of rows."""
 
     columns: list[str] = field(default_factory=list)
@@ -77,7 +77,7 @@ class Survey:
         Sentences on what cannot be read.
     """
 
-    topics: dict[str, Topic] = field(default_factory=dict)
+    topics: dict[str, TopicRows] = field(default_factory=dict)
     first_ns: int = 0
     count: int = 0
     notes: list[str] = field(default_factory=list)
@@ -92,7 +92,7 @@ class Survey:
         found = Survey()
         for file in files:
             for topic, time_ns, row in log_rows(file, found.notes, topics):
-                found.topics.setdefault(topic, Topic()).add(row)
+                found.topics.setdefault(topic, TopicRows()).add(row)
                 found.first_ns = min(found.first_ns, time_ns) if found.count else time_ns
                 found.count += 1
                 if found.count % TOLD == 0:

@@ -20,7 +20,7 @@ from robotctl.estimation.slam.front_end.surface import surface_of
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.heard_places import HeardPlaces
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
-from robotctl.estimation.slam.keyframes.motion import Place
+from robotctl.estimation.slam.keyframes.motion import ScanPose
 from robotctl.estimation.slam.keyframes.saved_map import KeyframeMap
 from robotctl.estimation.slam.keyframes.tracker import LEAST_ECHOES
 from robotctl.estimation.slam.local_scans.registry import load_source
@@ -88,7 +88,7 @@ class ScanResult:
     times_ms: np.ndarray
     grid_ms: float
     frame: SE2
-    place: Place
+    place: ScanPose
     images: MatchedImages | None = None
     sensor: str = LIDAR
 
@@ -250,7 +250,9 @@ def scan_slam_of(
     mapper = SlamMapper(config)
     if after is not None:
         mapper.resume(after, is_there=True)
-        mapper.restart_segment(Place(0, *after.place), recording.scans[0].odometry, is_another=True)
+        mapper.restart_segment(
+            ScanPose(0, *after.place), recording.scans[0].odometry, is_another=True
+        )
     drive = _Drive(mapper, recording, by_wheels, after, pictures)
     for row in range(count):
         drive.add(row)
@@ -323,7 +325,7 @@ class _Drive:
         self._recording = recording
         self._by_wheels = by_wheels
         count = len(recording.scans)
-        self.places = [Place(0, 0, SE2())] * count
+        self.places = [ScanPose(0, 0, SE2())] * count
         self._online = [SE2()] * count
         self._times_ms = np.zeros(count)
 
@@ -381,7 +383,7 @@ class _Drive:
             None if self._pictures is None else self._pictures.matched,
         )
 
-    def _end(self) -> Place:
+    def _end(self) -> ScanPose:
         """Return where the robot was at the end: the last stretch is that of its middle."""
         place, odometry = self.mapper.place, self._recording.odometry
         if not self.mapper.config.stretch_m or odometry is None:

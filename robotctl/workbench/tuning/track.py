@@ -39,7 +39,7 @@ class ExperimentError(RobotctlError):
 
 
 @dataclass(frozen=True, slots=True)
-class Track:
+class ExperimentSetting:
     """Setting of an experiment: robot and track.
 
     Parameters

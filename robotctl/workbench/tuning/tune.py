@@ -28,7 +28,12 @@ from robotctl.workbench.tuning.fit import (
 from robotctl.workbench.tuning.open_loop import OpenLoop, find_duty, relay_run, staircase
 from robotctl.workbench.tuning.options import TuneOptions
 from robotctl.workbench.tuning.patch import patch_text
-from robotctl.workbench.tuning.track import ExperimentError, SpeedStep, Track, speed_step
+from robotctl.workbench.tuning.track import (
+    ExperimentError,
+    ExperimentSetting,
+    SpeedStep,
+    speed_step,
+)
 
 Method: TypeAlias = Literal["step", "relay"]
 METHODS: Final[tuple[Method, ...]] = ("step", "relay")
@@ -177,7 +182,7 @@ def responses(options: TuneOptions, config: RobotConfig) -> tuple[StepResponse, 
     ramp_s = wanted_m_s / limits.a_max_m_s2 + limits.a_max_m_s2 / limits.jerk_max_m_s3
     result = []
     for charge in CHARGES:
-        track = Track(options.robot, options.overrides, options.seed, charge)
+        track = ExperimentSetting(options.robot, options.overrides, options.seed, charge)
         step = speed_step(track.stack(config), wanted_m_s, ramp_s + _SETTLED_FOR_S)
         metrics = step_metrics(step.time_s, step.true_m_s, wanted_m_s, band=BAND)
         result.append(StepResponse(charge, step, metrics))
@@ -210,7 +215,7 @@ def _experiment(
 ) -> dict[str, WheelFit]:
     """Drive one open-loop experiment and evaluate it."""
     pwm, drive = config.control.pwm, config.drive
-    track = Track(options.robot, options.overrides, options.seed, CHARGES[0])
+    track = ExperimentSetting(options.robot, options.overrides, options.seed, CHARGES[0])
     open_loop = OpenLoop(track.stack(config), config)
     top_m_s = min(_TOP_SPEED * STEP_M_S, config.limits.v_max_m_s)
     top_duty = find_duty(open_loop, top_m_s / drive.wheel_radius_m, pwm.max_duty)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from robotctl.app.localisation.slam_graphs import SlamGraphs
-from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link
+from robotctl.estimation.slam.keyframes.back_end import BackEnd, KeyframeLink
 from robotctl.model.geometry.se2 import SE2
 
 S = 1_000_000_000
@@ -23,7 +23,7 @@ def driven(count):
 
 def link(back_end, first, second, *, is_loop=False):
     pose = SE2(float(second - first), 0.0, 0.0)
-    back_end.link(Link(first, second, pose, np.eye(3), is_loop))
+    back_end.link(KeyframeLink(first, second, pose, np.eye(3), is_loop))
 
 
 def pairs(packed):

@@ -10,7 +10,7 @@ import pytest
 from robotctl.app.simulation.lockstep import LockstepRun
 from robotctl.app.simulation.sim_options import SimOptions
 from robotctl.config.robot_file import find_file, load_robot
-from robotctl.workbench.tuning.track import Track, speed_step
+from robotctl.workbench.tuning.track import ExperimentSetting, speed_step
 
 ROBOTS = ("diff_drive", "tricycle", "ackermann")
 STEP_M_S = 0.5
@@ -21,7 +21,7 @@ def step_response(robot, *settings, weak=False):
     """True speeds every 5 ms, from the tick of the command on."""
     path = find_file(robot)
     config = load_robot(path)
-    stack = Track(path, settings).stack(config)
+    stack = ExperimentSetting(path, settings).stack(config)
     if weak:
         # At 70 % of the voltage the monitors would rightly refuse to drive.
         simulation = stack.simulation

@@ -24,7 +24,7 @@ _CLEAR_M: Final = 0.35
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class View:
+class ScanView:
     """Ranges by direction from the lidar, as a table.
 
     Parameters
@@ -41,7 +41,7 @@ class View:
     farthest: Floats
 
 
-def view_of(scan: RangeScan) -> View:
+def view_of(scan: RangeScan) -> ScanView:
     """Return the view of a scan; beams without an echo or a reading count as unknown."""
     nearest, farthest = np.full(_SECTORS, np.inf), np.zeros(_SECTORS)
     limit_m = min(scan.max_range_m, RANGE_LIMIT_M)
@@ -56,7 +56,7 @@ def view_of(scan: RangeScan) -> View:
         nearest,
         farthest,
     )
-    return View(scan.x_m, scan.y_m, nearest, farthest)
+    return ScanView(scan.x_m, scan.y_m, nearest, farthest)
 
 
 @compiled
@@ -90,7 +90,7 @@ class Agreement:
         return self.agrees / seen if seen > 0.0 else 0.0
 
 
-def agreement(view: View, points: Floats, weights: Floats, pose: SE2) -> Agreement:
+def agreement(view: ScanView, points: Floats, weights: Floats, pose: SE2) -> Agreement:
     """Return what a view says of points (n, 2) in a frame whose pose in the view's `base` is given."""  # noqa: E501
     agrees, contradicts = _compare(
         view.x_m, view.y_m, view.nearest, view.farthest, points, weights,

@@ -52,7 +52,7 @@ class Window:
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class Correlation:
     """The best pose of a window, and its mean score 0 to 1 without the penalty."""
 
     pose: SE2
@@ -65,7 +65,7 @@ def search(
     window: Window,
     least: float,
     apart: SE2 | None = None,
-) -> Found | None:
+) -> Correlation | None:
     """Return the best pose for points (n, 2) in `base`, if its score exceeds `least`.
 
     Parameters
@@ -110,7 +110,7 @@ def search(
         centre.y_m + row * RESOLUTION_M,
         centre.theta_rad + float(turns[turn]),
     )
-    return Found(pose, score)
+    return Correlation(pose, score)
 
 
 class _Poses(NamedTuple):

@@ -28,7 +28,7 @@ LOOSE_RAD: Final = 0.08
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Link:
+class KeyframeLink:
     """A measured pose of keyframe `second` in `first`, with its information (3, 3)."""
 
     first: int
@@ -61,7 +61,7 @@ class BackEnd:
     def __init__(self, repeats: float = 1.0) -> None:
         self._repeats = repeats
         self._smoother = IncrementalSmoother()
-        self.links: list[Link] = []
+        self.links: list[KeyframeLink] = []
         self.weights: list[float] = []
         self.poses = np.empty((0, 3))
         self._length: list[float] = []
@@ -78,7 +78,7 @@ class BackEnd:
             self._heads = np.append(self._heads, np.full(number, -1, np.int64))
         return number
 
-    def link(self, link: Link) -> None:
+    def link(self, link: KeyframeLink) -> None:
         """Add a link."""
         self._smoother.factor(
             BETWEEN_2D, (link.first, link.second), as_row(link.pose), self.counted(link)
@@ -102,11 +102,11 @@ class BackEnd:
         self.links.append(link)
         self.weights.append(1.0)
 
-    def counted(self, link: Link) -> Floats:
+    def counted(self, link: KeyframeLink) -> Floats:
         """Return the information (3, 3) with which a link counts, beside others that repeat it."""
         return link.information / self._repeats if link.is_loop else link.information
 
-    def load(self, poses: Floats, links: list[Link], weights: list[float]) -> None:
+    def load(self, poses: Floats, links: list[KeyframeLink], weights: list[float]) -> None:
         """Take a whole graph, near its optimum; nothing has been added before."""
         for row in poses.tolist():
             self.add(SE2(*row))
@@ -126,7 +126,7 @@ class BackEnd:
         self._smoother.refine()
         self.poses = self._smoother.estimates(POSES)
 
-    def close(self, links: list[Link]) -> None:
+    def close(self, links: list[KeyframeLink]) -> None:
         """Add the links of a loop, optimise, and take weight from contradicted links."""
         for link in links:
             self.link(link)

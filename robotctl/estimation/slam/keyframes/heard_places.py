@@ -10,7 +10,7 @@ from robotctl.estimation.places.database import PlaceBook
 from robotctl.estimation.places.recogniser import Candidate, Recognition
 from robotctl.estimation.places.signature_turn import Turn, TurnCollector
 from robotctl.estimation.slam.keyframes.loops import LoopSearch
-from robotctl.estimation.slam.keyframes.motion import Place
+from robotctl.estimation.slam.keyframes.motion import ScanPose
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarMount, SonarReading
 
@@ -22,7 +22,7 @@ class PlacedTurn(NamedTuple):
     """A turn on the spot, and where the robot was at its end."""
 
     turn: Turn
-    place: Place
+    place: ScanPose
 
 
 class HeardPlaces:
@@ -40,7 +40,7 @@ class HeardPlaces:
         self._loops = loops
         self._book = PlaceBook()
         self._collector = TurnCollector(mounts, self._book.signatures)
-        self._places: dict[str, Place] = {}
+        self._places: dict[str, ScanPose] = {}
         """Places where the turns of the book ended."""
         self._waiting: deque[Turn] = deque(maxlen=_KEPT)
 
@@ -55,12 +55,12 @@ class HeardPlaces:
         if turn is not None:
             self._waiting.append(turn)
 
-    def look(self, place: Place, odometry: SE2) -> None:
+    def look(self, place: ScanPose, odometry: SE2) -> None:
         """Compare turns that ended before a scan, with its place and `base` in `odom` then."""
         while self._waiting and self._waiting[0].stamp_ns <= place.stamp_ns:
             turn = self._waiting.popleft()
             at_end = place.pose @ odometry.inverse() @ turn.odometry
-            ended = PlacedTurn(turn, Place(turn.stamp_ns, place.keyframe, at_end))
+            ended = PlacedTurn(turn, ScanPose(turn.stamp_ns, place.keyframe, at_end))
             self._loops.suggest(place.keyframe, "sonar turn", self.suggest(ended).candidates)
 
     def suggest(self, sensed: PlacedTurn) -> Recognition[Candidate[int]]:

@@ -7,11 +7,11 @@ from typing import Final
 import numpy as np
 
 from robotctl.estimation.slam.front_end.point_to_line import Match
-from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link
+from robotctl.estimation.slam.keyframes.back_end import BackEnd, KeyframeLink
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe
 from robotctl.estimation.slam.keyframes.linking import Linking
-from robotctl.estimation.slam.keyframes.motion import Place
+from robotctl.estimation.slam.keyframes.motion import ScanPose
 from robotctl.estimation.slam.keyframes.robot_state import RobotState
 from robotctl.model.geometry.se2 import SE2
 
@@ -61,18 +61,18 @@ class KeyframeInsertion:
         by_wheels = robot.anchor.moved_to(robot.odometry, self._config.wheels)
         passed = robot.trail.last(self._config.linked_keyframes)
         self._keyframes.append(new)
-        robot.pass_keyframe(Place(new.stamp_ns, number, SE2()))
+        robot.pass_keyframe(ScanPose(new.stamp_ns, number, SE2()))
         if number == 0:
             back_end.add(pose)
             return
         back_end.add(back_end.pose(last) @ pose)
         # Odometry holds what scans do not see, such as the distance along a corridor.
         if by_wheels is not None:
-            back_end.link(Link(last, number, by_wheels.motion, by_wheels.information))
+            back_end.link(KeyframeLink(last, number, by_wheels.motion, by_wheels.information))
         else:
-            back_end.link(Link(last, number, pose, _UNKNOWN))
+            back_end.link(KeyframeLink(last, number, pose, _UNKNOWN))
         if self._linking.link_last(number, passed) == 0 and match is not None:
-            back_end.link(Link(last, number, pose, match.information))
+            back_end.link(KeyframeLink(last, number, pose, match.information))
         self._linking.link_near(number, passed, has_odometry=robot.has_odometry)
         back_end.update()
         if self._config.stretch_m:

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from robotctl.estimation.slam.front_end.agreement import View, agreement, view_of
+from robotctl.estimation.slam.front_end.agreement import ScanView, agreement, view_of
 from robotctl.estimation.slam.front_end.point_to_line import Bins, Match, binned, refine
 from robotctl.estimation.slam.front_end.surface import Floats, Surface
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
@@ -44,7 +44,7 @@ class Keyframe:
     scan: RangeScan
     surface: Surface
     bins: Bins
-    view: View
+    view: ScanView
     travelled_m: float
 
     def sees(self, other: Keyframe, pose: SE2) -> float:

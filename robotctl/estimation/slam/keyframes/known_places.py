@@ -13,7 +13,7 @@ from robotctl.estimation.slam.front_end.surface import Floats, surface_of
 from robotctl.estimation.slam.keyframes.back_end import BackEnd, certain
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe, compared, keyframe_of, match_pair
-from robotctl.estimation.slam.keyframes.motion import CONTRADICTS, Place, PredictedMotion
+from robotctl.estimation.slam.keyframes.motion import CONTRADICTS, PredictedMotion, ScanPose
 from robotctl.estimation.slam.keyframes.robot_state import RobotState
 from robotctl.estimation.slam_tuning import KnownPlacesConfig
 from robotctl.model.geometry.se2 import SE2
@@ -218,7 +218,7 @@ class KnownPlaces:
             self._keyframes[known.number] = renewed(new, known.pose)
             self.renewals += 1
             robot.trail.redraw()
-        robot.pass_keyframe(Place(robot.place.stamp_ns, known.number, known.pose), uncertainty)
+        robot.pass_keyframe(ScanPose(robot.place.stamp_ns, known.number, known.pose), uncertainty)
         return True
 
     def _find(self, new: Keyframe, pose: SE2) -> tuple[Known | None, PredictedMotion | None]:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link, certain
+from robotctl.estimation.slam.keyframes.back_end import BackEnd, KeyframeLink, certain
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe, match_pair
 from robotctl.estimation.slam.keyframes.loops import LoopSearch
@@ -66,7 +66,7 @@ class Linking:
             if math.hypot(off.x_m, off.y_m) > wide_m or turn_rad > max(3.0 * sigmas[1], 0.1):
                 return False
         is_loop = sigmas is not None
-        self._back_end.link(Link(first, second, pair.pose, pair.information, is_loop))
+        self._back_end.link(KeyframeLink(first, second, pair.pose, pair.information, is_loop))
         return True
 
     def link_near(self, number: int, passed: list[int], *, has_odometry: bool) -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotctl.estimation.slam.front_end.correlative import Found, Window, search
+from robotctl.estimation.slam.front_end.correlative import Correlation, Window, search
 from robotctl.estimation.slam.front_end.point_to_line import Bins, Match, binned, refine
 from robotctl.estimation.slam.front_end.score_field import ScoreField, score_field
 from robotctl.estimation.slam.front_end.surface import Floats, Surface, joined
@@ -46,7 +46,7 @@ class LocalMap:
         match = refine(self.bins, surface, found.pose, found.pose, prior_information)
         return Fit(found.pose, found.score, match)
 
-    def rival(self, points: Floats, window: Window, share: float, fit: Fit) -> Found | None:
+    def rival(self, points: Floats, window: Window, share: float, fit: Fit) -> Correlation | None:
         """Return another place in a window that has more than a share of a fit's score."""
         return search(self.field, points, window, share * fit.score, fit.pose)
 

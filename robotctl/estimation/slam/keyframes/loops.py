@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robotctl.estimation.places.recogniser import Candidate
-from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link, certain
+from robotctl.estimation.slam.keyframes.back_end import BackEnd, KeyframeLink, certain
 from robotctl.estimation.slam.keyframes.candidates import (
     POSITION,
     LoopCandidate,
@@ -28,7 +28,7 @@ from robotctl.model.geometry.se2 import SE2
 @dataclass(frozen=True, slots=True, eq=False)
 class _Pending:
     closure: Closure
-    links: list[Link]
+    links: list[KeyframeLink]
 
 
 class LoopSearch:
@@ -154,7 +154,7 @@ class LoopSearch:
             )  # fmt: skip
         self._near = self._near[-self._config.queue :]
 
-    def step(self) -> list[Link]:
+    def step(self) -> list[KeyframeLink]:
         """Verify one candidate; return the links of a loop that is closed."""
         if not self._near and not self._alike:
             return []
@@ -170,7 +170,7 @@ class LoopSearch:
         self.log.append(closure)
         return links if not closure.reason else []
 
-    def _confirmed(self, new: _Pending) -> list[Link]:
+    def _confirmed(self, new: _Pending) -> list[KeyframeLink]:
         """Return the links of a closure and of those before that agree with it; else keep it."""
         config, now_m = self._config, self._keyframes[new.closure.keyframe].travelled_m
         self._pending = [

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from robotctl.estimation.places.visual.features import Features
 from robotctl.estimation.slam.front_end.surface import Floats, Surface, surface_of
-from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link
+from robotctl.estimation.slam.keyframes.back_end import BackEnd, KeyframeLink
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.insertion import KeyframeInsertion
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe, keyframe_of
@@ -18,7 +18,7 @@ from robotctl.estimation.slam.keyframes.loops import LoopSearch
 from robotctl.estimation.slam.keyframes.motion import (
     AFTER_A_BREAK,
     OdometryAnchor,
-    Place,
+    ScanPose,
     by_odometry,
 )
 from robotctl.estimation.slam.keyframes.prediction import MotionPrediction
@@ -64,7 +64,7 @@ class SlamMapper:
         self.relocaliser = Relocaliser(*world, self.robot)
         self.epoch = 0
 
-    def add(self, scan: RangeScan, odometry: SE2 | None = None) -> Place:
+    def add(self, scan: RangeScan, odometry: SE2 | None = None) -> ScanPose:
         """Take in a scan, in the order of time, and the pose of `base` in `odom` at its time.
 
         Raises
@@ -86,7 +86,7 @@ class SlamMapper:
         self.close(self.loops.step())
         return self.place
 
-    def _begin(self, scan: RangeScan, surface: Surface, odometry: SE2 | None) -> Place:
+    def _begin(self, scan: RangeScan, surface: Surface, odometry: SE2 | None) -> ScanPose:
         """Make the first scan the keyframe at the origin of the map."""
         if len(surface.points) < LEAST_ECHOES:
             raise ValueError(
@@ -97,7 +97,7 @@ class SlamMapper:
         self._insertion.step(keyframe_of(scan, surface, 0.0), SE2(), None)
         return self.place
 
-    def close(self, links: list[Link]) -> None:
+    def close(self, links: list[KeyframeLink]) -> None:
         """Close a loop by its links, if there are any, and optimise the graph."""
         if not links:
             return
@@ -115,7 +115,7 @@ class SlamMapper:
         return True
 
     @property
-    def place(self) -> Place:
+    def place(self) -> ScanPose:
         """Place of the last scan; before the first, the origin."""
         return self.robot.place
 
@@ -151,13 +151,13 @@ class SlamMapper:
         self.back_end.load(saved.poses, saved.links, saved.weights)
         robot = self.robot
         robot.travelled_m = max(each.travelled_m for each in saved.keyframes)
-        robot.place = Place(0, *saved.place)
+        robot.place = ScanPose(0, *saved.place)
         if not self.config.stretch_m:
             robot.trail.begin(saved.place[0])
             robot.is_resumed = is_there
             robot.lose()
 
-    def restart_segment(self, place: Place, odometry: SE2, *, is_another: bool) -> None:
+    def restart_segment(self, place: ScanPose, odometry: SE2, *, is_another: bool) -> None:
         """Start a new odometry segment at the last keyframe: stretches have no match there.
 
         Parameters

@@ -85,7 +85,7 @@ def by_velocity(last: SE2, last_s: float, now_s: float, most: float) -> Predicte
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class ScanPose:
     """Place of a scan: a pose of `base` in a keyframe."""
 
     stamp_ns: int

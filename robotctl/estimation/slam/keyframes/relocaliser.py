@@ -7,7 +7,7 @@ from robotctl.estimation.slam.keyframes.back_end import BackEnd
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe, keyframe_of
 from robotctl.estimation.slam.keyframes.map_search import MapSearch
-from robotctl.estimation.slam.keyframes.motion import Place, PredictedMotion
+from robotctl.estimation.slam.keyframes.motion import PredictedMotion, ScanPose
 from robotctl.estimation.slam.keyframes.robot_state import RobotState
 from robotctl.estimation.slam.keyframes.tracker import LEAST_ECHOES
 from robotctl.model.geometry.se2 import SE2
@@ -56,7 +56,7 @@ class Relocaliser:
             new = keyframe_of(scan, surface, robot.travelled_m)
             self._search = MapSearch(self._config, self._keyframes, self._back_end, new)
             self._since_scan = SE2()
-        robot.place = Place(scan.stamp_ns, last.keyframe, last.pose @ predicted.motion)
+        robot.place = ScanPose(scan.stamp_ns, last.keyframe, last.pose @ predicted.motion)
 
     def step(self) -> bool:
         """Search one more window; return whether the robot was found, and is there now."""
@@ -67,7 +67,7 @@ class Relocaliser:
         if search.found is None:
             return False
         number, pose = search.found
-        place = Place(last.stamp_ns, number, pose @ self._since_scan)
+        place = ScanPose(last.stamp_ns, number, pose @ self._since_scan)
         self._robot.relocate(place, self._robot.odometry)
         self.found += 1
         return True

@@ -6,7 +6,7 @@ import numpy as np
 
 from robotctl.estimation.slam.front_end.surface import Floats
 from robotctl.estimation.slam.keyframes.back_end import BackEnd
-from robotctl.estimation.slam.keyframes.motion import OdometryAnchor, Place, PredictedMotion
+from robotctl.estimation.slam.keyframes.motion import OdometryAnchor, PredictedMotion, ScanPose
 from robotctl.estimation.slam.keyframes.trail import Trail
 from robotctl.estimation.slam_tuning import TrackingConfig
 from robotctl.model.geometry.se2 import SE2
@@ -44,7 +44,7 @@ class RobotState:
     def __init__(self, config: TrackingConfig, trail: Trail) -> None:
         self._config = config
         self.trail = trail
-        self.place = Place(0, 0, SE2())
+        self.place = ScanPose(0, 0, SE2())
         self.odometry: SE2 | None = None
         self.has_odometry = True
         self.anchor = OdometryAnchor()
@@ -70,18 +70,18 @@ class RobotState:
 
     def advance(self, stamp_ns: int, pose: SE2) -> None:
         """Stand at a pose in the present keyframe."""
-        last, self.place = self.place, Place(stamp_ns, self.place.keyframe, pose)
+        last, self.place = self.place, ScanPose(stamp_ns, self.place.keyframe, pose)
         step = last.pose.inverse() @ pose
         self.last_motion, self.last_motion_s = step, 1e-9 * (stamp_ns - last.stamp_ns)
         self.travelled_m += float(np.hypot(step.x_m, step.y_m))
 
-    def pass_keyframe(self, place: Place, uncertainty: PredictedMotion | None = None) -> None:
+    def pass_keyframe(self, place: ScanPose, uncertainty: PredictedMotion | None = None) -> None:
         """Stand in a keyframe, from where odometry leads on; its uncertainty is added to that."""
         self.place = place
         self.trail.add(place.keyframe)
         self.anchor = OdometryAnchor(place.pose, self.odometry, uncertainty)
 
-    def relocate(self, place: Place, odometry: SE2 | None) -> None:
+    def relocate(self, place: ScanPose, odometry: SE2 | None) -> None:
         """Stand at another place of the map, with `base` in `odom` there."""
         self.place, self.odometry = place, odometry
         self.trail.begin(place.keyframe)

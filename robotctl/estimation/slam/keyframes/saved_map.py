@@ -17,7 +17,7 @@ from msgspec.structs import replace
 from robotctl.estimation.places.visual.features import Features, features_in, features_message
 from robotctl.estimation.sensor_names import LIDAR
 from robotctl.estimation.slam.front_end.surface import Floats, surface_of
-from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link, as_row
+from robotctl.estimation.slam.keyframes.back_end import BackEnd, KeyframeLink, as_row
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe, keyframe_of
 from robotctl.messages.estimation import ImageFeatures
 from robotctl.model.geometry.se2 import SE2
@@ -136,7 +136,7 @@ class KeyframeMap:
     keyframes: list[Keyframe]
     images: dict[int, Features]
     poses: Floats
-    links: list[Link]
+    links: list[KeyframeLink]
     weights: list[float]
     place: tuple[int, SE2]
     odometry: SavedOdometry | None
@@ -209,7 +209,7 @@ def saved_scan(number: int, keyframe: Keyframe) -> SavedScan:
     )
 
 
-def saved_links(links: Sequence[Link]) -> bytes:
+def saved_links(links: Sequence[KeyframeLink]) -> bytes:
     """Return links as they are saved."""
     rows = [
         (each.first, each.second, *as_row(each.pose), *each.information[_UPPER], each.is_loop)
@@ -263,11 +263,13 @@ def _keyframe(saved: SavedScan) -> Keyframe:
     return keyframe_of(scan, surface_of(scan), saved.travelled_m)
 
 
-def _link(row: Floats) -> Link:
+def _link(row: Floats) -> KeyframeLink:
     information = np.zeros((3, 3))
     information[_UPPER] = row[5:11]
     information += np.triu(information, 1).T
-    return Link(int(row[0]), int(row[1]), SE2(*row[2:5].tolist()), information, bool(row[11]))
+    return KeyframeLink(
+        int(row[0]), int(row[1]), SE2(*row[2:5].tolist()), information, bool(row[11])
+    )
 
 
 class Mapped(Protocol):

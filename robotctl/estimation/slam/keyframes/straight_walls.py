@@ -14,7 +14,7 @@ import numpy as np
 from robotctl.estimation.landmarks.line_fitting import BeamNoise
 from robotctl.estimation.landmarks.scan_lines import ScanLinesConfig, Segment, find_lines
 from robotctl.estimation.slam.front_end.surface import Floats
-from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link
+from robotctl.estimation.slam.keyframes.back_end import BackEnd, KeyframeLink
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.keyframe import LOOSE, Keyframe, without_corridor
 from robotctl.estimation.slam_tuning import StraightWallsConfig
@@ -51,7 +51,7 @@ class StraightWalls:
             found = aligned(self._walls_of(other), self._walls_of(number), start, self._config)
             if found is not None:
                 pose, information = found
-                self._back_end.link(Link(other, number, pose, information / self._shared))
+                self._back_end.link(KeyframeLink(other, number, pose, information / self._shared))
                 count += 1
                 if count == self._config.compared:
                     break

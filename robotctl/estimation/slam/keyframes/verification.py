@@ -13,7 +13,7 @@ import numpy as np
 
 from robotctl.estimation.slam.front_end.correlative import Window
 from robotctl.estimation.slam.front_end.surface import Surface, joined
-from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link
+from robotctl.estimation.slam.keyframes.back_end import BackEnd, KeyframeLink
 from robotctl.estimation.slam.keyframes.candidates import POSITION, LoopCandidate
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.keyframe import CORRIDOR, Keyframe, held, match_pair
@@ -63,7 +63,7 @@ class Verifier:
         self._keyframes = keyframes
         self._back_end = back_end
 
-    def verify(self, candidate: LoopCandidate) -> tuple[Closure, list[Link]]:
+    def verify(self, candidate: LoopCandidate) -> tuple[Closure, list[KeyframeLink]]:
         """Return what became of a candidate, and the links of a loop where scans confirm it."""
         limits, k, j = self._limits, candidate.keyframe, candidate.place
         place = self._place(j, k)
@@ -117,19 +117,19 @@ class Verifier:
             ]
         )
 
-    def _pairs(self, k: int, j: int, place: Sequence[int], at: SE2) -> list[Link]:
+    def _pairs(self, k: int, j: int, place: Sequence[int], at: SE2) -> list[KeyframeLink]:
         """Return links of a keyframe, seen from `j`, with those of the place that match it."""
         between, new, limits = self._back_end.between, self._keyframes[k], self._limits
         starts = {other: between(j, other).inverse() @ at for other in place}
         by_overlap = sorted(
             place, key=lambda each: self._keyframes[each].sees(new, starts[each]), reverse=True
         )
-        links: list[Link] = []
+        links: list[KeyframeLink] = []
         for other in by_overlap[: 2 * limits.pairs]:
             old = self._keyframes[other]
             pair = match_pair(old, new, starts[other], self._config, limits.pair_m)
             if pair is not None:
-                links.append(Link(other, k, pair.pose, pair.information, is_loop=True))
+                links.append(KeyframeLink(other, k, pair.pose, pair.information, is_loop=True))
             if len(links) == limits.pairs:
                 break
         return links

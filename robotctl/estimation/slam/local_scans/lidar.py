@@ -11,7 +11,7 @@ from robotctl.model.recording import RecordedScan
 from robotctl.model.sensors.range_scan import RangeScan
 
 
-class LidarScans:
+class LidarScanSource:
     """Takes the scans of a lidar as they are."""
 
     def add(self, scan: RangeScan, odometry: SE2) -> list[RecordedScan]:
@@ -21,6 +21,6 @@ class LidarScans:
 
 SOURCE: Final = ScanSource(
     KeyframeConfig(),
-    lambda _: LidarScans(),
+    lambda _: LidarScanSource(),
     lambda recording: [(each.scan, each.odometry) for each in recording.scans],
 )

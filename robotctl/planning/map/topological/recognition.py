@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from robotctl.estimation.places.recogniser import Candidate, Recognition
-from robotctl.estimation.slam.front_end.agreement import View as Sight
+from robotctl.estimation.slam.front_end.agreement import ScanView as Sight
 from robotctl.estimation.slam.front_end.agreement import agreement, view_of
 from robotctl.estimation.slam.front_end.correlative import Window
 from robotctl.estimation.slam.front_end.surface import Floats, Surface, joined, surface_of

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from robotctl.planning.path.local.controller import ControllerConfig
 from robotctl.planning.path.local.follower import Choice
-from robotctl.planning.path.local.rollout import Problem, cheapest
+from robotctl.planning.path.local.rollout import RolloutProblem, cheapest
 
 _WINDOW_S: Final = 0.5
 """Velocities that are reached within this time are candidates."""
@@ -41,13 +41,13 @@ class DynamicWindow:
     def reset(self) -> None:
         """Nothing is kept."""
 
-    def choose(self, problem: Problem) -> Choice:
+    def choose(self, problem: RolloutProblem) -> Choice:
         """Return the cheapest admissible arc."""
         ahead = np.empty((self.steps, 3))
         _, v, omega, vy = cheapest(problem, self._targets(problem), ahead)
         return Choice(v, omega, ahead, vy)
 
-    def _targets(self, problem: Problem) -> NDArray[np.float64]:
+    def _targets(self, problem: RolloutProblem) -> NDArray[np.float64]:
         """Return speeds in the section's gear, turn rates or curvatures, and slides, (n, 1, 3)."""
         motion, gear = problem.motion, problem.gear
         sides = _SIDES if motion.vy_max > 0.0 else 1

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from robotctl.compiled import compiled
 from robotctl.planning.path.local.body import SPACING, TOUCH, Body, Surroundings, gap
-from robotctl.planning.path.local.rollout import Motion, Problem
+from robotctl.planning.path.local.rollout import Motion, RolloutProblem
 
 _TURNS: Final = np.array([0.0, 0.04, -0.04, 0.1, -0.1, 0.25, -0.25, 0.5, -0.5, 1.0, -1.0])
 """Shares of a slow turn."""
@@ -127,7 +127,7 @@ def is_too_near(space: Surroundings, body: Body, pose: tuple[float, float, float
 
 @compiled
 def way_out(
-    problem: Problem, bare: Body, drawn_in: Body, target: tuple[float, float], side_m: float
+    problem: RolloutProblem, bare: Body, drawn_in: Body, target: tuple[float, float], side_m: float
 ) -> tuple[float, float]:
     """Return the slow velocity that leads away or along, 0 if none keeps free what is free.
 

@@ -21,7 +21,7 @@ from robotctl.planning.path.local.controller import ControllerConfig, LocalMotio
 from robotctl.planning.path.local.escape import intrusions, is_too_near, way_out
 from robotctl.planning.path.local.rollout import (
     Motion,
-    Problem,
+    RolloutProblem,
     Weights,
     cheapest,
     towards,
@@ -62,7 +62,7 @@ class Choice(NamedTuple):
     vy: float = 0.0
 
 
-class Search(Protocol):
+class CommandSearch(Protocol):
     """Chooses the next velocity."""
 
     steps: int
@@ -71,7 +71,7 @@ class Search(Protocol):
     def reset(self) -> None:
         """Forget the last step."""
 
-    def choose(self, problem: Problem) -> Choice:
+    def choose(self, problem: RolloutProblem) -> Choice:
         """Return the best admissible velocity; if there is none, that of braking."""
 
 
@@ -92,7 +92,7 @@ class Follower:
         drive: Drive,
         limits: LimitsConfig,
         footprint: Footprint,
-        search: Search,
+        search: CommandSearch,
     ) -> None:
         self._config = config
         self._limits = limits
@@ -136,7 +136,7 @@ class Follower:
             return self._back(situation, problem)
         return self._moving(situation, problem, self._search.choose(problem))
 
-    def _compile(self, problem: Problem, situation: LocalSituation) -> None:
+    def _compile(self, problem: RolloutProblem, situation: LocalSituation) -> None:
         """Call all that is compiled once: no later step may wait for it."""
         self._is_cold = False
         self._only(problem, 0.0, 0.0)
@@ -176,7 +176,7 @@ class Follower:
         distance = math.hypot(goal.x_m - pose.x_m, goal.y_m - pose.y_m)
         return distance <= near_m and track.remaining_m <= 1.5 * near_m
 
-    def _problem(self, situation: LocalSituation, track: Track) -> Problem:
+    def _problem(self, situation: LocalSituation, track: Track) -> RolloutProblem:
         """Return the situation in cells of its map."""
         config, space, speed = self._config, situation.space, situation.speed_m_s
         side_m = space.grid.resolution_m
@@ -199,7 +199,7 @@ class Follower:
         present = self._present(situation.twist)
         pose = space.to_cells(situation.pose)
         soon = space.to_cells(self._soon(situation))
-        return Problem(
+        return RolloutProblem(
             Surroundings(space.blocked, space.clearance, _in_cells(space, situation.moving)),
             body,
             tight,
@@ -281,7 +281,9 @@ class Follower:
             _PEOPLE_M / side_m,
         )
 
-    def _arrive(self, situation: LocalSituation, track: Track, problem: Problem) -> LocalMotion:
+    def _arrive(
+        self, situation: LocalSituation, track: Track, problem: RolloutProblem
+    ) -> LocalMotion:
         """Follow the law of arrival, as far as the way is free."""
         side_m = situation.space.grid.resolution_m
         pose, steered = situation.pose, self._steered
@@ -309,7 +311,7 @@ class Follower:
         text = "something is too near to the goal"
         return _motion(situation, choice)._replace(blocked=True, text=text)
 
-    def _back(self, situation: LocalSituation, problem: Problem) -> LocalMotion:
+    def _back(self, situation: LocalSituation, problem: RolloutProblem) -> LocalMotion:
         """Back off straight, against the gear, while that is free."""
         speed = problem.motion.creep
         free, choice = self._only(problem._replace(v_most=speed), -problem.gear * speed, 0.0)
@@ -318,14 +320,16 @@ class Follower:
         return motion._replace(text="backs off")
 
     def _only(
-        self, problem: Problem, v: float, turn: float, vy: float = 0.0
+        self, problem: RolloutProblem, v: float, turn: float, vy: float = 0.0
     ) -> tuple[bool, Choice]:
         """Return whether one velocity is admissible; and it, else that of braking."""
         ahead = np.empty((problem.steps, 3))
         best, v, omega, vy = cheapest(problem, np.array([[[v, turn, vy]]]), ahead)
         return best == 0, Choice(v, omega, ahead, vy)
 
-    def _moving(self, situation: LocalSituation, problem: Problem, choice: Choice) -> LocalMotion:
+    def _moving(
+        self, situation: LocalSituation, problem: RolloutProblem, choice: Choice
+    ) -> LocalMotion:
         """Return a chosen velocity and say what hinders the robot."""
         side_m = situation.space.grid.resolution_m
         motion = _motion(situation, choice)
@@ -350,7 +354,7 @@ class Follower:
         return motion._replace(blocked=True, text=text)
 
     def _escape(
-        self, situation: LocalSituation, problem: Problem, choice: Choice
+        self, situation: LocalSituation, problem: RolloutProblem, choice: Choice
     ) -> LocalMotion | None:
         """Creep away from what is within the margin, or along it; None: no need to."""
         if not is_too_near(problem.space, problem.body, problem.pose):
@@ -372,7 +376,7 @@ class Follower:
         motion = _motion(situation, Choice(v, omega, choice.ahead))
         return motion._replace(text="creeps away from what is too near")
 
-    def _drawn(self, problem: Problem, side_m: float) -> Body | None:
+    def _drawn(self, problem: RolloutProblem, side_m: float) -> Body | None:
         """Return the body without what things reach into it; None: they leave nothing."""
         depths = intrusions(problem.space.blocked, self._bare[side_m], problem.pose, _TIGHT)
         swing = _SWING_M / side_m
@@ -382,7 +386,7 @@ class Follower:
         except ValueError:
             return None
 
-    def _waits_for_people(self, problem: Problem, side_m: float) -> bool:
+    def _waits_for_people(self, problem: RolloutProblem, side_m: float) -> bool:
         """Return whether something that moves is near."""
         x, y, _ = problem.pose
         moving = problem.space.moving

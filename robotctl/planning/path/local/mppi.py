@@ -17,7 +17,7 @@ from robotctl.compiled import compiled
 from robotctl.planning.path.local.controller import ControllerConfig
 from robotctl.planning.path.local.follower import Choice
 from robotctl.planning.path.local.rollout import (
-    Problem,
+    RolloutProblem,
     braked,
     first_velocity,
     is_admissible,
@@ -62,7 +62,7 @@ class PathIntegral:
         self._plan = np.zeros((self.steps, 3))
         self._count = 0
 
-    def choose(self, problem: Problem) -> Choice:
+    def choose(self, problem: RolloutProblem) -> Choice:
         """Return the plan's first velocity, or that of another sample, whichever is admissible."""
         motion = problem.motion
         step_s = self._tau_s / self.steps
@@ -87,7 +87,7 @@ class PathIntegral:
 
 @compiled
 def _vary(
-    problem: Problem,
+    problem: RolloutProblem,
     plan: NDArray[np.float64],
     noise: NDArray[np.float64],
     spread: tuple[float, float, float],
@@ -107,7 +107,7 @@ def _vary(
 
 @compiled
 def _improve(
-    problem: Problem,
+    problem: RolloutProblem,
     plan: NDArray[np.float64],
     noise: NDArray[np.float64],
     spread: tuple[float, float, float],

@@ -72,7 +72,7 @@ class Weights(NamedTuple):
     people_comfort: float
 
 
-class Problem(NamedTuple):
+class RolloutProblem(NamedTuple):
     """All that a step depends on."""
 
     space: Surroundings
@@ -113,7 +113,7 @@ def towards(value: float, target: float, change: float) -> float:
 
 @compiled
 def first_velocity(
-    problem: Problem, v_target: float, turn: float, vy_target: float
+    problem: RolloutProblem, v_target: float, turn: float, vy_target: float
 ) -> tuple[float, float, float]:
     """Return the velocity after one step towards a target: forward, turning, sideways.
 
@@ -142,7 +142,7 @@ def _turning(motion: Motion, v: float, omega: float, wanted: float, time: float)
 
 
 @compiled
-def braked(problem: Problem) -> tuple[float, float, float]:
+def braked(problem: RolloutProblem) -> tuple[float, float, float]:
     """Return the velocity after one step of braking on the present arc."""
     motion = problem.motion
     speed = float(np.hypot(problem.v, problem.vy))
@@ -152,7 +152,7 @@ def braked(problem: Problem) -> tuple[float, float, float]:
 
 
 @compiled
-def is_admissible(problem: Problem, v: float, omega: float, vy: float) -> bool:
+def is_admissible(problem: RolloutProblem, v: float, omega: float, vy: float) -> bool:
     """Return whether the robot can stop after a step with a velocity.
 
     It takes effect between at once and after the reaction time: both are looked at. People who walk
@@ -168,7 +168,9 @@ def is_admissible(problem: Problem, v: float, omega: float, vy: float) -> bool:
 
 
 @compiled
-def _can_stop(problem: Problem, space: Surroundings, v: float, omega: float, vy: float) -> bool:
+def _can_stop(
+    problem: RolloutProblem, space: Surroundings, v: float, omega: float, vy: float
+) -> bool:
     """Return whether nothing is touched before the robot stands."""
     motion = problem.motion
     speed = float(np.hypot(v, vy))
@@ -181,7 +183,7 @@ def _can_stop(problem: Problem, space: Surroundings, v: float, omega: float, vy:
 
 
 @compiled
-def _is_past(problem: Problem, v: float, omega: float, vy: float) -> bool:
+def _is_past(problem: RolloutProblem, v: float, omega: float, vy: float) -> bool:
     """Return whether the robot gets out of everybody's way if it goes on like this."""
     x, y, angle = problem.soon
     step_s = problem.tau_s / problem.steps
@@ -213,7 +215,9 @@ def nearest(path: NDArray[np.float64], j: int, x: float, y: float) -> int:
 
 
 @compiled
-def price(problem: Problem, targets: NDArray[np.float64], drawn: NDArray[np.float64]) -> float:
+def price(
+    problem: RolloutProblem, targets: NDArray[np.float64], drawn: NDArray[np.float64]
+) -> float:
     """Return the cost of wanted velocities (n, 3), of which the last goes on.
 
     The places that they lead through are written to `drawn` (m, 3), as far as it has room.
@@ -277,7 +281,7 @@ def price(problem: Problem, targets: NDArray[np.float64], drawn: NDArray[np.floa
 
 @compiled
 def _next_velocity(
-    problem: Problem,
+    problem: RolloutProblem,
     target: tuple[float, float, float],
     now: tuple[float, float, float],
     x: float,
@@ -303,7 +307,7 @@ def _next_velocity(
 
 @compiled
 def _gap_at(
-    problem: Problem, v: float, vy: float, here: tuple[float, float, float, float]
+    problem: RolloutProblem, v: float, vy: float, here: tuple[float, float, float, float]
 ) -> float:
     """Return the gap around the body; where it creeps, around the body with less margin."""
     creeps = abs(v) <= problem.motion.creep and abs(vy) <= problem.motion.creep
@@ -343,7 +347,7 @@ def _sliding(motion: Motion, vy: float, wanted: float, time: float, v: float, mo
 
 @compiled
 def _crowded(
-    problem: Problem, body: Body, place: tuple[float, float, float, float], time: float
+    problem: RolloutProblem, body: Body, place: tuple[float, float, float, float], time: float
 ) -> float:
     """Return 0 to 1, the nearer something that moves is, or soon will be; 2 if they touch."""
     x, y, c, s = place
@@ -357,7 +361,7 @@ def _crowded(
 
 
 @compiled
-def _in_the_way(problem: Problem, x: float, y: float, on_x: float, on_y: float) -> float:
+def _in_the_way(problem: RolloutProblem, x: float, y: float, on_x: float, on_y: float) -> float:
     """Return 0 to 1, the closer people will come to a robot that goes on from x, y like that."""
     most, comfort = 0.0, problem.weights.people_comfort
     for i in range(len(problem.space.moving)):
@@ -371,7 +375,9 @@ def _in_the_way(problem: Problem, x: float, y: float, on_x: float, on_y: float) 
 
 
 @compiled
-def _looking_elsewhere(problem: Problem, j: int, place: tuple[float, float, float, float]) -> float:
+def _looking_elsewhere(
+    problem: RolloutProblem, j: int, place: tuple[float, float, float, float]
+) -> float:
     """Return 0 if the robot looks to the path ahead of its point j, 1 if it looks away from it."""
     x, y, c, s = place
     path, gear = problem.path, problem.gear
@@ -396,7 +402,7 @@ def _along(
 
 @compiled
 def cheapest(
-    problem: Problem, targets: NDArray[np.float64], drawn: NDArray[np.float64]
+    problem: RolloutProblem, targets: NDArray[np.float64], drawn: NDArray[np.float64]
 ) -> tuple[int, float, float, float]:
     """Return which candidate of (n, steps, 3) is the cheapest, and its first velocity.
 

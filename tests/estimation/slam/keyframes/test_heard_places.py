@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robotctl.estimation.slam.keyframes.heard_places import HeardPlaces
-from robotctl.estimation.slam.keyframes.motion import Place
+from robotctl.estimation.slam.keyframes.motion import ScanPose
 from robotctl.model.geometry.se2 import SE2
 from tests.estimation.slam.keyframes.test_mapper import OFFICE
 from tests.estimation.slam.local_scans.test_sonar import MOUNTS, heard
@@ -34,7 +34,7 @@ def shown(places, poses, keyframe, rng, drift, begin_ns):
         later = reading._replace(stamp_ns=begin_ns + reading.stamp_ns)
         places.hear(later, drift @ pose)
     end = poses[0].inverse() @ poses[-1]
-    places.look(Place(begin_ns + 10**12, keyframe, end), drift @ poses[-1])
+    places.look(ScanPose(begin_ns + 10**12, keyframe, end), drift @ poses[-1])
 
 
 @pytest.mark.timeout(400)  # a cold cache: all of it is compiled

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robotctl.estimation.slam.front_end.surface import surface_of
-from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link
+from robotctl.estimation.slam.keyframes.back_end import BackEnd, KeyframeLink
 from robotctl.estimation.slam.keyframes.keyframe import keyframe_of
 from robotctl.estimation.slam.keyframes.linking import Linking
 from robotctl.estimation.slam.keyframes.loops import LoopSearch
@@ -26,7 +26,7 @@ def test_a_match_with_a_known_place_lies_within_three_times_the_doubt(sigma_rad,
     turned = SE2(true.x_m, true.y_m, true.theta_rad + 0.15)
     for pose in (SE2(), turned):
         back_end.add(pose)
-    back_end.link(Link(0, 1, turned, np.diag([900.0, 900.0, sigma_rad**-2])))
+    back_end.link(KeyframeLink(0, 1, turned, np.diag([900.0, 900.0, sigma_rad**-2])))
     loops = LoopSearch(SOURCE.config, keyframes, back_end)
     Linking(SOURCE.config, keyframes, back_end, loops).link_near(1, [], has_odometry=True)
     links = back_end.links[1:]

@@ -7,7 +7,7 @@ import pytest
 
 from robotctl.estimation.slam.keyframes.known_places import Known
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
-from robotctl.estimation.slam.keyframes.motion import OdometryAnchor, Place, PredictedMotion
+from robotctl.estimation.slam.keyframes.motion import OdometryAnchor, PredictedMotion, ScanPose
 from robotctl.estimation.slam.keyframes.saved_map import restored, whole_map
 from robotctl.estimation.slam.local_scans.sonar import SOURCE
 from robotctl.estimation.slam.local_scans.source import CALIBRATED
@@ -49,7 +49,7 @@ def gone_on(record, inside, odometry, *, is_another):
     mapper = SlamMapper(LIVE)
     saved = restored([record])
     mapper.resume(saved, is_there=True)
-    place = Place(0, saved.place[0], saved.place[1] @ inside)
+    place = ScanPose(0, saved.place[0], saved.place[1] @ inside)
     mapper.restart_segment(place, odometry, is_another=is_another)
     return mapper
 

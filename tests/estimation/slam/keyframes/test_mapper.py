@@ -5,7 +5,7 @@ import pytest
 
 from robotctl.estimation.places.recogniser import Candidate
 from robotctl.estimation.slam.keyframes import loops
-from robotctl.estimation.slam.keyframes.back_end import Link
+from robotctl.estimation.slam.keyframes.back_end import KeyframeLink
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.estimation.slam_tuning import LoopConfig, SlamTuning, Tolerance
@@ -170,7 +170,7 @@ def test_a_false_loop_is_switched_off():
     rng = np.random.default_rng(4)
     poses = along(ROUND)
     mapper, made = drive(OFFICE, poses, drifting(poses, rng), rng)
-    false = Link(5, 40, SE2(0.2, 0.1, 0.0), np.diag([1e4, 1e4, 1e4]), is_loop=True)
+    false = KeyframeLink(5, 40, SE2(0.2, 0.1, 0.0), np.diag([1e4, 1e4, 1e4]), is_loop=True)
     mapper.close([false])
     assert mapper.back_end.weights[-1] < 0.25
     after = mapper.back_end.poses

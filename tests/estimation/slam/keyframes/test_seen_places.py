@@ -7,7 +7,7 @@ from robotctl.estimation.places.visual.features import Features, features_messag
 from robotctl.estimation.places.visual.orb import features_of
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
-from robotctl.estimation.slam.keyframes.motion import Place
+from robotctl.estimation.slam.keyframes.motion import ScanPose
 from robotctl.estimation.slam.keyframes.saved_map import (
     MOST_IMAGES,
     Change,
@@ -60,7 +60,7 @@ def test_images_are_known_again_by_those_who_go_on_with_the_map():
     for one, other in zip(mapper.images.values(), before.images.values(), strict=True):
         assert np.array_equal(one.descriptors, other.descriptors)
         np.testing.assert_allclose(one.points, other.points, atol=1e-7)
-    mapper.robot.relocate(Place(0, 0, SE2()), SE2())
+    mapper.robot.relocate(ScanPose(0, 0, SE2()), SE2())
     seen = SeenPlaces(vocabulary, mapper)
     drive(seen)
     loaded = len(before.images)

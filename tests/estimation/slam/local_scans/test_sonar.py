@@ -11,7 +11,7 @@ from robotctl.estimation.ranging.sonar_cones import SonarCones
 from robotctl.estimation.ranging.sonar_config import SonarModelConfig
 from robotctl.estimation.ranging.wall_echoes import WallEchoes
 from robotctl.estimation.slam.front_end.surface import surface_of
-from robotctl.estimation.slam.keyframes.back_end import BackEnd, Link
+from robotctl.estimation.slam.keyframes.back_end import BackEnd, KeyframeLink
 from robotctl.estimation.slam.keyframes.keyframe import honest, keyframe_of, match_pair
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.estimation.slam.local_scans.gathered import scan_of_points
@@ -170,9 +170,9 @@ def test_loops_of_scans_that_share_echoes_count_as_often_as_echoes_are_there():
     back_end = BackEnd(times)
     for pose in (SE2(), by_wheels):
         back_end.add(pose)
-    back_end.link(Link(0, 1, by_wheels, information))
+    back_end.link(KeyframeLink(0, 1, by_wheels, information))
     for _ in range(times):
-        back_end.link(Link(0, 1, by_loop, information, is_loop=True))
+        back_end.link(KeyframeLink(0, 1, by_loop, information, is_loop=True))
     back_end.refine()
     assert times == 16
     assert back_end.pose(1).x_m == pytest.approx(1.1, abs=1e-6)

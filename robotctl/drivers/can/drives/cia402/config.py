@@ -20,7 +20,7 @@ from robotctl.drivers.can.drives.cia402.eds import find_eds, load_eds
 from robotctl.drivers.can.drives.cia402.host_beat import BEATS
 from robotctl.drivers.can.drives.cia402.readings import READ_NS
 from robotctl.drivers.can.drives.cia402.scan import cia402_probe
-from robotctl.drivers.can.drives.cia402.settings import Plan
+from robotctl.drivers.can.drives.cia402.settings import DriveSetup
 from robotctl.drivers.can.drives.cia402.wire import (
     RPDO_BASES,
     TPDO_BASES,
@@ -205,7 +205,7 @@ class Cia402Motor:
                 f"{max(fastest):.0f}, the drive takes at most {top}"
             )
             raise InvalidValue("axes", text, axis.ratio)
-        plan = Plan(
+        plan = DriveSetup(
             self.node_id,
             device,
             self._layout(device),

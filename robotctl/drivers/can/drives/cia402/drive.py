@@ -10,7 +10,12 @@ from robotctl.drivers.can.drives.cia402.axis_side import AxisSide
 from robotctl.drivers.can.drives.cia402.device import VELOCITY
 from robotctl.drivers.can.drives.cia402.host_beat import host_beat
 from robotctl.drivers.can.drives.cia402.readings import Readings
-from robotctl.drivers.can.drives.cia402.settings import Found, Plan, heartbeat_of, script_of
+from robotctl.drivers.can.drives.cia402.settings import (
+    DriveSetup,
+    FoundDrive,
+    heartbeat_of,
+    script_of,
+)
 from robotctl.drivers.can.drives.cia402.state import QUICK_STOP_WORD, RAMP_BITS, PowerSwitch
 from robotctl.drivers.can.drives.cia402.targets import Targets
 from robotctl.drivers.can.drives.cia402.wire import (
@@ -70,7 +75,7 @@ class Cia402Drive(NodePart):
     def __init__(
         self,
         name: str,
-        plan: Plan,
+        plan: DriveSetup,
         units_per_rad: float,
         rad_per_unit: float,
         counts_per_turn: int,
@@ -80,7 +85,7 @@ class Cia402Drive(NodePart):
         dialect, mode = plan.device.dialect, plan.device.mode
         heartbeat = heartbeat_of(plan)
         self._name = name
-        self._found = Found()
+        self._found = FoundDrive()
         node = Node(
             plan.node_id,
             name,
@@ -117,7 +122,7 @@ class Cia402Drive(NodePart):
         }
         self.host_frames = self._host_frames(plan)
 
-    def _host_frames(self, plan: Plan) -> dict[int, str]:
+    def _host_frames(self, plan: DriveSetup) -> dict[int, str]:
         """Return the names of the frames that only the host may send."""
         commands = [RPDO_BASES[pdo.number - 1] + plan.node_id for pdo in plan.layout.receive]
         frames = {NMT_ID: "NmtControl", SYNC_ID: "Sync"}
@@ -251,7 +256,7 @@ class Cia402Drive(NodePart):
         self._is_fresh = True
 
 
-def _places(axes: tuple[Axis, ...], plan: Plan) -> list[int]:
+def _places(axes: tuple[Axis, ...], plan: DriveSetup) -> list[int]:
     """Return the place of each axis in the process data."""
     if plan.device.dialect.layout is None:
         return list(range(len(axes)))

@@ -6,7 +6,7 @@ from typing import Final
 
 from robotctl.drivers.can.bus_part import Send
 from robotctl.drivers.can.drives.cia402.device import Silence
-from robotctl.drivers.can.drives.cia402.settings import Plan
+from robotctl.drivers.can.drives.cia402.settings import DriveSetup
 from robotctl.drivers.can.nodes.node import HEARTBEAT_BASE, NMT_OPERATIONAL
 from robotctl.messages.actuators import NEVER_NS
 from robotctl.messages.ports import REMOTE_FLAG
@@ -40,7 +40,7 @@ class HostBeat:
             send(*self.frame)
 
 
-def host_beat(plan: Plan) -> HostBeat | None:
+def host_beat(plan: DriveSetup) -> HostBeat | None:
     """Return the heartbeat of the host, or the requests of node guarding; None: neither is set."""
     silence = plan.device.silence
     if silence is Silence.HEARTBEAT:

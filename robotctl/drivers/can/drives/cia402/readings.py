@@ -13,7 +13,7 @@ from typing import Final
 
 from robotctl.drivers.can.drives.cia402.axis_side import AxisSide
 from robotctl.drivers.can.drives.cia402.dialects import Polled
-from robotctl.drivers.can.drives.cia402.settings import Plan
+from robotctl.drivers.can.drives.cia402.settings import DriveSetup
 from robotctl.drivers.can.drives.cia402.wire import Mapped, Role
 from robotctl.drivers.can.nodes.node import Node
 from robotctl.drivers.can.nodes.sdo import Request, SdoResponse
@@ -71,7 +71,7 @@ class Readings:
     def __init__(
         self,
         node: Node,
-        plan: Plan,
+        plan: DriveSetup,
         sides: Sequence[AxisSide],
         places: Sequence[int],
         rate_hz: int,

@@ -55,7 +55,7 @@ _Preferred: TypeAlias = Generator[Request | Start, SdoResponse, "Fault | Setting
 
 
 @dataclass(slots=True)
-class Found:
+class FoundDrive:
     """Results of a run of the script.
 
     Attributes
@@ -74,7 +74,7 @@ class Found:
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class DriveSetup:
     """How a drive is to be set.
 
     Parameters
@@ -107,7 +107,7 @@ class Plan:
     fastest: tuple[float, ...]
 
 
-def heartbeat_of(plan: Plan) -> Setting | None:
+def heartbeat_of(plan: DriveSetup) -> Setting | None:
     """Return the setting of the drive's own heartbeat.
 
     None with node guarding, which it would switch off (CiA 301, 7.2.8.2): its answers are as good.
@@ -117,7 +117,7 @@ def heartbeat_of(plan: Plan) -> Setting | None:
     return Setting(0x1017, 0, "heartbeat period", plan.heartbeat_ms, 2, " ms")
 
 
-def script_of(plan: Plan, found: Found) -> Callable[[], Script]:
+def script_of(plan: DriveSetup, found: FoundDrive) -> Callable[[], Script]:
     """Return what makes the commissioning script of a drive."""
 
     def script() -> Script:
@@ -150,7 +150,7 @@ def script_of(plan: Plan, found: Found) -> Callable[[], Script]:
     return script
 
 
-def _prepare(plan: Plan, found: Found) -> Check:
+def _prepare(plan: DriveSetup, found: FoundDrive) -> Check:
     """Keep the drive without power, see what it is, and map its PDOs."""
     if (heartbeat := heartbeat_of(plan)) and (problem := (yield from write(heartbeat))):
         return problem
@@ -180,7 +180,7 @@ def _prepare(plan: Plan, found: Found) -> Check:
     return None
 
 
-def _identify(plan: Plan) -> Check:
+def _identify(plan: DriveSetup) -> Check:
     """Check that it is a drive of CiA 402, and the one that its EDS describes."""
     request = Request(0x1000, 0, "device type")
     response = yield request
@@ -207,7 +207,7 @@ def _identify(plan: Plan) -> Check:
     return None
 
 
-def _read_rated(plan: Plan, found: Found) -> Check:
+def _read_rated(plan: DriveSetup, found: FoundDrive) -> Check:
     """Read the current in whose per mille the drive tells its current."""
     found.rated_a = [plan.device.dialect.current_a * 1000.0] * len(plan.device.offsets)
     if plan.device.dialect.current_a:
@@ -223,7 +223,7 @@ def _read_rated(plan: Plan, found: Found) -> Check:
 
 
 def _map(
-    plan: Plan, communication: int, mapping: int, pdo: Pdo | None, identifier: int, name: str
+    plan: DriveSetup, communication: int, mapping: int, pdo: Pdo | None, identifier: int, name: str
 ) -> Check:
     """Configure one PDO, or switch it off; it is off while its mapping changes (CiA 301, 7.5.2)."""
     request = Request(communication, 1, f"identifier of {name}")
@@ -246,7 +246,7 @@ def _map(
 
 
 def _pdo_settings(
-    plan: Plan, communication: int, mapping: int, pdo: Pdo, name: str
+    plan: DriveSetup, communication: int, mapping: int, pdo: Pdo, name: str
 ) -> Iterator[Setting]:
     """Yield what is written while a PDO is off."""
     sends = communication >= 0x1800
@@ -287,7 +287,7 @@ def _prefer(index: int, name: str) -> _Preferred:
     return problem
 
 
-def _silence(plan: Plan) -> tuple[Setting, ...]:
+def _silence(plan: DriveSetup) -> tuple[Setting, ...]:
     """Return the settings by which the drive notices a silent host, and what it does then."""
     device = plan.device
     settings: list[Setting] = []
@@ -313,7 +313,7 @@ def _silence(plan: Plan) -> tuple[Setting, ...]:
     return tuple(settings)
 
 
-def _motion(plan: Plan) -> Iterator[Setting]:
+def _motion(plan: DriveSetup) -> Iterator[Setting]:
     """Yield the mode and the ramps."""
     device = plan.device
     packed = device.dialect.layout is not None
@@ -366,7 +366,7 @@ def _runs_in_mode(index: int, mode: int) -> Check:
     return Fault(FaultCode.NODE_OTHER_VALUE, text)
 
 
-def _proof(plan: Plan, settings: list[Setting]) -> str:
+def _proof(plan: DriveSetup, settings: list[Setting]) -> str:
     """Say by which settings the drive stops when the host is silent."""
     if not settings:
         return f"node {plan.node_id} has {Silence.NONE.value}; its maker's tool decides"

@@ -32,8 +32,8 @@ from robotctl.planning.path.global_planning.trees.motions import curve_between, 
 from robotctl.planning.path.global_planning.trees.pose_paths import PosePath, backwards, joined
 from robotctl.planning.path.global_planning.trees.search import (
     CurvedSearch,
-    Search,
     StraightSearch,
+    TreeSearch,
 )
 
 Kind: TypeAlias = Literal["rrt", "rrt-connect", "rrtstar"]
@@ -82,7 +82,7 @@ class TreePlanner:
                 return PlanFailure(Reason.OUT_OF_TIME, "the time was over", None, expanded)
         return no_path(space, start, goal, expanded)
 
-    def _grow(self, search: Search, goes_on: GoesOn) -> PosePath | None:
+    def _grow(self, search: TreeSearch, goes_on: GoesOn) -> PosePath | None:
         """Return a path, or None."""
         if self._kind == "rrtstar":
             return _grow_cheapest(search, goes_on)
@@ -91,7 +91,7 @@ class TreePlanner:
         return (_grow_single if self._kind == "rrt" else _grow_both)(search, goes_on)
 
 
-def _grow_single(search: Search, goes_on: GoesOn) -> PosePath | None:
+def _grow_single(search: TreeSearch, goes_on: GoesOn) -> PosePath | None:
     """Grow one tree from the start, until a motion from it leads to the goal."""
     tree = search.tree(search.start)
     status, node, left = GOING_ON, -1, search.samples
@@ -104,7 +104,7 @@ def _grow_single(search: Search, goes_on: GoesOn) -> PosePath | None:
     return search.shortest(search.path(tree, node), tree) if status == FOUND else None
 
 
-def _grow_both(search: Search, goes_on: GoesOn) -> PosePath | None:
+def _grow_both(search: TreeSearch, goes_on: GoesOn) -> PosePath | None:
     """Grow two trees, from start and goal, until they meet."""
     trees = search.tree(search.start), search.tree(search.goal)
     courses = search.course, search.course.backward
@@ -119,7 +119,7 @@ def _grow_both(search: Search, goes_on: GoesOn) -> PosePath | None:
     return search.shortest(path, *trees)
 
 
-def _grow_cheapest(search: Search, goes_on: GoesOn) -> PosePath | None:
+def _grow_cheapest(search: TreeSearch, goes_on: GoesOn) -> PosePath | None:
     """Grow one tree whose paths become cheaper as it grows."""
     tree, course = search.tree(search.start), search.course
     straight_on = curve_between(search.start, search.goal, course.radius, course.steering)

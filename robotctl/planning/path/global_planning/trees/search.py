@@ -50,7 +50,7 @@ _LEAST_REACH: Final = 8.0
 """Minimum distance of those [cells]."""
 
 
-class Search(ABC):
+class TreeSearch(ABC):
     """Common base of the spaces in which trees grow: lengths in cells.
 
     Parameters
@@ -141,7 +141,7 @@ class Search(ABC):
         """Return a path in `world`, as short as can be; None: the body cannot take it."""
 
 
-class StraightSearch(Search):
+class StraightSearch(TreeSearch):
     """Space of a robot that turns on the spot; `room` is the radius of the circle [cells]."""
 
     capacity = 200_000  # 24 MB, most of which is never touched
@@ -196,7 +196,7 @@ class StraightSearch(Search):
         return Plan(self._space.to_world(poses), cost_m, self.expanded)
 
 
-class CurvedSearch(Search):
+class CurvedSearch(TreeSearch):
     """Space of a robot that steers; `room` is the margin around its body [cells]."""
 
     capacity = 50_000  # 7 MB
