@@ -266,7 +266,7 @@ class VerificationConfig:
 
 
 @dataclass(frozen=True, slots=True)
-class LoopConfig:
+class LoopClosureConfig:
     """Which places are looked at for loops, and when a loop is closed.
 
     Parameters
@@ -437,7 +437,7 @@ class SlamTuning:
     links: LinkConfig = field(default_factory=LinkConfig)
     walls: StraightWallsConfig = field(default_factory=StraightWallsConfig)
     shapes: ShapeConfig = field(default_factory=ShapeConfig)
-    loops: LoopConfig = field(default_factory=LoopConfig)
+    loops: LoopClosureConfig = field(default_factory=LoopClosureConfig)
     verification: VerificationConfig = field(default_factory=VerificationConfig)
     images: VisualConfig = field(default_factory=VisualConfig)
     relocalisation: RelocalisationConfig = field(default_factory=RelocalisationConfig)

@@ -8,7 +8,7 @@ from robotctl.estimation.slam.keyframes import loops
 from robotctl.estimation.slam.keyframes.back_end import KeyframeLink
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
-from robotctl.estimation.slam_tuning import LoopConfig, SlamTuning, Tolerance
+from robotctl.estimation.slam_tuning import LoopClosureConfig, SlamTuning, Tolerance
 from robotctl.model.geometry.points import align, moved
 from robotctl.model.geometry.se2 import SE2
 from tests.estimation.slam.lidar_world import along, box, drifting, scan_of
@@ -115,7 +115,7 @@ def test_a_hint_counts_only_where_scans_bear_it_out(monkeypatch, off_m):
 
 def test_a_place_seen_from_the_other_side_matches_scans_that_see_the_same(monkeypatch):
     monkeypatch.setattr(loops, "certain", lambda doubts: np.zeros(len(doubts), np.bool_))
-    near = SlamTuning(loops=LoopConfig(image=Tolerance(0.3, 0.2)))
+    near = SlamTuning(loops=LoopClosureConfig(image=Tolerance(0.3, 0.2)))
     rng = np.random.default_rng(2)
     poses = along([(1.0, 9.0), (1.0, 1.0), (13.0, 1.0), (1.0, 1.0)])
     mapper, _ = drive(
