@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import itertools
-import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
@@ -211,7 +210,6 @@ class PageServer:
         """Send camera pictures to the pages that show them, until none does."""
         try:
             while self._desk.watchers:
-                begin_s = time.monotonic()
                 view = self._latest.get("CameraView")
                 picture = await asyncio.to_thread(camera.picture, view)
                 if picture is not None:
@@ -220,7 +218,7 @@ class PageServer:
                         if isinstance(connection, Connection):
                             connection.put("CameraPicture", data, keep=False)
                             connection.woken.set()
-                await asyncio.sleep(PICTURE_S - (time.monotonic() - begin_s))
+                await asyncio.sleep(PICTURE_S)
         finally:
             camera.close()
             self._filming = None
