@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
@@ -17,6 +17,9 @@ from robotctl.cli.options import takes_options
 from robotctl.config.arguments import DEFAULT_ROBOT, Overrides, RobotFile
 from robotctl.config.robot_file import camera_of, load_robot
 from robotctl.errors import ConfigError
+
+if TYPE_CHECKING:
+    from robotctl.estimation.camera.calibration.floor import FloorWindow
 
 
 @takes_options
@@ -43,7 +46,6 @@ def floor(
     overrides: Overrides = (),
 ) -> None:
     """Show the floor of a picture from above in metres, and convert pixels to metres."""
-    from robotctl.estimation.camera.calibration.floor import FloorWindow  # noqa: PLC0415
     from robotctl.model.sensors.camera_geometry import CameraGeometry  # noqa: PLC0415
     from robotctl.workbench.camera.floor import floor_picture, floor_table  # noqa: PLC0415
     from robotctl.workbench.camera.pictures import (  # noqa: PLC0415
@@ -60,10 +62,7 @@ def floor(
     check_files(out, points)
     if out is not None:
         check_suffix(out)
-    try:
-        view = FloorWindow(near, far, side, resolution)
-    except ValueError as error:
-        raise ConfigError(f"--near, --far, --side, --resolution: {error}") from error
+    view = _window(near, far, side, resolution)
     config = camera_of(load_robot(robot, overrides), robot)
     camera = CameraGeometry.of(config)
     image = read_picture_of(picture, config.intrinsics)
@@ -81,6 +80,16 @@ def floor(
     heading = (*PIXELS, "x_m", "y_m", "sigma_x_m", "sigma_y_m")
     write_file(points, lambda file: write_columns(file, heading, table))
     print(f"points: {points}")
+
+
+def _window(near_m: float, far_m: float, side_m: float, pixel_m: float) -> FloorWindow:
+    """Return the part of the floor to draw; raises `ConfigError` if it is none."""
+    from robotctl.estimation.camera.calibration.floor import FloorWindow  # noqa: PLC0415
+
+    try:
+        return FloorWindow(near_m, far_m, side_m, pixel_m)
+    except ValueError as error:
+        raise ConfigError(f"--near, --far, --side, --resolution: {error}") from error
 
 
 def _print(table: NDArray[np.float64]) -> None:

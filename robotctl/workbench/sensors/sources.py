@@ -126,14 +126,9 @@ def source_of_log(
     if is_timeless(np.array([entry.scan.stamp_ns for entry in recording.scans])):
         raise CalibrationError(f"{log}: all scans in it have one time, so their poses are unknown")
     sensor = sensor or (SONAR if recording.sonars else LIDAR)
-    for name, what, readings in (
-        (SONAR, "sonar readings", recording.sonars),
-        (LIDAR, "lidar scans", recording.scans),
-    ):
-        if sensor == name and not readings:
-            raise CalibrationError(
-                f"{log}: no {what} of use in it{_has(recording)}{recording.why()}"
-            )
+    what, readings = _readings(sensor, recording)
+    if not readings:
+        raise CalibrationError(f"{log}: no {what} of use in it{_has(recording)}{recording.why()}")
     found = best_poses(log, recording)
     if found is None:
         raise CalibrationError(
@@ -161,6 +156,13 @@ def source_of_log(
             "(.toml) or a ROS map (.yaml)"
         )
     return Source(sensor, recording, poses, world_map, mounts, poses_by, map_by, tuple(notes))
+
+
+def _readings(sensor: str, recording: Recording) -> tuple[str, Sequence[object]]:
+    """Return the name and the readings of a sensor."""
+    if sensor == SONAR:
+        return "sonar readings", recording.sonars
+    return "lidar scans", recording.scans
 
 
 def _mounts_of_file(log: Path, recording: Recording, config: RobotConfig) -> tuple[SonarMount, ...]:
