@@ -29,6 +29,7 @@ from robotctl.web.listening import PageHost, listen
 from robotctl.web.robot_view import Now
 from robotctl.web.server import PageServer, RobotSide
 from robotctl.web.wire import ComputerState, RobotOutline
+from tests.web.clients import TOKENS
 
 OUTLINE = RobotOutline(
     name="robby",
@@ -268,4 +269,11 @@ def static(tmp_path) -> Path:
 @pytest.fixture
 def served(static):
     with Served(static) as served:
+        yield served
+
+
+@pytest.fixture
+def guarded(static):
+    """A server that asks for tokens."""
+    with Served(static, TOKENS) as served:
         yield served

@@ -33,8 +33,8 @@ from robotctl.web.plan_uploads import (
 )
 from robotctl.web.robot_view import Now
 from robotctl.web.wire import CameraPicture
+from tests.web.clients import TOKENS, cookie_of, of, take_over, wait
 from tests.web.conftest import Served
-from tests.web.test_server import TOKENS, cookie_of, of, take_over, wait
 
 TEXT = 'name = "n"\nstart = { x_m = 0, y_m = 0 }\n[[item]]\nkind = "wait"\nduration_s = 1\n'
 SQUARE = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]
