@@ -34,12 +34,7 @@ def _compiling() -> str:
 
 
 COMPILING: Final = _compiling()
-"""Message for people before that, where the cache is cold."""
-
-
-def cache_is_cold() -> bool:
-    """Return whether nothing is compiled yet, which takes up to minutes the first time."""
-    return not FOLDER or not any(Path(FOLDER).rglob("*.nbi"))
+"""Message for people when that begins."""
 
 
 class _Locator(_SOURCE_FILE, _LOCATOR):  # type: ignore[misc] # numba has no types

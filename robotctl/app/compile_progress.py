@@ -17,6 +17,8 @@ _KIND: Final = "numba:compile"
 _OURS: Final = ("robotctl.", "firmware_sim.")
 """Numba also compiles functions of its own, which cannot be counted beforehand."""
 _EVERY_S: Final = 2.0
+_ANNOUNCING: Final[list[_Listener]] = []
+"""Listener of the command that runs; none before the first."""
 
 
 def _all() -> int:
@@ -54,9 +56,17 @@ class _Listener(event.Listener):
             )
 
 
+def announce_compiling(say: Callable[[str], None]) -> None:
+    """Report compilation progress until the next call; nothing if everything is cached."""
+    while _ANNOUNCING:
+        event.unregister(_KIND, _ANNOUNCING.pop())  # type: ignore[no-untyped-call]
+    _ANNOUNCING.append(_Listener(say))
+    event.register(_KIND, _ANNOUNCING[0])  # type: ignore[no-untyped-call]
+
+
 @contextmanager
 def compile_progress(say: Callable[[str], None]) -> Iterator[None]:
-    """Report compilation progress; nothing if everything is cached."""
+    """Report compilation progress for a while; nothing if everything is cached."""
     listener = _Listener(say)
     event.register(_KIND, listener)  # type: ignore[no-untyped-call]
     try:

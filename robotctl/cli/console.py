@@ -11,8 +11,7 @@ def plain_console(*, stderr: bool = False) -> Console:
 
 
 def say_compiling(console: Console, end: str = "") -> None:
-    """Say that inner loops are compiled first, where they are not kept from an earlier run."""
-    from robotctl.compiled import COMPILING, cache_is_cold  # noqa: PLC0415 - it loads numba
+    """Say that inner loops are compiled, and how far, from the first that is not kept on."""
+    from robotctl.app.compile_progress import announce_compiling  # noqa: PLC0415 - it loads numba
 
-    if cache_is_cold():
-        console.print(f"{COMPILING}{end}", soft_wrap=True)
+    announce_compiling(lambda text: console.print(f"{text}{end}", soft_wrap=True))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 from rich.console import Console
 
-from robotctl.cli.console import plain_console
+from robotctl.cli.console import plain_console, say_compiling
 from robotctl.cli.files import check_files, write_file
 from robotctl.cli.options import takes_options
 from robotctl.words import counted
@@ -42,14 +42,12 @@ def optimise(
     check_files(plot=animate, option="--animate", suffixes=(".gif",))
     # It loads numba, which other subcommands can do without.
     from robotctl.cli.progress import progress_bar  # noqa: PLC0415
-    from robotctl.compiled import COMPILING, cache_is_cold  # noqa: PLC0415
     from robotctl.logs.graphs.graph_files import format_of  # noqa: PLC0415
     from robotctl.workbench.graphs.optimise import optimise as work  # noqa: PLC0415
 
     written = None if out is None else format_of(out)
     console = plain_console(stderr=True)
-    if cache_is_cold():
-        console.print(COMPILING, soft_wrap=True)
+    say_compiling(console)
     options = choice(keeps_course=animate is not None)
     with progress_bar(console, options.graph.name, "optimising") as tell:
         result = work(options, lambda _, done, total: tell(done, total))

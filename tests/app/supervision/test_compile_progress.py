@@ -4,7 +4,7 @@ import numba
 import pytest
 
 from robotctl.app import compile_progress as progress
-from robotctl.app.compile_progress import compile_progress
+from robotctl.app.compile_progress import announce_compiling, compile_progress
 from robotctl.compiled import COMPILING
 
 
@@ -41,3 +41,15 @@ def test_what_is_compiled_already_is_not_told() -> None:
     with compile_progress(said.append):
         function(1.0)  # type: ignore[operator]
     assert said == []
+
+
+def test_a_command_says_that_it_compiles_whatever_else_is_compiled_already() -> None:
+    fresh("robotctl.estimation.tried")(1.0)  # type: ignore[operator]
+    first: list[str] = []
+    second: list[str] = []
+    announce_compiling(first.append)
+    fresh("robotctl.estimation.other")(1.0)  # type: ignore[operator]
+    announce_compiling(second.append)
+    fresh("robotctl.estimation.other")(1.0)  # type: ignore[operator]
+    announce_compiling(lambda _: None)
+    assert (first, second) == ([COMPILING], [COMPILING])
