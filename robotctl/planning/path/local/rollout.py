@@ -254,8 +254,11 @@ def price(
             near = TOUCH if moves and crowded > 1.0 else near
         if near == TOUCH and moves:
             missing = float(problem.steps - i) / problem.steps
-            for m in range(i, len(drawn)):
-                drawn[m] = drawn[max(i - 1, 0)]
+            for m in range(i, len(drawn)):  # it stays at the last free place
+                if i > 0:
+                    drawn[m] = drawn[i - 1]
+                else:
+                    drawn[m, 0], drawn[m, 1], drawn[m, 2] = problem.soon
             break
         close += max(1.0 - near / weights.comfort, 0.0) ** 2
         j = nearest(path, j, x, y)

@@ -23,8 +23,6 @@ from robotctl.planning.config import NavigationConfig
 from tests.planning.behave.behaviours.test_relocalise import lost_step
 from tests.planning.conftest import FLAT
 
-pytestmark = pytest.mark.timeout(300)  # who comes first compiles
-
 CHART = grid_of_walls(WallMap(FLAT))
 SQUARE = DriveItem("drive", ((1.0, 1.0), (4.0, 1.0), (4.0, 3.5), (1.2, 3.5)), corner_radius_m=1.0)
 ELSEWHERE = [SE2(6.5, 3.5, 2.0), SE2(6.5, 1.8, -1.0), SE2(1.5, 2.5, 3.0)]
