@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from functools import partial
 
 from benchmarks import (
     camera_accuracy,
@@ -35,6 +36,7 @@ from benchmarks import (
     memory,
     navigation_step,
     odometry_calibration,
+    paired_lockstep,
     place_recognition,
     replay,
     scan_lines,
@@ -42,6 +44,7 @@ from benchmarks import (
     sensor_models,
     slam_life,
     start_up,
+    sweeps,
     tick_cost,
     topological_driving,
     visual_places,
@@ -67,6 +70,7 @@ SUBJECTS = {
     "ekf-slam": ekf_slam.run,
     "lidar-slam": lidar_slam.run,
     "slam-life": slam_life.run,
+    "sweeps": sweeps.run,
     "landmarks": landmark_accuracy.run,
     "sensors": sensor_models.run,
     "sensor-fit": sensor_fit.run,
@@ -99,19 +103,29 @@ def main() -> int:
     """Run the command; figures never fail it."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument(
-        "subjects", nargs="*", metavar="SUBJECT", help=f"{', '.join(SUBJECTS)}; default: all"
+        "subjects",
+        nargs="*",
+        metavar="SUBJECT",
+        help=f"{', '.join(SUBJECTS)}, paired; default: all",
     )
     parser.add_argument("--rounds", type=int, default=5, help="per figure (%(default)s)")
     parser.add_argument("--seconds", type=float, default=10.0, help="per round (%(default)s)")
+    parser.add_argument(
+        "--against",
+        default="",
+        metavar="REVISION",
+        help="of `paired`: the commit that this tree is compared with; default: the last release",
+    )
     options = parser.parse_args()
-    unknown = [name for name in options.subjects if name not in SUBJECTS]
+    subjects = {**SUBJECTS, "paired": partial(paired_lockstep.run, against=options.against)}
+    unknown = [name for name in options.subjects if name not in subjects]
     if unknown:
-        parser.error(f"{', '.join(unknown)}: unknown; there are {', '.join(SUBJECTS)}")
+        parser.error(f"{', '.join(unknown)}: unknown; there are {', '.join(subjects)}")
     machine.note(machine.describe())
     machine.note(f"command  python -m benchmarks {' '.join(sys.argv[1:])}".rstrip())
     stolen_s = machine.stolen_s()
-    for name in options.subjects or SUBJECTS:
-        SUBJECTS[name](max(1, options.rounds), max(2.0, options.seconds))
+    for name in options.subjects or subjects:
+        subjects[name](max(1, options.rounds), max(2.0, options.seconds))
     stolen_s = machine.stolen_s() - stolen_s
     machine.note(f"\nload at the end {machine.load()}; {stolen_s:.2f} s stolen by the hypervisor")
     return 0

@@ -1,10 +1,12 @@
-"""SLAM by lidar on public logs of ROBOTCTL_DATA: published relations, corrected poses, time."""
+"""SLAM by lidar on public logs of ROBOTCTL_DATA: relations, corrected poses, time, memory."""
 
 from __future__ import annotations
 
 import gzip
 import math
 import os
+import sys
+import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -124,6 +126,17 @@ def alike_row(name: str, mapper: SlamMapper) -> tuple[str, ...]:
     )  # fmt: skip
 
 
+def memory_mib(log: Path) -> float:
+    """Return the most memory that `robotctl slam` takes for a log, without a picture [MiB]."""
+    with tempfile.TemporaryDirectory() as folder:
+        words = ["-m", "robotctl", "slam", "--sensor", "lidar", "--log", str(log), "--out", folder]
+        process = os.posix_spawn(sys.executable, [sys.executable, *words], os.environ)
+        _, status, used = os.wait4(process, 0)
+    if status:
+        raise RuntimeError(f"robotctl slam --log {log}: status {os.waitstatus_to_exitcode(status)}")
+    return used.ru_maxrss / 1024.0
+
+
 def run(rounds: int, seconds: float) -> None:
     """Map the public logs."""
     machine.note("\n# SLAM by lidar")
@@ -157,4 +170,7 @@ def run(rounds: int, seconds: float) -> None:
         machine.note(each)
     heads = ("log", "places seen before", "most alike is right", "of two one is", "ms a query")
     machine.table("Places by shape alone, any heading", heads, alike)
+    logs = sorted({folder / f"{name}.log.gz" for name, _ in LOGS})
+    memory = [(each.name, f"{memory_mib(each):.0f}") for each in logs]
+    machine.table("Memory of the whole process at most", ("log", "MiB"), memory)
     machine.note(f"goals: {GOALS}")

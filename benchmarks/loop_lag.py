@@ -15,7 +15,8 @@ import subprocess
 from dataclasses import dataclass
 
 from benchmarks import machine
-from benchmarks.rig import Driven, busy
+from benchmarks.rig import Driven
+from robotctl.deploy.rehearsal import busy
 from robotctl.messages.control import LoopStatistics
 from robotctl.runtime.realtime import LoopConfig
 

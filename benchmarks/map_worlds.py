@@ -77,7 +77,7 @@ def _measured(path: Path, mission: Path) -> tuple[float, ...]:
     world = load_world(path)
     loaded_s = time.process_time() - begin_s
     config, rng = load_robot(ROBOT), np.random.default_rng(1)
-    lidar = config.simulation.lidar
+    lidar = next(iter(config.simulation.lidars), None)
     if lidar is None:
         raise AssertionError("the default robot has one")
     scan, ring, camera = (

@@ -8,7 +8,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import zmq
@@ -171,16 +171,3 @@ class Driven:
                 raise RoundError(self.control.reason if self.control else "nothing heard")
             time.sleep(0.02)
         self._listen()
-
-
-@contextlib.contextmanager
-def busy(count: int) -> Iterator[None]:
-    """Keep `count` processes busy at normal priority."""
-    spin = "while True: pass"
-    processes = [subprocess.Popen([sys.executable, "-c", spin]) for _ in range(count)]
-    try:
-        yield
-    finally:
-        for process in processes:
-            process.kill()
-            process.wait()

@@ -6,8 +6,9 @@ import os
 from contextlib import nullcontext
 
 from benchmarks import machine
-from benchmarks.rig import Driven, busy
+from benchmarks.rig import Driven
 from robotctl.app.supervision.stack import CONTROL
+from robotctl.deploy.rehearsal import busy
 from robotctl.messages.control import LoopStatistics
 
 TARGET_US = 150.0

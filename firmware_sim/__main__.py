@@ -37,7 +37,7 @@ from firmware_sim.nodes.node import NmtState
 from firmware_sim.pace import SharedClock
 from firmware_sim.parent import end_with_parent
 from firmware_sim.world.clutter import add_options, load_cluttered
-from firmware_sim.world.truth import Publisher
+from firmware_sim.world.publisher import Publisher
 
 if TYPE_CHECKING:
     from firmware_sim.bus.core import Bus
@@ -198,7 +198,7 @@ def _run(options: argparse.Namespace, signals: _Signals) -> None:
         state_directory=options.state,
         people=options.people,
     )
-    if options.lidar is not None and simulation.config.simulation.lidar is None:
+    if options.lidar is not None and not simulation.config.simulation.lidars:
         raise SimulationError(f"--lidar: {options.robot} has no table [simulation.lidar]")
     if options.camera is not None and simulation.config.camera is None:
         raise SimulationError(f"--camera: {options.robot} has no table [camera]")

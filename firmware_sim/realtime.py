@@ -16,6 +16,7 @@ import os
 import select
 import threading
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 from firmware_sim.bus.hub import Hub
@@ -24,7 +25,8 @@ from firmware_sim.bus.serve import Service, sharpen_timers
 from firmware_sim.camera.process import CameraProcess
 from firmware_sim.pace import MonotonicPace, Pace
 from firmware_sim.simulation import Simulation
-from firmware_sim.world.truth import Publisher, Scan, Truth
+from firmware_sim.world.publisher import Publisher
+from firmware_sim.world.truth import Scan, Truth
 
 LATE_NS = 50_000_000
 """Lag above which lost time is dropped [ns]."""
@@ -105,10 +107,9 @@ class RealTime:
         self._every(period_ns, publisher, self._truth)
 
     def publish_scans(self, publisher: Publisher) -> None:
-        """Publish the lidar's scans at its rate; nothing if there is no lidar."""
-        lidar = self.simulation.config.simulation.lidar
-        if lidar is not None:
-            self._every(round(1e9 / lidar.rate_hz), publisher, self._scan)
+        """Publish the lidars' scans at their rates; nothing if there is no lidar."""
+        for number, lidar in enumerate(self.simulation.config.simulation.lidars):
+            self._every(round(1e9 / lidar.rate_hz), publisher, partial(self._scan, number))
 
     def take_pictures(self, process: CameraProcess) -> None:
         """Let the camera's process take pictures at its rate; nothing if there is no camera."""
@@ -147,8 +148,8 @@ class RealTime:
             origin_ns=self.origin_ns, late=self.late, late_max_ns=self.late_max_ns
         )
 
-    def _scan(self) -> Scan | None:
-        return self.simulation.scan(origin_ns=self.origin_ns)
+    def _scan(self, lidar: int) -> Scan | None:
+        return self.simulation.scan(lidar, origin_ns=self.origin_ns)
 
     def _let_go(self, now_ns: int, due_ns: int) -> None:
         """Shift the origin if the loop lags too far behind `due_ns`."""

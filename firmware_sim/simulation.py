@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
@@ -24,6 +25,7 @@ from firmware_sim.bus.port import Port
 from firmware_sim.bus.state import FdSupport
 from firmware_sim.config.config import RobotConfig, load_robot
 from firmware_sim.config.motors import OWN_KIND, motor_table
+from firmware_sim.config.parameters import LidarParameters
 from firmware_sim.drives.registry import true_drive
 from firmware_sim.drives.twin import Motor, Twin
 from firmware_sim.errors import SimulationError
@@ -143,11 +145,14 @@ class Simulation:
         self._ring = SonarRing(config, room.seen_from(sonar_m), streams[2])
         self._stage = FaultyStage(self.plant)
         self._faulty_ring = FaultyRing(self._ring, config.sonar)
-        lidar = config.simulation.lidar
         self._seed = seed
         self._camera: Camera | None = None
         self._pictures = 0
-        self._lidar = None if lidar is None else Lidar(lidar, room.seen_from(lidar.z_m), streams[3])
+        lidars = config.simulation.lidars
+        self._lidars = _lidars(lidars, room, streams[3])
+        self._path = deque[tuple[int, float, float, float]]()
+        """Times and poses of the last moments, if a lidar sweeps."""
+        self._path_ns = max((round(1e9 * abs(each.sweep_s)) for each in lidars), default=0)
         self._people = People(room, people, streams[6]) if people or room.people else None
         self._people_ns, self._motion_before = start_ns, self.plant.motion
         memory = _memory(state_directory)
@@ -321,7 +326,8 @@ class Simulation:
         fd = FdSupport.INTOLERANT if is_classic else FdSupport.ENABLED
         port = bus.attach(node.name, receive, accept=node.arbitration_ids, fd=fd)
         self._ports[node.name] = port
-        node.connect(port, partial(self._alarm, bus))
+        wake = partial(self._wake, bus, node)
+        node.connect(port, lambda due_ns, _: bus.schedule(due_ns, wake))
         node.power_cycle(self.bus.now_ns)
 
     @property
@@ -374,17 +380,21 @@ class Simulation:
             people=self.people_m,
         )
 
-    def scan(self, *, origin_ns: int = 0) -> Scan | None:
-        """Return a scan of the lidar from the robot's present pose; None without a lidar.
+    def scan(self, number: int = 0, *, origin_ns: int = 0) -> Scan | None:
+        """Return a scan of a lidar that ends at the robot's present pose; None without a lidar.
 
         `origin_ns` is added to the time stamp, as in `truth`.
         """
-        lidar = self._lidar
-        if lidar is None:
+        if not self._lidars:
             return None
-        stamp_ns = self.run_to(self.bus.now_ns) + origin_ns
+        lidar = self._lidars[number]
+        now_ns = self.run_to(self.bus.now_ns)
+        stamp_ns = now_ns + origin_ns
         plant, mount = self.plant, lidar.parameters
-        ranges_m = lidar.scan(plant.x_m, plant.y_m, plant.theta_rad)
+        if mount.sweep_s == 0.0:
+            ranges_m = lidar.scan(plant.x_m, plant.y_m, plant.theta_rad)
+        else:
+            ranges_m = lidar.sweep(self._poses(now_ns - 1e9 * lidar.ages_s))
         angles_rad = lidar.angles_rad
         return Scan(
             stamp_ns=stamp_ns,
@@ -394,7 +404,15 @@ class Simulation:
             step_rad=float(angles_rad[1] - angles_rad[0]),
             max_range_m=mount.max_range_m,
             ranges=ranges_m.astype("<f4").tobytes(),
+            name=mount.name,
+            sweep_s=mount.sweep_s,
         )
+
+    def _poses(self, stamps_ns: np.ndarray) -> np.ndarray:
+        """Return where the robot was lately, (n, 3); before it was anywhere, where it began."""
+        times, *path = np.array(self._path).T
+        path[2] = np.unwrap(path[2])
+        return np.stack([np.interp(stamps_ns, times, each) for each in path], axis=1)
 
     def camera_frame(self, *, origin_ns: int = 0) -> Picture | None:
         """Return a picture from the robot's present pose; None if it has no camera.
@@ -429,15 +447,24 @@ class Simulation:
         people.step(self._people_ns, partial(self.plant.contact, motion=before))
         self.plant.discs = people.discs
         self._ring.walls.moving = sides = people.sides
-        if self._lidar is not None:
-            self._lidar.walls.moving = sides
+        for lidar in self._lidars:
+            lidar.walls.moving = sides
 
     def _step_plant(self, now_ns: int) -> int:
         steps = (now_ns - self._plant_ns) // STEP_NS
         if steps > 0:
             self.plant.step(steps)
             self._plant_ns += steps * STEP_NS
+        if self._path_ns and (steps or not self._path):
+            self._remember()
         return self._plant_ns
+
+    def _remember(self) -> None:
+        """Keep the present pose as long as a sweep may ask for it, and one before."""
+        path, plant = self._path, self.plant
+        path.append((self._plant_ns, plant.x_m, plant.y_m, plant.theta_rad))
+        while len(path) > 2 and path[1][0] <= self._plant_ns - self._path_ns:
+            path.popleft()
 
     def _make_drive(self, memory: Memory) -> DriveNode | None:
         """Return our own motor controller, if the robot has one."""
@@ -503,18 +530,13 @@ class Simulation:
         store = self.stores[name] = FragileStore(memory(name))
         return store
 
-    def _alarm(self, bus: Bus, due_ns: int, node: Node | Twin) -> None:
-        bus.schedule(due_ns, partial(self._wake, bus, node))
-
     def _wake(self, bus: Bus, node: Node | Twin) -> None:
-        if self.runs(node):
+        if node.name in self._ports:
             node.wake(bus.now_ns)
 
     def _motion(self) -> Motion:
         plant = self.plant
-        return Motion(
-            plant.powered, plant.v_m_s, plant.vy_m_s, plant.omega_rad_s, plant.steering_rad
-        )
+        return Motion(plant.powered, *plant.motion, plant.steering_rad)
 
     def _watch(self) -> None:
         """Start the periodic checks of the safety monitor."""
@@ -577,6 +599,17 @@ def _current_limit_ma(config: RobotConfig) -> int:
     stall_a = config.simulation.battery.cells * CELL_V / motor.resistance_ohm
     limit_ma = CONTINUOUS_SHARE * min(stall_a, motor.current_limit_a) * 1e3
     return max(round(limit_ma / CURRENT_STEP_MA), 1) * CURRENT_STEP_MA
+
+
+def _lidars(
+    tables: Sequence[LidarParameters], room: World, noise: np.random.Generator
+) -> list[Lidar]:
+    """Return the lidars of a robot; the first one's noise is as if it were alone."""
+    noises = [noise, *noise.spawn(max(len(tables) - 1, 0))]
+    return [
+        Lidar(each, room.seen_from(each.z_m), own)
+        for each, own in zip(tables, noises, strict=False)
+    ]
 
 
 def _memory(directory: Path | None) -> Memory:

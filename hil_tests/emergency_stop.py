@@ -7,7 +7,8 @@ from collections.abc import Callable
 
 import can
 
-from hil_tests.rig import EMERGENCY_STOP, Rig
+from hil_tests.bus_tool import EMERGENCY_STOP
+from hil_tests.rig import Rig
 from robotctl.app.supervision.stack import CONTROL
 from robotctl.messages.control import SafetyState
 

@@ -11,27 +11,21 @@ import signal
 import subprocess
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from functools import partial
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
-import can
-import canopen
 import numpy as np
 import zmq
 
-from firmware_sim.nodes import wire
-from firmware_sim.nodes.e2e import crc8, data_id_crc
+from hil_tests.bus_tool import DRIVE, BusTool
 from hil_tests.firmware import Firmware
 from hil_tests.processes import children_of
 from robotctl.app.simulation.run_status import BEST_EFFORT, PATIENCE, Truth
 from robotctl.app.supervision.child_process import start_child
 from robotctl.app.supervision.stack import CONTROL, NAVIGATION, RECORDER, TELEMETRY, WEB
 from robotctl.config.options import StackOptions
-from robotctl.config.robot_file import config_directory, find_file
-from robotctl.drivers.can.dbc import load_dbc
+from robotctl.config.robot_file import find_file
 from robotctl.messages.control import (
     Ack,
     Arm,
@@ -49,19 +43,11 @@ from robotctl.messages.control import (
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.runtime.ipc.topics import Endpoints, RequestSender, Subscriber, endpoint_directory
 
-DBC = load_dbc(config_directory() / "robot.dbc")
-DRIVE, SONAR, POWER = 1, 2, 3
 ROOM_M = (6.0, 4.0)
-COMMAND, EMCY_DRIVE, EMERGENCY_STOP = 0x201, 0x081, 0x001
-EMCY_COMMAND_TIMEOUT = 0x8130
-_COMMAND_CRC = data_id_crc(wire.data_id(wire.MOTOR_COMMAND))
-T = TypeVar("T")
 
 SUPERVISOR = "supervisor"
 UNIT = (SUPERVISOR, CONTROL, NAVIGATION, TELEMETRY, RECORDER)
 """The processes of a robot."""
-
-NODE_NAMES = {DRIVE: "drive", SONAR: "sonar", POWER: "power"}
 
 CIRCLE_M, NEAR_M = 0.5, 0.7
 """Radius of the circles that tests drive; how near to the middle of the room there is space."""
@@ -96,33 +82,11 @@ def _numbers(values: Sequence[float]) -> str:
     return " ".join(f"{value:.1f}" for value in values)
 
 
-def _ask_again(ask: Callable[[], T]) -> T:
-    """Ask a node by SDO until the answer is to this question.
-
-    There is one SDO channel: the answer to the robot's own reading may come first, even to one of
-    a control process that has just ended.
-    """
-    for _ in range(4):
-        with contextlib.suppress(canopen.SdoCommunicationError):
-            return ask()
-    return ask()
-
-
 class UnsafeMotionError(AssertionError):
     """The simulator's monitor saw the robot move as nobody allowed."""
 
 
-def is_sound(command: can.Message) -> bool:
-    """Return whether a MotorCommand frame fits its CRC."""
-    return crc8(command.data[1:], _COMMAND_CRC) == command.data[0]
-
-
-def enabled(command: can.Message) -> bool:
-    """Return whether a MotorCommand frame lets the motors turn."""
-    return bool(command.data[1] & 0x10)
-
-
-class Rig:
+class Rig(BusTool):
     """One bench on one bus.
 
     Parameters
@@ -158,8 +122,7 @@ class Rig:
         number = next(_instances)
         name = f"hil-{os.getpid()}-{number}"
         simulated = bus == "simcan"
-        self.interface = "simcan" if simulated else "socketcan"
-        self.channel = name if simulated else bus
+        super().__init__("simcan" if simulated else "socketcan", name if simulated else bus)
         self._firmware_bus = f"simcan:{name}" if simulated else bus
         self._world, self._start, self._directory = world, start, directory
         self._seed, self._rng = seed, np.random.default_rng(seed)
@@ -197,7 +160,6 @@ class Rig:
         self._to_navigation = RequestSender(self._context, self.endpoints.navigation_requests)
         self._ids = itertools.count(1)
         self._processes: dict[str, subprocess.Popen[bytes] | Firmware] = {}
-        self._observer: can.BusABC | None = None
         self.control: ControlState | None = None
         self.navigation: NavigationState | None = None
         self.notices: list[str] = []
@@ -323,8 +285,7 @@ class Rig:
 
     def close(self) -> None:
         """End everything, the stack first."""
-        if self._observer is not None:
-            self._observer.shutdown()
+        super().close()
         self.close_stack()
         if "firmware" in self._processes:
             self.kill("firmware", signal.SIGTERM)
@@ -332,39 +293,6 @@ class Rig:
         shutil.rmtree(self._folder, ignore_errors=True)
 
     # Looking
-
-    @property
-    def observer(self) -> can.BusABC:
-        """A further participant on the bus, which hears all."""
-        if self._observer is None:
-            self._observer = can.Bus(
-                interface=self.interface, channel=self.channel, receive_own_messages=False
-            )
-        return self._observer
-
-    def heard(self, seconds: float, *, before: bool = False) -> list[can.Message]:
-        """Return what the observer hears for so long; `before`: and has heard since last asked."""
-        while not before and self.observer.recv(0) is not None:
-            pass
-        messages: list[can.Message] = []
-        deadline_s = time.monotonic() + seconds
-        while (left_s := deadline_s - time.monotonic()) > 0:
-            message = self.observer.recv(left_s)
-            if message is not None:
-                messages.append(message)
-        return messages
-
-    def heard_until(self, arbitration_id: int, seconds: float) -> list[can.Message]:
-        """Return what the observer has heard, up to and with the first frame of that identifier."""
-        messages: list[can.Message] = []
-        deadline_s = time.monotonic() + seconds
-        while (left_s := deadline_s - time.monotonic()) > 0:
-            message = self.observer.recv(left_s)
-            if message is not None:
-                messages.append(message)
-                if message.arbitration_id == arbitration_id:
-                    return messages
-        raise AssertionError(f"no frame 0x{arbitration_id:03X} within {seconds} s")
 
     def fresh_truth(self) -> Truth:
         """Return the first truth from now on."""
@@ -576,32 +504,3 @@ class Rig:
         causes = {"CRC": 2, "counter": 3, "length or range": 4}
         counts = self.read_objects(DRIVE, [(0x2100, sub) for sub in causes.values()])
         return dict(zip(causes, counts, strict=True))
-
-    def read_objects(self, node: int, objects: Sequence[tuple[int, int]]) -> list[int]:
-        """Read unsigned objects by SDO through the independent `canopen` master."""
-        with self._sdo(node) as sdo:
-            return [
-                int.from_bytes(_ask_again(partial(sdo.upload, index, sub)), "little")
-                for index, sub in objects
-            ]
-
-    def write_object(self, node: int, index: int, value: int, size: int) -> None:
-        """Write an unsigned object by SDO as any tool does; raises what the node refuses."""
-        with self._sdo(node) as sdo:
-            _ask_again(partial(sdo.download, index, 0, value.to_bytes(size, "little")))
-
-    def store_parameters(self, node: int) -> None:
-        """Let a node keep the parameters that it has now."""
-        with self._sdo(node) as sdo:
-            _ask_again(partial(sdo.download, 0x1010, 1, b"save"))
-
-    @contextmanager
-    def _sdo(self, node: int) -> Iterator[canopen.sdo.SdoClient]:
-        network = canopen.Network()
-        network.connect(interface=self.interface, channel=self.channel)
-        try:
-            remote = network.add_node(node, canopen.objectdictionary.ObjectDictionary())
-            remote.sdo.RESPONSE_TIMEOUT = 1.0
-            yield remote.sdo
-        finally:
-            network.disconnect()

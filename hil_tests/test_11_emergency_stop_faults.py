@@ -9,8 +9,9 @@ from collections.abc import Callable
 
 import pytest
 
+from hil_tests.bus_tool import EMCY_DRIVE, EMERGENCY_STOP
 from hil_tests.emergency_stop import ON_THE_BUS, SOURCES, assert_latched
-from hil_tests.rig import EMCY_DRIVE, EMERGENCY_STOP, GUEST_TIME, PATIENT_S, UNIT, Rig
+from hil_tests.rig import GUEST_TIME, PATIENT_S, UNIT, Rig
 from robotctl.app.supervision.stack import CONTROL, NAVIGATION
 from robotctl.messages.control import Mode, SafetyState
 from robotctl.messages.faults import FaultCode

@@ -10,19 +10,11 @@ from contextlib import nullcontext
 import can
 import pytest
 
+from hil_tests.bus_tool import COMMAND, DRIVE, EMCY_DRIVE, enabled, is_sound
 from hil_tests.fault_rows import ROWS, Row
 from hil_tests.floods import flood
 from hil_tests.pauses import LIMIT_MS
-from hil_tests.rig import (
-    COMMAND,
-    DRIVE,
-    EMCY_DRIVE,
-    GUEST_TIME,
-    PATIENT_S,
-    Rig,
-    enabled,
-    is_sound,
-)
+from hil_tests.rig import GUEST_TIME, PATIENT_S, Rig
 from robotctl.messages.control import SafetyState
 from robotctl.messages.faults import Fault, FaultCode
 from robotctl.model.geometry.angles import wrap_angle

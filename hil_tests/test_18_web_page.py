@@ -9,8 +9,9 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from hil_tests.browser import Page
+from hil_tests.bus_tool import EMERGENCY_STOP
 from hil_tests.faulty_navigation import LEAK
-from hil_tests.rig import EMERGENCY_STOP, PATIENT_S, Rig
+from hil_tests.rig import PATIENT_S, Rig
 from robotctl.app.supervision.stack import NAVIGATION, WEB
 from robotctl.messages.control import Mode, SafetyState
 from robotctl.web.links import read_links

@@ -4,7 +4,8 @@ from itertools import pairwise
 
 import pytest
 
-from hil_tests.rig import NODE_NAMES, Rig
+from hil_tests.bus_tool import NODE_NAMES
+from hil_tests.rig import Rig
 
 
 def test_without_a_host_each_node_sends_ten_times_a_second_that_it_is_pre_operational_and_no_more(

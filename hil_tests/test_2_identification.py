@@ -2,7 +2,8 @@
 
 import zlib
 
-from hil_tests.rig import DRIVE, NODE_NAMES, Rig
+from hil_tests.bus_tool import DRIVE, NODE_NAMES
+from hil_tests.rig import Rig
 from robotctl.config.robot_file import config_directory
 from robotctl.messages.control import SafetyState
 from robotctl.messages.faults import FaultCode

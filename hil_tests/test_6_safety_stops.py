@@ -8,9 +8,10 @@ import can
 import cantools
 import pytest
 
+from hil_tests.bus_tool import COMMAND, EMERGENCY_STOP, enabled
 from hil_tests.emergency_stop import SOURCES, assert_latched
 from hil_tests.ground_station import GroundStation, mavlink
-from hil_tests.rig import COMMAND, EMERGENCY_STOP, PATIENT_S, Rig, enabled
+from hil_tests.rig import PATIENT_S, Rig
 from robotctl.app.supervision.stack import CONTROL
 from robotctl.config.robot_file import config_directory
 from robotctl.messages.control import SafetyState

@@ -12,22 +12,20 @@ import can
 import canopen
 import pytest
 
-from hil_tests.faulty_control import COLLECT, HANG, PAUSE_S, SPIN
-from hil_tests.faulty_navigation import LEAK
-from hil_tests.floods import flood
-from hil_tests.ground_station import GroundStation, mavlink
-from hil_tests.rig import (
+from hil_tests.bus_tool import (
     COMMAND,
     DRIVE,
     EMCY_COMMAND_TIMEOUT,
     EMCY_DRIVE,
-    GUEST_TIME,
-    PATIENT_S,
     POWER,
     SONAR,
-    Rig,
     enabled,
 )
+from hil_tests.faulty_control import COLLECT, HANG, PAUSE_S, SPIN
+from hil_tests.faulty_navigation import LEAK
+from hil_tests.floods import flood
+from hil_tests.ground_station import GroundStation, mavlink
+from hil_tests.rig import GUEST_TIME, PATIENT_S, Rig
 from robotctl.app.supervision.stack import CONTROL, NAVIGATION, RECORDER, TELEMETRY
 from robotctl.core.station_watch import PRESENCE_MAX_AGE_NS
 from robotctl.messages.control import Mode, SafetyState

@@ -1,25 +1,22 @@
-"""Compilation of inner loops with numba, cached on disk in the folder of `kernel_cache`."""
+"""Inner loops in machine code: out of a library where there is one, else compiled by numba.
+
+With the library a process loads neither numba nor llvmlite, unless a kernel is called with types
+that it was not compiled for.
+"""
 
 from __future__ import annotations
 
-import fcntl
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
-from pathlib import Path
+import sys
+from collections.abc import Callable
 from typing import Any, Final, ParamSpec, TypeVar
 
-import numba
-from numba.core import caching
-
 from robotctl.kernel_cache import FOLDER, is_beside_sources
+from robotctl.native_kernels import native_kernel
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
-_FUNCTION_CACHE: Any = caching.FunctionCache
-_RESULTS: Any = caching.CompileResultCacheImpl
-_LOCATOR: Any = caching._CacheLocator
-_SOURCE_FILE: Any = caching._SourceFileBackedLocatorMixin
+_WAITING: Final[list[Callable[[], None]]] = []
 
 
 def _compiling() -> str:
@@ -37,61 +34,41 @@ COMPILING: Final = _compiling()
 """Message for people when that begins."""
 
 
-class _Locator(_SOURCE_FILE, _LOCATOR):  # type: ignore[misc] # numba has no types
-    """Place of the code of a function, by its module."""
+def borrows(function: Callable[P, R]) -> Callable[P, R]:
+    """Mark a function, below `@compiled`, that makes no arrays and only uses those of its caller.
 
-    def __init__(self, function: Any, file: str) -> None:
-        self._py_file, self._lineno = file, function.__code__.co_firstlineno
-        self._folder = str(Path(FOLDER, function.__module__))
-
-    @classmethod
-    def from_function(cls, function: Any, file: str) -> _Locator:
-        """Return where it is kept; the folder is made when there is something to keep."""
-        return cls(function, file)
-
-    def get_cache_path(self) -> str:
-        """Return the folder."""
-        return self._folder
-
-
-class _Files(_RESULTS):  # type: ignore[misc]
-    """The files of a function's code."""
-
-    _locator_classes = (_Locator,)
-
-
-class _Cache(_FUNCTION_CACHE):  # type: ignore[misc]
-    """Compiled code of one function; a file that is cut or a full disk only costs time."""
-
-    _impl_class = _Files
-
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return the compiled function of a signature; None if there is none, or none whole."""
-        try:
-            return super().load_overload(sig, target_context)
-        except Exception:  # noqa: BLE001 - whatever pickle makes of a file that lost its end
-            with suppress(OSError):
-                self.flush()
-            return None
-
-    def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep a compiled function, if the disk takes it."""
-        with suppress(OSError), _alone(Path(FOLDER)):
-            super().save_overload(sig, data)
-
-
-@contextmanager
-def _alone(folder: Path) -> Iterator[None]:
-    """Let no other process write an index at the same time: the last one would win."""
-    with (folder / "lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        yield
+    References to them, which cost an inner loop more than its own work, are not counted in it, and
+    compiled callers take it in. Numba refuses one that makes an array.
+    """
+    function.borrows = True  # type: ignore[attr-defined]
+    return function
 
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a function to machine code at its first call; division by zero gives inf or nan."""
-    dispatcher: Any = numba.njit(error_model="numpy")(function)
-    if FOLDER:
-        dispatcher._cache = _Cache(function)  # as its `enable_caching` does
-    result: Callable[P, R] = dispatcher
-    return result
+    """Return a function as machine code; division by zero gives inf or nan."""
+    kernel: Callable[P, R] = native_kernel(function, _dispatcher_of) or _dispatcher_of(function)
+    return kernel
+
+
+def _dispatcher_of(function: Any) -> Any:
+    """Return what compiles a function at its first call."""
+    from robotctl.numba_kernels import dispatcher_of  # noqa: PLC0415 - 0.4 s and 45 MB
+
+    while _WAITING:
+        _WAITING.pop(0)()
+    return dispatcher_of(function)
+
+
+def with_numba(call: Callable[[], None]) -> None:
+    """Call something as soon as numba is loaded, which may never be."""
+    if "numba" in sys.modules:
+        call()
+    else:
+        _WAITING.append(call)
+
+
+def without_numba(call: Callable[[], None]) -> bool:
+    """Take back what waits for numba; return whether it still did."""
+    if waits := call in _WAITING:
+        _WAITING.remove(call)
+    return waits

@@ -3,16 +3,59 @@
 from __future__ import annotations
 
 import dataclasses
+import math
+import re
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, Final, TypeAlias, TypeVar
 
 from robotctl.errors import InvalidValue
 
 T = TypeVar("T")
 
 Value: TypeAlias = bool | int | float
+_NAMES: Final = re.compile(r"(\w+(?:, \w+)*)(?: : .*)?")
+"""Line of a docstring that names keys."""
+
 Rules: TypeAlias = Callable[[Any], Iterable[tuple[tuple[str | int, ...], str]]]
 """Yields what no value alone shows: the key to blame and what is wrong."""
+
+
+def descriptions(docstring: str) -> dict[str, str]:
+    """Return what the section `Parameters` of a table's docstring, unindented, says of each key."""
+    found: dict[str, str] = {}
+    section = docstring.partition("Parameters\n----------\n")[2].partition("\n\nRaises\n")[0]
+    names: tuple[str, ...] = ()
+    for line in section.splitlines():
+        if line and not line[0].isspace():
+            match = _NAMES.fullmatch(line)
+            names = tuple(match[1].split(", ")) if match else ()
+        for name in names if line[:1].isspace() else ():
+            found[name] = f"{found.get(name, '')} {line.strip()}".strip()
+    return found
+
+
+ABOVE_0: Final = math.nextafter(0.0, 1.0)
+"""Lower bound of what must be above 0."""
+
+
+def check_ranges(config: object, **ranges: tuple[float, float]) -> None:
+    """Refuse a value of a configuration that is outside its range, ends included, or infinite.
+
+    Raises
+    ------
+    InvalidValue
+        Names the first such key, what was found and what is allowed.
+    """
+    for key, (least, most) in ranges.items():
+        value = getattr(config, key)
+        if not (least <= value <= most and math.isfinite(value)):
+            raise InvalidValue(key, f"{value} found, {_allowed(least, most)} allowed", value)
+
+
+def _allowed(least: float, most: float) -> str:
+    if math.isfinite(most):
+        return f"{least:g} to {most:g}"
+    return "a finite number > 0" if least == ABOVE_0 else f"{least:g} or more"
 
 
 def value_at(config: object, key: str) -> Value | None:

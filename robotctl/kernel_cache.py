@@ -1,30 +1,39 @@
 """Folder of the compiled functions (kernels), and whether all of them are in it.
 
 Numba renews a cached function when its own file changes, not when a function that it calls in
-another file does. So the cache has a folder of its own for each state of the sources, wherever they
-are: copies of the same sources may share it. What reads this loads neither numba nor llvmlite.
+another file does. So each has a digest of all that it is made of (`kernel_digests`), and the cache
+a folder of its own for each set of kernels, wherever their sources are: copies may share it. A new
+folder takes over what is in the earlier ones and still holds. What reads this loads neither numba
+nor llvmlite.
 """
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
+import json
 import os
 import re
 import shutil
 import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
 _PACKAGE: Final = Path(__file__).parent
-_IMPORT: Final = re.compile(rb"^from robotctl\.([\w.]+) import ([^(\n]+|\([^)]*\))", re.MULTILINE)
-_CONSTANT: Final = re.compile(rb"\b[A-Z][A-Z0-9_]+\b")
+_LIBRARY: Final = (
+    _PACKAGE / "native_kernels.c",
+    _PACKAGE / "workbench" / "compile" / "native_library.py",
+)
+"""Sources of what makes a library of the kernels (`native_kernels`)."""
 _KERNEL: Final = re.compile(rb"^ *@compiled$", re.MULTILINE)
 _KEPT: Final = 4
-"""Folders of earlier sources that stay: another checkout or process may still use them."""
+"""Folders of earlier kernels that stay: another checkout or process may still use them."""
+_KEPT_DIGESTS: Final = 8
+"""Files with digests that stay, each of one state of all sources."""
 
 
 def _parents() -> Iterator[Path]:
@@ -53,50 +62,101 @@ def _is_made_private(folder: Path) -> bool:
     return status.st_uid == os.geteuid() and not status.st_mode & 0o022 and not folder.is_symlink()
 
 
-def _sources() -> dict[Path, bytes]:
-    """Return the sources of compiled code: of functions, and of constants that they import."""
-    found = {
-        path: text
-        for path in sorted(_PACKAGE.rglob("*.py"))
-        if _KERNEL.search(text := path.read_bytes())
-    }
-    new = list(found.values())
-    while new:
-        for module, names in _IMPORT.findall(new.pop()):
-            path = _PACKAGE.joinpath(*module.decode().split(".")).with_suffix(".py")
-            if _CONSTANT.search(names) and path not in found:
-                found[path] = path.read_bytes()
-                new.append(found[path])
-    how = _PACKAGE / "compiled.py"
-    return {**found, how: how.read_bytes()}
-
-
-def _cache_folder() -> str:
-    """Return the folder for compiled code of exactly these sources; "" where none takes it."""
-    digest = hashlib.sha256()
-    for text in _sources().values():
-        digest.update(text)
+def _digests() -> dict[str, str]:
+    """Return the digests of all kernels, from a file where these very sources were seen before."""
+    sources = {path: path.read_bytes() for path in sorted(_PACKAGE.rglob("*.py"))}
+    whole = hashlib.sha256()
+    for path, text in sources.items():
+        whole.update(f"{path.relative_to(_PACKAGE)} {len(text)} ".encode())
+        whole.update(text)
+    name = f"kernels-{whole.hexdigest()[:16]}.json"
+    parents: list[Path] = []
     with suppress(FileNotFoundError):  # no temporary folder at all
         for parent in _parents():
-            folder = parent / f"compiled-{digest.hexdigest()[:12]}"
-            if _takes_files(folder) or any(folder.glob(_mark("*"))):
+            parents.append(parent)
+            with suppress(OSError, ValueError):
+                found: dict[str, str] = json.loads((parent / name).read_bytes())
+                return found
+    from robotctl.kernel_digests import KernelDigests  # noqa: PLC0415 - after a change only
+
+    digests = KernelDigests(_PACKAGE, sources).all()
+    for parent in parents:
+        with suppress(OSError):
+            _keep(parent / name, digests)
+            break
+    return digests
+
+
+def _keep(file: Path, digests: dict[str, str]) -> None:
+    """Keep digests in a file, in place of old ones."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    own = file.with_suffix(f".{os.getpid()}")
+    own.write_text(json.dumps(digests), encoding="utf-8")
+    own.replace(file)
+    for old in _by_age(file.parent, "kernels-*")[:-_KEPT_DIGESTS]:
+        old.unlink(missing_ok=True)
+
+
+def _by_age(parent: Path, pattern: str) -> list[Path]:
+    """Return files and folders of the cache, the oldest first."""
+    return sorted(parent.glob(pattern), key=lambda path: path.stat().st_mtime)
+
+
+def _cache_folder(digests: dict[str, str]) -> str:
+    """Return the folder for compiled code of exactly these kernels; "" where none takes it."""
+    made = hashlib.sha256(json.dumps(digests, sort_keys=True).encode())
+    for source in _LIBRARY:
+        made.update(source.read_bytes())
+    digest = made.hexdigest()[:12]
+    with suppress(FileNotFoundError):  # no temporary folder at all
+        for parent in _parents():
+            folder = parent / f"compiled-{digest}"
+            if _takes_files(folder, digests) or any(folder.glob(_mark("*"))):
                 return str(folder)
     return ""
 
 
-def _takes_files(folder: Path) -> bool:
+def _takes_files(folder: Path, digests: dict[str, str]) -> bool:
     """Make a folder of the cache, in place of old ones; return whether it takes files."""
     try:
         if not folder.is_dir():
-            earlier = folder.parent.glob("compiled-*")
-            by_age = sorted(earlier, key=lambda path: path.stat().st_mtime)
-            for old in by_age[:-_KEPT]:
+            earlier = _by_age(folder.parent, "compiled-*")
+            for old in earlier[:-_KEPT]:
                 shutil.rmtree(old, ignore_errors=True)
-            folder.mkdir(parents=True, exist_ok=True)
+            own = folder.with_suffix(f".{os.getpid()}")
+            own.mkdir(parents=True)
+            _take_over(own, earlier[-_KEPT:], set(digests.values()))
+            try:
+                own.rename(folder)
+            except OSError:  # another process was faster
+                shutil.rmtree(own)
         with tempfile.TemporaryFile(dir=folder):
             return True
     except OSError:
         return False
+
+
+def _take_over(folder: Path, earlier: list[Path], digests: set[str]) -> None:
+    """Put compiled code with these digests into a folder, each from the last that has it."""
+    for old in reversed(earlier):
+        taken: set[str] = set()
+        with suppress(OSError), alone(old):
+            for file in sorted(old.rglob("*-*.nb[ci]")):  # code before the index that tells of it
+                digest = file.name.rpartition("-")[2].partition(".")[0]
+                if digest in digests:
+                    to = folder / file.parent.name / file.name
+                    to.parent.mkdir(exist_ok=True)
+                    to.hardlink_to(file)
+                    taken.add(digest)
+        digests = digests - taken
+
+
+@contextmanager
+def alone(folder: Path) -> Iterator[None]:
+    """Let no other process write an index at the same time: the last one would win."""
+    with (folder / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
 
 
 def processor() -> str:
@@ -115,7 +175,9 @@ def _mark(processor: str) -> str:
     return f"complete-{version('numba')}-{sys.implementation.cache_tag}-{processor}"
 
 
-FOLDER: Final = _cache_folder()
+DIGESTS: Final = _digests()
+"""Digests of the kernels, by module, colon and name; of one within a function by that."""
+FOLDER: Final = _cache_folder(DIGESTS)
 """Folder of the compiled code, "" if it cannot be kept. Only readable where it is complete."""
 
 

@@ -16,6 +16,11 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("robotctl", "firmware_sim")
+OF_ROBOTCTL = (
+    "kernel_cache.py", "kernel_digests.py", "native_kernels.py", "native_kernels.c",
+    "numba_kernels.py", "workbench/compile/native_library.py",
+)  # fmt: skip
+"""What `compiled.py` of robotctl needs."""
 KERNEL = """from {package}.compiled import compiled
 
 
@@ -43,7 +48,9 @@ def installed(tmp_path: Path) -> Path:
         (folder / name / "__init__.py").touch()
         shutil.copy(ROOT / name / "compiled.py", folder / name)
         if name == "robotctl":
-            shutil.copy(ROOT / name / "kernel_cache.py", folder / name)
+            for each in OF_ROBOTCTL:
+                (folder / name / each).parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy(ROOT / name / each, folder / name / each)
         (folder / name / "kernel.py").write_text(KERNEL.format(package=name))
         (folder / name / "__pycache__").write_text("no folder")
     return folder
@@ -78,7 +85,7 @@ def calls() -> Iterator[subprocess.Popen[str]]:
 
 @pytest.fixture
 def start(calls: subprocess.Popen[str], installed: Path, package: str) -> Start:
-    """Return what calls a function in a new process: how often the cache had it, and where."""
+    """Return what halves 3 in a new process: how often the cache had the code, and where."""
 
     def started(
         *,
@@ -87,6 +94,7 @@ def start(calls: subprocess.Popen[str], installed: Path, package: str) -> Start:
         named: str = "",
         full: bool = False,
         sources: Path = installed,
+        expected: float = 1.5,
     ) -> tuple[int, str]:
         order = {
             "installed": str(sources),
@@ -96,7 +104,8 @@ def start(calls: subprocess.Popen[str], installed: Path, package: str) -> Start:
             "full": full,
         }
         print(json.dumps(order), file=calls.stdin, flush=True)
-        hits, place = json.loads(calls.stdout.readline())
+        result, hits, place = json.loads(calls.stdout.readline())
+        assert result == expected
         return hits, place
 
     return started
@@ -176,8 +185,91 @@ def test_a_constant_that_another_file_defines_is_part_of_the_code(
     text = kernel.read_text().replace("0.5 *", "HALF *")
     kernel.write_text(f"from {package}.constants import HALF\n{text}")
     hits = [start(home=home, temporary=tmp_path)[0] for _ in range(2)]
-    constants.write_text(f"{constants.read_text()}# edited\n")
-    assert [*hits, start(home=home, temporary=tmp_path)[0]] == [0, 1, 0]
+    constants.write_text(constants.read_text().replace("0.5", "0.25"))
+    assert [*hits, start(home=home, temporary=tmp_path, expected=0.75)[0]] == [0, 1, 0]
+
+
+TIMES = """from robotctl import offsets
+from robotctl.share import Share
+from robotctl.compiled import compiled
+
+
+@compiled
+def times(x, share: Share):
+    return x * share.part + offsets.ZERO
+"""
+"""A kernel that another one calls with a named tuple of a third file."""
+MODULES = {
+    "sizes": "WHOLE = 2.0\nPART = 1.0 / WHOLE\n",
+    "share": "from typing import NamedTuple\n\nclass Share(NamedTuple):\n"
+    "    part: float\n    other: float\n",
+    "offsets": "ZERO = 0.0\n",
+    "times": TIMES,
+    "kernel": KERNEL.format(package="robotctl")
+    .replace("\n\n\n", "\nfrom robotctl.sizes import PART\nfrom robotctl.share import Share\n"
+             "from robotctl.times import times as scaled\n\n\n", 1)
+    .replace("0.5 * x", "scaled(x, Share(PART, 0.25))"),
+    "unused": KERNEL.format(package="robotctl").replace("half", "unused"),
+}  # fmt: skip
+
+
+@pytest.fixture
+def linked(installed: Path) -> Path:
+    """Modules of which one has a kernel that is made of things in four others."""
+    for name, text in MODULES.items():
+        (installed / "robotctl" / f"{name}.py").write_text(text)
+    return installed / "robotctl"
+
+
+@pytest.mark.parametrize("package", ["robotctl"], indirect=True)
+@pytest.mark.parametrize(
+    ("module", "old", "new", "expected"),
+    [
+        ("sizes", "WHOLE = 2.0", "WHOLE = 4.0", 0.75),
+        ("sizes", "2.0\n", "2.0\nif WHOLE:\n    WHOLE += 2.0\n", 0.75),
+        ("offsets", "0.0", "1.0", 2.5),
+        ("times", "x * share", "2.0 * x * share", 3.0),
+        ("share", "part: float\n    other", "other: float\n    part", 0.75),
+    ],
+    ids=[
+        "constant of a constant",
+        "constant set anew",
+        "constant of a module",
+        "called kernel",
+        "order of fields",
+    ],
+)
+def test_code_is_made_anew_when_anything_changes_that_it_is_made_of(
+    start: Start, linked: Path, home: Path, tmp_path: Path,
+    module: str, old: str, new: str, expected: float,
+) -> None:  # fmt: skip
+    first = start(home=home, temporary=tmp_path)
+    file = linked / f"{module}.py"
+    assert old in file.read_text()
+    file.write_text(file.read_text().replace(old, new))
+    second = start(home=home, temporary=tmp_path, expected=expected)
+    assert (first[0], second[0]) == (0, 0)
+
+
+@pytest.mark.parametrize("package", ["robotctl"], indirect=True)
+@pytest.mark.parametrize(
+    ("module", "old", "new"),
+    [
+        ("times", "    return", '    """Return a share."""\n\n    return'),
+        ("kernel", "@compiled", "# A half.\n\n@compiled"),
+        ("unused", "0.5", "0.7"),
+        ("sizes", "WHOLE", "UNUSED = 3.0\nWHOLE"),
+    ],
+    ids=["docstring", "comment", "another kernel", "another constant"],
+)
+def test_code_stays_when_only_words_or_other_things_change(
+    start: Start, linked: Path, home: Path, tmp_path: Path, module: str, old: str, new: str
+) -> None:
+    first = start(home=home, temporary=tmp_path)
+    file = linked / f"{module}.py"
+    file.write_text(file.read_text().replace(old, new, 1))
+    second = start(home=home, temporary=tmp_path)
+    assert (first[0], second[0]) == (0, 1)
 
 
 def test_a_copy_of_the_same_sources_shares_it(

@@ -105,6 +105,13 @@ def test_optimal_planners_agree_and_a_curved_path_is_no_shorter():
     assert all(clearance_m > 0 for _, clearance_m in figures)
 
 
+def test_a_point_halfway_is_as_sure_as_its_factor():
+    pytest.importorskip("scipy")
+    ((x_m, y_m, *sigmas_m),) = run("pose_graph_own_factor")
+    assert (x_m, y_m) == pytest.approx((2.0, 0.0), abs=1e-6)
+    assert sigmas_m == pytest.approx([0.1, 0.1])
+
+
 def test_the_closed_square_is_the_least_squares_solution():
     np, scipy = pytest.importorskip("numpy"), pytest.importorskip("scipy.optimize")
     _, optimum = run("pose_graph")

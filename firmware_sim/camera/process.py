@@ -25,7 +25,8 @@ from firmware_sim.errors import SimulationError
 from firmware_sim.pace import ClockReader, MonotonicPace
 from firmware_sim.parent import end_with_parent
 from firmware_sim.world.clutter import add_options, load_cluttered
-from firmware_sim.world.truth import Picture, Publisher
+from firmware_sim.world.publisher import Publisher
+from firmware_sim.world.truth import Picture
 
 _EXPOSURE = struct.Struct("<qqddd")
 _WAITING = 65_536 // _EXPOSURE.size

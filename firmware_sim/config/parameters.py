@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import Discriminator, Field, Tag
 
 from firmware_sim.config.camera_parameters import CameraParameters
 from firmware_sim.config.quantities import (
@@ -233,8 +233,13 @@ class SonarParameters:
 @closed
 @dataclass(frozen=True, slots=True)
 class LidarParameters:
-    """A planar lidar: `beams` over `fov_deg`, the first at the right, in scans of `rate_hz`."""
+    """A planar lidar: `beams` over `fov_deg`, the first at the right, in scans of `rate_hz`.
 
+    `sweep_s` is the time from its first beam to its last, negative if it turns clockwise and
+    measures the last one first; 0: all at one instant. `name` tells several apart.
+    """
+
+    name: str = ""
     x_m: Real = 0.0
     y_m: Real = 0.0
     z_m: Positive = 0.2
@@ -242,13 +247,30 @@ class LidarParameters:
     beams: Annotated[int, Field(strict=True, ge=2, le=10_000)] = 360
     fov_deg: Annotated[float, Field(strict=True, gt=0, le=360)] = 360.0
     rate_hz: Rate = 10.0
+    sweep_s: Real = 0.0
     min_range_m: NotNegative = 0.05
     max_range_m: Positive = 12.0
     sigma_m: NotNegative = 0.01
     dropout_probability: Share = 0.002
 
     def __post_init__(self) -> None:
+        if abs(self.sweep_s) * self.rate_hz > 1.0 + 1e-9:
+            raise ValueError(
+                f"sweep_s: {self.sweep_s} is longer than a turn at rate_hz = {self.rate_hz:g}"
+            )
         _check_ranges(self.min_range_m, self.max_range_m)
+
+
+def _table_or_tables(value: object) -> str:
+    return "tables" if isinstance(value, list | tuple) else "table"
+
+
+Lidars = Annotated[
+    Annotated[LidarParameters, Tag("table")]
+    | Annotated[tuple[LidarParameters, ...], Tag("tables")],
+    Discriminator(_table_or_tables),
+]
+"""One lidar, `[simulation.lidar]`, or several, `[[simulation.lidar]]` each."""
 
 
 @closed
@@ -296,12 +318,22 @@ class SimulationParameters:
     steering: SteeringParameters = field(default_factory=SteeringParameters)
     errors: GeometryErrors = field(default_factory=GeometryErrors)
     sonar: SonarParameters = field(default_factory=SonarParameters)
-    lidar: LidarParameters | None = None
+    lidar: Lidars | None = None
     camera: CameraParameters = field(default_factory=CameraParameters)
     imu: ImuParameters = field(default_factory=ImuParameters)
     twin: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
+    @property
+    def lidars(self) -> tuple[LidarParameters, ...]:
+        """All lidars, in the order of the file."""
+        if self.lidar is None:
+            return ()
+        return self.lidar if isinstance(self.lidar, tuple) else (self.lidar,)
+
     def __post_init__(self) -> None:
+        names = [each.name for each in self.lidars]
+        if len(set(names)) < len(names):
+            raise ValueError(f"lidar: each needs a name of its own, found {', '.join(names)}")
         if len(self.body) < 3:
             raise ValueError(f"body: {len(self.body)} corners; an outline needs at least 3")
         farthest = max(max(map(abs, corner)) for corner in self.body)

@@ -88,20 +88,20 @@ class Encoder:
 
     Parameters
     ----------
-    axis
-        Axis whose angle it counts.
+    numbers
+        State of the axis whose angle it counts, as `AXIS` has it.
     counts_per_revolution
         Quadrature counts per turn of the wheel.
     """
 
-    def __init__(self, axis: Axis, counts_per_revolution: float) -> None:
-        self._axis = axis
+    def __init__(self, numbers: memoryview[float], counts_per_revolution: float) -> None:
+        self._numbers = numbers
         self._per_rad = counts_per_revolution / (2.0 * math.pi)
 
     @property
     def count(self) -> int:
         """Counts since power-on, unbounded."""
-        return math.floor(self._axis.angle_rad * self._per_rad)
+        return math.floor(self._numbers[_ANGLE] * self._per_rad)
 
 
 class Axis:
@@ -237,7 +237,7 @@ class Axis:
 
     def encoder(self, counts_per_revolution: float) -> Encoder:
         """Return an encoder on the wheel, with the drive's resolution."""
-        return Encoder(self, counts_per_revolution)
+        return Encoder(self._numbers, counts_per_revolution)
 
     @property
     def powered(self) -> bool:

@@ -199,7 +199,13 @@ class Plant:
     @property
     def motion(self) -> tuple[float, float, float]:
         """Forward and lateral speed of base [m/s] and yaw rate [rad/s]."""
-        return self.v_m_s, self.vy_m_s, self.omega_rad_s
+        body = self._body_numbers
+        omega_rad_s = body[_OMEGA]
+        return (
+            body[_VX] + omega_rad_s * self._com_y_m,
+            body[_VY] - omega_rad_s * self._com_x_m,
+            omega_rad_s,
+        )
 
     def loosen(self, wheel: int, grip: float) -> None:
         """Reduce the grip of a wheel's tyre, by number, to a share: a fault."""
@@ -210,7 +216,7 @@ class Plant:
     @property
     def powered(self) -> bool:
         """Whether a bridge may drive its motor."""
-        return any(axis.powered for axis in self.axes)
+        return True in [axis.powered for axis in self.axes]
 
     @property
     def bus_voltage_v(self) -> float:
@@ -259,14 +265,12 @@ class Plant:
     @property
     def v_m_s(self) -> float:
         """True forward speed of base [m/s]."""
-        body = self._body_numbers
-        return body[_VX] + body[_OMEGA] * self._com_y_m
+        return self.motion[0]
 
     @property
     def vy_m_s(self) -> float:
         """True sideways speed of base [m/s], positive left."""
-        body = self._body_numbers
-        return body[_VY] - body[_OMEGA] * self._com_x_m
+        return self.motion[1]
 
     @property
     def omega_rad_s(self) -> float:

@@ -8,13 +8,13 @@ import numpy as np
 
 from firmware_sim.compiled import compiled, noise_state, normal, uniform
 from firmware_sim.config.parameters import LidarParameters
-from firmware_sim.sensors.rays import cast_fan, fan_angles
+from firmware_sim.sensors.rays import cast_fan, cast_rays, fan_angles
 from firmware_sim.world.near import Near
 from firmware_sim.world.world import World
 
 
 class Lidar:
-    """Takes scans of the room, each at one instant, without distortion by the robot's motion.
+    """Takes scans of the room, each at one instant or beam by beam as the robot moves.
 
     Parameters
     ----------
@@ -38,6 +38,30 @@ class Lidar:
     def angles_rad(self) -> np.ndarray:
         """Angles of the beams in base, (beams,), increasing from the right [rad]."""
         return self._angles + math.radians(self.parameters.heading_deg)
+
+    @property
+    def ages_s(self) -> np.ndarray:
+        """Time of each beam before the scan's, (beams,) [s], of a lidar that sweeps."""
+        ages = np.linspace(abs(self.parameters.sweep_s), 0.0, self.parameters.beams)
+        return ages if self.parameters.sweep_s > 0.0 else ages[::-1].copy()
+
+    def sweep(self, poses: np.ndarray) -> np.ndarray:
+        """Measure each range, (beams,), from a pose of base in world of its own, (beams, 3)."""
+        p = self.parameters
+        cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+        sensors = np.stack(
+            [
+                poses[:, 0] + cos * p.x_m - sin * p.y_m,
+                poses[:, 1] + sin * p.x_m + cos * p.y_m,
+                poses[:, 2] + self.angles_rad,
+            ],
+            axis=1,
+        )
+        ranges = np.empty(p.beams)
+        walls = self.walls.at(float(poses[-1, 0]), float(poses[-1, 1]))
+        cast_rays(sensors, p.max_range_m, walls, ranges)
+        disturb(ranges, p.sigma_m, p.dropout_probability, p.min_range_m, self._noise)
+        return ranges
 
     def scan(self, x_m: float, y_m: float, theta_rad: float) -> np.ndarray:
         """Measure the ranges from a pose of base in world.

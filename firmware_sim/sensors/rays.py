@@ -84,6 +84,34 @@ def cast_fan(
 
 
 @compiled
+def cast_rays(rays: np.ndarray, max_range: float, segments: np.ndarray, ranges: np.ndarray) -> None:
+    """Find the nearest wall on each ray from a place of its own.
+
+    Parameters
+    ----------
+    rays
+        x, y and direction in world, (n, 3).
+    max_range, segments, ranges
+        As of `cast_fan`.
+    """
+    for i in range(len(rays)):
+        x, y = rays[i, 0], rays[i, 1]
+        cos, sin = math.cos(rays[i, 2]), math.sin(rays[i, 2])
+        ranges[i] = np.inf
+        for m in range(len(segments)):
+            ux, uy = segments[m, 0] - x, segments[m, 1] - y
+            ex, ey = segments[m, 2] - segments[m, 0], segments[m, 3] - segments[m, 1]
+            across = cos * ey - sin * ex
+            if across == 0.0:
+                continue
+            away, share = (ux * ey - uy * ex) / across, (ux * sin - uy * cos) / across
+            if 0.0 <= share <= 1.0 and 0.0 <= away < ranges[i]:
+                ranges[i] = away
+        if ranges[i] > max_range:
+            ranges[i] = np.inf
+
+
+@compiled
 def sweep(
     start: float,
     end: float,

@@ -8,10 +8,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Final
 
-from numba.core import event
-from numba.core.dispatcher import Dispatcher
-
-from robotctl.compiled import COMPILING
+from robotctl.compiled import COMPILING, with_numba, without_numba
+from robotctl.native_kernels import native_library
 
 _KIND: Final = "numba:compile"
 _OURS: Final = ("robotctl.", "firmware_sim.")
@@ -23,12 +21,16 @@ _ANNOUNCING: Final[list[_Listener]] = []
 
 def _all() -> int:
     """Return how many functions there are to compile in the modules that are loaded."""
+    from numba.core.dispatcher import Dispatcher  # noqa: PLC0415 - loaded when this is asked
+
+    library = native_library()
+    kinds = (Dispatcher, *([library.Kernel] if library else []))
     modules = [module for name, module in [*sys.modules.items()] if name.startswith(_OURS)]
     values = (value for module in modules for value in [*vars(module).values()])
-    return len({id(value) for value in values if isinstance(value, Dispatcher)})
+    return len({id(value) for value in values if isinstance(value, kinds)})
 
 
-class _Listener(event.Listener):
+class _Listener:
     """Counts and reports the functions that numba has compiled."""
 
     def __init__(self, say: Callable[[str], None]) -> None:
@@ -36,13 +38,37 @@ class _Listener(event.Listener):
         self._done: set[str] = set()
         self._began_s = self._said_s = 0.0
 
-    def on_start(self, event: Any) -> None:  # noqa: ARG002 - as numba calls it
+    def start(self) -> None:
+        """Listen, from when numba is loaded on."""
+        with_numba(self._register)
+
+    def stop(self) -> None:
+        """Listen no more."""
+        if not without_numba(self._register):
+            from numba.core import event  # noqa: PLC0415 - loaded already
+
+            event.unregister(_KIND, self)  # type: ignore[no-untyped-call]
+
+    def _register(self) -> None:
+        from numba.core import event  # noqa: PLC0415 - loaded when this is called
+
+        event.Listener.register(_Listener)
+        event.register(_KIND, self)  # type: ignore[no-untyped-call]
+
+    def notify(self, event: Any) -> None:
+        """Take an event of numba."""
+        if event.is_start:
+            self._begin()
+        else:
+            self._end(event)
+
+    def _begin(self) -> None:
         """Say before the first that it will take a while, and why."""
         if not self._began_s:
             self._began_s = self._said_s = time.monotonic()
             self._say(COMPILING)
 
-    def on_end(self, event: Any) -> None:
+    def _end(self, event: Any) -> None:
         """Report progress from time to time."""
         function = event.data["dispatcher"].py_func
         if function.__module__.startswith(_OURS):
@@ -59,17 +85,17 @@ class _Listener(event.Listener):
 def announce_compiling(say: Callable[[str], None]) -> None:
     """Report compilation progress until the next call; nothing if everything is cached."""
     while _ANNOUNCING:
-        event.unregister(_KIND, _ANNOUNCING.pop())  # type: ignore[no-untyped-call]
+        _ANNOUNCING.pop().stop()
     _ANNOUNCING.append(_Listener(say))
-    event.register(_KIND, _ANNOUNCING[0])  # type: ignore[no-untyped-call]
+    _ANNOUNCING[0].start()
 
 
 @contextmanager
 def compile_progress(say: Callable[[str], None]) -> Iterator[None]:
     """Report compilation progress for a while; nothing if everything is cached."""
     listener = _Listener(say)
-    event.register(_KIND, listener)  # type: ignore[no-untyped-call]
+    listener.start()
     try:
         yield
     finally:
-        event.unregister(_KIND, listener)  # type: ignore[no-untyped-call]
+        listener.stop()

@@ -84,6 +84,10 @@ COMMANDS: Final = {
         "slam.slam:slam",
         "Make a trajectory and a map from a recorded drive, by landmarks or by scans.",
     ),
+    "slam edit": (
+        "slam.edit:edit",
+        "Close, refuse and move by hand in a map that was made by scans, or join two of them.",
+    ),
     "plan": (
         "plan.plan:plan",
         "Find the path between two places of a map, or say why there is none.",
@@ -121,6 +125,8 @@ class _LazyGroup(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
         """Return the subcommand of the arguments, imported now, with its name and the rest."""
         args = [OLD_NAMES.get(args[0], args[0]), *args[1:]]
+        if " ".join(args[:2]) in COMMANDS:
+            args = [" ".join(args[:2]), *args[2:]]
         name, command, rest = super().resolve_command(ctx, args)
         return name, load(name) if name in COMMANDS else command, rest
 

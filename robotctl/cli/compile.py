@@ -23,7 +23,7 @@ def compile_all() -> None:
     cache; a complete one beside the package serves all users. Status 2: no folder takes it.
     """
     kernels, console = Kernels(), plain_console(stderr=True)
-    if kernel_cache.FOLDER and not kernels.missing:
+    if kernel_cache.FOLDER and not kernels.missing and not kernels.lack_library:
         done = f"{counted(kernels.total, 'function')} compiled already"
         console.print(f"{done}, kept in {kernel_cache.FOLDER}", soft_wrap=True)
         return
@@ -68,10 +68,15 @@ def _compile(kernels: Kernels, console: Console) -> None:
                 told_s = time.monotonic()
                 console.print(f"{done} of {total} functions, {told_s - began_s:.0f} s")
 
-        kernels.compile(tell)
+        without = kernels.compile(tell)
     took_s = time.monotonic() - began_s
     where = kernel_cache.FOLDER
     console.print(
         f"{counted(kernels.total, 'function')} compiled in {took_s:.0f} s, kept in {where}",
         soft_wrap=True,
     )
+    if without:
+        console.print(
+            f"note: each process that uses them loads numba, 1 s and 200 MB more: {without}",
+            soft_wrap=True,
+        )

@@ -10,6 +10,7 @@ import typer
 
 from robotctl.cli.options import takes_options
 from robotctl.config.arguments import DEFAULT_ROBOT, Overrides, robot_file
+from robotctl.config_values import descriptions
 from robotctl.words import counted
 
 Robot = Annotated[
@@ -58,9 +59,16 @@ def show(file: Robot = DEFAULT_ROBOT, overrides: Overrides = ()) -> None:
 
 @app.command()
 def schema() -> None:
-    """Print the JSON schema of a robot's file: every key, its type and its default."""
+    """Print the JSON schema of a robot's file: every key, its type, its default and its meaning."""
     import pydantic  # noqa: PLC0415
 
     from robotctl.config.robot_file import RobotConfig  # noqa: PLC0415
 
-    print(json.dumps(pydantic.TypeAdapter(RobotConfig).json_schema(), indent=2))
+    whole = pydantic.TypeAdapter(RobotConfig).json_schema()
+    for table in (whole, *whole["$defs"].values()):
+        text = table.get("description", "")
+        for key, meaning in descriptions(text).items():
+            table["properties"].get(key, {})["description"] = meaning
+        if text:
+            table["description"] = " ".join(text.partition("\n\n")[0].split())
+    print(json.dumps(whole, indent=2))

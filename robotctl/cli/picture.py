@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.model.grid_map import GridMap
+from robotctl.model.grid_map import UNKNOWN, GridMap
+
+_PIXELS: Final = 1600
+"""Sides of a picture of a map at most: matplotlib takes some 20 bytes for each."""
 
 
 @contextmanager
@@ -33,11 +36,23 @@ def see_from_above(axes: Any, adjustable: str = "box") -> None:
 def draw_map(axes: Any, grid: GridMap) -> None:
     """Draw a map where it lies in the world; a turned one by its occupied cells."""
     if grid.origin.theta_rad == 0.0:
-        rows, columns = grid.cells.shape
         x, y, side = grid.origin.x_m, grid.origin.y_m, grid.resolution_m
-        extent = (x, x + columns * side, y, y + rows * side)
-        shades = np.where(grid.cells < 0, 0.85, 1.0 - 0.01 * grid.cells)
+        cells, side = _shrunk(grid.cells, side)
+        extent = (x, x + cells.shape[1] * side, y, y + cells.shape[0] * side)
+        shades = np.where(cells < 0, np.float32(0.85), 1.0 - np.float32(0.01) * cells)
         axes.imshow(shades, cmap="gray", vmin=0.0, vmax=1.0, origin="lower", extent=extent)
         return
     points: NDArray[np.float64] = grid.centre_of(np.argwhere(grid.occupied()))
     axes.plot(points[:, 0], points[:, 1], "k,", alpha=0.5)
+
+
+def _shrunk(cells: NDArray[np.int8], side_m: float) -> tuple[NDArray[np.int8], float]:
+    """Return the greatest of each block of cells, at most `_PIXELS` a side, and a block's side."""
+    block = -(-max(cells.shape) // _PIXELS)
+    rows, columns = (-(-size // block) for size in cells.shape)
+    spare = [
+        (0, whole * block - size) for whole, size in zip((rows, columns), cells.shape, strict=True)
+    ]
+    padded = np.pad(cells, spare, constant_values=UNKNOWN)
+    blocks = padded.reshape(rows, block, columns, block)
+    return blocks.max(axis=(1, 3)), block * side_m

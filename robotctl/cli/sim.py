@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -75,14 +75,10 @@ def sim(
         record=record,
         start=task.pose(),
         mission=task.mission_file(world),
-        overrides=(
-            *_origin(robot, overrides),
-            *task.settings(),
-            *web_settings(page),
-            *overrides,
-        ),
+        overrides=(*task.settings(), *web_settings(page), *overrides),
         localisation=task.localisation(),
     )
+    options = _on_the_globe(options)
     _refuse_what_has_no_effect(ctx, options, lockstep=lockstep, until_done=until_done)
     compile_missing(simulated=True)
     if lockstep:
@@ -153,8 +149,8 @@ def _refuse_what_has_no_effect(
         refuse_unused(ctx, why, *unused)
 
 
-def _origin(robot: Path, overrides: Sequence[str]) -> list[str]:
-    """Return where the simulated world lies on the globe, unless the robot's settings say.
+def _on_the_globe(options: SimOptions) -> SimOptions:
+    """Return options that say where the simulated world lies on the globe, unless they do already.
 
     Stations with a map need it. It is on an island near the equator and the zero meridian, since
     degrees in 32 bits, as dronekit sends them, are off by 3 cm at most there; they would be by
@@ -162,9 +158,11 @@ def _origin(robot: Path, overrides: Sequence[str]) -> list[str]:
     """
     from robotctl.config.robot_file import load_robot  # noqa: PLC0415
 
-    if load_robot(robot, overrides).mavlink.origin is not None:
-        return []
-    return ["mavlink.origin={latitude_deg=0.3365,longitude_deg=6.7273,altitude_m=5.0}"]
+    settings = options.settings(Path("the mission's own"))
+    if load_robot(options.robot, settings).mavlink.origin is not None:
+        return options
+    origin = "mavlink.origin={latitude_deg=0.3365,longitude_deg=6.7273,altitude_m=5.0}"
+    return replace(options, overrides=(origin, *options.overrides))
 
 
 def _run_lockstep(options: SimOptions) -> Report:

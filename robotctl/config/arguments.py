@@ -59,6 +59,16 @@ MaxRange = Annotated[
     ),
 ]
 
+Sweep = Annotated[
+    float | None,
+    typer.Option(
+        "--sweep",
+        metavar="S",
+        help="Time from a lidar scan's first beam to its last, negative if it measures the last "
+        "one first; 0: all at once; default: as the log says, mostly nothing.",
+    ),
+]
+
 
 def place(option: str, text: str) -> tuple[float, ...]:
     """Return the numbers of a place: x, y and perhaps a heading.

@@ -34,7 +34,7 @@ from robotctl.model.drives.drives import Drive
 from robotctl.model.drives.odometry_noise import MotionNoise
 from robotctl.model.sensors.camera import CameraConfig
 from robotctl.model.sensors.imu import ImuConfig
-from robotctl.model.sensors.lidar import LidarConfig
+from robotctl.model.sensors.lidar import SOCKET, LidarConfig
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.config import NavigationConfig
 from robotctl.runtime.realtime import LoopConfig
@@ -85,6 +85,12 @@ Buses = Annotated[
 ]
 """One bus, `[can]`, or several, `[[can]]` each."""
 
+Lidars = Annotated[
+    Annotated[LidarConfig, Tag("table")] | Annotated[tuple[LidarConfig, ...], Tag("tables")],
+    Discriminator(_table_or_tables),
+]
+"""One lidar, `[lidar]`, or several, `[[lidar]]` each."""
+
 
 if TYPE_CHECKING:
     Motor: TypeAlias = MotorConfig
@@ -103,7 +109,7 @@ class RobotConfig:
     control: ControlConfig = field(default_factory=ControlConfig)
     plausibility: PlausibilityConfig = field(default_factory=PlausibilityConfig)
     sonar: tuple[SonarMount, ...] = ()
-    lidar: LidarConfig | None = None
+    lidar: Lidars | None = None
     imu: ImuConfig = field(default_factory=ImuConfig)
     camera: CameraConfig | None = None
     ground_camera: GroundCameraConfig = field(default_factory=GroundCameraConfig)
@@ -144,6 +150,13 @@ class RobotConfig:
     def buses(self) -> tuple[CanConfig, ...]:
         """All buses, in the order of the file."""
         return self.can if isinstance(self.can, tuple) else (self.can,)
+
+    @property
+    def lidars(self) -> tuple[LidarConfig, ...]:
+        """All lidars, in the order of the file."""
+        if self.lidar is None:
+            return ()
+        return self.lidar if isinstance(self.lidar, tuple) else (self.lidar,)
 
     @property
     def motors(self) -> tuple[MotorConfig, ...]:
@@ -344,6 +357,7 @@ def contradictions(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]
     if len(names) > MAX_SONARS:
         problem = f"the bus carries at most {MAX_SONARS} sonars, found {len(names)}"
         yield ("sonar", MAX_SONARS), problem
+    yield from _wrong_lidars(config)
     if config.log.pictures_every_s and not config.has_camera:
         yield ("log", "pictures_every_s"), "needs camera.enabled = true"
     settings = config.localisation
@@ -381,6 +395,21 @@ def _wrong_buses(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
         elif problem := bus_problem(name, buses):
             yield ("nodes", node), problem
     yield from _wrong_drives(config)
+
+
+def _wrong_lidars(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
+    """Yield lidars of one name, on one line, or of two programs, which would share a socket."""
+    for number, lidar in enumerate(config.lidars):
+        before = config.lidars[:number]
+        if lidar.name in [each.name for each in before]:
+            problem = f"must differ from those before, found {lidar.name!r}"
+            yield ("lidar", number, "name"), problem
+        if before and (lidar.driver == SOCKET) != (before[0].driver == SOCKET):
+            problem = f"{lidar.driver!r} found, beside {before[0].driver!r} of the first"
+            yield ("lidar", number, "driver"), f"{problem}: one program publishes all scans"
+        elif lidar.driver != SOCKET and lidar.device in [each.device for each in before]:
+            problem = f"must differ from those before, found {lidar.device!r}"
+            yield ("lidar", number, "device"), problem
 
 
 def _wrong_drives(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:

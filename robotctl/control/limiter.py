@@ -82,10 +82,10 @@ def scale_to_limits(wanted: Twist, limits: LimitsConfig) -> Twist:
     excess = max(abs(v_m_s) / v_max, abs(omega_rad_s) / omega_max)
     if vy_max > 0.0:
         excess = max(excess, abs(vy_m_s) / vy_max)
-    else:
-        vy_m_s = 0.0
+    elif vy_m_s != 0.0:
+        wanted, vy_m_s = Twist(v_m_s, omega_rad_s), 0.0
     if excess <= 1.0:
-        return Twist(v_m_s, omega_rad_s, vy_m_s)
+        return wanted
     # Clamped again, since the division may round upwards.
     return Twist(
         min(max(v_m_s / excess, -v_max), v_max),

@@ -69,9 +69,18 @@ class SteeringDemand(NamedTuple):
     inside: bool
 
 
-def nearer_side(bearing_rad: float) -> Side:
-    """Return on which side to leave an obstacle so that the turn is the smaller one."""
-    return "left" if bearing_rad >= 0.0 else "right"
+def orbit_config(
+    radius_m: float, wheelbase_m: float, kp: float, steering_max_rad: float
+) -> SteeringLawConfig:
+    """Return the law whose orbit has a radius D [m], > 0: R = D cos(s_0 / kp), s_0 = atan(L / D).
+
+    Raises
+    ------
+    ValueError
+        If a value is outside its range.
+    """
+    steering_rad = math.atan2(wheelbase_m, radius_m)
+    return SteeringLawConfig(kp, radius_m * math.cos(steering_rad / kp), steering_max_rad)
 
 
 def steer_round(
@@ -100,6 +109,7 @@ def steer_round(
     # asin does not exist inside the circle; pi/2 continues it from the rim.
     half_width = math.pi / 2 if inside else math.asin(config.radius_m / distance_m)
     tangent = bearing_rad - half_width if side == "left" else bearing_rad + half_width
-    demand = config.kp * tangent
+    # Unwrapped, a robot that faces away would turn the long way, and inside go round wrongly.
+    demand = config.kp * math.remainder(tangent, math.tau)
     bound = config.steering_max_rad
     return SteeringDemand(min(max(demand, -bound), bound), inside)

@@ -129,13 +129,15 @@ class EncoderMotion:
         n = len(self._motions)
         if self.joints_rad:
             self.joints_rad = tuple([report.angle_rad or 0.0 for report in reports[n:]])
-        taken = [
-            motion.take(report) for motion, report in zip(self._motions, reports, strict=False)
-        ]
-        if any(moved for _, moved in taken):
+        kept: list[ActuatorFeedback] = []
+        moves = differs = False
+        for motion, report in zip(self._motions, reports, strict=False):
+            used, moved = motion.take(report)
+            kept.append(used)
+            moves = moves or moved
+            differs = differs or used is not report
+        if moves:
             joints_rad = self.joints_rad
             self.odometry.update(self.angles_rad, joints_rad)
             self.twist = self._drive.forward(self.speeds_rad_s, joints_rad)
-        if all(kept is report for (kept, _), report in zip(taken, reports, strict=False)):
-            return reports
-        return (*(kept for kept, _ in taken), *reports[n:])
+        return (*kept, *reports[n:]) if differs else reports

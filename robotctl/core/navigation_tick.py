@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Protocol
+from collections.abc import Mapping, Sequence
+from typing import Final, Protocol
 
 import msgspec
 
+from robotctl.config_values import Value
 from robotctl.core.navigation_adapter import NavigationAdapter
 from robotctl.core.operator import Operator
 from robotctl.errors import InvalidValue
@@ -17,6 +18,7 @@ from robotctl.messages.control import (
     NavigationState,
     Notice,
     Severity,
+    StepBudget,
     VelocityCommand,
 )
 from robotctl.messages.estimation import (
@@ -29,6 +31,8 @@ from robotctl.messages.estimation import (
 )
 from robotctl.messages.tuning import Tuning
 from robotctl.model.grid_map import GridMap
+
+_UNMEASURED: Final = StepBudget()
 
 
 class Estimation(Protocol):
@@ -54,6 +58,9 @@ class Estimation(Protocol):
 
     def take_notices(self) -> Sequence[str]:
         """Return sentences on changes since the last call."""
+
+    def retune(self, values: Mapping[str, Value]) -> None:
+        """Take other settings; raises `InvalidValue` if one is not allowed, none is taken then."""
 
 
 class NavigationTick:
@@ -148,13 +155,25 @@ class NavigationTick:
             navigator = self._adapter.navigator
             navigator.retune(tuning.values)
             self._adapter.fence.retune(navigator.limits)
+            if self._estimators is not None:
+                self._estimators.retune(tuning.values)
             self._tuning = tuning.number
         except InvalidValue as error:
             text = f"tuning refused: {error}"
             self._operator.tell(Notice(tuning.stamp_ns, Severity.WARNING, text))
 
-    def publish(self, now_ns: int, localise_us: float = 0.0, step_us: float = 0.0) -> None:
-        """Tell what was found and decided, with how long that took [us] where it was measured."""
+    def say(self, now_ns: int, text: str) -> None:
+        """Tell people something."""
+        self._operator.tell(Notice(now_ns, Severity.NOTICE, text))
+
+    def publish(
+        self,
+        now_ns: int,
+        localise_us: float = 0.0,
+        step_us: float = 0.0,
+        budget: StepBudget = _UNMEASURED,
+    ) -> None:
+        """Tell what was found and decided, with how long that took where it was measured."""
         tell, estimators = self._operator.tell, self._estimators
         if estimators is not None and self._control is not None:
             if self.localisation is not None:
@@ -162,10 +181,10 @@ class NavigationTick:
             for picture in (*estimators.pictures(now_ns), *estimators.given_map(now_ns)):
                 tell(picture)
             for text in estimators.take_notices():
-                tell(Notice(now_ns, Severity.NOTICE, text))
+                self.say(now_ns, text)
         for view in self._adapter.views(now_ns):
             tell(view)
         for text in self._adapter.take_notices():
             tell(Notice(now_ns, Severity.WARNING, text))
         if self.state is not None:
-            tell(msgspec.structs.replace(self.state, step_us=step_us))
+            tell(msgspec.structs.replace(self.state, step_us=step_us, budget=budget))

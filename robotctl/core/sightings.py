@@ -10,6 +10,7 @@ import numpy as np
 
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.estimation.ranging.scan_messages import lidar_scan
+from robotctl.estimation.ranging.unwinding import unwound
 from robotctl.messages.control import ControlState
 from robotctl.messages.estimation import CameraView, LidarScan
 from robotctl.model.geometry.se2 import SE2
@@ -111,7 +112,7 @@ class Sightings:
                 continue
             then = self._odometry.at(each.stamp_ns)
             with suppress(ValueError):
-                scan = lidar_scan(each)
+                scan = unwound(lidar_scan(each), self._odometry.at)
                 placed += [] if then is None else [(then, scan)]
         return placed
 

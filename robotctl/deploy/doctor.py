@@ -21,7 +21,7 @@ from robotctl.deploy.doctor_host import (
     check_disk,
     check_governor,
     check_isolation,
-    check_lidar,
+    check_lidars,
     check_preemption,
     check_serial,
     check_time_sync,
@@ -41,6 +41,7 @@ from robotctl.messages.mavlink_port import LinkConfig
 from robotctl.runtime.clock import RealClock
 
 LAG_SECONDS: Final = 5.0
+BENCH_SECONDS: Final = 60.0
 LOGS: Final = Path("/var/log/robotctl")
 
 
@@ -64,10 +65,9 @@ def examine(
     lag_seconds
         Duration of the measurement of wake-ups [s].
     """
-    try:
-        config = load_robot(robot, overrides)
-    except ConfigError as error:
-        yield fail("configuration", str(error), f"correct {robot}; robotctl config check {robot}")
+    config = read_robot(robot, overrides)
+    if isinstance(config, Finding):
+        yield config
         return
     yield ok("configuration", f"{robot}: {config.robot.name}, {config.runtime.rate_hz} Hz")
     if config.localisation.map or config.localisation.places:
@@ -81,13 +81,21 @@ def examine(
     yield from _check_wakeups(config, lag_seconds)
     yield from check_disk(logs)
     yield check_camera(config.camera, root)
-    yield check_lidar(config.lidar, root)
+    yield from check_lidars(config.lidars, root)
     serial = [link.address.host for link in config.mavlink.link if link.address.kind == "serial"]
     yield from check_serial(serial, root)
     yield check_time_sync(clock_status())
     yield from check_mavlink(config.mavlink.link)
     if config.mavlink.signing_key:
         yield check_key(config.mavlink)
+
+
+def read_robot(robot: Path, overrides: tuple[str, ...]) -> RobotConfig | Finding:
+    """Return the configuration of a robot, or what is wrong with its file."""
+    try:
+        return load_robot(robot, overrides)
+    except ConfigError as error:
+        return fail("configuration", str(error), f"correct {robot}; robotctl config check {robot}")
 
 
 def _check_localisation(config: RobotConfig, robot: Path) -> Finding:

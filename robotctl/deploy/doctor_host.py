@@ -238,12 +238,13 @@ def check_camera(camera: CameraConfig | None, root: Path) -> Finding:
     return check_device(check, path, "video")
 
 
-def check_lidar(lidar: LidarConfig | None, root: Path) -> Finding:
-    """Check the rights on the serial line of a lidar that a driver of ours reads."""
+def check_lidars(lidars: Sequence[LidarConfig], root: Path) -> list[Finding]:
+    """Check the rights on the serial lines of the lidars that a driver of ours reads."""
     check = "lidar"
-    if lidar is None or lidar.driver == SOCKET:
-        return none(check, "no driver of ours reads one: the table [lidar] is missing or says so")
-    return check_device(check, root / lidar.device.lstrip("/"), "dialout")
+    devices = [each.device for each in lidars if each.driver != SOCKET]
+    if not devices:
+        return [none(check, "no driver of ours reads one: the table [lidar] is missing or says so")]
+    return [check_device(check, root / each.lstrip("/"), "dialout") for each in devices]
 
 
 def check_serial(urls: Sequence[str], root: Path) -> list[Finding]:

@@ -48,6 +48,9 @@ class LocalisationConfig:
         Standard deviations of a pose from outside that gives no covariance [m], [rad], > 0.
     mapping
         Build a map of what sonars and lidar see, from the estimated poses.
+    paused
+        Whether mapping is paused: the robot is localised, the map that it makes stays as it is. In
+        force at once by the parameter MAP_PAUSE.
     seed
         Of the particles.
     particles_max
@@ -85,6 +88,7 @@ class LocalisationConfig:
     external_sigma_m: float = 0.1
     external_sigma_rad: float = 0.1
     mapping: bool = False
+    paused: bool = False
     seed: int = 1
     particles_max: int = 20_000
     sensors: tuple[SensorName, ...] = tuple(SENSORS)

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
 
-from robotctl.errors import InvalidValue
+from robotctl.config_values import check_ranges
 from robotctl.estimation.slam_tuning import SlamTuning
-
-_MOST = 1e4
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,9 +40,5 @@ class SlamConfig:
     stages: SlamTuning = field(default_factory=SlamTuning)
 
     def __post_init__(self) -> None:
-        for each in fields(self):
-            value = getattr(self, each.name)
-            if each.name == "stages":
-                continue  # they have checked themselves
-            if not 0.0 <= value <= _MOST:
-                raise InvalidValue(each.name, f"{value} found, 0 to {_MOST:g} allowed", value)
+        own = [each.name for each in fields(self) if each.name != "stages"]
+        check_ranges(self, **dict.fromkeys(own, (0.0, 1e4)))

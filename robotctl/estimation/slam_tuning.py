@@ -5,24 +5,19 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, fields
 
-from robotctl.errors import InvalidValue
+from robotctl.config_values import ABOVE_0, check_ranges
 from robotctl.estimation.places.visual.config import VisualConfig
 
 
 def _check(config: object, shares: tuple[str, ...] = (), least: int = 1) -> None:
     """Raise `InvalidValue` unless shares are in [0, 1], counts >= `least`, other numbers > 0."""
     for each in fields(config):  # type: ignore[arg-type]
-        key, value = each.name, getattr(config, each.name)
-        if not isinstance(value, int | float):
-            continue  # a nested group has checked itself
-        if key in shares:
-            if not 0.0 <= value <= 1.0:
-                raise InvalidValue(key, f"{value} found, a number in [0, 1] allowed", value)
-        elif isinstance(value, int):
-            if value < least:
-                raise InvalidValue(key, f"{value} found, {least} or more allowed", value)
-        elif not 0.0 < value < math.inf:
-            raise InvalidValue(key, f"{value} found, a finite number > 0 allowed", value)
+        value = getattr(config, each.name)
+        if each.name in shares:
+            check_ranges(config, **{each.name: (0.0, 1.0)})
+        elif isinstance(value, int | float):  # a nested group has checked itself
+            above = least if isinstance(value, int) else ABOVE_0
+            check_ranges(config, **{each.name: (above, math.inf)})
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +98,103 @@ class TrackingConfig:
                 "confirmed_contradiction",
             ),
         )
+
+
+@dataclass(frozen=True, slots=True)
+class HypothesisConfig:
+    """How scans are registered where no odometry tells the motion.
+
+    Parameters
+    ----------
+    near_m, near_rad
+        Half sides of the search window around the last pose [m], [rad], > 0.
+    far_m, far_rad
+        The same where nothing in that window is sure.
+    sure_worth
+        Plausibility of a place below which the far window is searched, too, [0, 1].
+    points
+        Number of points of a scan that the search compares, >= 1.
+    most
+        Number of places that are compared, >= 1.
+    behind
+        Maximum lag in score of a place behind the best one, [0, 1].
+    through
+        Loss of plausibility by the share of echoes that beams of the other scan went through, > 0.
+    most_through
+        Share that counts at most, > 0: where people stand about, beams go through all of them.
+    same_evidence
+        Lead in plausibility by which the expected place in a corridor is ruled out, [0, 1].
+    unexpected, most_unexpected
+        Loss of plausibility by the squared distance from the expected pose, in standard deviations,
+        [0, 1], and the square that counts at most, > 0: a robot may do anything.
+    far
+        Loss by that squared distance in units of 0.5 m and 0.5 rad, without a limit, [0, 1].
+    ambiguous
+        Lead in plausibility below which the best place is ambiguous, [0, 1].
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range.
+    """
+
+    near_m: float = 2.5
+    near_rad: float = 1.6
+    far_m: float = 4.0
+    far_rad: float = math.pi
+    sure_worth: float = 0.2
+    points: int = 120
+    most: int = 4
+    behind: float = 0.2
+    through: float = 2.0
+    most_through: float = 0.15
+    same_evidence: float = 0.02
+    unexpected: float = 0.01
+    most_unexpected: float = 9.0
+    far: float = 0.006
+    ambiguous: float = 0.1
+
+    def __post_init__(self) -> None:
+        _check(self, ("sure_worth", "behind", "unexpected", "far", "ambiguous"))
+
+
+@dataclass(frozen=True, slots=True)
+class TrustConfig:
+    """When scans do not believe odometry.
+
+    Parameters
+    ----------
+    through
+        Share of echoes that beams of the other scan went through, above which a match near the
+        odometry is compared with all places that fit, [0, 1].
+    lead, lead_at_rest
+        Lead in plausibility by which another place contradicts odometry, [0, 1]; the second where
+        odometry says that the robot stands: then scans must be the same but for who walks by.
+    pause, longest_pause
+        Number of scans without such a comparison after one that found nothing, >= 1: people walk
+        through beams, too. It doubles each time up to the second, as long as beams are interrupted.
+    contradictions, of_last
+        Number of contradicting scans, of so many last ones, after which odometry is left out, >= 1.
+    agreed_m
+        Distance on which all scans must agree with odometry until it is used again [m], > 0.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range.
+    """
+
+    through: float = 0.04
+    lead: float = 0.1
+    lead_at_rest: float = 0.03
+    pause: int = 5
+    longest_pause: int = 40
+    contradictions: int = 2
+    of_last: int = 4
+    agreed_m: float = 2.0
+
+    def __post_init__(self) -> None:
+        _check(self, ("through", "lead", "lead_at_rest"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -281,6 +373,8 @@ class LoopClosureConfig:
     slip
         Slip as a fraction of the distance, [0, 1]: without odometry, scans slip along bare walls
         unnoticed.
+    drift
+        Standard deviation of the position as a fraction of the distance without odometry, [0, 1].
     queue
         Number of candidates that wait, of each kind, >= 1.
     apart_m, apart_alike_m
@@ -305,6 +399,7 @@ class LoopClosureConfig:
     gate: float = 3.0
     beyond: float = 2.0
     slip: float = 0.2
+    drift: float = 0.03
     queue: int = 6
     apart_m: float = 0.4
     apart_alike_m: float = 2.0
@@ -317,7 +412,7 @@ class LoopClosureConfig:
     sonar: Tolerance = field(default_factory=lambda: Tolerance(1.0, 0.5))
 
     def __post_init__(self) -> None:
-        _check(self, ("slip",))
+        _check(self, ("slip", "drift"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -411,6 +506,70 @@ class StraightWallsConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class VerdictConfig:
+    """Limits of a good map.
+
+    Parameters
+    ----------
+    unmatched, unmatched_blind, hopeless_unmatched
+        Fraction of unmatched scans above which a map is doubtful, the same where no odometry tells
+        the motion, and that above which it is none, [0, 1].
+    ambiguous
+        Fraction of ambiguous scans above which a map is doubtful, [0, 1].
+    elsewhere, hopeless_elsewhere
+        Fraction of places passed again that fit better elsewhere, above which a map is doubtful,
+        and above which it is none, [0, 1].
+    contradicted_places
+        Fraction of places passed again that contradict what was seen there before, above which an
+        edited map is doubtful, [0, 1]: on five public logs 0 to 0.06 of a right map, 0.24 of halves
+        put together wrongly, 0.68 to 0.92 with loops left open.
+    fewest
+        Number of such places below which nothing follows from them, >= 1.
+    contradicted_m
+        Distance on which odometry contradicts the scans, without a break [m], > 0.
+    contradicted
+        Fraction of the distance on which it may do so with breaks, [0, 1].
+    ratio
+        Difference of a ratio of odometry and scans from 1, > 0.
+    yaw_rad
+        Direction of the motion by scans from that by odometry [rad], > 0.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range.
+    """
+
+    unmatched: float = 0.01
+    unmatched_blind: float = 0.005
+    hopeless_unmatched: float = 0.2
+    ambiguous: float = 0.04
+    elsewhere: float = 0.05
+    hopeless_elsewhere: float = 0.25
+    contradicted_places: float = 0.15
+    fewest: int = 3
+    contradicted_m: float = 3.0
+    contradicted: float = 0.03
+    ratio: float = 0.12
+    yaw_rad: float = 0.35
+
+    def __post_init__(self) -> None:
+        _check(
+            self,
+            (
+                "unmatched",
+                "unmatched_blind",
+                "hopeless_unmatched",
+                "ambiguous",
+                "elsewhere",
+                "hopeless_elsewhere",
+                "contradicted_places",
+                "contradicted",
+            ),
+        )
+
+
+@dataclass(frozen=True, slots=True)
 class SlamTuning:
     """Thresholds of SLAM's stages, in the order in which a scan passes them.
 
@@ -418,6 +577,8 @@ class SlamTuning:
     ----------
     tracking
         Registration of scans.
+    hypotheses, trust
+        Registration without odometry, and when odometry is not believed.
     known
         Places that are on the map already.
     links
@@ -430,9 +591,13 @@ class SlamTuning:
         Recognition of images.
     relocalisation
         Search for a lost robot.
+    verdict
+        What counts as a good map.
     """
 
     tracking: TrackingConfig = field(default_factory=TrackingConfig)
+    hypotheses: HypothesisConfig = field(default_factory=HypothesisConfig)
+    trust: TrustConfig = field(default_factory=TrustConfig)
     known: KnownPlacesConfig = field(default_factory=KnownPlacesConfig)
     links: LinkConfig = field(default_factory=LinkConfig)
     walls: StraightWallsConfig = field(default_factory=StraightWallsConfig)
@@ -441,3 +606,4 @@ class SlamTuning:
     verification: VerificationConfig = field(default_factory=VerificationConfig)
     images: VisualConfig = field(default_factory=VisualConfig)
     relocalisation: RelocalisationConfig = field(default_factory=RelocalisationConfig)
+    verdict: VerdictConfig = field(default_factory=VerdictConfig)

@@ -91,12 +91,15 @@ def load_map(path: Path) -> GridMap:
     pixels = read_image(header.image)
     white = np.iinfo(pixels.dtype).max
     if pixels.ndim == 2:
-        # Each shade is looked up, so that a large map takes a byte per cell.
+        # Each shade is looked up, row by row: indices take eight bytes per cell.
         shades = np.arange(white + 1)[:, None] / white
-        cells = _cells(shades, header, has_alpha=False)[pixels]
+        cell_of = _cells(shades, header, has_alpha=False)
+        cells = np.empty(pixels.shape, np.int8)
+        for row, shown in zip(cells, pixels[::-1], strict=True):
+            row[:] = cell_of[shown]
     else:
-        cells = _cells(pixels / white, header, has_alpha=pixels.shape[2] in {2, 4})
-    return GridMap(cells[::-1].copy(), header.resolution_m, header.origin)
+        cells = _cells(pixels / white, header, has_alpha=pixels.shape[2] in {2, 4})[::-1].copy()
+    return GridMap(cells, header.resolution_m, header.origin)
 
 
 def refuse_image(name: str) -> None:

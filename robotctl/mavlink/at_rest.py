@@ -10,7 +10,8 @@ from robotctl.mavlink.context import Context
 
 REST_M_S: Final = 0.02
 REST_RAD_S: Final = 0.1
-"""A slower robot is at rest: its encoders may flicker between two counts."""
+"""Speed [m/s] and turning rate [rad/s] below which the robot is at rest: its encoders may flicker
+between two counts."""
 
 
 def objection(context: Context, now_ns: int) -> str:

@@ -13,6 +13,7 @@ from robotctl.messages.mavlink_port import LinkConfig
 
 MIN_RATE_HZ = 0.001
 MAX_RATE_HZ = 100.0
+"""Bounds of a rate [Hz]."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -47,6 +47,7 @@ FRESH_NS = 1_000_000_000
 """Age beyond which a state is meaningless [ns]."""
 
 MAX_TEXTS = 64
+"""Maximum number of texts that wait."""
 
 UNKNOWN = 255
 """Unknown `progress` of COMMAND_ACK."""
@@ -59,7 +60,7 @@ LOCALISER_NOT_READY = "the localiser is not ready"
 
 Request: TypeAlias = ControlRequest | NavigationRequest
 Answer: TypeAlias = Callable[[int], None]
-"""Tells who asked for a change of a plan its MAV_MISSION_RESULT."""
+"""Sends the MAV_MISSION_RESULT of a change of a plan to the station that asked for it."""
 Clear: TypeAlias = Callable[[Address, Answer, int], None]
 """Removes the plan of one kind for a station, now [ns]; the answer follows."""
 State: TypeAlias = (
@@ -143,10 +144,10 @@ class NoStore:
 
 
 class CanTap(Protocol):
-    """The robot's CAN bus, for who watches it; nothing waits or raises."""
+    """The robot's CAN bus, for stations that watch it; no method blocks or raises."""
 
     def open(self) -> bool:
-        """Open it, if it is not; return whether it is."""
+        """Open the bus if it is closed; return whether it is open."""
 
     def receive(self) -> Sequence[tuple[int, bytes]]:
         """Return identifiers and data of what came since the last call."""
@@ -253,8 +254,8 @@ class Context:
     """Its name in `NavigationState`."""
     wall_ns: Callable[[], int] = time.time_ns
     """Return the time of day [ns since 1970]."""
-    scan: LidarScan | None = None
-    """The lidar's last."""
+    scans: dict[str, LidarScan] = field(default_factory=dict)
+    """The last of each lidar, by its name."""
     control: ControlState | None = None
     navigation: NavigationState | None = None
     mission: MissionView | None = None
@@ -309,7 +310,7 @@ class Context:
         return self.stores.get(word) or NoStore()
 
     def hear(self, received: Sequence[Received], now_ns: int) -> None:
-        """Note who is at the links, and who of them has sent something."""
+        """Note the peers on the links, and which of them have sent something."""
         self.peers = self.links.peers()
         self.heard_ns.update((each.peer, now_ns) for each in received)
         for gone in self.heard_ns.keys() - self.peers:
@@ -325,7 +326,7 @@ class Context:
         elif isinstance(state, LocalisationState):
             self.world.localise(state)
         elif isinstance(state, LidarScan):
-            self.scan = state
+            self.scans[state.name] = state
         elif isinstance(state, MissionView):
             self.mission = state
         elif isinstance(state, BoundsView):
@@ -339,7 +340,7 @@ class Context:
             )
 
     def may_speak(self, now_ns: int) -> bool:
-        """Return whether there is room for a text, and its cause has not had too many of them.
+        """Return whether a text may be queued: there is room, and its cause has not had too many.
 
         Not where half the room for texts is taken, nor for a sender of `BURST` texts: whoever asks
         for nonsense again and again must not crowd out what the other processes say, such as why
@@ -353,7 +354,7 @@ class Context:
         self._speak(now_ns, Said(severity, text, now_ns))
 
     def tell_asker(self, now_ns: int, text: str, severity: Severity = Severity.WARNING) -> None:
-        """Send `text` to whose message is handled, if it `may_speak`; a warning to notices, too."""
+        """Send `text` to the sender in hand, if it `may_speak`; a warning to notices, too."""
         self._speak(now_ns, Said(severity, text, now_ns, self.asker))
 
     def _speak(self, now_ns: int, said: Said) -> None:
@@ -426,7 +427,7 @@ class Context:
         return found[1]
 
     def fence_objection(self, x_m: float, y_m: float, now_ns: int) -> str:
-        """Say that the robot's fence does not let it to a point of `world` [m]; empty: it may."""
+        """Return why the fence keeps the robot from a point of `world` [m]; empty: it does not."""
         navigation = self.fresh_navigation(now_ns)
         if navigation is None or not navigation.fence.enabled:
             return ""

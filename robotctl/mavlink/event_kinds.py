@@ -16,6 +16,7 @@ from robotctl.messages.faults import FaultCode
 
 NAMESPACE: Final = "robotctl"
 COMPONENT_BITS: Final = 24
+"""Bits below the component in an event's number."""
 
 
 class EventKind(enum.IntEnum):
@@ -24,7 +25,7 @@ class EventKind(enum.IntEnum):
     STATE = 1
     """The state, a byte."""
     STOPPED = 2
-    """The same, and the FaultCode, two bytes."""
+    """The state, a byte, and the FaultCode, two bytes."""
     MODE = 3
     """The mode, a byte."""
 

@@ -19,7 +19,7 @@ MOST_ROUTES: Final = 128
 MOST_IN_A_STEP: Final = 100
 """Maximum messages passed on in a step, so that a flood leaves time for the robot's own."""
 REPEATED_NS: Final = 500_000_000
-"""The same frame that comes again this soon has gone in a circle [ns]."""
+"""Time within which a frame that comes again has gone in a circle [ns]."""
 _MOST_FRAMES: Final = 512
 _OURS_ALONE: Final = frozenset(
     {
@@ -102,7 +102,7 @@ class Forwarder:
         return known.intersection(present)
 
     def _is_new(self, frame: bytes, now_ns: int) -> bool:
-        """Say whether a frame has not just come by another way."""
+        """Return whether a frame has not just come by another route."""
         last_ns = self._frames.pop(frame, None)
         self._frames[frame] = now_ns
         if len(self._frames) > _MOST_FRAMES:

@@ -33,7 +33,7 @@ def _px4(main: int, sub: int = 0) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Personality:
-    """One claim.
+    """One autopilot that the robot can claim to be.
 
     Parameters
     ----------

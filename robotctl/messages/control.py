@@ -489,6 +489,25 @@ class ControlState(msgspec.Struct, frozen=True, tag=True):
         return Twist(self.v_ref_m_s, self.omega_ref_rad_s, self.vy_ref_m_s)
 
 
+class StepBudget(msgspec.Struct, frozen=True):
+    """Times of the last 200 steps of navigation, in all and by part [ms]; empty: not measured.
+
+    Parts: receive, localise, see, plan, steer, decide (the rest) and publish.
+
+    `steps` and `late`, those that took longer than the period, count since the start. `effort` is
+    the share of its samples by which it steers now, in (0, 1]: fewer where steps take too long.
+    """
+
+    period_ms: float = 0.0
+    steps: int = 0
+    late: int = 0
+    p50_ms: float = 0.0
+    p99_ms: float = 0.0
+    parts_p50_ms: dict[str, float] = {}
+    parts_p99_ms: dict[str, float] = {}
+    effort: float = 1.0
+
+
 class NavigationState(msgspec.Struct, frozen=True, tag=True):
     """State of the navigation process, published after each step.
 
@@ -507,7 +526,7 @@ class NavigationState(msgspec.Struct, frozen=True, tag=True):
     fence. `rally_crc` identifies its rally points, 0: there are none. `goal` is its present goal in
     `world` (m). `tuning` is the number of the `Tuning` in force. `reverse`: it drives to places in
     reverse. `home` is x, y (m) and heading (rad) of the goal of RTL in `world`, None: unchanged
-    since the start.
+    since the start. `budget` is renewed once a second.
     """
 
     stamp_ns: int
@@ -540,6 +559,7 @@ class NavigationState(msgspec.Struct, frozen=True, tag=True):
     tuning: int = 0
     reverse: bool = False
     home: tuple[float, float, float] | None = None
+    budget: StepBudget = StepBudget()
 
 
 class Notice(msgspec.Struct, frozen=True, tag=True):

@@ -15,7 +15,11 @@ class LidarScan(msgspec.Struct, frozen=True, tag=True):
 
     Beam i has the direction `first_rad + i * step_rad` from forward of `base`, to the left; the
     sensor is at `x_m`, `y_m` of `base`. `ranges` are float32, little-endian [m]: inf without an
-    echo within `max_range_m`.
+    echo within `max_range_m`. A robot with several lidars has a `name` for each.
+
+    A lidar that sweeps takes `sweep_s` from its first beam to its last [s], negative if it measures
+    the last one first; `stamp_ns` is the time of the one it measures last. Who takes the scan
+    takes the robot's motion out. 0: all beams are of one instant.
     """
 
     stamp_ns: int
@@ -25,6 +29,8 @@ class LidarScan(msgspec.Struct, frozen=True, tag=True):
     step_rad: float
     max_range_m: float
     ranges: bytes
+    name: str = ""
+    sweep_s: float = 0.0
 
 
 class SeenObstacle(msgspec.Struct, frozen=True):
@@ -115,7 +121,8 @@ class LocalisationState(msgspec.Struct, frozen=True, tag=True):
     is the upper triangle of the covariance of (x, y, theta) of `base` in `world`, row by row
     [m, m, rad]. `nis` is the normalised innovation squared of the EKF's last
     update (nan without one) and `nis_dof` its degrees of freedom; `particles` is 0 for the EKF.
-    `loops` are those that SLAM closed in this step.
+    `loops` are those that SLAM closed in this step; `verdict` says how good its map is, and why it
+    is no better. `paused`: the map that the robot makes stays as it is.
     """
 
     stamp_ns: int
@@ -132,6 +139,8 @@ class LocalisationState(msgspec.Struct, frozen=True, tag=True):
     odom_epoch_ns: int = 0
     epoch_ns: int = 0
     loops: tuple[ClosedLoop, ...] = ()
+    verdict: str = ""
+    paused: bool = False
 
     @property
     def T_world_odom(self) -> SE2:

@@ -14,6 +14,8 @@ from robotctl.model.geometry.se2 import SE2
 FREE: Final = 0
 OCCUPIED: Final = 100
 UNKNOWN: Final = -1
+OCCUPIED_FROM: Final = 50
+"""Occupancy from which a cell is an obstacle [%]: more likely than not."""
 STRIP: Final = 1024
 """Rows of a large map that are processed at once."""
 
@@ -111,10 +113,10 @@ class GridMap:
         """Return the rows `begin` to `end` - 1."""
         return self.cells[begin:end]
 
-    def occupied(self, threshold: int = 50) -> NDArray[np.bool_]:
+    def occupied(self, threshold: int = OCCUPIED_FROM) -> NDArray[np.bool_]:
         """Return which cells are occupied with at least `threshold` percent, (rows, columns)."""
         return self.cells >= threshold
 
-    def free(self, threshold: int = 50) -> NDArray[np.bool_]:
+    def free(self, threshold: int = OCCUPIED_FROM) -> NDArray[np.bool_]:
         """Return which cells are known and occupied with less than `threshold` percent."""
         return (self.cells >= 0) & (self.cells < threshold)

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Final
 
+from robotctl.config_values import check_ranges
 from robotctl.errors import InvalidValue
+from robotctl.planning.follow_config import FollowConfig
+from robotctl.planning.guard_config import ApproachConfig, GuardMemoryConfig
+from robotctl.planning.journey_config import ExplorationConfig, RungsConfig, TravelConfig
+from robotctl.planning.map.config import MapConfig
 from robotctl.planning.map.zone import Zone
 
 MOST_BLOCKED_S: Final = 1e6
@@ -14,6 +19,7 @@ LONGEST_WAIT_S: Final = 86400.0
 MOST_RETRIES: Final = 1000
 FARTHEST_BACK_M: Final = 5.0
 MOST_RESERVE: Final = 10.0
+"""Upper bounds of the values of the same names; beyond, a setting is a slip."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +44,8 @@ class GuardConfig:
         readings the robot stands.
     blocked_max_s
         A robot blocked for this long gives up [s], > 0, at most 1e6.
+    memory, approach
+        How long what is out of sight is kept, and when what a sonar hears comes nearer by itself.
 
     Raises
     ------
@@ -52,11 +60,13 @@ class GuardConfig:
     half_width_m: float = 0.18
     cone_deg: float = 30.0
     blocked_max_s: float = 10.0
+    memory: GuardMemoryConfig = field(default_factory=GuardMemoryConfig)
+    approach: ApproachConfig = field(default_factory=ApproachConfig)
 
     def __post_init__(self) -> None:
         for each in fields(self):
             value = getattr(self, each.name)
-            if not 0.0 < value < math.inf:
+            if not is_dataclass(value) and not 0.0 < value < math.inf:
                 raise InvalidValue(each.name, f"{value} found, a finite number > 0 allowed", value)
         if self.blocked_max_s > MOST_BLOCKED_S:
             raise InvalidValue(
@@ -216,6 +226,9 @@ class JourneyConfig:
     turning_reserve
         Planned over minimum turning radius of a robot that steers, in [1, 10]: leaves room for
         corrections.
+    rungs, exploration, travel
+        How it tries to get on where it is in trouble, how it chooses frontiers, and how it travels
+        by recognising places.
 
     Raises
     ------
@@ -230,6 +243,9 @@ class JourneyConfig:
     patience_s: float = 6.0
     blind_max_s: float = 10.0
     turning_reserve: float = 1.3
+    rungs: RungsConfig = field(default_factory=RungsConfig)
+    exploration: ExplorationConfig = field(default_factory=ExplorationConfig)
+    travel: TravelConfig = field(default_factory=TravelConfig)
 
     def __post_init__(self) -> None:
         for key in ("replan_s", "stuck_s", "patience_s", "blind_max_s"):
@@ -265,7 +281,12 @@ class PilotConfig:
         File of a topological map, of `robotctl topology build`: the places that the robot can drive
         to by recognising them; empty: none.
     margin_m
-        Between the body and obstacles on a planned path [m], >= 0.
+        Clearance between the body and obstacles on a planned path [m], >= 0.
+    comfort_m
+        Clearance beyond the margin below which a path counts longer [m], 0 to 10.
+    comfort_weight
+        Cost of a metre at the margin itself, beyond that of a free metre, 0 to 1000: larger, paths
+        keep to the middle, and make detours for it.
     zone
         Parts of the world that the robot keeps out of, or passes slowly.
 
@@ -279,6 +300,8 @@ class PilotConfig:
     controller: str = "mppi"
     topology: str = ""
     margin_m: float = 0.05
+    comfort_m: float = 0.25
+    comfort_weight: float = 2.0
     zone: tuple[Zone, ...] = ()
 
     def __post_init__(self) -> None:
@@ -286,6 +309,7 @@ class PilotConfig:
             raise InvalidValue(
                 "margin_m", f"{self.margin_m} found, a number >= 0 allowed", self.margin_m
             )
+        check_ranges(self, comfort_m=(0.0, 10.0), comfort_weight=(0.0, 1000.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -302,9 +326,10 @@ class NavigationConfig:
         Maximum speed of RTL [m/s], > 0.
     look_around_speed_m_s
         Largest speed of a robot that does not know where it is [m/s], > 0.
-    pursuit, guard, wall, pilot, journey, recovery
-        Following paths, minding obstacles, following walls, driving by plan, when to plan again,
-        and what to do where that does not get on.
+    pursuit, guard, wall, pilot, map, follow, journey, recovery
+        Following paths, minding obstacles, following walls, driving by plan, what sensors mark in
+        the map that it plans on, how a planned path is followed round obstacles, when to plan
+        again, and what to do where that does not get on.
 
     Raises
     ------
@@ -320,6 +345,8 @@ class NavigationConfig:
     guard: GuardConfig = field(default_factory=GuardConfig)
     wall: WallConfig = field(default_factory=WallConfig)
     pilot: PilotConfig = field(default_factory=PilotConfig)
+    map: MapConfig = field(default_factory=MapConfig)
+    follow: FollowConfig = field(default_factory=FollowConfig)
     journey: JourneyConfig = field(default_factory=JourneyConfig)
     recovery: RecoveryConfig = field(default_factory=RecoveryConfig)
 
@@ -331,3 +358,9 @@ class NavigationConfig:
                 raise InvalidValue(
                     key, f"{getattr(self, key)} found, a number > 0 allowed", getattr(self, key)
                 )
+        if self.follow.tau_s <= 1.0 / self.rate_hz:
+            raise InvalidValue(
+                "follow.tau_s",
+                f"{self.follow.tau_s} found, more than a step of 1 / rate_hz allowed",
+                self.follow.tau_s,
+            )

@@ -16,7 +16,7 @@ from robotctl.model.grid_map import GridMap
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.behave.behaviours.behaviour import BehaviourOutput
 from robotctl.planning.behave.behaviours.breadcrumbs import Breadcrumbs
-from robotctl.planning.behave.behaviours.kind import NavigatedRobot, Pilot
+from robotctl.planning.behave.behaviours.kind import UNHURRIED, NavigatedRobot, Pace, Pilot
 from robotctl.planning.behave.mission.mission_file import Mission
 from robotctl.planning.behave.modes.auto import Auto
 from robotctl.planning.behave.modes.modes import Modes
@@ -71,10 +71,14 @@ class Navigator:
         What AUTO does; None: AUTO is refused.
     home
         Where RTL leads to, usually the start, in `world`.
-    has_lidar, sees_markers
-        Whether the robot has a lidar, and a camera that looks for markers.
+    lidars
+        Number of its lidars.
+    sees_markers
+        Whether it has a camera that looks for markers.
     places
         Names of the places that its pilot can drive to.
+    pace
+        Told of the parts of its steps, and asked how much it may do in them.
 
     Attributes
     ----------
@@ -98,21 +102,23 @@ class Navigator:
         mission: Mission | None,
         home: SE2,
         *,
-        has_lidar: bool = False,
+        lidars: int = 0,
         sees_markers: bool = False,
         places: tuple[str, ...] = (),
+        pace: Pace = UNHURRIED,
     ) -> None:
         self._began_with = {"navigation": config, "limits": limits}
         guard = ObstacleGuard(
-            config.guard, mounts, has_lidar=has_lidar, limits=limits if drive.holonomic else None
+            config.guard, mounts, has_lidar=lidars > 0, limits=limits if drive.holonomic else None
         )
         crumbs = Breadcrumbs(home, steered=drive.steered)
         self._robot = NavigatedRobot(config, drive, mounts, guard, crumbs, sees_markers, places)
-        self._perception = Perception(self._robot)
+        self._perception = Perception(self._robot, lidars)
         self._supervision = DriveSupervision()
         self._modes = Modes(mission, self._robot, limits)
         self._commander = Commander(self._robot, self._modes, self._supervision)
         self.bounds = Bounds(self._robot)
+        self._pace = pace
 
     @property
     def auto(self) -> Auto:
@@ -196,6 +202,7 @@ class Navigator:
         if not inputs.are_finite:
             return self._stand("no valid pose or velocity")
         situation = self._perception.observe(inputs, now_ns)
+        self._pace.lap("see")
         if reason := self._supervision.reason_to_stand(inputs, self._modes.mode):
             return self._stand(reason)
         return self._modes.step(situation, now_ns, localised=inputs.localised)

@@ -30,16 +30,19 @@ class Perception:
     ----------
     robot
         With its guard, and its pilot once it has one.
+    lidars
+        Number of its lidars; if one of them is silent, the robot sees as little as without any.
     """
 
-    def __init__(self, robot: NavigatedRobot) -> None:
-        self._robot = robot
-        self._echo_motion = EchoMotion(robot.mounts)
-        self._passed = EchoMemory(robot.mounts, body_rectangle(robot.config.guard, robot.mounts))
+    def __init__(self, robot: NavigatedRobot, lidars: int = 0) -> None:
+        self._robot, self._lidars = robot, lidars
+        self._echo_motion = EchoMotion(robot.mounts, robot.config.guard.approach)
+        body, memory = body_rectangle(robot.config.guard, robot.mounts), robot.config.guard.memory
+        self._passed = EchoMemory(robot.mounts, body, memory)
         self._received_ns = (-1,) * len(robot.mounts)
-        self._hidden = ScanMemory(body_rectangle(robot.config.guard, robot.mounts))
-        self._scan: tuple[SE2, RangeScan, int] | None = None
-        """The last, with `base` in `odom` at its time, and when it came [ns]."""
+        self._hidden = ScanMemory(body, memory)
+        self._scans: dict[str, tuple[SE2, RangeScan, int]] = {}
+        """The last of each lidar, with `base` in `odom` at its time, and when it came [ns]."""
         self._epoch: tuple[int, int] | None = None
         """Epoch of everything seen so far."""
 
@@ -52,13 +55,13 @@ class Perception:
         new = tuple(now > then for now, then in zip(received_ns, self._received_ns, strict=True))
         self._received_ns = received_ns
         if inputs.epoch != self._epoch:  # all was seen from a wrong place
-            self._epoch, self._scan = inputs.epoch, None
+            self._epoch, self._scans = inputs.epoch, {}
             self._passed.reset()
             self._hidden.reset()
             if pilot is not None:
                 pilot.forget()
         for T_odom_base, scan in inputs.scans:
-            self._scan = T_odom_base, scan, now_ns
+            self._scans[scan.name] = T_odom_base, scan, now_ns
             if self._robot.drive.holonomic:
                 self._hidden.see(T_odom_base, scan, now_ns)
         points = self._scanned(inputs, now_ns)
@@ -88,15 +91,20 @@ class Perception:
         return inputs.T_world_odom.inverse() @ inputs.pose
 
     def _scanned(self, inputs: NavigationInputs, now_ns: int) -> NDArray[np.float64] | None:
-        """Return the last scan's points in `base` now, (n, 2) [m]; None without a late scan.
+        """Return the points of the lidars' last scans in `base` now, (n, 2) [m].
 
+        None if one of the lidars is silent.
         With those that a holonomic robot, which may go there, has passed and does not see any more.
         """
-        if self._scan is None or now_ns - self._scan[2] > _SCAN_LIFE_NS:
+        scans = self._scans.values()
+        if len(scans) < max(self._lidars, 1) or any(
+            now_ns - came_ns > _SCAN_LIFE_NS for *_, came_ns in scans
+        ):
             return None
-        T_odom_then, scan, _ = self._scan
         T_base_odom = self._odometry(inputs).inverse()
-        points = moved(T_base_odom @ T_odom_then, scan.points_base())
+        points = np.concatenate(
+            [moved(T_base_odom @ then, scan.points_base()) for then, scan, _ in scans]
+        )
         if not self._robot.drive.holonomic:
             return points
         return np.concatenate([points, self._hidden.around(T_base_odom, now_ns)])

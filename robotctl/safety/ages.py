@@ -48,7 +48,7 @@ def is_fresh(stamp_ns: int, now_ns: int, limit_ns: int) -> bool:
 
 def span_ns(stamps_ns: Sequence[int]) -> tuple[int, int]:
     """Return the oldest and the newest stamp [ns]; of none, what is fresh at any time."""
-    return min(stamps_ns, default=-NEVER_NS), max(stamps_ns, default=NEVER_NS)
+    return (min(stamps_ns), max(stamps_ns)) if stamps_ns else (-NEVER_NS, NEVER_NS)
 
 
 def are_fresh(span: tuple[int, int], now_ns: int, limit_ns: int) -> bool:

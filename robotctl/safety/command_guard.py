@@ -66,11 +66,13 @@ def guarded(values: tuple[float, ...], limits: tuple[Bound, ...]) -> tuple[float
     if len(values) != len(limits):
         text = f"command guard: {len(values)} values for {len(limits)} actuators"
         return Fault(FaultCode.COMMAND_GUARD, text)
+    allowed = []
     for value, limit in zip(values, limits, strict=True):
-        if not abs(value) <= limit.most + TOLERANCE:  # false for nan as well
+        most = limit.most
+        if not abs(value) <= most + TOLERANCE:  # false for nan as well
             text = (
-                f"command guard: {limit.name} {value} {limit.unit}: {limit.most:g} to either side "
-                "allowed"
+                f"command guard: {limit.name} {value} {limit.unit}: {most:g} to either side allowed"
             )
             return Fault(FaultCode.COMMAND_GUARD, text, limit.name)
-    return tuple([clamp(value, limit.most) for value, limit in zip(values, limits, strict=True)])
+        allowed.append(clamp(value, most))
+    return tuple(allowed)

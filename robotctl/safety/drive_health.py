@@ -28,6 +28,8 @@ _LATE_NS: Final = 50_000_000
 """Time behind it in which those come, and say what was [ns]."""
 
 _NOTHING: Final = ActuatorFeedback()
+_ENABLED: Final = DriveState.ENABLED
+"""Looking up a member of an enumeration is slow."""
 
 
 class DriveHealth:
@@ -61,6 +63,8 @@ class DriveHealth:
         self._motions_ns = [NEVER_NS] * len(wheels)
         self._lost_ns = self._motion.limit_ns if self._motion is not None else 0
         """A command that is older is lost [ns]."""
+        self._told_ns: tuple[list[int], list[int]] | None = None
+        """Times of all reports and of all supplies [ns]."""
         self._note_ages()
         self._idle_ns = -NEVER_NS
         """When the drive was last enabled, or not commanded to be [ns]."""
@@ -73,18 +77,19 @@ class DriveHealth:
         """Take the newest reports of all actuators of the robot."""
         self.reports = reports = tuple([actuators[index] for index in self._all])
         latches_us, motions_ns = self._latches_us, self._motions_ns
-        for place in range(len(self._wheels)):
-            report = reports[place]
+        # Joints, which follow the wheels, have no place in these lists.
+        for place, (report, before_us) in enumerate(zip(reports, latches_us, strict=False)):
+            latch_us = report.latch_us
             # The same latch again is no new measurement, however recent its frame.
-            if report.latch_us < 0 or report.latch_us != latches_us[place]:
-                latches_us[place] = report.latch_us
+            if latch_us < 0 or latch_us != before_us:
+                latches_us[place] = latch_us
                 motions_ns[place] = report.motion_ns
         before_ns = self._newest_ns
         self._note_ages()
         if self._newest_ns - before_ns > _GAP_NS and before_ns != NEVER_NS:
             self._back_ns = self._newest_ns
         for report in reports:
-            if report.state is DriveState.ENABLED:
+            if report.state is _ENABLED:
                 self._idle_ns = report.report_ns
             if self._tells_loss(report):
                 self._loss = report
@@ -93,8 +98,11 @@ class DriveHealth:
         """Note the oldest and newest of each kind of report."""
         reports = self.reports
         self._motion_span = span_ns(self._motions_ns)
-        self._report_span = span_ns([report.report_ns for report in reports])
-        self._supply_span = span_ns([report.supply_ns for report in reports])
+        reports_ns = [report.report_ns for report in reports]
+        supplies_ns = [report.supply_ns for report in reports]
+        if (reports_ns, supplies_ns) != self._told_ns:  # most ticks bring motions alone
+            self._told_ns = reports_ns, supplies_ns
+            self._report_span, self._supply_span = span_ns(reports_ns), span_ns(supplies_ns)
         self._newest_ns = max(self._motion_span[1], self._report_span[1])
 
     def armed(self, now_ns: int) -> None:
@@ -170,12 +178,13 @@ class DriveHealth:
 
         None also right behind a silence, whose reports may be old.
         """
+        late_ns = self._back_ns + _LATE_NS
         stamps = [
             each.report_ns
             for each in self.reports
-            if each.state is DriveState.ENABLED and each.report_ns - self._back_ns > _LATE_NS
+            if each.state is _ENABLED and each.report_ns > late_ns
         ]
-        return max(stamps, default=None)
+        return max(stamps) if stamps else None
 
 
 def _are_fresh(span: tuple[int, int], now_ns: int, limit: AgeLimit | None) -> bool:

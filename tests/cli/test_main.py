@@ -6,12 +6,10 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
-from io import BytesIO, TextIOWrapper
 from pathlib import Path
 
 import pytest
 
-from robotctl.cli.output import Output
 from robotctl.config.robot_file import find_file
 
 DEADLINE_S = 90.0
@@ -140,27 +138,6 @@ def test_files_are_written_and_the_status_is_kept_whoever_reads_along(
     assert way not in TUNED or "[control.left]" in patch.read_text()
     assert (tmp_path / "room.yaml").exists()
     assert (tmp_path / "room.pgm").exists()
-
-
-def test_characters_that_an_encoding_has_not_are_written_plainly() -> None:
-    assert printed("ascii", "0.4° · 38 µs × 2 … Zoë") == b"0.4 deg - 38 us x 2 ... Zo?"
-    assert printed("cp437", "0.4° · 38 µs × 2 … Zoë").decode("cp437") == "0.4° · 38 µs x 2 ... Zoë"
-    assert printed("ascii", os.fsdecode(b"caf\xe9.toml")) == b"caf\xe9.toml"
-    assert printed("utf-8", os.fsdecode(b"caf\xe9 \xc2\xb0")) == b"caf\xe9 \xc2\xb0"
-
-
-def test_errors_are_written_plainly_too_and_names_as_before() -> None:
-    name = os.fsdecode(b"caf\xe9")
-    assert printed("ascii", f"fitting … {name}", "backslashreplace") == rb"fitting ... caf\udce9"
-
-
-def printed(encoding: str, text: str, errors: str = "strict") -> bytes:
-    """Return what a stream of an encoding makes of a text."""
-    stream = TextIOWrapper(BytesIO(), encoding, errors)
-    output = Output(stream)
-    output.write(text)
-    output.flush()
-    return stream.buffer.getvalue()
 
 
 @pytest.mark.parametrize(("command", "status"), [("version", 0), ("config check /nowhere.toml", 2)])

@@ -134,6 +134,14 @@ def test_a_bus_that_a_run_in_lockstep_would_not_use_is_refused(runtime: Path) ->
     assert output.startswith("robotctl: --bus vcan0: not allowed with --lockstep")
 
 
+def test_settings_of_a_localiser_are_allowed_where_an_option_chooses_it(runtime: Path) -> None:
+    keyframes = ("--set", 'localisation.keyframes="office.keyframes"')
+    with sim(runtime, "--slam", *keyframes, "--lockstep", "--bus", "vcan0") as process:
+        words, _ = process.communicate(timeout=DEADLINE_S)
+    assert "keyframes" not in words
+    assert "--bus vcan0: not allowed with --lockstep" in words
+
+
 def test_a_report_on_a_full_disk_does_not_lose_the_score(runtime: Path) -> None:
     with sim(runtime, "--lockstep", "--max-seconds", "1", "--report", "/dev/full") as process:
         output, _ = process.communicate(timeout=DEADLINE_S)

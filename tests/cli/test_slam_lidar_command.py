@@ -19,36 +19,42 @@ def run(*words):
     return CliRunner().invoke(app, ["slam", "--sensor", "lidar", *map(str, words)])
 
 
-@pytest.fixture(scope="module")
-def log(tmp_path_factory):
-    """A raw CARMEN log of a drive through a room."""
+def written(file, corners, change=lambda ranges: ranges):
+    """Write a raw CARMEN log of a drive through a room, each scan changed by something."""
     rng = np.random.default_rng(0)
-    poses = along([(0.0, 0.0), (4.0, 0.0), (4.0, -1.0), (0.0, -1.0)])
+    poses = along(corners)
     rows = []
     for number, (pose, odometry) in enumerate(zip(poses, drifting(poses, rng), strict=True)):
-        ranges = scan_of(WALLS, pose, rng).ranges_m
+        ranges = change(scan_of(WALLS, pose, rng).ranges_m)
         words = " ".join(f"{each:.3f}" for each in ranges)
         place = f"{odometry.x_m:.6f} {odometry.y_m:.6f} {odometry.theta_rad:.6f}"
         time = f"{1000.0 + 0.4 * number:.6f}"
         rows.append(f"ODOM {place} 0 0 0 {time} robot {time}\n")
         rows.append(f"FLASER {len(ranges)} {words} {place} {place} {time} robot {time}\n")
-    file = tmp_path_factory.mktemp("carmen") / "room.log"
     file.write_text("".join(rows))
     return file
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    """A log of a drive through a room."""
+    corners = [(0.0, 0.0), (4.0, 0.0), (4.0, -1.0), (0.0, -1.0)]
+    return written(tmp_path_factory.mktemp("carmen") / "room.log", corners)
 
 
 @pytest.mark.timeout(400)  # a cold cache: all of it is compiled
 def test_the_folder_has_trajectory_map_graph_and_report(log, tmp_path):
     out = tmp_path / "out"
-    result = run("--log", log, "--out", out)
+    result = run("--log", log, "--out", out, "--plot", out.parent / "plot.png")
     assert result.exit_code == 0, result.output
     rows = np.loadtxt(out / "trajectory.tum")
     assert np.hypot(*rows[-1, 1:3]) == pytest.approx(np.hypot(0.3, 1.0), abs=0.05)
-    assert (out / "plot.png").stat().st_size > 1000
+    assert (out.parent / "plot.png").stat().st_size > 1000
     assert (out / "closures.csv").read_text().startswith("keyframe,other,")
     report = json.loads((out / "report.json").read_text())
     assert report["scans"] == len(rows)
     assert report["unmatched"] == 0
+    assert (report["verdict"], report["reasons"]) == ("good", [])
     grid = load_map(out / "map.yaml")
     x = grid.centre_of(np.argwhere(grid.occupied()))[:, 0]
     # The robot sees the room from (0, 0) on: its right wall stands at x = 6.
@@ -56,6 +62,19 @@ def test_the_folder_has_trajectory_map_graph_and_report(log, tmp_path):
     assert np.count_nonzero(x > 6.15) < 5
     optimised = CliRunner().invoke(app, ["optimise", str(out / "graph.g2o")])
     assert optimised.exit_code == 0, optimised.output
+
+
+@pytest.mark.timeout(400)
+def test_beams_in_reverse_order_are_named_and_are_no_map(tmp_path):
+    corners = [(0.0, 0.0), (4.0, 0.0), (4.0, -1.0), (0.0, -1.0), (0.0, 0.0), (4.0, 0.0)]
+    log = written(tmp_path / "reversed.log", corners, lambda ranges: ranges[::-1])
+    result = run("--log", log, "--out", tmp_path / "out")
+    assert result.exit_code == 1
+    assert "verdict: not a map because the scans turn against the odometry" in result.output
+    assert "beams are in reverse order" in result.output
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["verdict"] == "not a map"
+    assert (tmp_path / "out" / "map.pgm").exists()
 
 
 @pytest.mark.timeout(400)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robotctl.control.steering_law import SteeringLawConfig, nearer_side, steer_round
+from robotctl.control.steering_law import SteeringLawConfig, orbit_config, steer_round
 
 WHEELBASE = 0.3
 CONFIG = SteeringLawConfig(kp=2.0, radius_m=0.8, steering_max_rad=0.6)
@@ -103,6 +103,14 @@ def test_the_law_is_continuous_at_the_radius():
     assert outside.steering_rad == pytest.approx(inside.steering_rad, abs=1e-5)
 
 
+@pytest.mark.parametrize(("side", "turning"), [("left", 1.0), ("right", -1.0)])
+@pytest.mark.parametrize("heading", np.linspace(-math.pi, math.pi, 9))
+def test_from_inside_it_goes_round_on_the_named_side_whatever_way_it_faces(side, turning, heading):
+    x, y = drive_round("rear", (0.0, 0.3, heading), side, metres=10.0)[-200:].T
+    assert np.all(turning * (x[:-1] * np.diff(y) - y[:-1] * np.diff(x)) > 0.0)
+    assert np.hypot(x, y) == pytest.approx(CONFIG.radius_m, rel=0.1)
+
+
 def test_from_inside_the_radius_the_robot_comes_out():
     distances = np.hypot(*drive_round("rear", (-0.3, -0.5, 0.0), "left", metres=10.0).T)
     assert distances[0] < 0.6
@@ -118,9 +126,11 @@ def test_any_numbers_give_a_bounded_angle(bearing, distance):
         assert demand == (0.0, True)
 
 
-def test_the_nearer_side_is_the_smaller_turn():
-    assert nearer_side(0.3) == "left"
-    assert nearer_side(-0.3) == "right"
+@pytest.mark.parametrize("radius_m", [0.5, 0.8, 3.0])
+def test_the_law_for_an_orbit_ends_on_a_circle_of_its_radius(radius_m):
+    config = orbit_config(radius_m, WHEELBASE, 2.0, 0.6)
+    path = drive_round("rear", (-2.0 - radius_m, 0.1, 0.0), "left", metres=25.0, config=config)
+    assert np.hypot(*path[-200:].T) == pytest.approx(radius_m, rel=2e-3)
 
 
 @pytest.mark.parametrize(

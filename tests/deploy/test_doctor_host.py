@@ -19,7 +19,7 @@ from robotctl.deploy.doctor_host import (
     check_disk,
     check_governor,
     check_isolation,
-    check_lidar,
+    check_lidars,
     check_preemption,
     check_serial,
     check_space,
@@ -249,15 +249,21 @@ def test_a_user_without_a_name_is_named_by_number(monkeypatch: pytest.MonkeyPatc
 
 def test_a_lidar_of_our_driver_needs_its_device(tmp_path: Path) -> None:
     lidar = LidarConfig("rplidar", device="/dev/ttyUSB3")
-    missing = check_lidar(lidar, tmp_path)
+    [missing] = check_lidars([lidar], tmp_path)
     assert missing.verdict is FAIL
     assert str(tmp_path / "dev/ttyUSB3") in missing.found
     computer(tmp_path, dev__ttyUSB3="")
-    assert check_lidar(lidar, tmp_path).verdict is OK
+    assert check_lidars([lidar], tmp_path)[0].verdict is OK
 
 
-@pytest.mark.parametrize("lidar", [None, LidarConfig("socket", device="/nowhere")])
+@pytest.mark.parametrize("lidars", [[], [LidarConfig("socket", device="/nowhere")]])
 def test_a_lidar_of_somebody_else_is_not_looked_for(
-    tmp_path: Path, lidar: LidarConfig | None
+    tmp_path: Path, lidars: list[LidarConfig]
 ) -> None:
-    assert check_lidar(lidar, tmp_path).verdict is NONE
+    assert check_lidars(lidars, tmp_path)[0].verdict is NONE
+
+
+def test_each_of_several_lidars_is_looked_for(tmp_path: Path) -> None:
+    computer(tmp_path, dev__ttyUSB3="")
+    lidars = [LidarConfig("rplidar", device=f"/dev/ttyUSB{number}") for number in (3, 4)]
+    assert [each.verdict for each in check_lidars(lidars, tmp_path)] == [OK, FAIL]

@@ -6,8 +6,8 @@ from robotctl.app.processes.robot import make_codec
 from robotctl.config.robot_file import find_file, load_robot
 from robotctl.deploy.check_result import Verdict
 from robotctl.deploy.doctor_nodes import check_drives, check_node
-from robotctl.drivers.can.drives.native.settings import PRODUCT, drive_script
-from robotctl.drivers.can.nodes.commissioning import REVISION_MAJOR, VENDOR_ID
+from robotctl.drivers.can.drives.native.settings import drive_script
+from robotctl.drivers.can.nodes.commissioning import REVISION_MAJOR, VENDOR_ID, Product
 from robotctl.drivers.can.nodes.sdo import ABORT_NO_OBJECT, SdoResponse
 from robotctl.messages.control import NodeStatus
 from robotctl.messages.faults import Fault, FaultCode
@@ -15,7 +15,7 @@ from robotctl.messages.faults import Fault, FaultCode
 DBC = make_codec().dbc
 GOOD = tuple(
     SdoResponse(value)
-    for value in (VENDOR_ID, PRODUCT, REVISION_MAJOR << 16, DBC.wire_version, 2400)
+    for value in (VENDOR_ID, Product.MOTOR_CONTROLLER, REVISION_MAJOR << 16, DBC.wire_version, 2400)
 )
 NO_ANSWER, NO_OBJECT, REFUSED = (
     SdoResponse(),

@@ -245,7 +245,25 @@ class TestTruth:
         assert (truth.x_m, truth.y_m, truth.theta_rad) == pytest.approx((1.5, 1.25, 0.5))
 
     def test_without_a_lidar_there_are_no_scans(self, simulation):
-        assert (simulation.scan() is None) is (simulation.config.simulation.lidar is None)
+        assert (simulation.scan() is None) is (not simulation.config.simulation.lidars)
+
+    def test_several_lidars_scan_each_from_its_mount(self):
+        from firmware_sim.config.config import load_robot
+
+        lidars = [
+            {"name": "front", "x_m": 0.2, "sigma_m": 0.0, "dropout_probability": 0.0},
+            {"name": "rear", "x_m": -0.2, "sweep_s": -0.1, "sigma_m": 0.0,
+             "dropout_probability": 0.0},
+        ]  # fmt: skip
+        config = load_robot(CONFIGS / "diff_drive.toml", {"simulation.lidar": lidars})
+        simulation = Simulation(config, CONFIGS / "worlds" / "empty_room.toml", 1)
+        simulation.advance(200_000_000)
+        front, rear = (simulation.scan(number) for number in (0, 1))
+        assert (front.name, front.x_m, front.sweep_s) == ("front", 0.2, 0.0)
+        assert (rear.name, rear.x_m, rear.sweep_s) == ("rear", -0.2, -0.1)
+        # It stands: the wall ahead is as much farther from the one as from the other behind.
+        ahead = [np.frombuffer(each.ranges, "<f4")[180] for each in (front, rear)]
+        assert ahead[1] - ahead[0] == pytest.approx(0.4, abs=1e-4)
 
     def test_a_lidars_scan_travels_as_float32(self):
         from firmware_sim.config.config import load_robot

@@ -15,7 +15,7 @@ from robotctl.mavlink.telemetry import Telemetry
 from robotctl.messages.control import Mode, SetMode
 from robotctl.messages.mission import JumpToItem
 from tests.mavlink.conftest import Bench
-from tests.mavlink.services.test_missions import Navigation, download, item, numbers, upload
+from tests.mavlink.services.plans.test_missions import Navigation, download, item, numbers, upload
 
 NAMES = tuple(PERSONALITIES)
 CONFIG = load_robot(find_file("diff_drive"))

@@ -24,7 +24,7 @@ class Streamed:
         self.bench = Bench(room() if world is None else world, room())
         limits = LimitsConfig(0.8, 2.0, 2.0, 6.0, 30.0, 100.0)
         config = NavigationConfig(guided_speed_m_s=0.8)
-        self.navigator = Navigator(config, DRIVE, limits, (), None, START, has_lidar=True)
+        self.navigator = Navigator(config, DRIVE, limits, (), None, START, lidars=1)
         self.navigator.take_pilot(self.bench.pilot)
         self.planned_ns = []
         plan = self.bench.pilot.tools.paths.plan

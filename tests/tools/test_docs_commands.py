@@ -107,6 +107,8 @@ def spans(page: Path) -> Iterator[str]:
 
 def command_of(words: list[str]) -> tuple[object, list[str]]:
     """Return the command that words call, and the words behind its name."""
+    if " ".join(words[:2]) in COMMANDS:
+        words = [" ".join(words[:2]), *words[2:]]
     assert words[0] in COMMANDS, f"robotctl {words[0]}"
     command, rest = load(words[0]), words[1:]
     while hasattr(command, "commands") and rest and not rest[0].startswith("-"):

@@ -7,8 +7,8 @@ import pytest
 
 from firmware_sim.nodes import wire
 from firmware_sim.nodes.e2e import Protector
+from hil_tests.bus_tool import COMMAND, EMCY_DRIVE
 from hil_tests.fault_rows import ROWS
-from hil_tests.rig import COMMAND, EMCY_DRIVE
 from hil_tests.test_12_robot_faults import without_power_s
 from robotctl.messages.faults import FaultCode
 

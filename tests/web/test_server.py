@@ -20,7 +20,7 @@ from robotctl.messages.control import (
 )
 from robotctl.messages.estimation import GivenMap, LidarScan, LiveMap
 from robotctl.web.access import Role
-from robotctl.web.secret_files import certificate_of, fingerprint_of, tokens_of
+from robotctl.web.secret_files import certificate_of, fingerprint_of
 from tests.web.clients import TOKENS, cookie_of, drive, get, of, refused, wait
 from tests.web.conftest import Served, control_state, navigation_state
 
@@ -144,17 +144,6 @@ def test_no_log_tells_a_token_or_a_cookie(guarded, caplog):
     told = [each.getMessage() for each in caplog.records if each.name.startswith("uvicorn")]
     for secret in (*TOKENS.values(), cookie.partition("=")[2]):
         assert not any(secret in each for each in told)
-
-
-def test_tokens_are_kept_for_their_user_alone_and_made_once(tmp_path):
-    tokens = tokens_of(tmp_path)
-    assert tokens_of(tmp_path) == tokens
-    assert len(set(tokens.values())) == len(Role)
-    (file,) = tmp_path.iterdir()
-    assert file.stat().st_mode & 0o777 == 0o600
-    file.chmod(0o644)
-    with pytest.raises(Exception, match="open to others"):
-        tokens_of(tmp_path)
 
 
 def test_the_page_is_served_by_tls_with_the_certificate_whose_fingerprint_is_told(static, tmp_path):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Final, TypeAlias, TypeVar
@@ -19,9 +19,11 @@ from robotctl.app.localisation.localiser import (
 )
 from robotctl.app.localisation.mapper import Mapper
 from robotctl.config.robot_file import RobotConfig
+from robotctl.config_values import Value, tuned
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
 from robotctl.estimation.localisers import LOCALISERS
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
+from robotctl.estimation.ranging.unwinding import unwound
 from robotctl.estimation.sensors.registry import load_sensors
 from robotctl.estimation.sensors.sensor import Listener, Measured, SensedRobot
 from robotctl.maps.localisation_map import off_map
@@ -40,6 +42,7 @@ from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
+from robotctl.model.sensors.range_scan import RangeScan
 
 Picture: TypeAlias = ParticleCloud | LiveMap | SlamGraph
 Stamped = TypeVar("Stamped", bound=SensorMessage | ExternalPose)
@@ -109,6 +112,9 @@ class Estimators:
         self._said_rejected = False
         self._said_untimely = False
         self._notices = list(made.notices)
+        self._settings = robot.settings
+        self._is_paused = False
+        self.retune({})
 
     def step(
         self,
@@ -126,7 +132,7 @@ class Estimators:
         messages = (control, *self._timely(seen, now_ns))
         measured = {name: self._good(each, messages) for name, each in self._listeners.items()}
         images = [each for each in messages if isinstance(each, CameraView) and each.features]
-        inputs = LocaliserInput(measured, self._timely(poses, now_ns), images)
+        inputs = LocaliserInput(measured, self._timely(poses, now_ns), images, self._is_paused)
         if self.localiser is not None:
             self._state = self._stamped(self.localiser.step(control, inputs, now_ns), control)
         if self.mapper is not None:
@@ -144,8 +150,19 @@ class Estimators:
             if moved_m <= _JUMP_M and turned_rad <= _JUMP_RAD:
                 epoch_ns = before.epoch_ns
         return msgspec.structs.replace(
-            state, odom_epoch_ns=control.odom_epoch_ns, epoch_ns=epoch_ns
+            state,
+            odom_epoch_ns=control.odom_epoch_ns,
+            epoch_ns=epoch_ns,
+            paused=self._is_paused,
         )
+
+    def retune(self, values: Mapping[str, Value]) -> None:
+        """Pause mapping, or go on with it."""
+        is_paused = tuned({"localisation": self._settings}, values)["localisation"].paused
+        if is_paused != self._is_paused:
+            self._is_paused = is_paused
+            text = "paused: the map stays as it is" if is_paused else "goes on"
+            self._notices.append(f"mapping {text}")
 
     def _timely(self, messages: Sequence[Stamped], now_ns: int) -> list[Stamped]:
         """Return messages of plausible time; drop and count the others, and report them once.
@@ -173,10 +190,16 @@ class Estimators:
         good: list[Measured] = []
         for message in messages:
             try:
-                good += listen(message)
+                good += map(self._unwound, listen(message))
             except ValueError:
                 self.rejected += 1
         return good
+
+    def _unwound(self, measured: Measured) -> Measured:
+        """Return a scan as from the place of its last beam; anything else as it is."""
+        if isinstance(measured, RangeScan):
+            return unwound(measured, self._history.at)
+        return measured
 
     def settled_map(self) -> GridMap | None:
         """Return the map that the robot makes to find itself in, drawn as it is known now."""

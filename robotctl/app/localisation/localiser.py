@@ -57,7 +57,7 @@ class LocaliserBegin(NamedTuple):
 
 def sensed_robot(config: RobotConfig) -> SensedRobot:
     """Return what the sensors need to know of a robot."""
-    return SensedRobot(config.sonar, config.localisation, config.has_camera)
+    return SensedRobot(config.sonar, config.localisation, config.has_camera, config.odometry)
 
 
 class LocaliserInput(NamedTuple):
@@ -68,6 +68,8 @@ class LocaliserInput(NamedTuple):
     poses: Sequence[ExternalPose] = ()
     images: Sequence[CameraView] = ()
     """Views with features, to recognise places by."""
+    is_paused: bool = False
+    """Whether the map that the robot makes stays as it is."""
 
 
 class Localiser(Protocol):

@@ -45,6 +45,8 @@ class Mapper:
 
     def step(self, localisation: LocalisationState | None, seen: LocaliserInput) -> None:
         """Add new scans while the robot is localised; without a localiser, always."""
+        if seen.is_paused:
+            return
         T_world_odom = SE2()
         if localisation is not None:
             if localisation.status is not LocalisationStatus.LOCALISED:

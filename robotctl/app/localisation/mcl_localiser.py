@@ -30,7 +30,7 @@ from robotctl.estimation.mcl.localiser import MonteCarloLocaliser
 from robotctl.estimation.mcl.map_symmetry import symmetries
 from robotctl.estimation.mcl.remembered import Remembered
 from robotctl.estimation.mcl.search_size import search_size, too_large
-from robotctl.estimation.mcl.sliced import Sliced
+from robotctl.estimation.mcl.sliced import Work
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.estimation.ranging.log_likelihood import LogLikelihood
 from robotctl.estimation.sensor_names import SONAR
@@ -80,8 +80,7 @@ class MclLocaliser:
         self._blind_ns = round(1e9 * mcl.config.blind_s)
         self._at: tuple[int, SE2] | None = None
         """Time and odometry pose that the particles stand at."""
-        self._measuring: Sliced[None] | None = None
-        """A measurement that is under way."""
+        self._work = Work()
         self._late = Remembered()
         """Places that were recognised meanwhile: robots seldom turn at one, so they wait."""
 
@@ -106,16 +105,16 @@ class MclLocaliser:
         """Process everything since the last step; return the present estimate."""
         if self._at is None:
             self._at = (control.stamp_ns, control.T_odom_base)
-        left = self._measure(self._mcl.config.search.poses_per_step)
+        left = self._work.go_on(self._mcl.config.search.poses_per_step)
         for stamp_ns, sensor, measurement in sorted(self._measurements(seen), key=itemgetter(0, 1)):
             if not self._move_to(stamp_ns):
                 continue
-            has_time = left > 0 and self._measuring is None
+            has_time = left > 0 and not self._work.is_under_way
             if has_time and self._mcl.due(sensor):
                 left = self._begin(measurement(), sensor, left)
             elif not has_time and sensor == _PLACE:
                 self._late.add(measurement())
-        if len(self._late) and left > 0 and self._measuring is None:
+        if len(self._late) and left > 0 and not self._work.is_under_way:
             late, self._late = self._late, Remembered()
             self._begin(late, _PLACE, left)
         # Without measurements the belief still moves, and reports that it fades.
@@ -124,19 +123,8 @@ class MclLocaliser:
         return msgspec.structs.replace(state, particles=len(self._mcl.poses))
 
     def _begin(self, measurement: LogLikelihood, sensor: str, left: int) -> int:
-        """Begin with a measurement, as `_measure`."""
-        self._measuring = self._mcl.measuring(measurement, sensor)
-        return self._measure(left)
-
-    def _measure(self, left: int) -> int:
-        """Go on with the measurement until so many poses are weighed; return how many are left."""
-        while self._measuring is not None and left > 0:
-            weighed = next(self._measuring, None)
-            if weighed is None:
-                self._measuring = None
-            else:
-                left -= weighed
-        return left
+        """Begin with a measurement, as `Work.go_on`."""
+        return self._work.begin(self._mcl.measuring(measurement, sensor), left)
 
     def _measurements(
         self, seen: LocaliserInput
@@ -220,7 +208,7 @@ def make(begin: LocaliserBegin) -> MadeLocaliser:
     tried = MonteCarloLocaliser(mcl_config, free, np.random.default_rng(0))
     _rehearse(tried, sensors.rehearsal(), start)
     size = max(search_size(free_m2, settings.mcl.search), settings.particles_max)
-    mcl_config = replace(mcl_config, search_particles=size)
+    mcl_config = replace(mcl_config, search_poses=size)
     seeded = np.random.default_rng(settings.seed)
     alike = symmetries(world_map.grid, settings.mcl.search)
     mcl = MonteCarloLocaliser(mcl_config, free, seeded, alike)

@@ -23,10 +23,10 @@ from robotctl.app.localisation.slam_files import KeyframeFile, keyframes_of, key
 from robotctl.app.localisation.slam_graphs import SlamGraphs
 from robotctl.app.localisation.slam_sensor import SlamSensor, recognises_places, slam_sensor
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
+from robotctl.estimation.odometry.estimate import OdometryEstimate
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.estimation.sensor_names import SONAR
 from robotctl.estimation.sensors.lidar import REHEARSED
-from robotctl.estimation.slam.incremental.smoother import IncrementalSmoother
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.heard_places import HeardPlaces
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe
@@ -35,6 +35,7 @@ from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.estimation.slam.keyframes.motion import ScanPose
 from robotctl.estimation.slam.keyframes.saved_map import KeyframeMap, SavedOdometry, as_saved
 from robotctl.estimation.slam.keyframes.tracker import LEAST_ECHOES
+from robotctl.estimation.slam.verdict.watch import VerdictWatch
 from robotctl.messages.control import ControlState
 from robotctl.messages.estimation import ClosedLoop, LiveMap, LocalisationState, SlamGraph
 from robotctl.messages.map_message import map_message
@@ -93,6 +94,7 @@ class SlamLocaliser:
             mapper.resume(saved, is_there=True)
             self.T_world_map = saved.frame
             start = saved.frame @ mapper.pose
+        self._watch = None if mapper.config.stretch_m else VerdictWatch(mapper)
         self._images = SeenImages(mapper) if by_images else None
         mounts, allowed = sensor.robot.mounts, sensor.robot.settings.sensors
         self._heard: HeardPlaces | None = None
@@ -111,10 +113,12 @@ class SlamLocaliser:
         self._T_world_odom: SE2 | None = None
         self._last: SE2 | None = None
         """Odometry at the last scan that was taken."""
+        at_start = PoseEstimate(0, start, self._covariance(start), LocalisationStatus.LOCALISED)
+        self._reckoned = OdometryEstimate(sensor.robot.odometry, at_start)
+        """Pose since the last scan, whose covariance grows with the way."""
         self._notices: list[str] = []
         self._taken_ns = 0
         """Time of that."""
-        self._closed = 0
 
     @property
     def particles(self) -> NDArray[np.float64]:
@@ -144,9 +148,10 @@ class SlamLocaliser:
         """Take the scans since the last step; return the present estimate."""
         self._perceive(seen)
         if self.mapper.relocalise() and self._last is not None:
-            self._T_world_odom = self.T_world_map @ self.mapper.pose @ self._last.inverse()
+            self._stand(self._last)
         if self._T_world_odom is None:
             self._T_world_odom = self._go_on(control)
+            self._reckon_from(self._T_world_odom @ control.T_odom_base, control.T_odom_base)
         # A stretch is driven by odometry before the first scan is made of it.
         has_begun = bool(self.mapper.keyframes) or self.mapper.config.stretch_m > 0.0
         is_placed = has_begun and not self.mapper.is_lost
@@ -159,10 +164,14 @@ class SlamLocaliser:
             self.odometry = SavedOdometry(control.odom_epoch_ns, control.stamp_ns, row)
         if self._file is not None:
             self._file.step(self.mapper, self, now_ns)
-        covariance = self._covariance(self._pose)
+        covariance = self._reckoned.follow(odometry, control.stamp_ns).covariance
         estimate = PoseEstimate(control.stamp_ns, self._pose, covariance, status)
         state = localisation_state("slam", estimate, odometry, now_ns)
-        return msgspec.structs.replace(state, loops=self._closed_loops())
+        return msgspec.structs.replace(
+            state,
+            loops=self._closed_loops(),
+            verdict="" if self._watch is None else self._watch.said,
+        )
 
     def _go_on(self, control: ControlState) -> SE2:
         """Return where an odometry begins, in `world`: where the robot was when it was known last.
@@ -197,15 +206,20 @@ class SlamLocaliser:
 
     def _perceive(self, seen: LocaliserInput) -> None:
         """Take what was seen since the last step."""
-        if self._images is not None:
+        mapper = self.mapper
+        if seen.is_paused and mapper.config.stretch_m:
+            return  # a stretch is no place to be localised at: odometry has to do
+        mapper.is_paused = seen.is_paused
+        if self._images is not None and not seen.is_paused:
             self._images.add(seen.images)
-        self._hear(seen.measured.get(SONAR, ()))
+        if not seen.is_paused:
+            self._hear(seen.measured.get(SONAR, ()))
         for measured in seen.measured.get(self._sensor.name, ()):
             odometry = self._history.at(measured.stamp_ns)
             for each in () if odometry is None else self._maker.add(measured, odometry):
                 if self._is_new(each.scan, each.odometry):
                     self._take(each.scan, each.odometry)
-        if self._images is not None:
+        if self._images is not None and not seen.is_paused:
             self._images.show_new()
 
     def _hear(self, readings: Sequence[SonarReading]) -> None:
@@ -244,24 +258,37 @@ class SlamLocaliser:
 
     def _take(self, scan: RangeScan, odometry: SE2) -> None:
         """Match a scan."""
-        echoes = np.isfinite(scan.ranges_m) & (scan.ranges_m < scan.max_range_m)
-        if not self.mapper.keyframes and np.count_nonzero(echoes) < 2 * LEAST_ECHOES:
+        if not self.mapper.keyframes and len(scan.points_base()) < 2 * LEAST_ECHOES:
             return
         if not self.mapper.keyframes:
             # What was driven before the first scan is known by odometry alone.
             before = self._T_world_odom
             self.T_world_map = self._begun if before is None else before @ odometry
+        epoch = self.mapper.epoch
         self.mapper.add(scan, odometry)
-        if self._heard is not None:
+        if self._heard is not None and not self.mapper.is_paused:
             self._heard.look(self.mapper.place, odometry)
         self._last, self._taken_ns = odometry, scan.stamp_ns
-        self._T_world_odom = self.T_world_map @ self.mapper.pose @ odometry.inverse()
-        if self.mapper.epoch > self._closed:
-            self._closed = self.mapper.epoch
-            self._notices.append(f"loop closed: {self._closed} so far, the map is corrected")
+        self._stand(odometry)
+        if self._watch is not None:
+            self._notices += self._watch.add(odometry)
+        if self.mapper.epoch > epoch:
+            self._notices.append(f"loop closed: {self.mapper.epoch} so far, the map is corrected")
+
+    def _stand(self, odometry: SE2) -> None:
+        """Be where the mapper has the robot, with `base` in `odom` then."""
+        pose = self.T_world_map @ self.mapper.pose
+        self._T_world_odom = pose @ odometry.inverse()
+        self._reckon_from(pose, odometry)
+
+    def _reckon_from(self, pose: SE2, odometry: SE2) -> None:
+        """Be as sure as the mapper is at a pose in `world`, and go on by odometry from there."""
+        self._reckoned.follow(odometry, 0)
+        covariance = self._covariance(pose)
+        self._reckoned.reset(PoseEstimate(0, pose, covariance, LocalisationStatus.LOCALISED))
 
     def _covariance(self, pose: SE2) -> NDArray[np.float64]:
-        """Return the covariance (3, 3) of the last match, in `world`."""
+        """Return the covariance (3, 3) of the pose at the last scan, in `world`."""
         turn = np.eye(3)
         turn[:2, :2] = rotation(pose.theta_rad)
         result: NDArray[np.float64] = turn.T @ self.mapper.covariance @ turn
@@ -398,7 +425,6 @@ def _rehearse(localiser: SlamLocaliser) -> None:
     mapper = localiser.mapper
     for _ in range(mapper.config.linked_keyframes + 2):
         mapper.add(REHEARSED, SE2())
-    search = MapSearch(mapper.config, mapper.keyframes, mapper.back_end, mapper.keyframes[0])
+    search = MapSearch(mapper.growing, mapper.keyframes[0])
     while not search.step():
         pass
-    IncrementalSmoother().compact()  # a real one does so after many minutes

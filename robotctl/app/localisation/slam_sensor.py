@@ -39,7 +39,7 @@ def slam_sensor(config: RobotConfig, robot: SensedRobot) -> SlamSensor:
     """
     settings = config.localisation
     has = {
-        LIDAR: config.lidar is not None or LIDAR in config.simulation,
+        LIDAR: bool(config.lidars) or LIDAR in config.simulation,
         SONAR: bool(robot.mounts),
         CAMERA: robot.has_camera,
     }
@@ -58,7 +58,7 @@ def slam_sensor(config: RobotConfig, robot: SensedRobot) -> SlamSensor:
             'true goes on with the map; localisation.method = "mcl" finds the robot on the ROS '
             "map of a drive, localisation.map"
         )
-    return SlamSensor(name, robot, replace(source.config, tuning=settings.slam.stages))
+    return SlamSensor(name, robot, replace(source.config_for(robot), tuning=settings.slam.stages))
 
 
 def recognises_places(config: RobotConfig) -> bool:

@@ -1,10 +1,10 @@
-"""The lidar process: revolutions in, scans for localisation and map out."""
+"""The process of the lidars: revolutions in, scans for localisation and map out."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from contextlib import closing
+from contextlib import ExitStack, closing
 from typing import Final
 
 from robotctl.app.processes.entry import enter
@@ -39,19 +39,25 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     """
     stopped = StopFlag()
     clock = RealClock()
-    if config.lidar is None or config.lidar.driver == SOCKET:
+    if not config.lidars or any(each.driver == SOCKET for each in config.lidars):
         raise ConfigError(f"lidar.driver: allowed are here: {', '.join(LIDAR_DRIVERS)}")
-    lidar = LIDAR_DRIVERS[config.lidar.driver](config.lidar, clock)
     endpoints = Endpoints(endpoint_directory(options.instance))
-    with closing(lidar), SensorSockets(endpoints, endpoints.lidar) as sockets:
-        scans = LidarScans(config.lidar)
+    with ExitStack() as stack:
+        lidars = [
+            stack.enter_context(closing(LIDAR_DRIVERS[each.driver](each, clock)))
+            for each in config.lidars
+        ]
+        makers = [LidarScans(each) for each in config.lidars]
+        sockets = stack.enter_context(SensorSockets(endpoints, endpoints.lidar))
         while not stopped():
             sockets.beat()
-            sweep = lidar.read()
-            for state in sockets.states():
-                scans.attend(state)
-            if sweep is not None:
-                sockets.publisher.send(scans.scan(sweep))
+            sweeps = [lidar.read() for lidar in lidars]
+            states = list(sockets.states())
+            for scans, sweep in zip(makers, sweeps, strict=True):
+                for state in states:
+                    scans.attend(state)
+                if sweep is not None:
+                    sockets.publisher.send(scans.scan(sweep))
 
 
 if __name__ == "__main__":

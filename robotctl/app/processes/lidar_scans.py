@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
+from robotctl.estimation.ranging.unwinding import from_last_place
 from robotctl.messages.control import ControlState
 from robotctl.messages.estimation import LidarScan
 from robotctl.messages.lidar_port import LidarSweep
 from robotctl.model.sensors.lidar import LidarConfig
-
-_KNOTS: Final = 9
-"""Number of poses between which the path during a revolution is taken as straight."""
 
 
 class LidarScans:
@@ -54,7 +50,8 @@ class LidarScans:
         sign = -1.0 if config.upside_down else 1.0
         angles = math.radians(config.yaw_deg) + sign * sweep.angles_rad
         ranges = np.where(sweep.ranges_m < config.min_range_m, np.nan, sweep.ranges_m)
-        angles, ranges = self._from_last_place(sweep.stamps_ns, angles, ranges)
+        mount = config.x_m, config.y_m
+        angles, ranges = from_last_place(sweep.stamps_ns, angles, ranges, mount, self._odometry.at)
         beams = np.full(config.beams, np.nan)
         places = (angles + math.pi) / self._step_rad
         nearest = np.floor(places + 0.5)
@@ -72,29 +69,5 @@ class LidarScans:
             self._step_rad,
             config.max_range_m,
             beams.astype("<f4").tobytes(),
+            name=config.name,
         )
-
-    def _from_last_place(
-        self,
-        stamps_ns: NDArray[np.int64],
-        angles: NDArray[np.float64],
-        ranges: NDArray[np.float64],
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return directions in `base` and ranges as from the place of the last sample."""
-        knots_ns = np.linspace(stamps_ns[0], stamps_ns[-1], _KNOTS)
-        poses = [self._odometry.at(int(each)) for each in knots_ns]
-        last = poses[-1]
-        known = [pose for pose in poses if pose is not None]
-        if last is None or len(known) < _KNOTS:
-            return angles, ranges
-        moves = [last.inverse() @ pose for pose in known]
-        x, y, theta = (
-            np.interp(stamps_ns, knots_ns, each)
-            for each in np.array([(move.x_m, move.y_m, move.theta_rad) for move in moves]).T
-        )
-        config = self._config
-        seen_x = config.x_m + ranges * np.cos(angles)
-        seen_y = config.y_m + ranges * np.sin(angles)
-        from_x = x + np.cos(theta) * seen_x - np.sin(theta) * seen_y - config.x_m
-        from_y = y + np.sin(theta) * seen_x + np.cos(theta) * seen_y - config.y_m
-        return np.arctan2(from_y, from_x), np.hypot(from_x, from_y)

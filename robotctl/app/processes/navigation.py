@@ -23,7 +23,7 @@ from robotctl.core.navigation_adapter import NavigationAdapter
 from robotctl.core.navigation_tick import NavigationTick
 from robotctl.core.operator import Operator
 from robotctl.errors import DiskError, RobotctlError
-from robotctl.messages.control import ControlState, NavigationRequest, Notice, Severity
+from robotctl.messages.control import ControlState, NavigationRequest, Notice, Severity, StepBudget
 from robotctl.messages.estimation import SensorMessage
 from robotctl.messages.ports import Clock
 from robotctl.model.geometry.se2 import SE2
@@ -37,9 +37,13 @@ from robotctl.runtime.ipc.topics import (
     endpoint_directory,
 )
 from robotctl.runtime.simulated_clock import Pacer
+from robotctl.runtime.step_timer import StepTimer
 
 _PLAN_S: Final = 0.15
 """Planning in a step; a command lives for 0.2 s [s]."""
+
+_BUDGET_NS: Final = 1_000_000_000
+"""Period of the statistics of its steps [ns]."""
 
 _Heard: TypeAlias = SensorMessage | Notice
 
@@ -97,7 +101,8 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     )
     publisher = Publisher(context, endpoints.navigation_state)
     to_control = RequestSender(context, endpoints.control_requests)
-    adapter = make_navigation(config, options)
+    timer = StepTimer(round(1e9 / config.navigation.rate_hz), time.monotonic_ns)
+    adapter = make_navigation(config, options, timer)
     saved, notes = load_progress(options)
     if notes := (*notes, *resume(adapter, options, saved), *take_bounds(adapter, options)):
         publisher.greet(Notice(clock.now_ns(), Severity.WARNING, "\n".join(notes)))
@@ -106,7 +111,9 @@ def run(config: RobotConfig, options: StackOptions) -> None:
         publisher.send(Notice(clock.now_ns(), Severity.NOTICE, text))
 
     estimators = load_estimators(config, options, last_pose(saved, options), say)
-    scans_count = equip(adapter.navigator, config, options, estimators, say, plan_s=_PLAN_S)
+    scans_count = equip(
+        adapter.navigator, config, options, estimators, say, plan_s=_PLAN_S, pace=timer
+    )
     try:
         adapter.bound_by(load_bounds(options.state, "zones"))
     except DiskError as error:
@@ -116,7 +123,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     heard += [endpoints.camera] if config.has_camera else []
     sensors = Subscriber[_Heard](context, tuple(heard), _Heard)
     try:
-        _navigate(tick, clock, stopped, states, sensors, to_control)
+        _navigate(tick, timer, clock, stopped, states, sensors, to_control)
     finally:
         context.destroy(linger=0)
         if estimators is not None:
@@ -125,6 +132,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
 
 def _navigate(
     tick: NavigationTick,
+    timer: StepTimer,
     clock: Clock,
     stopped: StopFlag,
     states: Subscriber[ControlState | Notice],
@@ -139,26 +147,46 @@ def _navigate(
     gc.freeze()
     deadline_ns = clock.now_ns()
     lost_ns = 0
+    budget, budget_ns = timer.budget(), deadline_ns
     while not stopped():
         deadline_ns = max(deadline_ns + tick.period_ns, clock.now_ns())
         clock.sleep_until(deadline_ns)
         # Time without the processor: it woke late, or a step took longer than it computed.
         woken_ns, computed_ns = clock.now_ns(), time.process_time_ns()
         late_ns = lost_ns + woken_ns - deadline_ns
+        timer.begin()
         for message in states.receive():
             control = message if isinstance(message, ControlState) else control
         seen = [each for each in sensors.receive() if not isinstance(each, Notice)]
         tick.receive(control, seen, late_ns)
+        timer.lap("receive")
         begin_ns = clock.now_ns()
         tick.localise(begin_ns)
         localised_ns = clock.now_ns()
+        timer.lap("localise")
         command, _ = tick.navigate(begin_ns)
         to_control.send(command)
         done_ns = clock.now_ns()
-        tick.publish(begin_ns, (localised_ns - begin_ns) / 1000, (done_ns - begin_ns) / 1000)
+        timer.lap("decide")
+        if done_ns - budget_ns >= _BUDGET_NS:
+            before, budget, budget_ns = budget, timer.budget(), done_ns
+            if budget.effort != before.effort:
+                tick.say(done_ns, _said(budget))
+        step_us = (done_ns - begin_ns) / 1000
+        tick.publish(begin_ns, (localised_ns - begin_ns) / 1000, step_us, budget)
+        timer.lap("publish")
+        timer.end()
         heartbeat.beat()
         computed_ns = time.process_time_ns() - computed_ns
         lost_ns = max(0, clock.now_ns() - woken_ns - computed_ns)
+
+
+def _said(budget: StepBudget) -> str:
+    """Return what to tell people of a changed effort."""
+    if budget.effort == 1.0:
+        return "navigation has time again: it steers by all its samples"
+    times = f"{budget.p99_ms:.0f} of {budget.period_ms:.0f} ms"
+    return f"navigation's steps take up to {times}: it steers by {budget.effort:.0%} of its samples"
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from robotctl.maps.topology_file import load_places
 from robotctl.messages.plans import KnownPlace
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
-from robotctl.planning.behave.behaviours.kind import Abilities, Pilot
+from robotctl.planning.behave.behaviours.kind import UNHURRIED, Abilities, Pace, Pilot
 from robotctl.planning.behave.mission.mission_file import Mission, mission_rules
 from robotctl.planning.guard.body import body_outline
 from robotctl.planning.guard.obstacle_guard import body_rectangle
@@ -61,8 +61,10 @@ def _places(config: RobotConfig, robot: Path) -> TopologicalMap | None:
     return load_places(config.navigation.pilot.topology, robot.resolve().parent)
 
 
-def make_navigation(config: RobotConfig, options: StackOptions) -> NavigationAdapter:
-    """Return the navigator of a robot with its message adapter.
+def make_navigation(
+    config: RobotConfig, options: StackOptions, pace: Pace = UNHURRIED
+) -> NavigationAdapter:
+    """Return the navigator of a robot with its message adapter, its steps at a pace.
 
     Raises
     ------
@@ -79,9 +81,10 @@ def make_navigation(config: RobotConfig, options: StackOptions) -> NavigationAda
         config.sonar,
         mission,
         SE2(options.x_m, options.y_m, options.theta_rad),
-        has_lidar=config.lidar is not None,
+        lidars=len(config.lidars),
         sees_markers=able.sees_markers,
         places=able.places,
+        pace=pace,
     )
     mavlink, period_ns = config.mavlink, round(1e9 / config.navigation.rate_hz)
     holds_on_loss = mavlink.hold_on_gcs_loss and not mavlink.hold_without_gcs
@@ -138,6 +141,7 @@ def equip(
     say: Callable[[str], None] = lambda _: None,
     *,
     plan_s: float = math.inf,
+    pace: Pace = UNHURRIED,
 ) -> bool:
     """Give the navigator what it drives through the world by; return whether scans are of use.
 
@@ -150,6 +154,8 @@ def equip(
         Given what people should know while it compiles.
     plan_s
         The time that planning may take in a step [s].
+    pace
+        Told of the parts of its steps, and asked how much it may do in them.
 
     Raises
     ------
@@ -158,8 +164,8 @@ def equip(
     """
     grid = None if estimators is None else estimators.world_map
     asked = navigator.auto.needs_pilot or bool(config.navigation.pilot.topology)
-    if grid is not None or config.lidar is not None or asked:
-        navigator.take_pilot(_pilot(config, options, grid, say, plan_s))
+    if grid is not None or config.lidars or asked:
+        navigator.take_pilot(_pilot(config, options, grid, say, plan_s, pace))
         return True
     return estimators is not None
 
@@ -170,6 +176,7 @@ def _pilot(
     grid: GridMap | None,
     say: Callable[[str], None],
     plan_s: float,
+    pace: Pace,
 ) -> Pilot:
     """Return what plans journeys, compiled and ready."""
     from robotctl.app.compile_progress import compile_progress  # noqa: PLC0415
@@ -184,9 +191,10 @@ def _pilot(
             config.sonar,
             grid,
             SE2(options.x_m, options.y_m, options.theta_rad),
-            has_lidar=config.lidar is not None,
+            lidars=len(config.lidars),
             topology=_places(config, Path(options.robot)),
             budget=lambda: _time_left(plan_s),
+            pace=pace,
         )
     except InvalidValue as error:
         raise ConfigError(f"{options.robot}: navigation.pilot.{error}") from error

@@ -60,7 +60,7 @@ def described(config: RobotConfig, options: StackOptions) -> TelemetryRobot:
         has_localiser=config.localisation.method != "none",
         arm_timeout_s=config.safety.arm_timeout_ms / 1e3,
         home=SE2(options.x_m, options.y_m, options.theta_rad),
-        plans=config.lidar is not None or config.localisation.method != "none",
+        plans=bool(config.lidars) or config.localisation.method != "none",
         holonomic=config.drive.holonomic,
     )
 
@@ -142,7 +142,7 @@ def _states(
     """Return what the other processes publish."""
     heard = [endpoints.control_state, endpoints.navigation_state, endpoints.recorder_notices]
     heard.append(endpoints.supervisor_notices)
-    heard += [endpoints.lidar] if config.lidar is not None else []
+    heard += [endpoints.lidar] if config.lidars else []
     heard += [endpoints.camera] if config.has_camera else []
     return Subscriber[State](context, tuple(heard), State)
 

@@ -62,7 +62,7 @@ def outline_of(config: RobotConfig, *, simulated: bool, file: str = "") -> Robot
         simulated=simulated,
         drive=config.drive.kind,
         holonomic=config.drive.holonomic,
-        has_lidar=config.lidar is not None,
+        has_lidar=bool(config.lidars),
         has_localiser=config.localisation.method != "none",
         outline=((front_m, -half_m), (front_m, half_m), (rear_m, half_m), (rear_m, -half_m)),
         sonars=tuple(

@@ -67,7 +67,7 @@ class LocalisationScore:
         if not localiser_kind(state.method).makes_map:
             self._slam = None  # it keeps all true poses
         if self._slam is not None:
-            self._slam.loops(state.loops)
+            self._slam.hear(state.loops, state.verdict)
         for estimate, what, truth in self._matcher.pose(pose, _Estimate(state, odometry)):
             self._add(estimate, what, truth)
 

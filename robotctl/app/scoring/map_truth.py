@@ -79,8 +79,8 @@ def map_truth(simulated: SimulatedRobot, room: World, start: SE2, robot: RobotCo
 
     The sensor is the lidar, if the robot has one and localises by it, else its sonars.
     """
-    lidar, sonar = simulated.simulation.lidar, simulated.simulation.sonar
-    sensor = sonar if lidar is None or LIDAR not in robot.localisation.sensors else lidar
+    lidars = simulated.simulation.lidars if LIDAR in robot.localisation.sensors else ()
+    sensor = max(lidars, key=lambda each: each.max_range_m, default=simulated.simulation.sonar)
     radius_m = body_outline(robot.navigation.guard, robot.sonar).inscribed_m
     seen = room.seen_from(sensor.z_m).segments
     return MapTruth(

@@ -88,6 +88,9 @@ class SlamReport(msgspec.Struct, frozen=True):
     loops, false_loops
         Places that were known again, as links of the graph, and those of them more than 0.5 m or
         0.2 rad off.
+    verdict
+        How good the map is by the localiser's own last word, and why it is no better; empty if it
+        says nothing.
     """
 
     ape_m: float
@@ -95,6 +98,7 @@ class SlamReport(msgspec.Struct, frozen=True):
     rpe_rad: float
     loops: int
     false_loops: int
+    verdict: str = ""
 
 
 class MapQuality(msgspec.Struct, frozen=True):

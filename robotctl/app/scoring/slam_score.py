@@ -32,6 +32,7 @@ class SlamScore:
         self._stamps_ns: list[int] = []
         self._truths: list[SE2] = []
         self._loops: list[ClosedLoop] = []
+        self._verdict = ""
 
     def truth(self, pose: StampedPose) -> None:
         """Take a true pose; they come in the order of their stamps."""
@@ -44,9 +45,10 @@ class SlamScore:
         self._believed.append(believed)
         self._true.append(true)
 
-    def loops(self, loops: Sequence[ClosedLoop]) -> None:
-        """Take loops that were closed."""
+    def hear(self, loops: Sequence[ClosedLoop], verdict: str) -> None:
+        """Take loops that were closed, and the localiser's word on its map."""
         self._loops += loops
+        self._verdict = verdict
 
     def result(self) -> SlamReport | None:
         """Return the score so far; None before there are two estimates."""
@@ -68,6 +70,7 @@ class SlamScore:
             rpe_rad=float(rpe[1]),
             loops=len(judged) - judged.count(None),
             false_loops=judged.count(False),
+            verdict=self._verdict,
         )
 
     def _relative(self, begin: int, end: int) -> tuple[float, float]:

@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -27,7 +28,6 @@ from robotctl.app.scoring.score import (
     run_message,
 )
 from robotctl.app.simulation.lockstep_camera import LockstepCamera
-from robotctl.app.simulation.lockstep_logs import LockstepLogs
 from robotctl.app.simulation.lockstep_stack import LockstepStack, make_simulation
 from robotctl.app.simulation.operator import MissionOperator
 from robotctl.app.simulation.room import load_furnished
@@ -38,7 +38,6 @@ from robotctl.config.options import StackOptions
 from robotctl.core.navigation_tick import NavigationTick
 from robotctl.core.operator import Operator
 from robotctl.errors import DiskError
-from robotctl.logs.mcap.entries import Published
 from robotctl.maps.map_fit import misfit
 from robotctl.messages.control import (
     ControlRequest,
@@ -49,6 +48,10 @@ from robotctl.messages.control import (
 from robotctl.messages.estimation import CameraView, LidarScan, LiveMap, LocalisationState
 from robotctl.model.wall_map import WallMap
 from robotctl.runtime.storage.log_folder import LogFolder
+
+if TYPE_CHECKING:
+    from robotctl.app.simulation.lockstep_logs import LockstepLogs
+    from robotctl.logs.mcap.entries import Published
 
 
 class LockstepRun:
@@ -107,7 +110,8 @@ class LockstepRun:
         self._scenario = load_faults(options)
         self._heard: list[Published] = []
         """Messages published since the last log entry."""
-        self._scanned_ns = 0
+        self._scanned_ns: dict[int, int] = {}
+        """Time of the last scan of each lidar, by its number [ns]."""
         self._localise_us = 0.0
         self._log_trouble = ""
         self._ended = ""
@@ -183,6 +187,9 @@ class LockstepRun:
 
     def _open_logs(self, directory: Path) -> LockstepLogs:
         """Log into `directory`."""
+        # A tenth of a second, which most runs need not wait for.
+        from robotctl.app.simulation.lockstep_logs import LockstepLogs  # noqa: PLC0415
+
         return LockstepLogs(
             LogFolder(directory, self.config.log),
             self.stack.simulation.buses,
@@ -243,11 +250,12 @@ class LockstepRun:
             for view in self._camera.step(simulation, control):
                 self._score.view(view)
                 seen.append(view)
-        lidar = simulation.config.simulation.lidar if self._uses_lidar else None
-        if lidar is not None and now_ns - self._scanned_ns >= 1e9 / lidar.rate_hz:
-            self._scanned_ns = now_ns
-            scan = simulation.scan()
-            seen += [] if scan is None else [LidarScan(**msgspec.structs.asdict(scan))]
+        lidars = simulation.config.simulation.lidars if self._uses_lidar else ()
+        for number, lidar in enumerate(lidars):
+            if now_ns - self._scanned_ns.get(number, 0) >= 1e9 / lidar.rate_hz:
+                self._scanned_ns[number] = now_ns
+                scan = simulation.scan(number)
+                seen += [] if scan is None else [LidarScan(**msgspec.structs.asdict(scan))]
         self._heard += seen
         return seen
 

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from firmware_sim.errors import SimulationError
-from robotctl.app.localisation.slam_sensor import recognises_places
 from robotctl.app.simulation.simulator_files import SimulatorError
 from robotctl.config.robot_file import RobotConfig
 from robotctl.messages.camera_port import CameraFrame
@@ -49,6 +48,7 @@ class LockstepCamera:
         if config.camera is None or not config.camera.enabled:
             return None
         # OpenCV and numba.
+        from robotctl.app.localisation.slam_sensor import recognises_places  # noqa: PLC0415
         from robotctl.app.processes.floor_pipeline import GroundWatch  # noqa: PLC0415
 
         with_features = recognises_places(config)

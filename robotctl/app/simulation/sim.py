@@ -365,7 +365,10 @@ def _settings(options: SimOptions, world: Path) -> tuple[tuple[str, ...], RobotC
     config: RobotConfig = load_robot(robot, overrides)
     if config.lidar is None:
         return overrides, config
-    overrides += (f'lidar.driver="{SOCKET}"',)  # the simulator publishes the scans
+    several = isinstance(config.lidar, tuple)
+    tables = [f"lidar.{number}" for number in range(len(config.lidars))] if several else ["lidar"]
+    # The simulator publishes the scans.
+    overrides += tuple(f'{table}.driver="{SOCKET}"' for table in tables)
     return overrides, load_robot(robot, overrides)
 
 

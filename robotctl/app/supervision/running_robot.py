@@ -18,8 +18,7 @@ def running(instance: str) -> Endpoints:
     LinkError
         If there is none, naming those that run; or its folder is open to others.
     """
-    folders = endpoint_path("any").parent.glob("*/control.state")
-    names = sorted(file.parent.name for file in folders if _answers(file))
+    names = names_of_running()
     if not instance and len(names) == 1:
         instance = names[0]
     if instance in names:
@@ -29,6 +28,12 @@ def running(instance: str) -> Endpoints:
         raise LinkError(f"no robot: {found}")
     hint = nearest(instance, names) if names else "; none runs"
     raise LinkError(f"{instance}: no robot of that name runs{hint}")
+
+
+def names_of_running() -> list[str]:
+    """Return the names of all robots of this user that run, sorted."""
+    folders = endpoint_path("any").parent.glob("*/control.state")
+    return sorted(file.parent.name for file in folders if _answers(file))
 
 
 def _answers(file: Path) -> bool:

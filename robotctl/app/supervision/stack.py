@@ -39,19 +39,27 @@ LIDAR = "robotctl.app.processes.lidar"
 WEB = "robotctl.app.processes.web"
 FOXGLOVE = "robotctl.app.processes.foxglove"
 
+_DRIVES: Final = -10
+"""Nice value of what the robot drives by, below control and above all else: about nine tenths of a
+core that is shared with one busy program."""
+
 ROLES: Final = (
     Role(CONTROL, RestartPolicy(crashes=3), stall_s=1.0, held_s=0.3, vital=True),
-    Role(NAVIGATION, RestartPolicy(crashes=5), stall_s=5.0, start_s=300.0, held_s=1.0),
+    Role(
+        NAVIGATION, RestartPolicy(crashes=5), stall_s=5.0, start_s=300.0, held_s=1.0, nice=_DRIVES
+    ),
     Role(TELEMETRY, RestartPolicy(crashes=5), stall_s=5.0, held_s=1.0),
     Role(RECORDER, RestartPolicy(crashes=5), stall_s=60.0, held_s=5.0),
 )
 """Roles in the order of their start. Navigation may have to compile its estimators first, which
 takes a minute on a small computer; the recorder waits for the disk, which may be slow."""
 
-CAMERA_ROLE: Final = Role(CAMERA, RestartPolicy(crashes=5), stall_s=5.0, start_s=300.0, held_s=1.0)
+CAMERA_ROLE: Final = Role(
+    CAMERA, RestartPolicy(crashes=5), stall_s=5.0, start_s=300.0, held_s=1.0, nice=_DRIVES
+)
 """Camera process of robots with a camera. It compiles like navigation."""
 
-LIDAR_ROLE: Final = Role(LIDAR, RestartPolicy(crashes=5), stall_s=5.0, held_s=1.0)
+LIDAR_ROLE: Final = Role(LIDAR, RestartPolicy(crashes=5), stall_s=5.0, held_s=1.0, nice=_DRIVES)
 """Lidar process of robots whose lidar is read by a driver of ours."""
 
 WEB_ROLE: Final = Role(WEB, RestartPolicy(crashes=5), stall_s=5.0, held_s=1.0)
@@ -94,7 +102,7 @@ class Stack:
         roles: tuple[Role, ...] = ROLES
         if config.has_camera:
             roles += (CAMERA_ROLE,)
-        if config.lidar is not None and config.lidar.driver != SOCKET:
+        if any(lidar.driver != SOCKET for lidar in config.lidars):
             roles += (LIDAR_ROLE,)
         if config.web.enabled:
             roles += (WEB_ROLE,)

@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -52,6 +53,10 @@ class Role:
         Time without progress after which a running process is reported as stalled [s].
     vital
         Whether the whole stack ends when the budget of this process is spent.
+    nice
+        Nice value, -20 to 19; below 0 the kernel prefers the process to ordinary programs, where it
+        has the right to (CAP_SYS_NICE). Not a real-time priority: what computes too much must not
+        keep the emergency stop of page and ground station from the processor.
     """
 
     module: str
@@ -60,6 +65,7 @@ class Role:
     start_s: float = 60.0
     held_s: float = math.inf
     vital: bool = False
+    nice: int = 0
 
     @property
     def name(self) -> str:
@@ -188,6 +194,8 @@ class Supervised:
         if not self.role.vital:
             # Losing control costs the most: let the kernel sacrifice the others first.
             _kill_first_when_memory_is_short(self._process.pid)
+        if self.role.nice:
+            _prefer(self._process.pid, self.role.nice)
         self.starts += 1
 
     def let_start(self, now_s: float) -> None:
@@ -322,3 +330,13 @@ def _kill_first_when_memory_is_short(pid: int) -> None:
         Path(f"/proc/{pid}/oom_score_adj").write_text(_FIRST_VICTIM)
     except OSError:
         return  # it has ended already, or /proc is closed: then the kernel chooses by size
+
+
+def _prefer(pid: int, nice: int) -> None:
+    """Set the nice value of a process, and of the session that it is alone in.
+
+    The kernel may share the processor among sessions first (sched(7), autogroups).
+    """
+    with suppress(OSError):  # no right to, or it has ended already
+        os.setpriority(os.PRIO_PROCESS, pid, nice)
+        Path(f"/proc/{pid}/autogroup").write_text(str(nice))

@@ -163,6 +163,7 @@ def _slam_rows(slam: SlamReport) -> list[tuple[str, str]]:
     return [
         ("trajectory", f"ape {slam.ape_m:.3f} m, rpe {by_metre}"),
         ("loops", f"{counted(slam.loops, 'link')} to places seen before, {false}"),
+        *([("verdict", slam.verdict)] if slam.verdict else []),
     ]
 
 

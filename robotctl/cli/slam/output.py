@@ -4,12 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Final
 
+import typer
 from rich.console import Console
 
-from robotctl.cli.files import check_files, write_file
+from robotctl.cli.files import write_file
 from robotctl.errors import ConfigError
+
+if TYPE_CHECKING:
+    from robotctl.estimation.slam.verdict.verdict import Verdict
+
+_STATUS: Final = {"doubtful": 3, "not a map": 1}
+"""Status to end with by the verdict on the map."""
+
+
+def check_folder(out: Path) -> None:
+    """Refuse a folder that cannot be made.
+
+    Raises
+    ------
+    ConfigError
+        If the folder around it does not exist, or it is a file.
+    """
+    if not out.parent.is_dir():
+        raise ConfigError(f"--out {out}: the folder {out.parent} does not exist")
+    if out.exists() and not out.is_dir():
+        raise ConfigError(f"--out {out}: is a file, a folder is needed")
 
 
 def write_slam(
@@ -17,20 +38,19 @@ def write_slam(
     console: Console,
     notes: Iterable[str],
     write: Callable[[Path], object],
-    draw: Callable[[Path], object],
 ) -> None:
-    """Print notes, write the results into a folder, and a picture where matplotlib is there."""
+    """Print notes, and write the results into a folder."""
     for note in notes:
         console.print(f"note: {note}", soft_wrap=True)
     write_file(out, lambda folder: folder.mkdir(exist_ok=True))
     write_file(out, write)
-    plot = out / "plot.png"
-    try:
-        check_files(plot=plot)
-    except ConfigError as error:
-        console.print(f"note: no picture: {error}", soft_wrap=True)
-    else:
-        write_file(plot, draw)
+
+
+def end_by_verdict(verdict: Verdict | None, console: Console) -> None:
+    """Tell why a map is not good, and end with the status for that; its files are written."""
+    if verdict is not None and verdict.reasons:
+        console.print(f"verdict: {verdict}", soft_wrap=True)
+        raise typer.Exit(_STATUS[verdict.quality])
 
 
 def error_words(compared: Mapping[str, Any] | None) -> str:

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 
 from robotctl.cli.console import say_compiling
+from robotctl.cli.files import give_plot
 from robotctl.cli.progress import progress_bar
-from robotctl.cli.slam.output import error_words, write_slam
+from robotctl.cli.slam.output import end_by_verdict, error_words, write_slam
 from robotctl.words import counted
 from robotctl.workbench.slam.options import SlamOptions
 
@@ -17,7 +18,9 @@ if TYPE_CHECKING:
     from robotctl.workbench.slam.scans import ScanResult
 
 
-def slam_by_scans(options: SlamOptions, sensor: str, out: Path, console: Console) -> None:
+def slam_by_scans(
+    options: SlamOptions, sensor: str, out: Path, plot: Path | None, console: Console
+) -> None:
     """Make trajectory, map and graph of a recorded drive and write them into a folder."""
     with progress_bar(console, options.log.name, "SLAM") as tell:
         # It takes a second or more, in which nothing would be seen.
@@ -26,16 +29,23 @@ def slam_by_scans(options: SlamOptions, sensor: str, out: Path, console: Console
 
         say_compiling(console)
         result = scan_slam(
-            options.log, options.time_unit, tell, options.onto, sensor, options.images
+            options.log,
+            options.time_unit,
+            tell,
+            options.onto,
+            sensor,
+            options.images,
+            options.sweep_s,
         )
     write_slam(
         out,
         console,
         result.recording.notes,
         lambda folder: write_scan_results(result, folder),
-        lambda file: save_scan_plot(result, file),
     )
+    give_plot(plot, lambda file: save_scan_plot(result, file))
     print(_sentence(result.report()))
+    end_by_verdict(result.verdict, console)
 
 
 def _sentence(report: dict[str, Any]) -> str:
@@ -66,11 +76,12 @@ def save_scan_plot(result: ScanResult, file: Path) -> None:
     import numpy as np  # noqa: PLC0415
 
     from robotctl.cli.picture import draw_map, drawing, see_from_above  # noqa: PLC0415
+    from robotctl.estimation.grid.occupancy_grid import STRAYS  # noqa: PLC0415
     from robotctl.model.geometry.points import align, moved  # noqa: PLC0415
 
     with drawing(file, 11.0, 11.0, dpi=150) as figure:
         axes = figure.subplots()
-        draw_map(axes, result.grid.map_rows(strays=0.0002).whole())
+        draw_map(axes, result.grid.map_rows(strays=STRAYS).whole())
         path = result.estimate
         pairs = [
             (own, (true.x_m, true.y_m))

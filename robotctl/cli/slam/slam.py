@@ -9,11 +9,11 @@ import typer
 from rich.console import Console
 
 from robotctl.cli.console import plain_console, say_compiling
+from robotctl.cli.files import check_files, give_plot
 from robotctl.cli.options import takes_options
 from robotctl.cli.progress import progress_bar
-from robotctl.cli.slam.output import error_words, write_slam
+from robotctl.cli.slam.output import check_folder, error_words, write_slam
 from robotctl.cli.slam.scans import slam_by_scans
-from robotctl.errors import ConfigError
 from robotctl.words import counted
 from robotctl.workbench.slam.options import SlamOptions
 
@@ -24,24 +24,26 @@ def slam(
     out: Annotated[
         Path, typer.Option(metavar="FOLDER", help="Write the results into this folder.")
     ],
+    plot: Annotated[Path | None, typer.Option(help="Plot to a .png, .svg or .pdf.")] = None,
 ) -> None:
     """Make a trajectory and a map from a recorded drive, by landmarks or by scans.
 
     Writes trajectory.tum, online.tum, graph.g2o and report.json, landmarks.csv or map.yaml,
-    map.pgm, map.keyframes and closures.csv; with the extra `plot` plot.png.
+    map.pgm, map.keyframes and closures.csv. By lidar status 0: the map is good. 3: it is doubtful.
+    1: it is no map. `robotctl slam edit` changes it by hand.
     """
-    if not out.parent.is_dir():
-        raise ConfigError(f"--out {out}: the folder {out.parent} does not exist")
-    if out.exists() and not out.is_dir():
-        raise ConfigError(f"--out {out}: is a file, a folder is needed")
+    check_folder(out)
+    check_files(plot=plot)
     console = plain_console(stderr=True)
     if options.sensor is not None:
-        slam_by_scans(options, options.sensor, out, console)
+        slam_by_scans(options, options.sensor, out, plot, console)
     else:
-        _slam_by_landmarks(options, out, console)
+        _slam_by_landmarks(options, out, plot, console)
 
 
-def _slam_by_landmarks(options: SlamOptions, out: Path, console: Console) -> None:
+def _slam_by_landmarks(
+    options: SlamOptions, out: Path, plot: Path | None, console: Console
+) -> None:
     """Make trajectory and map of landmarks, and write them into a folder."""
     with progress_bar(console, options.log.name, "SLAM") as tell:
         # It takes a second or more, in which nothing would be seen.
@@ -55,7 +57,8 @@ def _slam_by_landmarks(options: SlamOptions, out: Path, console: Console) -> Non
 
         save_plot(result, file)
 
-    write_slam(out, console, result.notes, lambda folder: work.write_results(result, folder), draw)
+    write_slam(out, console, result.notes, lambda folder: work.write_results(result, folder))
+    give_plot(plot, draw)
     print(_sentence(result.report()))
 
 

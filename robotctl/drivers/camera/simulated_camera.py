@@ -95,7 +95,7 @@ class SimulatedCamera:
 
 
 def _is_whole(picture: _Picture) -> bool:
-    """Whether a message has as many pixels as it claims."""
+    """Return whether a message has as many pixels as it claims."""
     return (
         picture.encoding == ENCODING
         and picture.width > 0

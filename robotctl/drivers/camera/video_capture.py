@@ -24,6 +24,7 @@ Size: TypeAlias = tuple[int, int]
 _OLDEST_NS = 1_000_000_000
 """Age beyond which, or if in the future, a driver's own stamp is of another clock."""
 _END_S = 2.0
+"""Maximum wait for the thread of a camera to end [s]: a driver may hang."""
 
 
 def open_camera(source: str, size: Size, rate_hz: float, clock: Clock) -> CameraPort:

@@ -17,6 +17,7 @@ FRAME_BITS: Final = tuple(
 """Estimated length of a classic data frame with an 11-bit identifier by its data length [bit]."""
 
 _WINDOW_NS = 1_000_000_000
+"""Time over which the load is averaged [ns]."""
 _FORMATS: Final = EXTENDED_FLAG | FD_FLAG
 
 

@@ -37,4 +37,4 @@ class BusPart(Protocol):
         """Judge what was received up to now."""
 
     def serve(self, send: Send, now_ns: int) -> bool:
-        """Send at most one frame of identification, settings or state changes; whether it did."""
+        """Send at most one frame (identity, settings, state changes); return whether it did."""

@@ -35,6 +35,7 @@ _FD_FLAGS: Final = BIT_RATE_SWITCH | ERROR_STATE
 _BUFFER_BYTES: Final = 1 << 20
 _MESSAGE_BYTES: Final = 128
 _MOST_FRAMES: Final = 4096
+"""Size of the kernel's buffer and of a frame's [B], and maximum number of frames in one reading."""
 
 
 def candump_line(message: bytes, time_us: int, channel: str) -> str:

@@ -10,10 +10,11 @@ from typing import Final, Literal
 from robotctl.errors import InvalidValue
 
 _BITRATES = (10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)
+"""Bit rates that CiA 301 and usual controllers know [bit/s]."""
 _DATA_BITRATES = (*_BITRATES, 2_000_000, 4_000_000, 5_000_000, 8_000_000)
 
 MAX_SUPPLY_V: Final = 65.5
-"""More than this no drive can report [V]."""
+"""Maximum voltage that a drive can report [V]."""
 
 RESTART_MS: Final = 100
 """Wanted pause between bus-off and the controller's return [ms]."""

@@ -14,7 +14,7 @@ from robotctl.drivers.can.codec import compile_syndrome
 from robotctl.drivers.can.dbc import Message
 
 COUNTER_MODULUS: Final = 15
-"""The alive counter runs 0..14; 15 is never sent."""
+"""Number of values of the alive counter: 0 to 14, 15 is never sent."""
 
 SILENCE_PERIODS: Final = 12
 """Periods of silence after which a message starts over: before its counter of 15 values can wrap,
@@ -24,11 +24,11 @@ WINDOW_PERIODS: Final = 20
 """Periods over which frames are counted to tell a second sender."""
 
 SURPLUS_TIMED: Final = 2
-"""Frames more than a sender with a timer of its own sends in that time which are no proof: they may
-have waited."""
+"""Surplus frames in that time that prove no second sender, of one with a timer: they may have
+waited."""
 
 SURPLUS_ON_SYNC: Final = 4
-"""The same of a sender that answers SYNC, which comes late where the host does."""
+"""Surplus of a sender that answers SYNC, which comes late where the host does."""
 
 
 class E2eStatus(enum.Enum):

@@ -5,6 +5,7 @@ Source: Linux, include/uapi/linux/can/error.h.
 
 from __future__ import annotations
 
+import enum
 from typing import Final
 
 from robotctl.messages.control import BusState
@@ -12,14 +13,23 @@ from robotctl.messages.control import BusState
 CAN_ERR_FLAG: Final = 0x20000000
 """Bit of the identifier that makes an error frame."""
 
-CAN_ERR_CRTL: Final = 0x004
-CAN_ERR_BUSOFF: Final = 0x040
-CAN_ERR_RESTARTED: Final = 0x100
-CAN_ERR_CNT: Final = 0x200
 
-CRTL_WARNING: Final = 0x04 | 0x08
-CRTL_PASSIVE: Final = 0x10 | 0x20
-CRTL_ACTIVE: Final = 0x40
+class ErrorClass(enum.IntEnum):
+    """Bits of an error frame's identifier about the controller (CAN_ERR_*)."""
+
+    CRTL = 0x004
+    BUSOFF = 0x040
+    RESTARTED = 0x100
+    CNT = 0x200
+
+
+class ControllerError(enum.IntEnum):
+    """Bits of its second byte, of receiver and transmitter (CAN_ERR_CRTL_*)."""
+
+    WARNING = 0x04 | 0x08
+    PASSIVE = 0x10 | 0x20
+    ACTIVE = 0x40
+
 
 _WARNING_LEVEL, _PASSIVE_LEVEL = 96, 128
 
@@ -36,19 +46,19 @@ def bus_state(error_class: int, data: bytes, before: BusState) -> BusState:
     before
         State until now; an error frame without state information leaves it.
     """
-    if error_class & CAN_ERR_BUSOFF:
+    if error_class & ErrorClass.BUSOFF:
         return BusState.BUS_OFF
-    if error_class & CAN_ERR_RESTARTED:
+    if error_class & ErrorClass.RESTARTED:
         return BusState.ERROR_ACTIVE
-    if error_class & CAN_ERR_CRTL:
+    if error_class & ErrorClass.CRTL:
         said = data[1]
-        if said & CRTL_PASSIVE:
+        if said & ControllerError.PASSIVE:
             return BusState.ERROR_PASSIVE
-        if said & CRTL_WARNING:
+        if said & ControllerError.WARNING:
             return BusState.ERROR_WARNING
-        if said & CRTL_ACTIVE:
+        if said & ControllerError.ACTIVE:
             return BusState.ERROR_ACTIVE
-    if error_class & CAN_ERR_CNT and before != BusState.BUS_OFF:
+    if error_class & ErrorClass.CNT and before != BusState.BUS_OFF:
         return _state_of_counters(max(data[6], data[7]))
     return before
 

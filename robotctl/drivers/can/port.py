@@ -49,6 +49,8 @@ _TIMESPEC = struct.Struct("@ll")
 _ANCILLARY_SIZE = socket.CMSG_SPACE(_TIMESPEC.size)
 _MAX_CLOCK_STEP_NS = 1_000_000
 _MAX_AGE_NS = 10_000_000_000
+"""Maximum change of the wall clock between two frames, and maximum age of a frame, for a stamp to
+count [ns]."""
 _BUFFER_FULL = frozenset({errno.EAGAIN, errno.ENOBUFS, errno.EINTR})
 
 

@@ -18,10 +18,11 @@ ANSWER_NS: Final = 50_000_000
 """Time that a device has for an answer [ns]."""
 
 _FEWEST: Final = 10
-"""Frames by which two senders are told from one."""
+"""Minimum number of frames to tell two senders from one."""
 
 _MOST: Final = 13
-"""The newest, by which it is judged: the first may have waited for a bus that did not work yet."""
+"""Maximum number of frames that are judged, the newest: the first may have waited for a bus that
+did not work yet."""
 
 _EVEN: Final = 0.2
 """Deviation of intervals that counts as none, as a share of their mean."""

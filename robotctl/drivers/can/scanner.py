@@ -26,6 +26,7 @@ LISTEN_NS: Final = 600_000_000
 """Time of listening before the first question [ns]: six heartbeats of most drives."""
 
 POLL_NS: Final = 2_000_000
+"""Period of reading the bus [ns]."""
 
 SHARE: Final = 0.5
 """Share of the bus that questions take at most."""
@@ -34,7 +35,7 @@ _STUCK_NS: Final = 200_000_000
 """Time in which a bus that works has taken a frame [ns]."""
 
 _MANY_ERRORS: Final = 8
-"""Error frames that no disturbance by chance causes in so short a time."""
+"""Number of error frames that no random disturbance causes in so short a time."""
 
 _BROKEN: Final = (BusState.ERROR_PASSIVE, BusState.BUS_OFF, BusState.DOWN)
 _WORSE: Final = (BusState.ERROR_ACTIVE, BusState.ERROR_WARNING, *_BROKEN)

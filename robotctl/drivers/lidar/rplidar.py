@@ -45,11 +45,11 @@ _PWM: Final = 660
 _ANSWER_NS: Final = 1_000_000_000
 _RESET_NS: Final = 2_000_000_000
 _STOP_NS: Final = 20_000_000
-"""An answer comes within the first; a reset and a stop take less than the others [ns]."""
+"""Maximum times of an answer, a reset and a stop [ns]."""
 _SILENT_NS: Final = 3_000_000_000
-"""The motor of one that was at rest is up to speed by then [ns]."""
+"""Time in which the motor of a lidar at rest gets up to speed [ns]."""
 _READ_S: Final = 0.05
-"""Longest wait for data [s]."""
+"""Maximum wait for data [s]."""
 _MOST_SAMPLES: Final = 20_000
 """Maximum samples of a revolution; one without a beginning would fill the memory."""
 _BROKEN: Final = 2

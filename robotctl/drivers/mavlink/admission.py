@@ -26,6 +26,7 @@ SILENT_NS: Final = 10_000_000_000
 """Silence after which a server drops a peer [ns]; ground stations send every second."""
 QUIET_NS: Final = 3_000_000_000
 ESTABLISHED_NS: Final = 2_000_000_000
+"""Silence, and time in touch, that decide on precedence [ns]: see above."""
 
 _HEARTBEAT: Final = common.MAVLINK_MSG_ID_HEARTBEAT
 _Key = TypeVar("_Key", bound=Hashable)

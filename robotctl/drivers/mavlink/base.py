@@ -24,6 +24,7 @@ READ_SIZE = 8192
 
 FIRST_RETRY_NS = 250_000_000
 LAST_RETRY_NS = 5_000_000_000
+"""Shortest and longest pause before a closed link is opened again [ns]."""
 
 Callback: TypeAlias = Callable[[int, int], None]
 """Called with the selector's event mask and the time [ns]."""

@@ -75,7 +75,7 @@ class FrameReader:
         self.newest = 0
         """Time stamp that signed frames for the sender have to exceed."""
         self.late = 0
-        """Frames of who has the key that were too late."""
+        """Number of frames signed with the key that came too late."""
 
     def feed(self, data: bytes, now_ns: int) -> list[Message]:
         """Take bytes of a stream; return the messages they complete."""

@@ -32,11 +32,11 @@ _EPOCH_NS: Final = 1_420_070_400_000_000_000
 """2015-01-01 00:00 UTC, from which time stamps count [ns]."""
 _UNIT_NS: Final = 10_000
 MINUTE: Final = 6_000_000
-"""In units of time stamps."""
+"""A minute in units of time stamps."""
 LATEST: Final = 2**47
-"""The year 2059: a later time stamp is a mistake, behind which no other would be newer."""
+"""Maximum time stamp, in the year 2059: after a later one, a mistake, none would be newer."""
 RELEASED: Final = 283_996_800 * 100_000
-"""The year 2024: a clock that shows less is not set."""
+"""Minimum time stamp of a clock that is set, in the year 2024."""
 MOST_STREAMS: Final = 64
 """Senders that are remembered one by one."""
 

@@ -13,11 +13,12 @@ from pathlib import Path
 from typing import BinaryIO, Final
 
 MOST_BYTES: Final = 64_000_000
-"""A longer file is followed by another one [B]."""
+"""Maximum size of a file, after which the next one begins [B]."""
 MOST_FILES: Final = 32
 """Maximum files of one link; beyond it the oldest goes."""
 _FLUSH_NS: Final = 1_000_000_000
 _BUFFER: Final = 1 << 16
+"""Maximum age of what is not written yet [ns], and size of a file's buffer [B]."""
 
 
 def tlog_entry(wall_ns: int, frame: bytes | bytearray) -> bytes:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from robotctl.compiled import compiled
 from robotctl.estimation.camera.colour import L_BINS, LIT, SATURATED_BIN, SHADOWED
+from robotctl.estimation.camera.config import BoundaryConfig
 
 FREE: Final = 0
 """Floor up to the horizon or as far as is judged."""
@@ -24,27 +25,8 @@ UNSEEN: Final = 3
 UNCLEAR: Final = 4
 """No boundary, but floor and wall cannot be distinguished there."""
 
-_ENOUGH: Final = 0.7
-"""Mean evidence over two coarse rows and three columns that makes an obstacle."""
-_ABOVE_ROWS: Final = 3
-_WALL_ENOUGH: Final = 2.0
-"""Coarse rows above the horizon from which evidence for a wall is summed, down to its foot."""
 _FOOT_COLUMNS: Final = 21
-_FOOT_LEAP: Final = 1.0
-_WALL_DOUBT: Final = 0.15
-"""Evidence in a row below which the wall does not continue."""
-_NOT_FLOOR: Final = 0.6
-"""Share of a column above the horizon that must differ from floor for the column to be free."""
-_OBSTACLE_CELL: Final = 0.5
-_SHARP_BINS: Final = 5.0
-"""Bins of brightness by which an object differs from the floor beside it, 1.4 : 1."""
-_THING: Final = 1.5
-_CASTER_SHARE: Final = 0.5
-"""An object touches its shadow and covers at least this share of it."""
-_EDGE_ROWS: Final = 3
-"""Maximum rows to either side over which a step in brightness is spread."""
-_FLAT_ROWS: Final = 4
-"""Rows beyond that which give the colours before and behind the step."""
+"""Columns over whose median the feet of walls are smoothed: odd, for OpenCV."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,6 +61,7 @@ def find_boundary(
     beyond: NDArray[np.intp],
     last: int,
     horizon: int,
+    config: BoundaryConfig = BoundaryConfig(),  # noqa: B008
 ) -> Boundary:
     """Return the lowest boundary between floor and obstacles in each column.
 
@@ -101,23 +84,31 @@ def find_boundary(
         Coarse rows from here on are farther than is judged.
     horizon
         Coarse rows from here on are above the horizon.
+    config
+        Settings.
     """
     columns = evidence.shape[1]
     kinds = np.empty(columns, np.int8)
     cells = np.zeros(columns, np.intp)
-    feet = wall_feet(walls, horizon)
-    _first_cells(evidence, feet, first, beyond, last, kinds, cells)
+    feet = wall_feet(walls, horizon, config)
+    _first_cells(evidence, feet, first, beyond, last, config.evidence_min, kinds, cells)
     # Only a column that does not look like floor above the horizon can be trusted to be free.
     differs = walls[horizon + 1 :] > 0.0
     share = differs.mean(axis=0) if len(differs) else np.zeros(columns)
-    kinds[(kinds == FREE) & (share < _NOT_FLOOR)] = UNCLEAR
+    kinds[(kinds == FREE) & (share < config.free_differs_min)] = UNCLEAR
     rows = np.full(columns, np.nan)
     noise = np.full(columns, np.nan)
-    _refine(strip, means, edges, first, kinds, cells, rows, noise)
+    _refine(
+        strip, means, edges, first, kinds, cells, config.edge_rows, config.flat_rows, rows, noise
+    )
     return Boundary(kinds, cells, rows, noise)
 
 
-def wall_feet(walls: NDArray[np.float32], horizon: int) -> NDArray[np.intp]:
+def wall_feet(
+    walls: NDArray[np.float32],
+    horizon: int,
+    config: BoundaryConfig = BoundaryConfig(),  # noqa: B008
+) -> NDArray[np.intp]:
     """Return the lowest row of what reaches above the horizon, (columns,); n if nothing does.
 
     From above the horizon downwards evidence is summed; the sum is largest at the foot. So a wall
@@ -129,27 +120,32 @@ def wall_feet(walls: NDArray[np.float32], horizon: int) -> NDArray[np.intp]:
         Evidence for an obstacle that reaches above the horizon, (n, columns).
     horizon
         Coarse rows from here on are above the horizon.
+    config
+        Settings.
     """
     n = len(walls)
-    top = min(horizon + _ABOVE_ROWS, n)
+    top = min(horizon + config.wall_rows, n)
     if top <= horizon:
         return np.full(walls.shape[1], n)
-    each = np.clip(walls[:top], -1.5, 1.5) - np.float32(_WALL_DOUBT)
+    each = np.clip(walls[:top], -1.5, 1.5) - np.float32(config.wall_doubt)
     wide = cv2.blur(each, (5, 1), borderType=cv2.BORDER_REPLICATE)
     sums = np.cumsum(np.asarray(wide)[::-1], axis=0)
     best = np.argmax(sums, axis=0)
     columns = np.arange(walls.shape[1])
     foot = top - 1 - best
-    sure = (sums[best, columns] >= _WALL_ENOUGH) & (foot < horizon)
+    sure = (sums[best, columns] >= config.wall_evidence_min) & (foot < horizon)
     # A foot that leaps down in few columns is floor that looks like the wall.
     levels = np.clip(foot, 0, 255).astype(np.uint8)[None]
     smooth = np.asarray(cv2.medianBlur(levels, _FOOT_COLUMNS), np.float64)[0]
-    sure &= foot >= smooth - _FOOT_LEAP
+    sure &= foot >= smooth - config.foot_leap_rows
     return np.where(sure, foot, n)
 
 
 def judge_lights(
-    evidence: NDArray[np.float32], bins: NDArray[np.int32], widths: NDArray[np.float64]
+    evidence: NDArray[np.float32],
+    bins: NDArray[np.int32],
+    widths: NDArray[np.float64],
+    config: BoundaryConfig = BoundaryConfig(),  # noqa: B008
 ) -> None:
     """Turn blobs of the floor's colour that no light explains into obstacles, in place.
 
@@ -165,8 +161,10 @@ def judge_lights(
         Their colours, (n, columns).
     widths
         Columns that a single obstacle covers at most, of each coarse row, (n,).
+    config
+        Settings.
     """
-    obstacle = evidence > _OBSTACLE_CELL
+    obstacle = evidence > config.neighbour_evidence_min
     for light in (SHADOWED, LIT):
         blobs = np.asarray(evidence == np.float32(light), np.uint8)
         count, labels, stats, _ = cv2.connectedComponentsWithStats(blobs, connectivity=8)
@@ -181,14 +179,14 @@ def judge_lights(
             brightness = bins[around] % L_BINS
             level = _mean_of(brightness, mine)
             step = level - _mean_of(brightness, near & ~touching)
-            if not abs(step) >= _SHARP_BINS or level > SATURATED_BIN - 1:
+            if not abs(step) >= config.sharp_bins or level > SATURATED_BIN - 1:
                 continue
             beside = obstacle[
                 max(0, low - up) : low + 2 * up, max(0, left - across) : left + 2 * across
             ]
-            cast = touching.any() and beside.sum() >= _CASTER_SHARE * area[label]
+            cast = touching.any() and beside.sum() >= config.caster_share * area[label]
             if light == LIT or not cast:
-                evidence[around][mine] = _THING
+                evidence[around][mine] = config.thing_evidence
 
 
 def _mean_of(values: NDArray[np.int32], which: NDArray[np.bool_]) -> float:
@@ -203,10 +201,11 @@ def _first_cells(
     first: NDArray[np.intp],
     beyond: NDArray[np.intp],
     last: int,
+    least: float,
     kinds: NDArray[np.int8],
     cells: NDArray[np.intp],
 ) -> None:
-    """Find the first coarse row of each column at which an obstacle begins."""
+    """Find the first coarse row of each column at which an obstacle of least evidence begins."""
     n, columns = evidence.shape
     for c in range(columns):
         left, right = max(c - 1, 0), min(c + 1, columns - 1)
@@ -218,7 +217,7 @@ def _first_cells(
             total = np.float32(0.0)
             for row in (i, i + 1):
                 total += evidence[row, left] + evidence[row, c] + evidence[row, right]
-            if i == feet[c] or (evidence[i, c] > 0.0 and total > 6.0 * _ENOUGH):
+            if i == feet[c] or (evidence[i, c] > 0.0 and total > 6.0 * least):
                 kinds[c] = BLOCKED if i == first[c] else FOUND
                 cells[c] = i
                 break
@@ -232,6 +231,8 @@ def _refine(
     first: NDArray[np.intp],
     kinds: NDArray[np.int8],
     cells: NDArray[np.intp],
+    edge_rows: int,
+    flat_rows: int,
     rows: NDArray[np.float64],
     noise: NDArray[np.float64],
 ) -> None:
@@ -253,8 +254,8 @@ def _refine(
                 profile[row, k] = total / (right - left)
         step = _split(profile, bottom, low, high, top)
         # A step of two even colours, spread by the lens: its place is where the area is equal.
-        start, end = max(step - _EDGE_ROWS, bottom), min(step + _EDGE_ROWS, top)
-        low_flat, high_flat = max(start - _FLAT_ROWS, bottom), min(end + _FLAT_ROWS, top)
+        start, end = max(step - edge_rows, bottom), min(step + edge_rows, top)
+        low_flat, high_flat = max(start - flat_rows, bottom), min(end + flat_rows, top)
         place, rms = _area(profile, low_flat, start, end, high_flat, step)
         rows[c] = place - 0.5
         noise[c] = rms

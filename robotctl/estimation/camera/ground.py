@@ -3,30 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.estimation.camera import colour
 from robotctl.estimation.camera.boundary import find_boundary, judge_lights
-from robotctl.estimation.camera.config import GroundCameraConfig
+from robotctl.estimation.camera.config import FloorLookConfig, GroundCameraConfig
 from robotctl.estimation.camera.obstacles import GroundObstacle, find_obstacles
 from robotctl.estimation.camera.patch import PARTS, judge_patch
 from robotctl.estimation.camera.scan import ColumnRanges, beam_scan, column_ranges
 from robotctl.estimation.camera.strip import GroundStrip
 from robotctl.model.sensors.camera_geometry import CameraGeometry
 from robotctl.model.sensors.range_scan import RangeScan
-
-_FAMILIAR: Final = 0.3
-"""A patch that has less than this in common with the known floor is another floor, or no floor."""
-_SAME_ABOVE: Final = 0.6
-"""Share above the horizon, where there is no floor, that may look like it before nothing is
-judged."""
-_LEARN_EVERY: Final = 4
-"""Once the floor is known, it is learned from every fourth picture."""
-_MOST_SHIFT: Final = 10
-_SHIFT_AGREES: Final = 2.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,7 +109,7 @@ class GroundCamera:
         if floor is None:
             return self._blind(stamp_ns, why)
         above = colour.smoothed(colour.count(bins[self._above]))
-        if colour.overlap(floor, above) > _SAME_ABOVE:
+        if colour.overlap(floor, above) > self._config.floor.above_alike_max:
             # A wall fills the picture, or the floor has its colour: nothing is learned from it.
             self._floor = floor if known else None
             return self._blind(
@@ -128,11 +117,13 @@ class GroundCamera:
                 "what is above the horizon looks like the floor: they cannot be told apart",
             )
         self._floor = floor
-        if known and not why and self._number % _LEARN_EVERY == 0:
+        if known and not why and self._number % self._config.floor.learn_every == 0:
             self._adapt(bins, means)
         logs = colour.log_densities(self._floor, above, self._log_prior)
         evidence, walls = colour.evidence(logs, bins)
-        judge_lights(evidence[: self._horizon], bins[: self._horizon], self._widths)
+        judge_lights(
+            evidence[: self._horizon], bins[: self._horizon], self._widths, self._config.boundary
+        )
         boundary = find_boundary(
             evidence,
             walls,
@@ -143,6 +134,7 @@ class GroundCamera:
             self._beyond,
             self._last,
             self._horizon,
+            self._config.boundary,
         )
         ranges = column_ranges(self.strip, boundary, self._config)
         scan = beam_scan(self.strip, ranges, stamp_ns, self._config)
@@ -159,21 +151,21 @@ class GroundCamera:
         before, self._light = self._light, bins % colour.L_BINS
         self._number += 1
         if self._floor is None:
-            verdict = judge_patch(bins, means, self._parts)
+            verdict = judge_patch(bins, means, self._parts, self._config.floor)
             if verdict.why:
                 return None, verdict.why
             return colour.smoothed(colour.count(verdict.bins)), ""
         patch = colour.smoothed(colour.count(bins[self._parts >= 0]))
         floor = self._floor
         if before is not None:
-            floor = _exposed_alike(floor, patch, self._light - before)
-        if colour.overlap(floor, patch) < _FAMILIAR:
+            floor = _exposed_alike(floor, patch, self._light - before, self._config.floor)
+        if colour.overlap(floor, patch) < self._config.floor.familiar_min:
             return floor, "what is in front does not look like the floor seen so far"
         return floor, ""
 
     def _adapt(self, bins: NDArray[np.int32], means: NDArray[np.float32]) -> None:
         """Update the floor model with some of the free patch."""
-        verdict = judge_patch(bins, means, self._parts)
+        verdict = judge_patch(bins, means, self._parts, self._config.floor)
         if not verdict.why and self._floor is not None:
             new = colour.smoothed(colour.count(verdict.bins))
             a = np.float32(self._config.adaption)
@@ -201,7 +193,10 @@ def _parts(patch: NDArray[np.bool_]) -> NDArray[np.int8]:
 
 
 def _exposed_alike(
-    floor: NDArray[np.float32], patch: NDArray[np.float32], change: NDArray[np.int32]
+    floor: NDArray[np.float32],
+    patch: NDArray[np.float32],
+    change: NDArray[np.int32],
+    config: FloorLookConfig,
 ) -> NDArray[np.float32]:
     """Return the known floor under the exposure of a new picture.
 
@@ -210,6 +205,8 @@ def _exposed_alike(
     """
     shift = round(colour.brightness(patch) - colour.brightness(floor))
     whole = float(np.median(change))
-    if abs(shift) < 2 or abs(shift) > _MOST_SHIFT or abs(shift - whole) > _SHIFT_AGREES:
+    if abs(shift) < 2 or abs(shift) > config.exposure_max_bins:
+        return floor
+    if abs(shift - whole) > config.exposure_agrees_bins:
         return floor
     return colour.shifted(floor, shift)

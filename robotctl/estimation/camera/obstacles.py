@@ -15,25 +15,11 @@ from robotctl.estimation.camera.config import GroundCameraConfig
 from robotctl.estimation.camera.scan import ColumnRanges
 from robotctl.estimation.camera.strip import GroundStrip
 
-_GAP_SHARE: Final = 0.03
-"""Ranges of one object may differ between columns by the gap plus this share of the range."""
-_BRIDGED: Final = 2
-"""Columns without a matching range that do not split one object."""
-_BESIDE: Final = 8
-_BEHIND: Final = 3
-"""How many columns beside an object must show floor behind it, and of how many."""
 _YES: Final = 1
 _NO: Final = 0
 _CUT: Final = -1
-"""The picture ends there, so nothing is known of the floor."""
-_LEAST_COLUMNS: Final = 2
-_CERTAIN: Final = 1.0
-"""Minimum mean evidence of an object."""
-_INDISTINCT_M: Final = 0.15
-"""Minimum width of an object that resembles the wall and hardly differs from the floor."""
-_ASPECT_SIGMA: Final = 0.25
-"""An object is assumed as deep as it is wide; the standard deviation of its middle is this share of
-the width."""
+"""Answers whether floor goes on behind an end; the last: the picture ends there, nothing is known
+of the floor."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,29 +81,33 @@ def find_obstacles(
         The least and the largest size.
     """
     found = []
+    rules = config.objects
     evidence = np.maximum(things, walls)
-    for first, last in _runs(columns.ranges_m, boundary.kinds == FOUND, config.obstacle_gap_m):
+    for first, last in _runs(columns.ranges_m, boundary.kinds == FOUND, config):
         mine = np.arange(first, last + 1)
         mine = mine[np.isfinite(columns.ranges_m[mine]) & (boundary.kinds[mine] == FOUND)]
         if (
-            len(mine) < _LEAST_COLUMNS
+            len(mine) < rules.columns_min
             or columns.ranges_m[mine].min() > config.obstacle_range_m
             or _extent(strip, columns, mine) > config.obstacle_width_m
         ):
             continue
-        distinct = _certain(things, boundary.cells[mine], mine)
+        distinct = _certain(things, boundary.cells[mine], mine, rules.evidence_min)
         seen = columns.ranges_m, columns.floor_m, columns.own_m
+        asked = config.obstacle_gap_m, rules.beside_columns, rules.behind_columns
         ends = [
-            _goes_on_behind(*seen, end, step, config.obstacle_gap_m, distinct)
+            _goes_on_behind(*seen, end, step, *asked, distinct)
             for end, step in ((first, -1), (last, 1))
         ]
         if _NO in ends or ends == [_CUT, _CUT]:
             continue
-        if not (distinct or _certain(evidence, boundary.cells[mine], mine)):
+        if not (distinct or _certain(evidence, boundary.cells[mine], mine, rules.evidence_min)):
             continue
-        obstacle = _measure(strip, boundary, columns, evidence, mine, _CUT in ends)
+        obstacle = _measure(
+            strip, boundary, columns, evidence, mine, rules.depth_sigma, cut=_CUT in ends
+        )
         if (
-            obstacle.width_m >= (config.least_width_m if distinct else _INDISTINCT_M)
+            obstacle.width_m >= (config.least_width_m if distinct else rules.indistinct_width_m)
             and obstacle.height_m >= config.least_height_m
             and not (obstacle.cut and math.isinf(obstacle.height_m))
         ):
@@ -135,24 +125,25 @@ def _extent(strip: GroundStrip, columns: ColumnRanges, mine: NDArray[np.intp]) -
 
 
 def _certain(
-    evidence: NDArray[np.float32], cells: NDArray[np.intp], mine: NDArray[np.intp]
+    evidence: NDArray[np.float32], cells: NDArray[np.intp], mine: NDArray[np.intp], least: float
 ) -> bool:
-    """Return whether an object on a boundary is a separate obstacle."""
+    """Return whether an object on a boundary is a separate obstacle, by its mean evidence."""
     second = np.minimum(cells + 1, len(evidence) - 1)
     body = np.maximum(evidence[cells, mine], evidence[second, mine])
-    return bool(body.mean() >= _CERTAIN)
+    return bool(body.mean() >= least)
 
 
 def _runs(
-    ranges: NDArray[np.float64], found: NDArray[np.bool_], gap_m: float
+    ranges: NDArray[np.float64], found: NDArray[np.bool_], config: GroundCameraConfig
 ) -> list[tuple[int, int]]:
     """Return first and last column of each connected part."""
     columns = np.flatnonzero(found & np.isfinite(ranges))
     if columns.size == 0:
         return []
     r = ranges[columns]
-    apart = np.diff(columns) > _BRIDGED + 1
-    apart |= np.abs(np.diff(r)) > gap_m + _GAP_SHARE * np.minimum(r[1:], r[:-1])
+    apart = np.diff(columns) > config.objects.bridged_columns + 1
+    share = config.objects.gap_share
+    apart |= np.abs(np.diff(r)) > config.obstacle_gap_m + share * np.minimum(r[1:], r[:-1])
     starts = np.concatenate([[0], np.flatnonzero(apart) + 1])
     ends = np.concatenate([np.flatnonzero(apart), [len(columns) - 1]])
     return [(int(columns[a]), int(columns[b])) for a, b in zip(starts, ends, strict=True)]
@@ -166,15 +157,19 @@ def _goes_on_behind(
     end: int,
     step: int,
     gap_m: float,
+    beside: int,
+    least: int,
     distinct: bool,
 ) -> int:
     """Return whether the floor beside an end continues behind it: `_YES`, `_NO` or `_CUT`.
+
+    So many columns beside it are asked, of which at least so many must show it.
 
     Where floor and wall are hardly told from each other, only what is `distinct` from both stands
     free: such a wall comes in pieces.
     """
     judged, behind, unclear = 0, 0, 0
-    for k in range(1, _BESIDE + 1):
+    for k in range(1, beside + 1):
         c = end + step * k
         if not 0 <= c < len(ranges):
             break
@@ -188,11 +183,11 @@ def _goes_on_behind(
         judged += 1
         noise = own[end] if np.isnan(own[c]) else np.hypot(own[c], own[end])
         behind += farther > gap_m + 3.0 * noise
-    if 2 * unclear > _BESIDE:
+    if 2 * unclear > beside:
         return _YES if distinct else _NO
     if judged == 0:
         return _CUT
-    return _YES if behind >= min(_BEHIND, judged) else _NO
+    return _YES if behind >= min(least, judged) else _NO
 
 
 def _measure(
@@ -201,6 +196,8 @@ def _measure(
     columns: ColumnRanges,
     evidence: NDArray[np.float32],
     mine: NDArray[np.intp],
+    depth_sigma: float,
+    *,
     cut: bool,
 ) -> GroundObstacle:
     """Return position and size of the object in some columns."""
@@ -222,7 +219,7 @@ def _measure(
         )
         return both
 
-    spread = _ASPECT_SIGMA * width_m
+    spread = depth_sigma * width_m
     return GroundObstacle(
         foot,
         covariance(sigma_along, sigma_across),

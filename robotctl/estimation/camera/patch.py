@@ -10,19 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.estimation.camera.colour import C_BINS, L_BINS
+from robotctl.estimation.camera.config import FloorLookConfig
 
 PARTS: Final = 3
 """Number of parts of the patch to compare, in depth and across."""
 _COARSER_RATIO: Final = 2
 _COARSER_LIGHT: Final = 4
-_MISFIT: Final = 0.5
-"""A part that has less than this share in common with the rest of the patch is not floor."""
-_MOST_MISFITS: Final = 4
-_COMMON: Final = 0.01
-"""Colours that are rarer than this elsewhere in the patch are not learned."""
-_SATURATED: Final = 250.0
-_BLACK: Final = 10.0
-_BLIND: Final = 0.5
+"""Bins of ratios and of brightness that one bin of the comparison takes together."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,7 +36,10 @@ class PatchVerdict:
 
 
 def judge_patch(
-    bins: NDArray[np.int32], means: NDArray[np.float32], parts: NDArray[np.int8]
+    bins: NDArray[np.int32],
+    means: NDArray[np.float32],
+    parts: NDArray[np.int8],
+    config: FloorLookConfig = FloorLookConfig(),  # noqa: B008
 ) -> PatchVerdict:
     """Return the part of the patch that is floor, judged from the patch alone.
 
@@ -57,13 +54,15 @@ def judge_patch(
         The colours, BGR, (n, columns, 3).
     parts
         Which part of the patch a cell belongs to, nearest row first; -1: none, (n, columns).
+    config
+        Settings.
     """
     inside = parts >= 0
     which = parts[inside].astype(np.intp)
     mine, colours = bins[inside], means[inside]
-    if np.mean(colours.min(axis=1) > _SATURATED) > _BLIND:
+    if np.mean(colours.min(axis=1) > config.overexposed_above) > config.blind_share:
         return PatchVerdict(mine[:0], "the floor in front is overexposed")
-    if np.mean(colours.max(axis=1) < _BLACK) > _BLIND:
+    if np.mean(colours.max(axis=1) < config.dark_below) > config.blind_share:
         return PatchVerdict(mine[:0], "the floor in front is too dark to be distinguished")
     place, cubes = _small_histograms(mine, which)
     kept = np.zeros(len(mine), np.bool_)
@@ -73,15 +72,15 @@ def judge_patch(
     for part in range(PARTS * PARTS):
         if part % PARTS == 0:
             nearer, row = nearer + row, np.zeros_like(total)
-        common = _seen_in(total - cubes[part])
+        common = _seen_in(total - cubes[part], config.colour_share_min)
         if part >= PARTS:
-            common &= _seen_in(nearer)
+            common &= _seen_in(nearer, config.colour_share_min)
         # Only kept parts support farther ones.
         row += np.where(common, cubes[part], np.float32(0.0))
         here = which == part
         kept[here] = common.reshape(-1)[place[here]]
-        alike[part] = np.mean(kept[here]) >= _MISFIT
-    if np.sum(~alike) >= _MOST_MISFITS:
+        alike[part] = np.mean(kept[here]) >= config.part_share_min
+    if np.sum(~alike) >= config.misfits:
         return PatchVerdict(
             mine[:0],
             "the floor in front is not uniform: something may stand there",
@@ -104,10 +103,10 @@ def _small_histograms(
     return place, counted.astype(np.float32).reshape(PARTS * PARTS, *shape)
 
 
-def _seen_in(others: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Return for each colour whether a histogram contains it or a neighbour."""
+def _seen_in(others: NDArray[np.float32], least: float) -> NDArray[np.bool_]:
+    """Return for each colour whether a histogram has a share of it or a neighbour."""
     wide = cv2.dilate(np.ascontiguousarray(others), np.ones((3, 3), np.uint8))
     flat = wide.reshape(-1, wide.shape[-1])
     near = cv2.dilate(flat, np.ones((1, 3), np.uint8)).reshape(others.shape)
-    common: NDArray[np.bool_] = near >= _COMMON * others.sum()
+    common: NDArray[np.bool_] = near >= least * others.sum()
     return common

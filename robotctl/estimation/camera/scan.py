@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +13,6 @@ from robotctl.estimation.camera.boundary import BLOCKED, FOUND, FREE, UNSEEN, Bo
 from robotctl.estimation.camera.config import GroundCameraConfig
 from robotctl.estimation.camera.strip import GroundStrip
 from robotctl.model.sensors.range_scan import RangeScan
-
-_TOGETHER: Final = 0.1
-"""Columns of one beam that differ by no more than this share of their range see one thing."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,7 +103,8 @@ def beam_scan(
     edges = np.linspace(0, n, min(config.beams, n) + 1).astype(np.intp)
     angles, ranges, sigmas = (np.full(len(edges) - 1, np.nan) for _ in range(3))
     sigma = np.hypot(columns.own_m, columns.common_m)
-    _beams(edges, strip.bearings_rad, columns.ranges_m, sigma, angles, ranges, sigmas)
+    own = strip.bearings_rad, columns.ranges_m, sigma
+    _beams(edges, *own, config.together_share, angles, ranges, sigmas)
     x_m, y_m = (float(value) for value in strip.camera.t_base_camera[:2])
     # Columns go from left to right, beams counter-clockwise.
     return RangeScan(
@@ -127,6 +124,7 @@ def _beams(
     bearings: NDArray[np.float64],
     ranges: NDArray[np.float64],
     sigmas: NDArray[np.float64],
+    together: float,
     beam_angles: NDArray[np.float64],
     beam_ranges: NDArray[np.float64],
     beam_sigmas: NDArray[np.float64],
@@ -147,7 +145,7 @@ def _beams(
             continue
         count, total, squares, sigma = 0, 0.0, 0.0, 0.0
         for c in range(first, end):
-            if ranges[c] <= nearest * (1.0 + _TOGETHER):
+            if ranges[c] <= nearest * (1.0 + together):
                 count += 1
                 total += ranges[c]
                 squares += ranges[c] ** 2

@@ -25,7 +25,9 @@ _CELL_SHARE: Final = 0.375
 """Size of a coarse cell as a share of the smallest obstacle: wherever that begins, two cells fit
 within it."""
 _DENSE: Final = 4000
+"""Number of depressions by which rows are spaced evenly in the picture, 0.03 degrees apart."""
 _SMALL_STEP: Final = 0.006
+"""Step in range, as a share of it, below which every other row is left out."""
 
 
 class GroundStrip:

@@ -40,6 +40,8 @@ MAX_AWAY = 1e9
 """Poses further from the origin of `world` are refused [cells]."""
 MARGIN_M = 0.5
 """Approximate margin of unknown cells around a cropped map [m]."""
+STRAYS = 0.0002
+"""Share of the known cells that a map may lose at each side: rays leave by windows and doors."""
 _STRIP = 256
 """Rows processed together."""
 BATCH = 512
@@ -109,6 +111,9 @@ class OccupancyGrid:
         """
         if poses.shape != (len(scans), 3) or not np.all(np.isfinite(poses)):
             raise ValueError(f"poses must be ({len(scans)}, 3) and finite, found {poses.shape}")
+        if any(scan.others for scan in scans):
+            poses = np.repeat(poses, [len(scan.parts) for scan in scans], axis=0)
+            scans = [part for scan in scans for part in scan.parts]
         for begin in range(0, len(scans), BATCH):
             self._add(poses[begin : begin + BATCH], scans[begin : begin + BATCH])
 

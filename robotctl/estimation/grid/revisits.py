@@ -12,7 +12,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree  # type: ignore[import-untyped]
 
 from robotctl.model.geometry.points import moved
 from robotctl.model.geometry.se2 import SE2
@@ -41,9 +40,14 @@ def revisit_agreement(scans: Sequence[RangeScan], poses: Sequence[SE2]) -> float
     for former, later in _visits(rows)[:_PAIRS]:
         before, after = (_echoes(scans[index], rows[index]) for index in (former, later))
         if min(len(before), len(after)) >= _LEAST_ECHOES:
-            away_m, _ = cKDTree(before).query(after, distance_upper_bound=_AGREES_M)
-            shares.append(float(np.mean(np.isfinite(away_m))))
+            shares.append(_share_near(before, after))
     return float(np.median(shares)) if len(shares) >= _LEAST_PAIRS else None
+
+
+def _share_near(before: NDArray[np.float64], after: NDArray[np.float64]) -> float:
+    """Return the share of the points `after` that lie near one of `before`, (n, 2) each [m]."""
+    nearest = [np.hypot(*(before - point).T).min() for point in after]
+    return float(np.mean(np.array(nearest) < _AGREES_M))
 
 
 def _visits(poses: NDArray[np.float64]) -> list[tuple[int, int]]:
@@ -51,9 +55,10 @@ def _visits(poses: NDArray[np.float64]) -> list[tuple[int, int]]:
     if len(poses) < 2:
         return []
     way_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))])
-    tree, pairs = cKDTree(poses[:, :2]), []
+    pairs = []
     for former in np.unique(np.linspace(0, len(poses) - 1, _TRIED).astype(int)).tolist():
-        near = np.array(tree.query_ball_point(poses[former, :2], _NEAR_M))
+        away_m = np.hypot(*(poses[:, :2] - poses[former, :2]).T)
+        near = np.flatnonzero(away_m <= _NEAR_M)
         turned = np.remainder(poses[near, 2] - poses[former, 2] + math.pi, math.tau) - math.pi
         later = near[(way_m[near] - way_m[former] > _LATER_M) & (np.abs(turned) < _NEAR_RAD)]
         if len(later):

@@ -50,6 +50,9 @@ class LandmarkConfig:
     map_sigma_m, map_sigma_rad
         How well map and reference agree [m], [rad], >= 0: part of the stated covariance, as no
         sighting can lessen it.
+    searching_sigma_m, searching_sigma_rad
+        Standard deviations of the position [m] and the heading [rad] beyond which the pose is a
+        guess, > 0: a third of what another place is off, so that the robot is there at 99.7 %.
     robust
         Treatment of large innovations.
     window
@@ -83,6 +86,8 @@ class LandmarkConfig:
     correlation: float = 2.0
     map_sigma_m: float = 0.02
     map_sigma_rad: float = 0.015
+    searching_sigma_m: float = 0.33
+    searching_sigma_rad: float = 0.175
     robust: RobustConfig = field(default_factory=RobustConfig)
     window: int = 20
     step_s: float = 0.1

@@ -16,7 +16,7 @@ from robotctl.estimation.kalman.robust_kalman import Innovation
 from robotctl.estimation.landmarks.config import LandmarkConfig
 from robotctl.estimation.landmarks.fix import SeenLandmark, pose_from_landmarks
 from robotctl.estimation.landmarks.models import OdometryReading, S, sighting
-from robotctl.estimation.landmarks.prediction import CalibratedRobot
+from robotctl.estimation.landmarks.prediction import CalibratedRobot, Prediction, between_states
 from robotctl.model.drives.motion import arc
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.pose_estimate import LocalisationStatus, PoseEstimate
@@ -61,9 +61,14 @@ class LandmarkEkf:
         return self._belief.x.copy()
 
     @property
+    def P(self) -> Array:
+        """Covariance of the state, (n, n)."""
+        return self._belief.covariance()
+
+    @property
     def sigma(self) -> Array:
         """Standard deviations of the state."""
-        return np.sqrt(np.diag(self._belief.covariance()))
+        return np.sqrt(np.diag(self.P))
 
     @property
     def delay_s(self) -> float:
@@ -83,35 +88,46 @@ class LandmarkEkf:
 
     def estimate(self) -> PoseEstimate:
         """Return the pose estimate, including the uncertainty of map and reference."""
-        x, c = self._belief.x, self._config
-        covariance = self._belief.block(_POSE) + np.diag(
-            [c.map_sigma_m**2, c.map_sigma_m**2, c.map_sigma_rad**2]
+        return stated(
+            self._config,
+            self._robot.stamp_ns,
+            self._belief.x,
+            self._belief.block(_POSE),
+            is_lost=self._window.contradicted,
         )
-        status = LocalisationStatus.LOCALISED
-        if self._window.contradicted:
-            status = LocalisationStatus.LOST
-        pose = SE2(float(x[S.X]), float(x[S.Y]), wrap_angle(float(x[S.THETA])))
-        return PoseEstimate(self._robot.stamp_ns, pose, covariance, status)
 
-    def predict(self, stamp_ns: int, begin: OdometryReading, end: OdometryReading) -> None:
+    def predict(
+        self,
+        stamp_ns: int,
+        begin: OdometryReading,
+        end: OdometryReading,
+        about: Array | None = None,
+    ) -> Prediction:
         """Move until a time [ns] by odometry between two readings, each `delay_s` before its time.
+
+        Linearised about a state (n,), or about the present one.
 
         Raises
         ------
         ValueError
             If the time goes back.
         """
-        made = self._robot.move(self._belief, stamp_ns, begin, end)
+        made = self._robot.move(self._belief, stamp_ns, begin, end, about)
         delta = arc(SE2(), made.distance_m, made.turn_rad).inverse()
         for seen in self._seen:
             seen.move(delta)
         while self._seen and self._seen[0].stamp_ns < stamp_ns - _FIX_SPAN_NS:
             self._seen.popleft()
+        return made
 
     def update(
-        self, landmark_world: tuple[float, float], range_m: float, bearing_rad: float
+        self,
+        landmark_world: tuple[float, float],
+        range_m: float,
+        bearing_rad: float,
+        about: Array | None = None,
     ) -> Innovation:
-        """Correct by a sighting of now.
+        """Correct by a sighting of now, linearised about a state (n,), or about the present one.
 
         Raises
         ------
@@ -123,8 +139,9 @@ class LandmarkEkf:
         stamp_ns, noise = self._robot.stamp_ns, self._robot.noise
         z = np.array([range_m, bearing_rad])
         self._seen.append(SeenLandmark(stamp_ns, landmark_world, range_m, bearing_rad))
-        expected, H, distance_m = sighting(self._belief.x, landmark_world)
-        off = bearing_residual(z, expected)
+        at = self._belief.x if about is None else about
+        expected, H, distance_m = sighting(at, landmark_world)
+        off = bearing_residual(z, expected) - H @ between_states(at, self._belief.x)
         R = noise.of_sightings(np.array([distance_m]))
         (G,) = self._belief.innovation_covariances(_STATES[np.newaxis], H[np.newaxis])
         nis, weight = float(off @ np.linalg.solve(G + R[0], off)), 0.0
@@ -133,7 +150,7 @@ class LandmarkEkf:
             self._correct(H, off, G, R[0], weight)
             if weight > 0.0:
                 noise.learn_motion(weight * off[np.newaxis], H[np.newaxis], G[np.newaxis], R)
-            self._trusted.append((self.x, self._belief.covariance()))
+            self._trusted.append((self.x, self.P))
         if weight > 0.0:
             self._learn(z, landmark_world, noise.guess(np.array([distance_m])), weight)
         innovation = Innovation(stamp_ns, "landmark", nis, 2, weight)
@@ -147,7 +164,7 @@ class LandmarkEkf:
         if weight == 0.0:
             opened = np.ones(len(S))
             opened[_POSE] = math.sqrt(self._config.robust.opening)
-            P = self._belief.covariance() * np.outer(opened, opened)
+            P = self.P * np.outer(opened, opened)
             self._belief.set_block(_STATES, P)
             return
         # S times 1 / weight makes the gain smaller by the weight.
@@ -179,3 +196,24 @@ class LandmarkEkf:
         self._belief = GrowingGaussian(x, P)
         self._window.reset()
         self.restarts += 1
+
+
+def stated(
+    config: LandmarkConfig, stamp_ns: int, x: Array, covariance: Array, *, is_lost: bool
+) -> PoseEstimate:
+    """Return what is said of a belief: state x (n,) and covariance of its pose (3, 3).
+
+    SEARCHING where the belief is too wide to say at which place the robot is.
+    """
+    c = config
+    covariance = covariance + np.diag([c.map_sigma_m**2, c.map_sigma_m**2, c.map_sigma_rad**2])
+    status = LocalisationStatus.LOCALISED
+    if is_lost:
+        status = LocalisationStatus.LOST
+    elif (
+        covariance[0, 0] + covariance[1, 1] > 2.0 * c.searching_sigma_m**2
+        or covariance[2, 2] > c.searching_sigma_rad**2
+    ):
+        status = LocalisationStatus.SEARCHING
+    pose = SE2(float(x[S.X]), float(x[S.Y]), wrap_angle(float(x[S.THETA])))
+    return PoseEstimate(stamp_ns, pose, covariance, status)

@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 from robotctl.estimation.kalman.robust_kalman import Innovation
 from robotctl.estimation.landmarks.config import LandmarkConfig
 from robotctl.estimation.landmarks.ekf import LandmarkEkf
-from robotctl.estimation.landmarks.models import OdometryReading, sighting
+from robotctl.estimation.landmarks.models import OdometryReading, S, sighting
+from robotctl.estimation.landmarks.prediction import Prediction
 from robotctl.model.geometry.pose_estimate import PoseEstimate
 from robotctl.model.recording import UNKNOWN_LANDMARK, Recording, Sighting
 
@@ -41,6 +42,8 @@ class LandmarkStep:
         Of the pose.
     innovations
         Of the sightings of this time.
+    made
+        Prediction that led to it, before the sightings of this time.
     share
         How much of the recording is done, 0 to 1.
     ekf
@@ -49,6 +52,7 @@ class LandmarkStep:
 
     estimate: PoseEstimate
     innovations: tuple[Innovation, ...]
+    made: Prediction
     share: float
     ekf: LandmarkEkf
 
@@ -99,9 +103,19 @@ class CountedOdometry:
 
 
 def localise_by_landmarks(
-    recording: Recording, config: LandmarkConfig, start: PoseEstimate
+    recording: Recording,
+    config: LandmarkConfig,
+    start: PoseEstimate,
+    about: NDArray[np.float64] | None = None,
 ) -> Iterator[LandmarkStep]:
     """Follow a recorded drive from a start; see above.
+
+    Parameters
+    ----------
+    recording, config, start
+        The drive, priors, and the pose where it begins.
+    about
+        States about which the steps are linearised, (steps, n); None: about the estimates.
 
     Raises
     ------
@@ -117,20 +131,23 @@ def localise_by_landmarks(
             seen.setdefault(each.stamp_ns, []).append(each)
     grid = np.arange(begin_ns, end_ns, round(1e9 * config.step_s), dtype=np.int64)
     stamps_ns = np.union1d(grid, np.array([*seen, end_ns], dtype=np.int64)).tolist()
-    for previous_ns, stamp_ns in pairwise([begin_ns, *stamps_ns]):
-        delay_s = ekf.delay_s
-        ekf.predict(stamp_ns, odometry.at(previous_ns, delay_s), odometry.at(stamp_ns, delay_s))
-        innovations = tuple(
-            ekf.update(landmark, each.range_m, each.bearing_rad)
-            for each in seen.get(stamp_ns, ())
-            if (landmark := _landmark_of(each, recording.landmarks, ekf)) is not None
-        )
+    for number, (previous_ns, stamp_ns) in enumerate(pairwise([begin_ns, *stamps_ns])):
+        x = ekf.x if about is None else about[max(number - 1, 0)]
+        delay_s = float(x[S.DELAY])
+        begin, end = odometry.at(previous_ns, delay_s), odometry.at(stamp_ns, delay_s)
+        made = ekf.predict(stamp_ns, begin, end, x)
+        found = []
+        for each in seen.get(stamp_ns, ()):
+            x = ekf.x if about is None else about[number]
+            landmark = _landmark_of(each, recording.landmarks, x)
+            if landmark is not None:
+                found.append(ekf.update(landmark, each.range_m, each.bearing_rad, x))
         share = (stamp_ns - begin_ns) / max(1, end_ns - begin_ns)
-        yield LandmarkStep(ekf.estimate(), innovations, share, ekf)
+        yield LandmarkStep(ekf.estimate(), tuple(found), made, share, ekf)
 
 
 def _landmark_of(
-    each: Sighting, landmarks: dict[int, tuple[float, float]], ekf: LandmarkEkf
+    each: Sighting, landmarks: dict[int, tuple[float, float]], x: NDArray[np.float64]
 ) -> tuple[float, float] | None:
     """Return where the landmark is that was seen [m].
 
@@ -139,7 +156,6 @@ def _landmark_of(
     """
     if each.landmark != UNKNOWN_LANDMARK:
         return landmarks[each.landmark]
-    x = ekf.x
 
     def apart_m(place: tuple[float, float]) -> float:
         expected, _, _ = sighting(x, place)

@@ -12,6 +12,7 @@ from robotctl.estimation.kalman.growing_gaussian import GrowingGaussian
 from robotctl.estimation.landmarks.config import LandmarkConfig
 from robotctl.estimation.landmarks.learned_noise import LearnedNoise
 from robotctl.estimation.landmarks.models import OdometryReading, S, moved
+from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.pose_estimate import PoseEstimate
 
 Array: TypeAlias = NDArray[np.float64]
@@ -25,6 +26,13 @@ class Prediction(NamedTuple):
     Q: Array
     distance_m: float
     turn_rad: float
+
+
+def between_states(about: Array, x: Array) -> Array:
+    """Return the difference of a state from another, (n,), on the circle in its heading."""
+    off = x - about
+    off[S.THETA] = wrap_angle(float(off[S.THETA]))
+    return off
 
 
 class CalibratedRobot:
@@ -54,7 +62,12 @@ class CalibratedRobot:
         self._walk[[S.X, S.Y, S.THETA, S.WANDER]] = 0.0
 
     def move(
-        self, belief: GrowingGaussian, stamp_ns: int, begin: OdometryReading, end: OdometryReading
+        self,
+        belief: GrowingGaussian,
+        stamp_ns: int,
+        begin: OdometryReading,
+        end: OdometryReading,
+        about: Array | None = None,
     ) -> Prediction:
         """Move a belief, whose first states are the robot's, until a time [ns].
 
@@ -62,6 +75,8 @@ class CalibratedRobot:
         ----------
         begin, end
             What odometry had counted `delay` before the time of the belief, and before the new one.
+        about
+            State about which the motion is linearised, (n,); None: that of the belief.
 
         Raises
         ------
@@ -71,7 +86,10 @@ class CalibratedRobot:
         if stamp_ns < self.stamp_ns:
             raise ValueError(f"time goes back: {stamp_ns} ns after {self.stamp_ns} ns")
         dt_s = 1e-9 * (stamp_ns - self.stamp_ns)
-        made = self.prediction(belief.x[: len(S)], begin, end, dt_s)
+        x = belief.x[: len(S)]
+        made = self.prediction(x if about is None else about, begin, end, dt_s)
+        if about is not None:
+            made = made._replace(x=made.x + made.F @ between_states(about, x))
         belief.predict(made.x, made.F, made.Q)
         self.noise.moved(made.F, made.Q, dt_s)
         self.stamp_ns = stamp_ns

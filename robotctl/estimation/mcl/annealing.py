@@ -31,7 +31,9 @@ _FINEST = 0.2
 def anneal(
     poses: NDArray[np.float64],
     weights: NDArray[np.float64],
+    logs: NDArray[np.float64],
     log_likelihood: LogLikelihood,
+    count: int,
     trials: BinSize,
     n_eff_floor: float,
     rng: np.random.Generator,
@@ -43,10 +45,13 @@ def anneal(
 
     Parameters
     ----------
-    poses, weights
-        The belief, (n, 3) [m, m, rad] and (n,) of sum 1.
+    poses, weights, logs
+        The belief, (n, 3) [m, m, rad] and (n,) of sum 1, and the measurement's log-likelihoods,
+        (n,).
     log_likelihood
         The measurement.
+    count
+        Particles that go on from the first step, >= 1.
     trials
         Standard deviation of the widest trials.
     n_eff_floor
@@ -56,26 +61,24 @@ def anneal(
     measurements
         Number of measurements that the log-likelihood is the sum of.
     """
-    n = len(poses)
-    logs = yield from evaluated_in_slices(log_likelihood, poses, measurements)
     if logs.max() == -math.inf:
         return None
     reached = 0.0
     for _ in range(_STEPS):
         # Apply only as much of the measurement as keeps enough particles alive.
-        least = n_eff_floor * effective_size(weights)
+        least = n_eff_floor * min(effective_size(weights), count)
         exponent = min(bearable_exponent(weights, logs, least), 1.0 - reached)
         weights, _ = posterior(weights, exponent * logs)
         reached += exponent
         if reached >= 1.0:
             break
-        chosen = resample_systematic(weights, n, rng)
-        poses, logs, weights = poses.take(chosen, axis=0), logs[chosen], np.full(n, 1.0 / n)
+        chosen = resample_systematic(weights, count, rng)
+        poses, logs, weights = poses.take(chosen, axis=0), logs[chosen], np.full(count, 1.0 / count)
         for _ in range(_TRIALS):
             others = _moved(poses, trials, rng)
             their_logs = yield from evaluated_in_slices(log_likelihood, others, measurements)
             # Metropolis rule; log1p(-u) of a uniform u in [0, 1) is never log(0).
-            better = np.log1p(-rng.random(n)) < reached * (their_logs - logs)
+            better = np.log1p(-rng.random(count)) < reached * (their_logs - logs)
             poses = np.where(better[:, np.newaxis], others, poses)
             logs = np.where(better, their_logs, logs)
     return poses, weights

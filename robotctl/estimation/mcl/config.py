@@ -17,8 +17,8 @@ class MclConfig(MclTuning):
     ----------
     min_particles, max_particles
         Bounds of the number of particles; equal: it is fixed.
-    search_particles
-        Initial and maximum number in a search, >= `max_particles`; None: as many.
+    search_poses
+        Random poses that a search begins with, >= `max_particles`; None: as many.
     motion
         Noise of the odometry.
     bins
@@ -32,7 +32,7 @@ class MclConfig(MclTuning):
 
     min_particles: int = 1000
     max_particles: int = 20_000
-    search_particles: int | None = None
+    search_poses: int | None = None
     motion: ParticleMotionConfig = field(default_factory=ParticleMotionConfig)
     bins: BinSize = field(default_factory=BinSize)
 
@@ -43,10 +43,10 @@ class MclConfig(MclTuning):
                 f"min_particles {self.min_particles} and max_particles {self.max_particles} must "
                 "be 1 <= min <= max"
             )
-        if self.most_searching < self.max_particles:
+        if self.poses_of_search < self.max_particles:
             raise ValueError(
-                f"search_particles must be >= max_particles {self.max_particles}, found "
-                f"{self.search_particles}"
+                f"search_poses must be >= max_particles {self.max_particles}, found "
+                f"{self.search_poses}"
             )
 
     @classmethod
@@ -55,6 +55,13 @@ class MclConfig(MclTuning):
         return cls(**{each.name: getattr(tuning, each.name) for each in fields(tuning)})
 
     @property
-    def most_searching(self) -> int:
+    def poses_of_search(self) -> int:
+        """Random poses that a search begins with."""
+        return self.max_particles if self.search_poses is None else self.search_poses
+
+    @property
+    def particles_of_search(self) -> int:
         """Particles of a search at most."""
-        return self.max_particles if self.search_particles is None else self.search_particles
+        if self.search_poses is None:
+            return self.max_particles
+        return max(self.max_particles, self.search.particles_min)

@@ -43,6 +43,9 @@ from robotctl.model.geometry.se2 import SE2
 _FORGIVEN = 4
 """Number of best poses that show what is hidden from the map."""
 
+_UNWEIGHED = 200_000
+"""Particles at most of a belief that nothing has been measured for."""
+
 
 class MonteCarloLocaliser:
     """Finds and follows the pose of `base` in `world`; starts anywhere.
@@ -101,8 +104,8 @@ class MonteCarloLocaliser:
 
     def _anywhere(self) -> ParticleBelief:
         """Return a belief that the robot is anywhere."""
-        poses = self._sample_free(self._rng, self.config.most_searching)
-        return ParticleBelief(self.config, poses, searching=True)
+        poses = self._sample_free(self._rng, min(self.config.poses_of_search, _UNWEIGHED))
+        return ParticleBelief(self.config, poses, searching=True, is_uniform=True)
 
     def _begin(self, belief: ParticleBelief) -> None:
         self._belief = belief

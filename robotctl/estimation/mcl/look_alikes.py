@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from robotctl.estimation.mcl.annealing import anneal
 from robotctl.estimation.mcl.belief import Cluster
+from robotctl.estimation.mcl.coarse_to_fine import best_anywhere
 from robotctl.estimation.mcl.config import MclConfig
 from robotctl.estimation.mcl.free_space import SampleFree
 from robotctl.estimation.mcl.particle_belief import ParticleBelief
@@ -27,8 +28,8 @@ from robotctl.estimation.mcl.sliced import Sliced, evaluated_in_slices
 from robotctl.estimation.mcl.tuning import SearchConfig
 from robotctl.model.geometry.se2 import SE2
 
-_WEIGHED_BY_ALL: Final = 0.1
-"""Share of the random poses."""
+_WEIGHED_BY_ALL: Final = 2000
+"""Poses, the best by the last measurement, that are weighed by all."""
 _LED: Final = 1000
 """Poses that are led to the peaks."""
 _OF_BELIEF: Final = 200
@@ -58,9 +59,9 @@ def look_alikes(
     """
     held = belief.poses.take(resample_systematic(belief.weights, _OF_BELIEF, rng), axis=0)
     images = [_image(held, motion) for motion in symmetries]
-    anywhere = sample_free(rng, config.most_searching)
-    fits = yield from evaluated_in_slices(remembered.newest, anywhere)
-    best = _best(anywhere, fits, round(_WEIGHED_BY_ALL * len(anywhere)))
+    best, _ = yield from best_anywhere(
+        sample_free, rng, remembered.newest, config.poses_of_search, _WEIGHED_BY_ALL
+    )
     others = np.concatenate([best, *images])
     others = others[are_apart(others, belief.best, config.search)]
     if len(others) == 0:
@@ -108,7 +109,16 @@ def _led(
 ) -> Sliced[NDArray[np.float64] | None]:
     """Return poses after they have been drawn to the peaks nearby."""
     alike = np.full(len(poses), 1.0 / len(poses))
+    logs = yield from evaluated_in_slices(remembered, poses, len(remembered))
     found = yield from anneal(
-        poses, alike, remembered, config.bins, config.search_floor, rng, len(remembered)
+        poses,
+        alike,
+        logs,
+        remembered,
+        len(poses),
+        config.bins,
+        config.search_floor,
+        rng,
+        len(remembered),
     )
     return None if found is None else found[0]

@@ -16,7 +16,7 @@ from scipy import fft, ndimage  # type: ignore[import-untyped]
 
 from robotctl.estimation.mcl.tuning import SearchConfig
 from robotctl.model.geometry.se2 import SE2
-from robotctl.model.grid_map import GridMap
+from robotctl.model.grid_map import OCCUPIED_FROM, STRIP, GridMap
 
 _CELL_M: Final = 0.2
 """Side of a cell of the picture that is correlated [m]."""
@@ -35,13 +35,17 @@ def symmetries(grid: GridMap, config: SearchConfig | None = None) -> list[SE2]:
     to 1/512 of a large map.
     """
     least = (config or SearchConfig()).symmetry_min
-    points = grid.centre_of(np.argwhere(grid.occupied()))
+    strips = range(0, grid.shape[0], STRIP)
+    walls_in = [
+        np.argwhere(grid.rows(i, i + STRIP) >= OCCUPIED_FROM) + np.array([i, 0]) for i in strips
+    ]
+    points = grid.centre_of(np.concatenate(walls_in))
     if len(points) == 0:
         return []
     low = points.min(axis=0)
     side_m = max(_CELL_M, float(np.ptp(points, axis=0).max()) / _CELLS)
     cells = np.floor((points - low) / side_m).astype(np.int64)
-    walls = np.zeros(cells.max(axis=0) + 1)
+    walls = np.zeros(cells.max(axis=0) + 1, np.float32)
     walls[cells[:, 0], cells[:, 1]] = 1.0
     walls = ndimage.gaussian_filter(walls, 1.0, mode="constant", truncate=3.0)
     found = []

@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 
 from robotctl.estimation.mcl.annealing import anneal
 from robotctl.estimation.mcl.belief import Cluster, clusters
+from robotctl.estimation.mcl.coarse_to_fine import best_anywhere
 from robotctl.estimation.mcl.config import MclConfig
 from robotctl.estimation.mcl.free_space import SampleFree
 from robotctl.estimation.mcl.particle_motion import OdometrySegment
 from robotctl.estimation.mcl.particles import effective_size, posterior, resample_systematic
 from robotctl.estimation.mcl.pose_bins import kld_size
-from robotctl.estimation.mcl.sliced import Sliced
+from robotctl.estimation.mcl.sliced import Sliced, evaluated_in_slices
 from robotctl.estimation.mcl.tempering import bearable_exponent
 from robotctl.estimation.ranging.log_likelihood import LogLikelihood
 
@@ -40,6 +41,8 @@ class ParticleBelief:
         Particles at the start, (n, 3) [m, m, rad].
     searching
         Whether they are spread over the map.
+    is_uniform
+        Whether they are random poses, which stand for all that a search begins with.
 
     Attributes
     ----------
@@ -55,12 +58,20 @@ class ParticleBelief:
         Consecutive measurements that left the belief compact.
     """
 
-    def __init__(self, config: MclConfig, poses: NDArray[np.float64], *, searching: bool) -> None:
+    def __init__(
+        self,
+        config: MclConfig,
+        poses: NDArray[np.float64],
+        *,
+        searching: bool,
+        is_uniform: bool = False,
+    ) -> None:
         self.config = config
         self.poses = poses
         self.weights = np.full(len(poses), 1.0 / len(poses))
         self.searching = searching
         self.agreed = 0
+        self._is_uniform = is_uniform
         self.clusters = self._found_clusters()
 
     @property
@@ -87,10 +98,18 @@ class ParticleBelief:
     ) -> Sliced[bool]:
         """Weigh a belief that is spread wide; return False if the measurement fits nowhere."""
         config = self.config
-        self._inject_random_poses(sample_free, rng)
+        poses, weights, logs = yield from self._with_random_poses(log_likelihood, sample_free, rng)
         found = yield from anneal(
-            self.poses, self.weights, log_likelihood, config.bins, config.search_floor, rng
+            poses,
+            weights,
+            logs,
+            log_likelihood,
+            min(config.particles_of_search, len(poses)),
+            config.bins,
+            config.search_floor,
+            rng,
         )
+        self._is_uniform = False
         if found is not None:
             self.poses, self.weights = found
         self._judge(fits=found is not None)
@@ -132,14 +151,30 @@ class ParticleBelief:
             and best.sigma_rad <= config.localised_rad
         )
 
-    def _inject_random_poses(self, sample_free: SampleFree, rng: np.random.Generator) -> None:
-        """Mix random poses into the belief."""
-        # All injected poses together get the weight `share`, so that they do not dilute the belief.
-        share, count = self.config.random_injection, self.config.most_searching
-        injected = sample_free(rng, math.ceil(share * count))
-        alike = np.full(len(injected), share / len(injected))
-        self.poses = np.concatenate([self.poses, injected])
-        self.weights = np.concatenate([(1.0 - share) * self.weights, alike])
+    def _with_random_poses(
+        self, log_likelihood: LogLikelihood, sample_free: SampleFree, rng: np.random.Generator
+    ) -> Sliced[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]]:
+        """Return poses, weights and logs of the belief and of the best of many random poses."""
+        config = self.config
+        if self._is_uniform:
+            poses, logs = yield from best_anywhere(
+                sample_free, rng, log_likelihood, config.poses_of_search, config.particles_of_search
+            )
+            return poses, np.full(len(poses), 1.0 / len(poses)), logs
+        # All random poses together get the weight `share`, so that they do not dilute the belief.
+        share = config.random_injection
+        count = math.ceil(share * config.poses_of_search)
+        injected, their_logs = yield from best_anywhere(
+            sample_free, rng, log_likelihood, count, config.particles_of_search
+        )
+        logs = yield from evaluated_in_slices(log_likelihood, self.poses)
+        alike = np.full(len(injected), share / count)
+        weights = np.concatenate([(1.0 - share) * self.weights, alike])
+        return (
+            np.concatenate([self.poses, injected]),
+            weights / weights.sum(),
+            np.concatenate([logs, their_logs]),
+        )
 
     def _resample(self, count: int, rng: np.random.Generator) -> None:
         chosen = resample_systematic(self.weights, count, rng)
@@ -148,7 +183,7 @@ class ParticleBelief:
 
     def _wanted_particles(self, rng: np.random.Generator) -> int:
         config = self.config
-        most = config.most_searching if self.searching else config.max_particles
+        most = config.particles_of_search if self.searching else config.max_particles
         # A fixed number: KLD sampling has nothing to choose.
         if config.min_particles == most:
             return most

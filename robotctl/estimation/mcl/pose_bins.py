@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from robotctl.compiled import borrows, compiled
 
 _EMPTY = -1
 _HALF = 1 << 23
@@ -147,6 +147,7 @@ def _key(column: int, row: int, heading: int) -> int:
 
 
 @compiled
+@borrows
 def _bin_key(pose: NDArray[np.float64], side: float, headings: int) -> int:
     turns = pose[2] / (2.0 * math.pi)
     heading = min(int((turns - math.floor(turns)) * headings), headings - 1)
@@ -154,6 +155,7 @@ def _bin_key(pose: NDArray[np.float64], side: float, headings: int) -> int:
 
 
 @compiled
+@borrows
 def _slot(table: NDArray[np.int64], key: int) -> int:
     """Return the index of a key in the table, or its empty slot."""
     mask = len(table) - 1
@@ -199,6 +201,7 @@ def _draw_until(
 
 
 @compiled
+@borrows
 def _root(parents: NDArray[np.int64], i: int) -> int:
     while parents[i] != i:
         parents[i] = parents[parents[i]]
@@ -243,6 +246,7 @@ def _label(
 
 
 @compiled
+@borrows
 def _join_neighbours(
     pose: NDArray[np.float64],
     b: int,

@@ -1,4 +1,4 @@
-"""How many particles a search of a map begins with: it follows the area in which a robot can be."""
+"""How many poses a search of a map begins with: it follows the area in which a robot can be."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from robotctl.estimation.mcl.tuning import SearchConfig
 
 
 def search_size(area_m2: float, config: SearchConfig | None = None) -> int:
-    """Return how many particles a search over an area takes [m2]."""
+    """Return how many random poses a search over an area [m2] begins with."""
     config = config or SearchConfig()
     wanted = round(config.particles_per_m2 * area_m2)
     return min(max(config.particles_min, wanted), config.particles_max)
@@ -19,6 +19,6 @@ def too_large(area_m2: float, config: SearchConfig | None = None) -> str | None:
     if per_m2 * area_m2 <= most:
         return None
     return (
-        f"the map has {area_m2:.0f} m2 where the robot can be, a search with {most} particles is "
+        f"the map has {area_m2:.0f} m2 where the robot can be, a search from {most} poses is "
         f"meant for {most / per_m2:.0f} m2 at most: it may miss the right place"
     )

@@ -18,7 +18,7 @@ Result = TypeVar("Result")
 Sliced: TypeAlias = Generator[int, None, Result]
 """Work that stops after each slice to say how many poses were weighed in it."""
 
-_SLICE: Final = 5000
+SLICE: Final = 5000
 """Poses in a slice."""
 
 
@@ -32,12 +32,39 @@ def at_once(work: Sliced[Result]) -> Result:
             return result
 
 
+class Work:
+    """A measurement that is weighed a bounded number of poses at a time."""
+
+    def __init__(self) -> None:
+        self._under_way: Sliced[None] | None = None
+
+    @property
+    def is_under_way(self) -> bool:
+        """Whether some is left to do."""
+        return self._under_way is not None
+
+    def begin(self, work: Sliced[None], poses: int) -> int:
+        """Begin with another one, as `go_on`; the one before must be done."""
+        self._under_way = work
+        return self.go_on(poses)
+
+    def go_on(self, poses: int) -> int:
+        """Weigh so many poses, or one slice more; return how many are left when it is done."""
+        while self._under_way is not None and poses > 0:
+            weighed = next(self._under_way, None)
+            if weighed is None:
+                self._under_way = None
+            else:
+                poses -= weighed
+        return poses
+
+
 def evaluated_in_slices(
     log_likelihood: LogLikelihood, poses: NDArray[np.float64], measurements: int = 1
 ) -> Sliced[NDArray[np.float64]]:
     """Return the log-likelihoods of poses, (n,), sums of so many measurements; see `evaluated`."""
     logs = np.empty(len(poses))
-    size = max(_SLICE // measurements, 1)
+    size = max(SLICE // measurements, 1)
     for begin in range(0, len(poses), size):
         part = poses[begin : begin + size]
         logs[begin : begin + size] = evaluated(log_likelihood, part)

@@ -9,11 +9,9 @@ import numpy as np
 
 from robotctl.model.geometry.points import moved
 from robotctl.model.geometry.se2 import SE2
-from robotctl.model.grid_map import GridMap
+from robotctl.model.grid_map import OCCUPIED_FROM, GridMap
 from robotctl.model.sensors.range_scan import RangeScan
 
-OCCUPIED_FROM: Final = 50
-"""Occupancy from which cells are obstacles [%]."""
 NEAR_M: Final = 0.2
 """Maximum distance of an echo from its obstacle on the map [m]."""
 

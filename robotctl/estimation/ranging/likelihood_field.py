@@ -16,7 +16,7 @@ near the truth die out, and a wrong place that fits by chance takes over.
 - Unknown cells are no obstacles. A beam that ends a little behind a wall, where no beam ever
   reached, keeps its likelihood by the distance to the wall.
 - A beam that says how sure it is has the variance of the field and its own, rounded to one of a
-  few: each is a field of its own, made when the first such beam comes.
+  few: each is a table of its own. What the map's cells hold is their distance, one byte.
 - The field cannot see that a beam goes through a wall. Casting its rays took 40 to 60 times as long
   and tracked no better (docs/decisions.md).
 """
@@ -24,22 +24,29 @@ near the truth die out, and a wrong place that fits by chance takes over.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from functools import partial
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage  # type: ignore[import-untyped]
 
 from robotctl.compiled import compiled
 from robotctl.estimation.ranging.beam_selection import evenly_chosen, judges, tempering
+from robotctl.estimation.ranging.distance_field import SQUARES, distance_bytes
 from robotctl.estimation.ranging.likelihood_config import LikelihoodFieldConfig
 from robotctl.estimation.ranging.log_likelihood import LogLikelihood
 from robotctl.estimation.ranging.range_casting import RangeCaster
-from robotctl.model.grid_map import GridMap
+from robotctl.model.grid_map import OCCUPIED_FROM, GridMap
 from robotctl.model.sensors.range_scan import RangeScan
 
 _LEVELS = 9
 """Number of distinct standard deviations, each sqrt(2) times the previous: up to 16 times."""
+_REACHES_M: Final = 0.05 * 2.0 ** (0.5 * np.arange(13))
+"""Reaches of coarse beams [m]: obstacles count as nearer by so much."""
+_COARSE_BEAMS: Final = 20
+"""Beams of a coarse likelihood: few, as it only tells which places are worth a look."""
+_REACHED: Final = 0.8
+"""Share of the distance to the end of the surroundings that a coarse beam reaches."""
 _BLOCK = 128
 """Particles weighed together: their sums stay in the first-level cache."""
 
@@ -62,9 +69,16 @@ class LikelihoodField:
 
     def __init__(self, grid: GridMap, config: LikelihoodFieldConfig | None = None) -> None:
         self.config = config or LikelihoodFieldConfig()
-        if not grid.occupied().any():
-            raise ValueError("the map has no obstacle: no cell is occupied with 50 % or more")
-        self._log_fields = self._log(_distances(grid), 1.0)[None]
+        self._distances = _from_obstacles(grid)
+        distance_m = np.sqrt(SQUARES) * grid.resolution_m
+        levels = [
+            self._log(distance_m.astype(np.float32), 2.0 ** (0.5 * k)) for k in range(_LEVELS)
+        ]
+        levels += [
+            self._log(np.maximum(distance_m - reach, 0.0).astype(np.float32), 1.0)
+            for reach in _REACHES_M
+        ]
+        self._logs = np.stack(levels)
         self._grid = grid
         origin = grid.origin
         self._map_from_world = np.array(
@@ -78,8 +92,7 @@ class LikelihoodField:
         )
         far_m = np.array(self.config.skipping.sigmas * self.config.sigma_m, np.float32)
         self._agrees = np.float32(self._log(far_m, 1.0))
-        self._caster = RangeCaster(grid)
-        self._free = np.pad(grid.free(), 1)
+        self._caster = RangeCaster(grid, is_small=True)
 
     def measurement(self, scan: RangeScan) -> LogLikelihood:
         """Return the function from poses to the log-likelihood of a scan.
@@ -117,14 +130,29 @@ class LikelihoodField:
     def _chosen(self, scan: RangeScan) -> _Beams:
         """Return the chosen beams of a scan, with the fields that they need."""
         chosen = evenly_chosen(scan.echoes, self.config.beams)
-        angles, ranges = scan.angles_rad[chosen], scan.ranges_m[chosen]
-        points = np.stack([scan.x_m + ranges * np.cos(angles), scan.y_m + ranges * np.sin(angles)])
+        points = self._points(scan, chosen)
         levels = np.zeros(len(chosen), np.int64)
         if scan.sigmas_m is not None and len(chosen):
             wider = np.hypot(1.0, scan.sigmas_m[chosen] / self.config.sigma_m)
             levels = np.minimum(np.rint(2.0 * np.log2(wider)), _LEVELS - 1).astype(np.int64)
-            self._make_fields(int(levels.max()))
-        return _Beams((points * self._map_from_world[4]).astype(np.float32), levels)
+        return _Beams(points, levels)
+
+    def _coarse(self, scan: RangeScan, side_m: float, turn_rad: float) -> _Beams:
+        """Return a few beams of a scan, with the fields of how far each end point may be off."""
+        chosen = evenly_chosen(scan.echoes, min(self.config.beams, _COARSE_BEAMS))
+        reach_m = _REACHED * (side_m / math.sqrt(2.0) + scan.ranges_m[chosen] * turn_rad / 2.0)
+        if scan.sigmas_m is not None:
+            reach_m += scan.sigmas_m[chosen]
+        nearest = np.rint(2.0 * np.log2(reach_m / _REACHES_M[0])).astype(np.int64)
+        levels = _LEVELS + np.clip(nearest, 0, len(_REACHES_M) - 1)
+        return _Beams(self._points(scan, chosen), levels)
+
+    def _points(self, scan: RangeScan, chosen: NDArray[np.intp]) -> NDArray[np.float32]:
+        """Return the end points of beams in `base`, (2, k) [cells]."""
+        angles, ranges = scan.angles_rad[chosen], scan.ranges_m[chosen]
+        points = np.stack([scan.x_m + ranges * np.cos(angles), scan.y_m + ranges * np.sin(angles)])
+        in_cells: NDArray[np.float32] = (points * self._map_from_world[4]).astype(np.float32)
+        return in_cells
 
     def _hidden(
         self, poses: NDArray[np.float64], scan: RangeScan, levels: NDArray[np.int64]
@@ -141,19 +169,17 @@ class LikelihoodField:
         hidden: NDArray[np.bool_] = (scan.ranges_m[chosen] + near_m)[:, np.newaxis] < expected_m
         return hidden
 
-    def _make_fields(self, level: int) -> None:
-        """Make the fields up to a level, if they are not there."""
-        there = len(self._log_fields)
-        if level >= there:
-            distance_m = _distances(self._grid)
-            more = [self._log(distance_m, 2.0 ** (0.5 * k)) for k in range(there, level + 1)]
-            self._log_fields = np.concatenate([self._log_fields, np.stack(more)])
+    def _summed(
+        self, poses: NDArray[np.float64], beams: _Beams, inset: int = 0
+    ) -> NDArray[np.float64]:
+        """Return the sum of the beams' logs at each pose, (n,).
 
-    def _summed(self, poses: NDArray[np.float64], beams: _Beams) -> NDArray[np.float64]:
-        """Return the sum of the beams' logs at each pose, (n,)."""
+        With an `inset` of 1 what lies off the map counts as its outermost cells, else as far.
+        """
         total = np.empty(len(poses))
         cos, sin = self._heading(poses)
-        _weigh(poses, cos, sin, *beams, self._map_from_world, self._log_fields, total)
+        place, cells = self._map_from_world, self._distances
+        _weigh(poses, cos, sin, *beams, place, cells, self._logs, np.float32(inset), total)
         return total
 
     def _summed_forgiving(
@@ -171,8 +197,9 @@ class LikelihoodField:
             sin,
             *beams,
             self._map_from_world,
-            self._log_fields,
-            self._free,
+            self._distances,
+            self._logs,
+            self._grid.cells,
             hidden,
             math.log(self.config.hidden_likelihood),
             total,
@@ -194,14 +221,30 @@ class LikelihoodField:
         cos, sin = self._heading(few)
         agreeing = np.zeros(len(beams.levels))
         _count_agreeing(
-            few, cos, sin, *beams, self._map_from_world, self._log_fields, self._agrees, agreeing
+            few,
+            cos,
+            sin,
+            *beams,
+            self._map_from_world,
+            self._distances,
+            self._logs,
+            self._agrees,
+            agreeing,
         )
         kept = self.config.skipping.kept(agreeing / len(few))
         return _Beams(np.ascontiguousarray(beams.points[:, kept]), beams.levels[kept])
 
 
+def _from_obstacles(grid: GridMap) -> NDArray[np.uint8]:
+    """Return how far cells are from obstacles, of which there must be one."""
+    occupied = grid.occupied()
+    if not occupied.any():
+        raise ValueError("the map has no obstacle: no cell is occupied with 50 % or more")
+    return distance_bytes(occupied)
+
+
 class _ScanLikelihood:
-    """Log-likelihood of a scan: `Forgiving`."""
+    """Log-likelihood of a scan: `Forgiving` and `Coarse`."""
 
     def __init__(self, field: LikelihoodField, scan: RangeScan) -> None:
         self._field, self._scan = field, scan
@@ -219,14 +262,9 @@ class _ScanLikelihood:
         hidden = field._hidden(poses, self._scan, self._all.levels)
         return self._alpha * field._summed_forgiving(poses, self._all, hidden)
 
-
-def _distances(grid: GridMap) -> NDArray[np.float32]:
-    """Return how far each cell is from the nearest obstacle [m].
-
-    A border of one cell takes all that lies outside.
-    """
-    distance_m = ndimage.distance_transform_edt(~grid.occupied()) * grid.resolution_m
-    return np.pad(distance_m.astype(np.float32), 1, constant_values=np.inf)
+    def coarse(self, side_m: float, turn_rad: float) -> LogLikelihood:
+        beams = self._field._coarse(self._scan, side_m, turn_rad)
+        return partial(self._field._summed, beams=beams, inset=1)
 
 
 class _Beams(NamedTuple):
@@ -244,7 +282,9 @@ def _weigh(
     points: NDArray[np.float32],
     levels: NDArray[np.int64],
     map_from_world: NDArray[np.float64],
-    log_fields: NDArray[np.float32],
+    distances: NDArray[np.uint8],
+    logs: NDArray[np.float32],
+    inset: np.float32,
     total: NDArray[np.float64],
 ) -> None:
     """Fill `total` with the sum of each beam's field at its end point, for each pose.
@@ -255,11 +295,11 @@ def _weigh(
     """
     n, beams = len(poses), points.shape[1]
     x0, y0, c0, s0, scale = map_from_world
-    count, rows, columns = log_fields.shape
-    flat = log_fields.reshape(count, rows * columns)
+    rows, columns = distances.shape
+    flat = distances.reshape(rows * columns)
     stride = np.int32(columns)
     zero = np.float32(0.0)
-    last_u, last_v = np.float32(columns - 1), np.float32(rows - 1)
+    last_u, last_v = np.float32(columns - 1) - inset, np.float32(rows - 1) - inset
     u, v = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
     cell, summed = np.empty(_BLOCK, np.uint32), np.empty(_BLOCK, np.float32)
     for start in range(0, n, _BLOCK):
@@ -275,14 +315,14 @@ def _weigh(
             for i in range(size):
                 column = u[i] + c[i] * px - s[i] * py
                 row = v[i] + s[i] * px + c[i] * py
-                column = column if column > zero else zero
+                column = column if column > inset else inset
                 column = column if column < last_u else last_u
-                row = row if row > zero else zero
+                row = row if row > inset else inset
                 row = row if row < last_v else last_v
                 cell[i] = np.uint32(np.int32(row) * stride + np.int32(column))
-            field = flat[levels[k]]
+            log = logs[levels[k]]
             for i in range(size):
-                summed[i] += field[cell[i]]
+                summed[i] += log[flat[cell[i]]]
         for i in range(size):
             total[start + i] = summed[i]
 
@@ -303,7 +343,8 @@ def _count_agreeing(
     points: NDArray[np.float32],
     levels: NDArray[np.int64],
     map_from_world: NDArray[np.float64],
-    log_fields: NDArray[np.float32],
+    distances: NDArray[np.uint8],
+    logs: NDArray[np.float32],
     agrees: np.float32,
     agreeing: NDArray[np.float64],
 ) -> None:
@@ -314,8 +355,8 @@ def _count_agreeing(
         u, v = (c0 * x + s0 * y) * scale, (c0 * y - s0 * x) * scale
         for k in range(points.shape[1]):
             row, column = _end_cell(u, v, cos[i], sin[i], points[0, k], points[1, k])
-            if 0 <= row < log_fields.shape[1] and 0 <= column < log_fields.shape[2]:
-                agreeing[k] += log_fields[levels[k], row, column] >= agrees
+            if 0 <= row < distances.shape[0] and 0 <= column < distances.shape[1]:
+                agreeing[k] += logs[levels[k], distances[row, column]] >= agrees
 
 
 @compiled
@@ -326,8 +367,9 @@ def _forgive(
     points: NDArray[np.float32],
     levels: NDArray[np.int64],
     map_from_world: NDArray[np.float64],
-    log_fields: NDArray[np.float32],
-    free: NDArray[np.bool_],
+    distances: NDArray[np.uint8],
+    logs: NDArray[np.float32],
+    cells: NDArray[np.int8],
     hidden: NDArray[np.bool_],
     least: float,
     total: NDArray[np.float64],
@@ -339,7 +381,9 @@ def _forgive(
         u, v = (c0 * x + s0 * y) * scale, (c0 * y - s0 * x) * scale
         for k in range(points.shape[1]):
             row, column = _end_cell(u, v, cos[i], sin[i], points[0, k], points[1, k])
-            column = min(max(column, 0), log_fields.shape[2] - 1)
-            row = min(max(row, 0), log_fields.shape[1] - 1)
-            log = log_fields[levels[k], row, column]
-            total[i] += max(log, least) if hidden[k, i] and free[row, column] else log
+            column = min(max(column, 0), distances.shape[1] - 1)
+            row = min(max(row, 0), distances.shape[0] - 1)
+            log = logs[levels[k], distances[row, column]]
+            is_inside = 0 < row <= cells.shape[0] and 0 < column <= cells.shape[1]
+            is_free = is_inside and 0 <= cells[row - 1, column - 1] < OCCUPIED_FROM
+            total[i] += max(log, least) if hidden[k, i] and is_free else log

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Protocol, TypeAlias, runtime_checkable
+from typing import Final, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,27 @@ class Forgiving(Protocol):
         """Return the same, (n,), but that what is nearer than the map allows says little.
 
         It costs more, and is for a few poses: whether what a robot sees speaks against a place.
+        """
+
+
+COARSE_SHARE: Final = 0.4
+"""Time that a coarse log-likelihood takes, as a share of that of the full one, about."""
+
+
+@runtime_checkable
+class Coarse(Protocol):
+    """A log-likelihood that can be had of the surroundings of poses, too."""
+
+    def __call__(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the log-likelihood at each pose, (n,)."""
+
+    def coarse(self, side_m: float, turn_rad: float) -> LogLikelihood:
+        """Return how well the measurement may fit near a pose: about the best that is there.
+
+        Parameters
+        ----------
+        side_m, turn_rad
+            Width of the surroundings: side of a square [m], and a range of headings [rad].
         """
 
 

@@ -13,7 +13,14 @@ def lidar_scan(message: LidarScan) -> RangeScan:
     ranges = np.frombuffer(message.ranges, np.dtype("<f4")).astype(np.float64)
     angles = message.first_rad + message.step_rad * np.arange(len(ranges), dtype=np.float64)
     return RangeScan(
-        message.stamp_ns, angles, ranges, message.max_range_m, message.x_m, message.y_m
+        message.stamp_ns,
+        angles,
+        ranges,
+        message.max_range_m,
+        message.x_m,
+        message.y_m,
+        name=message.name,
+        sweep_s=message.sweep_s,
     )
 
 

@@ -25,7 +25,7 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from robotctl.compiled import borrows, compiled
 from robotctl.estimation.ranging.segment_index import NearIndex
 from robotctl.estimation.ranging.sonar_cones import SonarCones
 from robotctl.model.wall_map import WallMap
@@ -142,6 +142,7 @@ def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64
 
 
 @compiled
+@borrows
 def _ring(
     poses: NDArray[np.float64],
     mounts: NDArray[np.float64],
@@ -163,6 +164,7 @@ def _ring(
 
 
 @compiled
+@borrows
 def _nearest(
     sx: float,
     sy: float,
@@ -202,6 +204,7 @@ def _nearest(
 
 
 @compiled
+@borrows
 def _on_wall(
     sx: float,
     sy: float,
@@ -243,6 +246,7 @@ def _on_wall(
 
 
 @compiled
+@borrows
 def _to_corner(
     sx: float,
     sy: float,
@@ -265,6 +269,7 @@ def _to_corner(
 
 
 @compiled
+@borrows
 def _hidden(
     sx: float,
     sy: float,

@@ -53,7 +53,13 @@ def _likelihood(world_map: WorldMap, robot: SensedRobot) -> Callable[[RangeScan]
 
 
 def _cells(scan: RangeScan, _: SensedRobot) -> Iterator[tuple[Hashable, CellUpdate]]:
-    yield LIDAR, scan_update(scan)
+    for each in scan.parts:
+        yield lidar_source(each), scan_update(each)
+
+
+def lidar_source(scan: RangeScan) -> str:
+    """Return the name of a scan's lidar for the particle filter."""
+    return f"{LIDAR} {scan.name}" if scan.name else LIDAR
 
 
 def scan_update(scan: RangeScan) -> CellUpdate:
@@ -97,7 +103,7 @@ SENSOR: Final = Sensor(
     _listener,
     _likelihood,
     lambda _: REHEARSED,
-    lambda _: LIDAR,
+    lidar_source,
     cells=_cells,
     detail=Detail.FINE,
     calibration=Calibration(lambda _: _BEAM_RAD, _measurements, _readings),

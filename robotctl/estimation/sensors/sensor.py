@@ -14,6 +14,7 @@ from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.estimation.ranging.log_likelihood import LogLikelihood
 from robotctl.messages.control import ControlState
 from robotctl.messages.estimation import SensorMessage
+from robotctl.model.drives.odometry_noise import MotionNoise
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.recording import Recording
 from robotctl.model.sensors.measurement import RangeMeasurement
@@ -29,6 +30,8 @@ class SensedRobot(NamedTuple):
     """Its sonars, in the order of the ranges."""
     settings: LocalisationConfig
     has_camera: bool = False
+    odometry: MotionNoise = MotionNoise()
+    """Noise of its odometry."""
 
 
 class Measured(Protocol):

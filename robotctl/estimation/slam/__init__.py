@@ -5,8 +5,9 @@ Reading order of SLAM by scans, front to back:
 1. `local_scans`: what a scan of each sensor is.
 2. `front_end`: surface, score_field, correlative, point_to_line, agreement; two scans compared.
 3. `keyframes.mapper`: the pipeline; `SlamMapper.add` names its stages.
-4. `keyframes`: robot_state, motion, prediction; trail, local_map, tracker; keyframe, known_places;
-   insertion, linking, straight_walls; loops, recognisers, verification; back_end; relocaliser.
+4. `keyframes`: robot_state, motion, odometry_trust, prediction; trail, local_map, registration,
+   hypotheses, tracker; keyframe, known_places; insertion, linking, straight_walls; loops,
+   recognisers, verification; back_end; relocaliser.
 5. `incremental`, `factors`, `graph`, `linear`: the smoother behind `keyframes.back_end`.
 
 Constants of `front_end` define the search grid, the noise of points and the kernels compiled with

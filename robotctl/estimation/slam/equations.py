@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations_with_replacement
 from typing import Protocol
 
 import numpy as np
@@ -15,6 +16,7 @@ from robotctl.estimation.slam.graph.factor import FactorBlock, Ints, Linearised
 from robotctl.estimation.slam.graph.factor_graph import FactorGraph, Values, values_of
 from robotctl.estimation.slam.graph.variables import Floats
 from robotctl.estimation.slam.linear.assembly import (
+    assemble_many,
     pair_assembler,
     quadratic_forms,
     single_assembler,
@@ -181,26 +183,34 @@ class NormalEquations:
         return result
 
     def _map(self, block: FactorBlock) -> tuple[Ints, Ints]:
-        """Return places in the matrix, (n, 2) or (n, 7), and columns, (n, variables)."""
+        """Return places in the matrix as the assemblers need them, and columns, (n, variables)."""
         if not len(self.variables):
-            shape = len(block), 2 if len(block.variables) == 1 else 7
-            return np.full(shape, -1, np.int64), np.full((len(block), len(block.variables)), -1)
+            count = len(block.variables)
+            shape = len(block), {1: 2, 2: 7}.get(count, 3 * count * (count + 1) // 2)
+            return np.full(shape, -1, np.int64), np.full((len(block), count), -1)
         numbers = self.graph.numbers(block)
         positions = [self.position[each] for each in numbers]
         columns = np.column_stack([self.columns[each] for each in numbers])
-        places = []
+        places: list[Ints] = []
+        if len(positions) > 2:
+            for a, b in combinations_with_replacement(positions, 2):
+                places += self._block_place(a, b)
+            return np.ascontiguousarray(np.column_stack(places)), np.ascontiguousarray(columns)
         for at in positions:
             safe = np.maximum(at, 0)
             place, stride = locate(self.symbolic, safe, safe)
             places += [np.where(at < 0, -1, place), stride]
         if len(positions) == 2:
-            a, b = positions
-            both = (a >= 0) & (b >= 0)
-            low = np.where(both, np.minimum(a, b), 0)
-            high = np.where(both, np.maximum(a, b), 0)
-            place, stride = locate(self.symbolic, high, low)
-            places += [np.where(both, place, -1), stride, (a > b).astype(np.int64)]
+            places += self._block_place(*positions)
         return np.ascontiguousarray(np.column_stack(places)), np.ascontiguousarray(columns)
+
+    def _block_place(self, a: Ints, b: Ints) -> tuple[Ints, Ints, Ints]:
+        """Return places (-1: one is fixed) and strides of blocks, and whether a comes after b."""
+        both = (a >= 0) & (b >= 0)
+        low = np.where(both, np.minimum(a, b), 0)
+        high = np.where(both, np.maximum(a, b), 0)
+        place, stride = locate(self.symbolic, high, low)
+        return np.where(both, place, -1), stride, (a > b).astype(np.int64)
 
     def linearise(self, values: Values, into: Linearisation | None = None) -> Linearisation:
         """Return all factors about `values`, in the space of an earlier linearisation if given."""
@@ -214,12 +224,20 @@ class NormalEquations:
             zip(self.graph.blocks, at.blocks, self._maps, strict=True)
         ):
             kind = block.kind
+            ones = np.ones(len(block)) if weights is None else weights[index]
+            if len(kind.variables) > 2:
+                assemble_many(
+                    linearised.residuals, np.concatenate(linearised.jacobians, axis=2),
+                    np.cumsum([0, *(each.dof for each in kind.variables)]), block.information,
+                    ones, places, columns, self.matrix, self.gradient,
+                )  # fmt: skip
+                continue
             assembler = pair_assembler if len(kind.variables) == 2 else single_assembler
             assembler(kind.size, *(each.dof for each in kind.variables))(
                 linearised.residuals,
                 *linearised.jacobians,
                 block.information,
-                np.ones(len(block)) if weights is None else weights[index],
+                ones,
                 places,
                 columns,
                 self.matrix,

@@ -195,7 +195,8 @@ def _placed(
             key, mount.theta_rad + first + step * np.arange(key[0], dtype=np.float64)
         )
         ranges = valid_ranges(scan.ranges_m, reach_m)
-        shapes.append(RangeScan(0, angles, ranges, reach_m, mount.x_m, mount.y_m))
+        name = "rear" if rear else ""
+        shapes.append(RangeScan(0, angles, ranges, reach_m, mount.x_m, mount.y_m, name=name))
     lacks = _lacks_reference(lines, word, scans, shapes, robot, reference)
     known = [None] * len(scans) if lacks else reference
     return list(zip(shapes, robot, known, strict=True))

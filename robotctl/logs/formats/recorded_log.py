@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from robotctl.errors import ConfigError
+from robotctl.estimation.ranging.unwinding import unwound
 from robotctl.logs.formats.carmen_log import CARMEN
 from robotctl.logs.formats.keyframes_log import KEYFRAMES
 from robotctl.logs.formats.lego_log import LEGO
@@ -22,7 +23,7 @@ from robotctl.logs.formats.robotctl_log import ROBOTCTL
 from robotctl.logs.formats.ros_bag import ROS_BAG
 from robotctl.logs.formats.times import check_pace, check_span, check_unit
 from robotctl.logs.formats.tum import TUM
-from robotctl.model.recording import Recording
+from robotctl.model.recording import RecordedScan, Recording
 from robotctl.model.trajectory import Trajectory
 
 LOG_FORMATS: tuple[LogFormat, ...] = (
@@ -36,6 +37,7 @@ LOG_FORMATS: tuple[LogFormat, ...] = (
 )
 """All formats; the first that matches reads. A new one is a file, and a line here."""
 
+_MAX_SWEEP_S: Final = 1.0
 _OF_MAPS: Final = ("image", "resolution", "origin", "occupied_thresh", "free_thresh", "negate")
 _PICTURES: Final = (b"P2", b"P5", b"P6", b"\x89PNG", b"\xff\xd8\xff", b"BM")
 
@@ -47,6 +49,7 @@ def read_recording(
     with_sonars: bool = True,
     time_unit: str | None = None,
     max_range_m: float | None = None,
+    sweep_s: float | None = None,
 ) -> Recording:
     """Read a recorded drive of any format in `LOG_FORMATS`.
 
@@ -63,6 +66,9 @@ def read_recording(
         plausible.
     max_range_m
         Lidar range from which on there is no echo [m]; None: as the log states.
+    sweep_s
+        Time from a scan's first beam to its last, as of `RangeScan` [s]; None: as the log states.
+        Scans are told as from the place of their last beam, where the odometry says it.
 
     Raises
     ------
@@ -89,7 +95,9 @@ def read_recording(
     if time_unit is None:
         check_pace(recording, kind.has_time_unit)
     check_span(recording)
-    return recording if max_range_m is None else _limited(recording, max_range_m)
+    if max_range_m is not None:
+        recording = _limited(recording, max_range_m)
+    return _unwound(recording, sweep_s)
 
 
 def read_reference(path: Path) -> tuple[Trajectory, bool]:
@@ -161,6 +169,29 @@ def _limited(recording: Recording, max_range_m: float) -> Recording:
             replace(entry, scan=replace(entry.scan, ranges_m=ranges, max_range_m=max_range_m))
         )
     return replace(recording, scans=tuple(scans))
+
+
+def _unwound(recording: Recording, sweep_s: float | None) -> Recording:
+    """Return a recording whose scans are as from one place, if its odometry is not its reference.
+
+    Without odometry, SLAM unwinds them by the motion that it finds.
+    """
+    scans = recording.scans
+    if sweep_s is not None:
+        if not abs(sweep_s) <= _MAX_SWEEP_S:
+            raise ConfigError(f"--sweep {sweep_s:g}: at most {_MAX_SWEEP_S:g} s are allowed")
+        scans = tuple(replace(each, scan=replace(each.scan, sweep_s=sweep_s)) for each in scans)
+    if not any(each.scan.sweep_s for each in scans):
+        return recording
+    odometry = recording.odometry
+    if odometry is not None and has_odometry(scans):
+        scans = tuple(replace(each, scan=unwound(each.scan, odometry.at)) for each in scans)
+    return replace(recording, scans=scans)
+
+
+def has_odometry(scans: Sequence[RecordedScan]) -> bool:
+    """Return whether the odometry of scans is any, and not their reference again."""
+    return any(each.reference is None or each.odometry != each.reference for each in scans)
 
 
 def _near(path: Path) -> str:

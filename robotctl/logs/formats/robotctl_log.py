@@ -10,7 +10,7 @@ the log). A folder is assumed to hold one robot. See docs/logs.md.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -138,7 +138,7 @@ def read_own(path: Path, *, with_sonars: bool = True) -> Recording:
     reference = _reference(known, {each.file for each in states})
     return Recording(
         name=path.name,
-        scans=_placed(found.get(_LIDAR), odometry, reference),
+        scans=_of_lidars(found, odometry, reference),
         odometry=known,
         gyro_turns_rad=_gyro_turns_rad([states[row] for row in odometry.rows.tolist()]),
         reference=reference,
@@ -185,6 +185,8 @@ def _take_in(file: Path, timeline: Timeline[str], notes: list[str]) -> None:
             continue
         if isinstance(value, LoggedState):
             value = _State(message.log_time, value, file)
+        if isinstance(value, RangeScan) and value.name:
+            source = f"{source} {value.name}"  # each has an order of its own
         if value is not None:
             timeline.add(source, message.log_time, value, message.data)
 
@@ -283,6 +285,8 @@ def _scan(stamp_ns: int, lidar: LoggedScan) -> RangeScan:
         lidar.max_range_m,
         lidar.x_m,
         lidar.y_m,
+        name=lidar.name,
+        sweep_s=lidar.sweep_s,
     )
 
 
@@ -292,6 +296,15 @@ def _view(stamp_ns: int, view: LoggedView | None) -> RangeScan | None:
         return None
     angles, ranges, sigmas = np.array(view.beams, dtype=np.float64).reshape(-1, 3).T
     return RangeScan(stamp_ns, angles, ranges, view.max_range_m, view.x_m, view.y_m, sigmas)
+
+
+def _of_lidars(
+    found: Mapping[str, Series], odometry: Odometry, reference: Trajectory | None
+) -> tuple[RecordedScan, ...]:
+    """Return the scans of all lidars in the order of their times."""
+    lidars = [series for source, series in found.items() if source.startswith(_LIDAR)]
+    scans = [each for series in lidars for each in _placed(series, odometry, reference)]
+    return tuple(sorted(scans, key=lambda each: each.scan.stamp_ns))
 
 
 def _placed(

@@ -58,6 +58,8 @@ class LoggedScan:
     last_rad: float
     max_range_m: float
     ranges_m: tuple[float, ...]
+    name: str = ""
+    sweep_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,6 +139,8 @@ class _Laser(msgspec.Struct):
     end_angle: float
     max_range: float
     ranges: list[float]
+    name: str = ""
+    sweep_s: float = 0.0
 
 
 _STATE: Final = msgspec.json.Decoder(_State)
@@ -180,6 +184,8 @@ def logged_scan(data: bytes) -> LoggedScan:
         laser.end_angle,
         laser.max_range,
         tuple(map(_range_m, laser.ranges)),
+        laser.name,
+        laser.sweep_s,
     )
 
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -121,8 +122,12 @@ def _scans(
         base = robot.mount_of(laser, content, notes)
         if base is None:
             continue
+        name = laser.frame if seen else ""
         seen[laser.frame] = laser.topic
-        found += _of_laser(content, robot, laser, base, reference, max_range_m, notes)
+        found += [
+            replace(each, scan=replace(each.scan, name=name))
+            for each in _of_laser(content, robot, laser, base, reference, max_range_m, notes)
+        ]
     return sorted(found, key=lambda entry: entry.scan.stamp_ns)
 
 
@@ -157,10 +162,15 @@ def _of_laser(
             fans[key] = _directions(scan, mount)
         x_m, y_m, _ = mount.translation_m
         valid = valid_ranges(ranges, reach_m)
+        # A message has the time of its first ray, a scan that of its last.
+        end_ns, sweep_s = stamp_ns + round(1e9 * scan.sweep_s), scan.sweep_s
+        at_end = robot.odometry.trajectory.at(end_ns) if sweep_s else None
+        if at_end is None:
+            at_end, end_ns, sweep_s = pose, stamp_ns, 0.0
         yield RecordedScan(
-            RangeScan(stamp_ns, fans[key], valid, reach_m, x_m, y_m),
-            pose,
-            reference.at(stamp_ns) if reference else None,
+            RangeScan(end_ns, fans[key], valid, reach_m, x_m, y_m, sweep_s=sweep_s),
+            at_end,
+            reference.at(end_ns) if reference else None,
         )
     if unknown:
         notes.append(

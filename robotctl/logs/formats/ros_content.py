@@ -49,14 +49,20 @@ class ScanSource(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class RawScan:
-    """A LaserScan as in its message; ranges below `range_min` are nan."""
+    """A LaserScan as in its message; ranges below `range_min` are nan.
+
+    `sweep_s` is the time from the first ray, which has that of the message, to the last; 0 if the
+    message says nothing of use.
+    """
 
     first_rad: float
     step_rad: float
     ranges_m: NDArray[np.float32]
     max_range_m: float
+    sweep_s: float
 
 
+_LONGEST_S: Final = 1.0
 _Source: TypeAlias = OdometrySource | ScanSource | Edge
 
 
@@ -166,7 +172,14 @@ def _scan(message: Any) -> RawScan:
         numbers["angle_increment"],
         np.where(ranges >= numbers["range_min"], ranges, math.nan).astype(np.float32),
         numbers["range_max"] if numbers["range_max"] > 0.0 else math.inf,
+        _sweep_s(float(message.time_increment), len(ranges)),
     )
+
+
+def _sweep_s(increment_s: float, count: int) -> float:
+    """Return the time of a sweep; 0 if no lidar takes so long."""
+    sweep_s = increment_s * (count - 1)
+    return sweep_s if 0.0 < sweep_s <= _LONGEST_S else 0.0
 
 
 def _name(frame: str) -> str:

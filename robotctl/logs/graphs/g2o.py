@@ -6,14 +6,16 @@ residuals of the factors are g2o's, so chi2 is what g2o reports.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from robotctl.estimation.slam.factors.between import BETWEEN_2D, BETWEEN_3D
-from robotctl.estimation.slam.factors.landmarks import BEARING, SEEN_2D
+from robotctl.estimation.slam.factors.landmarks import BEARING, RANGE, SEEN_2D
 from robotctl.estimation.slam.factors.points_in_space import SEEN_3D
 from robotctl.estimation.slam.factors.prior import (
     POSITION_2D,
@@ -98,6 +100,7 @@ TAGS: Final[dict[str, Tag]] = {
     "EDGE_SE3:QUAT": _factor(BETWEEN_3D, _SE3),
     "EDGE_SE2_XY": _factor(SEEN_2D, _SE2[:2]),
     "EDGE_BEARING_SE2_XY": _factor(BEARING, ("bearing",)),
+    "EDGE_RANGE_SE2_XY": _factor(RANGE, ("range",)),
     "EDGE_PRIOR_SE2": _factor(PRIOR_2D, _SE2),
     "EDGE_PRIOR_SE2_XY": _factor(POSITION_2D, _SE2[:2]),
     "EDGE_PRIOR_XY": _factor(PRIOR_POINT_2D, _SE2[:2]),
@@ -113,6 +116,7 @@ _FACTORS: Final = {
     BETWEEN_3D: "EDGE_SE3:QUAT",
     SEEN_2D: "EDGE_SE2_XY",
     BEARING: "EDGE_BEARING_SE2_XY",
+    RANGE: "EDGE_RANGE_SE2_XY",
     PRIOR_2D: "EDGE_PRIOR_SE2",
     POSITION_2D: "EDGE_PRIOR_SE2_XY",
     PRIOR_POINT_2D: "EDGE_PRIOR_XY",
@@ -122,7 +126,7 @@ _FACTORS: Final = {
 _WITH_OFFSET: Final = (PRIOR_3D, SEEN_3D)
 
 
-def _lines(path: Path, file: GraphFile) -> list[str]:
+def _lines(path: Path, file: GraphFile) -> Iterable[str]:
     """Return the lines of a graph."""
     text = []
     if any(block.kind in _WITH_OFFSET for block in file.graph.blocks):
@@ -136,7 +140,7 @@ def _lines(path: Path, file: GraphFile) -> list[str]:
             raise GraphFormatError(f"{path}: FIX {own}: a pose and a point have this id")
         text.append(f"FIX {own}")
 
-    def lines(block: FactorBlock) -> list[str] | None:
+    def lines(block: FactorBlock) -> Iterable[str] | None:
         if block.kind not in _FACTORS:
             return None
         ids = ids_of(file, block)
@@ -145,8 +149,7 @@ def _lines(path: Path, file: GraphFile) -> list[str]:
         numbers = np.hstack([block.measurements, upper(block.information)])
         return lines_of(_FACTORS[block.kind], ids, numbers)
 
-    text += factor_lines(path, file, "g2o", lines)
-    return text
+    return chain(text, factor_lines(path, file, "g2o", lines))
 
 
 G2O: Final = tagged_format("g2o", ".g2o", TAGS, _lines, fix="FIX")

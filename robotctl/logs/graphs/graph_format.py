@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -89,8 +90,8 @@ def ids_of(file: GraphFile, block: FactorBlock) -> np.ndarray:
 
 
 def factor_lines(
-    path: Path, file: GraphFile, name: str, lines: Callable[[FactorBlock], list[str] | None]
-) -> list[str]:
+    path: Path, file: GraphFile, name: str, lines: Callable[[FactorBlock], Iterable[str] | None]
+) -> Iterator[str]:
     """Return the lines of all factors.
 
     Raises
@@ -98,10 +99,10 @@ def factor_lines(
     GraphFormatError
         If the format `name` has none for a kind.
     """
-    result = []
+    found = []
     for block in file.graph.blocks:
         own = lines(block)
         if own is None:
             raise GraphFormatError(f"{path}: {name} has no factors {block.kind.name!r}")
-        result += own
-    return result
+        found.append(own)
+    return chain.from_iterable(found)

@@ -9,6 +9,7 @@ it stands.) https://github.com/borglab/gtsam/blob/develop/gtsam/slam/dataset.cpp
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
@@ -81,7 +82,7 @@ TAGS: Final[dict[str, Tag]] = {
 }
 
 
-def _factor_lines(path: Path, file: GraphFile, block: FactorBlock) -> list[str] | None:
+def _factor_lines(path: Path, file: GraphFile, block: FactorBlock) -> Iterable[str] | None:
     ids, z, information = ids_of(file, block), block.measurements, block.information
     if block.kind not in (BETWEEN_2D, SEEN_2D, RANGE_BEARING):
         return None
@@ -115,7 +116,7 @@ def _seen(file: GraphFile, kind: VariableKind) -> set[int]:
 
 def _lines(path: Path, file: GraphFile) -> list[str]:
     """Return the lines of a graph."""
-    text = []
+    text: list[str] = []
     for kind, ids in file.graph.ids.items():
         if kind is SE2:
             text += lines_of("VERTEX2", ids[:, None], file.values[kind])

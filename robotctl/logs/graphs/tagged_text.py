@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
@@ -97,7 +97,7 @@ def tagged_format(
     name: str,
     suffix: str,
     tags: Mapping[str, Tag],
-    lines: Callable[[Path, GraphFile], list[str]],
+    lines: Callable[[Path, GraphFile], Iterable[str]],
     *,
     own: Iterable[str] | None = None,
     fix: str = "",
@@ -119,7 +119,9 @@ def tagged_format(
     telling = set(tags if own is None else own)
 
     def write(path: Path, file: GraphFile) -> None:
-        path.write_text("\n".join(lines(path, file)) + "\n", encoding="ascii")
+        whole = lines(path, file)
+        with path.open("w", encoding="ascii") as text:
+            text.writelines(f"{line}\n" for line in whole)
 
     return GraphFormat(
         name,
@@ -413,9 +415,9 @@ def factor_tag(
     return Tag(len(kind.variables), columns, add, kind, defaults)
 
 
-def lines_of(tag: str, ids: NDArray[np.int64], numbers: Floats) -> list[str]:
+def lines_of(tag: str, ids: NDArray[np.int64], numbers: Floats) -> Iterator[str]:
     """Return lines of a tag, with all digits that the numbers have."""
-    return [
-        " ".join([tag, *map(str, own), *map(repr, row)])
-        for own, row in zip(ids.tolist(), numbers.tolist(), strict=True)
-    ]
+    return (
+        " ".join([tag, *map(str, own.tolist()), *map(repr, row.tolist())])
+        for own, row in zip(ids, numbers, strict=True)
+    )

@@ -9,6 +9,7 @@ Grisetti, Stachniss and Burgard, https://openslam-org.github.io/toro.html
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Final
 
@@ -100,13 +101,13 @@ TAGS: Final[dict[str, Tag]] = {
 }
 
 
-def edge2_lines(file: GraphFile, block: FactorBlock) -> list[str]:
+def edge2_lines(file: GraphFile, block: FactorBlock) -> Iterator[str]:
     """Return the lines of measured poses in the plane."""
     numbers = np.hstack([block.measurements, upper(block.information)[:, _ORDER]])
     return lines_of("EDGE2", ids_of(file, block), numbers)
 
 
-def _factor_lines(file: GraphFile, block: FactorBlock) -> list[str] | None:
+def _factor_lines(file: GraphFile, block: FactorBlock) -> Iterable[str] | None:
     if block.kind is BETWEEN_2D:
         return edge2_lines(file, block)
     if block.kind is not BETWEEN_3D:
@@ -120,7 +121,7 @@ def _factor_lines(file: GraphFile, block: FactorBlock) -> list[str] | None:
 
 def _lines(path: Path, file: GraphFile) -> list[str]:
     """Return the lines of a graph."""
-    text = []
+    text: list[str] = []
     gone, kept = file.merged.T
     for kind, ids in file.graph.ids.items():
         if not kind.is_pose:

@@ -131,8 +131,12 @@ class PointCloud(msgspec.Struct, frozen=True):
     data: bytes
 
 
-class LaserScan(msgspec.Struct, frozen=True):
-    """A scan of a lidar [rad, m], with its maximum range [m]."""
+class LaserScan(msgspec.Struct, frozen=True, omit_defaults=True):
+    """A scan of a lidar [rad, m], with its maximum range [m].
+
+    The name of a lidar among several, and the time of its sweep [s], are fields of ours; they are
+    as in `LidarScan`.
+    """
 
     timestamp: Time
     frame_id: str
@@ -142,6 +146,8 @@ class LaserScan(msgspec.Struct, frozen=True):
     ranges: list[float]
     intensities: list[float]
     max_range: float
+    name: str | None = None
+    sweep_s: float | None = None
 
 
 class Log(msgspec.Struct, frozen=True):
@@ -210,7 +216,9 @@ def laser_scan(wall_ns: int, scan: LidarScan) -> LaserScan | None:
     Its frame is `base`, with the lidar's pose there, so that it is right even if a cut log has lost
     the frame `lidar`.
     """
-    numbers = (scan.x_m, scan.y_m, scan.first_rad, scan.step_rad, scan.max_range_m)
+    numbers = (
+        scan.x_m, scan.y_m, scan.first_rad, scan.step_rad, scan.max_range_m, scan.sweep_s,
+    )  # fmt: skip
     if len(scan.ranges) % 4 or not all(map(math.isfinite, numbers)):
         return None
     ranges = array("f", scan.ranges)
@@ -225,6 +233,8 @@ def laser_scan(wall_ns: int, scan: LidarScan) -> LaserScan | None:
         scan_ranges(ranges),
         [],
         scan.max_range_m,
+        scan.name or None,
+        scan.sweep_s or None,
     )
 
 

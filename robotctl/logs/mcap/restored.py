@@ -82,7 +82,10 @@ def lidar_scan(stamp_ns: int, content: Content) -> LidarScan:
     place = content.get("pose", {}).get("position", {})
     x_m, y_m = place.get("x", 0.0), place.get("y", 0.0)
     most_m = content.get("max_range", math.inf)
-    return LidarScan(stamp_ns, x_m, y_m, first_rad, step_rad, most_m, ranges.tobytes())
+    name, sweep_s = content.get("name", ""), content.get("sweep_s", 0.0)
+    return LidarScan(
+        stamp_ns, x_m, y_m, first_rad, step_rad, most_m, ranges.tobytes(), name, sweep_s
+    )
 
 
 def notice(stamp_ns: int, content: Content) -> Notice:

@@ -73,7 +73,7 @@ class Scene:
         self.drawings = Drawings(sonars, sonar or SonarModelConfig(), body)
         self._sonars = tuple(sonars)
         self._camera = camera
-        self._lidar: SE2 | None = None
+        self._lidars: dict[str, SE2] = {}
         self._world = WorldPose(has_localiser=has_localiser)
 
     def localise(self, state: LocalisationState) -> None:
@@ -81,9 +81,10 @@ class Scene:
         self._world.localise(state)
 
     def place_lidar(self, scan: LidarScan) -> bool:
-        """Update the lidar's mounting, known only from its scans; return whether it is new."""
+        """Update a lidar's mounting, known only from its scans; return whether it is new."""
         place = SE2(scan.x_m, scan.y_m)
-        is_new, self._lidar = place != self._lidar, place
+        is_new = place != self._lidars.get(scan.name)
+        self._lidars[scan.name] = place
         return is_new
 
     def frames(
@@ -103,8 +104,9 @@ class Scene:
         found = _sonar_transforms(wall_ns, self._sonars)
         if self._camera is not None:
             found.append(camera_transform(wall_ns, self._camera))
-        if self._lidar is not None:
-            found.append(planar_transform(wall_ns, BASE, LIDAR, self._lidar))
+        for name, place in self._lidars.items():
+            frame = f"{LIDAR}_{name}" if name else LIDAR
+            found.append(planar_transform(wall_ns, BASE, frame, place))
         return FrameTransforms(tuple(found)) if found else None
 
 

@@ -71,8 +71,16 @@ def _schema_of_struct(kind: type[msgspec.Struct], *, complete: bool) -> JsonSche
     return {
         "type": "object",
         "properties": {name: schema_of(hints[name], complete=complete) for name in names},
-        "required": [name for name in names if complete or _is_always_there(hints[name])],
+        "required": [
+            name
+            for name in names
+            if (complete and not _is_optional(hints[name])) or _is_always_there(hints[name])
+        ],
     }
+
+
+def _is_optional(kind: Any) -> bool:
+    return get_origin(kind) in (Union, types.UnionType)
 
 
 def _is_always_there(kind: Any) -> bool:

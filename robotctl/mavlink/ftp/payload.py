@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 
 _HEADER: Final = struct.Struct("<HBBBBBxI")
 MOST_BYTES: Final = 239
-"""Data of one payload."""
+"""Maximum data of one payload [B]."""
 _PAYLOAD_BYTES: Final = _HEADER.size + MOST_BYTES
 
 

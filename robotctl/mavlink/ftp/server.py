@@ -25,17 +25,17 @@ SESSIONS_EACH: Final = 2
 MOST_SESSIONS: Final = 8
 """Maximum sessions of all senders."""
 IDLE_NS: Final = 20_000_000_000
-"""A session that is not used any more is closed after this [ns]."""
+"""Time without use after which a session is closed [ns]."""
 REPEATED_NS: Final = 5_000_000_000
-"""A request is taken for a repetition for so long [ns]."""
+"""Time within which an equal request counts as a repetition [ns]."""
 PER_STEP: Final = 6
 """Parts of a burst sent in a step: 600 in a second, 140 kB/s."""
 BURST_PARTS: Final = 400
-"""Parts of a burst; who wants more asks again."""
+"""Maximum parts of a burst; a client that wants more asks again."""
 CRC_BYTES: Final = 1 << 20
-"""Bytes of a file summed up in a step."""
+"""Part of a file that one step adds to its checksum [B]."""
 MOST_SENDERS: Final = 16
-"""Whose last reply is kept."""
+"""Maximum number of senders whose last reply is kept."""
 
 
 class Sender(NamedTuple):
@@ -58,7 +58,7 @@ class _Session:
 
 @dataclass(slots=True)
 class _Last:
-    """The last request of a sender's session, and what it was answered; None: that is to come."""
+    """The last request of a sender's session and its reply; None: not answered yet."""
 
     request: bytes
     received_ns: int
@@ -67,7 +67,7 @@ class _Last:
 
 @dataclass(slots=True)
 class _Sum:
-    """A checksum on its way."""
+    """A checksum under way."""
 
     sender: Sender
     request: FtpPayload

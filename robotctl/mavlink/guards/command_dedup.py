@@ -56,7 +56,7 @@ class LateCopies:
         """Last request of each sender."""
 
     def ask(self, sender: Address, meaning: Hashable) -> None:
-        """Note what a sender asks for: what it has asked for before is no longer its wish."""
+        """Note a request of a sender: it replaces what the sender has asked for before."""
         self._last.pop(sender, None)
         self._last[sender] = meaning
         if len(self._last) > MOST_SENDERS:
@@ -70,7 +70,7 @@ class LateCopies:
         now_ns: int,
         sequences: Collection[int] = (),
     ) -> None:
-        """Take down that a command of `sender` has been answered with a MAV_RESULT.
+        """Record that a command of `sender` has been answered with a MAV_RESULT.
 
         `meaning` is equal for commands that ask for the same, `sequences` are the numbers of its
         frames.

@@ -1,4 +1,4 @@
-"""How often each sender sends: who sends often is missed sooner."""
+"""Rate of each sender: one that sends often is missed sooner."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Final
 FAST_NS: Final = 200_000_000
 """Mean interval of a sender that sends often, at 5 Hz or more [ns]."""
 INTERVALS: Final = 5
-"""Intervals of which the mean is taken."""
+"""Number of intervals that are averaged."""
 MOST_SENDERS: Final = 64
 """Invented senders must not fill the memory; those beyond do not send often."""
 _PAUSE_NS: Final = 1_000_000_000
 """Silence after which the rhythm of a sender is measured again [ns]."""
 _SLACK: Final = 1.05
-"""Timers of 0.2 s take a little longer."""
+"""Tolerance on the interval, as a factor: timers of 0.2 s take a little longer."""
 
 
 class Rhythm:

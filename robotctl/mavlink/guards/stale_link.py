@@ -17,8 +17,9 @@ from typing import Final
 from robotctl.messages.mavlink_port import Peer
 
 REGULAR_NS: Final = 1_500_000_000
-"""Heartbeats no farther apart than this are regular, `REGULAR_COUNT` in a row [ns]."""
+"""Maximum interval of regular heartbeats, `REGULAR_COUNT` in a row [ns]."""
 REGULAR_COUNT: Final = 3
+"""Number of heartbeats that make a sender regular."""
 
 AWAY_NS: Final = 2_500_000_000
 """Silence after which a regular sender was delayed; one lost heartbeat is not enough [ns]."""
@@ -67,7 +68,7 @@ class HeldBack:
             sender.hear(now_ns)
 
     def objection(self, peer: Peer, sender: tuple[int, int], now_ns: int) -> str:
-        """Return why what a sender asks for now may be of long ago, empty if it is not.
+        """Return why a sender's request may be an old one; empty: it is not.
 
         A sender that repeats its request a second later is accepted.
         """

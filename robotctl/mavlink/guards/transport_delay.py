@@ -32,6 +32,7 @@ MAX_STREAMS: Final = 64
 """Invented senders must not fill the memory or take the time of all others."""
 
 _WRAP_MS: Final = 1 << 32
+"""Period after which `time_boot_ms` starts again [ms]."""
 
 
 @dataclass(slots=True)

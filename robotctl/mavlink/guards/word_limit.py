@@ -1,4 +1,4 @@
-"""How much the robot says because of one sender: a flood of nonsense must not bury other texts.
+"""Limit on the texts that one sender causes: a flood of nonsense must not bury the others.
 
 A bucket of words for each connection, so that invented addresses share one.
 """
@@ -10,7 +10,7 @@ from typing import Final
 from robotctl.messages.mavlink_port import Peer
 
 BURST: Final = 20
-"""Texts at once: all that speaks against arming."""
+"""Maximum texts at once: as many as there may be objections to arming."""
 EACH_NS: Final = 500_000_000
 """Time after which one more may be said [ns]."""
 
@@ -27,7 +27,7 @@ class WordLimit:
         return self._full_ns.get(peer, now_ns) - now_ns <= (BURST - 1) * EACH_NS
 
     def take(self, peer: Peer, now_ns: int) -> None:
-        """Count a text; forget the connections that have all theirs again."""
+        """Count a text; forget the connections whose allowance is full again."""
         full_ns = max(self._full_ns.get(peer, now_ns), now_ns) + EACH_NS
         self._full_ns = {each: full for each, full in self._full_ns.items() if full > now_ns}
         self._full_ns[peer] = full_ns

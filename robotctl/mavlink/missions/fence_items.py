@@ -37,6 +37,7 @@ _RETURN: Final[int] = common.MAV_CMD_NAV_FENCE_RETURN_POINT
 _INVALID: Final[int] = common.MAV_MISSION_INVALID
 _INVALID_1: Final[int] = common.MAV_MISSION_INVALID_PARAM1
 _FEWEST_CORNERS: Final = 3
+"""Minimum number of corners of a polygon."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +54,7 @@ class FencePlan:
 
     @property
     def crc(self) -> int:
-        """As navigation tells it; 0 without a fence."""
+        """Checksum by which navigation names the fence; 0: none."""
         return zlib.crc32(self.content)
 
 

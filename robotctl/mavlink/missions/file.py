@@ -58,7 +58,7 @@ class MissionPlan:
 
     @property
     def crc(self) -> int:
-        """As navigation tells it; 0 without a mission."""
+        """Checksum by which navigation names the mission; 0: none."""
         return zlib.crc32(self.content)
 
     def seq_of(self, item: int) -> int:

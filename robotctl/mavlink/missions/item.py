@@ -24,8 +24,9 @@ GLOBAL_FRAMES: Final = frozenset(
 )
 """Latitude and longitude; the altitude, which they differ in, is none of a wheeled robot's."""
 _LOCAL_SCALE: Final = 1e4
-"""MISSION_ITEM_INT counts local places in 1e-4 m."""
+"""Units of MISSION_ITEM_INT's local x and y per metre."""
 _MOST: Final = 2**31 - 1
+"""Greatest int32."""
 
 
 class MissionItem(NamedTuple):

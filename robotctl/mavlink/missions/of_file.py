@@ -15,23 +15,23 @@ from robotctl.mavlink.missions.item import MissionItem
 
 _NONE: Final = (0.0, 0.0, 0.0, 0.0)
 _OWN_SPEED: Final = -1.0
-"""Speed of DO_CHANGE_SPEED that is the robot's own again."""
+"""Speed of DO_CHANGE_SPEED that restores the robot's own."""
 _FLOW: Final = {"jump": "to", "repeat": "first"}
 """Kinds that say which item is next, and the key that names it."""
-_DRIVES: Final = frozenset({"goto", "straight_to", "drive"})
+_DRIVES: Final = frozenset({"goto", "straight_to", "drive", "circle"})
 _NORTH_DEG: Final = 360.0
-"""Yaw for north: 0 would be any."""
+"""Yaw that means north [deg]: 0 would mean any heading."""
 
 
 class _Unsaid(Exception):  # noqa: N818 - not an error: MAVLink has no word for it
-    """An item for which MAVLink has none."""
+    """An item that MAVLink cannot express."""
 
 
 def plan_of_file(content: bytes, origin: Origin | None) -> MissionPlan:
     """Return what stations are told of a mission file; no items if MAVLink cannot say it.
 
-    The items as they came over MAVLink; else way-points, delays, speeds, and at most one jump or
-    repeat, since those of MAVLink count otherwise within each other.
+    The items as they came over MAVLink; else way-points, circles, delays, speeds, and at most one
+    jump or repeat, since those of MAVLink count otherwise within each other.
     """
     kept = read_mission_file(content)
     if kept is not None:
@@ -82,6 +82,10 @@ class _Writer:
             case {"kind": "drive", "waypoints": points}:
                 for x_m, y_m in points:
                     self._place(x_m, y_m, None)
+            case {"kind": "circle", "x_m": x_m, "y_m": y_m, "radius_m": radius_m}:
+                clockwise_m = radius_m if table.get("side") == "right" else -radius_m
+                params = (float(table.get("turns", 1.0)), 0.0, float(clockwise_m), 0.0)
+                self._at(x_m, y_m, common.MAV_CMD_NAV_LOITER_TURNS, params)
             case {"kind": "wait", "duration_s": seconds}:
                 self._plain(common.MAV_CMD_NAV_DELAY, float(seconds))
             case {"kind": "jump"}:
@@ -109,8 +113,12 @@ class _Writer:
         yaw = 0.0
         if heading_deg is not None:
             yaw = math.degrees(yaw_ned_from_theta(math.radians(heading_deg))) or _NORTH_DEG
-        params = (0.0, 0.0, 0.0, yaw)
-        command, origin = common.MAV_CMD_NAV_WAYPOINT, self._origin
+        self._at(x_m, y_m, common.MAV_CMD_NAV_WAYPOINT, (0.0, 0.0, 0.0, yaw))
+
+    def _at(
+        self, x_m: float, y_m: float, command: int, params: tuple[float, float, float, float]
+    ) -> None:
+        origin = self._origin
         if origin is None:
             north, east = ned_from_enu(x_m, y_m)
             item = MissionItem(command, common.MAV_FRAME_LOCAL_NED, params, north, east, 0.0)

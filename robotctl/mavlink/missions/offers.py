@@ -16,7 +16,7 @@ from robotctl.messages.control import NavigationState, Severity
 ACCEPTED: Final[int] = common.MAV_MISSION_ACCEPTED
 DENIED: Final[int] = common.MAV_MISSION_DENIED
 ANSWER_NS: Final = 1_200_000_000
-"""Navigation has this long to take a plan [ns]: it drops requests that are 1 s old, and
+"""Maximum time in which navigation takes a plan [ns]: it drops requests that are 1 s old, and
 QGroundControl waits 1.5 s for the answer."""
 MOST_ANSWERS: Final = 32
 """Invented stations must not fill the memory."""

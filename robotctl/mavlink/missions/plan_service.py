@@ -95,11 +95,11 @@ class PlanService(Microservice, Generic[P]):
 
     @property
     def hidden(self) -> int:
-        """Items at the beginning that stations do not know of: they count from the one behind."""
+        """Number of leading items that stations do not see: they count from the next one."""
         return 0
 
     def hidden_items(self) -> list[MissionItem]:
-        """Return what stands for them in a plan."""
+        """Return the leading items that stations do not see."""
         return []
 
     @property

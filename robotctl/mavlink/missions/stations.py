@@ -10,7 +10,7 @@ from robotctl.messages.mavlink_port import Address
 MOST_STATIONS: Final = 32
 """Invented stations must not fill the memory."""
 READING_NS: Final = 5_000_000_000
-"""A download ends this long after its last request [ns]."""
+"""Time after its last request at which a download ends [ns]."""
 
 T = TypeVar("T")
 

@@ -60,7 +60,7 @@ class Transfer(PlanService[P]):
         super().__init__(context)
         store = context.store_of(self.word)
         self._saved = store.load()
-        """The file of before this process began."""
+        """File from before this process began."""
         self._offers: Offers[P] = Offers(context, self, store)
         stations = Stations()
         self._uploads = uploads = Uploads(context, self, stations, self._offers)

@@ -19,11 +19,13 @@ from robotctl.messages.requests import FARTHEST_M
 from robotctl.model.geometry.se2 import SE2
 
 HOME: Final = 1
-"""Items before the mission's own."""
-PLACES: Final = frozenset({common.MAV_CMD_NAV_WAYPOINT, common.MAV_CMD_NAV_LOITER_TIME})
+"""Number of items before the mission's own: home."""
+_POINTS: Final = frozenset({common.MAV_CMD_NAV_WAYPOINT, common.MAV_CMD_NAV_LOITER_TIME})
+PLACES: Final = _POINTS | {common.MAV_CMD_NAV_LOITER_TURNS}
 _LONGEST_S: Final = 86_400.0
 _FASTEST_M_S: Final = 100.0
 _MOST_TIMES: Final = 32_767
+"""Upper bounds of a wait [s], of a speed [m/s], and of the times of a jump."""
 _UNSUPPORTED: Final[int] = common.MAV_MISSION_UNSUPPORTED
 _FRAME: Final[int] = common.MAV_MISSION_UNSUPPORTED_FRAME
 _PARAMS: Final = (
@@ -55,7 +57,7 @@ class MissionContext(NamedTuple):
     plans: bool
     """Whether the robot plans its way; else it drives straight to a place."""
     hidden: int = 0
-    """Items before the first one that the station knows of: its numbers are so much smaller."""
+    """Number of items before the first that the station knows: its numbers are smaller by this."""
 
 
 @dataclass(slots=True)
@@ -175,6 +177,20 @@ class _Translator:
         self._drive_to(seq, *place, self._heading_deg(item))
         self._wait(seq, item.params[0])
 
+    def circle(self, item: MissionItem, seq: int) -> None:
+        """Drive round the item's place: clockwise where the radius is positive."""
+        x_m, y_m = bounded_place(item, seq, self._around.origin)
+        turns, radius_m = item.params[0], item.params[2]
+        if not 0.0 < turns <= _MOST_TIMES:
+            why = f"{turns:g} turns found, above 0 to {_MOST_TIMES} allowed"
+            raise BadItem(seq, common.MAV_MISSION_INVALID_PARAM1, why)
+        if not 0.0 < abs(radius_m) < FARTHEST_M:
+            why = f"radius {radius_m:g} m found, above 0 and below {FARTHEST_M:g} m allowed"
+            raise BadItem(seq, common.MAV_MISSION_INVALID_PARAM3, f"{why}, or its negative")
+        table: dict[str, object] = {"kind": "circle", "x_m": x_m, "y_m": y_m, "turns": turns}
+        table |= {"radius_m": abs(radius_m), "side": "right" if radius_m > 0.0 else "left"}
+        self._append(seq, **table, **self._speed)
+
     def drive_home(self, item: MissionItem, seq: int) -> None:  # noqa: ARG002
         """Drive to where the robot started."""
         home = self._around.home
@@ -198,9 +214,11 @@ class _Translator:
         table: dict[str, object] = {"kind": kind, "x_m": x_m, "y_m": y_m}
         if heading_deg is not None and self._around.plans:
             table["heading_deg"] = heading_deg
-        if self._speed_m_s is not None:
-            table["speed_m_s"] = self._speed_m_s
-        self._append(seq, **table)
+        self._append(seq, **table, **self._speed)
+
+    @property
+    def _speed(self) -> dict[str, float]:
+        return {} if self._speed_m_s is None else {"speed_m_s": self._speed_m_s}
 
     def _wait(self, seq: int, seconds: float) -> None:
         """Stand for a while; 0 and no number: not at all."""
@@ -251,7 +269,8 @@ class _Translator:
 
 
 _COMMANDS: Final[dict[int, Callable[[_Translator, MissionItem, int], None]]] = {
-    **dict.fromkeys(PLACES, _Translator.drive_to),
+    **dict.fromkeys(_POINTS, _Translator.drive_to),
+    common.MAV_CMD_NAV_LOITER_TURNS: _Translator.circle,
     common.MAV_CMD_NAV_RETURN_TO_LAUNCH: _Translator.drive_home,
     common.MAV_CMD_NAV_DELAY: _Translator.wait,
     common.MAV_CMD_CONDITION_DELAY: _Translator.wait,

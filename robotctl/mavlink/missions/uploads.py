@@ -170,7 +170,7 @@ class Uploads(Generic[P]):
         self.clear(partner, partial(self._service.acknowledge, partner, peer), now_ns)
 
     def clear(self, partner: Address, answer: Answer, now_ns: int) -> None:
-        """Ask navigation to have no plan of this kind."""
+        """Ask navigation to drop its plan of this kind."""
         if self._yields(partner):
             self._offers.add(self._service.read(b""), [], [answer], now_ns)
         else:

@@ -18,6 +18,7 @@ PARAMETERS: Final = 1
 EVENTS: Final = 4
 """COMP_METADATA_TYPE."""
 _FIGURES: Final = 4
+"""Decimal places that stations show."""
 
 
 def parameter_metadata(parameters: ParameterSet) -> bytes:

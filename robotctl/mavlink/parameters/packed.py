@@ -22,6 +22,8 @@ _FLOAT: Final = 4
 """AP_Param's types."""
 _HAS_DEFAULT: Final = 0x10
 _MOST_COMMON: Final = 15
+"""Flag of an entry that has its default, too; greatest number of letters shared with the name
+before."""
 
 
 def packed(parameters: ParameterSet, *, with_defaults: bool) -> bytes:

@@ -32,7 +32,7 @@ class Change(enum.Enum):
     NEVER = "in the robot's file only"
 
     def nearest(self, value: Value, began_with: Value) -> Value:
-        """Return what of a new value may be had at once."""
+        """Return the value nearest to a new one that may take effect at once."""
         match self:
             case Change.ANY:
                 return value

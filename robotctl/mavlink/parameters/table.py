@@ -75,6 +75,8 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     Parameter("WALL_LOST", "navigation.wall.lost_max_m", 0.05, 20.0, _ANY),
     # Driving by plan.
     Parameter("PLAN_MARGIN", "navigation.pilot.margin_m", 0.0, 5.0),
+    # Making maps.
+    Parameter("MAP_PAUSE", "localisation.paused", 0, 1, _ANY),
     # Failsafes.
     Parameter("FS_GCS_TIMEOUT", "mavlink.gcs_timeout_s", 1.0, 60.0),
     Parameter("FS_GCS_HOLD", "mavlink.hold_on_gcs_loss", 0, 1),

@@ -6,6 +6,8 @@ import inspect
 import re
 from typing import Any, Final
 
+from robotctl.config_values import descriptions
+
 _UNITS: Final = {
     "_m_s": "m/s", "_m_s2": "m/s^2", "_m_s3": "m/s^3", "_m": "m", "_rad_s": "rad/s",
     "_rad_s2": "rad/s^2", "_rad_s3": "rad/s^3", "_rad": "rad", "_deg": "deg", "_s": "s",
@@ -14,7 +16,6 @@ _UNITS: Final = {
 }  # fmt: skip
 """Unit by the end of the key, the longest that fits."""
 _UNIT: Final = re.compile(r"\[([A-Za-z][^\],]*)\]")
-_NAMES: Final = re.compile(r"(\w+(?:, \w+)*)(?: : .*)?")
 
 
 def words(config: Any, key: str) -> tuple[str, str]:
@@ -22,24 +23,9 @@ def words(config: Any, key: str) -> tuple[str, str]:
     *tables, name = key.split(".")
     for part in tables:
         config = getattr(config, part)
-    text = _described(type(config)).get(name, "")
+    text = descriptions(inspect.getdoc(type(config)) or "").get(name, "")
     suffixes = [suffix for suffix in _UNITS if name.endswith(suffix)]
     if suffixes:
         return _UNITS[max(suffixes, key=len)], text
     found = _UNIT.search(text)
     return (found[1] if found else ""), text
-
-
-def _described(kind: type[Any]) -> dict[str, str]:
-    """Return what the section `Parameters` of a docstring says, by name."""
-    found: dict[str, str] = {}
-    lines = inspect.getdoc(kind) or ""
-    section = lines.partition("Parameters\n----------\n")[2].partition("\n\nRaises\n")[0]
-    names: tuple[str, ...] = ()
-    for line in section.splitlines():
-        if line and not line[0].isspace():
-            match = _NAMES.fullmatch(line)
-            names = tuple(match[1].split(", ")) if match else ()
-        for name in names if line[:1].isspace() else ():
-            found[name] = f"{found.get(name, '')} {line.strip()}".strip()
-    return found

@@ -36,6 +36,7 @@ from robotctl.mavlink.services.telemetry.obstacles import Obstacles
 from robotctl.mavlink.services.telemetry.pose import Poses
 from robotctl.mavlink.services.telemetry.sonars import Sonars
 from robotctl.mavlink.services.telemetry.status_text import StatusText
+from robotctl.mavlink.services.telemetry.step_times import StepTimes
 from robotctl.mavlink.services.telemetry.system_status import SystemStatus
 from robotctl.mavlink.services.telemetry.system_time import SystemTime
 from robotctl.mavlink.services.telemetry.wheels import Wheels
@@ -84,6 +85,7 @@ SERVICES: Final[tuple[type[Microservice], ...]] = (
     GlobalPosition,
     Hud,
     NavigationOutput,
+    StepTimes,
     SystemTime,
     Estimator,
     Obstacles,
@@ -102,4 +104,4 @@ SERVICES: Final[tuple[type[Microservice], ...]] = (
     LinkWatch,
     StatusText,
 )
-"""In the order in which they are stepped."""
+"""All services, in the order in which they are stepped."""

@@ -25,6 +25,8 @@ class LidarConfig:
         Serial device.
     baud
         Bit rate: 115200 for an A1 or A2M8, 256000 for an A2M7, A2M12 or A3.
+    name
+        Name, by which several are told apart; of several, only one may have none.
     x_m, y_m
         Position of the lidar in `base` [m].
     yaw_deg
@@ -56,6 +58,7 @@ class LidarConfig:
     max_range_m: float = 12.0
     beams: int = 360
     hidden_deg: tuple[tuple[float, float], ...] = ()
+    name: str = ""
 
     def __post_init__(self) -> None:
         for key in ("x_m", "y_m", "yaw_deg", "min_range_m", "max_range_m"):

@@ -19,21 +19,13 @@ from robotctl.model.geometry.points import moved
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.rectangle import Rectangle
 from robotctl.model.sensors.sonar import SonarMount
+from robotctl.planning.guard_config import GuardMemoryConfig
 
-_REACH_M: Final = 0.8
-"""Maximum range of a remembered echo [m]: farther out the sonar's axis lies too far off."""
-_KEPT_M: Final = 1.2
-"""Maximum distance of a remembered echo from `base` [m]."""
-_LIFE_NS: Final = 20_000_000_000
-"""Age at which an echo is forgotten [ns]: it may have been a person."""
-_SAME_M: Final = 0.08
-"""Two echoes in a row that are nearer to each other are of one thing."""
 _AXIS_RAD: Final = math.radians(6.0)
-"""Within this angle of its axis a sonar that hears something"""
-_BEYOND_M: Final = 0.15
-"""beyond a place shows that nothing is there."""
+"""Angle off its axis within which a sonar that hears something beyond a place shows that nothing is
+there."""
 _CELL_M: Final = 0.04
-"""Echoes are kept once for each square of this side."""
+"""Side of a square for which one echo is kept [m]: finer than the guard's margin."""
 
 
 class EchoMemory:
@@ -45,9 +37,18 @@ class EchoMemory:
         The sonars, in the order of the ranges.
     body
         The robot.
+    config
+        See there.
     """
 
-    def __init__(self, mounts: Sequence[SonarMount], body: Rectangle) -> None:
+    def __init__(
+        self,
+        mounts: Sequence[SonarMount],
+        body: Rectangle,
+        config: GuardMemoryConfig = GuardMemoryConfig(),  # noqa: B008
+    ) -> None:
+        self._config = config
+        self._life_ns = round(1e9 * config.life_s)
         self._mounts = mounts
         self._body = body
         self.reset()
@@ -73,16 +74,23 @@ class EchoMemory:
         now_ns
             Time of the step [ns].
         """
+        beyond_m = self._config.echo_beyond_m
         for slot, (mount, reading) in enumerate(zip(self._mounts, readings_m, strict=True)):
             if math.isfinite(reading):  # without an echo it may look along a wall
                 sonar = T_odom_base @ SE2(mount.x_m, mount.y_m, mount.heading_rad)
                 if len(self._points):
-                    self._drop(_heard_through(self._points, sonar, reading))
+                    through = _heard_through(self._points, sonar, reading, beyond_m)
+                    if through.any():
+                        self._drop(through)
                 self._take(slot, sonar, reading, now_ns)
+        if not len(self._points):
+            return self._points
         around = moved(T_odom_base.inverse(), self._points)
-        gone = np.hypot(*around.T) > _KEPT_M
-        gone |= now_ns - self._heard_ns > _LIFE_NS
+        gone = np.hypot(*around.T) > self._config.echo_kept_m
+        gone |= now_ns - self._heard_ns > self._life_ns
         gone |= self._covers(around)
+        if not gone.any():
+            return around
         self._drop(gone)
         near: NDArray[np.float64] = around[~gone]
         return near
@@ -90,13 +98,14 @@ class EchoMemory:
     def _take(self, slot: int, sonar: SE2, reading: float, now_ns: int) -> None:
         """Keep an echo, if the one before agrees."""
         last, self._last[slot] = self._last[slot], None
-        if reading > _REACH_M:
+        if reading > self._config.echo_range_m:
             return
         point = sonar.apply(reading, 0.0)
         self._last[slot] = point
-        if last is None or math.dist(last, point) > _SAME_M:
+        if last is None or math.dist(last, point) > self._config.echo_same_m:
             return
-        self._drop(np.hypot(*(self._points - point).T) < _CELL_M)
+        if len(self._points):
+            self._drop(np.hypot(*(self._points - point).T) < _CELL_M)
         self._points = np.concatenate([self._points, [point]])
         self._heard_ns = np.append(self._heard_ns, now_ns)
 
@@ -111,9 +120,12 @@ class EchoMemory:
         self._points, self._heard_ns = self._points[~gone], self._heard_ns[~gone]
 
 
-def _heard_through(points: NDArray[np.float64], sonar: SE2, reading: float) -> NDArray[np.bool_]:
+def _heard_through(
+    points: NDArray[np.float64], sonar: SE2, reading: float, beyond_m: float
+) -> NDArray[np.bool_]:
     """Return beyond which points a sonar hears something, (n,)."""
     ahead, beside = moved(sonar.inverse(), points).T
-    through: NDArray[np.bool_] = np.hypot(ahead, beside) + _BEYOND_M < reading
-    through &= np.abs(np.arctan2(beside, ahead)) < _AXIS_RAD
+    through: NDArray[np.bool_] = np.hypot(ahead, beside) + beyond_m < reading
+    if through.any():
+        through &= np.abs(np.arctan2(beside, ahead)) < _AXIS_RAD
     return through

@@ -14,26 +14,11 @@ from typing import Final, NamedTuple
 
 from robotctl.model.geometry.twist import Twist
 from robotctl.model.sensors.sonar import SonarMount
+from robotctl.planning.guard_config import ApproachConfig
 
-_FORGETS_S: Final = 0.12
-"""Time in which a wrong speed fades [s]."""
-_JUMP_M: Final = 0.2
-"""A reading farther off than this is of something else [m]."""
-_LONGEST_S: Final = 0.3
-"""After a longer silence the speed is unknown [s]."""
-_SURE: Final = 4
-"""Readings after which a speed counts."""
-_STANDS_M_S: Final = 0.2
-"""Minimum closing speed of a moving thing [m/s]: the readings are noisy."""
 _SLANT: Final = 0.7
 """A wall may be so slanted that it comes nearer by this per way across the beam: the tangent of the
 greatest incidence that gives an echo, 35 degrees."""
-_WALKS_M_S: Final = 0.8
-"""How fast what may move is assumed to come nearer [m/s]."""
-_HIDDEN_NS: Final = 1_000_000_000
-"""Time for which a person who came nearer and left the beam may stand between two beams [ns]."""
-_HIDDEN_M: Final = 1.5
-"""Range beyond which a person who leaves one beam enters another [m]."""
 
 
 class ApproachingEcho(NamedTuple):
@@ -56,11 +41,18 @@ class EchoMotion:
     ----------
     mounts
         The sonars, in the order of the ranges.
+    config
+        See there.
     """
 
-    def __init__(self, mounts: Sequence[SonarMount]) -> None:
-        self._sights = [_Sight(mount) for mount in mounts]
-        self._recent_movers: list[tuple[float, int]] = [(math.inf, -_HIDDEN_NS)] * len(mounts)
+    def __init__(
+        self,
+        mounts: Sequence[SonarMount],
+        config: ApproachConfig = ApproachConfig(),  # noqa: B008
+    ) -> None:
+        self._walk_m_s, self._hidden_ns = config.walk_m_s, round(1e9 * config.hidden_s)
+        self._sights = [_Sight(mount, config) for mount in mounts]
+        self._recent_movers: list[tuple[float, int]] = [(math.inf, -self._hidden_ns)] * len(mounts)
         """Range [m] and time [ns] at which each sonar last saw something that may move."""
 
     def step(
@@ -115,8 +107,9 @@ class EchoMotion:
         expected = []
         for each, (range_m, stamp_ns) in zip(seen, self._recent_movers, strict=True):
             since_s = (now_ns - stamp_ns) * 1e-9
-            walks = ApproachingEcho(max(range_m - _WALKS_M_S * since_s, 0.0), _WALKS_M_S)
-            is_there = each is STANDS and now_ns - stamp_ns < _HIDDEN_NS
+            away_m = max(range_m - self._walk_m_s * since_s, 0.0)
+            walks = ApproachingEcho(away_m, self._walk_m_s)
+            is_there = each is STANDS and now_ns - stamp_ns < self._hidden_ns
             expected.append(walks if is_there else each)
         return tuple(expected)
 
@@ -124,7 +117,8 @@ class EchoMotion:
 class _Sight:
     """Filter of one sonar's readings."""
 
-    def __init__(self, mount: SonarMount) -> None:
+    def __init__(self, mount: SonarMount, config: ApproachConfig) -> None:
+        self._config = config
         self._x_m, self._y_m = mount.x_m, mount.y_m
         self._cos, self._sin = math.cos(mount.heading_rad), math.sin(mount.heading_rad)
         self.reset()
@@ -142,14 +136,14 @@ class _Sight:
     def take(self, range_m: float, stamp_ns: int, twist: Twist) -> None:
         """Take an echo."""
         since_s = (stamp_ns - self._stamp_ns) * 1e-9
-        if self._count == 0 or since_s > _LONGEST_S:
+        if self._count == 0 or since_s > self._config.silence_s:
             self._begin(range_m, stamp_ns)
             return
         own_m_s, _ = self._own_m_s(twist)
         expected_m = self._range_m - (own_m_s + self._nears_m_s) * since_s
         off_m = expected_m - range_m
-        if abs(off_m) > _JUMP_M:
-            if self._odd is not None and abs(self._odd[0] - range_m) <= _JUMP_M:
+        if abs(off_m) > self._config.jump_m:
+            if self._odd is not None and abs(self._odd[0] - range_m) <= self._config.jump_m:
                 self._begin(*self._odd)
                 self.take(range_m, stamp_ns, twist)
             else:
@@ -157,7 +151,7 @@ class _Sight:
                 self._odd = range_m, stamp_ns
             return
         self._odd = None
-        keep = math.exp(-since_s / _FORGETS_S)
+        keep = math.exp(-since_s / self._config.forgets_s)
         self._range_m = expected_m - (1.0 - keep * keep) * off_m
         self._nears_m_s += (1.0 - keep) ** 2 * off_m / since_s
         self._stamp_ns = stamp_ns
@@ -176,24 +170,25 @@ class _Sight:
     def _hide(self, twist: Twist) -> None:
         """Keep what came nearer and is not in the beam any more."""
         seen = self._seen(twist)
-        if seen.speed_m_s > 0.0 and seen.range_m < _HIDDEN_M:
+        if seen.speed_m_s > 0.0 and seen.range_m < self._config.hidden_m:
             self._hidden, self._hidden_ns = seen, self._stamp_ns
 
     def _seen(self, twist: Twist) -> ApproachingEcho:
         """Return what moves in the beam; `STANDS` if nothing does, or that is unknown."""
         _, across_m_s = self._own_m_s(twist)
-        least_m_s = _STANDS_M_S + _SLANT * abs(across_m_s + twist.omega_rad_s * self._range_m)
-        if self._count < _SURE or abs(self._nears_m_s) <= least_m_s:
+        across_m_s += twist.omega_rad_s * self._range_m
+        least_m_s = self._config.speed_min_m_s + _SLANT * abs(across_m_s)
+        if self._count < self._config.readings or abs(self._nears_m_s) <= least_m_s:
             return STANDS
         return ApproachingEcho(self._range_m, self._nears_m_s)
 
     def approach(self, twist: Twist, now_ns: int) -> ApproachingEcho:
         """Return what moves in the beam, or has just left it and may be beside it."""
-        if (now_ns - self._stamp_ns) * 1e-9 > _LONGEST_S and self._count:
+        if (now_ns - self._stamp_ns) * 1e-9 > self._config.silence_s and self._count:
             self._hide(twist)
             self._count = 0
         seen, seen_ns = self._seen(twist), self._stamp_ns
-        if seen is STANDS and now_ns - self._hidden_ns <= _HIDDEN_NS:
+        if seen is STANDS and now_ns - self._hidden_ns <= round(1e9 * self._config.hidden_s):
             seen, seen_ns = self._hidden, self._hidden_ns
         if seen is STANDS:
             return seen

@@ -11,7 +11,7 @@ from robotctl.model.rectangle import Rectangle
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.config import GuardConfig
 from robotctl.planning.guard.course import LEAST_CLOSING, Course, Point
-from robotctl.planning.guard.echo_motion import STANDS, ApproachingEcho
+from robotctl.planning.guard.echo_motion import ApproachingEcho
 
 if TYPE_CHECKING:  # numpy would be slow to load for each process that reads a robot's file
     import numpy as np
@@ -300,14 +300,20 @@ class ObstacleGuard:
         deceleration and t the reaction time, it comes w (t + v / a) nearer until `base` stands,
         and the corner goes c (v t + v^2 / 2 a) towards it: at v both close the gap.
         """
+        v_max_m_s, who = math.inf, ""
+        near = [
+            (view, echo)
+            for view, echo in zip(self._views, self._approaches, strict=False)
+            if echo.speed_m_s > 0.0
+        ]
+        if not near:
+            return GuardStep(v_max_m_s, who)
         moves = self._moves(course)
         a, t = self._config.deceleration_m_s2, self._config.reaction_s
-        v_max_m_s, who = math.inf, ""
-        for view in self._views:
-            range_m, w = self._approaches[view.slot] if self._approaches else STANDS
+        for view, (range_m, w) in near:
             for reach_m, (x, y) in zip(view.reaches_m, moves, strict=True):
                 c = view.normal[0] * x + view.normal[1] * y
-                if w <= 0.0 or c <= LEAST_CLOSING:
+                if c <= LEAST_CLOSING:
                     continue
                 gap_m = max(range_m - reach_m - self._config.margin_m - w * t, 0.0)
                 b = t + w / (a * c)

@@ -17,20 +17,12 @@ from robotctl.model.geometry.points import moved
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.rectangle import Rectangle
 from robotctl.model.sensors.range_scan import RangeScan
+from robotctl.planning.guard_config import GuardMemoryConfig
 
-_REACH_M: Final = 1.0
-"""Distance from `base` up to which points matter to the guard [m]."""
-_KEPT_M: Final = 2.5
-"""Distance from `base` beyond which points are forgotten [m]. A robot that backs round in a circle
-comes back to what it has seen, tail first: the diameter of the tightest circles is 1 m."""
-_LIFE_NS: Final = 20_000_000_000
-"""Age at which a point is forgotten [ns]: it may have been a person."""
-_SAME_M: Final = 0.05
-"""A beam that ends this much nearer than a point does not see it, but something before it [m]."""
 _BEAMS: Final = 1.5
 """Spacings of the beams within which both beams beside a point look at it."""
 _CELL_M: Final = 0.02
-"""Points are kept once for each square of this side [m]."""
+"""Side of a square for which one point is kept [m]: finer than the guard's margin."""
 
 
 class ScanMemory:
@@ -40,9 +32,17 @@ class ScanMemory:
     ----------
     body
         The robot.
+    config
+        See there.
     """
 
-    def __init__(self, body: Rectangle) -> None:
+    def __init__(
+        self,
+        body: Rectangle,
+        config: GuardMemoryConfig = GuardMemoryConfig(),  # noqa: B008
+    ) -> None:
+        self._config = config
+        self._life_ns = round(1e9 * config.life_s)
         self._body = body
         self.reset()
 
@@ -65,10 +65,11 @@ class ScanMemory:
             Time of the step [ns].
         """
         base = moved(T_odom_base.inverse(), self._points)
-        kept = (np.hypot(*base.T) < _KEPT_M) & (now_ns - self._seen_ns < _LIFE_NS)
-        kept &= ~self._covers(base) & ~_in_view(base, scan)
+        kept_m, same_m = self._config.scan_kept_m, self._config.scan_same_m
+        kept = (np.hypot(*base.T) < kept_m) & (now_ns - self._seen_ns < self._life_ns)
+        kept &= ~self._covers(base) & ~_in_view(base, scan, same_m)
         new = scan.points_base()
-        new = moved(T_odom_base, new[np.hypot(*new.T) < _KEPT_M])
+        new = moved(T_odom_base, new[np.hypot(*new.T) < kept_m])
         points = np.concatenate([new, self._points[kept]])
         stamps_ns = np.append(np.full(len(new), now_ns), self._seen_ns[kept])
         _, first = np.unique(np.floor(points / _CELL_M).astype(np.int64), axis=0, return_index=True)
@@ -76,8 +77,9 @@ class ScanMemory:
 
     def around(self, T_base_odom: SE2, now_ns: int) -> NDArray[np.float64]:
         """Return the points near the robot in `base`, (n, 2) [m]."""
-        base = moved(T_base_odom, self._points[now_ns - self._seen_ns < _LIFE_NS])
-        near: NDArray[np.float64] = base[(np.hypot(*base.T) < _REACH_M) & ~self._covers(base)]
+        base = moved(T_base_odom, self._points[now_ns - self._seen_ns < self._life_ns])
+        within = np.hypot(*base.T) < self._config.scan_reach_m
+        near: NDArray[np.float64] = base[within & ~self._covers(base)]
         return near
 
     def _covers(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -88,11 +90,11 @@ class ScanMemory:
         return inside
 
 
-def _in_view(points: NDArray[np.float64], scan: RangeScan) -> NDArray[np.bool_]:
+def _in_view(points: NDArray[np.float64], scan: RangeScan, same_m: float) -> NDArray[np.bool_]:
     """Return which points in `base` a scan would show if something were there, (n,).
 
     The beams on both sides have to see beyond the point: what is leaving the view, and the edge of
-    what is still seen, lie beside one beam only.
+    what is still seen, lie beside one beam only. A beam that ends `same_m` nearer does not see it.
     """
     if len(scan.angles_rad) < 2 or not len(points):
         return np.zeros(len(points), np.bool_)
@@ -106,5 +108,5 @@ def _in_view(points: NDArray[np.float64], scan: RangeScan) -> NDArray[np.bool_]:
     off = np.abs(np.mod(bearings - directions[beside] + math.pi, math.tau) - math.pi)
     looks: NDArray[np.bool_] = off.max(axis=0) <= _BEAMS * np.median(np.diff(directions))
     # nan: no reading, it saw nothing
-    looks &= (ranges_m[beside] > np.hypot(x, y) - _SAME_M).all(axis=0)
+    looks &= (ranges_m[beside] > np.hypot(x, y) - same_m).all(axis=0)
     return looks

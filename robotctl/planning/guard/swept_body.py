@@ -36,13 +36,17 @@ def free_way(
     The margin is a way of the part of the body that would touch the point. The parameters and the
     unit are those of `ways_to_contact`; inf and None if there is no such point.
     """
+    if not len(points):
+        return math.inf, None
     points = without_walls_beside(body, points)
     ways = ways_to_contact(body, points, course)
+    touched = np.isfinite(ways)
+    if not touched.any():
+        return math.inf, None
+    points, ways = points[touched], ways[touched]
     ahead, left = _motions(course, points)
     speeds = np.hypot(ahead, left)
     free = ways - margin_m / np.maximum(speeds, _STANDS)
-    if not np.isfinite(free).any():
-        return math.inf, None
     nearest = int(np.argmin(free))
     x_m, y_m = points[nearest].tolist()
     return float(free[nearest]), (x_m, y_m)
@@ -56,6 +60,8 @@ def without_walls_beside(body: Rectangle, points: NDArray[np.float64]) -> NDArra
     """
     x, y = points.T
     from_ends = np.minimum(body.front_m - x, x - body.rear_m)
+    if np.count_nonzero(from_ends >= 0.0) < _WALL:
+        return points
     kept = np.ones(len(points), np.bool_)
     for side in (1.0, -1.0):
         depths = body.half_width_m - side * y
@@ -90,6 +96,8 @@ def ways_to_contact(
         [body.front_m - x, x - body.rear_m, body.half_width_m - y, body.half_width_m + y]
     )
     inside = depths.min(axis=0) >= -_ROUNDING_M
+    if not inside.any():
+        return ways
     # Motion of the point in the body, towards each of the sides.
     ahead, left = _motions(course, points)
     outwards = np.choose(depths.argmin(axis=0), [-ahead, ahead, -left, left])
@@ -112,7 +120,7 @@ def _straight(body: Rectangle, points: NDArray[np.float64], course: Course) -> N
     enters, leaves = np.full(len(points), -math.inf), np.full(len(points), math.inf)
     sides = (body.rear_m, body.front_m), (-body.half_width_m, body.half_width_m)
     for at, (low, high), share in zip(points.T, sides, course[:2], strict=True):
-        if share == 0.0:
+        if abs(share) < _STANDS:
             enters[(at < low) | (at > high)] = math.inf
             continue
         near, far = (high, low) if share > 0.0 else (low, high)
@@ -131,22 +139,24 @@ def _on_arc(body: Rectangle, points: NDArray[np.float64], course: Course) -> NDA
     centre_x_m, centre_y_m = -course.left / turn, course.ahead / turn
     x, y = points[:, 0] - centre_x_m, points[:, 1] - centre_y_m
     squares = x * x + y * y
-    rear, front = body.rear_m - centre_x_m, body.front_m - centre_x_m
-    low, high = -body.half_width_m - centre_y_m, body.half_width_m - centre_y_m
-    crossings = []
+    ends = np.array([[body.rear_m], [body.front_m]]) - centre_x_m
+    sides = np.array([[-body.half_width_m], [body.half_width_m]]) - centre_y_m
     with np.errstate(invalid="ignore"):  # nan: a circle that does not reach a side
-        for side in (rear, front):
-            across = np.sqrt(squares - side * side)
-            for at in (across, -across):
-                meets = (at >= low) & (at <= high)
-                crossings.append((np.full(len(x), side), at, meets))
-        for side in (low, high):
-            along = np.sqrt(squares - side * side)
-            for at in (along, -along):
-                meets = (at >= rear) & (at <= front)
-                crossings.append((at, np.full(len(x), side), meets))
-    at_x, at_y, meets = (np.stack(each) for each in zip(*crossings, strict=True))
-    angles = (np.arctan2(y, x) - np.arctan2(at_y, at_x)) * math.copysign(1.0, turn)
-    angles = np.where(meets, np.mod(angles, math.tau), math.inf)
-    ways: NDArray[np.float64] = angles.min(axis=0) / abs(turn)
+        across, along = np.sqrt(squares - ends * ends), np.sqrt(squares - sides * sides)
+    across, along = np.concatenate([across, -across]), np.concatenate([along, -along])
+    # Where each circle crosses the lines of the two ends, twice each, and those of the two sides.
+    at_x, at_y = np.empty((8, len(x))), np.empty((8, len(x)))
+    at_x[0:2] = at_x[2:4] = ends
+    at_x[4:] = along
+    at_y[:4] = across
+    at_y[4:6] = at_y[6:] = sides
+    within_sides = (across >= sides[0]) & (across <= sides[1])
+    within_ends = (along >= ends[0]) & (along <= ends[1])
+    meets = np.concatenate([within_sides, within_ends])
+    ways = np.full(len(x), math.inf)
+    met = meets.any(axis=0)
+    if met.any():  # arctan2 is slow, and most circles miss the body
+        turned = np.arctan2(y[met], x[met]) - np.arctan2(at_y[:, met], at_x[:, met])
+        angles = np.mod(turned * math.copysign(1.0, turn), math.tau)
+        ways[met] = np.where(meets[:, met], angles, math.inf).min(axis=0) / abs(turn)
     return ways

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from robotctl.compiled import borrows, compiled
 
 TILE: Final = 16
 """Side of a tile [cells]."""
@@ -123,6 +123,7 @@ def _along_columns(
 
 
 @compiled
+@borrows
 def _one_further(blocked: NDArray[np.bool_], last: NDArray[np.int32], reach: int) -> None:
     """Replace the distances of a row by those of the next."""
     for j in range(len(last)):

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -21,41 +22,25 @@ from scipy import ndimage  # type: ignore[import-untyped]
 from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.points import moved
 from robotctl.model.geometry.se2 import SE2
-from robotctl.model.grid_map import OCCUPIED, UNKNOWN, GridMap
+from robotctl.model.grid_map import OCCUPIED, OCCUPIED_FROM, UNKNOWN, GridMap
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.map import marks
 from robotctl.planning.map.body_cells import cells_at, shrunk
 from robotctl.planning.map.clearance import Clearance
-from robotctl.planning.map.layers_config import LayersConfig
+from robotctl.planning.map.config import MapConfig
 from robotctl.planning.map.planning_map import PlanningMap
 from robotctl.planning.map.shut_cells import ShutCells
 from robotctl.planning.map.take_over import take_over, take_values
 from robotctl.planning.map.zones import Closed, slowness, speed_limits
 
-_OCCUPIED_PERCENT: Final = 50
 _BEYOND_M: Final = 1.0
 """Clearance is known up to this beyond the circle in which the robot turns [m]: more than any
 planner's margin and comfort."""
-FARTHEST_M: Final = 10.0
-"""Maximum range at which a lidar's points are marked [m]."""
-_AGREE_M: Final = 0.1
-"""A point this near to an obstacle of the map is that [m], and farther away as the heading errs:"""
-_AGREE_PER_M: Final = 0.015
-_SONAR_FREE_M: Final = 2.5
-"""A sonar's cone is wide beyond this: it clears nothing there [m]."""
-_NO_ECHO_M: Final = 1.0
-"""Range that a sonar without an echo clears [m]: smooth walls at an angle return none."""
-_SONAR_BAND_M: Final = 0.05
-"""Half the depth of the arc that a sonar's echo marks [m]."""
-_STOOD_NS: Final = 1_000_000_000
-"""Time after which an echo from one place counts as a standing thing [ns]."""
 _FLOOR_REACH_M: Final = 1.5
 """`FloorMemory` has all points within this of the robot [m]."""
-_REMEMBERS_S: Final = 86400.0
 _ROUNDING: Final = 1e-9
-_BESIDE_M: Final = 0.15
-"""Points this near to a moving obstacle's circle belong to it [m]."""
+"""Part of a cell that is rounding of a corner."""
 
 NOTHING_MOVES: Final = np.empty((0, 5))
 
@@ -75,6 +60,8 @@ class LayeredMap:
         Parts of it that the robot keeps out of or passes slowly, and its fence.
     full_speed_m_s
         Of the robot where no zone limits it [m/s], > 0.
+    through_unknown
+        Whether the robot may pass where neither map nor sensors know anything.
 
     Attributes
     ----------
@@ -86,22 +73,25 @@ class LayeredMap:
         self,
         grid: GridMap,
         footprint: Footprint,
-        config: LayersConfig | None = None,
+        config: MapConfig = MapConfig(),  # noqa: B008
         closed: Closed = Closed(),  # noqa: B008
         full_speed_m_s: float = 1.0,
+        *,
+        through_unknown: bool = False,
     ) -> None:
-        self.config = config or LayersConfig()
+        self.config = config
+        self._through_unknown = through_unknown
         self._closed, self._full_speed_m_s = closed, full_speed_m_s
         self._given = grid.cells.copy()
-        static = grid.occupied(_OCCUPIED_PERCENT)
+        static = grid.occupied(OCCUPIED_FROM)
         shut = closed.cells(grid)
         self._given[shut] = OCCUPIED
         live = GridMap(self._given.copy(), grid.resolution_m, grid.origin)
         self._space = space = PlanningMap(
             live,
             footprint,
-            through_unknown=self.config.through_unknown,
-            occupied_percent=_OCCUPIED_PERCENT,
+            through_unknown=through_unknown,
+            occupied_percent=OCCUPIED_FROM,
         )
         space.closed = closed
         self._inner = shrunk(space.samples)
@@ -119,8 +109,8 @@ class LayeredMap:
             _distances(static),
             self._clearance.stale,
             reach,
-            _OCCUPIED_PERCENT,
-            self.config.through_unknown,
+            OCCUPIED_FROM,
+            through_unknown,
         )
         self.shut = ShutCells(closed, shut, grid.cells[shut], space, self._cells)
         self._lidar = marks.make_layer(grid.shape, 1, gain=3, needed=1, most=3)
@@ -139,10 +129,11 @@ class LayeredMap:
         footprint: Footprint,
         closed: Closed = Closed(),  # noqa: B008
         full_speed_m_s: float = 1.0,
+        config: MapConfig = MapConfig(),  # noqa: B008
     ) -> LayeredMap:
         """Return a map of which nothing is known, and that the robot may pass until it sees more.
 
-        What is not seen again stays for a day: nothing else tells of walls behind the robot.
+        What is not seen again stays longer: nothing else tells of walls behind the robot.
 
         Parameters
         ----------
@@ -155,8 +146,8 @@ class LayeredMap:
         cells = np.full((last[0] - first[0], last[1] - first[1]), UNKNOWN, np.int8)
         origin = SE2(first[1] * resolution_m, first[0] * resolution_m, 0.0)
         grid = GridMap(cells, resolution_m, origin)
-        config = LayersConfig(_REMEMBERS_S, through_unknown=True)
-        return cls(grid, footprint, config, closed, full_speed_m_s)
+        config = replace(config, decay_s=config.unmapped_decay_s)
+        return cls(grid, footprint, config, closed, full_speed_m_s, through_unknown=True)
 
     def grown(self, points_world: NDArray[np.float64]) -> LayeredMap:
         """Return a map `without_map` that holds some points (n, 2) [m], too, and knows the same."""
@@ -173,6 +164,7 @@ class LayeredMap:
             self._space.footprint,
             self._closed,
             self._full_speed_m_s,
+            self.config,
         )
         at = larger._space.grid.cell_of(grid.centre_of(np.zeros((1, 2), np.int64)))[0].tolist()
         take_over(larger._cells, larger._layers, self._cells, self._layers, at)
@@ -206,8 +198,8 @@ class LayeredMap:
         cells.marks[:] = 0
         self.shut.forget()
         cells.base[:] = cells.live[:] = self._given
-        cells.obstacle[:] = cells.base >= _OCCUPIED_PERCENT
-        if not self.config.through_unknown:
+        cells.obstacle[:] = cells.base >= OCCUPIED_FROM
+        if not self._through_unknown:
             cells.blocked[:] = cells.obstacle | (cells.base < 0)
         cells.stale[:] = True
 
@@ -240,15 +232,16 @@ class LayeredMap:
         sensor = self._space.to_cells(T_world_base @ SE2(scan.x_m, scan.y_m, 0.0))
         angles = scan.angles_rad + sensor.theta_rad
         away = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        lengths = np.minimum(scan.ranges_m, min(scan.max_range_m, FARTHEST_M)) / side_m
-        echo = (scan.ranges_m < scan.max_range_m) & (scan.ranges_m <= FARTHEST_M)
+        config = self.config
+        lengths = np.minimum(scan.ranges_m, min(scan.max_range_m, config.lidar_range_m)) / side_m
+        echo = (scan.ranges_m < scan.max_range_m) & (scan.ranges_m <= config.lidar_range_m)
         reach = np.where(echo, lengths, np.nan)
         points = (sensor.x_m, sensor.y_m) + reach[:, np.newaxis] * away
-        agree = (_AGREE_M + _AGREE_PER_M * scan.ranges_m) / side_m
+        agree = (config.agree_m + config.agree_per_m * scan.ranges_m) / side_m
         discs = np.empty((len(moving), 3))
         for i, (x_m, y_m, _, _, radius_m) in enumerate(moving.tolist()):
             centre = self._space.to_cells(SE2(x_m, y_m, 0.0))
-            discs[i] = centre.x_m, centre.y_m, (radius_m + _BESIDE_M) / side_m
+            discs[i] = centre.x_m, centre.y_m, (radius_m + config.moving_margin_m) / side_m
         self._fade(self._lidar, now_ns)
         for x, y, radius in discs.tolist():
             marks.empty_disc(self._cells, self._lidar, x, y, radius)
@@ -281,7 +274,8 @@ class LayeredMap:
         """
         self._fade(self._sonar, now_ns)
         side_m = self._space.grid.resolution_m
-        half_width = 0.5 * math.radians(self.config.sonar_beam_deg)
+        config = self.config
+        half_width = 0.5 * math.radians(config.sonar_beam_deg)
         widest_m = self._space.footprint.inscribed_m / math.sin(half_width)
         stands = []
         for mount, range_m in zip(mounts, ranges_m, strict=True):
@@ -291,7 +285,9 @@ class LayeredMap:
             sensor = self._space.to_cells(
                 T_world_base @ SE2(mount.x_m, mount.y_m, mount.heading_rad)
             )
-            free_m = _NO_ECHO_M if range_m == math.inf else range_m - 2.0 * _SONAR_BAND_M
+            free_m = range_m - 2.0 * config.sonar_band_m
+            if range_m == math.inf:
+                free_m = config.no_echo_m
             echo_m = range_m if range_m <= widest_m else math.nan
             stood = marks.see_cone(
                 self._cells,
@@ -300,12 +296,12 @@ class LayeredMap:
                 sensor.y_m,
                 sensor.theta_rad,
                 half_width,
-                max(min(free_m, _SONAR_FREE_M), 0.0) / side_m,
+                max(min(free_m, config.sonar_free_m), 0.0) / side_m,
                 echo_m / side_m,
-                _SONAR_BAND_M / side_m,
-                (_AGREE_M + _AGREE_PER_M * echo_m) / side_m,
+                config.sonar_band_m / side_m,
+                (config.agree_m + config.agree_per_m * echo_m) / side_m,
                 now_ns,
-                now_ns - _STOOD_NS,
+                now_ns - round(1e9 * config.stood_s),
             )
             stands.append(bool(stood))
         return stands
@@ -320,7 +316,7 @@ class LayeredMap:
         for i, (x_m, y_m) in enumerate(points_base):
             point = self._space.to_cells(T_world_base @ SE2(x_m, y_m, 0.0))
             points[i] = point.x_m, point.y_m
-        agree = np.full(len(points), _AGREE_M / side_m)
+        agree = np.full(len(points), self.config.agree_m / side_m)
         marks.mark_points(self._cells, self._floor, points, agree, np.empty((0, 3)), 0.0, now_ns)
         robot = self._space.to_cells(T_world_base)
         marks.empty_unseen(
@@ -333,7 +329,7 @@ class LayeredMap:
         inside = np.all((cells >= 0) & (cells < self._space.shape), axis=1)
         result = np.zeros(len(cells), np.bool_)
         near = self._cells.from_static[tuple(cells[inside].T)]
-        result[inside] = near * self._space.grid.resolution_m <= 2.0 * _AGREE_M
+        result[inside] = near * self._space.grid.resolution_m <= 2.0 * self.config.agree_m
         return result
 
     def space(self) -> PlanningMap:

@@ -4,39 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from robotctl.estimation.ranging.merging import ScanMerger
 from robotctl.model.fence import Fence
 from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.model.sensors.sonar import SonarMount
-from robotctl.planning.map.layered_map import FARTHEST_M, NOTHING_MOVES, LayeredMap
-from robotctl.planning.map.layers_config import LayersConfig
+from robotctl.planning.map.config import MapConfig
+from robotctl.planning.map.layered_map import NOTHING_MOVES, LayeredMap
 from robotctl.planning.map.planning_map import PlanningMap, clearance_of
 from robotctl.planning.map.seen import Seen
 from robotctl.planning.map.tracks import MovingObstacles
 from robotctl.planning.map.zone import Zone
 from robotctl.planning.map.zones import Closed
-
-_BLIND_NS: Final = 500_000_000
-"""Maximum age of the last scan with which a robot that has a lidar drives [ns]."""
-_AGREE: Final = 2
-"""Echoes in a row that show something new: one alone may have nothing to do with the world."""
-_PERSON_RANGE_M: Final = 2.0
-"""Maximum distance of a person who counts as near [m]."""
-_RECENT_NS: Final = 1_000_000_000
-"""Age up to which an obstacle counts as still seen [ns]."""
-_LOOK_M: Final = 4.0
-"""Half of the side of the map that the local controller gets [m]."""
-_CELL_M: Final = 0.05
-"""Cell of a map that the robot makes itself [m]."""
-_AROUND_M: Final = 20.0
-"""Margin of such a map around goals, and around the robot whenever it comes near the edge [m]."""
 
 
 class LiveWorld:
@@ -53,17 +38,20 @@ class LiveWorld:
         Where it starts.
     zones
         Of the robot's file.
+    config
+        See there.
     full_speed_m_s, braking_m_s2
         Its speed where no zone limits that [m/s], and how it brakes before one that does [m/s^2].
-    has_lidar
-        Whether it has one, without whose scans it stands.
+    lidars
+        Number of its lidars, without whose scans it stands.
 
     Attributes
     ----------
     moving
         (k, 5) what moves by itself, as `LocalSituation.moving`.
     last_scan
-        The last scan of the lidar with `base` in `world` at its time; None: there is none yet.
+        The last scan of the lidars, as one view, with `base` in `world` at its time; None: there is
+        none yet.
     map
         The live map.
     given
@@ -77,24 +65,28 @@ class LiveWorld:
         grid: GridMap | None,
         home: SE2,
         zones: Sequence[Zone],
+        config: MapConfig = MapConfig(),  # noqa: B008
         *,
         full_speed_m_s: float,
         braking_m_s2: float,
-        has_lidar: bool,
+        lidars: int,
     ) -> None:
         self._footprint = footprint
         self._mounts = mounts
         self._grid = grid
+        self._config = config
         self._own_zones = tuple(zones)
         self._closed = Closed(self._own_zones)
         self._full_speed_m_s = full_speed_m_s
         self._braking_m_s2 = braking_m_s2
-        self._has_lidar = has_lidar
+        self._lidars = lidars
         self.moving = NOTHING_MOVES
         self.last_scan: tuple[SE2, RangeScan] | None = None
         self._new_echoes = [0] * len(mounts)
-        self._tracks = MovingObstacles()
-        self._scan_ns = -1
+        self._merger = ScanMerger()
+        self._tracks = {"": MovingObstacles(config.tracks)}
+        self._scan_ns: dict[str, int] = {}
+        """Time of the last scan of each lidar, by its name [ns]."""
         self._now_ns = 0
         self._here = home
         self.map = self._begun()
@@ -106,16 +98,17 @@ class LiveWorld:
         """Return a map in which nothing has been seen."""
         if self._grid is not None:
             return LayeredMap(
-                self._grid, self._footprint, LayersConfig(), self._closed, self._full_speed_m_s
+                self._grid, self._footprint, self._config, self._closed, self._full_speed_m_s
             )
-        low, high = _beside(self._here).tolist()
+        low, high = _beside(self._here, self._config.around_m).tolist()
         return LayeredMap.without_map(
             (low[0], low[1]),
             (high[0], high[1]),
-            _CELL_M,
+            self._config.cell_m,
             self._footprint,
             self._closed,
             self._full_speed_m_s,
+            self._config,
         )
 
     # Seeing
@@ -123,13 +116,13 @@ class LiveWorld:
     def see(self, pose: SE2, seen: Seen, now_ns: int) -> None:
         """Take in what was seen; `pose` is that of `base` in `world` now."""
         self._here, self._now_ns = pose, now_ns
-        if self._grid is None and self.map.room_m(pose) < FARTHEST_M:
-            self.map = self.map.grown(_beside(pose))
+        if self._grid is None and self.map.room_m(pose) < self._config.lidar_range_m:
+            self.map = self.map.grown(_beside(pose, self._config.around_m))
         self.map.shut.close_behind(pose)
         self.map.stand_at(pose)
         for T_odom_base, scan in seen.scans:
-            if scan.stamp_ns > self._scan_ns:
-                self._scan_ns = scan.stamp_ns
+            if scan.stamp_ns > self._scan_ns.get(scan.name, -1):
+                self._scan_ns[scan.name] = scan.stamp_ns
                 self._take(seen.T_world_odom, T_odom_base, scan)
         if not self._sees_by_lidar:
             self._hear(pose, seen.ranges_m, now_ns)
@@ -138,13 +131,16 @@ class LiveWorld:
     def _take(self, T_world_odom: SE2, T_odom_base: SE2, scan: RangeScan) -> None:
         """Take a scan: moving things are tracked, the rest is marked in the map."""
         where = T_world_odom @ T_odom_base
-        self.last_scan = where, scan
+        view = self._merger.add(scan, T_odom_base)
+        self.last_scan = self.last_scan if view is None else (where, view)
         angles = where.theta_rad + scan.angles_rad
         sensor = where @ SE2(scan.x_m, scan.y_m, 0.0)
         ranges = np.where(np.isfinite(scan.ranges_m), scan.ranges_m, 0.0)[:, np.newaxis]
         ends = (sensor.x_m, sensor.y_m) + ranges * np.stack([np.cos(angles), np.sin(angles)], 1)
-        self._tracks.step(T_odom_base, scan, scan.stamp_ns, ~self.map.explained(ends))
-        self.moving = self._tracks.moving(T_world_odom)
+        if scan.name not in self._tracks:
+            self._tracks[scan.name] = MovingObstacles(self._config.tracks)
+        self._tracks[scan.name].step(T_odom_base, scan, scan.stamp_ns, ~self.map.explained(ends))
+        self.moving = np.concatenate([each.moving(T_world_odom) for each in self._tracks.values()])
         self.map.see_scan(where, scan, scan.stamp_ns, self.moving)
 
     def _hear(self, pose: SE2, ranges_m: Sequence[float], now_ns: int) -> None:
@@ -157,7 +153,7 @@ class LiveWorld:
     @property
     def _sees_by_lidar(self) -> bool:
         """Whether there is a lidar, in the robot's file or heard by now."""
-        return self._has_lidar or self._scan_ns >= 0
+        return self._lidars > 0 or bool(self._scan_ns)
 
     @property
     def has_map(self) -> bool:
@@ -172,19 +168,22 @@ class LiveWorld:
     @property
     def blindness(self) -> str:
         """Why the robot must not drive on what it sees; empty if it may."""
-        if self._sees_by_lidar and self._now_ns - self._scan_ns > _BLIND_NS:
-            return "the lidar gives no scans"
-        return ""
+        if not self._sees_by_lidar:
+            return ""
+        silent = len(self._scan_ns) < self._lidars
+        last_ns = -1 if silent else min(self._scan_ns.values())
+        is_blind = self._now_ns - last_ns > round(1e9 * self._config.blind_s)
+        return "the lidar gives no scans" if is_blind else ""
 
     @property
     def may_move(self) -> tuple[bool, ...]:
-        """Whether the last two echoes of each sonar are of something that was not there before."""
-        return tuple(count >= _AGREE for count in self._new_echoes)
+        """Whether the last echoes of each sonar are of something that was not there before."""
+        return tuple(count >= self._config.new_echoes for count in self._new_echoes)
 
     def is_somebody_near(self, pose: SE2) -> bool:
         """Return whether something that moves, or may move, is near a pose."""
         away_m = np.hypot(self.moving[:, 0] - pose.x_m, self.moving[:, 1] - pose.y_m)
-        return any(self.may_move) or bool((away_m < _PERSON_RANGE_M).any())
+        return any(self.may_move) or bool((away_m < self._config.person_range_m).any())
 
     # Forgetting
 
@@ -209,13 +208,15 @@ class LiveWorld:
         """Forget what was seen: the robot's pose in `world` has jumped."""
         self.map.forget()
         self._once_marked[:] = False
-        self._tracks.reset()
+        for tracks in self._tracks.values():
+            tracks.reset()
+        self._merger = ScanMerger()
         self.last_scan = None
         self.moving = NOTHING_MOVES
 
     def forget_unseen(self) -> None:
         """Forget obstacles that no sensor has seen lately."""
-        self.map.forget_unseen(self._now_ns - _RECENT_NS)
+        self.map.forget_unseen(self._now_ns - round(1e9 * self._config.recent_s))
 
     def recall(self, grid: GridMap) -> None:
         """Know what a map knows that the robot has made, in place of what was seen so far."""
@@ -250,7 +251,7 @@ class LiveWorld:
 
     def space_around(self, pose: SE2) -> PlanningMap:
         """Return what the local controller looks at."""
-        return self.map.space_around(pose, _LOOK_M)
+        return self.map.space_around(pose, self._config.view_m)
 
     def touches(self, poses: NDArray[np.float64]) -> bool:
         """Return whether the body touches something at one of the poses (n, 3) of `world`."""
@@ -262,7 +263,7 @@ class LiveWorld:
 
     def grow_to(self, place: SE2) -> None:
         """Make the map so large that a place has room around it."""
-        self.map = self.map.grown(_beside(place))
+        self.map = self.map.grown(_beside(place, self._config.around_m))
 
     def speed_limit(self, pose: SE2, path: NDArray[np.float64]) -> float:
         """Return the speed that keeps the limits of slow zones [m/s], here and as the robot brakes.
@@ -275,6 +276,6 @@ class LiveWorld:
         return float(np.sqrt(limits_m_s**2 + 2.0 * self._braking_m_s2 * away_m).min())
 
 
-def _beside(pose: SE2) -> NDArray[np.float64]:
-    """Return the corners of a square around a pose, (2, 2) [m]."""
-    return np.array([(pose.x_m + away_m, pose.y_m + away_m) for away_m in (-_AROUND_M, _AROUND_M)])
+def _beside(pose: SE2, around_m: float) -> NDArray[np.float64]:
+    """Return the corners of the square around a pose that has to be on the map, (2, 2) [m]."""
+    return np.array([(pose.x_m + away, pose.y_m + away) for away in (-around_m, around_m)])

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from robotctl.compiled import borrows, compiled
 from robotctl.model.grid_map import OCCUPIED
 from robotctl.planning.map.clearance import TILE
 
@@ -78,12 +78,14 @@ def make_layer(shape: tuple[int, int], bit: int, *, gain: int, needed: int, most
 
 
 @compiled
+@borrows
 def _is_inside(cells: Cells, row: int, column: int) -> bool:
     rows, columns = cells.live.shape
     return bool(0 <= row < rows and 0 <= column < columns)
 
 
 @compiled
+@borrows
 def _note(cells: Cells, row: int, column: int) -> None:
     """Note that the clearance around a cell has to be worked out again."""
     down, right = cells.stale.shape
@@ -93,6 +95,7 @@ def _note(cells: Cells, row: int, column: int) -> None:
 
 
 @compiled
+@borrows
 def _mark(cells: Cells, layer: Layer, row: int, column: int, now_ns: int) -> None:
     """Add the evidence of an echo."""
     had = int(layer.evidence[row, column])
@@ -113,6 +116,7 @@ def _mark(cells: Cells, layer: Layer, row: int, column: int, now_ns: int) -> Non
 
 
 @compiled
+@borrows
 def _empty(cells: Cells, layer: Layer, row: int, column: int) -> None:
     """Take all evidence of a layer from a cell."""
     layer.evidence[row, column] = 0
@@ -130,6 +134,7 @@ def _empty(cells: Cells, layer: Layer, row: int, column: int) -> None:
 
 
 @compiled
+@borrows
 def _pass(cells: Cells, layer: Layer, row: int, column: int, now_ns: int) -> None:
     """Take the evidence of a beam that passed a cell."""
     if layer.evidence[row, column] > 0 and layer.stamp_ns[row, column] != now_ns:
@@ -139,6 +144,7 @@ def _pass(cells: Cells, layer: Layer, row: int, column: int, now_ns: int) -> Non
 
 
 @compiled
+@borrows
 def fade(cells: Cells, layer: Layer, oldest_ns: int) -> None:
     """Empty what was last seen before a time; it comes before all that marks cells."""
     columns, kept = cells.live.shape[1], 0
@@ -155,6 +161,7 @@ def fade(cells: Cells, layer: Layer, oldest_ns: int) -> None:
 
 
 @compiled
+@borrows
 def empty_disc(cells: Cells, layer: Layer, x: float, y: float, radius: float) -> None:
     """Empty the cells of a disc."""
     for row in range(math.floor(y - radius), math.floor(y + radius) + 1):
@@ -168,6 +175,7 @@ def empty_disc(cells: Cells, layer: Layer, x: float, y: float, radius: float) ->
 
 
 @compiled
+@borrows
 def empty_unseen(
     cells: Cells, layer: Layer, x: float, y: float, radius: float, now_ns: int
 ) -> None:
@@ -181,6 +189,7 @@ def empty_unseen(
 
 
 @compiled
+@borrows
 def mark_points(
     cells: Cells,
     layer: Layer,
@@ -223,6 +232,7 @@ def mark_points(
 
 
 @compiled
+@borrows
 def _is_in_disc(discs: NDArray[np.float64], x: float, y: float) -> bool:
     for k in range(len(discs)):
         if (x - discs[k, 0]) ** 2 + (y - discs[k, 1]) ** 2 <= discs[k, 2] ** 2:
@@ -231,6 +241,7 @@ def _is_in_disc(discs: NDArray[np.float64], x: float, y: float) -> bool:
 
 
 @compiled
+@borrows
 def _mark_between(
     cells: Cells,
     layer: Layer,
@@ -252,6 +263,7 @@ def _mark_between(
 
 
 @compiled
+@borrows
 def clear_beams(
     cells: Cells,
     layer: Layer,
@@ -278,6 +290,7 @@ def clear_beams(
 
 
 @compiled
+@borrows
 def _walk(
     cells: Cells,
     layer: Layer,
@@ -301,12 +314,10 @@ def _walk(
     # The beam ends where it would leave the map.
     length = min(length, ((columns - 1e-6 if cos > 0.0 else 0.0) - x) / cos if cos else np.inf)
     length = min(length, ((rows - 1e-6 if sin > 0.0 else 0.0) - y) / sin if sin else np.inf)
-    live = cells.live.ravel()
     learns = True
     for k in range(int(length / step) + 1):
-        cell = int(y + k * up) * columns + int(x + k * right)
-        if live[cell] != 0:
-            row, column = cell // columns, cell % columns
+        row, column = int(y + k * up), int(x + k * right)
+        if cells.live[row, column] != 0:
             _pass(cells, layer, row, column, now_ns)
             if cells.marks[row, column] & layer.bit or cells.from_static[row, column] == 0:
                 learns = False
@@ -315,6 +326,7 @@ def _walk(
 
 
 @compiled
+@borrows
 def learn_free(cells: Cells, places: NDArray[np.float64]) -> None:
     """Note that cells in which places (n, 2) lie are free, unless the map knows better."""
     for i in range(len(places)):
@@ -324,6 +336,7 @@ def learn_free(cells: Cells, places: NDArray[np.float64]) -> None:
 
 
 @compiled
+@borrows
 def _learn_free(cells: Cells, row: int, column: int) -> None:
     """Note that a cell of which the map knows nothing is free."""
     cells.base[row, column] = 0
@@ -335,6 +348,7 @@ def _learn_free(cells: Cells, row: int, column: int) -> None:
 
 
 @compiled
+@borrows
 def _has_stood(cells: Cells, layer: Layer, row: int, column: int, stood_ns: int) -> bool:
     """Return whether a cell has been marked by a layer since a time, or by another one."""
     if cells.marks[row, column] == 0:
@@ -343,6 +357,7 @@ def _has_stood(cells: Cells, layer: Layer, row: int, column: int, stood_ns: int)
 
 
 @compiled
+@borrows
 def see_cone(
     cells: Cells,
     layer: Layer,
@@ -399,6 +414,7 @@ class _Cone(NamedTuple):
 
 
 @compiled
+@borrows
 def _cone(cells: Cells, x: float, y: float, heading: float, half_width: float, far: float) -> _Cone:
     """Return the cone up to a distance."""
     c, s = math.cos(heading), math.sin(heading)
@@ -427,6 +443,7 @@ def _distance_in(cone: _Cone, row: int, column: int) -> float:
 
 
 @compiled
+@borrows
 def _look_into(
     cells: Cells,
     layer: Layer,
@@ -456,6 +473,7 @@ def _look_into(
 
 
 @compiled
+@borrows
 def _mark_arc(
     cells: Cells, layer: Layer, cone: _Cone, echo: float, band: float, now_ns: int
 ) -> None:

@@ -10,30 +10,20 @@ and Thrun, "Model based vehicle detection and tracking", 2009).
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from robotctl.compiled import borrows, compiled
 
 DIRECTIONS: Final = 1440
 """Number of directions in which an earlier scan is kept."""
 _PER_RAD: Final = DIRECTIONS / math.tau
-_MARGIN_M: Final = 0.1
-"""A range must differ by this to be another one [m]: more than noise, less than a slow person goes
-in half a second."""
 _BESIDE_M: Final = 0.03
 """Width by which the noise of both scans may widen what the earlier one saw [m]."""
 _NEAR_M: Final = 0.1
-_FREE: Final = 2
-"""A place was free if so many earlier scans saw through it, before any saw something there."""
-_WIDEST_M: Final = 1.0
-"""A longer piece is no person, nor another robot of our size [m]."""
-_LEG_M: Final = 0.25
-"""A narrower piece may be a leg [m]."""
-_STRIDE_M: Final = 0.6
-"""Two legs of a person are no farther apart [m]."""
+"""Range below which that angle grows no more [m]."""
 MEAN: Final = math.pi / 4.0
 """Distance from a disc's middle to the mean of its visible side, towards the sensor [radii]."""
 
@@ -42,6 +32,16 @@ _SIGMA_M: Final = 0.02
 _ONE_LEG_M: Final = 0.08
 _TWO_LEGS_M: Final = 0.045
 """The same of a person of whom one leg is seen, or both [m]."""
+
+
+class PieceRules(NamedTuple):
+    """The settings that the kernels need, each as in `TracksConfig`."""
+
+    margin_m: float
+    person_width_m: float
+    leg_width_m: float
+    stride_m: float
+
 
 X, Y, RADIUS, POINTS, NEW, SIGMA = range(6)
 """Columns of segments: the middle and radius [m], how many points it has, how many of those came
@@ -80,11 +80,14 @@ def ranges_by_direction(
 
 
 @compiled
+@borrows
 def came_lately(
     x: float,
     y: float,
     sensors: NDArray[np.float64],
     scans: NDArray[np.float32],
+    margin: float,
+    free_scans: int,
 ) -> bool:
     """Return whether a place was free in earlier scans, oldest first, until something came there.
 
@@ -92,17 +95,19 @@ def came_lately(
     ----------
     sensors, scans
         (k, 2) places [m], and (k, `DIRECTIONS`).
+    margin, free_scans
+        `margin_m` and `free_scans` of `TracksConfig`.
     """
     free = 0
     for k in range(len(sensors)):
         dx, dy = x - sensors[k, 0], y - sensors[k, 1]
         saw = scans[k, math.floor(math.atan2(dy, dx) * _PER_RAD) % DIRECTIONS]
         away = math.hypot(dx, dy)
-        if saw > away + _MARGIN_M:
+        if saw > away + margin:
             free += 1
-        elif saw >= away - _MARGIN_M:
+        elif saw >= away - margin:
             break
-    return free >= _FREE
+    return free >= free_scans
 
 
 @compiled
@@ -114,6 +119,8 @@ def segments_of(
     spacing: float,
     sensors: NDArray[np.float64],
     scans: NDArray[np.float32],
+    rules: PieceRules,
+    free_scans: int,
 ) -> NDArray[np.float64]:
     """Return the pieces of a scan that may be a person, (m, 6): see the columns.
 
@@ -127,6 +134,8 @@ def segments_of(
         Angle between two beams [rad].
     sensors, scans
         Earlier scans, see `came_lately`.
+    rules, free_scans
+        Settings.
     """
     found = np.empty((len(points), 6))
     m, begin, last = 0, -1, -1
@@ -137,19 +146,22 @@ def segments_of(
         if begin >= 0 and not ends:
             away = math.hypot(points[i, 0] - x, points[i, 1] - y)
             step = math.hypot(points[i, 0] - points[last, 0], points[i, 1] - points[last, 1])
-            if step <= _MARGIN_M + 3.0 * spacing * away:
+            if step <= rules.margin_m + 3.0 * spacing * away:
                 last = i
                 continue
-        if begin >= 0 and _piece(points, counts, begin, last, x, y, spacing, found[m]):
+        if begin >= 0 and _piece(points, counts, begin, last, x, y, spacing, rules, found[m]):
             for j in range(begin, last + 1):
-                if counts[j] and came_lately(points[j, 0], points[j, 1], sensors, scans):
+                if counts[j] and came_lately(
+                    points[j, 0], points[j, 1], sensors, scans, rules.margin_m, free_scans
+                ):
                     found[m, NEW] += 1.0
             m += 1
         begin, last = i, i
-    return _pairs(found[:m])
+    return _pairs(found[:m], rules)
 
 
 @compiled
+@borrows
 def _piece(
     points: NDArray[np.float64],
     counts: NDArray[np.bool_],
@@ -158,11 +170,12 @@ def _piece(
     x: float,
     y: float,
     spacing: float,
+    rules: PieceRules,
     out: NDArray[np.float64],
 ) -> bool:
     """Write the segment of some points as if it were a disc; return whether it may be a person."""
     width = math.hypot(points[last, 0] - points[begin, 0], points[last, 1] - points[begin, 1])
-    if width > _WIDEST_M:
+    if width > rules.person_width_m:
         return False
     n, mean_x, mean_y = 0, 0.0, 0.0
     for j in range(begin, last + 1):
@@ -179,20 +192,22 @@ def _piece(
     out[Y] = mean_y + MEAN * radius * (mean_y - y) / away
     out[RADIUS], out[POINTS], out[NEW] = radius, n, 0.0
     # Beams end anywhere within their distance; a single leg goes ahead of its person or behind.
-    out[SIGMA] = _ONE_LEG_M if width + beam < _LEG_M else math.hypot(_SIGMA_M, 0.3 * beam)
+    out[SIGMA] = (
+        _ONE_LEG_M if width + beam < rules.leg_width_m else math.hypot(_SIGMA_M, 0.3 * beam)
+    )
     return True
 
 
 @compiled
-def _pairs(found: NDArray[np.float64]) -> NDArray[np.float64]:
+def _pairs(found: NDArray[np.float64], rules: PieceRules) -> NDArray[np.float64]:
     """Join legs that are near each other."""
     n = len(found)
     partner = np.full(n, -1)
     for i in range(n):
-        best = _STRIDE_M
+        best = rules.stride_m
         for j in range(n):
             away = math.hypot(found[i, X] - found[j, X], found[i, Y] - found[j, Y])
-            small = 2.0 * max(found[i, RADIUS], found[j, RADIUS]) < _LEG_M
+            small = 2.0 * max(found[i, RADIUS], found[j, RADIUS]) < rules.leg_width_m
             if i != j and small and away < best:
                 best, partner[i] = away, j
     joined = np.empty((n, 6))

@@ -8,65 +8,51 @@ as moving once it has come to where it was free, and its velocity is certain: se
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from robotctl.compiled import borrows, compiled
 from robotctl.model.geometry.points import moved, rotation
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
+from robotctl.planning.map.config import TracksConfig
 from robotctl.planning.map.segments import (
     DIRECTIONS,
     NEW,
     RADIUS,
     SIGMA,
+    PieceRules,
     X,
     Y,
     ranges_by_direction,
     segments_of,
 )
 
-_FARTHEST_M: Final = 8.0
-"""Maximum range at which motion is judged [m]: farther out, beams lie too far apart."""
 _HISTORY_S: Final = 1.1
-"""How long earlier scans are kept [s]."""
 _APART_S: Final = 0.08
-"""At least between two that are kept [s]."""
-_EARLIER_S: Final = 0.3
-"""Age of the scan that a new one is compared with [s]: a slow person has moved by then."""
 _MOST_SCANS: Final = 16
+"""Longest history and least spacing of the scans that are kept [s], and room for so many."""
 _MOST: Final = 100
-"""Tracks."""
-
-_ACCELERATION: Final = 0.2
-"""Standard deviation of the acceleration, times the root of a second [m/s^1.5]."""
-_SURPRISE: Final = 9.0
-"""Squared standard deviations by which a place may differ from what was expected: 3 of them. Where
-it differs more, the obstacle has changed its velocity, which is as good as unknown again."""
-_FIRST_M_S: Final = 1.5
-"""Standard deviation of the velocity of a new track [m/s]."""
-_GATE_M: Final = 0.25
-"""A segment this near to a track belongs to it, and three standard deviations beyond [m]."""
-_LOST_S: Final = 0.5
-"""A track that is not seen for this long ends [s]."""
-_SLOWEST_M_S: Final = 0.15
-"""Minimum speed of a moving thing [m/s]."""
-_CERTAIN: Final = 2.0
-"""A velocity is certain if it is so many standard deviations from 0."""
-_VAGUE_M_S: Final = 0.35
-"""A velocity with a greater standard deviation says nothing [m/s]."""
-_PROOF: Final = 2
-"""Scans in which a track has points that came lately, before it counts as moving."""
-_PROVEN_S: Final = 1.0
-"""How long such proof lasts [s]."""
-_LEAST_RADIUS_M: Final = 0.2
+"""Maximum number of tracks: room of the kernel's table, more than a scan has people."""
 
 VX, VY, PP, PV, VV, SEEN_S, PROVEN_S, PROOFS, SIZE = range(2, 11)
 """Columns of tracks after `X` and `Y`: velocity, covariance of place, of place and velocity, of
 velocity along either axis; times when it was seen and proven to move, in how many scans, radius."""
 _COLUMNS: Final = 11
+"""Number of all these columns."""
+
+
+class TrackRules(NamedTuple):
+    """The settings that the kernels need, each as in `TracksConfig`."""
+
+    acceleration: float
+    gate_m: float
+    surprise_sigmas: float
+    speed_sigma_m_s: float
+    proven_s: float
+    lost_s: float
 
 
 class MovingObstacles:
@@ -74,9 +60,19 @@ class MovingObstacles:
 
     Places are in a frame that does not jump, that of the odometry. It is right for obstacles up to
     a metre wide that are not hidden most of the time.
+
+    Parameters
+    ----------
+    config
+        See there.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, config: TracksConfig = TracksConfig()) -> None:  # noqa: B008
+        self._config = config
+        self._rules = TrackRules(*(float(getattr(config, key)) for key in TrackRules._fields))
+        self._pieces = PieceRules(
+            config.margin_m, config.person_width_m, config.leg_width_m, config.stride_m
+        )
         self.reset()
         warm = RangeScan(0, np.zeros(2), np.ones(2), 2.0)
         self.step(SE2(), warm, 0, np.ones(2, np.bool_))
@@ -112,12 +108,12 @@ class MovingObstacles:
         """
         sensor = T_odom_base @ SE2(scan.x_m, scan.y_m, 0.0)
         bearings = scan.angles_rad + sensor.theta_rad
-        hits = (scan.ranges_m < scan.max_range_m) & (scan.ranges_m <= _FARTHEST_M)
+        hits = (scan.ranges_m < scan.max_range_m) & (scan.ranges_m <= self._config.range_m)
         away = np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
         ranges = np.where(hits, scan.ranges_m, 0.0)
         points = (sensor.x_m, sensor.y_m) + ranges[:, np.newaxis] * away
         spacing = abs(float(scan.angles_rad[1] - scan.angles_rad[0]))
-        early = sum(now_ns - stamp_ns >= 1e9 * _EARLIER_S for stamp_ns in self._times)
+        early = sum(now_ns - stamp_ns >= 1e9 * self._config.compare_s for stamp_ns in self._times)
         found = segments_of(
             points,
             hits if counts is None else hits & counts,
@@ -126,18 +122,20 @@ class MovingObstacles:
             spacing,
             self._sensors[:early],
             self._scans[:early],
+            self._pieces,
+            self._config.free_scans,
         )
         since_s = 1e-9 * (now_ns - self._last_ns)
-        self._tracks = advance(self._tracks, found, 1e-9 * now_ns, since_s)
+        self._tracks = advance(self._tracks, found, 1e-9 * now_ns, since_s, self._rules)
         self._last_ns = now_ns
         self._keep(sensor, bearings, scan, now_ns)
 
     def moving(self, T_world_odom: SE2) -> NDArray[np.float64]:
         """Return what moves, (k, 5): x, y, vx, vy in `world` and its radius [m, m/s]."""
-        tracks = self._tracks[is_moving(self._tracks)]
+        tracks = self._tracks[is_moving(self._tracks, self._config)]
         places = moved(T_world_odom, tracks[:, [X, Y]])
         speeds = tracks[:, [VX, VY]] @ rotation(T_world_odom.theta_rad)
-        radii = np.maximum(tracks[:, SIZE], _LEAST_RADIUS_M)
+        radii = np.maximum(tracks[:, SIZE], self._config.radius_min_m)
         return np.column_stack([places, speeds, radii])
 
     def _keep(
@@ -160,21 +158,25 @@ class MovingObstacles:
         self._times.append(now_ns)
 
 
-def is_moving(tracks: NDArray[np.float64]) -> NDArray[np.bool_]:
+def is_moving(tracks: NDArray[np.float64], config: TracksConfig) -> NDArray[np.bool_]:
     """Return which tracks move, (k,)."""
     speed = np.hypot(tracks[:, VX], tracks[:, VY])
     moves: NDArray[np.bool_] = (
-        (tracks[:, PROOFS] >= _PROOF)
-        & (speed > _SLOWEST_M_S)
-        & (speed > _CERTAIN * np.sqrt(tracks[:, VV]))
-        & (tracks[:, VV] < _VAGUE_M_S**2)
+        (tracks[:, PROOFS] >= config.proofs)
+        & (speed > config.speed_min_m_s)
+        & (speed > config.certain_sigmas * np.sqrt(tracks[:, VV]))
+        & (tracks[:, VV] < config.vague_m_s**2)
     )
     return moves
 
 
 @compiled
 def advance(
-    tracks: NDArray[np.float64], segments: NDArray[np.float64], now_s: float, since_s: float
+    tracks: NDArray[np.float64],
+    segments: NDArray[np.float64],
+    now_s: float,
+    since_s: float,
+    rules: TrackRules,
 ) -> NDArray[np.float64]:
     """Return the tracks after the segments of a scan at a time, so long after the last [s]."""
     after = np.empty((_MOST, _COLUMNS))
@@ -183,65 +185,73 @@ def advance(
     for i in range(len(tracks)):
         track = after[m]
         track[:] = tracks[i]
-        _predict(track, since_s)
-        best = _nearest(track, segments, taken)
+        _predict(track, since_s, rules)
+        best = _nearest(track, segments, taken, rules)
         if best >= 0:
             taken[best] = True
-            _correct(track, segments[best], since_s)
+            _correct(track, segments[best], since_s, rules)
             track[SEEN_S] = now_s
             if segments[best, NEW] >= 2.0 and now_s - track[PROVEN_S] >= _APART_S:
                 track[PROOFS] += 1.0
                 track[PROVEN_S] = now_s
-        if now_s - track[PROVEN_S] > _PROVEN_S:
+        if now_s - track[PROVEN_S] > rules.proven_s:
             track[PROOFS] = 0.0
-        if now_s - track[SEEN_S] <= _LOST_S:
+        if now_s - track[SEEN_S] <= rules.lost_s:
             m += 1
     for k in range(len(segments)):
         if not taken[k] and m < _MOST:
             track = after[m]
             track[:] = 0.0
             track[X], track[Y], track[SIZE] = segments[k, X], segments[k, Y], segments[k, RADIUS]
-            track[PP], track[VV] = segments[k, SIGMA] ** 2, _FIRST_M_S**2
+            track[PP], track[VV] = segments[k, SIGMA] ** 2, rules.speed_sigma_m_s**2
             track[SEEN_S] = now_s
             m += 1
     return after[:m]
 
 
 @compiled
-def _predict(track: NDArray[np.float64], since_s: float) -> None:
+@borrows
+def _predict(track: NDArray[np.float64], since_s: float, rules: TrackRules) -> None:
     """Move a track on by a time."""
     track[X] += track[VX] * since_s
     track[Y] += track[VY] * since_s
-    q = _ACCELERATION**2
+    q = rules.acceleration**2
     track[PP] += 2.0 * since_s * track[PV] + since_s**2 * track[VV] + q * since_s**3 / 3.0
     track[PV] += since_s * track[VV] + q * since_s**2 / 2.0
     track[VV] += q * since_s
 
 
 @compiled
+@borrows
 def _nearest(
-    track: NDArray[np.float64], segments: NDArray[np.float64], taken: NDArray[np.bool_]
+    track: NDArray[np.float64],
+    segments: NDArray[np.float64],
+    taken: NDArray[np.bool_],
+    rules: TrackRules,
 ) -> int:
     """Return the free segment that is nearest to a track, within its gate; -1: none."""
     best, least = -1, np.inf
     for k in range(len(segments)):
         away = math.hypot(segments[k, X] - track[X], segments[k, Y] - track[Y])
-        gate = _GATE_M + 3.0 * math.sqrt(track[PP])
+        gate = rules.gate_m + 3.0 * math.sqrt(track[PP])
         if not taken[k] and away < min(least, gate):
             best, least = k, away
     return best
 
 
 @compiled
-def _correct(track: NDArray[np.float64], segment: NDArray[np.float64], since_s: float) -> None:
+@borrows
+def _correct(
+    track: NDArray[np.float64], segment: NDArray[np.float64], since_s: float, rules: TrackRules
+) -> None:
     """Correct a track by the middle of a segment."""
     dx, dy = segment[X] - track[X], segment[Y] - track[Y]
     R = segment[SIGMA] ** 2
-    if dx * dx + dy * dy > _SURPRISE * (track[PP] + R):
+    if dx * dx + dy * dy > rules.surprise_sigmas**2 * (track[PP] + R):
         track[PROOFS] = 0.0  # or it is two things, taken for one
-        track[VV] += _FIRST_M_S**2
-        track[PV] += since_s * _FIRST_M_S**2
-        track[PP] += since_s**2 * _FIRST_M_S**2
+        track[VV] += rules.speed_sigma_m_s**2
+        track[PV] += since_s * rules.speed_sigma_m_s**2
+        track[PP] += since_s**2 * rules.speed_sigma_m_s**2
     S = track[PP] + R
     gain_p, gain_v = track[PP] / S, track[PV] / S
     track[X] += gain_p * dx

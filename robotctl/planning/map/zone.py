@@ -13,6 +13,7 @@ Point: TypeAlias = tuple[float, float]
 
 FASTEST_M_S = 100.0
 MOST_CORNERS = 1000
+"""Upper bounds of a speed limit [m/s] and of the corners of a zone."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,12 +1,13 @@
 """Compilation of all kernels ahead of time, on all processors: the work of `robotctl compile`.
 
-Each module of this package but this one has a `warm_up` that calls kernels with whatever fits them,
+Each module of this package but two has a `warm_up` that calls kernels with whatever fits them,
 where possible as a starting robot warms up itself, over all entries of a registry.
 """
 
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 import time
@@ -20,6 +21,7 @@ from typing import Any, Final, TypeAlias
 from robotctl import kernel_cache
 from robotctl.app.supervision.child_process import lines_of, start_child
 from robotctl.errors import RobotctlError
+from robotctl.native_kernels import library_path
 
 _HERE: Final = "robotctl.workbench.compile"
 _ROBOT: Final = ("mapping", "navigation", "paths", "recordings")
@@ -62,15 +64,26 @@ class Kernels:
         """Why they have to be compiled; empty if they need not be, or cannot be kept."""
         if not kernel_cache.FOLDER:
             return ""
+        # The library is for this processor; to ask what that is loads llvmlite.
+        caches = self._caches()[1:] if library_path().exists() else self._caches()
+        if not caches:
+            return ""
         here = kernel_cache.processor()
-        if all(each.is_complete(here) for each in self._caches()):
+        if all(each.is_complete(here) for each in caches):
             return ""
         if kernel_cache.is_complete():
             return f"they were compiled for another processor than this one, {here}"
         return "nothing of these sources is compiled yet"
 
-    def compile(self, tell: Tell = lambda *_: None) -> None:
-        """Compile what is missing, on all processors.
+    @property
+    def lack_library(self) -> bool:
+        """Whether there is no library of them, but what makes one."""
+        return not library_path().exists() and all(compilers())
+
+    def compile(self, tell: Tell = lambda *_: None) -> str:
+        """Compile what is missing, on all processors; return why there is no library of it.
+
+        Without the library, which needs a compiler for C, each process loads numba. "": there is.
 
         Raises
         ------
@@ -80,15 +93,29 @@ class Kernels:
         for each in self._caches():
             _check_folder(each.FOLDER)
         total = self.total
-        _run(
-            [*_ROBOT, *([_SIMULATION] if self.simulated else [])],
-            lambda: tell(min(self.done, total), total),
-        )
+        library_path().unlink(missing_ok=True)  # so that numba compiles
+
+        def watch() -> None:
+            tell(min(self.done, total), total)
+
+        _run([*_ROBOT, *([_SIMULATION] if self.simulated else [])], watch)
+        try:
+            _run(["native_library"], watch, "build")
+            without = ""
+        except CompileError as error:
+            without = str(error)
         try:
             for each in self._caches():
                 each.mark_complete(kernel_cache.processor())
         except OSError as error:
             raise CompileError(f"{error.filename}: {error.strerror}") from error
+        return without
+
+
+def compilers() -> tuple[str | None, str | None]:
+    """Return the compilers for C and C++, as CC and CXX name them; None: there is none."""
+    c, cpp = os.environ.get("CC", "cc"), os.environ.get("CXX", "c++")
+    return shutil.which(c), shutil.which(cpp)
 
 
 def _check_folder(folder: str) -> None:
@@ -106,15 +133,16 @@ def _check_folder(folder: str) -> None:
         )
 
 
-def _run(units: list[str], watch: Callable[[], None]) -> None:
-    """Run each module's `warm_up`, as many at a time as there are processors."""
+def _run(units: list[str], watch: Callable[[], None], function: str = "warm_up") -> None:
+    """Run each module's function, as many at a time as there are processors."""
     at_once = len(os.sched_getaffinity(0))
     running: dict[str, tuple[subprocess.Popen[str], Queue[str | None]]] = {}
     try:
         while units or running:
             while units and len(running) < at_once:
                 name = units.pop(0)
-                command = [sys.executable, "-c", f"from {_HERE}.{name} import warm_up; warm_up()"]
+                code = f"from {_HERE}.{name} import {function}; {function}()"
+                command = [sys.executable, "-c", code]
                 process = start_child(
                     command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
                 )

@@ -16,7 +16,8 @@ from robotctl.estimation.slam.factors.registry import FACTORS
 from robotctl.estimation.slam.graph.builder import GraphBuilder
 from robotctl.estimation.slam.graph.factor import FactorKind
 from robotctl.estimation.slam.graph.factor_graph import FactorGraph
-from robotctl.estimation.slam.graph.variables import KINDS, SE2, Floats, VariableKind
+from robotctl.estimation.slam.graph.variables import KINDS, POINT2, SE2, Floats, VariableKind
+from robotctl.estimation.slam.incremental.smoother import IncrementalSmoother, SmootherConfig
 from robotctl.estimation.slam.local_scans.registry import SCAN_SOURCES
 from robotctl.estimation.slam.marginals import factored, marginals
 from robotctl.estimation.slam.robust.kernels import KERNELS
@@ -47,9 +48,37 @@ def warm_up() -> None:
         if pose.is_pose:
             _solve(_graph(pose, [*FACTORS]))
             _solve(_graph(pose, ["between_2d", "between_3d", "seen_2d", "seen_3d"]))
+    _solve_own_factor()
+    _put_off()
     drive = _graph(SE2, ["between_2d", "range_bearing", "seen_2d"], is_drive=True)
     for most_features in (None, 3):
         slam_of_graph("drive", drive, lambda *_: None, most_features)
+
+
+def _solve_own_factor() -> None:
+    """Solve a graph with a factor of three variables, as users write their own."""
+    halfway = FactorKind(
+        "halfway", (POINT2,) * 3, 2, 2, lambda a, b, middle, z: middle - (a + b) / 2 - z
+    )
+    builder = GraphBuilder()
+    builder.variables(POINT2, np.arange(3), np.eye(3, 2))
+    builder.factors(halfway, np.array([[0, 1, 2]]), np.zeros((1, 2)), np.eye(2)[None])
+    graph, values, _ = builder.build()
+    SOLVERS["gn"](Problem(graph, values, np.array([0, 1]), most_iterations=2), nobody)
+
+
+def _put_off() -> None:
+    """Hang poses to a Bayes tree, and hold the loops, as where it is large."""
+    smoother = IncrementalSmoother(SmootherConfig(renewal=0.0))
+    kind = FACTORS["between_2d"]
+    (z,), (information,) = _measured(kind, 1)
+    for pose in range(_POSES):
+        smoother.variable(SE2, pose * z, fixed=pose == 0)
+        for other in (pose - 1, pose - 3):
+            if other >= 0:
+                smoother.factor(kind, (other, pose), (pose - other) * z, information)
+        smoother.update()
+        smoother.covariance(pose)
 
 
 def _graph(pose: VariableKind, names: list[str], *, is_drive: bool = False) -> GraphFile:

@@ -26,7 +26,7 @@ def warm_up() -> None:
         slam.remove(0)
     steps = np.arange(6.0)
     whitened_innovations(
-        steps, np.full((5, 2), 0.1), np.zeros(3), np.ones(3), np.ones(3),
+        steps, np.full((5, 3), 0.1), np.zeros(3), np.ones(3), np.ones(3),
         steps[1:], np.zeros((5, 3)), np.ones(5), np.ones(3), np.zeros(2), 0.0, OUTLIER,
     )  # fmt: skip
     walls = grid_of_walls(WallMap(np.array([[0.0, 0.0, 4.0, 0.0], [4.0, 0.0, 4.0, 4.0]])))

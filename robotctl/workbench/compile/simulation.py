@@ -18,8 +18,13 @@ def warm_up() -> None:
     """Let robots of each kind drive, touch things, and see by all of their sensors."""
     configs = config_directory()
     world = configs / "worlds" / "flat_lived_in.toml"
-    for robot in ("diff_drive.toml", "ackermann.toml"):
-        simulation = make_simulation(configs / robot, world, 0, (1.0, 1.0, 0.0), people=1)
+    sweeps = ("simulation.lidar.sweep_s=0.1",)
+    for robot, settings in (
+        ("diff_drive.toml", ()),
+        ("diff_drive.toml", sweeps),
+        ("ackermann.toml", ()),
+    ):
+        simulation = make_simulation(configs / robot, world, 0, (1.0, 1.0, 0.0), settings, people=1)
         simulation.advance(_SECOND_NS)
         simulation.scan()
         simulation.camera_frame()

@@ -296,7 +296,7 @@ def advice(options: OptimiseOptions, figures: dict[str, Any]) -> str:
     if count < 1 or chi2 < max(_SUSPICIOUS * count, float(chdtri(count, _BY_CHANCE))):
         return ""
     others = [] if options.solver == "isam" else ["--solver isam (it follows the drive)"]
-    others += [] if options.robust else ["--robust consistent (loops may be false)"]
+    others += [] if options.robust else ["--robust geman-mcclure (loops may be false)"]
     return (
         f"chi2 is {chi2 / count:.3g} times the degrees of freedom ({count}), with the noise that "
         "the file states it would be about once: a local minimum, wrong measurements, or too large "

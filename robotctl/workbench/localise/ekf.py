@@ -10,6 +10,7 @@ import numpy as np
 from robotctl.estimation.landmarks.config import LandmarkConfig
 from robotctl.estimation.landmarks.cylinders import CylinderConfig, cylinders
 from robotctl.estimation.landmarks.localisation import CountedOdometry, localise_by_landmarks
+from robotctl.estimation.landmarks.smoothing import LandmarkSmoother, smoothed
 from robotctl.logs.recorded_motion import (
     known_from_ns,
     reference_at,
@@ -34,7 +35,7 @@ _BEARING_SIGMA_RAD = 0.01
 def run_ekf(
     recording: Recording, options: LocaliseOptions, rng: np.random.Generator, progress: Progress
 ) -> Run:
-    """Follow the filter through the drive, from where motion and reference begin.
+    """Follow the filter through the drive, from where motion and reference begin, and back.
 
     Raises
     ------
@@ -61,14 +62,18 @@ def run_ekf(
         raise LocaliseError(str(error)) from error
     start = known_start(recording, options, begin_ns, start_rng)
     run = Run(has_heading=recording.reference_has_heading)
+    smoother = LandmarkSmoother(config)
     began_ns = time.process_time_ns()
     for step in localise_by_landmarks(recording, config, start):
         spent_ms = 1e-6 * (time.process_time_ns() - began_ns)
         if step.innovations:
             run.update_ms += [spent_ms / len(step.innovations)] * len(step.innovations)
-        run.add(step.estimate, reference_at(recording, step.estimate.stamp_ns))
+        run.online.append(step.estimate)
+        smoother.add(step)
         progress(round(_TOLD * step.share), _TOLD)
         began_ns = time.process_time_ns()
+    for estimate in smoothed(recording, config, start, smoother):
+        run.add(estimate, reference_at(recording, estimate.stamp_ns))
     return run
 
 

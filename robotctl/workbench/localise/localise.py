@@ -80,6 +80,7 @@ def localise_seeds(options: LocaliseOptions, seeds: int, progress: Progress) -> 
         options.mrclam_robot,
         time_unit=options.time_unit,
         max_range_m=options.max_range_m,
+        sweep_s=options.sweep_s,
     )
     if options.reference is not None:
         recording = _with_reference(recording, options.reference)

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from robotctl.config.arguments import MaxRange, TimeUnit
+from robotctl.config.arguments import MaxRange, Sweep, TimeUnit
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,4 +28,5 @@ class MapOptions:
         0.05
     )
     max_range_m: MaxRange = None
+    sweep_s: Sweep = None
     time_unit: TimeUnit = None

@@ -12,7 +12,7 @@ import numpy as np
 from robotctl.errors import ConfigError
 from robotctl.estimation.grid.config import OccupancyGridConfig
 from robotctl.estimation.grid.map_rows import MapRows
-from robotctl.estimation.grid.occupancy_grid import GridFigures, OccupancyGrid
+from robotctl.estimation.grid.occupancy_grid import STRAYS, GridFigures, OccupancyGrid
 from robotctl.logs.formats.recorded_log import read_recording
 from robotctl.maps.map_file import save_map
 from robotctl.model.grid_map import GridMap
@@ -22,9 +22,6 @@ from robotctl.workbench.localise.map_options import MapOptions
 
 _TAKEN: Final = {"all": slice(None), "even": slice(0, None, 2), "odd": slice(1, None, 2)}
 _AT_ONCE: Final = 256
-_STRAYS: Final = 0.0002
-"""A map is cropped at each side while that cuts off no more of the known cells: rays that leave by
-windows and doors."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +101,7 @@ def make_map(options: MapOptions, progress: Callable[[int, int], None] | None = 
     """
     grid = _empty_grid(options)
     used, of, from_reference, notes = _fill(grid, options, progress)
-    rows = grid.map_rows(strays=_STRAYS)
+    rows = grid.map_rows(strays=STRAYS)
     return MapResult(
         options,
         rows,
@@ -136,6 +133,7 @@ def _fill(
         with_sonars=False,
         time_unit=options.time_unit,
         max_range_m=options.max_range_m,
+        sweep_s=options.sweep_s,
     )
     scans, notes = choose_scans(recording, options.scans), list(recording.notes)
     known = [scan for scan in scans if scan.reference is not None]

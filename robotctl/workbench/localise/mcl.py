@@ -18,9 +18,11 @@ from robotctl.estimation.mcl.free_space import free_area_m2, free_poses
 from robotctl.estimation.mcl.localiser import MonteCarloLocaliser
 from robotctl.estimation.mcl.map_symmetry import symmetries
 from robotctl.estimation.mcl.search_size import search_size, too_large
+from robotctl.estimation.mcl.sliced import Work
 from robotctl.estimation.ranging.echo_share import EchoShare
 from robotctl.estimation.ranging.log_likelihood import LogLikelihood
 from robotctl.estimation.sensor_names import LIDAR, SONAR
+from robotctl.estimation.sensors.lidar import lidar_source
 from robotctl.estimation.sensors.sensor import SensedRobot
 from robotctl.logs.recorded_motion import increments, known_from_ns, noisy, reference_at, with_noise
 from robotctl.maps.localisation_map import off_map
@@ -39,6 +41,10 @@ from robotctl.workbench.localise.options import (
 )
 from robotctl.workbench.localise.report import Run
 
+_POSES_AT_ONCE: Final = 75_000
+"""Poses weighed at one moment; the rest of a search waits for the next, as on a robot."""
+_ALL: Final = 1 << 62
+"""At the last moment nothing is left over."""
 FITS_NOWHERE: Final = (
     "what was seen matches no place on this map; is it the right map, and up to date?"
 )
@@ -65,9 +71,9 @@ def run_mcl(
 ) -> Run:
     """Follow the particles through all that was measured.
 
-    As in the navigation process, each sensor weights them once per stretch. The first measurements
-    are tried on a throw-away localiser before: that compiles the kernels, so that the times of the
-    updates are theirs alone.
+    As in the navigation process, each sensor weights them once per stretch, and what is measured
+    while a search is under way is left out. The first measurements are tried on a throw-away
+    localiser before: that compiles the kernels, so that the times of the updates are theirs alone.
 
     Raises
     ------
@@ -83,7 +89,8 @@ def run_mcl(
         first = moments[0]
         start = known_start(recording, options, first.stamp_ns, start_rng, first.reference)
         localiser.start_at(start.pose, START_SIGMA_M, START_SIGMA_RAD)
-    echo_share = EchoShare(world_map.grid)
+    echo_share, work = EchoShare(world_map.grid), Work()
+    at_once = max(_POSES_AT_ONCE, 2 * options.max_particles)
     deltas = increments([moment.odometry for moment in moments])
     run = Run(has_heading=recording.reference_has_heading, starts_known=not options.search)
     if not options.search and (warning := off_map(world_map, start.pose)):
@@ -95,8 +102,12 @@ def run_mcl(
     ):
         began_ns = time.process_time_ns()
         localiser.move(delta)
-        if localiser.due(moment.sensor):
-            localiser.measure(moment.measurement(sensors), moment.sensor)
+        poses = at_once if done < len(moments) else _ALL
+        is_busy, left = work.is_under_way, work.go_on(poses)
+        if not work.is_under_way and left > 0 and localiser.due(moment.sensor):
+            measuring = localiser.measuring(moment.measurement(sensors), moment.sensor)
+            is_busy, _ = True, work.begin(measuring, left)
+        if is_busy:
             run.update_ms.append(1e-6 * (time.process_time_ns() - began_ns))
             run.particles.append(len(localiser.poses))
         estimate, scan = localiser.estimate(moment.stamp_ns), moment.scan
@@ -115,7 +126,8 @@ def _moments(recording: Recording, options: LocaliseOptions) -> list[_Moment]:
         stamp_ns, scan = entry.scan.stamp_ns, entry.scan
         reference = entry.reference or reference_at(recording, stamp_ns)
         measurement = partial(MapSensors.measurement, sensor=LIDAR, measured=scan)
-        moments.append(_Moment(stamp_ns, LIDAR, entry.odometry, reference, measurement, scan))
+        source = lidar_source(scan)
+        moments.append(_Moment(stamp_ns, source, entry.odometry, reference, measurement, scan))
     for heard in recording.sonars if recording.sonar_mounts else ():
         stamp_ns, reading = heard.reading.stamp_ns, heard.reading
         reference = reference_at(recording, stamp_ns)
@@ -157,7 +169,7 @@ def _made(
         fewer = replace(config, max_particles=config.min_particles)
         if options.particles is None:
             size = search_size(free_area_m2(world_map.grid))
-            config = replace(config, search_particles=max(size, most))
+            config = replace(config, search_poses=max(size, most))
         tried = MonteCarloLocaliser(fewer, free, np.random.default_rng(0))
         for sensor in {moment.sensor for moment in moments}:
             first = next(moment for moment in moments if moment.sensor == sensor)

@@ -11,7 +11,7 @@ from typing import Annotated, Final, TypeAlias
 import numpy as np
 import typer
 
-from robotctl.config.arguments import MaxRange, TimeUnit
+from robotctl.config.arguments import MaxRange, Sweep, TimeUnit
 from robotctl.errors import ConfigError, RobotctlError
 from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.logs.recorded_motion import start_pose
@@ -109,6 +109,7 @@ class LocaliseOptions:
         int | None, typer.Option(min=1, help="Robot of an MRCLAM folder; default: 1.")
     ] = None
     max_range_m: MaxRange = None
+    sweep_s: Sweep = None
     time_unit: TimeUnit = None
     sensors: LocalisationConfig | None = None
     """Parameters of lidar and sonars for the particles; None: the defaults."""

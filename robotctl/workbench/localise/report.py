@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
@@ -20,6 +20,7 @@ WRONG_RAD: Final = math.radians(30.0)
 """Error against the reference [m], and in heading, beyond which the place is unknown."""
 
 _END_SHARE: Final = 0.1
+_ONLINE: Final = ("ape", "heading_rmse_rad", "shares", "nees_inside_95")
 
 
 @dataclass(slots=True)
@@ -32,6 +33,9 @@ class Run:
         At each processed scan, or at each step of a landmark filter.
     references
         `base` in `world` at the same times; None if it is not known.
+    online
+        Estimates of the same times as the filter had them then, where `estimates` know all that
+        was measured; empty where the two are one.
     has_heading
         Whether the references have a heading.
     starts_known
@@ -49,6 +53,7 @@ class Run:
 
     estimates: list[PoseEstimate] = field(default_factory=list)
     references: list[SE2 | None] = field(default_factory=list)
+    online: list[PoseEstimate] = field(default_factory=list)
     has_heading: bool = True
     starts_known: bool = True
     notes: list[str] = field(default_factory=list)
@@ -107,6 +112,9 @@ def report(run: Run, with_nees: bool) -> dict[str, Any]:
     }
     if with_nees:
         result["nees_inside_95"] = _nees_inside(run)
+    if run.online:
+        then = report(replace(run, estimates=run.online, online=[]), with_nees)
+        result["online"] = {key: then[key] for key in _ONLINE if key in then}
     return result
 
 

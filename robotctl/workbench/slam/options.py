@@ -8,7 +8,7 @@ from typing import Annotated, Final
 
 import typer
 
-from robotctl.config.arguments import TimeUnit
+from robotctl.config.arguments import Sweep, TimeUnit
 from robotctl.errors import ConfigError
 from robotctl.estimation.slam.ekf_slam.bookkeeping import ASSOCIATIONS
 from robotctl.estimation.slam.local_scans.registry import SCAN_SOURCES
@@ -34,7 +34,10 @@ class SlamOptions:
 
     log: Annotated[
         Path,
-        typer.Option(help="MRCLAM folder, another log with sightings or scans, or a graph."),
+        typer.Option(
+            help="MRCLAM folder, another log with sightings or scans, a graph, or NAME_DR.txt "
+            "with ranges to beacons beside it."
+        ),
     ]
     features: Annotated[str, typer.Option(help="What the map is made of: landmarks.")] = "landmarks"
     solver: Annotated[
@@ -77,12 +80,15 @@ class SlamOptions:
         ),
     ] = None
     time_unit: TimeUnit = None
+    sweep_s: Sweep = None
 
     def __post_init__(self) -> None:
         allowed = ", ".join(SCAN_SOURCES)
         if self.sensor is None:
             if self.images is not None:
                 raise ConfigError(f"--images: needs --sensor {allowed}")
+            if self.sweep_s is not None:
+                raise ConfigError("--sweep: needs --sensor lidar")
             if self.onto is not None:
                 raise ConfigError(f"--map: needs --sensor {allowed}")
         elif self.sensor not in SCAN_SOURCES:

@@ -7,13 +7,14 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
 
 from robotctl.errors import RobotctlError
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
 from robotctl.estimation.localisation_config import LocalisationConfig
+from robotctl.estimation.ranging.merging import ScanMerger
 from robotctl.estimation.sensor_names import LIDAR
 from robotctl.estimation.sensors.sensor import SensedRobot
 from robotctl.estimation.slam.front_end.surface import surface_of
@@ -23,20 +24,27 @@ from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.estimation.slam.keyframes.motion import ScanPose
 from robotctl.estimation.slam.keyframes.saved_map import KeyframeMap
 from robotctl.estimation.slam.keyframes.tracker import LEAST_ECHOES
+from robotctl.estimation.slam.local_scans.own_motion import OwnMotion
 from robotctl.estimation.slam.local_scans.registry import load_source
 from robotctl.estimation.slam.local_scans.source import ScanSource
 from robotctl.estimation.slam.robust.robust_cost import OFF
+from robotctl.estimation.slam.verdict.map_check import breaks, shifts_of
+from robotctl.estimation.slam.verdict.odometry_check import OdometryCheck
+from robotctl.estimation.slam.verdict.verdict import RunFigures, Verdict, verdict_of
 from robotctl.logs.formats.image_folder import TimedImage
 from robotctl.logs.formats.keyframes_log import load_keyframes
-from robotctl.logs.formats.recorded_log import read_recording
+from robotctl.logs.formats.recorded_log import has_odometry, read_recording
 from robotctl.logs.formats.robotctl_log import ROBOTCTL
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.recording import RecordedScan, Recording
 from robotctl.model.trajectory import Trajectory
+from robotctl.runtime.heap import map_large_arrays
 from robotctl.words import counted
-from robotctl.workbench.places.images import MatchedImages
-from robotctl.workbench.slam.pictures import ShownPictures, pictures_of
 from robotctl.workbench.slam.result import Estimated
+
+if TYPE_CHECKING:
+    from robotctl.workbench.places.images import MatchedImages
+    from robotctl.workbench.slam.pictures import ShownPictures
 
 Progress: TypeAlias = Callable[[int, int], None]
 
@@ -75,6 +83,9 @@ class ScanResult:
         What the images of keyframes were recognised as; None: there are none.
     place
         Where the robot was at the end.
+    verdict
+        How good the map is, as far as the run itself shows; None of stretches, which odometry holds
+        together: they say nothing of it.
     sensor
         Of the scans.
     """
@@ -89,6 +100,7 @@ class ScanResult:
     grid_ms: float
     frame: SE2
     place: ScanPose
+    verdict: Verdict | None
     images: MatchedImages | None = None
     sensor: str = LIDAR
 
@@ -98,7 +110,7 @@ class ScanResult:
         reference = self.recording.reference
         off = sum(weight < OFF for weight in back_end.weights)
         closed = [each for each in log if not each.reason]
-        figures = self.grid.figures()
+        figures, verdict = self.grid.figures(), self.verdict
         images: dict[str, Any] = {}
         if self.images is not None:
             refusals = [each.refusal for each in self.images.recognitions]
@@ -109,14 +121,15 @@ class ScanResult:
             }
         return {
             "log": self.recording.name,
+            "verdict": None if verdict is None else verdict.quality.value,
+            "reasons": [] if verdict is None else list(verdict.reasons),
             "notes": list(self.recording.notes),
             "scans": len(self.recording.scans),
             "odometry": self.has_odometry,
-            "slips": self.mapper.tracker.slips,
-            "unmatched": self.mapper.tracker.unmatched,
+            **self._tracking(),
             "keyframes": len(self.mapper.keyframes),
             "links": len(back_end.links),
-            "links_of_loops": sum(link.is_loop for link in back_end.links),
+            "links_of_loops": int(np.count_nonzero(back_end.links.is_loop)),
             "switched_off": off,
             "loops": {
                 "closed": len(closed),
@@ -139,12 +152,17 @@ class ScanResult:
             },
         }
 
-
-def has_odometry(recording: Recording) -> bool:
-    """Return whether the odometry of a log's scans is any, and not its reference again."""
-    return any(
-        each.reference is None or each.odometry != each.reference for each in recording.scans
-    )
+    def _tracking(self) -> dict[str, Any]:
+        """Return the figures of the registration; nothing speaks of wheels without odometry."""
+        tracker, robot = self.mapper.tracker, self.mapper.robot
+        return {
+            "slips": tracker.slips if self.has_odometry else None,
+            "odometry_left_out": robot.trust.losses if self.has_odometry else None,
+            "unmeasured_m": robot.unmeasured_m,
+            "unseen_m": tracker.unseen_m,
+            "ambiguous": tracker.ambiguous,
+            "unmatched": tracker.unmatched,
+        }
 
 
 def scan_slam(
@@ -154,11 +172,12 @@ def scan_slam(
     onto: Path | None = None,
     sensor: str = LIDAR,
     images: Path | None = None,
+    sweep_s: float | None = None,
 ) -> ScanResult:
     """Make trajectory and map of a log; with `onto`, go on with that map of keyframes.
 
     By lidar the log may begin anywhere on that, by others where the map's drive ended. With
-    `images`, a folder, places are recognised by these, too.
+    `images`, a folder, places are recognised by these, too. `sweep_s` is as of `read_recording`.
 
     Raises
     ------
@@ -168,7 +187,8 @@ def scan_slam(
     OSError
         If a file cannot be read.
     """
-    recording = read_recording(log, time_unit=time_unit)
+    map_large_arrays()
+    recording = read_recording(log, time_unit=time_unit, sweep_s=sweep_s)
     recording, source = _scanned(recording, sensor, log)
     first = next(
         (row for row, each in enumerate(recording.scans) if _echoes(each) >= LEAST_ECHOES), None
@@ -183,7 +203,11 @@ def scan_slam(
         recording = replace(
             recording, scans=recording.scans[first:], notes=(*recording.notes, note)
         )
-    pictures = () if images is None else pictures_of(images, recording.scans)
+    pictures: Sequence[TimedImage] = ()
+    if images is not None:
+        from robotctl.workbench.slam.pictures import pictures_of  # noqa: PLC0415 - OpenCV
+
+        pictures = pictures_of(images, recording.scans)
     saved = None if onto is None else _map_by(sensor, onto)
     if saved is not None and sensor == LIDAR:
         return scan_slam_onto(recording, saved, progress, pictures)
@@ -205,7 +229,7 @@ def _scanned(recording: Recording, sensor: str, log: Path) -> tuple[Recording, S
     """Return a recording with the scans of a sensor, and the source that made them."""
     source = load_source(sensor)
     if sensor == LIDAR:
-        return recording, source
+        return _joined(recording), source
     measured = source.recorded(recording)
     if not measured:
         raise ScanSlamError(
@@ -219,6 +243,21 @@ def _scanned(recording: Recording, sensor: str, log: Path) -> tuple[Recording, S
         raise ScanSlamError(f"{log}: {error}; {ROBOTCTL.name} says it") from error
     scans = [scan for each, odometry in measured for scan in maker.add(each, odometry)]
     return replace(recording, scans=tuple(scans)), source
+
+
+def _joined(recording: Recording) -> Recording:
+    """Return a recording whose scans are views of all its lidars."""
+    scans, by_wheels = recording.scans, has_odometry(recording.scans)
+    counts = Counter(each.scan.name for each in scans)
+    if len(counts) < 2:
+        return recording
+    leader = counts.most_common(1)[0][0]
+    merger, views = ScanMerger(leader), list[RecordedScan]()
+    for each in sorted(scans, key=lambda one: (one.scan.stamp_ns, one.scan.name == leader)):
+        view = merger.add(each.scan, each.odometry if by_wheels else SE2())
+        views += [] if view is None else [replace(each, scan=view)]
+    note = f"scans of {len(counts)} lidars, joined at those of {leader or 'the first'}"
+    return replace(recording, scans=tuple(views), notes=(*recording.notes, note))
 
 
 def _sensors_of(recording: Recording) -> str:
@@ -246,7 +285,7 @@ def scan_slam_of(
     With `after`, by stretches: go on with that map where its drive ended.
     """
     _compile(recording)
-    count, by_wheels = len(recording.scans), has_odometry(recording)
+    count, by_wheels = len(recording.scans), has_odometry(recording.scans)
     mapper = SlamMapper(config)
     if after is not None:
         mapper.resume(after, is_there=True)
@@ -275,7 +314,7 @@ def scan_slam_onto(
         If no scan is found.
     """
     _compile(recording)
-    count, by_wheels = len(recording.scans), has_odometry(recording)
+    count, by_wheels = len(recording.scans), has_odometry(recording.scans)
     mapper = SlamMapper(KeyframeConfig(is_live=True))
     mapper.resume(saved, is_there=False)
     drive, first, row = _Drive(mapper, recording, by_wheels, saved, pictures), 0, 0
@@ -314,7 +353,11 @@ class _Drive:
         pictures: Sequence[TimedImage] = (),
     ) -> None:
         self.mapper = mapper
-        self._pictures = ShownPictures(pictures, mapper) if pictures else None
+        self._pictures: ShownPictures | None = None
+        if pictures:
+            from robotctl.workbench.slam.pictures import ShownPictures  # noqa: PLC0415 - OpenCV
+
+            self._pictures = ShownPictures(pictures, mapper)
         self._heard: HeardPlaces | None = None
         if recording.sonars and recording.sonar_mounts:
             self._heard = HeardPlaces(recording.sonar_mounts, mapper.loops)
@@ -323,7 +366,8 @@ class _Drive:
         self._saved = saved
         self._looked: SE2 | None = None
         self._recording = recording
-        self._by_wheels = by_wheels
+        self._scans = [each.scan for each in recording.scans]
+        self._own_motion = None if by_wheels else OwnMotion()
         count = len(recording.scans)
         self.places = [ScanPose(0, 0, SE2())] * count
         self._online = [SE2()] * count
@@ -333,7 +377,11 @@ class _Drive:
         """Take a scan; look for it on the whole map, if the robot is lost on one."""
         mapper, each = self.mapper, self._recording.scans[row]
         began_ns = time.process_time_ns()
-        mapper.add(each.scan, each.odometry if self._by_wheels else None)
+        if self._own_motion is None:
+            mapper.add(each.scan, each.odometry)
+        else:
+            self._scans[row] = self._own_motion.straight(each.scan)
+            mapper.add(self._scans[row])
         if mapper.relocaliser.is_searching and _is_away(self._looked, mapper.pose):
             while mapper.relocaliser.is_searching and not mapper.relocalise():
                 pass
@@ -354,7 +402,7 @@ class _Drive:
 
     def result(self) -> ScanResult:
         """Return all of it."""
-        mapper, scans = self.mapper, [each.scan for each in self._recording.scans]
+        mapper, scans = self.mapper, self._scans
         stamps_ns = [each.stamp_ns for each in scans]
         poses = [mapper.back_end.pose(each.keyframe) @ each.pose for each in self.places]
         estimate = Trajectory.of(stamps_ns, poses)
@@ -369,18 +417,42 @@ class _Drive:
             grid.update_scans(placed[begin:end], drawn[begin:end])
         grid_ms = 1e-6 * (time.process_time_ns() - began_ns)
         notes = () if self._pictures is None else self._pictures.notes
+        matched = zip(self._recording.scans, scans, strict=True)
         return ScanResult(
-            replace(self._recording, notes=(*self._recording.notes, *notes)),
+            replace(
+                self._recording,
+                scans=tuple(replace(each, scan=scan) for each, scan in matched),
+                notes=(*self._recording.notes, *notes),
+            ),
             mapper,
             estimate,
             Trajectory.of(stamps_ns, self._online),
             grid,
-            self._by_wheels,
+            self._own_motion is None,
             self._times_ms,
             grid_ms,
             SE2() if self._saved is None else self._saved.frame,
             self._end(),
+            None if mapper.config.stretch_m else self._verdict(estimate),
             None if self._pictures is None else self._pictures.matched,
+        )
+
+    def _verdict(self, estimate: Trajectory) -> Verdict:
+        """Return the verdict on the map, after the last scan."""
+        mapper, scans, check = self.mapper, self._recording.scans, OdometryCheck()
+        for scan, row in zip(scans, estimate.poses.tolist(), strict=True):
+            check.add(scan.odometry, SE2(*row))
+        figures = check.figures() if self._own_motion is None else None
+        return verdict_of(
+            RunFigures(
+                len(scans),
+                mapper.tracker.unmatched,
+                mapper.tracker.ambiguous,
+                shifts_of(mapper.growing),
+                figures,
+                len(breaks(mapper.growing)),
+            ),
+            mapper.config.tuning.verdict,
         )
 
     def _end(self) -> ScanPose:

@@ -17,6 +17,7 @@ from robotctl.estimation.slam.ekf_slam.bookkeeping import Association
 from robotctl.estimation.slam.ekf_slam.joined_maps import MOST_FEATURES
 from robotctl.estimation.slam.ekf_slam.recorded import RecordedSlam
 from robotctl.estimation.slam.graph.variables import SE2 as POSES
+from robotctl.logs.formats.plaza_log import is_range_log, read_range_log
 from robotctl.logs.formats.recorded_log import read_recording
 from robotctl.logs.formats.tum import write_tum
 from robotctl.logs.graphs.g2o import G2O
@@ -29,6 +30,7 @@ from robotctl.model.recording import UNKNOWN_LANDMARK, Recording
 from robotctl.model.trajectory import Trajectory
 from robotctl.workbench.slam.graphs import slam_of_graph, smoothed
 from robotctl.workbench.slam.options import SlamOptions
+from robotctl.workbench.slam.ranges import slam_of_ranges
 from robotctl.workbench.slam.recorded_graph import graph_of_recording
 from robotctl.workbench.slam.result import Estimated, Landmarks, SlamResult
 
@@ -53,6 +55,10 @@ def slam(options: SlamOptions, progress: Progress) -> SlamResult:
     """
     log = options.log
     is_graph = log.is_file() and any(each.matches(log) for each in GRAPH_FORMATS)
+    if is_range_log(log):
+        if options.solver in ("ekf", "submaps"):
+            raise ConfigError(f"--solver {options.solver}: {log} has ranges only; graph is allowed")
+        return smoothed(slam_of_ranges(log.name, read_range_log(log)))
     if is_graph:
         if options.association != "names":
             raise ConfigError(

@@ -503,3 +503,31 @@ def test_a_setting_that_means_nothing_to_a_localiser_is_refused_with_those_it_he
     overrides = ('localisation.method="ekf"', 'localisation.map="flat"', f"localisation.{setting}")
     with pytest.raises(ConfigError, match=f'needs method {allowed}, found "ekf"'):
         load_robot(find_file("diff_drive"), overrides)
+
+
+def test_mapping_pauses_and_goes_on_by_a_parameter_and_says_so(world: Path) -> None:
+    several = estimators(world, 'localisation.method="mcl"', "localisation.mapping=true")
+    cells, said = [], []
+    for step in range(120):
+        if step in (40, 80):
+            several.retune({"localisation.paused": step == 40, "limits.v_max_m_s": 0.1})
+            said += several.take_notices()
+        now_ns = 50 * MS * step
+        pose = way(now_ns)
+        found = several.step(control(now_ns, pose), [scan(now_ns, pose)], (), now_ns)
+        assert found is not None
+        assert found.paused is (40 <= step < 80)
+        assert several.mapper is not None
+        cells.append(several.mapper.grid.to_map().cells.copy())
+    said += several.take_notices()
+    assert [each for each in said if each.startswith("mapping")] == [
+        "mapping paused: the map stays as it is",
+        "mapping goes on",
+    ]
+    assert np.array_equal(cells[39], cells[79])
+    assert not np.array_equal(cells[79], cells[-1])
+
+
+def test_a_robot_whose_file_says_paused_begins_so(world: Path) -> None:
+    several = estimators(world, 'localisation.method="mcl"', "localisation.paused=true")
+    assert "mapping paused: the map stays as it is" in several.take_notices()

@@ -1,5 +1,6 @@
 """SLAM takes the best sensor that the robot has, or says what it needs."""
 
+import math
 from dataclasses import replace
 
 import msgspec
@@ -15,6 +16,7 @@ from robotctl.errors import ConfigError
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.model.geometry.localisation import LocalisationStatus
+from robotctl.model.geometry.pose_estimate import from_upper_triangle
 from robotctl.model.geometry.se2 import SE2
 from tests.estimation.slam.keyframes.test_mapper import OFFICE
 from tests.estimation.slam.lidar_world import along
@@ -61,6 +63,28 @@ def test_only_a_lidar_finds_a_robot_on_a_map_that_stays_as_it_is():
     assert sensor("diff_drive", *by_sonar, kept, "localisation.mapping=true").name == "sonar"
     with pytest.raises(ConfigError, match=r"'office.keyframes': only a lidar .*method = \"mcl\""):
         sensor("diff_drive", *by_sonar, kept)
+
+
+def test_stretches_lie_along_the_odometry_of_the_robots_file():
+    noise = ("odometry.e_m_per_sqrt_m=0.02", "odometry.f_rad_per_sqrt_m=0.003")
+    wheels = sensor("diff_drive", 'localisation.sensors=["sonar"]', *noise).config.wheels
+    assert wheels.sigma_m(0.25, 0.0) == pytest.approx(0.01)
+    assert wheels.sigma_rad(4.0, 0.0) == pytest.approx(0.006)
+
+
+def test_the_pose_is_less_sure_the_longer_the_way_since_the_last_scan_is():
+    """By the law of white noise: after d metres e^2 d along, f^2 d^3 / 3 across, f^2 d in turn."""
+    chosen, history = sensor("diff_drive", 'localisation.sensors=["sonar"]'), OdometryHistory()
+    mapper = SlamMapper(replace(chosen.config, is_live=True))
+    localiser = SlamLocaliser(mapper, chosen, SE2(1.0, 2.0, math.pi / 2.0), history)
+    localiser.begin_odometry()
+    for stamp_ns, x_m in enumerate((0.0, 0.5, 1.5), start=1):
+        state = msgspec.structs.replace(CONTROL, stamp_ns=stamp_ns, x_m=x_m, y_m=0.0, theta_rad=0.0)
+        found = localiser.step(state, LocaliserInput(), stamp_ns)
+    covariance = from_upper_triangle(found.covariance)
+    assert covariance[1, 1] == pytest.approx(0.01**2 * 1.5, rel=0.02)
+    assert covariance[0, 0] == pytest.approx(0.01**2 * 1.5**3 / 3.0, rel=0.03)
+    assert covariance[2, 2] == pytest.approx(0.01**2 * 1.5, rel=0.02)
 
 
 def follow(localiser, history, steps, epoch_ns):

@@ -54,13 +54,13 @@ def test_loops_are_judged_by_where_the_robot_was_then_also_when_that_comes_later
         pose = true[earlier].inverse() @ true[later] @ SE2(shift_m, 0.0, turn_rad)
         return ClosedLoop(at[later], at[earlier], pose.x_m, pose.y_m, pose.theta_rad)
 
-    score.loops([loop(390, 5, 0.4)])
+    score.hear([loop(390, 5, 0.4)], "good")
     for stamp_ns, pose in zip(at, true, strict=True):
         score.truth(StampedPose(stamp_ns, pose.x_m, pose.y_m, pose.theta_rad))
         score.estimate(pose, pose)
     assert (score.result().loops, score.result().false_loops) == (1, 0)
-    score.loops([loop(390, 5, 0.6), loop(380, 2, 0.0, -0.25), loop(380, 2, 0.1, 0.1)])
-    score.loops([ClosedLoop(at[9], -7, 0.0, 0.0, 0.0)])  # of a run before this one
+    score.hear([loop(390, 5, 0.6), loop(380, 2, 0.0, -0.25), loop(380, 2, 0.1, 0.1)], "good")
+    score.hear([ClosedLoop(at[9], -7, 0.0, 0.0, 0.0)], "good")  # of a run before this one
     assert (score.result().loops, score.result().false_loops) == (4, 2)
 
 

@@ -35,7 +35,7 @@ from robotctl.messages.faults import FaultCode as C
 from robotctl.runtime.flight.recorder import Recorder, Tick, read_record
 from robotctl.safety.state_machine import POWERED
 from tests.mavlink.conftest import Bench, control_state
-from tests.mavlink.services.test_ground_stations import heartbeat
+from tests.mavlink.services.link.test_ground_stations import heartbeat
 
 MS: Final = 1_000_000
 MIDDLE: Final = (3.0, 2.0, 0.0)

@@ -16,6 +16,7 @@ from robotctl.logs.formats.recorded_log import read_recording
 from robotctl.logs.formats.tum import read_tum
 from robotctl.maps.map_file import load_map
 from robotctl.maps.world import load_walls
+from robotctl.workbench.slam.scans import scan_slam
 from tests.app.simulation.missions import drive, fingerprint, without_computing_times
 
 MCL = ('localisation.method="mcl"',)
@@ -159,3 +160,24 @@ def _distances(points: np.ndarray, walls: np.ndarray) -> np.ndarray:
     to = points[:, None] - a
     share = np.clip(np.sum(to * along, axis=2) / np.sum(along * along, axis=1), 0.0, 1.0)
     return np.hypot(*np.moveaxis(to - share[..., None] * along, 2, 0)).min(axis=1)
+
+
+def test_a_robot_with_two_sweeping_lidars_maps_by_both_and_its_log_too(tmp_path: Path) -> None:
+    half = "fov_deg=180.0,beams=181"
+    front = f'{{name="front",x_m=0.12,sweep_s=0.1,{half}}}'
+    rear = f'{{name="rear",x_m=-0.12,heading_deg=180.0,sweep_s=-0.1,rate_hz=8.0,{half}}}'
+    report = drive(
+        localisation=('localisation.method="slam"', "localisation.mapping=true"),
+        overrides=(f"simulation.lidar=[{front},{rear}]",),
+        max_seconds=20,
+        record=tmp_path,
+    )
+    assert report.collisions == 0
+    assert report.localisation.error.max_m < 0.03
+    assert report.map_quality.precision > 0.97
+    scans = read_recording(tmp_path).scans
+    assert {each.scan.name for each in scans} == {"front", "rear"}
+    assert {each.scan.sweep_s for each in scans} == {0.0}  # unwound by the odometry
+    result = scan_slam(tmp_path, None, lambda *_: None)
+    assert all(len(each.scan.others) == 1 for each in result.mapper.keyframes[1:])
+    assert result.report()["trajectory"]["rmse_m"] < 0.02

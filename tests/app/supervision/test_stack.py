@@ -1,15 +1,10 @@
-"""The real processes of a robot on a simulated bus without nodes: killed, hung, told to stop."""
+"""The real processes of a robot: killed, hung, told to stop."""
 
 import contextlib
 import errno
-import itertools
-import json
 import os
-import pty
 import signal
-import socket
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -18,8 +13,6 @@ from typing import Any
 
 import pytest
 import zmq
-from mcap.reader import make_reader
-from pymavlink.dialects.v20 import common
 
 from robotctl.app.signing_files import write_new_key
 from robotctl.app.supervision.child_process import start_child
@@ -30,7 +23,6 @@ from robotctl.app.supervision.stack import (
     CONTROL,
     LIDAR,
     NAVIGATION,
-    RECORDER,
     ROLES,
     TELEMETRY,
     Stack,
@@ -41,65 +33,14 @@ from robotctl.config.changes import ParameterFile
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file
 from robotctl.errors import ConfigError
-from robotctl.messages.control import ControlState, NavigationState, Notice, SafetyState
+from robotctl.messages.control import SafetyState
 from robotctl.messages.supervision import LIFE_NS, Restart, ShutDown
 from robotctl.runtime.ipc.topics import (
     Endpoints,
     RequestSender,
-    Subscriber,
     endpoint_directory,
 )
-
-DEADLINE_S = 40.0
-
-
-def wait(condition: Callable[[], Any], what: str) -> Any:
-    deadline_s = time.monotonic() + DEADLINE_S
-    while not (found := condition()):
-        assert time.monotonic() < deadline_s, what
-        time.sleep(0.01)
-    return found
-
-
-@pytest.fixture(scope="module")
-def channel(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    name = str(tmp_path_factory.mktemp("bus") / "hub")
-    command = [sys.executable, "-m", "firmware_sim.bus", "--channel", name, "--ack"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as hub:
-        wait(Path(name).exists, "the bus is there")
-        yield name
-        hub.terminate()
-
-
-class Ear:
-    """Hears the control process's state."""
-
-    def __init__(self, instance: str) -> None:
-        self.context: zmq.Context = zmq.Context()
-        kinds = ControlState | NavigationState | Notice
-        endpoints = Endpoints(endpoint_directory(instance))
-        self.subscriber = Subscriber(self.context, endpoints.published, kinds)
-
-    def newest(self) -> ControlState | None:
-        states = [each for each in self.subscriber.receive() if isinstance(each, ControlState)]
-        return states[-1] if states else None
-
-    def is_in(self, state: SafetyState) -> bool:
-        newest = self.newest()
-        return newest is not None and newest.state is state
-
-
-@pytest.fixture
-def ear(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Iterator[Ear]:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path_factory.mktemp("run")))
-    made = Ear("robot")
-    yield made
-    made.context.destroy(linger=0)
-
-
-def overrides(channel: str) -> tuple[str, ...]:
-    bus = ('can.interface="simcan"', f'can.channel="{channel}"')
-    return (*bus, "mavlink.link=[]", "runtime.allow_best_effort=true")
+from tests.app.supervision.bench import Ear, overrides, wait
 
 
 @pytest.fixture
@@ -404,251 +345,3 @@ def test_a_second_robot_on_the_same_bus_or_of_the_same_name_is_refused_and_distu
         lines += watch_until(stack, ear.newest, "the first one goes on")
     assert lines == []
     assert stack.ready
-
-
-class Run:
-    """`robotctl run` on a terminal of its own."""
-
-    def __init__(self, channel: str, record: Path, manager: Path, link: str = "") -> None:
-        self.record = record
-        self.manager = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-        self.manager.bind(str(manager))
-        self.manager.setblocking(False)
-        service = {"NOTIFY_SOCKET": str(manager), "WATCHDOG_USEC": "400000"}
-        self.terminal, child = pty.openpty()
-
-        def take_terminal() -> None:
-            os.setsid()
-            os.close(os.open(os.ttyname(child), os.O_RDWR))
-
-        links = (f'mavlink.link=[{{url="{link}"}}]',) if link else ()
-        given = (*overrides(channel), *links)
-        settings = [part for each in given for part in ("--set", each)]
-        self.process = subprocess.Popen(
-            [
-                *(sys.executable, "-c", "from robotctl.cli.main import main; main()", "run"),
-                *("--record", str(record), *settings),
-            ],
-            stdin=child,
-            stdout=child,
-            stderr=child,
-            env=os.environ | service,
-            preexec_fn=take_terminal,  # noqa: PLW1509 - nothing but system calls
-        )
-        os.close(child)
-        os.set_blocking(self.terminal, False)
-        self.output = self.status = ""
-        self.ready = False
-
-    def said(self, words: str) -> bool:
-        with contextlib.suppress(BlockingIOError, OSError):
-            self.output += os.read(self.terminal, 65536).decode()
-        return words in self.output
-
-    def told(self) -> list[str]:
-        """Return what systemd was told since the last call."""
-        lines = []
-        with contextlib.suppress(BlockingIOError):
-            while True:
-                lines.append(self.manager.recv(4096).decode())
-        self.ready |= "READY=1" in lines
-        self.status = ([each for each in lines if each.startswith("STATUS=")] or [self.status])[-1]
-        return lines
-
-    def child(self, module: str) -> int:
-        """Return the process id of a child, as the kernel knows it."""
-        path = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children")
-        for pid in path.read_text().split():
-            if module in Path(f"/proc/{pid}/cmdline").read_text():
-                return int(pid)
-        raise AssertionError(f"no {module} below {self.process.pid}")
-
-
-@pytest.fixture
-def run(
-    channel: str, ear: Ear, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[Run]:
-    made = Run(channel, tmp_path / "record", tmp_path_factory.mktemp("manager") / "notify")
-
-    def ready() -> bool:
-        made.told()
-        assert made.process.poll() is None, made.output
-        return made.said("ready:")
-
-    wait(ready, "the robot is ready")
-    made.told()
-    yield made
-    made.process.terminate()
-    made.process.wait(DEADLINE_S)
-    os.close(made.terminal)
-    made.manager.close()
-
-
-def test_sigusr1_to_the_supervisor_stops_the_robot(run: Run, ear: Ear) -> None:
-    pid = run.child(CONTROL)
-    run.process.send_signal(signal.SIGUSR1)
-    wait(lambda: ear.is_in(SafetyState.EMERGENCY_STOP), "latched")
-    assert run.child(CONTROL) == pid
-
-
-def test_sigusr1_straight_to_the_control_process_stops_the_robot(run: Run, ear: Ear) -> None:
-    pid = run.child(CONTROL)
-    os.kill(run.process.pid, signal.SIGSTOP)  # no supervisor helps
-    try:
-        os.kill(pid, signal.SIGUSR1)
-        wait(lambda: ear.is_in(SafetyState.EMERGENCY_STOP), "latched")
-    finally:
-        os.kill(run.process.pid, signal.SIGCONT)
-    assert run.child(CONTROL) == pid
-
-
-def test_a_key_in_the_terminal_stops_the_robot(run: Run, ear: Ear) -> None:
-    assert run.said("Space or e")
-    os.write(run.terminal, b"x")
-    time.sleep(0.3)  # that nothing follows has no sign to wait for
-    assert not ear.is_in(SafetyState.EMERGENCY_STOP)
-    os.write(run.terminal, b" ")
-    wait(lambda: ear.is_in(SafetyState.EMERGENCY_STOP), "latched")
-
-
-def test_an_end_is_said_and_logged_and_sigterm_ends_the_robot_in_order(run: Run) -> None:
-    os.kill(run.child(TELEMETRY), signal.SIGKILL)
-    wait(lambda: run.said("telemetry ended after"), "the end is said")
-    (line,) = (run.record / "exits.jsonl").read_text().splitlines()
-    assert json.loads(line)["status"] == -signal.SIGKILL
-    run.process.terminate()
-    assert run.process.wait(DEADLINE_S) == 0
-
-
-def test_systemd_hears_of_a_control_loop_that_stands_by_hearing_nothing(run: Run) -> None:
-    assert run.ready
-    wait(lambda: "WATCHDOG=1" in run.told(), "the watchdog is fed")
-    os.kill(run.child(CONTROL), signal.SIGSTOP)
-    stopped_s = time.monotonic()
-    fed_s: list[float] = []
-
-    def fed_again() -> bool:
-        fed_s.extend([time.monotonic()] * run.told().count("WATCHDOG=1"))
-        return bool(fed_s) and fed_s[-1] - stopped_s > 1.0 and run.said("it hung")
-
-    wait(fed_again, "the watchdog is fed for the new control process")
-    gaps_s = [after - before for before, after in itertools.pairwise([stopped_s, *fed_s])]
-    assert max(gaps_s) > 1.0  # the supervisor lived and watched, and yet did not feed it
-
-
-class Station:
-    """A ground station that collects what it is told, put together from its chunks."""
-
-    def __init__(self, port: int) -> None:
-        self.socket = socket.socket(type=socket.SOCK_DGRAM)
-        self.socket.connect(("127.0.0.1", port))
-        self.socket.setblocking(False)
-        self.texts: list[str] = []
-        self._mav = common.MAVLink(None, 255, 190)
-        self._chunks: dict[int, str] = {}
-        self._beat_s = 0.0
-
-    def heard(self, words: str) -> bool:
-        if time.monotonic() - self._beat_s > 0.5:
-            self._beat_s = time.monotonic()
-            with contextlib.suppress(ConnectionRefusedError):
-                self.socket.send(common.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3).pack(self._mav))
-        with contextlib.suppress(BlockingIOError, ConnectionRefusedError):
-            while True:
-                for message in self._mav.parse_buffer(self.socket.recv(4096)) or ():
-                    if message.get_type() == "STATUSTEXT":
-                        self._take(message)
-        return any(words in text for text in self.texts)
-
-    def _take(self, message: Any) -> None:
-        text = self._chunks.pop(message.id, "") + message.text
-        if message.id and len(message.text) == 50:
-            self._chunks[message.id] = text
-        else:
-            self.texts.append(text)
-
-
-ENDS = [
-    (CONTROL, signal.SIGKILL, 0.0, "control ended after", "signal 9, SIGKILL"),
-    (CONTROL, signal.SIGSTOP, 0.6, "control is held up", "stopped by a signal"),
-    (CONTROL, signal.SIGSTOP, 3.0, "control ended after", "it hung, signal 9, SIGKILL: stopped by"),
-    (NAVIGATION, signal.SIGKILL, 0.0, "navigation ended after", "signal 9, SIGKILL"),
-    (NAVIGATION, signal.SIGSTOP, 2.0, "navigation was held up for", "stopped by a signal"),
-    (NAVIGATION, signal.SIGABRT, 0.0, "navigation ended after", "signal 6, SIGABRT"),
-    (RECORDER, signal.SIGKILL, 0.0, "recorder ended after", "signal 9, SIGKILL"),
-    (TELEMETRY, signal.SIGSTOP, 2.0, "telemetry was held up for", "stopped by a signal"),
-    (TELEMETRY, signal.SIGKILL, 0.0, "telemetry ended after", "signal 9, SIGKILL"),
-]
-"""Which process, the signal, how long until SIGCONT [s], and parts of what is to be said."""
-
-
-def logged(record: Path) -> list[str]:
-    """Return all lines in the logs of states of a record."""
-    lines = []
-    for path in record.glob("*.mcap"):
-        with path.open("rb") as file:
-            for _, channel, message in make_reader(file).iter_messages():
-                if channel.topic == "notice":
-                    lines.append(json.loads(message.data)["message"])
-    return lines
-
-
-def test_every_end_and_every_pause_reaches_terminal_ground_station_log_and_exit_log(
-    channel: str, ear: Ear, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
-) -> None:
-    with socket.socket(type=socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    record = tmp_path / "record"
-    notify = tmp_path_factory.mktemp("manager") / "notify"
-    run = Run(channel, record, notify, f"udpin:127.0.0.1:{port}")
-    station = Station(port)
-    try:
-        wait(lambda: (run.told(), run.said("ready: control"))[1], "the robot is ready")
-        for module, number, pause_s, what, why in ENDS:
-            wait(lambda: all_run(run), "all processes run")
-            run.output, station.texts = "", []
-            pid = run.child(module)
-            os.kill(pid, number)
-            if pause_s:
-                time.sleep(pause_s)  # the pause is what is tested
-                with contextlib.suppress(ProcessLookupError):
-                    os.kill(pid, signal.SIGCONT)
-            wait(lambda what=what: run.said(what), f"the terminal says {what}")
-            wait(lambda what=what: station.heard(what), f"the ground station hears {what}")
-            for lines in (run.output.splitlines(), station.texts):
-                assert any(what in line and why in line for line in lines), (what, why, lines)
-        run.output, station.texts = "", []
-        os.kill(run.process.pid, signal.SIGSTOP)
-        time.sleep(2.0)
-        os.kill(run.process.pid, signal.SIGCONT)
-        own = "the supervisor was held up for"
-        wait(lambda: run.said(own), "the terminal says it")
-        wait(lambda: station.heard(own), "the ground station hears it")
-        entries = [json.loads(line) for line in (record / "exits.jsonl").read_text().splitlines()]
-        recorder = Path(f"/proc/{run.child(RECORDER)}")
-        run.process.send_signal(signal.SIGKILL)
-        gone = "the supervisor ended: so does robotctl"
-        wait(lambda: station.heard(gone), "the ground station hears of the supervisor's end")
-        wait(lambda: not recorder.exists(), "the logs are closed")
-    finally:
-        run.process.kill()
-        run.process.wait(DEADLINE_S)
-        os.close(run.terminal)
-        run.manager.close()
-        station.socket.close()
-    lines = logged(record)
-    for module, _, pause_s, what, why in ENDS:
-        assert any(what in line and why in line for line in lines), (what, why, lines)
-        name = module.rpartition(".")[2]
-        assert any(
-            each["name"] == name and ("paused_s" in each) == ("held up" in what) for each in entries
-        ), (name, pause_s, entries)
-    assert any(own in line for line in lines)
-    assert any(each["name"] == "the supervisor" for each in entries)
-
-
-def all_run(run: Run) -> bool:
-    """Return whether all processes work: of one that starts no pause is said."""
-    run.told()
-    return run.status.count(" running") == len(ROLES)

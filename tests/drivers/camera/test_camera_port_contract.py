@@ -10,7 +10,8 @@ import cv2
 import numpy as np
 import pytest
 
-from firmware_sim.world.truth import Picture, Publisher
+from firmware_sim.world.publisher import Publisher
+from firmware_sim.world.truth import Picture
 from robotctl.drivers.camera.simulated_camera import SimulatedCamera
 from robotctl.drivers.camera.video_capture import open_camera
 from robotctl.errors import LinkError

@@ -17,6 +17,7 @@ from robotctl.estimation.landmarks.config import LandmarkConfig
 from robotctl.estimation.landmarks.fix import SeenLandmark, pose_from_landmarks
 from robotctl.estimation.landmarks.localisation import CountedOdometry, localise_by_landmarks
 from robotctl.estimation.landmarks.models import OdometryReading, S, moved, sighting
+from robotctl.estimation.landmarks.smoothing import LandmarkSmoother, smoothed
 from robotctl.logs.formats.mrclam_log import read_mrclam
 from robotctl.model.drives.motion import arc
 from robotctl.model.geometry.pose_estimate import LocalisationStatus, PoseEstimate
@@ -163,6 +164,104 @@ def test_a_variance_is_learned_and_a_wild_value_hardly_moves_it():
     assert variance.factor == pytest.approx(1.0)
 
 
+def scored(recording, estimates):
+    """Errors in position, NEES, and the share LOCALISED more than 1 m or 30 deg off."""
+    errors, nees, wrong = [], [], []
+    for each in estimates:
+        truth = recording.reference.at(each.stamp_ns)
+        errors.append(math.hypot(each.pose.x_m - truth.x_m, each.pose.y_m - truth.y_m))
+        turned = math.remainder(each.pose.theta_rad - truth.theta_rad, math.tau)
+        is_off = errors[-1] > 1.0 or abs(turned) > math.radians(30.0)
+        wrong.append(is_off and each.status is LocalisationStatus.LOCALISED)
+        nees.append(pose_nees(each, truth))
+    return np.array(errors), np.array(nees), float(np.mean(wrong))
+
+
+def both_ways(recording, config, start):
+    """Estimates of the filter, and those by all that was seen."""
+    smoother, online = LandmarkSmoother(config), []
+    for step in localise_by_landmarks(recording, config, start):
+        online.append(step.estimate)
+        smoother.add(step)
+    return online, smoothed(recording, config, start, smoother)
+
+
+def blind(recording, *stretches):
+    """The recording without the sightings of some stretches, (begin, end) [s]."""
+    seen = tuple(
+        each
+        for each in recording.sightings
+        if not any(begin <= 1e-9 * each.stamp_ns < end for begin, end in stretches)
+    )
+    return replace(recording, sightings=seen)
+
+
+def test_a_blind_robot_says_that_it_guesses_and_what_it_sees_later_tells_where_it_was():
+    # blind from the start, when the odometry is not yet calibrated: 5 % long, turns 8 % short
+    recording = blind(simulated_drive(6), (0.0, 60.0))
+    online, after = both_ways(recording, EXACT, start_near(recording, 6))
+    errors, _, wrong = scored(recording, online)
+    assert errors.max() > 0.7
+    assert wrong == 0.0
+    assert any(each.status is LocalisationStatus.SEARCHING for each in online)
+    smooth_errors, _, wrong = scored(recording, after)
+    assert smooth_errors.max() < 0.5 * errors.max()
+    assert wrong == 0.0
+
+
+def test_nees_of_the_smoothed_drive_keeps_its_bounds_over_seeded_blind_drives():
+    nees = []
+    for seed in range(4):
+        recording = blind(simulated_drive(seed, seconds=80.0), (20.0, 50.0))
+        online, after = both_ways(recording, EXACT, start_near(recording, seed))
+        assert [each.stamp_ns for each in after] == [each.stamp_ns for each in online]
+        nees.append(scored(recording, after)[1])
+    assert share_inside(np.concatenate(nees), 3) > 0.85
+    assert np.mean([each.mean() for each in nees]) < 3.0 + 3.0 * math.sqrt(6.0 / len(nees))
+
+
+def test_the_backward_pass_conditions_the_whole_drive_on_all_that_was_seen():
+    """The oracle is the joint Gaussian of all states of the linearised drive, dense."""
+    recording = simulated_drive(7, seconds=5.0)
+    smoother, steps = LandmarkSmoother(EXACT), []
+    for step in localise_by_landmarks(recording, EXACT, start_near(recording, 7)):
+        smoother.add(step)
+        steps.append((step.made, step.ekf.x, step.ekf.P))
+    n, count = len(S), len(steps)
+    _, x, P = steps[0]
+    mean, joint, maps, told = [x], np.zeros((n * count, n * count)), [], []
+    joint[:n, :n] = P
+    for k in range(1, count):
+        (made, after, P_after), (_, before, P_before) = steps[k], steps[k - 1]
+        now, last = slice(k * n, (k + 1) * n), slice((k - 1) * n, k * n)
+        mean.append(made.x + made.F @ (mean[-1] - before))
+        joint[now, : k * n] = made.F @ joint[last, : k * n]
+        joint[: k * n, now] = joint[now, : k * n].T
+        joint[now, now] = made.F @ joint[last, last] @ made.F.T + made.Q
+        # what the sightings said, as unit measurements: the information that the step gained
+        predicted = made.F @ P_before @ made.F.T + made.Q
+        scale = np.sqrt(np.diag(predicted))
+        unit = np.outer(scale, scale)
+        P_after, predicted = P_after / unit, predicted / unit
+        values, vectors = np.linalg.eigh(np.linalg.inv(P_after) - np.linalg.inv(predicted))
+        kept = values > 1e-6
+        rows = np.sqrt(values[kept])[:, None] * vectors[:, kept].T
+        b = np.linalg.solve(P_after, after / scale) - np.linalg.solve(predicted, made.x / scale)
+        told.append((rows @ b) / values[kept])
+        whole = np.zeros((kept.sum(), n * count))
+        whole[:, now] = rows / scale
+        maps.append(whole)
+    A, z, m = np.concatenate(maps), np.concatenate(told), np.concatenate(mean)
+    assert len(z) > 20  # sightings
+    gain = np.linalg.solve(A @ joint @ A.T + np.eye(len(z)), A @ joint).T
+    expected = (m + gain @ (z - A @ m)).reshape(count, n)
+    np.testing.assert_allclose(smoother.states(), expected, atol=1e-6)
+    wide = joint - gain @ A @ joint
+    for k, each in enumerate(smoother.estimates()):
+        at = slice(k * n, k * n + 3)
+        np.testing.assert_allclose(each.covariance, wide[at, at], atol=1e-8)
+
+
 def followed(recording, config, start):
     """Errors in position, NEES, and the last step."""
     errors, nees = [], []
@@ -226,7 +325,9 @@ def test_outliers_do_not_spoil_the_calibration():
 def test_a_robot_carried_away_is_said_to_be_lost_and_finds_itself_again():
     recording = simulated_drive(4, carried=(100.0, SE2(-1.0, 1.0, 2.0)))
     said, errors = [], []
+    smoother = LandmarkSmoother(LandmarkConfig())
     for step in localise_by_landmarks(recording, LandmarkConfig(), start_near(recording)):
+        smoother.add(step)
         truth = recording.reference.at(step.estimate.stamp_ns)
         pose = step.estimate.pose
         errors.append(math.hypot(pose.x_m - truth.x_m, pose.y_m - truth.y_m))
@@ -236,6 +337,11 @@ def test_a_robot_carried_away_is_said_to_be_lost_and_finds_itself_again():
     assert np.mean(errors[-300:]) < 0.15
     assert said[-1] is LocalisationStatus.LOCALISED
     assert step.ekf.x[S.DEPTH_SHARE] == pytest.approx(1.0, abs=0.3)
+    # nothing of the place after it is carried over to the drive before
+    after = smoothed(recording, LandmarkConfig(), start_near(recording), smoother)
+    away = scored(recording, after)[0]
+    assert np.mean(away[:900]) < 0.1
+    assert np.mean(away[-300:]) < 0.1
 
 
 def test_a_start_that_is_quite_wrong_is_found_out():
@@ -271,12 +377,18 @@ def test_real_robots_are_followed_to_a_decimetre_and_know_how_well(recordings: P
         twist_stamps_ns=recording.twist_stamps_ns[:20_000],
         twists=recording.twists[:20_000],
     )
-    errors, nees = [], []
+    smoother = LandmarkSmoother(LandmarkConfig())
+    online = []
     for step in localise_by_landmarks(head, LandmarkConfig(), start):
-        assert step.estimate.status is LocalisationStatus.LOCALISED
-        truth = head.reference.at(step.estimate.stamp_ns)
-        pose = step.estimate.pose
-        errors.append(math.hypot(pose.x_m - truth.x_m, pose.y_m - truth.y_m))
-        nees.append(pose_nees(step.estimate, truth))
+        assert step.estimate.status is not LocalisationStatus.LOST
+        online.append(step.estimate)
+        smoother.add(step)
+    errors, nees, wrong = scored(head, online)
     assert math.sqrt(np.mean(np.square(errors))) < 0.12
-    assert share_inside(np.array(nees), 3) > 0.88
+    assert share_inside(nees, 3) > 0.88
+    assert wrong == 0.0
+    after = smoothed(head, LandmarkConfig(), start, smoother)
+    assert all(each.status is LocalisationStatus.LOCALISED for each in after)
+    errors, nees, _ = scored(head, after)
+    assert math.sqrt(np.mean(np.square(errors))) < 0.06
+    assert share_inside(nees, 3) > 0.85

@@ -339,7 +339,7 @@ def test_what_fits_no_place_of_the_map_is_lost_and_not_localised():
     [
         ({"min_particles": 0}, "min_particles"),
         ({"min_particles": 30, "max_particles": 20}, "max_particles"),
-        ({"max_particles": 3000, "search_particles": 2000}, "search_particles"),
+        ({"max_particles": 3000, "search_poses": 2000}, "search_poses"),
         ({"resample_below": 0.0}, "resample_below"),
         ({"n_eff_floor": 1.0}, "n_eff_floor"),
         ({"carried_away": 0.5}, "carried_away"),

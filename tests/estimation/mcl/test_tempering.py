@@ -12,7 +12,7 @@ from robotctl.estimation.mcl.particles import effective_size, weighted_covarianc
 from robotctl.estimation.mcl.pose_bins import BinSize
 from robotctl.estimation.mcl.sliced import at_once
 from robotctl.estimation.mcl.tempering import bearable_exponent
-from robotctl.estimation.ranging.log_likelihood import LogLikelihood
+from robotctl.estimation.ranging.log_likelihood import LogLikelihood, evaluated
 
 N = 20_000
 ALIKE = np.full(N, 1 / N)
@@ -60,9 +60,10 @@ def anywhere(seed: int) -> np.ndarray:
     return np.random.default_rng(seed).uniform((-10, -10, -math.pi), (10, 10, math.pi), (N, 3))
 
 
-def annealed(of: int, log_likelihood: LogLikelihood, seed: int):
-    rng = np.random.default_rng(seed)
-    return at_once(anneal(anywhere(of), ALIKE, log_likelihood, BinSize(), 0.3, rng))
+def annealed(of: int, log_likelihood: LogLikelihood, seed: int, count: int = N):
+    poses, rng = anywhere(of), np.random.default_rng(seed)
+    logs = evaluated(log_likelihood, poses)
+    return at_once(anneal(poses, ALIKE, logs, log_likelihood, count, BinSize(), 0.3, rng))
 
 
 def test_a_peak_far_narrower_than_the_spacing_is_found_with_its_own_width():
@@ -74,6 +75,15 @@ def test_a_peak_far_narrower_than_the_spacing_is_found_with_its_own_width():
     assert math.cos(mean.theta_rad - 3.1) == pytest.approx(1.0, abs=1e-6)
     sigmas = np.sqrt(np.diag(weighted_covariance(poses, weights, mean)))
     np.testing.assert_allclose(sigmas, [0.02, 0.02, 0.01], rtol=0.15)
+
+
+def test_a_fifth_of_the_particles_goes_on_and_finds_the_same_peak():
+    poses, weights = annealed(1, peak(3.0, -4.0, 3.1, 0.2, 0.1), 2, N // 5)
+    assert len(poses) == N // 5
+    mean = weighted_mean(poses, weights)
+    assert (mean.x_m, mean.y_m) == pytest.approx((3.0, -4.0), abs=0.04)
+    sigmas = np.sqrt(np.diag(weighted_covariance(poses, weights, mean)))
+    np.testing.assert_allclose(sigmas, [0.2, 0.2, 0.1], rtol=0.15)
 
 
 def test_two_peaks_keep_the_shares_of_their_volumes():

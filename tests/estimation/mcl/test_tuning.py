@@ -42,7 +42,10 @@ def test_no_setting_takes_a_number_that_means_nothing(table, key, value):
     [
         ("mcl.search.apart_m=0.0", r"localisation\.mcl\.search\.apart_m: 0\.0 found, 0\.01 to 10"),
         ("mcl.monitor.slack=11", r"localisation\.mcl\.monitor\.slack: 11.* found, 0 to 10 allowed"),
-        ("mcl.search.particles_min=300000", r"search\.particles_min: .* particles_max \(200000\)"),
+        (
+            "mcl.search.particles_min=6000000",
+            r"search\.particles_min: .* particles_max \(5000000\)",
+        ),
         ("slam.rest_s=-1", r"localisation\.slam\.rest_s: -1.* found, 0 to 10000 allowed"),
         ("grid.occupied_above=0.4", r"localisation\.grid\.occupied_above: must lie in \(0\.5, 1\)"),
         ("lidar.hidden_likelihood=0", r"localisation\.lidar\.hidden_likelihood: must be in \(0, 1"),

@@ -36,9 +36,12 @@ def nearest_box(grid: GridMap, pose: np.ndarray, angle: float) -> float:
     return float(np.maximum(enters[hit], 0.0).min(initial=np.inf))
 
 
+@pytest.mark.parametrize("is_small", [False, True])
 @pytest.mark.parametrize("share", [0.002, 0.05, 0.4])
 @pytest.mark.parametrize("origin", [SE2(), SE2(-7.0, 3.0, 1.1), SE2(100.0, 20.0, -2.8)])
-def test_ranges_equal_those_to_the_nearest_box_from_inside_and_outside_of_the_map(share, origin):
+def test_ranges_equal_those_to_the_nearest_box_from_inside_and_outside_of_the_map(
+    share, origin, is_small
+):
     rng = np.random.default_rng(11)
     grid = scattered_map(rng, 30, 300, share, origin)
     poses = np.empty((40, 3))
@@ -46,7 +49,7 @@ def test_ranges_equal_those_to_the_nearest_box_from_inside_and_outside_of_the_ma
         pose = origin @ SE2(rng.uniform(-5.0, 80.0), rng.uniform(-5.0, 12.0), rng.uniform(-9, 9))
         poses[i] = pose.x_m, pose.y_m, pose.theta_rad
     angles = rng.uniform(-math.pi, math.pi, 25)
-    found = RangeCaster(grid).cast(poses, angles, 1000.0)
+    found = RangeCaster(grid, is_small=is_small).cast(poses, angles, 1000.0)
     wanted = np.array([[nearest_box(grid, pose, angle) for pose in poses] for angle in angles])
     assert found.shape == (25, 40)
     assert np.isfinite(wanted).sum() > 20

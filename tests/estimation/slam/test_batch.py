@@ -55,6 +55,37 @@ def test_public_graphs_reach_their_optimum(recordings, name, init):
         assert chi2_of(file.graph, solution.values) == pytest.approx(solution.chi2[-1], rel=1e-9)
 
 
+def wandering(poses, loops, seed):
+    """Return the links of a drive that bends at random, and few links between far poses."""
+    rng = np.random.default_rng(seed)
+    heading = np.cumsum(rng.normal(0.0, 0.05, poses))
+    places = np.cumsum(np.column_stack([np.cos(heading), np.sin(heading)]), axis=0)
+    truth = np.column_stack([places, heading])
+    far = [sorted(rng.choice(poses, 2, replace=False)) for _ in range(loops)]
+    pairs = np.array([(k, k + 1) for k in range(poses - 1)] + far)
+    kind, sigma = FACTORS["between_2d"], np.array([0.02, 0.02, 0.005])
+    exact = kind.residual(truth[pairs[:, 0]], truth[pairs[:, 1]], np.zeros((len(pairs), 3)))
+    builder = GraphBuilder()
+    builder.factors(kind, pairs, exact + rng.normal(0.0, sigma, exact.shape),
+                    np.tile(np.diag(1.0 / sigma**2), (len(pairs), 1, 1)))  # fmt: skip
+    return builder.build()
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_damping_does_not_slow_steps_along_weak_directions(seed):
+    """Three loops hold 5000 poses; Gauss-Newton, which knows no damping, says what is possible."""
+    graph, values, known = wandering(5000, 3, seed)
+    fixed = gauge(graph)
+    for init in ("chordal", "odometry"):
+        start = start_values(graph, values, known, fixed, init)
+        plain, damped = (
+            SOLVERS[each](Problem(graph, start, fixed), nobody) for each in ("gn", "lm")
+        )
+        assert damped.is_converged
+        assert len(damped.chi2) <= len(plain.chi2) + 1
+        assert damped.chi2[-1] == pytest.approx(plain.chi2[-1], rel=1e-6)
+
+
 def add(builder, name, ids, z, sigma=0.1):
     kind = FACTORS[name]
     information = np.eye(kind.size)[None] / sigma**2

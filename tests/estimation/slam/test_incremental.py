@@ -5,11 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.graphs import city
 from robotctl.estimation.slam.equations import NormalEquations
 from robotctl.estimation.slam.factors.registry import FACTORS
 from robotctl.estimation.slam.graph.factor import FactorBlock
 from robotctl.estimation.slam.graph.factor_graph import FactorGraph
 from robotctl.estimation.slam.graph.variables import POINT2, SE2
+from robotctl.estimation.slam.incremental import smoother as module
 from robotctl.estimation.slam.incremental.smoother import IncrementalSmoother, SmootherConfig
 from robotctl.estimation.slam.solvers.problem import Problem, gauge
 from robotctl.estimation.slam.solvers.registry import SOLVERS
@@ -75,21 +77,29 @@ class Drive:
         equations = NormalEquations(FactorGraph(ids, tuple(blocks)), [])
         equations.assemble(equations.linearise(values))
         assert equations.factorise() is None
-        return equations.retract(values, equations.solve())
+        moved = equations.retract(values, equations.solve())
+        dense = np.linalg.inv(np.array([equations.product(e) for e in np.eye(equations.total)]))
+        begins = {kind: equations.columns[equations.graph.first(kind) + np.arange(len(each))] for kind, each in ids.items()}  # fmt: skip # noqa: E501
+        return moved, {kind: [dense[b : b + kind.dof, b : b + kind.dof] for b in begins[kind]] for kind in ids}  # fmt: skip # noqa: E501
 
     def check(self):
-        for kind, wanted in self.wanted().items():
+        values, covariances = self.wanted()
+        for kind, wanted in values.items():
             off = self.smoother.estimates(kind) - wanted
             if kind is SE2:
                 off[:, 2] = np.sin(off[:, 2])
             np.testing.assert_allclose(off, 0.0, atol=1e-6)
+            for number, covariance in zip(self.numbers[kind], covariances[kind], strict=True):
+                found = self.smoother.covariance(number)
+                np.testing.assert_allclose(found, covariance, atol=1e-6 * np.abs(covariance).max())
 
 
-@given(st.integers(0, 2**32 - 1))
+@pytest.mark.parametrize("renewal", [0.0, np.inf])
+@given(seed=st.integers(0, 2**32 - 1))
 @settings(max_examples=20)
-def test_each_step_gives_what_all_factors_at_once_give_also_after_some_were_removed(seed):
+def test_each_step_gives_what_all_factors_at_once_give_also_after_some_were_removed(seed, renewal):
     rng = np.random.default_rng(seed)
-    drive = Drive(rng, SmootherConfig(relinearise=np.inf, wildfire=0.0))
+    drive = Drive(rng, SmootherConfig(relinearise=np.inf, wildfire=0.0, renewal=renewal))
     for _ in range(12):
         drive.step()
         drive.smoother.update()
@@ -100,6 +110,37 @@ def test_each_step_gives_what_all_factors_at_once_give_also_after_some_were_remo
         drive.added.remove(each)
         drive.smoother.update()
         drive.check()
+
+
+def test_a_tree_that_is_large_is_renewed_only_when_many_loops_are_held(monkeypatch):
+    (block,) = city(600, 700).graph.blocks
+    count, renewals = 600, []
+    renew = module.renew
+    monkeypatch.setattr(module, "renew", lambda *a: (renewals.append(1), renew(*a))[1])
+    smoother = IncrementalSmoother(SmootherConfig(relinearise=np.inf, wildfire=0.0, renewal=0.0))
+    exact = IncrementalSmoother(SmootherConfig(relinearise=np.inf, wildfire=0.0, renewal=np.inf))
+    latest = np.maximum(*block.variables)
+    for pose in range(count):
+        value = np.zeros(3)
+        if pose:
+            at, z = smoother.estimate(pose - 1), block.measurements[pose - 1]
+            c, s = np.cos(at[2]), np.sin(at[2])
+            value = at + np.array([c * z[0] - s * z[1], s * z[0] + c * z[1], z[2]])
+        for each in (smoother, exact):
+            each.variable(SE2, value, fixed=pose == 0)
+            for row in np.flatnonzero(latest == pose):
+                ends = [int(variables[row]) for variables in block.variables]
+                each.factor(block.kind, ends, block.measurements[row], block.information[row])
+        before = len(renewals)
+        smoother.update()
+        own = len(renewals) - before
+        exact.update()
+        del renewals[before + own :]
+        if pose % 50 == 49:
+            off = smoother.estimates(SE2) - exact.estimates(SE2)
+            np.testing.assert_allclose(np.sin(off[:, 2]), 0.0, atol=1e-8)
+            np.testing.assert_allclose(off[:, :2], 0.0, atol=1e-8)
+    assert 2 <= len(renewals) <= 6  # 101 loops of 3 rows, of which 128 are held
 
 
 @pytest.mark.recordings("posegraph")

@@ -52,10 +52,9 @@ def test_all_sonars_sit_within_the_outline() -> None:
 def test_overrides_replace_values_by_dotted_key() -> None:
     config = load_robot(DIFF, {"simulation.battery.charge": 0.7, "simulation.lidar.beams": 90})
     assert config.simulation.battery.charge == 0.7
-    assert config.simulation.lidar is not None
-    assert config.simulation.lidar.beams == 90
+    assert config.simulation.lidars[0].beams == 90
     assert load_robot(DIFF).simulation.battery.charge == 1.0
-    assert load_robot(CONFIGS / "tricycle.toml").simulation.lidar is None
+    assert load_robot(CONFIGS / "tricycle.toml").simulation.lidars == ()
 
 
 @pytest.mark.parametrize(

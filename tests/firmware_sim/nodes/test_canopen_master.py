@@ -27,7 +27,8 @@ from canopen.sdo.exceptions import SdoAbortedError
 
 from firmware_sim.__main__ import main
 from firmware_sim.errors import SimulationError
-from firmware_sim.world.truth import Publisher, Truth
+from firmware_sim.world.publisher import Publisher
+from firmware_sim.world.truth import Truth
 
 ROOT = Path(__file__).parents[3]
 CONFIGS = ROOT / "configs"

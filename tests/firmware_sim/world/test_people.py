@@ -191,9 +191,8 @@ def test_who_met_the_robot_stands_and_then_leaves_and_one_contact_counts_once() 
 
 
 def test_sonar_and_lidar_see_people_and_without_them_nothing_changes() -> None:
-    assert ROBOT.simulation.lidar is not None
     lidar = Lidar(
-        dataclasses.replace(ROBOT.simulation.lidar, sigma_m=0.0, dropout_probability=0.0),
+        dataclasses.replace(ROBOT.simulation.lidars[0], sigma_m=0.0, dropout_probability=0.0),
         HALL,
         np.random.default_rng(1),
     )

@@ -131,6 +131,23 @@ def test_a_scan_of_the_lidar_comes_back_with_the_odometry_of_its_time(folder):
     assert entry.odometry.x_m == pytest.approx(0.5)
 
 
+def test_scans_of_two_lidars_keep_their_names_and_are_unwound_by_the_odometry(tmp_path):
+    sweep = msgspec.structs.replace(
+        LIDAR, ranges=array("f", [1.0, 1.0, 1.0]).tobytes(), name="front", sweep_s=0.2
+    )
+    rear = msgspec.structs.replace(LIDAR, stamp_ns=1_450_000_000, name="rear")
+    write(tmp_path / "robot-0001.mcap", state(1, 0.0), sweep, rear, state(2, 1.0))
+    scans = {each.scan.name: each for each in read_recording(tmp_path).scans}
+    assert sorted(scans) == ["front", "rear"]
+    assert scans["rear"].odometry.x_m == pytest.approx(0.45)
+    assert scans["rear"].scan.sweep_s == 0.0
+    # At 1 m/s the first beam was measured 0.2 m before the last, the middle one 0.1 m before it.
+    angles = np.array([-0.5, -0.25, 0.0])
+    x_m = np.cos(angles) + np.array([-0.1, 0.0, 0.1])
+    expected = np.stack([x_m, np.sin(angles) + 0.05], axis=1)
+    assert scans["front"].scan.points_base() == pytest.approx(expected, abs=1e-4)
+
+
 def test_the_truth_beside_the_logs_is_the_reference(folder):
     poses = np.array([[5.0, 0.0, 0.0], [7.0, 0.0, 0.0]])
     stamps_ns = EPOCH_NS + np.array([1, 3]) * 10**9

@@ -10,8 +10,9 @@ from rosbags.typesys import get_types_from_msg
 from robotctl.errors import ConfigError
 from robotctl.logs.formats.log_text import LogFormatError
 from robotctl.logs.formats.recorded_log import is_log, read_recording
+from robotctl.model.geometry.se2 import SE2
 from tests.logs.formats.bags import KINDS, Bag, Laser, stamp, write_bag
-from tests.workbench.localise.recorded_room import WALLS, driven
+from tests.workbench.localise.recorded_room import BEAMS, WALLS, driven, seen
 
 MOUNTED = Laser(0.25, -0.1, 0.4, upside_down=True)
 
@@ -118,6 +119,42 @@ def test_two_lasers_come_in_the_order_of_their_times_and_a_copy_counts_once(tmp_
     assert len(recording.scans) == 120
     assert_echoes_on_walls(recording, truth)
     assert any("/scan_filtered: of the laser of /scan" in note for note in recording.notes)
+    assert {each.scan.name for each in recording.scans} == {"", "laser"}
+
+
+@pytest.mark.parametrize("laser", [Laser(0.3, 0.2, -2.0), MOUNTED])
+def test_rays_of_a_sweep_lie_where_the_robot_was_at_their_times(tmp_path, laser):
+    sweep_s, step_s = 0.2, 1e-9 * (stamp(1) - stamp(0))
+    truth, _ = driven(61)
+
+    def spoil(topic, stamp_ns, message):
+        if topic != laser.topic:
+            return
+        row, ranges = round((stamp_ns - stamp(0)) / (stamp(1) - stamp(0))), []
+        (x, y, theta), (_, _, later) = truth[row], truth[row + 1]
+        for share in np.linspace(0.0, sweep_s / step_s, BEAMS).tolist():
+            turn = share * (later - theta)
+            way = 0.2 * share
+            at = SE2(
+                x + way * math.cos(theta + 0.5 * turn), y + way * math.sin(theta + 0.5 * turn),
+                theta + turn,
+            )  # fmt: skip
+            eye = at.apply(laser.x_m, laser.y_m)
+            ranges.append(seen(*eye, at.theta_rad + laser.yaw))
+        order = np.arange(BEAMS)[::-1] if laser.upside_down else np.arange(BEAMS)
+        message.ranges = np.array(ranges)[np.arange(BEAMS), order].astype(np.float32)
+        message.time_increment = sweep_s / (BEAMS - 1)
+
+    write_bag(tmp_path / "drive", "mcap", [laser], spoil=spoil)
+    recording = read_recording(tmp_path / "drive")
+    assert len(recording.scans) == 60
+    for entry in recording.scans[:-1]:  # nothing is known of the motion after the last
+        x, y, theta = entry.reference.x_m, entry.reference.y_m, entry.reference.theta_rad
+        c, s = math.cos(theta), math.sin(theta)
+        world = entry.scan.points_base() @ np.array([[c, s], [-s, c]]) + (x, y)
+        assert np.quantile(off_walls(world), 0.95) < 0.03
+    first = recording.scans[0].scan
+    assert first.stamp_ns - stamp(0) == pytest.approx(1e9 * sweep_s, abs=1e3)
 
 
 def test_a_laser_that_is_not_level_is_left_out(tmp_path):

@@ -4,6 +4,7 @@ import math
 import random
 import struct
 
+import msgspec
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 from pymavlink.dialects.v20 import common as m
@@ -12,7 +13,13 @@ from robotctl.dialect import additions
 from robotctl.mavlink.context import TelemetryRobot
 from robotctl.mavlink.globe import Origin
 from robotctl.mavlink.telemetry import Telemetry
-from robotctl.messages.control import ImuFeedback, Mode, SafetyState, VelocityTarget
+from robotctl.messages.control import (
+    ImuFeedback,
+    Mode,
+    SafetyState,
+    StepBudget,
+    VelocityTarget,
+)
 from robotctl.messages.estimation import LidarScan, LocalisationState
 from robotctl.messages.mavlink_port import Peer
 from robotctl.model.geometry.localisation import LocalisationStatus
@@ -197,6 +204,11 @@ def test_the_ring_holds_what_sonars_and_lidar_see_clockwise_from_ahead(bench):
     assert ring.sensor_type == m.MAV_DISTANCE_SENSOR_LASER
     assert ring.distances[54] == 200
     assert sum(each == 801 for each in ring.distances) == 71
+    ahead = [math.nan] * 360
+    ahead[0] = 1.0
+    other = msgspec.structs.replace(scan, ranges=struct.pack("<360f", *ahead), name="front")
+    (ring,) = ask(bench, "OBSTACLE_DISTANCE", bench.control(), other)
+    assert (ring.distances[0], ring.distances[54]) == (100, 200)  # of both lidars
 
 
 def test_time_wheels_and_the_globe_are_told():
@@ -216,6 +228,15 @@ def test_time_wheels_and_the_globe_are_told():
     bench.command(m.MAV_CMD_GET_HOME_POSITION)
     bench.step()
     assert len(bench.messages("HOME_POSITION")) == 1
+
+
+def test_the_times_of_navigations_steps_are_told_by_part(bench):
+    budget = StepBudget(50.0, 400, 3, 9.0, 21.5, {"see": 1.0}, {"localise": 12.25, "steer": 17.0})
+    bench.step(bench.control(), bench.navigation(budget=budget))
+    values = ask(bench, "NAMED_VALUE_FLOAT", bench.control(), bench.navigation(budget=budget))
+    told = {each.name: each.value for each in values}
+    assert told == {"n_step": 21.5, "n_localise": 12.25, "n_steer": 17.0}
+    assert ask(bench, "NAMED_VALUE_FLOAT", bench.control(), bench.navigation()) == []
 
 
 def test_a_ping_comes_back_to_who_has_sent_it_and_answers_do_not(bench):

@@ -19,7 +19,7 @@ from robotctl.model.fence import Fence, FenceCircle, FencePolygon
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behave.mission.mission_file import parse_mission
 from robotctl.web.plan_uploads import MissionUpload, offered
-from tests.mavlink.services.test_missions import download, item
+from tests.mavlink.services.plans.test_missions import download, item
 
 ORIGIN = Origin(48.0, 11.0, 500.0)
 TEXT = """
@@ -130,6 +130,19 @@ ITEMS = st.lists(
         {"kind": st.just("goto"), "x_m": NUMBER, "y_m": NUMBER},
         optional={"heading_deg": st.floats(-180, 180), "speed_m_s": st.sampled_from([0.2, 0.5])},
     )
+    | st.fixed_dictionaries(
+        {
+            "kind": st.just("circle"),
+            "x_m": NUMBER,
+            "y_m": NUMBER,
+            "radius_m": st.sampled_from([0.5, 2.0]),
+        },
+        optional={
+            "turns": st.sampled_from([0.5, 3.0]),
+            "side": st.sampled_from(["left", "right"]),
+            "speed_m_s": st.sampled_from([0.2, 0.5]),
+        },
+    )
     | st.fixed_dictionaries({"kind": st.just("wait"), "duration_s": st.floats(0.1, 1e4)}),
     min_size=1,
     max_size=6,
@@ -150,6 +163,12 @@ def test_items_that_a_station_sends_back_mean_the_same(items, origin):
         assert found["kind"] == wanted["kind"]
         for key in ("x_m", "y_m", "speed_m_s", "duration_s"):
             assert found.get(key) == pytest.approx(wanted.get(key), abs=1e-3)
+        if wanted["kind"] == "circle":
+            assert (found["radius_m"], found["turns"]) == (
+                wanted["radius_m"],
+                wanted.get("turns", 1.0),
+            )
+            assert found["side"] == wanted.get("side", "left")
         if wanted.get("heading_deg") is not None:
             turned = (found["heading_deg"] - wanted["heading_deg"] + 180) % 360 - 180
             assert turned == pytest.approx(0.0, abs=1e-6)

@@ -65,7 +65,7 @@ class Strafer:
         guard = replace(GUARD, deceleration_m_s2=0.75 * a)
         limits = replace(LIMITS, a_max_m_s2=a, alpha_max_rad_s2=3.0 * a)
         self.navigator = Navigator(
-            NavigationConfig(guard=guard), DRIVE, limits, (), None, FAR, has_lidar=True
+            NavigationConfig(guard=guard), DRIVE, limits, (), None, FAR, lidars=1
         )
         self.touched = 0
         self.closest_m = math.inf

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from robotctl.model.geometry.se2 import SE2
@@ -54,6 +54,7 @@ def walk(point, course, most):
     st.sampled_from([math.pi, None, 0.0]) | st.floats(-math.pi, math.pi),
     st.floats(-4.0, 4.0),
 )
+@example(0.0, 0.0, 2.2e-311, 0.0)
 def test_a_point_is_met_where_the_body_comes_to_it(x, y, bearing, turn):
     course = Course(0.0, 0.0, math.copysign(1.0, turn))
     if bearing is not None:
@@ -85,6 +86,14 @@ def test_an_arc_that_is_nearly_straight_is_as_good_as_a_straight_line():
     for turn in (1e-12, 0.99e-4, 1.01e-4, -1.01e-4):
         ways = ways_to_contact(BODY, points, Course(1.0, 0.0, turn))  # or once round a great circle
         assert np.minimum(ways, 10.0) == pytest.approx(straight, abs=2e-3)
+
+
+@pytest.mark.parametrize("course", [(1.0, 0.0, 0.0), (-1.0, 0.0, 0.8), (0.6, 0.8, -2.0), (0, 0, 1)])
+def test_each_point_is_met_as_if_it_were_alone(course):
+    points = np.random.default_rng(2).uniform(-0.8, 0.8, (100, 2))
+    course = Course(*map(float, course))
+    alone = [ways_to_contact(BODY, point[None], course)[0] for point in points]
+    assert ways_to_contact(BODY, points, course).tolist() == alone
 
 
 def test_the_margin_is_a_way_of_the_part_that_would_touch():

@@ -12,8 +12,8 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.model.sensors.sonar import SonarMount
+from robotctl.planning.map.config import MapConfig
 from robotctl.planning.map.layered_map import LayeredMap
-from robotctl.planning.map.layers_config import LayersConfig
 from robotctl.planning.map.planning_map import clearance_of
 from robotctl.planning.map.zone import Zone
 from robotctl.planning.map.zones import Closed
@@ -55,7 +55,7 @@ def test_clearance_is_that_of_the_whole_map_after_any_marks_and_clears(seed, thr
     rng = np.random.default_rng(seed)
     values = rng.choice([0, 100, -1], (70, 90), p=[0.9, 0.005, 0.095]).astype(np.int8)
     grid = GridMap(values, 0.1, SE2(*rng.uniform(-3, 3, 3).tolist()))
-    live = LayeredMap(grid, BODY, LayersConfig(1.0, through_unknown=through_unknown))
+    live = LayeredMap(grid, BODY, MapConfig(1.0), through_unknown=through_unknown)
     here = grid.origin @ SE2(4.5, 3.5, 0.0)
     now_ns = 0
     for _ in range(11):
@@ -105,7 +105,7 @@ def test_a_box_is_marked_as_long_as_it_stands_there():
 
 
 def test_a_box_that_cannot_be_seen_any_more_is_forgotten_after_a_while():
-    live = LayeredMap(room_map(), BODY, LayersConfig(decay_s=5.0))
+    live = LayeredMap(room_map(), BODY, MapConfig(decay_s=5.0))
     live.see_scan(HERE, scan(HERE, [*ROOM, *box(2.5, 1.4, 2.7, 1.7)]), 0)
     hiding = [*ROOM, *box(1.5, 0.5, 1.6, 2.9)]
     for i in range(1, 51):
@@ -310,7 +310,7 @@ def test_a_zone_that_makes_no_sense_is_refused_by_name(key, change):
 @pytest.mark.parametrize("change", [{"decay_s": 0.0}, {"sonar_beam_deg": math.nan}])
 def test_settings_out_of_range_are_refused_by_name(change):
     with pytest.raises(ValueError, match=next(iter(change))):
-        LayersConfig(**change)
+        MapConfig(**change)
 
 
 def test_the_floor_is_known_where_the_robot_stands_and_where_a_sensor_has_looked():

@@ -45,6 +45,7 @@ from robotctl.messages.control import (
     PositionTarget,
     SafetyState,
     SetMode,
+    StepBudget,
 )
 from robotctl.messages.estimation import (
     GivenMap,
@@ -153,6 +154,8 @@ class ServedRobot:
         self.sonar_m: tuple[float, ...] = (1.0,)
         self.imu_rate_rad_s: float | None = None
         self.particles = np.empty((0, 3), np.float32)
+        self.verdict = ""
+        self.budget = StepBudget()
         self.published_ns: dict[int, int] = {}
         """Wall clock at which the server was given each state, by its stamp [ns]."""
         self.remarks: list[str] = []
@@ -321,6 +324,7 @@ class ServedRobot:
             mission_crc=self._mission_crc,
             mission_commands=len(self.requests(JumpToItem)),
             fence=FenceState(self.bounds.fence_crc),
+            budget=self.budget,
         )
 
     @property
@@ -331,7 +335,9 @@ class ServedRobot:
         covariance = (0.01, 0.0, 0.0, 0.04, 0.0, 0.01)
         status = LocalisationStatus.LOCALISED
         count = len(self.particles)
-        return LocalisationState(now_ns, "mcl", status, 0.0, 0.0, 0.0, covariance, count)
+        return LocalisationState(
+            now_ns, "mcl", status, 0.0, 0.0, 0.0, covariance, count, verdict=self.verdict
+        )
 
     def _scan(self, now_ns: int) -> LidarScan:
         ranges = np.full(360, 1.5, np.float32).tobytes()
@@ -438,3 +444,23 @@ def wait_for(condition: Callable[[], T], page: Any, limit_s: float = 5.0) -> T:
         assert time.monotonic() < end_s, "did not happen in time"
         page.wait_for_timeout(10)
     return found
+
+
+def press(page: Any, name: str, condition: Callable[[], T], limit_s: float = 10.0) -> T:
+    """Press a button until what it asks for has come about, and return what the condition gave.
+
+    On a computer that stands still for a second a request comes too late, and the page says so: it
+    is then asked for again, as a person would.
+    """
+    button = page.get_by_role("button", name=name, exact=True)
+    toast = page.get_by_role("alert")
+
+    def came_about() -> T:
+        found = condition()
+        if not found and toast.get_by_text("late: ask again").is_visible():
+            toast.get_by_role("button").click()
+            button.click()
+        return found
+
+    button.click()
+    return wait_for(came_about, page, limit_s)

@@ -16,7 +16,7 @@ from robotctl.messages.mode import Mode
 from robotctl.messages.plans import SetZones
 from robotctl.web.wire import CameraPicture
 from tests.web.page.drawn_map import on_page, pixels, show_only
-from tests.web.page.served_robot import wait_for
+from tests.web.page.served_robot import press, wait_for
 
 pytestmark = pytest.mark.browser
 
@@ -47,10 +47,10 @@ def draw_mission(page, *points):
         page.mouse.click(*on_page(page, *point))
 
 
-def loaded(robot, page, count=1):
-    """Return the last mission that navigation was sent, as an independent reader has it."""
+def send(robot, page, count=1):
+    """Send the mission, and return what navigation was given, as an independent reader has it."""
     # The first one loads what checks missions.
-    wait_for(lambda: len(robot.requests(LoadMission)) == count, page, 20.0)
+    press(page, "Send to robot", lambda: len(robot.requests(LoadMission)) == count, 20.0)
     return tomllib.loads(robot.requests(LoadMission)[-1].content.decode())
 
 
@@ -61,18 +61,15 @@ def places(mission):
 def test_a_mission_of_two_points_is_drawn_sent_and_started(robot, open_page):
     page = open_page()
     draw_mission(page, (3.0, 2.0), (6.0, 4.0))
-    button(page, "Send to robot").click()
-    mission = loaded(robot, page)
+    mission = send(robot, page)
     assert np.allclose(places(mission), [(3.0, 2.0), (6.0, 4.0)], atol=0.03)
     assert mission["start"]["x_m"] == pytest.approx(2.0)  # where the robot stands
     page.get_by_text("The robot has it").wait_for()
     button(page, "Close").click()
     page.get_by_text("page: not under way").wait_for()
-    button(page, "Start").click()
-    wait_for(lambda: [each.mode for each in robot.requests(SetMode)] == [Mode.AUTO], page)
+    press(page, "Start", lambda: [each.mode for each in robot.requests(SetMode)] == [Mode.AUTO])
     page.get_by_text("page: under way").wait_for()
-    button(page, "Jump to item 2").click()
-    wait_for(lambda: [each.item for each in robot.requests(JumpToItem)] == [2], page)
+    press(page, "Jump to item 2", lambda: [each.item for each in robot.requests(JumpToItem)] == [2])
     page.locator("li[aria-current=step]", has_text="2  ").wait_for()
 
 
@@ -89,23 +86,33 @@ def test_a_drag_gives_a_heading_and_moves_a_point_and_each_step_can_be_undone(ro
     page.mouse.move(*on_page(page, 6.0, 3.0))
     page.mouse.up()
     button(page, "Earlier").click()
-    button(page, "Send to robot").click()
-    mission = loaded(robot, page)
+    mission = send(robot, page)
     assert np.allclose(places(mission), [(6.0, 3.0), (3.0, 2.0)], atol=0.05)
     assert mission["item"][1]["heading_deg"] == pytest.approx(90.0, abs=1.0)
     for _ in range(2):  # the order, and the motion
         button(page, "Undo").click()
-    button(page, "Send to robot").click()
-    assert np.allclose(places(loaded(robot, page, 2)), [(3.0, 2.0), (5.0, 2.0)], atol=0.05)
+    assert np.allclose(places(send(robot, page, 2)), [(3.0, 2.0), (5.0, 2.0)], atol=0.05)
     page.get_by_role("button", name="goto").first.click()
     button(page, "Delete").click()
     page.get_by_label("Add an item").select_option("wait")
     page.get_by_label("duration_s").fill("7.5")
     page.get_by_label("duration_s").press("Tab")
-    button(page, "Send to robot").click()
-    mission = loaded(robot, page, 3)
+    mission = send(robot, page, 3)
     assert [each["kind"] for each in mission["item"]] == ["goto", "wait"]
     assert mission["item"][1]["duration_s"] == 7.5
+
+
+@pytest.mark.parametrize(
+    ("kind", "key", "value"), [("circle", "radius_m", 1.5), ("keep_distance", "distance_m", 0.8)]
+)
+def test_an_item_that_is_added_is_one_that_the_robot_takes(robot, open_page, kind, key, value):
+    page = open_page()
+    draw_mission(page, (3.0, 2.0))
+    page.get_by_label("Add an item").select_option(kind)
+    page.get_by_label(key).fill(str(value))
+    page.get_by_label(key).press("Tab")
+    item = send(robot, page)["item"][1]
+    assert (item["kind"], item[key]) == (kind, value)
 
 
 def test_what_is_wrong_with_a_mission_is_said_with_its_line(robot, open_page):
@@ -168,17 +175,14 @@ def test_zones_are_drawn_kept_and_removed(robot, open_page):
     page = open_page()
     show_only(page, "Map", "Zones")
     draw_polygon(page, "a keep-out zone", *TRIANGLE, name="stairs")
-    button(page, "Close").click()
-    wait_for(lambda: robot.requests(SetZones), page)
+    press(page, "Close", lambda: robot.requests(SetZones))
     (zone,) = robot.requests(SetZones)[-1].zones
     assert (zone.name, zone.speed_m_s, zone.origin) == ("stairs", 0.0, "map")
     assert np.allclose(zone.corners, TRIANGLE, atol=0.03)
     wait_for(lambda: pixels(page, "keepout").count > 100, page)
     draw_polygon(page, "a slow zone", *AROUND, name="kitchen", speed="0.15")
-    button(page, "Close").click()
-    page.get_by_text("kitchen: 0.15 m/s").wait_for()
-    button(page, "Remove stairs").click()
-    wait_for(lambda: pixels(page, "keepout").count == 0, page)
+    press(page, "Close", page.get_by_text("kitchen: 0.15 m/s").is_visible)
+    press(page, "Remove stairs", lambda: pixels(page, "keepout").count == 0)
     assert [each.name for each in robot.requests(SetZones)[-1].zones] == ["kitchen"]
 
 
@@ -191,13 +195,12 @@ def test_a_fence_is_drawn_and_who_stands_beyond_it_is_told_what_the_robot_does(r
     for point in AROUND:
         page.mouse.click(*on_page(page, *point))
     page.get_by_text("3 corners").wait_for()
-    button(page, "Close").click()
-    wait_for(lambda: robot.requests(SetFence), page)
+    press(page, "Close", lambda: robot.requests(SetFence))
     (polygon,) = robot.requests(SetFence)[-1].fence.polygons
     assert polygon.keeps_in
     assert np.allclose(polygon.corners, AROUND, atol=0.03)
-    button(page, "Remove Fence: stay within 3 corners").click()
-    wait_for(lambda: robot.requests(SetFence)[-1].fence.is_empty, page)
+    remove = "Remove Fence: stay within 3 corners"
+    press(page, remove, lambda: robot.requests(SetFence)[-1].fence.is_empty)
 
 
 def test_a_zone_around_the_robot_says_what_the_robot_does(open_page):

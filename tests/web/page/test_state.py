@@ -7,7 +7,7 @@ import time
 import msgspec
 import pytest
 
-from robotctl.messages.control import Arm, Notice, SafetyState, SetMode
+from robotctl.messages.control import Arm, Notice, SafetyState, SetMode, StepBudget
 from robotctl.messages.faults import Fault, FaultCode
 from robotctl.messages.mode import Mode
 from robotctl.web.access import Role
@@ -31,6 +31,19 @@ def test_each_objection_to_arming_is_shown_with_its_remedy(robot, open_page):
     assert "no heartbeat for 350 ms. Check the power and the cable of that node." in why(page)
 
 
+def test_the_verdict_on_the_map_is_shown_while_there_is_one(robot, open_page):
+    page = open_page()
+    place, verdict = page.locator("#map-place"), page.locator(".map-verdict")
+    place.get_by_text("mcl: localised").wait_for()
+    assert verdict.count() == 0
+    robot.verdict = "good"
+    page.get_by_text("Map: good").wait_for()
+    assert page.locator(".map-verdict.bad").count() == 0
+    robot.verdict = "doubtful because 30 of 900 scans match nothing near"
+    page.locator(".map-verdict.bad").wait_for()
+    assert "Map: doubtful because 30 of 900 scans match nothing near" in verdict.inner_text()
+
+
 def test_arming_that_is_refused_is_said_with_the_reason(robot, open_page):
     robot.state = SafetyState.STANDBY
     robot.against_arming = (Fault(FaultCode.BATTERY_LOW, "the battery is low"),)
@@ -38,6 +51,15 @@ def test_arming_that_is_refused_is_said_with_the_reason(robot, open_page):
     page.get_by_role("button", name="Arm", exact=True).click()
     page.get_by_role("alert").get_by_text("Arm: the battery is low").wait_for()
     assert robot.requests(Arm)[0].arm
+
+
+def test_the_times_of_navigation_are_shown_by_part(robot, open_page):
+    robot.budget = StepBudget(50.0, 400, 3, 9.0, 21.5, {"steer": 7.25}, {"steer": 17.0})
+    page = open_page()
+    page.get_by_role("tab", name="Nodes").click()
+    table = page.locator("table", has_text="Steps of navigation every 50 ms; 3 of 400 took longer")
+    rows = [each.inner_text().split("\t") for each in table.locator("tbody tr").all()]
+    assert rows == [["in all", "9.0", "21.5"], ["steer", "7.3", "17.0"]]
 
 
 def test_the_computer_s_figures_are_shown_and_what_is_short_is_marked(robot, open_page):

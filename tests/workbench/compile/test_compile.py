@@ -2,6 +2,7 @@
 
 import ast
 import re
+import sys
 import time
 from pathlib import Path
 
@@ -45,7 +46,7 @@ def declared(package):
 def cached(folder):
     """Return module and name of all functions in a folder of the cache."""
     for path in Path(folder).rglob("*.nbi"):
-        yield path.parent.name, re.sub(r"-\d+\.py\d+$", "", path.stem).rpartition(".")[2]
+        yield path.parent.name, re.sub(r"-\w+\.py\d+$", "", path.stem).rpartition(".")[2]
 
 
 @pytest.mark.parametrize("package", PACKAGES)
@@ -58,6 +59,18 @@ def test_the_sources_tell_how_many_there_are():
     assert [kernel_cache.kernels_of(ROOT / each) for each in PACKAGES] == numbers
     assert Kernels().total == sum(numbers)
     assert Kernels(simulated=False).total == numbers[0]
+
+
+def test_a_library_is_wanted_where_there_is_none_and_both_compilers_are(monkeypatch, tmp_path):
+    library = tmp_path / "native.so"
+    monkeypatch.setattr(work, "library_path", lambda: library)
+    monkeypatch.setenv("CC", sys.executable)
+    monkeypatch.setenv("CXX", "no-such-compiler")
+    assert not Kernels().lack_library
+    monkeypatch.setenv("CXX", sys.executable)
+    assert Kernels().lack_library
+    library.touch()
+    assert not Kernels().lack_library
 
 
 class Compiled(event.Listener):
@@ -119,7 +132,8 @@ def test_all_parts_run_and_then_the_folder_is_marked(tmp_path, monkeypatch):
     units(tmp_path, monkeypatch, **made)
     kernels, told = Kernels(simulated=False), []
     assert "nothing of these sources is compiled" in kernels.missing
-    kernels.compile(lambda done, total: told.append((done, total)))
+    without = kernels.compile(lambda done, total: told.append((done, total)))
+    assert "native_library: its functions cannot be compiled: ModuleNotFoundError" in without
     assert len(list(tmp_path.glob("done*"))) == 4
     assert kernels.missing == ""
     assert {total for _, total in told} == {kernels.total}
@@ -161,12 +175,14 @@ def test_where_nothing_can_be_kept_a_robot_starts_all_the_same(monkeypatch, caps
 
 def test_a_folder_that_is_complete_need_not_take_files(tmp_path, monkeypatch):
     monkeypatch.setattr(kernel_cache, "_parents", lambda: iter([tmp_path / "theirs", tmp_path]))
-    theirs = Path(kernel_cache._cache_folder())
+    theirs = Path(kernel_cache._cache_folder({}))
     assert theirs.parent == tmp_path / "theirs"
     takes = kernel_cache._takes_files
     monkeypatch.setattr(
-        kernel_cache, "_takes_files", lambda each: each.parent == tmp_path and takes(each)
+        kernel_cache,
+        "_takes_files",
+        lambda each, known: each.parent == tmp_path and takes(each, known),
     )
-    assert Path(kernel_cache._cache_folder()).parent == tmp_path
+    assert Path(kernel_cache._cache_folder({})).parent == tmp_path
     (theirs / kernel_cache._mark("any")).touch()
-    assert Path(kernel_cache._cache_folder()) == theirs
+    assert Path(kernel_cache._cache_folder({})) == theirs

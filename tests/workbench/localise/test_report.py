@@ -100,6 +100,18 @@ def test_nees_counts_between_the_bounds_of_chi_squared_with_three_freedoms():
     assert report(run, with_nees=True)["nees_inside_95"] == 0.5
 
 
+def test_a_smoothed_run_reports_beside_it_what_the_filter_had_at_the_time():
+    run = run_of(off(0.1), off(0.1))
+    assert "online" not in report(run, with_nees=True)
+    run.online = run_of(off(1.1), off(0.3, SEARCHING)).estimates
+    figures = report(run, with_nees=True)
+    assert figures["ape"]["max_m"] == pytest.approx(0.1)
+    online = figures["online"]
+    assert online["ape"]["max_m"] == pytest.approx(1.1)
+    assert online["shares"]["confidently_wrong"] == 0.5
+    assert online["nees_inside_95"] == 0.5
+
+
 def test_times_and_particles_of_updates_are_summed_up():
     run = run_of(off(0.0))
     run.update_ms, run.particles = [float(i) for i in range(101)], [1000, 3000]

@@ -1,7 +1,6 @@
 """`robotctl tune`: what it finds, what it writes, and how it refuses."""
 
 import dataclasses
-import math
 import re
 import tomllib
 from pathlib import Path
@@ -22,12 +21,8 @@ from robotctl.workbench.tuning.fit import (
     longest_delay_s,
     relay_model,
     step_gains,
-    step_model,
-    wheel_feedforward,
 )
-from robotctl.workbench.tuning.open_loop import OpenLoopRecord, find_duty
 from robotctl.workbench.tuning.options import TuneOptions
-from robotctl.workbench.tuning.track import ExperimentError
 from robotctl.workbench.tuning.tune import identify, responses, tune
 from tests.cli.command import status_of
 
@@ -160,46 +155,6 @@ def test_what_is_not_good_is_named_even_where_it_is_better_than_before(tuned, af
 
 
 # Fits, against plants of which all is known
-
-
-def record_of(duty, supply_v, kv, ks, ka, steps=50):
-    """A wheel without a delay, integrated in fine steps; volts are constant within a period."""
-    omega, angle, angles, speeds = 0.0, 0.0, [], []
-    for share in duty:
-        angles.append(angle)
-        speeds.append(omega)
-        for _ in range(steps):
-            force_v = share * supply_v - kv * omega
-            rubbing_v = ks * math.copysign(1.0, omega) if omega else ks * math.copysign(1.0, share)
-            omega += (force_v - rubbing_v) / ka * DT_S / steps
-            angle += omega * DT_S / steps
-    n = len(duty)
-    column = np.array([angles, speeds]).T
-    return OpenLoopRecord(
-        np.arange(n) * DT_S, np.array(duty), np.full(n, supply_v), column[:, 1:], column[:, :1]
-    )
-
-
-STAIRS = [level for level in (0.4, 0.8, 0.4, 0.8, 0.6, 0.3) for _ in range(140)]
-
-
-def test_feedforward_of_a_known_wheel_is_found_without_bias():
-    fit = wheel_feedforward(record_of(STAIRS, 12.0, 0.5, 0.3, 0.04), 0, 0.0)
-    assert fit.kv == pytest.approx(0.5, rel=0.005)
-    assert fit.ks == pytest.approx(0.3, rel=0.02)
-    assert fit.ka == pytest.approx(0.04, rel=0.01)
-
-
-def test_the_model_of_a_known_wheel_is_found():
-    model = step_model(record_of(STAIRS, 12.0, 0.5, 0.3, 0.04), 0, 0.0)
-    assert model.gain == pytest.approx(2.0, rel=0.005)
-    assert model.time_constant_s == pytest.approx(0.08, rel=0.02)
-    assert model.delay_s < 0.001
-
-
-def test_a_record_without_a_step_says_nothing():
-    with pytest.raises(ValueError, match="no step"):
-        step_model(record_of([0.5] * 200, 12.0, 0.5, 0.3, 0.04), 0, 0.0)
 
 
 @pytest.mark.parametrize("delay_s", [0.01, 0.03])
@@ -376,21 +331,6 @@ def test_without_matplotlib_the_command_says_what_to_install(monkeypatch, capsys
     said = capsys.readouterr().err
     (command,) = (line.strip() for line in said.splitlines() if "pip install" in line)
     assert command in (Path(__file__).parents[3] / "docs" / "deploy.md").read_text("utf-8")
-
-
-class ReversedWheels:
-    dt_s = DT_S
-    speed_rad_s = 0.0
-
-    def hold(self, duty, duration_s):
-        self.speed_rad_s = -20.0 * duty
-
-
-def test_wheels_that_turn_backwards_end_the_experiment_at_once():
-    wheels = ReversedWheels()
-    with pytest.raises(ExperimentError, match="reversed"):
-        find_duty(wheels, 10.0, 1.0)
-    assert wheels.speed_rad_s > -3.0
 
 
 def test_an_unknown_wheel_is_refused_before_anything_moves():

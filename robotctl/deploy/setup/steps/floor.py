@@ -13,7 +13,7 @@ def run(bench: Bench) -> Script:
         "Odometry: drive a square in each direction, measure by tape, and `robotctl calibrate "
         "odometry --runs FILE` finds wheels and track: docs/calibration.md."
     )
-    if config.lidar is not None:
+    if config.lidars:
         yield Tell("Lidar: `robotctl doctor` sees its scans; its mount is [lidar].")
     if config.camera is not None:
         yield Tell("Camera: `robotctl camera calibrate`, then `camera check`: docs/camera.md.")

@@ -9,6 +9,7 @@ from robotctl.errors import InvalidValue
 from robotctl.model.actuators import Takes
 
 RATIO_MAX = 1000.0
+"""Greatest gear ratio, and the inverse of the least: beyond, a setting is a slip."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -135,7 +135,7 @@ class MotorConfig(Protocol):
         """Accepted longer command time-out of the drive [ms]; 0: the robot's own."""
 
     def ages(self, safety: SafetyConfig, period_ns: int) -> tuple[AgeLimit, ...]:
-        """Return how old what it tells may be: "motion", "report" and "supply"."""
+        """Return the maximum ages of its reports: "motion", "report" and "supply"."""
 
     def make(self, axes: tuple[Axis, ...], needs: DriveNeeds) -> MotorDrive:
         """Return the drive.

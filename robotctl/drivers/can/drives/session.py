@@ -218,7 +218,7 @@ class Session(Presence):
         self._say(fault)
 
     def serve(self, send: Send, now_ns: int) -> bool:
-        """Send at most one frame; whether it did."""
+        """Send at most one frame; return whether it did."""
         if self._exchange is None:
             if now_ns < self._wait_until_ns:
                 return False

@@ -34,7 +34,20 @@ Script: TypeAlias = Generator[Request | Start, SdoResponse, "Fault | tuple[Setti
 """A whole commissioning: returns the problem, or the settings to read back."""
 
 VENDOR_ID: Final = 0x00526F62
+"""Vendor of our nodes (object 1018h, 1): "Rob" in ASCII."""
+
+
+class Product(enum.IntEnum):
+    """Product codes of our own nodes (object 1018h, 2)."""
+
+    MOTOR_CONTROLLER = 1
+    SONAR_RING = 2
+    POWER = 3
+    IMU = 4
+
+
 REVISION_MAJOR: Final = 0x0001
+"""Major revision of their protocol (object 1018h, 3)."""
 
 
 @dataclass(frozen=True, slots=True)

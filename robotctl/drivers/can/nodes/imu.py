@@ -10,6 +10,7 @@ from robotctl.drivers.can.dbc import Dbc
 from robotctl.drivers.can.nodes.can_node import CanNode, FrameReader, NodeFrame
 from robotctl.drivers.can.nodes.commissioning import (
     HEARTBEAT,
+    Product,
     Script,
     Setting,
     configure_and_start,
@@ -21,8 +22,6 @@ from robotctl.messages.faults import FaultCode
 from robotctl.safety.ages import AgeLimit
 from robotctl.safety.state_machine import SafetyConfig
 
-PRODUCT: Final = 4
-
 
 def imu_script(dbc: Dbc, _: NodeParameters) -> Callable[[], Script]:
     """Return the script of the IMU: identity, sample period of the DBC, heartbeat."""
@@ -31,7 +30,7 @@ def imu_script(dbc: Dbc, _: NodeParameters) -> Callable[[], Script]:
 
     def script() -> Script:
         return (
-            (yield from identify(PRODUCT))
+            (yield from identify(Product.IMU))
             or (yield from same_wire(dbc.wire_version))
             or (yield from configure_and_start(sample_period, HEARTBEAT))
         )

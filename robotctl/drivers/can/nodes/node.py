@@ -7,25 +7,20 @@ from collections.abc import Callable
 from typing import Final
 
 from robotctl.drivers.can.nodes.commissioning import Script, Setting, Start
+from robotctl.drivers.can.nodes.identifiers import CobId, NmtCommand, NmtState
 from robotctl.drivers.can.nodes.process_data import Claim, ProcessData
 from robotctl.drivers.can.nodes.read_back import ReadBack
-from robotctl.drivers.can.nodes.sdo import REQUEST_BASE, Request, SdoClient, SdoResponse
+from robotctl.drivers.can.nodes.sdo import Request, SdoClient, SdoResponse
 from robotctl.drivers.can.presence import Presence
 from robotctl.drivers.can.stranger_book import StrangerBook
 from robotctl.messages.control import StrangerKind
 from robotctl.messages.faults import Fault, FaultCode
 
-NMT_ID: Final = 0x000
-HEARTBEAT_BASE: Final = 0x700
-NMT_BOOT_UP, NMT_STOPPED, NMT_OPERATIONAL, NMT_PRE_OPERATIONAL = 0, 4, 5, 127
-NMT_START, NMT_STOP, NMT_ENTER_PRE_OPERATIONAL = 1, 2, 128
-NMT_RESET_NODE, NMT_RESET_COMMUNICATION = 129, 130
-
-_PUT_OUT: Final = {
-    NMT_STOP: (NMT_STOPPED, "was stopped"),
-    NMT_ENTER_PRE_OPERATIONAL: (NMT_PRE_OPERATIONAL, "was put into pre-operational"),
-    NMT_RESET_NODE: (NMT_BOOT_UP, "was reset"),
-    NMT_RESET_COMMUNICATION: (NMT_BOOT_UP, "was reset"),
+_PUT_OUT: Final[dict[int, tuple[NmtState, str]]] = {
+    NmtCommand.STOP: (NmtState.STOPPED, "was stopped"),
+    NmtCommand.ENTER_PRE_OPERATIONAL: (NmtState.PRE_OPERATIONAL, "was put into pre-operational"),
+    NmtCommand.RESET_NODE: (NmtState.BOOT_UP, "was reset"),
+    NmtCommand.RESET_COMMUNICATION: (NmtState.BOOT_UP, "was reset"),
 }
 """NMT commands that take a node out of service: the state it is in then, and words."""
 
@@ -100,7 +95,7 @@ class Node(Presence):
         sdo_pause_ns: int = 0,
     ) -> None:
         fault = Fault(FaultCode.NODE_NOT_HEARD, "not heard on the bus")
-        super().__init__(node_id, name, NMT_BOOT_UP, fault)
+        super().__init__(node_id, name, NmtState.BOOT_UP, fault)
         self.phase = NodePhase.SILENT
         self.busy = knock is not None
         self.data = ProcessData()
@@ -130,7 +125,7 @@ class Node(Presence):
             return
         state = data[0] & 0x7F
         in_service = self.phase in (NodePhase.VERIFYING, NodePhase.READY)
-        if in_service and state != NMT_OPERATIONAL and self.data.receivers:
+        if in_service and state != NmtState.OPERATIONAL and self.data.receivers:
             if self.data.claim is None:
                 self.data.claim = Claim(state, stamp_ns)
             return
@@ -141,20 +136,20 @@ class Node(Presence):
         self.nmt_state = state
         self.heard_ns = stamp_ns
         # CANopen: a node that has sent its boot-up message is in pre-operational (CiA 301).
-        if state == NMT_BOOT_UP:
+        if state == NmtState.BOOT_UP:
             self.data.restart()
             self.boots += 1
-            self.nmt_state = NMT_PRE_OPERATIONAL
+            self.nmt_state = NmtState.PRE_OPERATIONAL
             self._begin()
         elif self.phase is NodePhase.SILENT:
             self.boots += 1  # nothing is known of its past: never seen, or lost
             self._begin()
-        elif self.phase is NodePhase.STARTING and state == NMT_OPERATIONAL:
+        elif self.phase is NodePhase.STARTING and state == NmtState.OPERATIONAL:
             self.phase = NodePhase.VERIFYING
             self._advance(SdoResponse())
-        elif self.phase is NodePhase.WAKING and state == NMT_PRE_OPERATIONAL:
+        elif self.phase is NodePhase.WAKING and state == NmtState.PRE_OPERATIONAL:
             self._identify()
-        elif self.phase in (NodePhase.VERIFYING, NodePhase.READY) and state != NMT_OPERATIONAL:
+        elif self.phase in (NodePhase.VERIFYING, NodePhase.READY) and state != NmtState.OPERATIONAL:
             self.boots += 1  # its boot-up was lost, or another device put it out of service
             self._begin()
         self._refresh()
@@ -185,8 +180,8 @@ class Node(Presence):
         if is_true:
             self._enter(*claim)
             return True
-        name = "boot-up message" if claim.state == NMT_BOOT_UP else "heartbeat"
-        heartbeat_id = HEARTBEAT_BASE + self.node_id
+        name = "boot-up message" if claim.state == NmtState.BOOT_UP else "heartbeat"
+        heartbeat_id = CobId.HEARTBEAT + self.node_id
         self._strangers.note(
             StrangerKind.FALSE_STATE, name, heartbeat_id, self.name, claim.stamp_ns
         )
@@ -229,7 +224,7 @@ class Node(Presence):
         self._read_back.give_way(stamp_ns)
         self._foreign_write = len(data) > 0 and data[0] & _SDO_COMMAND == _SDO_DOWNLOAD
         if self._foreign_write:
-            request_id = REQUEST_BASE + self.node_id
+            request_id = CobId.SDO_REQUEST + self.node_id
             self._strangers.note(StrangerKind.SDO_WRITE, "SDO", request_id, self.name, stamp_ns)
 
     def read_back(self, now_ns: int) -> None:
@@ -253,16 +248,16 @@ class Node(Presence):
             self._advance(SdoResponse())
         data = self._sdo.poll(now_ns)
         if data is not None:
-            return REQUEST_BASE + self.node_id, data
+            return CobId.SDO_REQUEST + self.node_id, data
         if now_ns < self._wait_until_ns:
             return None
         if self.phase is NodePhase.SILENT and self._knock is not None:
-            return REQUEST_BASE + self.node_id, self._knock.frame()
+            return CobId.SDO_REQUEST + self.node_id, self._knock.frame()
         if self.phase is NodePhase.REFUSED:
             self._begin(again=True)
         elif self.phase in (NodePhase.WAKING, NodePhase.STARTING):
             if self._attempts < START_ATTEMPTS:
-                return NMT_ID, bytes((self._nmt_command(), self.node_id))
+                return CobId.NMT, bytes((self._nmt_command(), self.node_id))
             text = f"does not become {self._nmt_target()}"
             self._refuse(Fault(FaultCode.NODE_REFUSED, text), now_ns)
         return None
@@ -284,7 +279,9 @@ class Node(Presence):
         self.busy = True
         if not again:
             self._say(Fault(FaultCode.NODE_STARTING, "is being identified"))
-        if self.nmt_state == NMT_STOPPED or (self._rests and self.nmt_state != NMT_PRE_OPERATIONAL):
+        if self.nmt_state == NmtState.STOPPED or (
+            self._rests and self.nmt_state != NmtState.PRE_OPERATIONAL
+        ):
             self.phase = NodePhase.WAKING
         else:
             self._identify()
@@ -361,7 +358,9 @@ class Node(Presence):
 
     def _nmt_command(self) -> int:
         """Return the NMT command of the present phase."""
-        return NMT_ENTER_PRE_OPERATIONAL if self.phase is NodePhase.WAKING else NMT_START
+        return (
+            NmtCommand.ENTER_PRE_OPERATIONAL if self.phase is NodePhase.WAKING else NmtCommand.START
+        )
 
     def _nmt_target(self) -> str:
         """Return the target NMT state, as text."""

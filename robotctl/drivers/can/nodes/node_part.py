@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 from robotctl.drivers.can.bus_notes import BusNotes
 from robotctl.drivers.can.bus_part import Handler, Send
-from robotctl.drivers.can.nodes.node import HEARTBEAT_BASE, NMT_ID, Node
-from robotctl.drivers.can.nodes.sdo import REQUEST_BASE, RESPONSE_BASE
+from robotctl.drivers.can.nodes.identifiers import CobId
+from robotctl.drivers.can.nodes.node import Node
 from robotctl.messages.control import EmergencyMessage, NodeStatus
-
-EMERGENCY_BASE: Final = 0x080
 
 
 class NodePart:
@@ -39,11 +35,11 @@ class NodePart:
         self._notes = notes
         node_id = node.node_id
         self.handlers: dict[int, Handler] = {
-            NMT_ID: self._on_foreign_nmt,
-            HEARTBEAT_BASE + node_id: node.on_heartbeat,
-            REQUEST_BASE + node_id: node.on_foreign_sdo,
-            RESPONSE_BASE + node_id: lambda data, _: node.on_sdo(data),
-            EMERGENCY_BASE + node_id: self._on_emergency,
+            CobId.NMT: self._on_foreign_nmt,
+            CobId.HEARTBEAT + node_id: node.on_heartbeat,
+            CobId.SDO_REQUEST + node_id: node.on_foreign_sdo,
+            CobId.SDO_RESPONSE + node_id: lambda data, _: node.on_sdo(data),
+            CobId.EMERGENCY + node_id: self._on_emergency,
         }
 
     @property
@@ -52,7 +48,7 @@ class NodePart:
         return self.node.status
 
     def serve(self, send: Send, now_ns: int) -> bool:
-        """Send the next frame of its node services; whether there was one."""
+        """Send the next frame of its node services; return whether there was one."""
         node = self.node
         if not node.busy:
             return False

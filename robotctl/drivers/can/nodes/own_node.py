@@ -21,7 +21,7 @@ READ_BACK_NS: Final = 100_000_000
 """Period of reading back one setting of a node [ns]: all seven of the drive take 0.7 s."""
 
 _LATE: Final = 1.2
-"""Share of its period that a message with a timer of its own may take to come."""
+"""Maximum interval of a message with a timer of its own, as a multiple of its period."""
 
 
 class Sink(NamedTuple):

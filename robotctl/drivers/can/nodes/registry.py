@@ -26,7 +26,7 @@ def wanted_nodes(parameters: NodeParameters) -> tuple[CanNode, ...]:
 def age_limits(
     parameters: NodeParameters, safety: SafetyConfig, period_ns: int
 ) -> tuple[AgeLimit, ...]:
-    """Return how old what a robot's sensor nodes tell may be; control period [ns]."""
+    """Return the maximum ages of what a robot's sensor nodes report; control period [ns]."""
     limits = [limit for node in wanted_nodes(parameters) for limit in node.ages(safety, period_ns)]
     if parameters.power.source == "drives":
         limits += POWER.ages(safety, period_ns)

@@ -8,8 +8,8 @@ from typing import Final
 
 from robotctl.drivers.can.nodes.can_node import CanNode
 from robotctl.drivers.can.nodes.commissioning import VENDOR_ID
-from robotctl.drivers.can.nodes.node import HEARTBEAT_BASE, NMT_ID
-from robotctl.drivers.can.nodes.sdo import NODE_ID_MAX, REQUEST_BASE, RESPONSE_BASE, Request
+from robotctl.drivers.can.nodes.identifiers import NODE_ID_MAX, PDO_STEP, CobId, NmtState
+from robotctl.drivers.can.nodes.sdo import Request
 from robotctl.drivers.can.probe import ANSWER_NS, Found, Probe, Question, come_from_two
 from robotctl.messages.ports import EXTENDED_FLAG, FD_FLAG, REMOTE_FLAG, Frame
 
@@ -21,19 +21,27 @@ NAME, STATUS_WORD = (0x1008, 0), (0x6041, 0)
 """Objects that are read: index and sub-index."""
 
 PROFILE_402: Final = 402
+"""Device profile of drives (object 1000h, lower 16 bits)."""
 
 _READ_OF_EACH: Final = (VENDOR, PRODUCT, REVISION, SERIAL, NAME)
 _PAUSE_NS: Final = 15_000_000
 """Least time from one request to a server to the next [ns]: some lose what comes sooner."""
 
 _ALL: Final = range(1, NODE_ID_MAX + 1)
-_SYNC: Final = 0x080
 _EMERGENCY_STOP: Final = 0x001
-"""Any frame of it stops our own motor controller (robot.dbc)."""
-_COMMANDS: Final = (0x200, 0x300, 0x400, 0x500, REQUEST_BASE)
+"""Identifier of frames that stop our own motor controller (robot.dbc)."""
+_COMMANDS: Final = (
+    *(CobId.RPDO + PDO_STEP * place for place in range(4)),
+    CobId.SDO_REQUEST,
+)
 """Bases of the identifiers that a node receives: RPDOs, and SDO requests."""
 
-_STATES: Final = {0: "booting", 4: "stopped", 5: "operational", 127: "pre-operational"}
+_STATES: Final[dict[int, str]] = {
+    NmtState.BOOT_UP: "booting",
+    NmtState.STOPPED: "stopped",
+    NmtState.OPERATIONAL: "operational",
+    NmtState.PRE_OPERATIONAL: "pre-operational",
+}
 _OTHERS: Final = EXTENDED_FLAG | FD_FLAG
 
 _ABORT, _SEGMENTS_MAX = 0x80, 12
@@ -165,8 +173,8 @@ class CanopenProbe(Probe):
         plain = arbitration_id & 0x7FF
         node_id = plain & 0x7F
         if arbitration_id & REMOTE_FLAG:
-            return (node_id,) if node_id and plain - node_id == HEARTBEAT_BASE else ()
-        if plain in (NMT_ID, _EMERGENCY_STOP, _SYNC) or plain - HEARTBEAT_BASE in _ALL:
+            return (node_id,) if node_id and plain - node_id == CobId.HEARTBEAT else ()
+        if plain in (CobId.NMT, _EMERGENCY_STOP, CobId.SYNC) or plain - CobId.HEARTBEAT in _ALL:
             return _ALL
         return (node_id,) if node_id and plain - node_id in _COMMANDS else ()
 
@@ -181,15 +189,15 @@ class CanopenProbe(Probe):
         node_id = plain & 0x7F
         base = plain - node_id
         if number & REMOTE_FLAG:
-            if base == HEARTBEAT_BASE:
+            if base == CobId.HEARTBEAT:
                 self._hear_command(f"node guarding of {node_id}")
-        elif base == HEARTBEAT_BASE and len(data) == 1:
+        elif base == CobId.HEARTBEAT and len(data) == 1:
             self._on_heartbeat(node_id, frame)
-        elif base == RESPONSE_BASE and len(data) == 8:
+        elif base == CobId.SDO_RESPONSE and len(data) == 8:
             self._on_answer(node_id, data)
-        elif (plain == NMT_ID and len(data) == 2) or (plain == _SYNC and len(data) <= 1):
-            self._hear_command("NMT command" if plain == NMT_ID else "SYNC")
-        elif base == REQUEST_BASE and _is_request(data):
+        elif (plain == CobId.NMT and len(data) == 2) or (plain == CobId.SYNC and len(data) <= 1):
+            self._hear_command("NMT command" if plain == CobId.NMT else "SYNC")
+        elif base == CobId.SDO_REQUEST and _is_request(data):
             self._hear_command(f"SDO request to node {node_id}")
         elif base in _COMMANDS[:-1] and self._beats.get(node_id):
             self._hear_command(f"RPDO {plain >> 8} to node {node_id}")
@@ -290,12 +298,14 @@ def _with_clash(found: Found, clash: str) -> Found:
 
 
 def _reading(node_id: int, request: Request) -> Question:
-    return Question(node_id, REQUEST_BASE + node_id, request.frame(), RESPONSE_BASE + node_id)
+    return Question(
+        node_id, CobId.SDO_REQUEST + node_id, request.frame(), CobId.SDO_RESPONSE + node_id
+    )
 
 
 def _segment(node_id: int, toggle: int) -> Question:
     data = bytes((0x60 | toggle,)) + bytes(7)
-    return Question(node_id, REQUEST_BASE + node_id, data, RESPONSE_BASE + node_id)
+    return Question(node_id, CobId.SDO_REQUEST + node_id, data, CobId.SDO_RESPONSE + node_id)
 
 
 def _is_request(data: bytes) -> bool:

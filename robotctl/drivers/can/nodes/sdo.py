@@ -9,9 +9,6 @@ import struct
 from dataclasses import dataclass
 from typing import Final
 
-REQUEST_BASE: Final = 0x600
-RESPONSE_BASE: Final = 0x580
-NODE_ID_MAX: Final = 127
 TIMEOUT_NS: Final = 50_000_000
 """Time that a server has for its answer [ns]."""
 
@@ -19,6 +16,7 @@ RETRIES: Final = 3
 """How often an unanswered request is repeated."""
 
 ABORT_NO_OBJECT: Final = 0x06020000
+"""Abort code: the object does not exist (CiA 301, table 22)."""
 
 _HEADER = struct.Struct("<BHB")
 _UPLOAD_REQUEST = 0x40

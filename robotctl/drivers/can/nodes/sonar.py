@@ -12,6 +12,7 @@ from robotctl.drivers.can.dbc import Dbc
 from robotctl.drivers.can.nodes.can_node import CanNode, FrameReader, NodeFrame
 from robotctl.drivers.can.nodes.commissioning import (
     HEARTBEAT,
+    Product,
     Script,
     Setting,
     configure_and_start,
@@ -25,8 +26,6 @@ from robotctl.messages.faults import FaultCode
 from robotctl.safety.ages import AgeLimit
 from robotctl.safety.state_machine import SafetyConfig
 
-PRODUCT: Final = 2
-
 
 def sonar_script(dbc: Dbc, parameters: NodeParameters) -> Callable[[], Script]:
     """Return the script of the sonar ring: identity, number of sonars, ring period of the DBC."""
@@ -35,7 +34,7 @@ def sonar_script(dbc: Dbc, parameters: NodeParameters) -> Callable[[], Script]:
 
     def script() -> Script:
         return (
-            (yield from identify(PRODUCT))
+            (yield from identify(Product.SONAR_RING))
             or (yield from same_wire(dbc.wire_version, optional=True))
             or (
                 yield from expect(

@@ -16,8 +16,11 @@ GRID = (200, 160, 0)
 GRID_M = 0.5
 """Spacing of the grid's lines [m]."""
 _MARK = (0, 0, 230)
+"""Colour of a marked pixel, blue, green, red."""
 _NOTHING = (60, 60, 60)
+"""Colour of what the camera does not see, blue, green, red."""
 _MAX_SIDE_PX = 8000
+"""Maximum side of the view from above [px], 192 MB."""
 
 
 @dataclass(frozen=True, slots=True)

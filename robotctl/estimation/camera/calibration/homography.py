@@ -22,11 +22,17 @@ GATE: Final = 16.0
 """Four standard deviations, squared: anything beyond is an outlier, 3 in 10000 by chance."""
 _SAMPLES: Final = 2000
 _CONFIDENCE: Final = 0.9999
+"""Maximum number of samples of RANSAC, and the probability of one without outliers at which it
+ends."""
 _STEPS: Final = 30
 _SMALL_STEP: Final = 1e-12
+"""Maximum number of Gauss-Newton steps, and the length of one that ends them: rounding."""
 _UNCERTAIN: Final = 0.3
+"""Standard deviation of the scaled homography from which on the points do not determine it."""
 _ON_A_LINE: Final = 1e-6
+"""Distance from a line within which normalised points lie on it: rounding."""
 _LEAST_REDUNDANT: Final = 5
+"""Minimum number of points that agree where others are left out: four fit any homography."""
 
 
 @dataclass(frozen=True, slots=True)

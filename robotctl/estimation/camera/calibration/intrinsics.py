@@ -22,9 +22,13 @@ from robotctl.model.sensors.camera import CameraIntrinsics
 
 KEYS = ("fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "p1", "p2", "k3")
 LEAST_PICTURES = 4
+"""Minimum number of pictures of the board."""
 _FIELDS = 4
+"""Parts of the picture along each side that should be covered."""
 _OUTLYING = 3.0
+"""Multiple of the median residual from which on a picture is left out."""
 _FOCAL_SIGMA = 0.05
+"""Relative standard deviation of the focal length from which on it is not determined."""
 _FIRST = 4
 """Pictures of which all combinations of turns are tried; each further one is added to the best."""
 _TURNED = 0.5

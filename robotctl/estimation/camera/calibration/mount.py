@@ -29,8 +29,11 @@ KEYS = ("x_m", "y_m", "z_m", "yaw_deg", "pitch_deg", "roll_deg")
 FOCAL = "f_px"
 _STEPS = np.array([1e-5, 1e-5, 1e-5, 1e-4, 1e-4, 1e-4, 1e-2])
 _BEHIND_PX = 1e4
+"""Residual of a point behind the camera [px], which has no picture."""
 _LEAST_HEIGHT_M = 1e-3
+"""Minimum height of the camera in the search [m]."""
 _FOCAL_SIGMA = 0.2
+"""Relative standard deviation of the focal length from which on it is not determined."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,8 +13,11 @@ from robotctl.model.sensors.camera_geometry import CameraGeometry
 
 _RIGHT = (0, 190, 0)
 _WRONG = (0, 0, 230)
+"""Colours of points that agree and that do not, blue, green, red."""
 _LIMIT_PX = 30_000.0
+"""Greatest coordinate that is drawn [px]: OpenCV's are 16 bits with fractions."""
 _PIECE_M = 0.05
+"""Length of a straight piece of a line, which the lens bends [m]."""
 _FAR_M, _SIDE_M = 3.0, 1.5
 
 

@@ -26,9 +26,12 @@ PX_PER_MM: Final = 10
 MOST_CORNERS: Final = 50
 """Maximum corners along a side of a board."""
 _BORDER_MM = 10
+"""Minimum white border of a printed pattern [mm]."""
 _ENLARGED = 2
+"""Factor by which a picture is enlarged in the search for small markers."""
 _LEAST_WINDOW_PX = 2
 _MOST_WINDOW_PX = 11
+"""Bounds of half the side of the window in which a corner is refined [px]."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,9 +22,13 @@ RANGES_M = (0.5, 1.0, 1.5, 2.0, 3.0)
 ALLOWED = 0.01
 """Standard deviation of a place from the calibration alone, as a share of its distance."""
 _STEP_M = 0.25
+"""Spacing of the places that are proposed for markers [m]."""
 _SIDE_M = 2.0
+"""Greatest distance of such a place to the side [m]."""
 _MARGIN_PX = 15.0
+"""Minimum distance of such a place from the picture's edge [px]."""
 _MOST_MARKERS = 6
+"""Maximum number of proposed markers."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from robotctl.config_values import check_ranges
 from robotctl.errors import InvalidValue
 
 
@@ -58,14 +59,9 @@ class VisualConfig:
 
     def __post_init__(self) -> None:
         leasts = {"candidates": 1, "least_features": 8, "few": 1, "near": 0, "remembered": 0}
-        for key, least in leasts.items():
-            count = getattr(self, key)
-            if not least <= count < math.inf:
-                raise InvalidValue(key, f"{count} found, {least} or more allowed", count)
-        for key in ("least_score", "least_share", "alone_share", "rival", "alike"):
-            share = getattr(self, key)
-            if not 0.0 <= share <= 1.0:
-                raise InvalidValue(key, f"{share} found, a number in [0, 1] allowed", share)
+        check_ranges(self, **{key: (least, math.inf) for key, least in leasts.items()})
+        shares = ("least_score", "least_share", "alone_share", "rival", "alike")
+        check_ranges(self, **dict.fromkeys(shares, (0.0, 1.0)))
         chance = self.log10_chance
         if not -300.0 <= chance < 0.0:
             raise InvalidValue("log10_chance", f"{chance} found, -300 to below 0 allowed", chance)

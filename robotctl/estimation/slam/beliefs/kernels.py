@@ -258,13 +258,3 @@ def product(ends: Ints, H: Floats, precisions: Floats, x: Floats) -> Floats:
                 result[a, i] += H[link, 0, 0, i, j] * x[a, j] + H[link, 0, 1, i, j] * x[b, j]
                 result[b, i] += H[link, 1, 0, i, j] * x[a, j] + H[link, 1, 1, i, j] * x[b, j]
     return result
-
-
-@compiled
-def inner(a: Floats, b: Floats) -> float:
-    """Return the sum of a b, both (n, D). BLAS would wake its threads for it, round by round."""
-    total = 0.0
-    for i in range(a.shape[0]):
-        for j in range(a.shape[1]):
-            total += a[i, j] * b[i, j]
-    return total

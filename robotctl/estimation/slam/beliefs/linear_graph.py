@@ -8,11 +8,12 @@ from typing import Final, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.estimation.slam.beliefs.kernels import gather, inner, product, tree_means
+from robotctl.estimation.slam.beliefs.kernels import gather, product, tree_means
 from robotctl.estimation.slam.equations import Linearisation, linearise
 from robotctl.estimation.slam.graph.factor import FactorBlock, Ints, Linearised
 from robotctl.estimation.slam.graph.factor_graph import FactorGraph, Values
 from robotctl.estimation.slam.graph.variables import Floats
+from robotctl.estimation.slam.linear.assembly import inner
 from robotctl.estimation.slam.start.spanning import incidence, walk
 
 _SMALLEST: Final = 1e-9

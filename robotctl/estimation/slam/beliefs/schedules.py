@@ -13,9 +13,10 @@ from typing import Final
 
 import numpy as np
 
-from robotctl.estimation.slam.beliefs.kernels import inner, product, send_all, send_by_residual
+from robotctl.estimation.slam.beliefs.kernels import product, send_all, send_by_residual
 from robotctl.estimation.slam.beliefs.linear_graph import LinearGraph, Means
 from robotctl.estimation.slam.graph.variables import Floats
+from robotctl.estimation.slam.linear.assembly import inner
 
 _PATIENCE: Final = 3000
 """Rounds about one linearisation."""

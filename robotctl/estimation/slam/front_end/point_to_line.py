@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.compiled import compiled
-from robotctl.estimation.slam.front_end.surface import Floats, Surface
+from robotctl.estimation.slam.front_end.surface import Floats, Surface, corners
 from robotctl.model.geometry.se2 import SE2
 
 SIGMA_M: Final = 0.03
@@ -51,7 +51,7 @@ class Bins:
 
     points: Floats
     normals: Floats
-    begins: NDArray[np.int64]
+    begins: NDArray[np.int32]
     corner: Floats
     columns: int
     rows: int
@@ -60,9 +60,10 @@ class Bins:
 def binned(surface: Surface) -> Bins:
     """Return a surface of at least one point in bins."""
     outline = surface.outline
-    corner = np.floor(outline.min(axis=0) / _CELL_M) * _CELL_M
-    columns, rows = (int(each) + 1 for each in (outline.max(axis=0) - corner) / _CELL_M)
-    begins = np.zeros(rows * columns + 1, np.int64)
+    low, high = corners(outline)
+    corner = np.floor(low / _CELL_M) * _CELL_M
+    columns, rows = (int(each) + 1 for each in (high - corner) / _CELL_M)
+    begins = np.zeros(rows * columns + 1, np.int32)
     points, normals = np.empty_like(outline), np.empty_like(outline)
     _sort(outline, surface.outline_normals, corner, columns, begins, points, normals)
     return Bins(points, normals, begins, corner, columns, rows)
@@ -70,7 +71,7 @@ def binned(surface: Surface) -> Bins:
 
 @compiled
 def _sort(
-    outline: Floats, facing: Floats, corner: Floats, columns: int, begins: NDArray[np.int64],
+    outline: Floats, facing: Floats, corner: Floats, columns: int, begins: NDArray[np.int32],
     points: Floats, normals: Floats,
 ) -> None:  # fmt: skip
     """Sort points into bins by counting."""
@@ -146,9 +147,19 @@ def refine(
     return Match(SE2(*pose.tolist()), H, inliers, rms_m)
 
 
+def share_on_map(bins: Bins, surface: Surface, pose: SE2) -> float:
+    """Return the share of a surface's points, by weight, that lie on a map at a pose."""
+    inliers, _ = _normal_equations(
+        bins.points, bins.normals, bins.begins, bins.corner, bins.columns, bins.rows,
+        surface.points, surface.normals, surface.weights,
+        np.array([pose.x_m, pose.y_m, pose.theta_rad]), NARROW_M, np.empty((3, 3)), np.empty(3),
+    )  # fmt: skip
+    return inliers / max(float(surface.weights.sum()), 1e-9)
+
+
 @compiled
 def _refine(
-    points: Floats, normals: Floats, begins: NDArray[np.int64], corner: Floats, columns: int,
+    points: Floats, normals: Floats, begins: NDArray[np.int32], corner: Floats, columns: int,
     rows: int, own: Floats, own_normals: Floats, weights: Floats, pose: Floats, prior: Floats,
     prior_information: Floats, wide_m: float, H: Floats,
 ) -> tuple[float, float]:  # fmt: skip
@@ -191,7 +202,7 @@ def _refine(
 
 @compiled
 def _normal_equations(
-    points: Floats, normals: Floats, begins: NDArray[np.int64], corner: Floats, columns: int,
+    points: Floats, normals: Floats, begins: NDArray[np.int32], corner: Floats, columns: int,
     rows: int, own: Floats, own_normals: Floats, weights: Floats, pose: Floats, scale: float,
     H: Floats, g: Floats,
 ) -> tuple[float, float]:  # fmt: skip
@@ -249,7 +260,7 @@ def _normal_equations(
 
 @compiled
 def _nearest(
-    points: Floats, normals: Floats, begins: NDArray[np.int64], corner: Floats, columns: int,
+    points: Floats, normals: Floats, begins: NDArray[np.int32], corner: Floats, columns: int,
     rows: int, x: float, y: float, mx: float, my: float, is_wall: bool, most: float,
 ) -> int:  # fmt: skip
     """Return the nearest point that faces the same way, within `most`; -1: none."""

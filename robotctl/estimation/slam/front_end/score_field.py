@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.compiled import compiled
-from robotctl.estimation.slam.front_end.surface import Floats
+from robotctl.estimation.slam.front_end.surface import Floats, corners
 
 RESOLUTION_M: Final = 0.05
 SIGMA_M: Final = 0.07
@@ -44,8 +44,8 @@ class ScoreField:
 
 def score_field(outline: Floats) -> ScoreField:
     """Return the field of walls given as points (m, 2), which lie as close as cells; m > 0."""
-    low = np.floor(outline.min(axis=0) / RESOLUTION_M).astype(np.int64) - _MARGIN
-    high = np.floor(outline.max(axis=0) / RESOLUTION_M).astype(np.int64) + _MARGIN + 1
+    low, high = (np.floor(each / RESOLUTION_M).astype(np.int64) for each in corners(outline))
+    low, high = low - _MARGIN, high + _MARGIN + 1
     columns, rows = (int(each) for each in high - low)
     cells = np.zeros((LEVELS, rows, columns), np.uint8)
     steps = np.arange(-_REACH, _REACH + 1) * RESOLUTION_M

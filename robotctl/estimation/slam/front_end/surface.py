@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -31,6 +31,9 @@ _NOISE_M: Final = 0.02
 _SPACING_M: Final = 0.05
 """Points that lie closer share their errors, and count less."""
 
+_LEAST_WALLS: Final = 0.3
+"""Share of the points that must be of walls for these to speak for all."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surface:
@@ -53,6 +56,23 @@ class Surface:
     weights: Floats
     outline: Floats
     outline_normals: Floats
+
+    @property
+    def walls(self) -> Surface:
+        """The points that are seen to be of a wall; all of them where those are few.
+
+        The others lie far apart, in a pattern that moves with the robot: it matches itself best
+        where the robot has not moved.
+        """
+        is_wall = np.any(self.normals != 0.0, axis=1)
+        if np.count_nonzero(is_wall) < _LEAST_WALLS * len(is_wall):
+            return self
+        return replace(
+            self,
+            points=self.points[is_wall],
+            normals=self.normals[is_wall],
+            weights=self.weights[is_wall],
+        )
 
     def moved(self, T_a_b: SE2) -> Surface:
         """Return the surface, given in frame b, in frame a."""
@@ -79,17 +99,44 @@ def joined(surfaces: list[Surface]) -> Surface:
 
 def surface_of(scan: RangeScan) -> Surface:
     """Return the echoes of a scan in `base`; neighbouring beams must be neighbours in the scan."""
+    surfaces = [_of_one(each) for each in scan.parts]
+    return joined(surfaces) if scan.others else surfaces[0]
+
+
+def _of_one(scan: RangeScan) -> Surface:
     limit_m = min(scan.max_range_m, RANGE_LIMIT_M)
     hit = np.flatnonzero(np.isfinite(scan.ranges_m) & (scan.ranges_m < limit_m))
     sensor = np.array([scan.x_m, scan.y_m])
     angles, ranges = scan.angles_rad[hit], scan.ranges_m[hit]
     points = sensor + ranges[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    step_rad = float(np.median(np.abs(np.diff(scan.angles_rad)))) if len(scan.angles_rad) > 1 else 0
-    is_linked = _linked(points, ranges, hit, float(step_rad))
+    step_rad = beam_step_rad(scan.angles_rad)
+    is_linked = _linked(points, ranges, hit, step_rad)
     normals = np.zeros_like(points)
     weights = np.ones(len(points))
-    _fit(points, ranges, is_linked, float(step_rad), sensor, normals, weights)
+    _fit(points, ranges, is_linked, step_rad, sensor, normals, weights)
     return Surface(points, normals, weights, *_outline(points, normals, is_linked))
+
+
+def beam_step_rad(angles: Floats) -> float:
+    """Return the median angle between neighbouring beams (n,) [rad]; 0 where there are none.
+
+    For a few hundred beams `np.median` takes several times as long.
+    """
+    steps = np.sort(np.abs(angles[1:] - angles[:-1]))
+    if len(steps) == 0:
+        return 0.0
+    return 0.5 * float(steps[(len(steps) - 1) // 2] + steps[len(steps) // 2])
+
+
+@compiled
+def corners(points: Floats) -> tuple[Floats, Floats]:
+    """Return the least and the greatest coordinates of points (n, 2), each (2,); n > 0."""
+    low, high = points[0].copy(), points[0].copy()
+    for k in range(1, len(points)):
+        for axis in range(2):
+            low[axis] = min(low[axis], points[k, axis])
+            high[axis] = max(high[axis], points[k, axis])
+    return low, high
 
 
 @compiled

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from robotctl.estimation.slam.graph.checks import check_numbers, check_values
 from robotctl.estimation.slam.graph.factor import FactorBlock, FactorKind, Ints
 from robotctl.estimation.slam.graph.factor_graph import FactorGraph, Values
+from robotctl.estimation.slam.graph.robust_kernel import RobustKernel
 from robotctl.estimation.slam.graph.variables import KINDS, Floats, VariableKind
 
 
@@ -16,7 +17,9 @@ class GraphBuilder:
 
     def __init__(self) -> None:
         self._variables: dict[VariableKind, list[tuple[Ints, Floats]]] = {}
-        self._factors: dict[FactorKind, list[tuple[Ints, Floats, Floats]]] = {}
+        self._factors: dict[
+            tuple[FactorKind, RobustKernel | None], list[tuple[Ints, Floats, Floats]]
+        ] = {}
 
     def variables(self, kind: VariableKind, ids: Ints, values: Floats) -> None:
         """Add variables (n,) with their values (n, size); a later value replaces an earlier.
@@ -31,9 +34,10 @@ class GraphBuilder:
         self._variables.setdefault(kind, []).append((ids, values))
 
     def factors(
-        self, kind: FactorKind, ids: Ints, measurements: Floats, information: Floats
-    ) -> None:
-        """Add factors on the variables `ids` (n, 1 or 2); arrays as in `FactorBlock`.
+        self, kind: FactorKind, ids: Ints, measurements: Floats, information: Floats,
+        kernel: RobustKernel | None = None,
+    ) -> None:  # fmt: skip
+        """Add factors on the variables `ids` (n, variables); arrays and kernel: `FactorBlock`.
 
         Raises
         ------
@@ -44,16 +48,17 @@ class GraphBuilder:
         measurements = np.asarray(measurements, np.float64)
         information = np.asarray(information, np.float64)
         check_numbers(kind, measurements, information)
-        self._factors.setdefault(kind, []).append((ids, measurements, information))
+        self._factors.setdefault((kind, kernel), []).append((ids, measurements, information))
 
     def build(self) -> tuple[FactorGraph, Values, dict[VariableKind, NDArray[np.bool_]]]:
         """Return the graph, values, and of each kind which of them were given, (n,)."""
         ids: dict[VariableKind, Ints] = {}
         values: Values = {}
         known = {}
-        for kind in KINDS:
+        own_kinds = [kind for factor, _ in self._factors for kind in factor.variables]
+        for kind in dict.fromkeys([*KINDS, *self._variables, *own_kinds]):
             named = [own for own, _ in self._variables.get(kind, ())]
-            for factor, parts in self._factors.items():
+            for (factor, _), parts in self._factors.items():
                 for slot, variable in enumerate(factor.variables):
                     if variable is kind:
                         named += [part[0][:, slot] for part in parts]
@@ -66,7 +71,7 @@ class GraphBuilder:
                 rows = np.searchsorted(ids[kind], own)
                 values[kind][rows], known[kind][rows] = given, True
         blocks = []
-        for factor, parts in self._factors.items():
+        for (factor, kernel), parts in self._factors.items():
             named = [np.concatenate([part[0][:, slot] for part in parts]) for slot in range(len(factor.variables))]  # fmt: skip # noqa: E501
             rows_of = tuple(
                 np.searchsorted(ids[kind], own).astype(np.int64)
@@ -78,6 +83,7 @@ class GraphBuilder:
                     rows_of,
                     np.ascontiguousarray(np.concatenate([part[1] for part in parts])),
                     np.ascontiguousarray(np.concatenate([part[2] for part in parts])),
+                    kernel,
                 )
             )
         return FactorGraph(ids, tuple(blocks)), values, known

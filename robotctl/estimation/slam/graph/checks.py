@@ -7,6 +7,7 @@ not finite for a value. So graphs and problems look at their arrays once, when t
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import combinations
 from typing import Any, Final
 
 import numpy as np
@@ -46,11 +47,12 @@ def check_block(block: FactorBlock, counts: Mapping[VariableKind, int]) -> None:
         if n and not (rows.min() >= 0 and rows.max() < count):
             raise _wrong(kind, f"variables {rows.min()} to {rows.max()} found, of kind "
                                f"{variable.name!r} there are {count}")  # fmt: skip
-    if len(kind.variables) == 2 and kind.variables[0] is kind.variables[1]:
-        loops = np.flatnonzero(block.variables[0] == block.variables[1])
-        if len(loops):
-            raise _wrong(kind, f"[{loops[0]}] links variable {block.variables[0][loops[0]]} of "
-                               f"kind {kind.variables[0].name!r} with itself")  # fmt: skip
+    for a, b in combinations(range(len(kind.variables)), 2):
+        if kind.variables[a] is kind.variables[b]:
+            loops = np.flatnonzero(block.variables[a] == block.variables[b])
+            if len(loops):
+                raise _wrong(kind, f"[{loops[0]}] links variable {block.variables[a][loops[0]]} of "
+                                   f"kind {kind.variables[a].name!r} with itself")  # fmt: skip
     check_numbers(kind, block.measurements, block.information)
 
 

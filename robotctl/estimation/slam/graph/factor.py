@@ -14,6 +14,7 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from robotctl.estimation.slam.graph.robust_kernel import RobustKernel
 from robotctl.estimation.slam.graph.variables import Floats, VariableKind
 
 Ints: TypeAlias = NDArray[np.int64]
@@ -31,7 +32,7 @@ class FactorKind:
     name
         For messages.
     variables
-        Kinds of the one or two variables of a factor.
+        Kinds of the variables of a factor, one or more.
     measurement
         Numbers of one measurement.
     size
@@ -70,12 +71,15 @@ class FactorBlock:
     information
         Inverse covariances of the residuals, (n, size, size), symmetric, positive semidefinite: of
         what a zero eigenvalue stands for, the factor says nothing.
+    kernel
+        Robust kernel of these factors, whatever others have; None: that of the problem, if any.
     """
 
     kind: FactorKind
     variables: tuple[Ints, ...]
     measurements: Floats
     information: Floats
+    kernel: RobustKernel | None = None
 
     def __len__(self) -> int:
         return len(self.measurements)
@@ -87,6 +91,7 @@ class FactorBlock:
             tuple(each[chosen] for each in self.variables),
             self.measurements[chosen],
             self.information[chosen],
+            self.kernel,
         )
 
     def informed(self) -> FactorBlock:

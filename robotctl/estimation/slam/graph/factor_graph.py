@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import TypeAlias
 
 import numpy as np
@@ -148,8 +149,12 @@ class FactorGraph:
 
         With `informed` only those whose factor has information.
         """
-        blocks = [each for each in self.blocks if len(each.kind.variables) == 2]
-        pairs = [self.numbers(each.informed() if informed else each) for each in blocks]
+        pairs = [
+            pair
+            for each in self.blocks
+            if len(each.kind.variables) > 1
+            for pair in combinations(self.numbers(each.informed() if informed else each), 2)
+        ]
         if pairs:
             yield np.concatenate([p[0] for p in pairs]), np.concatenate([p[1] for p in pairs])
 

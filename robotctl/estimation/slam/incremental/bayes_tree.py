@@ -22,8 +22,17 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
+_WASTE = 100_000
+"""Numbers in the pool up to which gaps of cliques that are gone stay."""
+_AHEAD = 2**18
+"""Numbers at most by which the pool is longer than it has to be."""
+
+
 class Cliques(NamedTuple):
-    """The cliques of a tree; children have smaller numbers than their parents.
+    """The cliques of a tree.
+
+    Where it was renewed, children have smaller numbers than their parents; what was hung to it
+    since then has larger ones, again larger than those of its parents.
 
     Parameters
     ----------
@@ -36,9 +45,9 @@ class Cliques(NamedTuple):
     row_pool
         Columns of the whole system that the rows of the fronts are; -1 for the gradient.
     pool
-        Numbers of factors and updates.
+        Numbers of factors, each before its update: the lower triangle, by columns.
     used
-        Cliques, entries of `row_pool` and of `pool` in use.
+        Cliques, entries of `row_pool` and of `pool` in use; cliques when the tree was renewed last.
     """
 
     parents: Ints
@@ -61,21 +70,25 @@ class Links(NamedTuple):
         First column and width of each variable.
     owner
         The variable of each column.
-    first, second
-        Variables of each factor; -1: none.
+    begins, ends
+        First entry of each factor, and the free variable of each entry; entries of a factor follow
+        each other.
+    factor_of
+        The factor of each entry.
     places
         Where each factor's matrix (columns one after the other) and gradient begin in `terms`.
     terms
         Their numbers.
     heads, following
-        The factors of each variable as linked lists: entry 2 f + slot is factor f.
+        The entries of each variable as linked lists.
     """
 
     offsets: Ints
     dof: Ints
     owner: Ints
-    first: Ints
-    second: Ints
+    begins: Ints
+    ends: Ints
+    factor_of: Ints
     places: Ints
     terms: Floats
     heads: Ints
@@ -93,118 +106,96 @@ def grown_ints(values: Ints, used: int, need: int) -> Ints:
     return larger
 
 
-@compiled
-def grown_floats(values: Floats, used: int, need: int) -> Floats:
-    """Return an array that has room for `need` more."""
-    if used + need <= len(values):
-        return values
-    larger = np.empty(2 * (used + need))
-    for i in range(used):
-        larger[i] = values[i]
-    return larger
+def with_room(cliques: Cliques, need: int) -> Floats:
+    """Return `pool`, lengthened where it stands: no second one is beside it while it grows."""
+    if need > len(cliques.pool):
+        cliques.pool.resize(need + min(need // 8, _AHEAD), refcheck=False)
+    return cliques.pool
 
 
 @compiled
-def solve_down(  # noqa: C901 - one compiled loop
-    cliques: Cliques, first: int, threshold: float, increments: Floats
-) -> None:
-    """Renew the increments from the root down, and end where they hardly change.
-
-    Parameters
-    ----------
-    cliques
-        The tree.
-    first
-        From this clique on all are solved.
-    threshold
-        An increment that changes by less is not passed on: the wildfire threshold.
-    increments
-        Of all columns; changed.
-    """
-    count = cliques.used[0]
-    is_solved = np.zeros(count, np.bool_)
-    is_moved = np.zeros(len(increments), np.bool_)
-    work = np.empty(1)
-    for c in range(count - 1, -1, -1):
-        if cliques.parents[c] == -2:
-            continue
-        rows, columns, begin = cliques.rows[c], cliques.columns[c], cliques.row_starts[c]
-        if c < first:
-            if not is_solved[cliques.parents[c]]:
-                continue
-            is_reached = False
-            for at in range(begin + columns, begin + rows - 1):
-                if is_moved[cliques.row_pool[at]]:
-                    is_reached = True
-                    break
-            if not is_reached:
-                continue
-        is_solved[c] = True
-        if rows > len(work):
-            work = np.empty(2 * rows)
-        for i in range(columns, rows - 1):
-            work[i] = increments[cliques.row_pool[begin + i]]
-        panel = cliques.panel_starts[c]
-        for j in range(columns - 1, -1, -1):
-            column = panel + j * rows
-            value = -cliques.pool[column + rows - 1]
-            for i in range(j + 1, rows - 1):
-                value -= cliques.pool[column + i] * work[i]
-            work[j] = value / cliques.pool[column + j]
-            at = cliques.row_pool[begin + j]
-            if abs(work[j] - increments[at]) > threshold:
-                is_moved[at] = True
-            increments[at] = work[j]
+def columns_of(offsets: Ints, dof: Ints, variables: Ints) -> Ints:
+    """Return the columns of some variables, one after the other."""
+    total = 0
+    for v in variables:
+        total += dof[v]
+    result, at = np.empty(total, np.int64), 0
+    for v in variables:
+        for k in range(dof[v]):
+            result[at] = offsets[v] + k
+            at += 1
+    return result
 
 
 @compiled
-def compact(cliques: Cliques, clique_of: Ints) -> Cliques:
-    """Return the tree without the cliques that are gone."""
-    count = cliques.used[0]
-    renamed = np.full(count, -1, np.int64)
-    live, row_need, need = 0, 0, 0
-    for c in range(count):
+def packed(size: int) -> int:
+    """Return how many numbers the triangle of an update takes."""
+    return size * (size + 1) // 2
+
+
+@compiled
+def live(cliques: Cliques) -> int:
+    """Return the numbers in `pool` of all cliques that are there."""
+    total = 0
+    for c in range(cliques.used[0]):
         if cliques.parents[c] != -2:
-            renamed[c] = live
-            live += 1
-            behind = cliques.rows[c] - cliques.columns[c]
-            row_need += cliques.rows[c]
-            need += cliques.rows[c] * cliques.columns[c] + behind * behind
-    parents, columns, rows = (
-        np.empty(2 * live, np.int64),
-        np.empty(2 * live, np.int64),
-        np.empty(2 * live, np.int64),
-    )
-    row_starts, panel_starts, update_starts = (
-        np.empty(2 * live, np.int64),
-        np.empty(2 * live, np.int64),
-        np.empty(2 * live, np.int64),
-    )
-    row_pool, pool = np.empty(2 * row_need, np.int64), np.empty(2 * need)
-    row_at, at = 0, 0
-    for c in range(count):
-        k = renamed[c]
-        if k < 0:
+            rows, columns = cliques.rows[c], cliques.columns[c]
+            total += rows * columns + packed(rows - columns)
+    return total
+
+
+@compiled
+def compact(  # noqa: C901 - one compiled loop
+    cliques: Cliques, clique_of: Ints, named: Ints, most: int
+) -> None:
+    """Close gaps of cliques that are gone, in place, and renumber the others, those `named` too.
+
+    Cliques behind the first `most` numbers of the pool that are moved stay where they are.
+    """
+    used = cliques.used
+    renamed = np.full(used[0], -1, np.int64)
+    k, row_at, at, moved, renewed = 0, 0, 0, 0, 0
+    for c in range(used[0]):
+        up, rows, columns = cliques.parents[c], cliques.rows[c], cliques.columns[c]
+        if up == -2:
             continue
-        up = cliques.parents[c]
-        parents[k] = renamed[up] if up >= 0 else -1
-        columns[k], rows[k] = cliques.columns[c], cliques.rows[c]
-        row_starts[k], panel_starts[k] = row_at, at
-        for i in range(rows[k]):
-            row_pool[row_at + i] = cliques.row_pool[cliques.row_starts[c] + i]
-        row_at += rows[k]
-        for i in range(rows[k] * columns[k]):
-            pool[at + i] = cliques.pool[cliques.panel_starts[c] + i]
-        at += rows[k] * columns[k]
-        update_starts[k] = at
-        behind = rows[k] - columns[k]
-        for i in range(behind * behind):
-            pool[at + i] = cliques.pool[cliques.update_starts[c] + i]
-        at += behind * behind
+        renamed[c] = k
+        row_begin, begin = cliques.row_starts[c], cliques.panel_starts[c]
+        need = rows * columns + packed(rows - columns)
+        if row_at < row_begin:
+            for i in range(rows):
+                cliques.row_pool[row_at + i] = cliques.row_pool[row_begin + i]
+        if moved >= most:
+            at = begin
+        if at < begin:
+            there, here = cliques.pool[at : at + need], cliques.pool[begin : begin + need]
+            for i in range(need):
+                there[i] = here[i]
+            moved += need
+        cliques.parents[k], cliques.columns[k], cliques.rows[k] = up, columns, rows
+        cliques.row_starts[k], cliques.panel_starts[k] = row_at, at
+        cliques.update_starts[k] = at + rows * columns
+        row_at += rows
+        at += need
+        k += 1
+        if c < used[3]:
+            renewed = k
+    for c in range(k):
+        if cliques.parents[c] >= 0:
+            cliques.parents[c] = renamed[cliques.parents[c]]
     for v in range(len(clique_of)):
         if clique_of[v] >= 0:
             clique_of[v] = renamed[clique_of[v]]
-    used = np.array([live, row_at, at])
-    return Cliques(
-        parents, columns, rows, row_starts, panel_starts, update_starts, row_pool, pool, used
-    )
+    for i in range(len(named)):
+        named[i] = renamed[named[i]]
+    used[0], used[1], used[2], used[3] = k, row_at, at, renewed
+
+
+@compiled
+def tidy(cliques: Cliques, clique_of: Ints, named: Ints, share: int, most: int) -> None:
+    """Close gaps where more than one number in `share` is of cliques that are gone.
+
+    The rest is as of `compact`; small pools keep their gaps.
+    """
+    if cliques.used[2] > _WASTE and share * (cliques.used[2] - live(cliques)) > cliques.used[2]:
+        compact(cliques, clique_of, named, most)

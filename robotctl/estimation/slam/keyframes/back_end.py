@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import heapq
+import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.compiled import compiled
+from robotctl.estimation.grown import Grown
 from robotctl.estimation.slam.factors.between import BETWEEN_2D, residual_2d
+from robotctl.estimation.slam.front_end.point_to_line import SIGMA_M
 from robotctl.estimation.slam.front_end.surface import Floats
 from robotctl.estimation.slam.graph.variables import SE2 as POSES
 from robotctl.estimation.slam.incremental.smoother import IncrementalSmoother
@@ -21,7 +25,10 @@ from robotctl.model.geometry.se2 import SE2
 DRIFT_M: Final = 0.02
 DRIFT_RAD: Final = 0.01
 """Drift of matched scans per metre that their covariances do not contain [m, rad]."""
-
+_NEARLY_NOTHING: Final = 1e-3 * np.eye(3)
+"""Information that makes a matrix of a match along a corridor invertible."""
+UNSEEN_M: Final = 0.008
+"""Systematic error of echoes [m], which leaves no residuals: all ranges too long, or too short."""
 LOOSE_M: Final = 0.25
 LOOSE_RAD: Final = 0.08
 """With less doubt between, old keyframes are where they are; others are loops to close."""
@@ -29,13 +36,80 @@ LOOSE_RAD: Final = 0.08
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KeyframeLink:
-    """A measured pose of keyframe `second` in `first`, with its information (3, 3)."""
+    """A measured pose of keyframe `second` in `first`, with its information (3, 3).
+
+    A link of a loop loses its weight where the graph contradicts it, unless a person gave it.
+    """
 
     first: int
     second: int
     pose: SE2
     information: Floats
     is_loop: bool = False
+    is_given: bool = False
+
+
+class KeyframeLinks(Sequence[KeyframeLink]):
+    """Links by number, in a quarter of the memory of a list of them.
+
+    Parameters
+    ----------
+    links
+        The first ones.
+    """
+
+    def __init__(self, links: Iterable[KeyframeLink] = ()) -> None:
+        self._ends, self._poses = Grown((2,), np.int32), Grown((3,), float)
+        self._information, self._kinds = Grown((3, 3), float), Grown((2,), np.bool_)
+        for link in links:
+            self.append(link)
+
+    def append(self, link: KeyframeLink) -> None:
+        """Add a link."""
+        self._ends.add(((link.first, link.second),))
+        self._poses.add((as_row(link.pose),))
+        self._information.add((link.information,))
+        self._kinds.add(((link.is_loop, link.is_given),))
+
+    def __len__(self) -> int:
+        return self._ends.size
+
+    @overload
+    def __getitem__(self, number: int) -> KeyframeLink: ...
+    @overload
+    def __getitem__(self, number: slice) -> list[KeyframeLink]: ...
+    def __getitem__(self, number: int | slice) -> KeyframeLink | list[KeyframeLink]:
+        if isinstance(number, slice):
+            return [self[each] for each in range(*number.indices(len(self)))]
+        first, second = self.ends[number].tolist()
+        is_loop, is_given = self._kinds.view[number].tolist()
+        pose, information = SE2(*self.poses[number].tolist()), self.information[number].copy()
+        return KeyframeLink(first, second, pose, information, is_loop, is_given)
+
+    @property
+    def ends(self) -> NDArray[np.int32]:
+        """Keyframes `first` and `second`, (n, 2)."""
+        return self._ends.view
+
+    @property
+    def poses(self) -> Floats:
+        """Rows of measured poses, (n, 3) [m, m, rad]."""
+        return self._poses.view
+
+    @property
+    def information(self) -> Floats:
+        """Information of each, (n, 3, 3)."""
+        return self._information.view
+
+    @property
+    def is_loop(self) -> NDArray[np.bool_]:
+        """Whether each is of a loop, (n,)."""
+        return self._kinds.view[:, 0]
+
+    @property
+    def is_given(self) -> NDArray[np.bool_]:
+        """Whether a person gave each, (n,)."""
+        return self._kinds.view[:, 1]
 
 
 def as_row(pose: SE2) -> Floats:
@@ -61,14 +135,29 @@ class BackEnd:
     def __init__(self, repeats: float = 1.0) -> None:
         self._repeats = repeats
         self._smoother = IncrementalSmoother()
-        self.links: list[KeyframeLink] = []
+        self.links = KeyframeLinks()
         self.weights: list[float] = []
         self.poses = np.empty((0, 3))
-        self._length: list[float] = []
+        self._marginal: tuple[int, Floats] | None = None
+        self._matches = self._sharpness = 1.0
         self._heads = np.full(64, -1, np.int64)
         self._following = np.full(1024, -1, np.int64)
         self._ends = np.zeros(1024, np.int64)
         self._variances = np.zeros((1024, 2))
+
+    def observe(self, rms_m: float) -> None:
+        """Learn from the residuals [m] of two scans that match how far echoes are off a wall."""
+        self._matches += 1.0
+        self._sharpness += SIGMA_M**2 / (rms_m**2 + UNSEEN_M**2)
+
+    @property
+    def variance_factor(self) -> float:
+        """Ratio of the variance of echoes that residuals show to the one that matches assume.
+
+        The a posteriori variance of unit weight, by which an adjustment's covariances count. Links
+        add their information, so the mean is harmonic; the assumption is one match among them.
+        """
+        return self._matches / self._sharpness
 
     def add(self, pose: SE2) -> int:
         """Add a keyframe at a pose; return its number."""
@@ -88,8 +177,8 @@ class BackEnd:
             self._following = np.append(self._following, np.full(at, -1, np.int64))
             self._ends = np.append(self._ends, np.zeros(at, np.int64))
             self._variances = np.append(self._variances, np.zeros((at, 2)), axis=0)
-        covariance = np.linalg.inv(link.information + 1e-3 * np.eye(3))
-        length = np.hypot(link.pose.x_m, link.pose.y_m)
+        length = math.hypot(link.pose.x_m, link.pose.y_m)
+        covariance = np.linalg.inv(link.information + _NEARLY_NOTHING)
         doubt = (
             covariance[0, 0] + covariance[1, 1] + DRIFT_M**2 * length,
             covariance[2, 2] + DRIFT_RAD**2 * length,
@@ -106,7 +195,13 @@ class BackEnd:
         """Return the information (3, 3) with which a link counts, beside others that repeat it."""
         return link.information / self._repeats if link.is_loop else link.information
 
-    def load(self, poses: Floats, links: list[KeyframeLink], weights: list[float]) -> None:
+    def counted_of(self, numbers: NDArray[np.int64]) -> Floats:
+        """Return the information with which some links count, (n, 3, 3)."""
+        repeats = np.where(self.links.is_loop[numbers], self._repeats, 1.0)
+        result: Floats = self.links.information[numbers] / repeats[:, None, None]
+        return result
+
+    def load(self, poses: Floats, links: Iterable[KeyframeLink], weights: list[float]) -> None:
         """Take a whole graph, near its optimum; nothing has been added before."""
         for row in poses.tolist():
             self.add(SE2(*row))
@@ -120,11 +215,13 @@ class BackEnd:
         """Take in what was added."""
         self._smoother.update()
         self.poses = self._smoother.estimates(POSES)
+        self._marginal = None
 
     def refine(self) -> None:
         """Relinearise until the estimate is that of a batch."""
         self._smoother.refine()
         self.poses = self._smoother.estimates(POSES)
+        self._marginal = None
 
     def close(self, links: list[KeyframeLink]) -> None:
         """Add the links of a loop, optimise, and take weight from contradicted links."""
@@ -134,9 +231,12 @@ class BackEnd:
         self.reweigh()
 
     def finish(self) -> None:
-        """Make the estimate exact, after the last link."""
+        """Make the estimate exact, after the last link; links that hardly count no longer do."""
         self.refine()
         self.reweigh()
+        for number, weight in enumerate(self.weights):
+            if weight < OFF:
+                self.weigh(number, 0.0)
         self.refine()
 
     def pose(self, number: int) -> SE2:
@@ -147,16 +247,22 @@ class BackEnd:
         """Return the pose of one keyframe in another."""
         return self.pose(first).inverse() @ self.pose(second)
 
-    def squares(self, numbers: list[int]) -> Floats:
-        """Return r^T Omega r of some links."""
-        links = [self.links[each] for each in numbers]
-        r = residual_2d(
-            self.poses[[each.first for each in links]],
-            self.poses[[each.second for each in links]],
-            np.array([as_row(each.pose) for each in links]),
-        )
-        omega = np.array([each.information for each in links])
-        result: Floats = np.einsum("ni,nij,nj->n", r, omega, r)
+    def marginal(self, number: int) -> Floats:
+        """Return the covariance (3, 3) of a keyframe's pose in `map`, in its own frame.
+
+        By the graph as it was updated last, with the variances that its links assume; nothing is
+        uncertain of the first keyframe.
+        """
+        if self._marginal is None or self._marginal[0] != number:
+            self._marginal = number, self._smoother.covariance(number)
+        return self._marginal[1]
+
+    def squares(self, numbers: NDArray[np.int64]) -> Floats:
+        """Return r^T Omega r of some links, (n,)."""
+        links = self.links
+        first, second = links.ends[numbers].T
+        r = residual_2d(self.poses[first], self.poses[second], links.poses[numbers])
+        result: Floats = np.einsum("ni,nij,nj->n", r, links.information[numbers], r)
         return result
 
     def weigh(self, number: int, weight: float) -> None:
@@ -166,11 +272,11 @@ class BackEnd:
 
     def reweigh(self) -> None:
         """Take weight from links of loops that the graph contradicts."""
-        numbers = [number for number, link in enumerate(self.links) if link.is_loop]
-        if not numbers:
+        numbers = np.flatnonzero(self.links.is_loop & ~self.links.is_given)
+        if len(numbers) == 0:
             return
         weights = KERNELS["dcs"].weight(self.squares(numbers), scale(3))
-        for number, weight in zip(numbers, weights.tolist(), strict=True):
+        for number, weight in zip(numbers.tolist(), weights.tolist(), strict=True):
             if abs(weight - self.weights[number]) > OFF:
                 self.weigh(number, weight)
         self.update()

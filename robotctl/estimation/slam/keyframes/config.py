@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
+from typing import Final
 
 from robotctl.estimation.slam_tuning import SlamTuning
+from robotctl.model.drives.odometry_noise import MotionNoise
+
+_STANDS_M: Final = 1e-3
+_STANDS_RAD: Final = 1e-3
+"""Minimum standard deviations of a motion by calibrated wheels [m], [rad]."""
 
 
 @dataclass(frozen=True, slots=True)
 class WheelNoise:
-    """Noise of odometry; by default of wheels that slip by a tenth of the motion and more.
+    """Noise of wheels that slip by a share of the motion; by default by a tenth and more.
 
     Parameters
     ----------
@@ -31,6 +38,40 @@ class WheelNoise:
         """Return the standard deviation of a motion's turn [rad]."""
         least, by_distance, by_turn = self.heading
         return least + by_distance * distance_m + by_turn * turn_rad
+
+
+@dataclass(frozen=True, slots=True)
+class CalibratedWheels:
+    """Noise of odometry as the robot's file has it: white along the way, so variances add.
+
+    The errors of two halves of a way are those of the whole, however it is cut; those of wheels
+    that slip by a share of each motion would be forgotten the sooner, the shorter the pieces are.
+
+    Parameters
+    ----------
+    noise
+        Noises e, f and g of `motion_noise.py`.
+    """
+
+    noise: MotionNoise = field(default_factory=MotionNoise)
+
+    def sigma_m(self, distance_m: float, turn_rad: float) -> float:
+        """Return the standard deviation of a motion's end [m], along it or across.
+
+        Across, a heading of variance q per metre is off by q d^3 / 3, the integral of its path.
+        """
+        along = self.noise.e_m_per_sqrt_m**2 * distance_m
+        across = self._heading(distance_m, turn_rad) * distance_m**2 / 3.0
+        return math.sqrt(max(along, across, _STANDS_M**2))
+
+    def sigma_rad(self, distance_m: float, turn_rad: float) -> float:
+        """Return the standard deviation of a motion's turn [rad]."""
+        return math.sqrt(max(self._heading(distance_m, turn_rad), _STANDS_RAD**2))
+
+    def _heading(self, distance_m: float, turn_rad: float) -> float:
+        """Return the variance of the heading after a motion [rad^2]."""
+        by_way = self.noise.f_rad_per_sqrt_m**2 * distance_m
+        return by_way + self.noise.g_rad_per_sqrt_rad**2 * turn_rad
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +121,7 @@ class KeyframeConfig:
     is_live: bool = False
     is_fixed: bool = False
     stretch_m: float = 0.0
-    wheels: WheelNoise = field(default_factory=WheelNoise)
+    wheels: WheelNoise | CalibratedWheels = field(default_factory=WheelNoise)
     tuning: SlamTuning = field(default_factory=SlamTuning)
 
     @property

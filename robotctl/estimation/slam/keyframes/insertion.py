@@ -7,8 +7,8 @@ from typing import Final
 import numpy as np
 
 from robotctl.estimation.slam.front_end.point_to_line import Match
-from robotctl.estimation.slam.keyframes.back_end import BackEnd, KeyframeLink
-from robotctl.estimation.slam.keyframes.config import KeyframeConfig
+from robotctl.estimation.slam.keyframes.back_end import KeyframeLink
+from robotctl.estimation.slam.keyframes.growing_map import GrowingMap
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe
 from robotctl.estimation.slam.keyframes.linking import Linking
 from robotctl.estimation.slam.keyframes.motion import ScanPose
@@ -24,7 +24,7 @@ class KeyframeInsertion:
 
     Parameters
     ----------
-    config, keyframes, back_end
+    growing
         The map.
     robot
         State of the robot on it.
@@ -32,17 +32,8 @@ class KeyframeInsertion:
         Links by scans.
     """
 
-    def __init__(
-        self,
-        config: KeyframeConfig,
-        keyframes: list[Keyframe],
-        back_end: BackEnd,
-        robot: RobotState,
-        linking: Linking,
-    ) -> None:
-        self._config = config
-        self._keyframes = keyframes
-        self._back_end = back_end
+    def __init__(self, growing: GrowingMap, robot: RobotState, linking: Linking) -> None:
+        self._config, self._keyframes, self._back_end = growing
         self._robot = robot
         self._linking = linking
 
@@ -73,7 +64,7 @@ class KeyframeInsertion:
             back_end.link(KeyframeLink(last, number, pose, _UNKNOWN))
         if self._linking.link_last(number, passed) == 0 and match is not None:
             back_end.link(KeyframeLink(last, number, pose, match.information))
-        self._linking.link_near(number, passed, has_odometry=robot.has_odometry)
+        self._linking.link_near(number, passed, robot.unmeasured_m)
         back_end.update()
         if self._config.stretch_m:
             robot.fuse_loop(back_end)

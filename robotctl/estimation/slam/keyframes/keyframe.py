@@ -3,19 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
 
-from robotctl.estimation.slam.front_end.agreement import ScanView, agreement, view_of
+from robotctl.estimation.slam.front_end.agreement import (
+    Agreement,
+    ScanView,
+    agreement,
+    view_of,
+)
 from robotctl.estimation.slam.front_end.point_to_line import Bins, Match, binned, refine
-from robotctl.estimation.slam.front_end.surface import Floats, Surface
+from robotctl.estimation.slam.front_end.surface import Floats, Surface, surface_of
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
 
 LOOSE = np.diag(1.0 / np.array([0.3, 0.3, 0.1]) ** 2)
 """Prior that holds a match along corridors near its start; without weight elsewhere."""
+_AT_HAND: Final = 128
+_BINS_AT_HAND: Final = 32
+"""Scans whose echoes are kept, in bins or not, which take ten to a hundred times the memory of a
+scan; those of others are found again when they are needed."""
 _SHARE: Final = 0.25
 CORRIDOR: Final = 0.15
 """Ratio of the information along to that across, below which a stretch is a corridor."""
@@ -24,38 +34,68 @@ _BENT: Final = np.array([0.03, 0.03, 0.01]) ** 2
 """Variances by which odometry bends a stretch [m^2, m^2, rad^2]: measured, not tuned."""
 
 
+@lru_cache(maxsize=_AT_HAND)
+def surface_at_hand(scan: RangeScan) -> Surface:
+    """Return the echoes of a scan, found once as long as it is among the last ones asked for."""
+    return surface_of(scan)
+
+
+@lru_cache(maxsize=_AT_HAND)
+def _view(scan: RangeScan) -> ScanView:
+    return view_of(scan)
+
+
+@lru_cache(maxsize=_BINS_AT_HAND)
+def _bins(scan: RangeScan) -> Bins:
+    return binned(surface_at_hand(scan))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Keyframe:
-    """A scan that is kept.
+    """A scan that is kept, with at least one echo.
 
     Parameters
     ----------
-    stamp_ns
-        Time of the scan [ns].
     scan
         The scan.
-    surface, bins, view
-        Echoes, echoes sorted for refinement, and ranges by direction; all in its `base`.
     travelled_m
         Distance travelled so far [m].
     """
 
-    stamp_ns: int
     scan: RangeScan
-    surface: Surface
-    bins: Bins
-    view: ScanView
     travelled_m: float
+
+    @property
+    def stamp_ns(self) -> int:
+        """Time of the scan [ns]."""
+        return self.scan.stamp_ns
+
+    @property
+    def surface(self) -> Surface:
+        """Echoes in its `base`."""
+        return surface_at_hand(self.scan)
+
+    @property
+    def bins(self) -> Bins:
+        """Echoes sorted for refinement, in its `base`."""
+        return _bins(self.scan)
+
+    @property
+    def view(self) -> ScanView:
+        """Ranges by direction, in its `base`."""
+        return _view(self.scan)
 
     def sees(self, other: Keyframe, pose: SE2) -> float:
         """Return the share of another one's echoes, at a pose in this one, that it sees, too."""
-        surface = other.surface
-        return agreement(self.view, surface.points, surface.weights, pose).agrees
+        return agreement(self.view, other.surface, pose).agrees
 
 
-def keyframe_of(scan: RangeScan, surface: Surface, travelled_m: float) -> Keyframe:
-    """Return the keyframe of a scan with at least one echo."""
-    return Keyframe(scan.stamp_ns, scan, surface, binned(surface), view_of(scan), travelled_m)
+def each_of_other(old: Keyframe, new: Keyframe, pose: SE2) -> tuple[Agreement, Agreement]:
+    """Return what an old scan says of a new one at a pose in it, and the new one of the old."""
+    return (
+        agreement(old.view, new.surface, pose),
+        agreement(new.view, old.surface, pose.inverse()),
+    )
 
 
 def compared(old: Keyframe, new: Keyframe, pose: SE2) -> tuple[float, float]:
@@ -63,8 +103,7 @@ def compared(old: Keyframe, new: Keyframe, pose: SE2) -> tuple[float, float]:
 
     Overlap is a share of all echoes, contradiction one of those that the other scan could see.
     """
-    there = agreement(old.view, new.surface.points, new.surface.weights, pose)
-    back = agreement(new.view, old.surface.points, old.surface.weights, pose.inverse())
+    there, back = each_of_other(old, new, pose)
     return min(there.agrees, back.agrees), max(1.0 - there.of_seen, 1.0 - back.of_seen)
 
 
@@ -113,6 +152,11 @@ def held(match: Match, start: SE2, share: float) -> SE2:
     off = match.pose.inverse() @ start
     x, y = (along @ np.array([off.x_m, off.y_m]) * along).tolist()
     return match.pose @ SE2(x, y)
+
+
+def is_corridor(match: Match, share: float) -> bool:
+    """Return whether a match has less than `share` of the information across along something."""
+    return _corridor(match.information, share) is not None
 
 
 def without_corridor(information: Floats) -> Floats:

@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robotctl.estimation.slam.front_end.surface import Floats, surface_of
+from robotctl.estimation.slam.front_end.surface import Floats
 from robotctl.estimation.slam.keyframes.back_end import BackEnd, certain
-from robotctl.estimation.slam.keyframes.config import KeyframeConfig
-from robotctl.estimation.slam.keyframes.keyframe import Keyframe, compared, keyframe_of, match_pair
+from robotctl.estimation.slam.keyframes.growing_map import GrowingMap
+from robotctl.estimation.slam.keyframes.keyframe import Keyframe, compared, match_pair
 from robotctl.estimation.slam.keyframes.motion import CONTRADICTS, PredictedMotion, ScanPose
 from robotctl.estimation.slam.keyframes.robot_state import RobotState
 from robotctl.estimation.slam_tuning import KnownPlacesConfig
@@ -69,9 +69,7 @@ def known_place(
     new: Keyframe,
     reference: int,
     pose: SE2,
-    keyframes: list[Keyframe],
-    back_end: BackEnd,
-    config: KeyframeConfig,
+    growing: GrowingMap,
 ) -> Known | None:
     """Return the keyframe that sees what a new one sees; None: there is none.
 
@@ -79,11 +77,10 @@ def known_place(
     ----------
     new, reference, pose
         A scan, and its pose in a keyframe.
-    keyframes, back_end
+    growing
         The map.
-    config
-        Settings of the mapper.
     """
+    config, keyframes, back_end = growing
     at, limits = back_end.pose(reference) @ pose, config.tuning.known
     away = np.hypot(*(back_end.poses[:, :2] - (at.x_m, at.y_m)).T)
     near = np.flatnonzero((away < limits.near_m) & certain(back_end.doubts(reference)))
@@ -91,12 +88,14 @@ def known_place(
     for other in near[np.argsort(away[near] + 0.1 * turn)][: limits.tries].tolist():
         old = keyframes[other]
         start = back_end.pose(other).inverse() @ at
-        if not _is_open(old, start):
+        if not old.view.reaches(start.x_m, start.y_m):
             continue
         pair = match_pair(old, new, start, config, limits.match_m)
         there = start if pair is None else pair.pose
         overlap, contradicts = compared(old, new, there)
         is_young = new.travelled_m - old.travelled_m < limits.young_m
+        if pair is not None and not config.stretch_m:
+            back_end.observe(pair.rms_m)
         if pair is not None and overlap >= config.keyframe_overlap:
             information = pair.information / config.shared
             return Known(other, there, contradicts, is_young, information)
@@ -117,20 +116,7 @@ def nearest(reference: int, pose: SE2, back_end: BackEnd) -> Known:
 
 def renewed(new: Keyframe, pose: SE2) -> Keyframe:
     """Return a keyframe with the scan of another, taken at a pose in it."""
-    scan = new.scan
-    sensor = pose @ SE2(scan.x_m, scan.y_m)
-    turned = replace(
-        scan, angles_rad=scan.angles_rad + pose.theta_rad, x_m=sensor.x_m, y_m=sensor.y_m
-    )
-    return keyframe_of(turned, surface_of(turned), new.travelled_m)
-
-
-def _is_open(old: Keyframe, pose: SE2) -> bool:
-    """Return whether no wall seen by a keyframe stands between it and a pose."""
-    x, y = pose.x_m - old.view.x_m, pose.y_m - old.view.y_m
-    sectors = len(old.view.nearest)
-    sector = int(np.floor(np.arctan2(y, x) * sectors / (2.0 * np.pi))) % sectors
-    return bool(old.view.farthest[sector] == 0.0 or np.hypot(x, y) < old.view.nearest[sector])
+    return Keyframe(new.scan.moved(pose), new.travelled_m)
 
 
 class Probation:
@@ -160,7 +146,7 @@ class KnownPlaces:
 
     Parameters
     ----------
-    config, keyframes, back_end
+    growing
         The map.
     robot
         State of the robot on it.
@@ -169,21 +155,17 @@ class KnownPlaces:
     ----------
     renewals
         Number of keyframes that got a new scan.
+    is_paused
+        Whether the map stays as it is: each scan is of the nearest known place.
     """
 
-    def __init__(
-        self,
-        config: KeyframeConfig,
-        keyframes: list[Keyframe],
-        back_end: BackEnd,
-        robot: RobotState,
-    ) -> None:
-        self._config = config
-        self._keyframes = keyframes
-        self._back_end = back_end
+    def __init__(self, growing: GrowingMap, robot: RobotState) -> None:
+        self._growing = growing
+        self._config, self._keyframes, self._back_end = growing
         self._robot = robot
         self._probation: Probation | None = None
         self.renewals = 0
+        self.is_paused = False
 
     @property
     def is_on_probation(self) -> bool:
@@ -199,11 +181,11 @@ class KnownPlaces:
 
         The keyframe of a place that has changed gets the scan. Only a live map knows places.
         """
-        if not self._config.is_live:
+        if not (self._config.is_live or self.is_paused):
             return False
         robot = self._robot
         known, uncertainty = self._find(new, pose)
-        is_left_alone = self._config.is_fixed or self.is_on_probation
+        is_left_alone = self._config.is_fixed or self.is_paused or self.is_on_probation
         self._judge(known)
         if known is None and is_left_alone:
             known = nearest(robot.place.keyframe, pose, self._back_end)
@@ -232,7 +214,7 @@ class KnownPlaces:
         own = np.sqrt([[covariance[:2, :2].trace(), covariance[2, 2]]])
         if config.stretch_m and not certain(own)[0]:
             return None, None
-        known = known_place(new, last, pose, self._keyframes, self._back_end, config)
+        known = known_place(new, last, pose, self._growing)
         if known is None or not config.stretch_m:
             return known, None
         weighed = known.weighed(self._back_end.between(known.number, last) @ pose, covariance)

@@ -9,14 +9,17 @@ import numpy as np
 from robotctl.estimation.slam.front_end.correlative import Correlation, Window, search
 from robotctl.estimation.slam.front_end.point_to_line import Bins, Match, binned, refine
 from robotctl.estimation.slam.front_end.score_field import ScoreField, score_field
-from robotctl.estimation.slam.front_end.surface import Floats, Surface, joined
-from robotctl.estimation.slam.keyframes.keyframe import Keyframe
+from robotctl.estimation.slam.front_end.surface import Floats, Surface
 from robotctl.model.geometry.se2 import SE2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LocalMap:
-    """Surfaces in one frame, sorted for the refinement and blurred for the search."""
+    """Surfaces in one frame, sorted for the refinement and blurred for the search.
+
+    It is no `OccupancyGrid`: scans are matched with points and normals to a fraction of a cell, and
+    it lives only as long as its few keyframes; nobody plans on it or sees it.
+    """
 
     bins: Bins
     field: ScoreField
@@ -66,13 +69,6 @@ class Fit:
     pose: SE2
     score: float
     match: Match
-
-
-def local_map(keyframes: list[Keyframe], poses: list[SE2]) -> LocalMap:
-    """Return the map of keyframes at poses in one frame."""
-    return map_of(
-        joined([each.surface.moved(pose) for each, pose in zip(keyframes, poses, strict=True)])
-    )
 
 
 def map_of(surface: Surface) -> LocalMap:

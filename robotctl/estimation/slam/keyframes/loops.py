@@ -9,15 +9,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robotctl.estimation.places.recogniser import Candidate
-from robotctl.estimation.slam.keyframes.back_end import BackEnd, KeyframeLink, certain
+from robotctl.estimation.slam.keyframes.back_end import KeyframeLink, certain
 from robotctl.estimation.slam.keyframes.candidates import (
     POSITION,
     LoopCandidate,
     PossiblePlaces,
     nearest_of_each_visit,
 )
-from robotctl.estimation.slam.keyframes.config import KeyframeConfig
-from robotctl.estimation.slam.keyframes.keyframe import Keyframe
+from robotctl.estimation.slam.keyframes.growing_map import GrowingMap
 from robotctl.estimation.slam.keyframes.recognisers import SCAN_RECOGNISERS
 from robotctl.estimation.slam.keyframes.shapes import AROUND
 from robotctl.estimation.slam.keyframes.verification import Closure, Verifier
@@ -36,7 +35,7 @@ class LoopSearch:
 
     Parameters
     ----------
-    config, keyframes, back_end
+    growing
         The map.
 
     Attributes
@@ -45,23 +44,25 @@ class LoopSearch:
         What became of the candidates.
     """
 
-    def __init__(
-        self, config: KeyframeConfig, keyframes: list[Keyframe], back_end: BackEnd
-    ) -> None:
+    def __init__(self, growing: GrowingMap) -> None:
+        config, self._keyframes, self._back_end = growing
         self._config = config.tuning.loops
         self._gap = config.tuning.verification.around
-        self._keyframes = keyframes
-        self._back_end = back_end
-        self._verifier = Verifier(config, keyframes, back_end)
+        self._verifier = Verifier(growing)
         self._recognisers = {name: make(config.tuning) for name, make in SCAN_RECOGNISERS.items()}
         self._near: list[LoopCandidate] = []
         self._alike: list[LoopCandidate] = []
         self._alike_is_next = True
         self._pending: list[_Pending] = []
+        self._unmeasured_m: dict[int, float] = {}
         self.log: list[Closure] = []
 
-    def enter(self, number: int) -> None:
-        """Show a new keyframe to the recognisers, and some of a map that was loaded."""
+    def enter(self, number: int, unmeasured_m: float) -> None:
+        """Show a new keyframe to the recognisers, and some of a map that was loaded.
+
+        The distance travelled until there without odometry [m] says how wrong the map may be.
+        """
+        self._unmeasured_m[number] = unmeasured_m
         between = self._back_end.between
         for recogniser in self._recognisers.values():
             for new in range(len(recogniser), number + 1)[: self._config.at_once]:
@@ -70,9 +71,7 @@ class LoopSearch:
                     [(between(new, each), self._keyframes[each].surface.points) for each in around]
                 )
 
-    def consider(
-        self, number: int, others: np.ndarray, doubts: np.ndarray, *, has_odometry: bool
-    ) -> None:
+    def consider(self, number: int, others: np.ndarray, doubts: np.ndarray) -> None:
         """Put old keyframes on the list: the nearest of each visit, and those that look alike.
 
         Parameters
@@ -83,10 +82,11 @@ class LoopSearch:
             Old ones whose pose relative to it is uncertain, (n,).
         doubts
             Standard deviations of all keyframes: position [m] and heading [rad], (m, 2).
-        has_odometry
-            Whether the motion is measured.
         """
-        config = self._config
+        config, blind_m = self._config, self._blind_m(number, others)
+        doubts = doubts.copy()
+        doubts[others, 0] = np.hypot(doubts[others, 0], config.drift * blind_m)
+        blind_m = blind_m[others < number - 2 * self._gap]
         others = others[others < number - 2 * self._gap]
         poses = self._back_end.poses
         away_m = np.hypot(*(poses[others, :2] - poses[number, :2]).T)
@@ -94,10 +94,7 @@ class LoopSearch:
         is_near = away_m < config.near_m + reach_m
         self._consider_near(number, others[is_near], away_m[is_near], doubts)
         limits_m = config.beyond * reach_m
-        if not has_odometry:
-            ways_m = np.array([self._keyframes[each].travelled_m for each in others])
-            way_m = np.abs(self._keyframes[number].travelled_m - ways_m)
-            limits_m = np.maximum(limits_m, config.slip * way_m)
+        limits_m = np.maximum(limits_m, config.slip * blind_m)
         turns_rad = poses[number, 2] - poses[others, 2]
         within_rad = config.shape.turn_rad + config.beyond * config.gate * doubts[others, 1]
         limit_of = dict(zip(others.tolist(), limits_m.tolist(), strict=True))
@@ -181,7 +178,7 @@ class LoopSearch:
         links = []
         for each in list(self._pending):
             way_m = abs(now_m - self._keyframes[each.closure.keyframe].travelled_m)
-            is_near = POSITION in (each.closure.found_by, new.closure.found_by)
+            is_near = any(map(self._is_near, (each.closure, new.closure)))
             apart_m = config.apart_m if is_near else config.apart_alike_m
             if way_m >= apart_m and self._agree(each.closure, new.closure, way_m):
                 links += each.links
@@ -190,6 +187,17 @@ class LoopSearch:
             return links + new.links
         self._pending.append(new)
         return []
+
+    def _is_near(self, closure: Closure) -> bool:
+        """Return whether the map itself suggested a closure, and has measured the way to it."""
+        blind_m = self._blind_m(closure.keyframe, np.array([closure.other]))[0]
+        return closure.found_by == POSITION and self._config.drift * blind_m < self._config.agree_m
+
+    def _blind_m(self, number: int, others: np.ndarray) -> np.ndarray:
+        """Return distances travelled without odometry between a keyframe and others, (n,) [m]."""
+        unmeasured_m = self._unmeasured_m
+        before = np.array([unmeasured_m.get(each, 0.0) for each in others.tolist()])
+        return unmeasured_m.get(number, 0.0) - before
 
     def _agree(self, a: Closure, b: Closure, way_m: float) -> bool:
         """Return whether two closures imply the same shift of the map."""

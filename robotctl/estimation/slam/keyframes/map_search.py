@@ -15,10 +15,10 @@ import numpy as np
 from robotctl.estimation.places.recogniser import Candidate
 from robotctl.estimation.slam.front_end.correlative import Window, search
 from robotctl.estimation.slam.front_end.point_to_line import refine
-from robotctl.estimation.slam.keyframes.back_end import BackEnd
-from robotctl.estimation.slam.keyframes.config import KeyframeConfig
+from robotctl.estimation.slam.front_end.surface import joined
+from robotctl.estimation.slam.keyframes.growing_map import GrowingMap
 from robotctl.estimation.slam.keyframes.keyframe import Keyframe, compared, match_pair
-from robotctl.estimation.slam.keyframes.local_map import LocalMap, local_map, thinned
+from robotctl.estimation.slam.keyframes.local_map import LocalMap, map_of, thinned
 from robotctl.model.geometry.se2 import SE2
 
 
@@ -39,21 +39,18 @@ class MapSearch:
 
     Parameters
     ----------
-    config, keyframes, back_end
+    growing
         The map; it may grow meanwhile.
     new
         The scan.
     """
 
-    def __init__(
-        self, config: KeyframeConfig, keyframes: list[Keyframe], back_end: BackEnd, new: Keyframe
-    ) -> None:
+    def __init__(self, growing: GrowingMap, new: Keyframe) -> None:
+        config, self._keyframes, back_end = growing
         self._config, self._limits = config, config.tuning.relocalisation
-        self._keyframes = keyframes
-        self._back_end = back_end
         self._new = new
         self._points = thinned(new.surface.points, config.tuning.tracking.search_points)
-        self._poses = back_end.poses[: len(keyframes)]
+        self._poses = back_end.poses[: len(self._keyframes)]
         self._windows = _cover(self._poses, self._limits.spacing_m)
         self._candidates: list[Candidate[int]] = []
         self._best: tuple[Candidate[int], _Checked] | None = None
@@ -151,8 +148,8 @@ class MapSearch:
         ]
         own = self._pose(centre).inverse()
         numbers = [int(each) for each in chosen]
-        places = [own @ self._pose(each) for each in numbers]
-        return local_map([self._keyframes[each] for each in numbers], places), numbers
+        seen = [self._keyframes[each].surface.moved(own @ self._pose(each)) for each in numbers]
+        return map_of(joined(seen)), numbers
 
     def _pose(self, number: int) -> SE2:
         return SE2(*self._poses[number].tolist())

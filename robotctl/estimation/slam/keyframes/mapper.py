@@ -6,12 +6,15 @@ a scan passes them, each of them a file beside this one.
 
 from __future__ import annotations
 
+import numpy as np
+
 from robotctl.estimation.places.visual.features import Features
-from robotctl.estimation.slam.front_end.surface import Floats, Surface, surface_of
+from robotctl.estimation.slam.front_end.surface import Floats, Surface
 from robotctl.estimation.slam.keyframes.back_end import BackEnd, KeyframeLink
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
+from robotctl.estimation.slam.keyframes.growing_map import GrowingMap
 from robotctl.estimation.slam.keyframes.insertion import KeyframeInsertion
-from robotctl.estimation.slam.keyframes.keyframe import Keyframe, keyframe_of
+from robotctl.estimation.slam.keyframes.keyframe import Keyframe, surface_at_hand
 from robotctl.estimation.slam.keyframes.known_places import KnownPlaces
 from robotctl.estimation.slam.keyframes.linking import Linking
 from robotctl.estimation.slam.keyframes.loops import LoopSearch
@@ -27,6 +30,7 @@ from robotctl.estimation.slam.keyframes.robot_state import RobotState
 from robotctl.estimation.slam.keyframes.saved_map import KeyframeMap
 from robotctl.estimation.slam.keyframes.tracker import LEAST_ECHOES, Tracker, new_keyframe
 from robotctl.estimation.slam.keyframes.trail import Trail
+from robotctl.model.geometry.points import rotation
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
 
@@ -36,8 +40,8 @@ class SlamMapper:
 
     Attributes
     ----------
-    keyframes, back_end
-        Scans that are kept; their poses and the links between them.
+    keyframes, back_end, growing
+        Scans that are kept; their poses and the links between them; both with the settings.
     images
         Images by which a camera recognises places, by keyframe.
     robot
@@ -53,15 +57,15 @@ class SlamMapper:
         self.keyframes: list[Keyframe] = []
         self.images: dict[int, Features] = {}
         self.back_end = BackEnd(config.shared**2)
-        world = config, self.keyframes, self.back_end
-        self.robot = RobotState(config.tuning.tracking, Trail(*world))
+        self.growing = growing = GrowingMap(config, self.keyframes, self.back_end)
+        self.robot = RobotState(config.tuning, Trail(growing))
         self._prediction = MotionPrediction(config, self.robot)
-        self.tracker = Tracker(*world, self.robot)
-        self.known_places = KnownPlaces(*world, self.robot)
-        self.loops = LoopSearch(*world)
-        self._linking = Linking(*world, self.loops)
-        self._insertion = KeyframeInsertion(*world, self.robot, self._linking)
-        self.relocaliser = Relocaliser(*world, self.robot)
+        self.tracker = Tracker(growing, self.robot)
+        self.known_places = KnownPlaces(growing, self.robot)
+        self.loops = LoopSearch(growing)
+        self._linking = Linking(growing, self.loops)
+        self._insertion = KeyframeInsertion(growing, self.robot, self._linking)
+        self.relocaliser = Relocaliser(growing, self.robot)
         self.epoch = 0
 
     def add(self, scan: RangeScan, odometry: SE2 | None = None) -> ScanPose:
@@ -72,7 +76,7 @@ class SlamMapper:
         ValueError
             If the first scan has fewer than `LEAST_ECHOES` echoes.
         """
-        surface = surface_of(scan)  # pre-process
+        surface = surface_at_hand(scan)  # pre-process
         if not self.keyframes:
             return self._begin(scan, surface, odometry)
         predicted = self._prediction.step(scan.stamp_ns, odometry)
@@ -83,7 +87,8 @@ class SlamMapper:
         new = new_keyframe(scan, surface, tracked, self.robot.travelled_m, self.config)
         if new is not None and not self.known_places.step(new, tracked.pose):
             self._insertion.step(new, tracked.pose, tracked.match)  # link and optimise
-        self.close(self.loops.step())
+        if not self.is_paused:
+            self.close(self.loops.step())
         return self.place
 
     def _begin(self, scan: RangeScan, surface: Surface, odometry: SE2 | None) -> ScanPose:
@@ -94,7 +99,7 @@ class SlamMapper:
                 "are needed"
             )
         self.robot.odometry = odometry
-        self._insertion.step(keyframe_of(scan, surface, 0.0), SE2(), None)
+        self._insertion.step(Keyframe(scan, 0.0), SE2(), None)
         return self.place
 
     def close(self, links: list[KeyframeLink]) -> None:
@@ -115,6 +120,15 @@ class SlamMapper:
         return True
 
     @property
+    def is_paused(self) -> bool:
+        """Whether the map stays as it is: scans only localise."""
+        return self.known_places.is_paused
+
+    @is_paused.setter
+    def is_paused(self, is_paused: bool) -> None:
+        self.known_places.is_paused = is_paused
+
+    @property
     def place(self) -> ScanPose:
         """Place of the last scan; before the first, the origin."""
         return self.robot.place
@@ -128,8 +142,23 @@ class SlamMapper:
 
     @property
     def covariance(self) -> Floats:
-        """Covariance (3, 3) of the pose on the local map, in its own frame [m, m, rad]."""
-        return self.robot.covariance
+        """Covariance (3, 3) of the pose in `map`, in its own frame [m, m, rad].
+
+        That of the place in the keyframe, and that of the keyframe; a fixed map is right as it is.
+        """
+        robot, own = self.robot, self.robot.covariance
+        by_wheels = robot.anchor.moved_to(robot.odometry, self.config.wheels)
+        if self.config.stretch_m and by_wheels is not None:
+            own = by_wheels.covariance  # a stretch lies along the odometry from the keyframe on
+        if self.config.is_fixed or not self.keyframes:
+            return own
+        # The keyframe's error as the robot has it: K exp(e) p = K p exp(A e), A = Ad(1/p).
+        back = robot.place.pose.inverse()
+        A = np.eye(3)
+        A[:2, :2] = rotation(back.theta_rad).T
+        A[:2, 2] = back.y_m, -back.x_m
+        marginal = self.back_end.variance_factor * self.back_end.marginal(robot.place.keyframe)
+        return A @ marginal @ A.T + own
 
     @property
     def is_lost(self) -> bool:

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from robotctl.estimation.slam.front_end.surface import Floats
-from robotctl.estimation.slam.keyframes.config import WheelNoise
+from robotctl.estimation.slam.keyframes.config import CalibratedWheels, WheelNoise
 from robotctl.model.geometry.se2 import SE2
 
 
@@ -54,34 +54,62 @@ AFTER_A_BREAK: Final = PredictedMotion(SE2(), 0.5, 0.17)
 """Motion of a robot during a break: it may have rolled on before it came to rest."""
 
 
-def by_odometry(motion: SE2, noise: WheelNoise) -> PredictedMotion:
+STEADY_M: Final = 0.1
+STEADY_RAD: Final = 0.1
+SURPRISE_M: Final = 0.5
+SURPRISE_RAD: Final = 0.5
+"""Limits of the standard deviation of a motion that nothing but scans measure [m], [rad]."""
+_NEWEST: Final = 0.2
+"""Share of the newest motion in what is expected of the next."""
+
+
+def by_odometry(motion: SE2, noise: WheelNoise | CalibratedWheels) -> PredictedMotion:
     """Return the motion that odometry measured."""
     distance, turn = math.hypot(motion.x_m, motion.y_m), abs(motion.theta_rad)
     return PredictedMotion(motion, noise.sigma_m(distance, turn), noise.sigma_rad(distance, turn))
 
 
-def by_velocity(last: SE2, last_s: float, now_s: float, most: float) -> PredictedMotion:
-    """Return the motion at the velocity of the last one, or somewhat more than the last one.
+class MotionHabit:
+    """Motion to the next scan without odometry, as far as the motions before it tell.
 
-    Parameters
-    ----------
-    last, last_s
-        The last motion, and how long it took [s]; 0: unknown.
-    now_s
-        Time since [s].
-    most
-        Maximum multiple of the last motion.
+    Three guesses: the last motion again, as some logs take a scan each half metre; its velocity for
+    the time since; none. The one that has been the nearest to the motions that scans measured is
+    the prediction, and its errors are the uncertainty. So stamps only count where they help: equal,
+    missing or wrong ones lead to worse guesses than none.
     """
-    if last_s <= 0.0:
-        sigma = min(0.05 + 0.5 * now_s, 0.5)
-        return PredictedMotion(SE2(), sigma, sigma)
-    share = min(now_s / last_s, most)
-    rho_x, rho_y, theta = (share * each for each in last.log())
-    return PredictedMotion(
-        SE2.exp(rho_x, rho_y, theta),
-        min(0.03 + 0.25 * now_s**2 + 0.2 * math.hypot(rho_x, rho_y), 0.5),
-        min(0.03 + 0.8 * now_s**2 + 0.2 * abs(theta), 0.5),
-    )
+
+    def __init__(self, most: float) -> None:
+        self._most = most
+        self._last, self._last_s = SE2(), 0.0
+        self._guesses = [SE2()] * 3
+        self._squares = np.full((3, 2), SURPRISE_M**2)
+
+    def predict(self, now_s: float) -> PredictedMotion:
+        """Return the motion in the time since the last scan [s]."""
+        share = 1.0
+        if self._last_s > 0.0 and now_s > 0.0:
+            share = min(now_s / self._last_s, self._most)
+        at_velocity = SE2.exp(*(share * each for each in self._last.log()))
+        self._guesses = [self._last, at_velocity, SE2()]
+        best = int(np.argmin(self._squares.sum(axis=1)))
+        off_m, off_rad = np.sqrt(self._squares[best]).tolist()
+        return PredictedMotion(
+            self._guesses[best],
+            min(max(off_m, STEADY_M), SURPRISE_M),
+            min(max(off_rad, STEADY_RAD), SURPRISE_RAD),
+        )
+
+    def learn(self, motion: SE2, took_s: float) -> None:
+        """Compare the guesses with the motion that a scan measured, which took so long [s]."""
+        offs = [guess.inverse() @ motion for guess in self._guesses]
+        new = np.array([(off.x_m**2 + off.y_m**2, off.theta_rad**2) for off in offs])
+        self._squares += _NEWEST * (np.minimum(new, 4.0 * SURPRISE_M**2) - self._squares)
+        self._last, self._last_s = motion, took_s
+
+    def forget(self) -> None:
+        """Expect nothing: the robot may have moved otherwise meanwhile."""
+        self._last, self._last_s = SE2(), 0.0
+        self._squares[:] = SURPRISE_M**2
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +139,9 @@ class OdometryAnchor:
     odometry: SE2 | None = None
     uncertainty: PredictedMotion | None = None
 
-    def moved_to(self, odometry: SE2 | None, noise: WheelNoise) -> PredictedMotion | None:
+    def moved_to(
+        self, odometry: SE2 | None, noise: WheelNoise | CalibratedWheels
+    ) -> PredictedMotion | None:
         """Return `base` in the keyframe, with `base` in `odom` now; None if either is unknown."""
         if self.odometry is None or odometry is None:
             return None

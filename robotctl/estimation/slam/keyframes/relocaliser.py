@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from robotctl.estimation.slam.front_end.surface import Surface
-from robotctl.estimation.slam.keyframes.back_end import BackEnd
-from robotctl.estimation.slam.keyframes.config import KeyframeConfig
-from robotctl.estimation.slam.keyframes.keyframe import Keyframe, keyframe_of
+from robotctl.estimation.slam.keyframes.growing_map import GrowingMap
+from robotctl.estimation.slam.keyframes.keyframe import Keyframe
 from robotctl.estimation.slam.keyframes.map_search import MapSearch
 from robotctl.estimation.slam.keyframes.motion import PredictedMotion, ScanPose
 from robotctl.estimation.slam.keyframes.robot_state import RobotState
@@ -23,17 +22,9 @@ class Relocaliser:
         Number of times the robot was found.
     """
 
-    def __init__(
-        self,
-        config: KeyframeConfig,
-        keyframes: list[Keyframe],
-        back_end: BackEnd,
-        robot: RobotState,
-    ) -> None:
-        self._config = config
-        self._keyframes = keyframes
-        self._back_end = back_end
+    def __init__(self, growing: GrowingMap, robot: RobotState) -> None:
         self._robot = robot
+        self._growing = growing
         self._search: MapSearch | None = None
         self._since_scan = SE2()
         """Motion since the scan that is searched for."""
@@ -53,8 +44,8 @@ class Relocaliser:
         robot, last = self._robot, self._robot.place
         self._since_scan = self._since_scan @ predicted.motion
         if self._search is None and len(surface.points) >= LEAST_ECHOES:
-            new = keyframe_of(scan, surface, robot.travelled_m)
-            self._search = MapSearch(self._config, self._keyframes, self._back_end, new)
+            new = Keyframe(scan, robot.travelled_m)
+            self._search = MapSearch(self._growing, new)
             self._since_scan = SE2()
         robot.place = ScanPose(scan.stamp_ns, last.keyframe, last.pose @ predicted.motion)
 

@@ -6,9 +6,15 @@ import numpy as np
 
 from robotctl.estimation.slam.front_end.surface import Floats
 from robotctl.estimation.slam.keyframes.back_end import BackEnd
-from robotctl.estimation.slam.keyframes.motion import OdometryAnchor, PredictedMotion, ScanPose
+from robotctl.estimation.slam.keyframes.motion import (
+    MotionHabit,
+    OdometryAnchor,
+    PredictedMotion,
+    ScanPose,
+)
+from robotctl.estimation.slam.keyframes.odometry_trust import OdometryTrust
 from robotctl.estimation.slam.keyframes.trail import Trail
-from robotctl.estimation.slam_tuning import TrackingConfig
+from robotctl.estimation.slam_tuning import SlamTuning
 from robotctl.model.geometry.se2 import SE2
 
 
@@ -23,34 +29,38 @@ class RobotState:
         Place of the last scan; the origin before the first.
     odometry, has_odometry
         `base` in `odom` at the last scan, None if unknown; whether the motion to that scan was
-        measured.
+        measured by odometry that is believed.
     anchor
         Pose that odometry continues from, for the link to the next keyframe.
     covariance
         Covariance (3, 3) of the pose on the map of the last keyframes, in its own frame
         [m, m, rad].
-    travelled_m
-        Distance travelled so far [m].
+    travelled_m, unmeasured_m
+        Distance travelled so far, and the part of it without odometry [m].
     unsure_until_m
         Travelled distance up to which the keyframes of the map keep their scans [m].
-    last_motion, last_motion_s
-        Motion between the last two scans, and its duration [s]; 0: unknown.
+    measured, trust
+        Motion to the last scan by odometry, None if unknown; whether odometry is believed.
+    habit
+        Motion expected without odometry.
     unmatched_in_a_row
         Number of unmatched scans since the last match.
     is_resumed
         Whether the next scan is the first one on a saved map, near the robot's last place.
     """
 
-    def __init__(self, config: TrackingConfig, trail: Trail) -> None:
-        self._config = config
+    def __init__(self, config: SlamTuning, trail: Trail) -> None:
+        self._config = config.tracking
         self.trail = trail
         self.place = ScanPose(0, 0, SE2())
         self.odometry: SE2 | None = None
         self.has_odometry = True
         self.anchor = OdometryAnchor()
         self.covariance: Floats = 1e-6 * np.eye(3)
-        self.travelled_m = self.unsure_until_m = 0.0
-        self.last_motion, self.last_motion_s = SE2(), 0.0
+        self.travelled_m = self.unmeasured_m = self.unsure_until_m = 0.0
+        self.habit = MotionHabit(config.tracking.velocity_factor)
+        self.trust = OdometryTrust(config.trust)
+        self.measured: PredictedMotion | None = None
         self.unmatched_in_a_row = 0
         self.is_resumed = False
 
@@ -67,19 +77,26 @@ class RobotState:
         """Start with another odometry at the next scan."""
         self.odometry = None
         self.anchor = OdometryAnchor()
+        self.trust.begin()
 
-    def advance(self, stamp_ns: int, pose: SE2) -> None:
-        """Stand at a pose in the present keyframe."""
+    def advance(self, stamp_ns: int, pose: SE2, *, is_seen: bool) -> None:
+        """Stand at a pose in the present keyframe, that a scan has seen or that is expected."""
         last, self.place = self.place, ScanPose(stamp_ns, self.place.keyframe, pose)
         step = last.pose.inverse() @ pose
-        self.last_motion, self.last_motion_s = step, 1e-9 * (stamp_ns - last.stamp_ns)
-        self.travelled_m += float(np.hypot(step.x_m, step.y_m))
+        if is_seen:
+            self.habit.learn(step, 1e-9 * (stamp_ns - last.stamp_ns))
+        else:
+            self.habit.forget()
+        length_m = float(np.hypot(step.x_m, step.y_m))
+        self.travelled_m += length_m
+        self.unmeasured_m += 0.0 if self.has_odometry else length_m
 
     def pass_keyframe(self, place: ScanPose, uncertainty: PredictedMotion | None = None) -> None:
         """Stand in a keyframe, from where odometry leads on; its uncertainty is added to that."""
         self.place = place
         self.trail.add(place.keyframe)
-        self.anchor = OdometryAnchor(place.pose, self.odometry, uncertainty)
+        odometry = self.odometry if self.trust.is_trusted else None
+        self.anchor = OdometryAnchor(place.pose, odometry, uncertainty)
 
     def relocate(self, place: ScanPose, odometry: SE2 | None) -> None:
         """Stand at another place of the map, with `base` in `odom` there."""

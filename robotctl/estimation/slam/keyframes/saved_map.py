@@ -16,9 +16,9 @@ from msgspec.structs import replace
 
 from robotctl.estimation.places.visual.features import Features, features_in, features_message
 from robotctl.estimation.sensor_names import LIDAR
-from robotctl.estimation.slam.front_end.surface import Floats, surface_of
-from robotctl.estimation.slam.keyframes.back_end import BackEnd, KeyframeLink, as_row
-from robotctl.estimation.slam.keyframes.keyframe import Keyframe, keyframe_of
+from robotctl.estimation.slam.front_end.surface import RANGE_LIMIT_M, Floats
+from robotctl.estimation.slam.keyframes.back_end import BackEnd, KeyframeLink, KeyframeLinks
+from robotctl.estimation.slam.keyframes.keyframe import Keyframe
 from robotctl.messages.estimation import ImageFeatures
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
@@ -45,6 +45,8 @@ class SavedScan(msgspec.Struct, frozen=True, array_like=True):
         As in `RangeScan` [m].
     angles, ranges
         As in `RangeScan`, "<f4" [rad], [m].
+    others
+        Scans of other sensors at the same time, each with this number.
     """
 
     number: int
@@ -55,6 +57,7 @@ class SavedScan(msgspec.Struct, frozen=True, array_like=True):
     max_range_m: float
     angles: bytes
     ranges: bytes
+    others: tuple[SavedScan, ...] = ()
 
 
 class SavedOdometry(msgspec.Struct, frozen=True, array_like=True):
@@ -89,8 +92,8 @@ class Change(msgspec.Struct, frozen=True, omit_defaults=True):
     new_poses
         Initial poses of the keyframes after those of `poses`, (k, 3) "<f8".
     links
-        New ones, (l, 12) "<f8": first, second, x, y, theta, upper triangle of the information,
-        whether it is of a loop.
+        New ones, (l, 12) "<f8": first, second, x, y, theta, upper triangle of the information, 1 of
+        a loop, 2 of a loop that a person gave, else 0.
     poses, weights
         Poses of all keyframes, (n, 3), weights of all links, (m,), "<f8"; empty: unchanged.
     images
@@ -136,7 +139,7 @@ class KeyframeMap:
     keyframes: list[Keyframe]
     images: dict[int, Features]
     poses: Floats
-    links: list[KeyframeLink]
+    links: Sequence[KeyframeLink]
     weights: list[float]
     place: tuple[int, SE2]
     odometry: SavedOdometry | None
@@ -144,6 +147,7 @@ class KeyframeMap:
 
 _DECODER: Final = msgspec.msgpack.Decoder(Change)
 _UPPER: Final = np.triu_indices(3)
+_GIVEN: Final = 2
 
 
 def encoded(change: Change) -> bytes:
@@ -196,26 +200,34 @@ def joined_changes(records: Sequence[bytes]) -> Change:
 
 def saved_scan(number: int, keyframe: Keyframe) -> SavedScan:
     """Return a keyframe as it is saved."""
-    scan = keyframe.scan
+    return _saved(number, keyframe.travelled_m, keyframe.scan)
+
+
+def _saved(number: int, travelled_m: float, scan: RangeScan) -> SavedScan:
     return SavedScan(
         number,
         scan.stamp_ns,
-        keyframe.travelled_m,
+        travelled_m,
         scan.x_m,
         scan.y_m,
         scan.max_range_m,
         scan.angles_rad.astype("<f4").tobytes(),
         scan.ranges_m.astype("<f4").tobytes(),
+        tuple(_saved(number, travelled_m, each) for each in scan.others),
     )
 
 
-def saved_links(links: Sequence[KeyframeLink]) -> bytes:
-    """Return links as they are saved."""
-    rows = [
-        (each.first, each.second, *as_row(each.pose), *each.information[_UPPER], each.is_loop)
-        for each in links
-    ]
-    return np.array(rows, "<f8").tobytes()
+def _saved_links(links: KeyframeLinks, begin: int) -> bytes:
+    """Return the links from one on as they are saved."""
+    rows = np.column_stack(
+        [
+            links.ends[begin:],
+            links.poses[begin:],
+            links.information[begin:][:, *_UPPER],
+            links.is_loop[begin:].astype("<f8") + links.is_given[begin:],
+        ]
+    )
+    return rows.astype("<f8").tobytes()
 
 
 def restored(records: Sequence[bytes]) -> KeyframeMap | None:
@@ -230,14 +242,14 @@ def restored(records: Sequence[bytes]) -> KeyframeMap | None:
     if not change.scans or change.frame is None or change.place is None:
         return None
     scans = sorted(change.scans, key=lambda each: each.number)
-    keyframes = [_keyframe(each) for each in scans]
+    angles = {each.angles: _floats(each.angles) for each in scans}
+    keyframes = [_keyframe(each, angles[each.angles]) for each in scans]
     poses = np.frombuffer(change.poses, "<f8").reshape(-1, 3)
-    links = [_link(row) for row in np.frombuffer(change.links, "<f8").reshape(-1, 12)]
+    links = KeyframeLinks(map(_link, np.frombuffer(change.links, "<f8").reshape(-1, 12)))
     weights = np.ones(len(links))
     known = np.frombuffer(change.weights, "<f8")
     count = len(keyframes)
-    ends = [end for link in links for end in (link.first, link.second)]
-    ends += [change.place[0], *change.images]
+    ends = [*links.ends.ravel().tolist(), change.place[0], *change.images]
     if scans[-1].number != count - 1 or len(poses) != count or len(known) > len(links):
         raise ValueError(f"{count} keyframes, {len(poses)} poses and {len(links)} links of one map")
     if any(not 0 <= end < count for end in ends):
@@ -251,24 +263,36 @@ def restored(records: Sequence[bytes]) -> KeyframeMap | None:
     )  # fmt: skip
 
 
-def _keyframe(saved: SavedScan) -> Keyframe:
-    scan = RangeScan(
+def _floats(saved: bytes) -> Floats:
+    return np.frombuffer(saved, "<f4").astype(np.float64)
+
+
+def _keyframe(saved: SavedScan, angles: Floats) -> Keyframe:
+    scan = _scan(saved, angles)
+    if not any(np.any(each.ranges_m < min(each.max_range_m, RANGE_LIMIT_M)) for each in scan.parts):
+        raise ValueError(f"keyframe {saved.number} has no echo within {RANGE_LIMIT_M} m")
+    return Keyframe(scan, saved.travelled_m)
+
+
+def _scan(saved: SavedScan, angles: Floats) -> RangeScan:
+    return RangeScan(
         saved.stamp_ns,
-        np.frombuffer(saved.angles, "<f4").astype(np.float64),
-        np.frombuffer(saved.ranges, "<f4").astype(np.float64),
+        angles,
+        _floats(saved.ranges),
         saved.max_range_m,
         saved.x_m,
         saved.y_m,
+        others=tuple(_scan(each, _floats(each.angles)) for each in saved.others),
     )
-    return keyframe_of(scan, surface_of(scan), saved.travelled_m)
 
 
 def _link(row: Floats) -> KeyframeLink:
     information = np.zeros((3, 3))
     information[_UPPER] = row[5:11]
     information += np.triu(information, 1).T
+    is_loop, is_given = bool(row[11]), bool(row[11] == _GIVEN)
     return KeyframeLink(
-        int(row[0]), int(row[1]), SE2(*row[2:5].tolist()), information, bool(row[11])
+        int(row[0]), int(row[1]), SE2(*row[2:5].tolist()), information, is_loop, is_given
     )
 
 
@@ -318,26 +342,32 @@ class ChangeLog:
         return Change(
             scans=[saved_scan(number, keyframes[number]) for number in numbers],
             new_poses=b"" if has_jumped else poses[known:].tobytes(),
-            links=saved_links(back_end.links[before:]),
+            links=_saved_links(back_end.links, before),
             poses=poses.tobytes() if has_jumped else b"",
             weights=np.array(back_end.weights, "<f8").tobytes() if has_jumped else b"",
             images={each: features_message(image) for each, image in images.items()},
         )
 
 
-def whole_map(mapper: Mapped, sensor: str, frame: SE2, place: tuple[int, SE2]) -> bytes:
+def whole_map(
+    mapper: Mapped, sensor: str, frame: SE2, place: tuple[int, SE2],
+    odometry: SavedOdometry | None = None,
+) -> bytes:  # fmt: skip
     """Return the record of a whole map, made of scans of a sensor.
 
-    `frame` is `map` in `world`, `place` the robot's keyframe and `base` in it. A file is `HEADING`
-    and the records.
+    `frame` is `map` in `world`, `place` the robot's keyframe and `base` in it, `odometry` its
+    odometry there. A file is `HEADING` and the records.
     """
     log = ChangeLog()
     log.forget()
     number, pose = place
     change = log.changes(mapper)
     return encoded(
-        replace(change, frame=as_saved(frame), sensor=sensor, place=(number, as_saved(pose)))
-    )
+        replace(
+            change, frame=as_saved(frame), sensor=sensor, place=(number, as_saved(pose)),
+            odometry=odometry,
+        )
+    )  # fmt: skip
 
 
 def as_saved(pose: SE2) -> Row:

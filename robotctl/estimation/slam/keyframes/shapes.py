@@ -11,7 +11,9 @@ import math
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
+from robotctl.compiled import compiled
 from robotctl.estimation.grown import Grown
 from robotctl.estimation.places.recogniser import Candidate, Recognition
 from robotctl.estimation.slam.front_end.surface import Floats
@@ -37,24 +39,43 @@ _COMPARED: Final = 1000
 
 def shape_of(points: Floats) -> Floats:
     """Return the shape of points (n, 2) around the origin: (rings, sectors), of norm 1 or 0."""
-    columns, rows = np.floor(points / _CELL_M).astype(np.int64).T + _CELLS
-    is_seen = np.zeros((2 * _CELLS, 2 * _CELLS), np.bool_)
-    inside = (np.minimum(columns, rows) >= 0) & (np.maximum(columns, rows) < 2 * _CELLS)
-    is_seen[columns[inside], rows[inside]] = True
-    x, y = (np.argwhere(is_seen) - _CELLS + 0.5).T * _CELL_M
-    away = np.hypot(x, y)
-    near = away < REACH_M
-    ring = (away[near] * (_RINGS / REACH_M)).astype(np.int64)
-    turn = np.arctan2(y[near], x[near]) * (_SECTORS / (2.0 * np.pi))
-    sector = np.floor(turn).astype(np.int64) % _SECTORS
-    counts = np.bincount(ring * _SECTORS + sector, minlength=_RINGS * _SECTORS)
-    shape = np.minimum(counts.reshape(_RINGS, _SECTORS), _MOST)
+    shape = np.minimum(_cells_by_bin(points, _BINS), _MOST).reshape(_RINGS, _SECTORS)
     # A robot that comes by a little beside sees things in the next bin.
-    shape = shape + 0.5 * (np.roll(shape, 1, axis=1) + np.roll(shape, -1, axis=1))
+    beside = np.concatenate((shape[:, -1:], shape, shape[:, :1]), axis=1)
+    shape = shape + 0.5 * (beside[:, :-2] + beside[:, 2:])
     beside = np.pad(shape, ((1, 1), (0, 0)))
     shape = shape + 0.5 * (beside[:-2] + beside[2:])
     result: Floats = shape / max(float(np.linalg.norm(shape)), 1e-9)
     return result
+
+
+def _bins() -> NDArray[np.int64]:
+    """Return ring * sectors + sector of each cell around the origin, (n, n); -1: out of reach."""
+    side_m = (np.arange(2 * _CELLS) - _CELLS + 0.5) * _CELL_M
+    x, y = np.meshgrid(side_m, side_m, indexing="ij")
+    away = np.hypot(x, y)
+    ring = (away * (_RINGS / REACH_M)).astype(np.int64)
+    sector = np.floor(np.arctan2(y, x) * (_SECTORS / (2.0 * np.pi))).astype(np.int64) % _SECTORS
+    return np.where(away < REACH_M, ring * _SECTORS + sector, -1)
+
+
+_BINS: Final = _bins()
+
+
+@compiled
+def _cells_by_bin(points: Floats, bins: NDArray[np.int64]) -> Floats:
+    """Return the number of cells with a point (n, 2) in each ring and sector, (bins,)."""
+    counts = np.zeros(_RINGS * _SECTORS)
+    is_seen = np.zeros(bins.shape, np.bool_)
+    for k in range(len(points)):
+        column = int(np.floor(points[k, 0] / _CELL_M)) + _CELLS
+        row = int(np.floor(points[k, 1] / _CELL_M)) + _CELLS
+        if min(column, row) < 0 or max(column, row) >= 2 * _CELLS or is_seen[column, row]:
+            continue
+        is_seen[column, row] = True
+        if bins[column, row] >= 0:
+            counts[bins[column, row]] += 1.0
+    return counts
 
 
 class Shapes:

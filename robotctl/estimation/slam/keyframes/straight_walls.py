@@ -14,8 +14,8 @@ import numpy as np
 from robotctl.estimation.landmarks.line_fitting import BeamNoise
 from robotctl.estimation.landmarks.scan_lines import ScanLinesConfig, Segment, find_lines
 from robotctl.estimation.slam.front_end.surface import Floats
-from robotctl.estimation.slam.keyframes.back_end import BackEnd, KeyframeLink
-from robotctl.estimation.slam.keyframes.config import KeyframeConfig
+from robotctl.estimation.slam.keyframes.back_end import KeyframeLink
+from robotctl.estimation.slam.keyframes.growing_map import GrowingMap
 from robotctl.estimation.slam.keyframes.keyframe import LOOSE, Keyframe, without_corridor
 from robotctl.estimation.slam_tuning import StraightWallsConfig
 from robotctl.model.geometry.angles import wrap_angle
@@ -28,13 +28,10 @@ _LINES: Final = ScanLinesConfig(BeamNoise(sigma_m=0.02), least_length_m=1.2)
 class StraightWalls:
     """Finds the walls that keyframes have in line with earlier ones."""
 
-    def __init__(
-        self, config: KeyframeConfig, keyframes: list[Keyframe], back_end: BackEnd
-    ) -> None:
+    def __init__(self, growing: GrowingMap) -> None:
+        config, self._keyframes, self._back_end = growing
         self._stretch_m, self._shared = config.stretch_m, config.shared
         self._config = config.tuning.walls
-        self._keyframes = keyframes
-        self._back_end = back_end
         self._walls: dict[int, tuple[Keyframe, tuple[Segment, ...]]] = {}
         self._first = 0
         """The first keyframe of this odometry."""

@@ -3,69 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
-from robotctl.estimation.slam.front_end.correlative import Window, search
-from robotctl.estimation.slam.front_end.point_to_line import NARROW_M, Match, refine
 from robotctl.estimation.slam.front_end.surface import Floats, Surface
-from robotctl.estimation.slam.keyframes.back_end import BackEnd
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
-from robotctl.estimation.slam.keyframes.keyframe import Keyframe, compared, held, keyframe_of
-from robotctl.estimation.slam.keyframes.local_map import LocalMap, thinned
-from robotctl.estimation.slam.keyframes.motion import CONTRADICTS, OdometryAnchor, PredictedMotion
+from robotctl.estimation.slam.keyframes.growing_map import GrowingMap
+from robotctl.estimation.slam.keyframes.hypotheses import (
+    HypothesisSearch,
+    Sight,
+    both_ways,
+    is_elsewhere,
+)
+from robotctl.estimation.slam.keyframes.keyframe import (
+    CORRIDOR,
+    Keyframe,
+    compared,
+    is_corridor,
+)
+from robotctl.estimation.slam.keyframes.motion import OdometryAnchor, PredictedMotion
+from robotctl.estimation.slam.keyframes.registration import Tracked, contradicts, track
 from robotctl.estimation.slam.keyframes.robot_state import RobotState
-from robotctl.estimation.slam_tuning import TrackingConfig
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
 
+_REST_M: Final = 0.01
+_REST_RAD: Final = 0.005
+"""Odometry that moves less from scan to scan says that the robot stands."""
 LEAST_ECHOES: Final = 10
 """Scans with fewer are not matched."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Tracked:
-    """A scan's place on the local map.
-
-    Parameters
-    ----------
-    pose
-        Pose of `base` in the frame of the local map.
-    match
-        None if the scan does not fit anywhere near: the pose is the predicted one then.
-    score
-        Score of the search, 0 to 1.
-    has_slipped
-        Whether odometry contradicts the match.
-    """
-
-    pose: SE2
-    match: Match | None
-    score: float
-    has_slipped: bool
-
-
-def track(
-    local: LocalMap, surface: Surface, last: SE2, predicted: PredictedMotion, config: KeyframeConfig
-) -> Tracked:
-    """Return the pose of a scan on a local map, after a predicted motion from the last pose."""
-    prior, limits = last @ predicted.motion, config.tuning.tracking
-    score, match = _attempt(local, surface, prior, predicted, limits)
-    if score < limits.sure_score or match.inliers < config.least_inliers:
-        lost = PredictedMotion(
-            predicted.motion,
-            max(limits.wider * predicted.sigma_m, limits.wider_m),
-            max(limits.wider * predicted.sigma_rad, limits.wider_rad),
-        )
-        wide_score, wide = _attempt(local, surface, prior, lost, limits)
-        fits = score >= config.least_score and match.inliers >= config.least_inliers
-        if not fits or wide_score > score + limits.better_score:
-            score, match = wide_score, wide
-    if score < config.least_score or match.inliers < config.least_inliers:
-        return Tracked(prior, None, 0.0, has_slipped=False)
-    return Tracked(match.pose, match, score, _contradicts(prior, predicted, match))
 
 
 def new_keyframe(
@@ -89,7 +57,7 @@ def new_keyframe(
         or abs(pose.theta_rad) >= config.keyframe_rad
         or (match is not None and match.inliers < config.keyframe_overlap)
     )
-    return keyframe_of(scan, surface, travelled_m) if is_new else None
+    return Keyframe(scan, travelled_m) if is_new else None
 
 
 class Tracker:
@@ -99,20 +67,21 @@ class Tracker:
     ----------
     slips, unmatched
         Number of scans that contradict odometry; that match nothing near the prediction.
+    ambiguous
+        Number of scans without odometry that fit elsewhere nearly as well.
+    unseen_m
+        Distance without odometry along which scans saw nothing of it [m].
     """
 
-    def __init__(
-        self,
-        config: KeyframeConfig,
-        keyframes: list[Keyframe],
-        back_end: BackEnd,
-        robot: RobotState,
-    ) -> None:
-        self._config = config
-        self._keyframes = keyframes
-        self._back_end = back_end
+    def __init__(self, growing: GrowingMap, robot: RobotState) -> None:
+        self._config, self._keyframes, self._back_end = growing
         self._robot = robot
-        self.slips = self.unmatched = 0
+        self._hypotheses = HypothesisSearch(
+            self._config.tuning.tracking, self._config.tuning.hypotheses
+        )
+        self._fruitless, self._pause = 0, self._config.tuning.trust.pause
+        self.slips = self.unmatched = self.ambiguous = 0
+        self.unseen_m = 0.0
 
     def step(self, scan: RangeScan, surface: Surface, predicted: PredictedMotion) -> Tracked:
         """Match a scan near its predicted place; the robot is where the match says."""
@@ -121,16 +90,18 @@ class Tracker:
         if tracked.has_slipped:
             self.slips += 1
             robot.anchor = OdometryAnchor()
+        self._judge_odometry(tracked)
         if tracked.match is not None:
             robot.unmatched_in_a_row = 0
-            both = np.linalg.inv(tracked.match.information + predicted.information)
+            seen = tracked.match.information / self._back_end.variance_factor
+            both = np.linalg.inv(seen + predicted.information)
             robot.covariance = both.astype(np.float64)
         else:
             robot.covariance = robot.covariance + predicted.covariance
             if not self._config.stretch_m:
                 self.unmatched += 1
                 robot.unmatched_in_a_row += 1
-        robot.advance(scan.stamp_ns, tracked.pose)
+        robot.advance(scan.stamp_ns, tracked.pose, is_seen=tracked.match is not None)
         return tracked
 
     def _tracked(self, scan: RangeScan, surface: Surface, predicted: PredictedMotion) -> Tracked:
@@ -140,7 +111,12 @@ class Tracker:
         if len(surface.points) < LEAST_ECHOES or config.stretch_m:
             return unmatched
         was_resumed, robot.is_resumed = robot.is_resumed, False
-        tracked = track(robot.trail.local, surface, last.pose, predicted, config)
+        if robot.has_odometry or was_resumed:
+            tracked = track(robot.trail.local, surface, last.pose, predicted, config)
+            if robot.has_odometry:
+                tracked = self._doubted(tracked, scan, predicted)
+        else:
+            tracked = self._by_scans(scan, predicted)
         is_continuous = (
             robot.has_odometry and not tracked.has_slipped and robot.unmatched_in_a_row == 0
         )
@@ -148,7 +124,7 @@ class Tracker:
             return tracked
         limits = config.tuning.tracking
         new, asked = (
-            keyframe_of(scan, surface, robot.travelled_m),
+            Keyframe(scan, robot.travelled_m),
             robot.trail.last(limits.confirming_keyframes),
         )
         at = self._back_end.pose(last.keyframe) @ tracked.pose
@@ -163,6 +139,80 @@ class Tracker:
         robot.keep_keyframes()
         return replace(tracked, has_slipped=tracked.has_slipped and not was_resumed)
 
+    def _by_scans(self, scan: RangeScan, predicted: PredictedMotion) -> Tracked:
+        """Return the most plausible place of a scan that nothing but scans predict."""
+        config, robot = self._config, self._robot
+        prior = robot.place.pose @ predicted.motion
+        new = Keyframe(scan, robot.travelled_m)
+        sight = Sight(robot.trail.local, new, new.surface.walls, self._seen(), prior, predicted)
+        best, *others = self._hypotheses.step(sight)
+        if best.score < config.least_score or best.match.inliers < config.least_inliers:
+            return Tracked(prior, None, 0.0, has_slipped=False)
+        limits = config.tuning.hypotheses
+        self.ambiguous += bool(others) and best.worth - others[0].worth < limits.ambiguous
+        least = best.evidence - limits.same_evidence
+        if is_corridor(best.match, CORRIDOR) and any(each.evidence > least for each in others):
+            step = robot.place.pose.inverse() @ best.match.pose
+            self.unseen_m += float(np.hypot(step.x_m, step.y_m))
+        return Tracked(best.match.pose, best.match, best.score, has_slipped=False)
+
+    def _doubted(self, tracked: Tracked, scan: RangeScan, predicted: PredictedMotion) -> Tracked:
+        """Return a match near the odometry, or a clearly better one where scans contradict that."""
+        config, robot = self._config, self._robot
+        motion = predicted.motion
+        is_at_rest = bool(
+            np.hypot(motion.x_m, motion.y_m) < _REST_M and abs(motion.theta_rad) < _REST_RAD
+        )
+        self._fruitless = 0 if is_at_rest else max(self._fruitless - 1, 0)
+        if self._fruitless:
+            return tracked
+        new, seen = Keyframe(scan, robot.travelled_m), self._seen()
+        limits = config.tuning.trust
+        if tracked.match is not None and not tracked.has_slipped:
+            through = [both_ways(old, new, pose.inverse() @ tracked.pose)[1] for old, pose in seen]
+            if np.mean(through) < limits.through:
+                self._pause = limits.pause
+                return tracked
+        habit = robot.habit.predict(1e-9 * (scan.stamp_ns - robot.place.stamp_ns))
+        prior = robot.place.pose @ predicted.motion
+        loose = replace(habit, motion=predicted.motion)
+        sight = Sight(robot.trail.local, new, new.surface.walls, seen, prior, loose)
+        best = self._hypotheses.step(sight)[0]
+        is_better = best.score >= config.least_score and best.match.inliers >= config.least_inliers
+        if is_better and tracked.match is not None:
+            near = self._hypotheses.judged(sight, tracked.match)
+            is_better = is_elsewhere(best.match.pose, tracked.pose) and (
+                best.worth > near.worth + (limits.lead_at_rest if is_at_rest else limits.lead)
+            )
+        if not is_better:
+            self._fruitless, self._pause = self._pause, min(2 * self._pause, limits.longest_pause)
+            return tracked
+        self._pause = limits.pause
+        return Tracked(best.match.pose, best.match, best.score, has_slipped=True)
+
+    def _judge_odometry(self, tracked: Tracked) -> None:
+        """Compare the motion that a scan measured with that of the odometry."""
+        robot = self._robot
+        if robot.measured is None or tracked.match is None:
+            return
+        expected = robot.place.pose @ robot.measured.motion
+        step = robot.place.pose.inverse() @ tracked.pose
+        is_open = is_corridor(tracked.match, CORRIDOR)  # there all odometry agrees
+        robot.trust.judge(
+            contradicts=tracked.has_slipped or contradicts(expected, robot.measured, tracked.match),
+            moved_m=0.0 if is_open else float(np.hypot(step.x_m, step.y_m)),
+        )
+        if not robot.trust.is_trusted:
+            robot.anchor = OdometryAnchor()
+
+    def _seen(self) -> list[tuple[Keyframe, SE2]]:
+        """Return the last keyframes and their poses on the local map."""
+        robot = self._robot
+        return [
+            (self._keyframes[each], self._back_end.between(robot.place.keyframe, each))
+            for each in robot.trail.last(self._config.tuning.tracking.confirming_keyframes)
+        ]
+
 
 def is_confirmed(
     new: Keyframe, at: SE2, asked: Sequence[Keyframe], poses: Floats, most_contradicting: float
@@ -175,52 +225,3 @@ def is_confirmed(
     for old, row in zip(asked, poses.tolist(), strict=True):
         agreeing += compared(old, new, SE2(*row).inverse() @ at)[1] < most_contradicting
     return 2 * agreeing >= len(asked)
-
-
-def _attempt(
-    local: LocalMap,
-    surface: Surface,
-    prior: SE2,
-    predicted: PredictedMotion,
-    limits: TrackingConfig,
-) -> tuple[float, Match]:
-    """Return score and refined match of the best pose around a prior."""
-    window = Window(
-        prior,
-        min(3.0 * predicted.sigma_m, limits.farthest_m),
-        min(3.0 * predicted.sigma_rad, np.pi),
-        predicted.sigma_m,
-        predicted.sigma_rad,
-    )
-    most = limits.search_points if window.shift_m < limits.wide_m else limits.wide_points
-    found = search(local.field, thinned(surface.points, most), window, -1.0)
-    start, score = (prior, 0.0) if found is None else (found.pose, found.score)
-    match = refine(local.bins, surface, start, prior, predicted.information)
-    return score, _held(local, surface, match, prior, predicted, limits)
-
-
-def _held(
-    local: LocalMap,
-    surface: Surface,
-    match: Match,
-    prior: SE2,
-    predicted: PredictedMotion,
-    limits: TrackingConfig,
-) -> Match:
-    """Return a match; in a corridor, with the position along it from the prior.
-
-    There the search would prefer no motion, where all of a scan overlaps with the map. Zhang,
-    Kaess, Singh: On degeneracy of optimization-based state estimation problems, ICRA 2016.
-    """
-    start = held(match, prior, limits.corridor)
-    if start is match.pose:
-        return match
-    along = refine(local.bins, surface, start, prior, predicted.information, NARROW_M)
-    return along if along.inliers > limits.still_matches * match.inliers else match
-
-
-def _contradicts(prior: SE2, predicted: PredictedMotion, match: Match) -> bool:
-    """Return whether the match contradicts the prediction."""
-    r = np.array((prior.inverse() @ match.pose).log())
-    S = predicted.covariance + np.linalg.inv(match.information + 1e-3 * np.eye(3))
-    return float(r @ np.linalg.solve(S, r)) > CONTRADICTS

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from robotctl.estimation.slam.keyframes.back_end import BackEnd, certain
-from robotctl.estimation.slam.keyframes.config import KeyframeConfig
-from robotctl.estimation.slam.keyframes.keyframe import Keyframe
-from robotctl.estimation.slam.keyframes.local_map import LocalMap, local_map
+from robotctl.estimation.slam.keyframes.back_end import certain
+from robotctl.estimation.slam.keyframes.growing_map import GrowingMap
+from robotctl.estimation.slam.keyframes.local_map import LocalMap, map_of
 
 
 class Trail:
@@ -15,16 +14,13 @@ class Trail:
 
     Parameters
     ----------
-    config, keyframes, back_end
+    growing
         The map.
     """
 
-    def __init__(
-        self, config: KeyframeConfig, keyframes: list[Keyframe], back_end: BackEnd
-    ) -> None:
-        self._config = config
-        self._keyframes = keyframes
-        self._back_end = back_end
+    def __init__(self, growing: GrowingMap) -> None:
+        self._growing = growing
+        self._config, _, self._back_end = growing
         self._numbers: list[int] = []
         self._local: LocalMap | None = None
 
@@ -37,10 +33,7 @@ class Trail:
         """The map of the last ones, in the frame of the newest."""
         if self._local is None:
             chosen = self.last(self._config.local_keyframes)
-            self._local = local_map(
-                [self._keyframes[each] for each in chosen],
-                [self._back_end.between(chosen[-1], each) for each in chosen],
-            )
+            self._local = map_of(self._growing.surface(chosen, chosen[-1]))
         return self._local
 
     def redraw(self) -> None:

@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robotctl.estimation.slam.front_end.correlative import Window
-from robotctl.estimation.slam.front_end.surface import Surface, joined
-from robotctl.estimation.slam.keyframes.back_end import BackEnd, KeyframeLink
+from robotctl.estimation.slam.front_end.surface import Surface
+from robotctl.estimation.slam.keyframes.back_end import KeyframeLink
 from robotctl.estimation.slam.keyframes.candidates import POSITION, LoopCandidate
-from robotctl.estimation.slam.keyframes.config import KeyframeConfig
-from robotctl.estimation.slam.keyframes.keyframe import CORRIDOR, Keyframe, held, match_pair
-from robotctl.estimation.slam.keyframes.local_map import local_map, thinned
+from robotctl.estimation.slam.keyframes.growing_map import GrowingMap
+from robotctl.estimation.slam.keyframes.keyframe import CORRIDOR, held, match_pair
+from robotctl.estimation.slam.keyframes.local_map import map_of, thinned
 from robotctl.model.geometry.se2 import SE2
 
 
@@ -52,25 +52,20 @@ class Verifier:
 
     Parameters
     ----------
-    config, keyframes, back_end
+    growing
         The map.
     """
 
-    def __init__(
-        self, config: KeyframeConfig, keyframes: list[Keyframe], back_end: BackEnd
-    ) -> None:
-        self._config, self._limits = config, config.tuning.verification
-        self._keyframes = keyframes
-        self._back_end = back_end
+    def __init__(self, growing: GrowingMap) -> None:
+        self._growing = growing
+        self._config, self._keyframes, self._back_end = growing
+        self._limits = growing.config.tuning.verification
 
     def verify(self, candidate: LoopCandidate) -> tuple[Closure, list[KeyframeLink]]:
         """Return what became of a candidate, and the links of a loop where scans confirm it."""
         limits, k, j = self._limits, candidate.keyframe, candidate.place
         place = self._place(j, k)
-        target = local_map(
-            [self._keyframes[each] for each in place],
-            [self._back_end.between(j, each) for each in place],
-        )
+        target = map_of(self._growing.surface(place, j))
         surface, expected = self._recent(k), self._back_end.between(j, k)
         window = Window(
             expected if candidate.found_by == POSITION else candidate.pose,
@@ -91,7 +86,7 @@ class Verifier:
             return replace(closure, reason="too far off"), []
         if target.rival(points, window, limits.ambiguous, fit) is not None:
             return replace(closure, reason="ambiguous"), []
-        links = self._pairs(k, j, place, pose)
+        links = matching_pairs(self._growing, place, j, k, pose)
         return (closure, links) if links else (replace(closure, reason="no two scans match"), [])
 
     def _place(self, centre: int, before: int) -> list[int]:
@@ -109,27 +104,25 @@ class Verifier:
         """Return what a keyframe and those before and after it see, in its frame."""
         recent = self._limits.recent
         among = range(max(number - recent, 0), min(number + recent, len(self._keyframes)))
-        between = self._back_end.between
-        return joined(
-            [
-                self._keyframes[each].surface.moved(between(number, each))
-                for each in self._near(number, among, self._limits.recent_m)
-            ]
-        )
+        near = self._near(number, among, self._limits.recent_m)
+        return self._growing.surface(near, number)
 
-    def _pairs(self, k: int, j: int, place: Sequence[int], at: SE2) -> list[KeyframeLink]:
-        """Return links of a keyframe, seen from `j`, with those of the place that match it."""
-        between, new, limits = self._back_end.between, self._keyframes[k], self._limits
-        starts = {other: between(j, other).inverse() @ at for other in place}
-        by_overlap = sorted(
-            place, key=lambda each: self._keyframes[each].sees(new, starts[each]), reverse=True
-        )
-        links: list[KeyframeLink] = []
-        for other in by_overlap[: 2 * limits.pairs]:
-            old = self._keyframes[other]
-            pair = match_pair(old, new, starts[other], self._config, limits.pair_m)
-            if pair is not None:
-                links.append(KeyframeLink(other, k, pair.pose, pair.information, is_loop=True))
-            if len(links) == limits.pairs:
-                break
-        return links
+
+def matching_pairs(
+    growing: GrowingMap, place: Sequence[int], centre: int, number: int, pose: SE2
+) -> list[KeyframeLink]:
+    """Return links of a keyframe, at a pose in one, with those of the place that match it."""
+    config, keyframes, back_end = growing
+    new, limits = keyframes[number], config.tuning.verification
+    starts = {other: back_end.between(centre, other).inverse() @ pose for other in place}
+    by_overlap = sorted(
+        place, key=lambda each: keyframes[each].sees(new, starts[each]), reverse=True
+    )
+    links: list[KeyframeLink] = []
+    for other in by_overlap[: 2 * limits.pairs]:
+        pair = match_pair(keyframes[other], new, starts[other], config, limits.pair_m)
+        if pair is not None:
+            links.append(KeyframeLink(other, number, pair.pose, pair.information, is_loop=True))
+        if len(links) == limits.pairs:
+            break
+    return links

@@ -122,6 +122,51 @@ def single_assembler(size: int, dof: int) -> Callable[..., None]:  # noqa: C901 
 
 
 @compiled
+def assemble_many(  # noqa: C901 - one compiled loop
+    residuals: Floats, jacobians: Floats, begins: Ints, information: Floats, weights: Floats,
+    places: Ints, columns: Ints, panels: Floats, gradient: Floats,
+) -> None:  # fmt: skip
+    """Add factors (n,) of any number of variables, as the loops for two and one.
+
+    Parameters
+    ----------
+    jacobians, begins
+        Those of all variables beside each other, (n, size, width), and where each begins.
+    places
+        For each pair a <= b of variables three numbers: place, stride, and whether a comes later.
+    """
+    n, size, width = jacobians.shape
+    weighted = np.empty((size, width))
+    for k in range(n):
+        for i in range(size):
+            for j in range(width):
+                total = 0.0
+                for m in range(size):
+                    total += information[k, i, m] * jacobians[k, m, j]
+                weighted[i, j] = weights[k] * total
+        at = 0
+        for a in range(len(begins) - 1):
+            if columns[k, a] >= 0:
+                for i in range(begins[a], begins[a + 1]):
+                    for m in range(size):
+                        gradient[columns[k, a] + i - begins[a]] += weighted[m, i] * residuals[k, m]
+            for b in range(a, len(begins) - 1):
+                place, stride, is_later = places[k, at], places[k, at + 1], places[k, at + 2]
+                at += 3
+                if place < 0:
+                    continue
+                for i in range(begins[a + 1] - begins[a]):
+                    for j in range(begins[b + 1] - begins[b]):
+                        total = 0.0
+                        for m in range(size):
+                            total += jacobians[k, m, begins[a] + i] * weighted[m, begins[b] + j]
+                        if is_later:
+                            panels[place + j * stride + i] += total
+                        else:
+                            panels[place + i * stride + j] += total
+
+
+@compiled
 def quadratic_forms(residuals: Floats, information: Floats) -> Floats:
     """Return r^T Omega r of each residual, (n,); at least 0, whatever is rounded."""
     n, size = residuals.shape
@@ -134,3 +179,8 @@ def quadratic_forms(residuals: Floats, information: Floats) -> Floats:
             result[k] += residuals[k, i] * row
         result[k] = max(result[k], 0.0)
     return result
+
+
+def inner(a: Floats, b: Floats) -> float:
+    """Return the sum of a b, of any shape. BLAS would wake its threads for it, each time."""
+    return float(np.sum(a * b))

@@ -6,11 +6,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.compiled import compiled
-from robotctl.estimation.slam.linear.symbolic import Symbolic
+from robotctl.estimation.slam.linear.symbolic import Symbolic, odd_depths
 
 Floats = NDArray[np.float64]
 SMALLEST = 1e-14
 """A pivot that lost all but this share of its diagonal entry is no pivot: rounding is as large."""
+
+_TILE = 64
+"""Columns and rows of a tile: OpenBLAS shares out no product of so few among threads."""
+_BLOCK = 16
+"""Columns that are eliminated one by one before later ones hear of them."""
+_FEW = 24
+"""Pairs of columns up to which a loop is as fast as BLAS."""
 
 
 @compiled
@@ -21,45 +28,65 @@ def subtract_product(target: Floats, a: Floats, scale: float) -> None:
 
 
 @compiled
-def subtract_four(
-    target: Floats, a: Floats, b: Floats, c: Floats, d: Floats, scales: tuple[float, ...]
-) -> None:
-    """Subtract four scaled vectors from `target` in one pass, (n,)."""
-    s, t, u, v = scales
-    for i in range(len(target)):
-        target[i] -= s * a[i] + t * b[i] + u * c[i] + v * d[i]
+def _subtract_four(x: Floats, y: Floats, done: Floats) -> None:
+    """Subtract four finished columns from two, in their order.
 
+    So many at once load and store a column less often.
 
-@compiled
-def _subtract_columns(target: Floats, panel: Floats, rows: int, at: int, count: int) -> None:
-    """Subtract the first columns of a panel, each times its entry in row `at`, from that row on.
-
-    Four columns in one pass: the target is read and written a quarter as often.
+    Parameters
+    ----------
+    x, y
+        Two columns that follow each other, (n,), from the first one's diagonal on; both changed.
+    done
+        Finished columns from there on, (4, n).
     """
-    k = 0
-    while k + 3 < count:
-        p = k * rows
-        subtract_four(
-            target,
-            panel[p + at : p + rows],
-            panel[p + rows + at : p + 2 * rows],
-            panel[p + 2 * rows + at : p + 3 * rows],
-            panel[p + 3 * rows + at : p + 4 * rows],
-            (
-                panel[p + at],
-                panel[p + rows + at],
-                panel[p + 2 * rows + at],
-                panel[p + 3 * rows + at],
-            ),
-        )
-        k += 4
-    while k < count:
-        subtract_product(target, panel[k * rows + at : (k + 1) * rows], panel[k * rows + at])
-        k += 1
+    a, b, c, d = done[0], done[1], done[2], done[3]
+    p, q, r, s = a[0], b[0], c[0], d[0]
+    t, u, v, w = a[1], b[1], c[1], d[1]
+    for i in range(len(x)):
+        x[i] = x[i] - a[i] * p - b[i] * q - c[i] * r - d[i] * s
+        y[i] = y[i] - a[i] * t - b[i] * u - c[i] * v - d[i] * w
 
 
 @compiled
-def eliminate(panel: Floats, rows: int, columns: int, update: Floats) -> int:
+def _subtract_products(done: Floats, first: int, last: int, target: Floats, shift: int) -> None:
+    """Subtract finished columns from later ones, tile by tile through BLAS.
+
+    Parameters
+    ----------
+    done
+        Finished columns of a front, (k, rows).
+    first, last
+        Columns to subtract them from, of all those of the front.
+    target, shift
+        Where these stand: column j, row i is `target[j - shift, i - shift]`; rows above the
+        diagonal may be changed, too.
+    """
+    count, rows = done.shape
+    if count * (last - first) <= _FEW:
+        for j in range(first, last):
+            for m in range(count):
+                scale = done[m, j]
+                for i in range(j, rows):
+                    target[j - shift, i - shift] -= scale * done[m, i]
+        return
+    for m in range(0, count, _TILE):
+        inner = min(m + _TILE, count)
+        for j in range(first, last, _TILE):
+            wide = min(j + _TILE, last)
+            left = done[m:inner, j:wide].copy()
+            for i in range(j, rows, _TILE):
+                high = min(i + _TILE, rows)
+                product = np.dot(left.T, done[m:inner, i:high].copy())
+                for a in range(wide - j):
+                    for b in range(high - i):
+                        target[j - shift + a, i - shift + b] -= product[a, b]
+
+
+@compiled
+def eliminate(  # noqa: C901 - one compiled loop
+    panel: Floats, rows: int, columns: int, update: Floats
+) -> int:
     """Factor the columns of a front in place, and subtract them from what lies behind.
 
     Parameters
@@ -77,22 +104,40 @@ def eliminate(panel: Floats, rows: int, columns: int, update: Floats) -> int:
     int
         The first column without a positive pivot; -1 if all have one.
     """
+    front = panel.reshape(columns, rows)
+    before = np.empty(columns)
     for j in range(columns):
-        before = panel[j * rows + j]
-        column = panel[j * rows + j : (j + 1) * rows]
-        _subtract_columns(column, panel, rows, j, j)
-        pivot = column[0]
-        if not pivot > SMALLEST * before:
-            return j
-        root = np.sqrt(pivot)
-        column[0] = root
-        inverse = 1.0 / root
-        for i in range(1, len(column)):
-            column[i] *= inverse
+        before[j] = front[j, j]
+    for k in range(0, columns, _BLOCK):
+        end = min(k + _BLOCK, columns)
+        tile = k // _TILE * _TILE
+        if 0 < k == tile:
+            _subtract_products(front[:k], k, min(k + _TILE, columns), front, 0)
+        if k > tile:
+            _subtract_products(front[tile:k], k, end, front, 0)
+        for j in range(k, end):
+            four = k + (j - k) // 4 * 4
+            if j == four and j > k:
+                for i in range(j, end - 1, 2):
+                    _subtract_four(front[i, i:], front[i + 1, i:], front[j - 4 : j, i:])
+                if (end - j) % 2:
+                    for m in range(j - 4, j):
+                        subtract_product(
+                            front[end - 1, end - 1 :], front[m, end - 1 :], front[m, end - 1]
+                        )
+            for m in range(four, j):
+                subtract_product(front[j, j:], front[m, j:], front[m, j])
+            pivot = front[j, j]
+            if not pivot > SMALLEST * before[j]:
+                return j
+            root = np.sqrt(pivot)
+            front[j, j] = root
+            inverse = 1.0 / root
+            for i in range(j + 1, rows):
+                front[j, i] *= inverse
     size = rows - columns
-    for j in range(size):
-        target = update[j * size + j : (j + 1) * size]
-        _subtract_columns(target, panel, rows, columns + j, columns)
+    if size > 0:
+        _subtract_products(front, columns, rows, update.reshape(size, size), columns)
     return -1
 
 
@@ -103,16 +148,25 @@ def add_update(
 ) -> None:  # fmt: skip
     """Add the update of a child, (k * k,) by columns, to a front at the places `relative`, (k,)."""
     size, behind = len(relative), rows - columns
+    ends = np.empty(size, np.int64)  # of the run of successive places that each is in
+    for j in range(size - 1, -1, -1):
+        goes_on = j + 1 < size and relative[j + 1] == relative[j] + 1
+        ends[j] = ends[j + 1] if goes_on else j + 1
     for j in range(size):
         column = relative[j]
         if column < columns:
-            base = column * rows
-            for i in range(j, size):
-                panel[base + relative[i]] += child[j * size + i]
+            target = panel[column * rows : (column + 1) * rows]
+            shift = 0
         else:
-            base = (column - columns) * behind - columns
-            for i in range(j, size):
-                update[base + relative[i]] += child[j * size + i]
+            target = update[(column - columns) * behind : (column - columns + 1) * behind]
+            shift = columns
+        i = j
+        while i < size:
+            begin, count = relative[i] - shift, ends[i] - i
+            own, there = child[j * size + i : j * size + i + count], target[begin : begin + count]
+            for k in range(count):
+                there[k] += own[k]
+            i = ends[i]
 
 
 @compiled
@@ -138,35 +192,41 @@ def factorise(symbolic: Symbolic, panels: Floats, stack: Floats) -> int:
     children = np.full(total, -1, np.int64)  # the last one pushed, and by it the one before
     before = np.full(total, -1, np.int64)
     begins = np.zeros(total, np.int64)
-    top = 0
+    is_odd = odd_depths(symbolic.parents)
+    low_end, high_end = 0, len(stack)
     for s in range(total):
         low = symbolic.row_starts[s]
         rows = symbolic.row_starts[s + 1] - low
         columns = symbolic.columns[s + 1] - symbolic.columns[s]
         size = rows - columns
         panel = panels[symbolic.panel_starts[s] : symbolic.panel_starts[s + 1]]
-        update = stack[top : top + size * size]
-        update[:] = 0.0
-        base = top
+        # Children lie at one end of the stack, their parent goes to the other one.
+        if is_odd[s]:
+            high_end -= size * size
+            begins[s] = high_end
+        else:
+            begins[s] = low_end
+            low_end += size * size
+        update = stack[begins[s] : begins[s] + size * size]
+        for j in range(size):
+            update[j * size + j : (j + 1) * size] = 0.0
         child = children[s]
         while child >= 0:
             first = symbolic.row_starts[child] + (
                 symbolic.columns[child + 1] - symbolic.columns[child]
             )
             relative = symbolic.relative[first : symbolic.row_starts[child + 1]]
+            taken = len(relative) ** 2
             base = begins[child]
-            add_update(
-                stack[base : base + len(relative) ** 2], relative, panel, rows, columns, update
-            )
+            add_update(stack[base : base + taken], relative, panel, rows, columns, update)
+            if is_odd[s]:
+                low_end -= taken
+            else:
+                high_end += taken
             child = before[child]
         failed = eliminate(panel, rows, columns, update)
         if failed >= 0:
             return int(symbolic.columns[s] + failed)
-        if base < top:
-            for i in range(size * size):
-                stack[base + i] = stack[top + i]
-        begins[s] = base
-        top = base + size * size
         up = symbolic.parents[s]
         if up >= 0:
             before[s] = children[up]

@@ -309,16 +309,26 @@ def _places_in_parents(columns: Ints, parents: Ints, row_starts: Ints, rows: Int
 
 
 @compiled
+def odd_depths(parents: Ints) -> NDArray[np.bool_]:
+    """Return which supernodes are an odd number of steps below a root."""
+    result = np.zeros(len(parents), np.bool_)
+    for s in range(len(parents) - 1, -1, -1):
+        if parents[s] >= 0:
+            result[s] = not result[parents[s]]
+    return result
+
+
+@compiled
 def _stack_size(columns: Ints, parents: Ints, row_starts: Ints) -> int:
     """Return how many numbers the updates on their way to the parents take at most."""
-    waiting, peak, top = np.zeros(len(parents), np.int64), 0, 0
+    waiting, peak, used = np.zeros(len(parents), np.int64), 0, 0
     for s in range(len(parents)):
         below = row_starts[s + 1] - row_starts[s] - (columns[s + 1] - columns[s])
-        size = below * below
-        peak = max(peak, top + size)
-        top += size - waiting[s]
+        used += below * below
+        peak = max(peak, used)
+        used -= waiting[s]
         if parents[s] >= 0:
-            waiting[parents[s]] += size
+            waiting[parents[s]] += below * below
     return peak
 
 

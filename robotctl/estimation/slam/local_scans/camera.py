@@ -14,7 +14,7 @@ import numpy as np
 from robotctl.estimation.sensors.sensor import SensedRobot
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.local_scans.gathered import GatheredScans
-from robotctl.estimation.slam.local_scans.source import CALIBRATED, ScanSource
+from robotctl.estimation.slam.local_scans.source import UNKNOWN_WHEELS, ScanSource
 from robotctl.model.geometry.points import moved
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.recording import RecordedScan
@@ -60,7 +60,7 @@ def _maker(robot: SensedRobot) -> CameraScans:
 
 
 SOURCE: Final = ScanSource(
-    KeyframeConfig(keyframe_m=0.5, keyframe_rad=0.5, stretch_m=STRETCH_M, wheels=CALIBRATED),
+    KeyframeConfig(keyframe_m=0.5, keyframe_rad=0.5, stretch_m=STRETCH_M, wheels=UNKNOWN_WHEELS),
     _maker,
     lambda recording: [(each.scan, each.odometry) for each in recording.views],
 )

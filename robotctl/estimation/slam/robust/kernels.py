@@ -8,27 +8,12 @@ scaling: Agarwal et al., ICRA 2013.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from robotctl.estimation.slam.graph.robust_kernel import RobustKernel
 from robotctl.estimation.slam.graph.variables import Floats
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RobustKernel:
-    """A robust kernel.
-
-    Parameters
-    ----------
-    cost, weight
-        Of squares s (n,) and the scale c^2, (n,).
-    """
-
-    cost: Callable[[Floats, float], Floats]
-    weight: Callable[[Floats, float], Floats]
 
 
 def _huber_cost(s: Floats, c2: float) -> Floats:

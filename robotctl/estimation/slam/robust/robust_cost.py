@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from scipy.special import chdtri  # type: ignore[import-untyped]
 
 from robotctl.estimation.slam.graph.factor_graph import FactorGraph
+from robotctl.estimation.slam.graph.robust_kernel import RobustKernel
 from robotctl.estimation.slam.graph.variables import Floats
-from robotctl.estimation.slam.robust.kernels import RobustKernel
+from robotctl.estimation.slam.linear.assembly import inner
 
 _BEYOND: Final = 0.01
 """Share of right measurements that lies beyond the scale of a kernel."""
@@ -45,22 +46,43 @@ class RobustCost:
     kernel: RobustKernel | None
     doubtful: Sequence[NDArray[np.bool_]]
 
-    def total(self, squares: Sequence[Floats]) -> float:
-        """Return the cost of all factors with such r^T Omega r."""
-        kernel = self.kernel
-        if kernel is None:
-            return float(sum(each.sum() for each in squares))
-        total = 0.0
-        for block, s, mask in zip(self.graph.blocks, squares, self.doubtful, strict=True):
-            total += s[~mask].sum() + kernel.cost(s[mask], scale(block.kind.size)).sum()
-        return float(total)
+    @property
+    def is_robust(self) -> bool:
+        """Whether any factor has a kernel."""
+        return self.kernel is not None or any(block.kernel for block in self.graph.blocks)
 
-    def weights(self, squares: Sequence[Floats]) -> list[Floats]:
-        """Return the weight of each factor, (n,) a block."""
-        weights = [np.ones(len(each)) for each in squares]
-        if self.kernel is not None:
-            for block, w, s, mask in zip(
-                self.graph.blocks, weights, squares, self.doubtful, strict=True
-            ):
-                w[mask] = self.kernel.weight(s[mask], scale(block.kind.size))
+    def total(self, squares: Sequence[Floats], fixed: Sequence[Floats] | None = None) -> float:
+        """Return the cost of all factors with such r^T Omega r.
+
+        `fixed`, (n,) a block, are weights that stand in for those of the kernel.
+        """
+        total = 0.0
+        for index, (block, s, mask) in enumerate(
+            zip(self.graph.blocks, squares, self.doubtful, strict=True)
+        ):
+            c2 = scale(block.kind.size)
+            costs = s if block.kernel is None else block.kernel.cost(s, c2)
+            if fixed is not None:
+                total += inner(fixed[index], costs)
+            elif self.kernel is None:
+                total += float(costs.sum())
+            else:
+                total += float(costs[~mask].sum() + self.kernel.cost(s[mask], c2).sum())
+        return total
+
+    def weights(
+        self, squares: Sequence[Floats], fixed: Sequence[Floats] | None = None
+    ) -> list[Floats]:
+        """Return the weight of each factor, (n,) a block; `fixed` as for `total`."""
+        weights = []
+        for index, (block, s, mask) in enumerate(
+            zip(self.graph.blocks, squares, self.doubtful, strict=True)
+        ):
+            c2 = scale(block.kind.size)
+            own = np.ones(len(s)) if block.kernel is None else block.kernel.weight(s, c2)
+            if fixed is not None:
+                own = own * fixed[index]
+            elif self.kernel is not None:
+                own[mask] = self.kernel.weight(s[mask], c2)
+            weights.append(own)
         return weights

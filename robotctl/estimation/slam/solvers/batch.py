@@ -14,6 +14,7 @@ import numpy as np
 
 from robotctl.estimation.slam.equations import Equations, GraphError, Linearisation, NormalEquations
 from robotctl.estimation.slam.graph.variables import Floats
+from robotctl.estimation.slam.linear.assembly import inner
 from robotctl.estimation.slam.robust.graduated import Graduation
 from robotctl.estimation.slam.robust.robust_cost import RobustCost
 from robotctl.estimation.slam.solvers.problem import (
@@ -28,7 +29,15 @@ from robotctl.estimation.slam.solvers.problem import (
 SETTLED: Final = 1e-7
 """A step that lowers the cost by less than this share is the last."""
 _TINY: Final = 1e-12
+_LEAST_DAMPING: Final = 1e-14
+"""Damping below rounding, as a multiple of the diagonal; less is none."""
 _LARGEST_DAMPING: Final = 1e12
+_POOR: Final = 0.25
+"""Share of the expected gain below which the next step is damped more."""
+_MARGIN: Final = 10.0
+"""Factor by which steps may converge more slowly than the last ones did."""
+_STEPS_OVER: Final = 5
+"""Further steps that may bring the cost below what it was before one that raised it."""
 _STEPS_EACH: Final = 2
 """At most, for each value of mu."""
 
@@ -47,9 +56,7 @@ class Descent:
 
     def total_of(self, at: Linearisation) -> float:
         """Return the cost that is to be lowered."""
-        if self.fixed_weights is None:
-            return self.cost.total(at.squares)
-        return float(sum(w @ s for w, s in zip(self.fixed_weights, at.squares, strict=True)))
+        return self.cost.total(at.squares, self.fixed_weights)
 
     def hold_weights(self, weights: list[Floats] | None) -> None:
         """Keep these weights from now on; None: those of the kernel."""
@@ -58,10 +65,12 @@ class Descent:
 
     def assemble(self) -> None:
         """Fill the equations at the present values."""
-        weights = self.fixed_weights
-        if weights is None and self.cost.kernel is not None:
-            weights = self.cost.weights(self.at.squares)
-        self.equations.assemble(self.at, weights)
+        is_weighted = self.fixed_weights is not None or self.cost.is_robust
+        self.equations.assemble(self.at, self.weights() if is_weighted else None)
+
+    def weights(self) -> list[Floats]:
+        """Return the weights of all factors at the present values."""
+        return self.cost.weights(self.at.squares, self.fixed_weights)
 
     def factorise(self, damping: Floats | None = None) -> bool:
         """Factor; return whether that was possible."""
@@ -119,40 +128,88 @@ class GaussNewton:
 
 
 class LevenbergMarquardt:
-    """Damps steps until they lower the cost."""
+    """Damps steps where Gauss-Newton's do not lower the cost.
+
+    The first is not damped: a long drive that few loops hold has directions so weak that damping
+    by 1e-9 of the diagonal makes steps along them far too short.
+    """
 
     def __init__(self) -> None:
-        self.damping = 1e-8
+        self.damping = 0.0
         self._growth = 2.0
+        self._decrease = 0.0
 
     def step(self, descent: Descent) -> bool:
         """Make one step; return whether to go on."""
-        equations = descent.equations
+        equations, before = descent.equations, descent.total
         descent.assemble()
         diagonal = equations.diagonal
         while self.damping < _LARGEST_DAMPING:
             damping = self.damping * diagonal
             if descent.factorise(damping):
                 step = equations.solve()
-                expected = float(step @ (damping * step - equations.gradient))
-                if expected <= _TINY * descent.total:
+                expected = inner(step, damping * step - equations.gradient)
+                if expected <= _TINY * before:
                     return False
                 there, total = descent.look(step)
-                gain = (descent.total - total) / expected
+                gain = (before - total) / expected
                 if gain > 0.0:
-                    before = descent.total
                     descent.go(there, total)
-                    self.damping = max(
-                        1e-12, self.damping * max(0.1, 1.0 - (2.0 * gain - 1.0) ** 3)
-                    )
-                    self._growth = 2.0
-                    return _is_worth_more(before, total)
+                    self._adapt(gain)
+                    return self._is_far(before, total, gain) and _is_worth_more(before, total)
+                if self.damping == 0.0 and _goes_over(descent, there, total):
+                    return _is_worth_more(before, descent.total)
                 descent.stay(there)
-            self.damping *= self._growth
+            self.damping = max(_LEAST_DAMPING, self.damping * self._growth)
             self._growth *= 2.0
         if descent.failed is not None:
             raise singular(descent.problem.graph, descent.failed)
         return False
+
+    def _is_far(self, before: float, after: float, gain: float) -> bool:
+        """Return whether the next step may lower the cost by more than `SETTLED`.
+
+        Near the optimum, undamped steps lower it by a share of what the one before did, at least
+        linearly; that share is about what it was last, or what the linear model was off by.
+        """
+        last, self._decrease = self._decrease, before - after
+        if self.damping > 0.0 or last <= 0.0:
+            return True
+        share = _MARGIN * max(self._decrease / last, abs(1.0 - gain))
+        return share * self._decrease > SETTLED * after
+
+    def _adapt(self, gain: float) -> None:
+        """Damp the next step by which share of the expected gain this one had."""
+        if gain < _POOR:
+            self.damping = max(_LEAST_DAMPING, 4.0 * self.damping)
+        else:
+            self.damping *= max(0.1, 1.0 - (2.0 * gain - 1.0) ** 3)
+        if self.damping < _LEAST_DAMPING:
+            self.damping = 0.0
+        self._growth = 2.0
+
+
+def _goes_over(descent: Descent, there: Linearisation, total: float) -> bool:
+    """Take a full step that raises the cost if a few more lower it; return whether it did.
+
+    Along a curved valley a step goes up the side, and only the next ones down to the floor
+    (watchdog technique: Chamberlain et al., Mathematical Programming Study 16, 1982).
+    """
+    here, before = descent.at, descent.total
+    for _ in range(_STEPS_OVER):
+        descent.at, descent.spare, descent.total = there, None, total
+        descent.assemble()
+        if not descent.factorise():
+            break
+        there, total = descent.look(descent.equations.solve())
+        if total < before:
+            descent.go(there, total)
+            return True
+        if not total < descent.total:
+            break
+    descent.at, descent.total = here, before
+    descent.assemble()
+    return False
 
 
 class DogLeg:
@@ -167,8 +224,8 @@ class DogLeg:
         descent.assemble()
         newton = descent.gauss_newton_step()
         gradient = equations.gradient
-        curvature = float(gradient @ equations.product(gradient))
-        square = float(gradient @ gradient)
+        curvature = inner(gradient, equations.product(gradient))
+        square = inner(gradient, gradient)
         if square == 0.0:
             return False
         steepest = -(square / curvature) * gradient
@@ -176,7 +233,7 @@ class DogLeg:
         self._radius = self._radius or length
         while True:
             step = _bent(newton, steepest, self._radius)
-            expected = -float(2.0 * (gradient @ step) + step @ equations.product(step))
+            expected = -(2.0 * inner(gradient, step) + inner(step, equations.product(step)))
             if expected <= _TINY * descent.total or self._radius < _TINY * (1.0 + length):
                 return False
             there, total = descent.look(step)
@@ -202,7 +259,7 @@ def _bent(newton: Floats, steepest: Floats, radius: float) -> Floats:
         shortened: Floats = (radius / length) * steepest
         return shortened
     leg = newton - steepest
-    a, b, c = float(leg @ leg), float(steepest @ leg), length**2 - radius**2
+    a, b, c = inner(leg, leg), inner(steepest, leg), length**2 - radius**2
     share = float((-b + np.sqrt(b * b - a * c)) / a)
     return steepest + share * leg
 
@@ -246,8 +303,7 @@ def descend(
         history.append(descent.at.chi2)
         problem.watch(descent.at.values)
         tell("iteration", iterations, problem.most_iterations)
-    weights = descent.fixed_weights or descent.cost.weights(descent.at.squares)
-    return Solution(descent.at.values, history, weights, not goes_on)
+    return Solution(descent.at.values, history, descent.weights(), not goes_on)
 
 
 def _graduate(

@@ -9,7 +9,7 @@ from robotctl.estimation.slam.beliefs.linear_graph import LinearGraph, Schedule
 from robotctl.estimation.slam.beliefs.schedules import EmbeddedTree
 from robotctl.estimation.slam.equations import GraphError
 from robotctl.estimation.slam.solvers.batch import Descent, LevenbergMarquardt, descend
-from robotctl.estimation.slam.solvers.problem import Problem, Solution, Tell, solver
+from robotctl.estimation.slam.solvers.problem import Problem, Solution, Tell, check_pairs, solver
 
 SHARE: Final = 0.1
 """Maximum error of the means as a share of the whole increment, about each linearisation."""
@@ -46,6 +46,7 @@ def belief_propagation(problem: Problem, tell: Tell, schedule: Schedule | None =
     GraphError
         If the factors do not determine all variables.
     """
+    check_pairs(problem.graph, "gbp")
     graph = LinearGraph(problem.graph, problem.fixed, schedule or EmbeddedTree(), SHARE)
     solution = descend(problem, tell, graph, lambda: _Settling(graph))
     if not math.isfinite(graph.left):

@@ -26,7 +26,7 @@ from robotctl.estimation.slam.graph.variables import SE3, Floats, VariableKind
 from robotctl.estimation.slam.incremental.placing import carried
 from robotctl.estimation.slam.solvers.incremental import arrivals
 from robotctl.estimation.slam.solvers.optimum import is_optimum
-from robotctl.estimation.slam.solvers.problem import Problem, Solution, Tell, solver
+from robotctl.estimation.slam.solvers.problem import Problem, Solution, Tell, check_pairs, solver
 from robotctl.estimation.slam.start.chordal import matrices
 from robotctl.estimation.slam.start.twists import twist_increments
 
@@ -284,6 +284,7 @@ def extended_kalman(problem: Problem, tell: Tell) -> Solution:
         If too many variables would be in the state at once, or some have too few measurements.
     """
     graph = problem.graph
+    check_pairs(graph, "ekf")
     steps = arrivals(graph)
     last = departures(graph, steps)
     most = most_at_once(steps, last, graph)

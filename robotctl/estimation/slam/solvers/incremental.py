@@ -95,7 +95,7 @@ class _Replay:
             if self._doubtful[index][row] and self._is_placed(ends):
                 self._of[index, row] = self._closures.add(*factor)
             else:
-                self._smoother.factor(*factor)
+                self._smoother.factor(*factor, block.kernel)
             for kind, at in ends:
                 self._placed[kind][at] += block.kind.size
         self._smoother.update()
@@ -149,5 +149,6 @@ def incremental(problem: Problem, tell: Tell) -> Solution:
     history = [chi2_of(problem.graph, each) for each in (problem.start, replay.values())]
     replay.finish()
     values, weights = replay.values(), replay.weights()
+    del replay, smoother  # the check needs as much memory again
     history.append(chi2_of(problem.graph, values))
     return Solution(values, history, weights, is_optimum(problem, values, weights))

@@ -8,6 +8,7 @@ from typing import Final
 from robotctl.estimation.slam.equations import NormalEquations
 from robotctl.estimation.slam.graph.factor_graph import Values
 from robotctl.estimation.slam.graph.variables import Floats
+from robotctl.estimation.slam.linear.assembly import inner
 from robotctl.estimation.slam.solvers.problem import Problem
 
 _SHARE: Final = 1e-6
@@ -35,6 +36,6 @@ def is_optimum(problem: Problem, values: Values, weights: Sequence[Floats]) -> b
     # Along what is not determined there is nothing to gain, and next to no damping takes it away.
     if equations.factorise(_DAMPING * equations.diagonal) is not None:
         return False
-    gain = -float(equations.gradient @ equations.solve())
-    total = float(sum(w @ s for w, s in zip(weights, at.squares, strict=True)))
+    gain = -inner(equations.gradient, equations.solve())
+    total = sum(inner(w, s) for w, s in zip(weights, at.squares, strict=True))
     return gain <= _SHARE * total + _SMALL

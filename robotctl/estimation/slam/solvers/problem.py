@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import update_wrapper
+from itertools import permutations
 from typing import Concatenate, ParamSpec, TypeAlias
 
 import numpy as np
@@ -14,8 +15,8 @@ from robotctl.estimation.slam.equations import GraphError, linearise
 from robotctl.estimation.slam.graph.checks import check_values
 from robotctl.estimation.slam.graph.factor import Ints, is_semidefinite
 from robotctl.estimation.slam.graph.factor_graph import FactorGraph, Values, chi2_of
-from robotctl.estimation.slam.graph.variables import Floats
-from robotctl.estimation.slam.robust.kernels import RobustKernel
+from robotctl.estimation.slam.graph.robust_kernel import RobustKernel
+from robotctl.estimation.slam.graph.variables import KINDS, Floats
 from robotctl.estimation.slam.robust.robust_cost import RobustCost
 from robotctl.estimation.slam.solvers.anchors import Anchor, anchored, anchors, outer_factors
 
@@ -177,7 +178,7 @@ def _as_it_stands(problem: Problem) -> Solution:
     graph = problem.graph
     at = linearise(graph, problem.start)
     cost = RobustCost(graph, problem.kernel, doubtful(graph))
-    weights = problem.weights or cost.weights(at.squares)
+    weights = cost.weights(at.squares, problem.weights)
     return Solution(problem.start, [at.chi2], weights, is_converged=True)
 
 
@@ -207,6 +208,24 @@ def gauge(graph: FactorGraph, fixed: Sequence[int] | Ints = ()) -> Ints:
     for block, slot in outer_factors(graph, fixed):
         is_placed[component[graph.numbers(block)[slot]]] = True
     return np.unique(np.concatenate([fixed, firsts[~is_placed]])).astype(np.int64)
+
+
+def check_pairs(graph: FactorGraph, name: str) -> None:
+    """Refuse what a solver for poses, points and pairs of them cannot solve.
+
+    Raises
+    ------
+    GraphError
+        With the solver's name, and what was found.
+    """
+    for block in graph.blocks:
+        kinds = block.kind.variables
+        if len(kinds) > 2 or any(each not in KINDS for each in kinds):
+            found = ", ".join(map(repr, kinds))
+            raise GraphError(
+                f"{name} takes factors of one or two poses and points; factors "
+                f"{block.kind.name!r} of {found} need gn, lm, dogleg or isam"
+            )
 
 
 def check_determined(graph: FactorGraph, fixed: Ints) -> None:
@@ -239,8 +258,7 @@ def singular(graph: FactorGraph, number: int) -> GraphError:
         {
             int(other)
             for block in graph.blocks
-            if len(numbers := graph.numbers(block)) == 2
-            for mine, others in (numbers, numbers[::-1])
+            for mine, others in permutations(graph.numbers(block), 2)
             for other in others[mine == number]
         }
     )
@@ -252,15 +270,16 @@ def singular(graph: FactorGraph, number: int) -> GraphError:
 
 
 def doubtful(graph: FactorGraph) -> list[NDArray[np.bool_]]:
-    """Return of each block which factors may be wrong: all of two variables but odometry.
+    """Return of each block which factors may be wrong: those of several variables but odometry.
 
-    Odometry is what links a pose with the next one.
+    Odometry is what links a pose with the next one. Factors with a kernel of their own are not
+    among them.
     """
     masks = []
     for block in graph.blocks:
-        is_pair = len(block.variables) == 2
-        mask = np.full(len(block), is_pair)
-        if is_pair and block.kind.variables[0] is block.kind.variables[1]:
+        mask = np.full(len(block), len(block.variables) > 1 and block.kernel is None)
+        kinds = block.kind.variables
+        if np.any(mask) and len(kinds) == 2 and kinds[0] is kinds[1]:
             mask = np.abs(block.variables[1] - block.variables[0]) != 1
         masks.append(mask)
     return masks

@@ -32,6 +32,7 @@ _ID_MASK: Final = 0xFFFF_FFFF
 """Identifier with the flag of one of 29 bits, as MAVLink and SocketCAN have it."""
 _MOST_PEERS: Final = 4
 _MOST_IDS: Final = 64
+"""Maximum number of peers that listen, and of identifiers that each chooses."""
 
 
 @dataclass(slots=True)

@@ -27,7 +27,7 @@ PER_STEP: Final = 8
 """Messages of each kind in a step of 10 ms: 70 kB/s."""
 MOST_LOGS: Final = 1000
 DEEPEST: Final = 2
-"""Folders of a run, and files in them."""
+"""Depth to which folders are listed: those of runs, and the files in them."""
 
 
 class _Log(NamedTuple):
@@ -124,7 +124,7 @@ class LogDownload(Microservice):
                 yield from self._within(path, depth + 1)
 
     def _open(self, message: Message, peer: Peer) -> None:
-        """Begin to send a part of a log; who else reads one is left alone."""
+        """Begin to send a part of a log; another reader is left alone."""
         if self._reading is not None and self._reading.peer != peer:
             if self._reading.peer in self._context.peers:
                 return

@@ -42,12 +42,13 @@ from robotctl.messages.tuning import (
 PER_STEP: Final = 4
 """Parameters of a list sent in a step: 400 in a second, 15 kB/s."""
 MOST_SETS: Final = 16
-"""PARAM_SET of one connection in a step; whoever sends more has to repeat them."""
+"""Maximum PARAM_SET of one connection in a step; a station that sends more has to repeat them."""
 SAVES: Final = 10
 """Most saves within `SAVES_NS`: telemetry waits for the disk, which may take milliseconds."""
 SAVES_NS: Final = 500_000_000
 FRESH_NS: Final = 1_000_000_000
-"""A value set again within this time after all were told it is told to its sender alone [ns]."""
+"""Time after a value was sent to all in which setting it again is answered to the sender alone
+[ns]."""
 AGAIN_NS: Final = 500_000_000
 """Interval after which values that control or navigation has not taken are sent again [ns]."""
 LATE_NS: Final = 1_200_000_000

@@ -17,10 +17,10 @@ from robotctl.mavlink.service import Microservice
 from robotctl.messages.mavlink_port import Message, Peer, source
 
 LONG_NS: Final = 1_200_000_000
-"""A result that takes longer is announced, again and again [ns]: control refuses to arm after 1 s,
-and who takes the first answer for the result shall get that."""
+"""Time after which a pending result is announced, again and again [ns]: control refuses to arm
+after 1 s, and who takes the first answer for the result shall get that."""
 FORGOTTEN_NS: Final = 20_000_000_000
-"""No service waits as long for a result [ns]."""
+"""Time after which a pending result is forgotten [ns]: no service waits as long."""
 
 
 class Commands(Microservice):
@@ -70,7 +70,7 @@ class Commands(Microservice):
             self._context.catalogue.cancels[message.command](pending.command, now_ns)
 
     def step(self, now_ns: int) -> None:
-        """Tell who waits for long that it takes long."""
+        """Tell senders whose command takes long that it is still under way."""
         for key, pending in list(self._context.pending.items()):
             if now_ns - pending.asked_ns > FORGOTTEN_NS:
                 del self._context.pending[key]

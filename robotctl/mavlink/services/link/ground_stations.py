@@ -1,4 +1,4 @@
-"""Which ground stations are there, by their heartbeats."""
+"""Presence of ground stations, by their heartbeats."""
 
 from __future__ import annotations
 

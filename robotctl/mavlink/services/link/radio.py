@@ -16,9 +16,9 @@ from robotctl.mavlink.service import Microservice
 from robotctl.messages.mavlink_port import Message, Peer
 
 SILENT_NS: Final = 10_000_000_000
-"""Silence of the radio after which there is none any more [ns]."""
+"""Silence after which the radio counts as gone [ns]."""
 MOST: Final = 20.0
-"""Intervals are stretched so much at most."""
+"""Maximum factor by which intervals are stretched."""
 _CHANGES: Final = ((20, 1.5), (50, 1.15), (90, 1.0), (95, 0.95), (100, 0.8))
 """Upper bounds of the free room [%], and the factor on intervals at each report."""
 

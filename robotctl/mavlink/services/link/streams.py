@@ -36,7 +36,7 @@ HIGH_LATENCY_NS: Final = 5_000_000_000
 """Interval of HIGH_LATENCY2, where it is asked for by its own command [ns]."""
 SHORTEST_NS = round(1e9 / MAX_RATE_HZ)
 PHASE_NS = 20_000_000
-"""The streams start one after the other by this [ns], so that they do not fall into one step."""
+"""Offset between the starts of two streams [ns], so that they do not fall into one step."""
 
 
 @dataclass(slots=True)
@@ -67,7 +67,7 @@ class _Plan:
     is_asked_for: bool = False
     outlasts_silence: bool = False
     queue: list[tuple[int, int]] | None = None
-    """When each is due [ns], and its message, the first first; None: rates have changed."""
+    """Due time [ns] and number of each message, the earliest first; None: rates have changed."""
 
     def change(self, message_id: int, interval_ns: int, due_ns: int) -> None:
         """Send a message at another rate."""

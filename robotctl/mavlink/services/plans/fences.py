@@ -25,7 +25,9 @@ from robotctl.messages.fence import EnableFence, FenceFile, SetFence
 from robotctl.messages.mavlink_port import Message
 
 STATUS_HZ: Final = 1.0
+"""Rate of FENCE_STATUS [Hz]."""
 _MOST: Final = 0xFFFF
+"""Greatest count of breaches that it carries."""
 _NONE: Final[int] = common.FENCE_BREACH_NONE
 _BEYOND: Final[int] = common.FENCE_BREACH_BOUNDARY
 

@@ -30,6 +30,7 @@ from robotctl.messages.mission import JumpToItem, LoadMission
 
 SET_CURRENT: Final[int] = common.MAV_CMD_DO_SET_MISSION_CURRENT
 CURRENT_HZ: Final = 1.0
+"""Rate of MISSION_CURRENT [Hz]."""
 
 
 class Missions(Transfer[MissionPlan]):

@@ -36,7 +36,7 @@ class RallyPlan:
 
     @property
     def crc(self) -> int:
-        """As navigation tells it; 0 without rally points."""
+        """Checksum by which navigation names them; 0: none."""
         return zlib.crc32(self.content)
 
 

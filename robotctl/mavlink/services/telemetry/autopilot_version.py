@@ -33,7 +33,7 @@ class AutopilotVersion(Microservice):
         )
 
     def on_command(self, command: Command, now_ns: int) -> int:  # noqa: ARG002
-        """Send the banner: lines of text that name software and robot, to who asks for it."""
+        """Send the banner: lines of text that name software and robot, on request."""
         robot = self._context.robot
         for line in (f"robotctl V{robot.version}", f"Robot {robot.name}"):
             self._context.tell_asker(now_ns, line, Severity.INFORMATION)

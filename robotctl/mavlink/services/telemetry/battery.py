@@ -14,7 +14,9 @@ from robotctl.messages.control import ControlState
 from robotctl.messages.mavlink_port import Message
 
 _UINT8_MAX: Final = 255
+"""Health that is not known."""
 _LETTERS: Final = 50
+"""Maximum length of a name in BATTERY_INFO."""
 _OTHER_CELLS = [frames.UINT16_MAX] * 9
 
 

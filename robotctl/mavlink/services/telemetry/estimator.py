@@ -1,4 +1,4 @@
-"""ESTIMATOR_STATUS and EKF_STATUS_REPORT: how well the robot knows where it is; to who asks for it.
+"""ESTIMATOR_STATUS and EKF_STATUS_REPORT: how well the robot knows where it is; on request.
 
 The second is ArduPilot's; dronekit's `is_armable` waits for its EKF_PRED_POS_HORIZ_ABS.
 """

@@ -27,11 +27,12 @@ RATE_HZ: Final = 2.0
 GPS_HZ: Final = 1.0
 _UNKNOWN: Final = 0xFFFF
 _SATELLITES: Final = 255
-"""Their number is unknown."""
+"""Number of satellites: unknown."""
 _FASTEST_M_S: Final = 300.0
-"""Faster does not fit the message [m/s]."""
+"""Maximum speed that fits the message [m/s]."""
 _MILLI: Final = 1e3
 _CENTI: Final = 1e2
+"""Units per metre, and per metre a second, of GLOBAL_POSITION_INT."""
 
 
 class GlobalPosition(Microservice):

@@ -19,6 +19,7 @@ from robotctl.messages.mavlink_port import Message
 from robotctl.safety.state_machine import ENABLED
 
 INTERVAL_NS = 1_000_000_000
+"""Interval of heartbeats [ns]."""
 
 SILENT_NS: Final = 500_000_000
 """Silence of the control process after which the robot's state is unknown [ns]."""

@@ -18,13 +18,14 @@ from robotctl.model.geometry.se2 import SE2
 
 _UINT8: Final = 255
 _FIFTHS: Final = 5.0
-"""Speeds are in fifths of a metre per second."""
+"""Units of speed per metre per second: fifths."""
 _DECAMETRE: Final = 10.0
 _MOST_ALTITUDE_M: Final = 32_767
+"""Unit of distance [m], and greatest altitude that the message carries [m]."""
 
 
 class HighLatency(Microservice):
-    """Sends the message to who asks for it; CONTROL_HIGH_LATENCY sends nothing else to its sender.
+    """Sends the message on request; CONTROL_HIGH_LATENCY sends nothing else to its sender.
 
     What the robot does not have (air, altitude of a goal) is 0, or what says so.
     """

@@ -14,6 +14,7 @@ from robotctl.messages.mavlink_port import Message
 
 HUD_HZ: Final = 2.0
 STATE_HZ: Final = 1.0
+"""Rates of VFR_HUD and of EXTENDED_SYS_STATE [Hz]."""
 
 
 class Hud(Microservice):

@@ -15,7 +15,7 @@ from robotctl.messages.control import ImuFeedback
 from robotctl.messages.mavlink_port import Message
 
 _NO_FIELD = (0, 0, 0)
-"""There is no magnetometer."""
+"""Reading of a magnetometer, which the robot lacks."""
 
 
 SHAKING_S: Final = 0.5

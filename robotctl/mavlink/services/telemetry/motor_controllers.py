@@ -28,7 +28,7 @@ _RPM: Final = 60.0 / math.tau
 
 
 class MotorControllers(Microservice):
-    """Sends what the controllers of the driven wheels measure, to who asks for it."""
+    """Sends what the controllers of the driven wheels measure, on request."""
 
     def __init__(self, context: Context) -> None:
         super().__init__(context)

@@ -13,6 +13,7 @@ from robotctl.mavlink.service import Microservice
 from robotctl.messages.mavlink_port import Message
 
 RATE_HZ: Final = 2.0
+"""Rate of the message [Hz]."""
 
 
 class NavigationOutput(Microservice):

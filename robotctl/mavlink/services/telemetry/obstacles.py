@@ -1,9 +1,10 @@
-"""OBSTACLE_DISTANCE: what lidar or sonars see all around; to who asks for it."""
+"""OBSTACLE_DISTANCE: what lidar or sonars see all around; on request."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import chain
 from typing import Final
 
 import numpy as np
@@ -18,6 +19,7 @@ from robotctl.messages.estimation import LidarScan
 from robotctl.messages.mavlink_port import Message
 
 SECTORS: Final = 72
+"""Number of distances in OBSTACLE_DISTANCE."""
 _SECTOR_RAD: Final = math.tau / SECTORS
 _STEP_RAD: Final = math.radians(1.0)
 _LASER: Final[int] = common.MAV_DISTANCE_SENSOR_LASER
@@ -32,11 +34,14 @@ class Obstacles(Microservice):
         return (Stream(common.MAVLINK_MSG_ID_OBSTACLE_DISTANCE, self._build, 0.0),)
 
     def _build(self, now_ns: int) -> list[Message]:
-        """Return the ring of the lidar, or of the sonars where there is none or it is silent."""
+        """Return the ring of the lidars, or of the sonars if no lidar says anything."""
         context = self._context
-        scan, control = context.scan, context.fresh_control(now_ns)
-        if scan is not None and now_ns - scan.stamp_ns <= FRESH_NS:
-            return [_ring(_lidar(scan), scan.max_range_m, scan.stamp_ns, _LASER)]
+        control = context.fresh_control(now_ns)
+        scans = [each for each in context.scans.values() if now_ns - each.stamp_ns <= FRESH_NS]
+        if scans:
+            seen = chain.from_iterable(map(_lidar, scans))
+            most_m = max(each.max_range_m for each in scans)
+            return [_ring(seen, most_m, max(each.stamp_ns for each in scans), _LASER)]
         robot = context.robot
         if control is None or not robot.sonars:
             return []

@@ -16,7 +16,8 @@ from robotctl.safety.state_machine import LATCHED
 CHUNK = 50
 MAX_LENGTH = 1000
 TEXTS_PER_STEP = 4
-"""A burst of notices is spread, so that it does not crowd out answers on slow links."""
+"""Maximum texts of a step: a burst is spread, so that it does not crowd out answers on slow
+links."""
 
 MAX_UNSENT = 16
 """Texts kept for a ground station."""
@@ -25,7 +26,7 @@ LATE_NS: Final = 1_000_000_000
 """Age from which on a line is sent with its age [ns]."""
 
 _WHOLE_S: Final = 9.95
-"""Older, tenths of a second do not matter."""
+"""Age from which on tenths of a second are left out [s]."""
 
 
 class StatusText(Microservice):

@@ -12,6 +12,7 @@ from robotctl.mavlink.service import Microservice
 from robotctl.messages.mavlink_port import Message
 
 RATE_HZ: Final = 1.0
+"""Rate of the message [Hz]."""
 
 
 class SystemTime(Microservice):

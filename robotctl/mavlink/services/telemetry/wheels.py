@@ -13,13 +13,14 @@ from robotctl.messages.control import ControlState
 from robotctl.messages.mavlink_port import Message
 
 MAX_WHEELS = 16
+"""Number of distances in WHEEL_DISTANCE."""
 
 
 class Wheels(Microservice):
     """Sends the wheel distances while control publishes."""
 
     def streams(self) -> tuple[Stream, ...]:
-        """Return the distance with its configured rate, and the speed to who asks for it."""
+        """Return the distance with its configured rate, and the speed, which is sent on request."""
         rate_hz = self._context.config.rates.wheel_distance_hz
         return (
             Stream(

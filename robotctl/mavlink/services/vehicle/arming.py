@@ -41,6 +41,7 @@ ARM_DISARM: int = common.MAV_CMD_COMPONENT_ARM_DISARM
 FLIGHT_TERMINATION: int = common.MAV_CMD_DO_FLIGHTTERMINATION
 RUN_CHECKS: int = common.MAV_CMD_RUN_PREARM_CHECKS
 FORCE = 21196.0
+"""Param2 of COMPONENT_ARM_DISARM that forces (MAVLink: 21196)."""
 
 ANSWER_NS = 1_000_000_000
 """Maximum time of the answer after the control process has given up [ns]."""

@@ -25,8 +25,10 @@ from robotctl.messages.control import ExternalPose
 from robotctl.messages.mavlink_port import Message, Peer
 
 OLDEST_NS: Final = 1_000_000_000
+"""Maximum age of a pose by its own stamp [ns]."""
 _NED_FRAMES: Final = (common.MAV_FRAME_LOCAL_NED, common.MAV_FRAME_LOCAL_FRD)
 _LARGEST_M: Final = 1.0e6
+"""Greatest coordinate that is taken [m]: beyond, it is a mistake."""
 
 
 class ExternalPoses(Microservice):

@@ -23,6 +23,7 @@ from robotctl.messages.requests import FARTHEST_M
 from robotctl.model.geometry.se2 import SE2
 
 _HERE = 1.0
+"""Param1 of DO_SET_HOME that means the present place."""
 
 
 class Homes(Microservice):

@@ -35,6 +35,7 @@ from robotctl.safety.state_machine import POWERED
 
 NO_AXIS = frames.INT16_MAX
 FULL = 1000
+"""Full deflection of an axis of MANUAL_CONTROL."""
 
 PULSES_US = range(800, 2201)
 """Pulses that a receiver gives [us]; others are mistakes."""

@@ -20,9 +20,10 @@ STANDARD: Final[dict[Mode, int]] = {
     Mode.AUTO: common.MAV_STANDARD_MODE_MISSION,
     Mode.RTL: common.MAV_STANDARD_MODE_SAFE_RECOVERY,
 }
-"""The others are not among MAV_STANDARD_MODE for vehicles on the ground."""
+"""Modes that MAV_STANDARD_MODE has for vehicles on the ground."""
 _NONE: Final[int] = common.MAV_STANDARD_MODE_NON_STANDARD
 RATE_HZ: Final = 0.5
+"""Rate of CURRENT_MODE [Hz]."""
 
 
 class ModeList(Microservice):

@@ -117,7 +117,7 @@ class Modes(Microservice):
             self._context.requests.append(SetMode(now_ns, Mode.HOLD))
 
     def _is_held_back(self, peer: Peer, sender: Address, mode: Mode, now_ns: int) -> bool:
-        """Say whether a mode in which the robot may move may be a wish of long ago."""
+        """Return whether a request for a mode in which the robot may move may be an old one."""
         objection = self._context.held_back.objection(peer, sender, now_ns)
         if mode is Mode.HOLD or not objection:
             return False

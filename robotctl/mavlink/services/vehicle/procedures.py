@@ -44,6 +44,7 @@ LIFE_NS: Final = 200_000_000
 
 _RENEWED_NS: Final = 50_000_000
 _STEP_PERCENT: Final = 10
+"""Progress after which the sender is told again [%]."""
 _RESULTS: Final = {
     Outcome.DONE: ACCEPTED,
     Outcome.REFUSED: TEMPORARILY_REJECTED,

@@ -70,9 +70,10 @@ POSITION_FRAMES = frozenset(
 )
 
 FAST_LIFE_NS = 300_000_000
-"""A velocity of who sends at 5 Hz or more is void after this [ns], if not before."""
+"""Maximum time for which a velocity from a sender of 5 Hz or more counts [ns]."""
 
 SAY_AGAIN_NS = 30_000_000_000
+"""Interval after which an unchanged objection is said again [ns]."""
 
 UNHEEDED_NS = 300_000_000
 """Time for which set-points sent along with a request for GUIDED, or to arm, go unanswered [ns]."""
@@ -94,7 +95,7 @@ class Wanted(NamedTuple):
     v_m_s: float
     omega_rad_s: float = 0.0
     heading_rad: float | None = None
-    """The navigator turns to it, which knows the remaining angle at each step."""
+    """Heading that the navigator turns to: it knows the remaining angle at each step."""
     vy_m_s: float = 0.0
     in_world: bool = False
     """Whether both velocities are along x and y of `world`."""

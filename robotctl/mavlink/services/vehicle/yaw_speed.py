@@ -14,6 +14,7 @@ from robotctl.messages.control import Mode, VelocityTarget
 from robotctl.safety.state_machine import POWERED
 
 _RELATIVE: Final = 1
+"""Param3 of NAV_SET_YAW_SPEED: the yaw counts from the present heading."""
 
 
 class YawSpeeds(Microservice):

@@ -27,7 +27,7 @@ from robotctl.planning.behave.behaviours.docking import (
     turn,
 )
 from robotctl.planning.behave.behaviours.item import require_positive
-from robotctl.planning.behave.behaviours.kind import Abilities, Kind, NavigatedRobot
+from robotctl.planning.behave.behaviours.kind import Abilities, Kind, NavigatedRobot, out_of_reach
 from robotctl.planning.behave.behaviours.wall_ahead import SONARS, WallAhead
 from robotctl.planning.guard.obstacle_guard import body_rectangle
 from robotctl.planning.path.local.pursuit import curvature_max
@@ -158,17 +158,12 @@ def _time_out_s(item: DockItem) -> float:
 
 
 def _problems(item: DockItem, robot: Abilities) -> Iterator[str]:
-    guard = robot.guard
     if item.marker is not None and not robot.sees_markers:
         yield "this robot has no camera that looks for markers; see [camera.markers]"
     for side in SONARS if item.marker is None else ():
         if side not in robot.sides:
             yield f"this robot has no sonar that looks to the {side.replace('_', ' ')}"
-    if item.distance_m <= guard.margin_m:
-        yield (
-            f"distance_m = {item.distance_m:g} is never reached, since this robot stops "
-            f"{guard.margin_m:g} m before an obstacle; above navigation.guard.margin_m is allowed"
-        )
+    yield from out_of_reach(item.distance_m, robot.guard)
 
 
 DOCK = Kind(_make, _time_out_s, _problems)

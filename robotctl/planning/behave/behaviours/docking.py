@@ -19,6 +19,7 @@ _TURNS: Final = PursuitConfig(omega_max_rad_s=0.3)
 """Slow turns: what it docks to is seen late."""
 _BRAKES_M_S2: Final = 0.1
 _CREEP_M_S: Final = 0.05
+"""Braking [m/s^2] before the dock, and the slowest speed there [m/s]."""
 
 
 def turn(skew_rad: float, text: str) -> BehaviourOutput:

@@ -15,6 +15,7 @@ NO_LENGTH_S: Final = 60.0
 """Default time-out of what has no length [s]."""
 
 _SPARE_S: Final = 20.0
+"""Time-out beyond three times what an item takes at full speed [s]."""
 
 
 class Item(Protocol):

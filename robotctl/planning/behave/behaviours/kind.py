@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol
 
 from robotctl.model.drives.drives import Drive
 from robotctl.model.fence import Fence
@@ -23,6 +23,29 @@ from robotctl.planning.path.local.path import Point
 if TYPE_CHECKING:
     from robotctl.model.grid_map import GridMap  # which loads numpy
     from robotctl.planning.behave.behaviours.outlook import Outlook  # which loads numpy
+
+
+class Pace(Protocol):
+    """The time that steps take, and what they may do in it."""
+
+    @property
+    def effort(self) -> float:
+        """Share of its samples by which it steers, in (0, 1]: fewer where steps take too long."""
+
+    def lap(self, part: str) -> None:
+        """Note that a part of the step is over."""
+
+
+class Unhurried:
+    """The pace of steps whose time does not count."""
+
+    effort = 1.0
+
+    def lap(self, part: str) -> None:
+        """Take no notice."""
+
+
+UNHURRIED: Final = Unhurried()
 
 
 class Pilot(Protocol):
@@ -175,3 +198,12 @@ class Kind(NamedTuple):
     """Whether it needs the robot's pilot."""
     drives: bool = True
     """Whether the robot moves."""
+
+
+def out_of_reach(distance_m: float, guard: GuardConfig) -> Iterator[str]:
+    """Yield why a robot never comes as near to what is ahead as `distance_m` [m], if so."""
+    if distance_m <= guard.margin_m:
+        yield (
+            f"distance_m = {distance_m:g} is never reached, since this robot stops "
+            f"{guard.margin_m:g} m before an obstacle; above navigation.guard.margin_m is allowed"
+        )

@@ -6,6 +6,7 @@ from typing import Final
 
 from robotctl.messages.mode import Mode
 from robotctl.messages.requests import ExploreRequest, PlaceRequest, PositionRequest
+from robotctl.planning.behave.behaviours.circle import CIRCLE, CircleItem
 from robotctl.planning.behave.behaviours.dock import DOCK, DockItem
 from robotctl.planning.behave.behaviours.explore import EXPLORE, GUIDED_EXPLORATION, ExploreItem
 from robotctl.planning.behave.behaviours.follow_path import DRIVE, DriveItem
@@ -14,6 +15,7 @@ from robotctl.planning.behave.behaviours.goto import GOTO, GUIDED_POSITION, Goto
 from robotctl.planning.behave.behaviours.goto_place import GOTO_PLACE, GUIDED_PLACE, GotoPlaceItem
 from robotctl.planning.behave.behaviours.guarded import Guarded
 from robotctl.planning.behave.behaviours.item import Item
+from robotctl.planning.behave.behaviours.keep_distance import KEEP_DISTANCE, KeepDistanceItem
 from robotctl.planning.behave.behaviours.kind import Kind, NavigatedRobot
 from robotctl.planning.behave.behaviours.rejoin import Rejoining
 from robotctl.planning.behave.behaviours.return_home import RETURN_HOME
@@ -33,6 +35,8 @@ BEHAVIOURS: Final[dict[type | Mode, Kind]] = {
     WaitItem: WAIT,
     WaitForItem: WAIT_FOR,
     DockItem: DOCK,
+    KeepDistanceItem: KEEP_DISTANCE,
+    CircleItem: CIRCLE,
     PositionRequest: GUIDED_POSITION,
     ExploreRequest: GUIDED_EXPLORATION,
     PlaceRequest: GUIDED_PLACE,

@@ -11,17 +11,10 @@ import numpy as np
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behave.behaviours.behaviour import BehaviourInput, BehaviourOutput
 from robotctl.planning.behave.journey.journey import DriveTo, Journey
+from robotctl.planning.journey_config import TravelConfig
 from robotctl.planning.map.live_world import LiveWorld
 from robotctl.planning.path.global_planning.goal import Goal
 
-_SHIFTED_M: Final = 0.2
-"""Shift of the spot, against where it was seen first, that calls for a new plan [m]."""
-_LOOK_NS: Final = 1_000_000_000
-"""Interval between two checks that the spot is free [ns]."""
-_CHANGES: Final = 6
-"""Maximum changes to another spot: a person may walk to and fro there."""
-_SEEN_M: Final = 5.0
-"""Maximum distance at which a thing that stands there counts in the choice of a spot [m]."""
 _HEADINGS: Final = (0.0, math.pi / 3.0, 2.0 * math.pi / 3.0)
 """A body with room in these is taken to have room in any."""
 
@@ -37,9 +30,19 @@ class Approach:
         Makes the journey to a spot.
     speed_m_s
         Largest speed [m/s].
+    config
+        See there.
     """
 
-    def __init__(self, world: LiveWorld, drive_to: DriveTo, speed_m_s: float) -> None:
+    def __init__(
+        self,
+        world: LiveWorld,
+        drive_to: DriveTo,
+        speed_m_s: float,
+        config: TravelConfig = TravelConfig(),  # noqa: B008
+    ) -> None:
+        self._config = config
+        self._look_ns = round(1e9 * config.spot_look_s)
         self._world = world
         self._drive_to = drive_to
         self._speed_m_s = speed_m_s
@@ -65,12 +68,13 @@ class Approach:
         if name != self._name:
             self.reset()
             self._name = name
-        if now_ns - self._looked_ns >= _LOOK_NS and self._changes < _CHANGES:
+        may_change = self._changes < self._config.spot_changes
+        if may_change and now_ns - self._looked_ns >= self._look_ns:
             self._looked_ns = now_ns
             self._choose(spots_world, situation.pose)
         wanted = spots_world[self._spot]
         off_m = math.hypot(wanted.x_m - self._target.x_m, wanted.y_m - self._target.y_m)
-        if self._journey is None or off_m >= _SHIFTED_M:
+        if self._journey is None or off_m >= self._config.shifted_m:
             self._target = wanted
             self._journey = self._drive_to(Goal(wanted.x_m, wanted.y_m), self._speed_m_s)
         return self._journey.step(situation, now_ns)
@@ -86,7 +90,7 @@ class Approach:
 
     def _is_free(self, spot: SE2, pose: SE2) -> bool:
         """Return whether nothing is seen at a spot."""
-        if math.hypot(spot.x_m - pose.x_m, spot.y_m - pose.y_m) > _SEEN_M:
+        if math.hypot(spot.x_m - pose.x_m, spot.y_m - pose.y_m) > self._config.spot_range_m:
             return True
         turned = [(spot.x_m, spot.y_m, heading_rad) for heading_rad in _HEADINGS]
         return not self._world.touches(np.array(turned))

@@ -18,14 +18,6 @@ BEHIND_M: Final = (0.05, 0.1, 0.2)
 """Distances behind the robot at which the floor has to be known for it to drive backwards [m]."""
 TURNS_RAD: Final = (0.1, 0.2, 0.4)
 """Turns that have to be free for it to begin [rad]."""
-TURN_RAD_S: Final = 0.7
-_WAIT_NS: Final = 2_500_000_000
-"""Longest wait for what is in the way to move [ns]."""
-_PAUSE_NS: Final = 1_000_000_000
-"""Pause before planning again on a higher rung, which gives people time to go [ns]."""
-_BACK_M_S: Final = 0.15
-_LONGEST_NS: Final = 15_000_000_000
-"""Longest time of backing off or looking around [ns]."""
 
 
 class Attempt:
@@ -51,24 +43,24 @@ class Attempt:
 
     def step(self, tools: JourneyTools, pose: SE2, now_ns: int) -> BehaviourOutput | None:
         """Return the next velocity; None once it has ended."""
-        spent_ns = now_ns - self._begin_ns
+        spent_ns, rungs = now_ns - self._begin_ns, tools.journey.rungs
         v, omega = 0.0, 0.0
         if self.rung is Rung.WAIT:
-            goes_on = spent_ns < _WAIT_NS
+            goes_on = spent_ns < round(1e9 * rungs.wait_s)
         elif self.rung is Rung.BACK_OFF:
-            v = -_BACK_M_S
+            v = -rungs.back_m_s
             behind = poses_after(pose, [SE2(-x_m, 0.0, 0.0) for x_m in BEHIND_M])
             goes_on = math.dist((pose.x_m, pose.y_m), self._begin) < tools.recovery.back_off_m
             goes_on &= tools.world.map.is_known(behind) and not tools.world.touches(behind)
         elif self.rung is Rung.LOOK_AROUND:
-            omega = TURN_RAD_S
+            omega = rungs.turn_rad_s
             self._turned_rad += abs(wrap_angle(pose.theta_rad - self._last_rad))
             self._last_rad = pose.theta_rad
             turned = poses_after(pose, [SE2(0.0, 0.0, turn_rad) for turn_rad in TURNS_RAD])
             goes_on = self._turned_rad < math.tau and not tools.world.touches(turned)
         else:
-            goes_on = spent_ns < _PAUSE_NS
-        if not goes_on or spent_ns > _LONGEST_NS:
+            goes_on = spent_ns < round(1e9 * rungs.pause_s)
+        if not goes_on or spent_ns > round(1e9 * rungs.longest_s):
             return None
         return BehaviourOutput(v, omega, text=self.text)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Final
 
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behave.behaviours.behaviour import (
@@ -19,16 +18,6 @@ from robotctl.planning.behave.journey.tools import JourneyTools
 from robotctl.planning.path.global_planning.frontiers import Frontier, frontiers, known_area_m2
 from robotctl.planning.path.global_planning.goal import Goal
 from robotctl.planning.path.global_planning.plan import Plan, Point
-
-_LOOK_NS: Final = 1_000_000_000
-"""Interval between two searches for frontiers [ns]."""
-_COMPARED: Final = 4
-"""Number of nearest frontiers whose paths are compared."""
-_SAME_M: Final = 0.5
-"""Frontiers this near to each other are one [m]."""
-_PATIENT_NS: Final = 20_000_000_000
-_SLOWER: Final = 3.0
-"""A frontier may take so many times the time of its path at full speed, and a while more [ns]."""
 
 
 class Exploration(Behaviour):
@@ -48,6 +37,7 @@ class Exploration(Behaviour):
 
     def __init__(self, tools: JourneyTools, drive_to: DriveTo, speed_m_s: float) -> None:
         self._tools = tools
+        self._config = tools.journey.exploration
         self._drive_to = drive_to
         self._speed_m_s = speed_m_s
         self.reset()
@@ -73,7 +63,7 @@ class Exploration(Behaviour):
         """Return the next velocity; done when the map is complete."""
         if blindness := self._tools.world.blindness:
             return BehaviourOutput(0.0, 0.0, text=f"waiting: {blindness}")
-        if self._journey is None or now_ns - self._looked_ns >= _LOOK_NS:
+        if self._journey is None or now_ns - self._looked_ns >= round(1e9 * self._config.look_s):
             self._look(situation.pose, now_ns)
         if self._journey is None or self._target is None:
             area_m2 = known_area_m2(self._tools.world.map.space())
@@ -91,15 +81,17 @@ class Exploration(Behaviour):
 
     def _look(self, pose: SE2, now_ns: int) -> None:
         """Choose a frontier, unless the present one is still there, and the way to it."""
-        self._looked_ns = now_ns
+        self._looked_ns, same_m = now_ns, self._config.same_m
         space, margin_m = self._tools.world.map.space(), self._tools.config.margin_m
         there = [
             each
             for each in frontiers(space, (pose.x_m, pose.y_m), margin_m)
-            if not any(math.dist(each.middle, left_out) < _SAME_M for left_out in self._left_out)
+            if not any(math.dist(each.middle, other) < same_m for other in self._left_out)
         ]
         old, journey = self._target, self._journey
-        others = [each for each in there if old is None or not _are_same(old, each)]
+        others = [
+            each for each in there if old is None or math.dist(old.middle, each.middle) >= same_m
+        ]
         if old is not None and journey is not None and len(others) < len(there):
             is_late = now_ns > self._end_ns
             target, path_m = None, math.inf
@@ -117,7 +109,9 @@ class Exploration(Behaviour):
         self._target, self._journey = target, None
         if target is not None:
             self._journey = self._drive_to(Goal(*target.place), self._speed_m_s)
-            self._end_ns = now_ns + _PATIENT_NS + round(1e9 * _SLOWER * path_m / self._speed_m_s)
+            config = self._config
+            self._end_ns = now_ns + round(1e9 * config.patient_s)
+            self._end_ns += round(1e9 * config.slower * path_m / self._speed_m_s)
 
     def _nearest(self, pose: SE2, found: list[Frontier]) -> tuple[Frontier | None, float]:
         """Return the one with the shortest path of the nearest frontiers, and that path's length.
@@ -126,15 +120,11 @@ class Exploration(Behaviour):
         """
         here = pose.x_m, pose.y_m
         best, best_m = None, math.inf
-        for each in sorted(found, key=lambda each: math.dist(here, each.place))[:_COMPARED]:
+        compared = self._config.compared
+        for each in sorted(found, key=lambda each: math.dist(here, each.place))[:compared]:
             if math.dist(here, each.place) >= best_m:
                 break
             plan = self._tools.paths.plan(pose, Goal(*each.place))
             if isinstance(plan, Plan) and plan.length_m < best_m:
                 best, best_m = each, plan.length_m
         return best, best_m
-
-
-def _are_same(one: Frontier, other: Frontier) -> bool:
-    """Return whether two frontiers are one that has changed."""
-    return math.dist(one.middle, other.middle) < _SAME_M

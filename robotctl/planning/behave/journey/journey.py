@@ -37,8 +37,6 @@ _ELSEWHERE_M: Final = 0.5
 """Distance from which on a moved goal is another one for the ladder [m]."""
 _AGAIN_NS: Final = 500_000_000
 """Interval between two searches for a path past a person who stands in the way [ns]."""
-_PROGRESS_M: Final = 0.5
-"""Distance driven that counts as progress [m]."""
 _SOON_S: Final = 1.0
 """Time of a motion backwards that must be on known floor [s]; turns on the spot creep back."""
 _PERMANENT_FAILURES: Final = frozenset(
@@ -167,10 +165,13 @@ class Journey(Behaviour):
         """Count the way driven; enough of it, and the next trouble is a new one."""
         if self._last is not None and self._attempt is None:
             self._driven_m += distance_m(self._last, pose)
-            if self._driven_m > _PROGRESS_M:
+            if self._driven_m > self._tools.journey.rungs.progress_m:
                 self._ladder.progress()
         self._last = pose
-        if self._closed is not None and distance_m(self._closed.pose, pose) > _PROGRESS_M:
+        if (
+            self._closed is not None
+            and distance_m(self._closed.pose, pose) > self._tools.journey.rungs.progress_m
+        ):
             self._closed = None
 
     def _route_from(self, pose: SE2, now_ns: int) -> Route | BehaviourOutput:
@@ -183,7 +184,7 @@ class Journey(Behaviour):
     def _follow(self, situation: BehaviourInput, route: Route) -> LocalMotion:
         """Return the local controller's motion along the path."""
         tools, pose = self._tools, situation.pose
-        return tools.controller.step(
+        motion = tools.controller.step(
             LocalSituation(
                 pose,
                 situation.twist,
@@ -192,8 +193,11 @@ class Journey(Behaviour):
                 tools.world.space_around(pose),
                 tools.world.moving,
                 min(self._speed_m_s, tools.world.speed_limit(pose, route.rest)),
+                tools.pace.effort,
             )
         )
+        tools.pace.lap("steer")
+        return motion
 
     def _looked_at(self, pose: SE2, motion: LocalMotion) -> LocalMotion:
         """Return a motion; none backwards where nothing has seen yet what is there."""

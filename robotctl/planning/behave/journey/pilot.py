@@ -14,6 +14,7 @@ from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.model.sensors.sonar import SonarMount
+from robotctl.planning.behave.behaviours.kind import UNHURRIED, Pace
 from robotctl.planning.behave.behaviours.outlook import NOWHERE, Outlook
 from robotctl.planning.behave.journey.approach import Approach
 from robotctl.planning.behave.journey.exploration import Exploration
@@ -50,12 +51,14 @@ class MapPilot:
         seen nothing.
     home
         Where it starts.
-    has_lidar
-        Whether it has one, without whose scans it stands.
+    lidars
+        Number of its lidars, without whose scans it stands.
     topology
         Places that it can drive to by recognising them; None: it knows none.
     budget
         Called at each step; returns what its searches ask now and then, whether there is time left.
+    pace
+        Told of the parts of its steps, and asked how much it may do in them.
 
     Attributes
     ----------
@@ -78,9 +81,10 @@ class MapPilot:
         grid: GridMap | None,
         home: SE2,
         *,
-        has_lidar: bool,
+        lidars: int,
         topology: TopologicalMap | None = None,
         budget: Callable[[], GoesOn] = lambda: lambda: True,
+        pace: Pace = UNHURRIED,
     ) -> None:
         radius_m = config.journey.turning_reserve * drive.min_turning_radius_m
         world = LiveWorld(
@@ -89,12 +93,14 @@ class MapPilot:
             grid,
             home,
             config.pilot.zone,
+            config.map,
             full_speed_m_s=limits.v_max_m_s,
             braking_m_s2=config.pursuit.acceleration_m_s2,
-            has_lidar=has_lidar,
+            lidars=lidars,
         )
         self._planner = _planner(config.pilot, drive, footprint, radius_m)
-        local = ControllerConfig(
+        local = ControllerConfig.of_robot(
+            config.follow,
             dt_s=1.0 / config.rate_hz,
             deceleration_m_s2=config.guard.deceleration_m_s2,
             margin_m=config.pilot.margin_m,
@@ -109,6 +115,7 @@ class MapPilot:
             local,
             config.journey,
             config.recovery,
+            pace,
         )
         self._own_recovery = config.recovery
         self._mission_zones: Sequence[Zone] = ()
@@ -210,7 +217,7 @@ class MapPilot:
         return Travel(
             self.tools,
             self._places,
-            Approach(self.tools.world, self.journey, speed_m_s),
+            Approach(self.tools.world, self.journey, speed_m_s, self.tools.journey.travel),
             partial(self.exploration, speed_m_s),
             place,
             start,
@@ -235,6 +242,8 @@ def _planner(
     return _entry("planner", name, PLANNERS)(
         PlannerConfig(
             margin_m=config.margin_m,
+            comfort_m=config.comfort_m,
+            comfort_weight=config.comfort_weight,
             turning_radius_m=turning_radius_m or 2.0 * footprint.inscribed_m,
             steering="reeds-shepp" if drive.steered else "straight",
         )

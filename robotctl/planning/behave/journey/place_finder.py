@@ -28,14 +28,8 @@ from robotctl.planning.map.topological.recognition import (
 )
 from robotctl.words import counted
 
-_LOOKS: Final = 8
-"""Maximum number of searches on one travel."""
 _WINDOWS: Final = 4
 """Windows searched in a step, if there is time."""
-_ROAM_M: Final = 2.5
-"""Distance driven between two searches where nothing is recognised [m]."""
-_ROAM_NS: Final = 20_000_000_000
-"""Longest time of that [ns]."""
 _STANDS_M_S: Final = 0.02
 _STANDS_RAD_S: Final = 0.05
 """Velocities below which the robot stands, so that its scan is sharp [m/s, rad/s]."""
@@ -112,6 +106,7 @@ class PlaceFinder:
         blind: BlindWait,
     ) -> None:
         self._tools = tools
+        self._config = tools.journey.travel
         self._places = places
         self._make_roam = roam
         self._start = start
@@ -159,7 +154,7 @@ class PlaceFinder:
             return self._blind.step("no echo of a lidar comes to recognise places by", now_ns)
         self._blind.end()
         if stands:
-            if self._looks >= _LOOKS:
+            if self._looks >= self._config.searches:
                 return failed(f"gave up after {counted(self._looks, 'look')} around: {self.reason}")
             self._looks += 1
             names = [self._hint] if self._hint else list(self._places.looks)
@@ -188,7 +183,8 @@ class PlaceFinder:
     ) -> BehaviourOutput:
         """Drive to where more is to be seen."""
         step = roaming.step(situation, now_ns)
-        enough = self._roamed_m > _ROAM_M or now_ns - begin_ns > _ROAM_NS
+        config = self._config
+        enough = self._roamed_m > config.roam_m or now_ns - begin_ns > round(1e9 * config.roam_s)
         if enough or step.status is not Status.RUNNING:
             self._roam = None
             return BehaviourOutput(0.0, 0.0, text=self.reason)

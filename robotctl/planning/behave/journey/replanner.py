@@ -87,6 +87,7 @@ class Replanner:
             return route
         leads_there = not self._tools.paths.is_far(pose, self.goal)
         old, answer = self.route, self._tools.paths.plan(pose, self.goal)
+        self._tools.pace.lap("plan")
         if self.is_redirected or (old is not None and self._tools.world.touches(old.rest)):
             old = None
         if isinstance(answer, PlanFailure):

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from robotctl.planning.behave.behaviours.kind import Pace
 from robotctl.planning.behave.behaviours.outlook import NOWHERE
 from robotctl.planning.config import JourneyConfig, RecoveryConfig
 from robotctl.planning.map.live_world import LiveWorld
@@ -28,6 +29,8 @@ class JourneyTools:
         When journeys are planned again, and when they are in trouble.
     recovery
         How patient journeys are.
+    pace
+        Told of the parts of its steps, and asked how much it may do in them.
     shown
         Path and arc that the robot drives by in this step, each (n, 3) in `world`, for people.
     """
@@ -38,4 +41,5 @@ class JourneyTools:
     config: ControllerConfig
     journey: JourneyConfig
     recovery: RecoveryConfig
+    pace: Pace
     shown: tuple[NDArray[np.float64], NDArray[np.float64]] = field(default=(NOWHERE, NOWHERE))

@@ -34,12 +34,6 @@ from robotctl.planning.map.topological.recognition import (
     look_of,
 )
 
-_LOOK_NS: Final = 400_000_000
-"""Interval between two comparisons with the present place [ns]."""
-_DRIFT: Final = 0.1
-"""Error of the robot's place per distance driven since the last scan that fitted."""
-_WRONG_M: Final = 2.5
-"""Distance driven without a fitting scan after which the robot searches for its place again [m]."""
 _BEYOND: Final = tuple(
     SE2(x_m, y_m)
     for x_m, y_m in (
@@ -58,10 +52,6 @@ _MIDDLE: Final = (
 )
 """One who arrives, to one of these in the frame of the place."""
 _CROSSED_M, _LEFT_M = 0.25, 2.0
-_BESIDE_M: Final = 0.4
-"""Distances beyond a passage, and at most to its side, at which it counts as passed [m]."""
-_TRIES: Final = 2
-"""Times that it fails to get through a passage until it takes another way."""
 
 
 class Travel(Behaviour):
@@ -93,6 +83,7 @@ class Travel(Behaviour):
         start: str,
     ) -> None:
         self._tools = tools
+        self._config = tools.journey.travel
         self._map = topology = places.map
         self._places = {place.name: place for place in topology.places}
         self._passages = {passage.name: passage for passage in topology.passages}
@@ -155,7 +146,7 @@ class Travel(Behaviour):
 
     def _compare(self, belief: Belief, now_ns: int) -> None:
         """Compare what is seen with the present place; forget a place that it is not."""
-        if now_ns - self._seen_ns < _LOOK_NS:
+        if now_ns - self._seen_ns < round(1e9 * self._config.look_s):
             return
         taken, self._seen_ns = self._tools.world.last_scan, now_ns
         if taken is None:
@@ -165,11 +156,13 @@ class Travel(Behaviour):
         if look is None:
             return
         expected = belief.T_world_frame.inverse() @ T_world_base
-        seen = self._looks_of[belief.place].follow(look, expected, _DRIFT * belief.unseen_m)
+        seen = self._looks_of[belief.place].follow(
+            look, expected, self._config.drift * belief.unseen_m
+        )
         if seen is not None:
             belief.T_world_frame = T_world_base @ seen.pose.inverse()
             belief.unseen_m, belief.is_borne_out = 0.0, True
-        elif belief.unseen_m > _WRONG_M:
+        elif belief.unseen_m > self._config.wrong_m:
             self._forget(f"this does not look like {belief.place}")
 
     def _forget(self, reason: str) -> None:
@@ -208,7 +201,7 @@ class Travel(Behaviour):
         for name in place.passages:
             off = place.way_out(name).inverse() @ T_frame_base
             passage = self._passages[name]
-            beside_m = 0.5 * passage.width_m + _BESIDE_M
+            beside_m = 0.5 * passage.width_m + self._config.beside_m
             if _CROSSED_M < off.x_m < _LEFT_M and abs(off.y_m) < beside_m:
                 return passage
         return None
@@ -224,7 +217,7 @@ class Travel(Behaviour):
     def _count(self, passage: Passage, reason: str) -> None:
         """Count that a passage was not reached; close it if that has happened before."""
         self._failures[passage.name] += 1
-        if self._failures[passage.name] >= _TRIES:
+        if self._failures[passage.name] >= self._config.tries:
             self._closed[passage.name] = reason
 
     def _fail(self, passage: Passage, reason: str) -> BehaviourOutput:
@@ -239,7 +232,7 @@ class Travel(Behaviour):
         output = self._approach.step(self._goal, spots, situation, now_ns)
         if output.status is Status.RUNNING:
             return output._replace(text=f"in {self._goal}, to its middle: {output.text}")
-        if not belief.is_borne_out or belief.unseen_m > 0.5 * _WRONG_M:
+        if not belief.is_borne_out or belief.unseen_m > 0.5 * self._config.wrong_m:
             self._forget(f"this does not look like {self._goal}")
             return BehaviourOutput(0.0, 0.0, text=self._finder.reason)
         if output.status is Status.FAILED:

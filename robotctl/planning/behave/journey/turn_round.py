@@ -10,7 +10,7 @@ import numpy as np
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behave.behaviours.behaviour import BehaviourInput
-from robotctl.planning.behave.journey.attempt import TURN_RAD_S, TURNS_RAD, poses_after
+from robotctl.planning.behave.journey.attempt import TURNS_RAD, poses_after
 from robotctl.planning.behave.journey.tools import JourneyTools
 from robotctl.planning.path.global_planning.route import Route
 
@@ -30,7 +30,6 @@ class _Law(NamedTuple):
     rate_rad_s: float
 
 
-_BACKWARDS: Final = _Law(1.2, 0.15, TURN_RAD_S)
 _AHEAD: Final = _Law(2.85, 1.2, 1.2)
 
 
@@ -48,6 +47,7 @@ class TurnRound:
 
     def __init__(self, tools: JourneyTools) -> None:
         self._tools = tools
+        self._backwards = _Law(1.2, 0.15, tools.journey.rungs.turn_rad_s)
         self._turns = False
 
     def reset(self) -> None:
@@ -64,7 +64,7 @@ class TurnRound:
             return 0.0
         law, wanted_rad = _AHEAD, float(route.rest[away[0], 2])
         if self._tools.paths.reverse:
-            law, wanted_rad = _BACKWARDS, math.atan2(back[away[0], 1], back[away[0], 0])
+            law, wanted_rad = self._backwards, math.atan2(back[away[0], 1], back[away[0], 0])
         off_rad = wrap_angle(wanted_rad - pose.theta_rad)
         self._turns = abs(off_rad) > (law.end_rad if self._turns else law.begin_rad)
         if not self._turns:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Sequence
 
+from robotctl.planning.behave.behaviours.circle import CircleItem
 from robotctl.planning.behave.behaviours.follow_path import DriveItem
 from robotctl.planning.behave.behaviours.goto import GotoItem
 from robotctl.planning.behave.behaviours.item import Item
@@ -23,6 +24,10 @@ def zone_problems(items: Sequence[Item], zones: Sequence[Zone]) -> Iterator[Item
                 case DriveItem() if _leads_through(item.waypoints, zone):
                     yield ItemProblem(
                         index, "waypoints", f"lead through the keep-out zone {zone.name}"
+                    )
+                case CircleItem() if _leads_through(item.outline(), zone):
+                    yield ItemProblem(
+                        index, "radius_m", f"leads through the keep-out zone {zone.name}"
                     )
                 case GotoItem() | StraightToItem() if zone.contains((item.x_m, item.y_m)):
                     yield ItemProblem(index, "x_m", f"the goal is in the keep-out zone {zone.name}")

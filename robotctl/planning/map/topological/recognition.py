@@ -133,11 +133,8 @@ class Appearance:
         asked = np.argsort(away_m)[:_ASKED].tolist()
         shares = []
         for each in asked:
-            there = agreement(
-                self._sights[each], look.surface.points, look.surface.weights, pose
-            ).of_seen
-            surface = self._surfaces[each]
-            back = agreement(look.sight, surface.points, surface.weights, pose.inverse()).of_seen
+            there = agreement(self._sights[each], look.surface, pose).of_seen
+            back = agreement(look.sight, self._surfaces[each], pose.inverse()).of_seen
             shares.append(min(there, back))
         return max(shares)
 

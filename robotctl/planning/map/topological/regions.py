@@ -28,6 +28,7 @@ _DEEP: Final = 0.5
 _MOUTH: Final = 1.5
 """Longest border of a bay to the hall over its width; that of a rounded corner is longer."""
 _BESIDE: Final = ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1))
+"""Rows and columns to the eight neighbours of a cell."""
 
 
 def hall_cells(labels: NDArray[np.int64], depth_m: NDArray[np.float64]) -> NDArray[np.bool_]:

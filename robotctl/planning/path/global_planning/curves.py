@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from robotctl.compiled import borrows, compiled
 
 LEFT, STRAIGHT, RIGHT = 1, 0, -1
 """Turn of a piece, by the sign of its curvature when driven forward."""
@@ -59,6 +59,7 @@ def reeds_shepp(x: float, y: float, theta: float) -> NDArray[np.float64]:
 
 
 @compiled
+@borrows
 def _keep(
     word: NDArray[np.float64],
     found: NDArray[np.float64],
@@ -85,6 +86,7 @@ def _wrapped(angle: float) -> float:
 
 
 @compiled
+@borrows
 def _solve(
     equation: int,
     x: float,
@@ -120,6 +122,7 @@ def _solve(
 
 
 @compiled
+@borrows
 def _write(
     word: NDArray[np.float64],
     found: NDArray[np.float64],
@@ -134,6 +137,7 @@ def _write(
 
 
 @compiled
+@borrows
 def _csc_same(
     x: float, y: float, theta: float, word: NDArray[np.float64], found: NDArray[np.float64]
 ) -> bool:
@@ -146,6 +150,7 @@ def _csc_same(
 
 
 @compiled
+@borrows
 def _csc_other(
     x: float, y: float, theta: float, word: NDArray[np.float64], found: NDArray[np.float64]
 ) -> bool:
@@ -162,6 +167,7 @@ def _csc_other(
 
 
 @compiled
+@borrows
 def _ccc(
     x: float, y: float, theta: float, word: NDArray[np.float64], found: NDArray[np.float64]
 ) -> bool:
@@ -178,6 +184,7 @@ def _ccc(
 
 
 @compiled
+@borrows
 def _cccc_apart(
     x: float, y: float, theta: float, word: NDArray[np.float64], found: NDArray[np.float64]
 ) -> bool:
@@ -193,6 +200,7 @@ def _cccc_apart(
 
 
 @compiled
+@borrows
 def _cccc_together(
     x: float, y: float, theta: float, word: NDArray[np.float64], found: NDArray[np.float64]
 ) -> bool:
@@ -208,6 +216,7 @@ def _cccc_together(
 
 
 @compiled
+@borrows
 def _ccsc_same(
     x: float, y: float, theta: float, word: NDArray[np.float64], found: NDArray[np.float64]
 ) -> bool:
@@ -225,6 +234,7 @@ def _ccsc_same(
 
 
 @compiled
+@borrows
 def _ccsc_other(
     x: float, y: float, theta: float, word: NDArray[np.float64], found: NDArray[np.float64]
 ) -> bool:
@@ -240,6 +250,7 @@ def _ccsc_other(
 
 
 @compiled
+@borrows
 def _ccscc(
     x: float, y: float, theta: float, word: NDArray[np.float64], found: NDArray[np.float64]
 ) -> bool:

@@ -20,7 +20,7 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from robotctl.compiled import borrows, compiled
 
 Corners: TypeAlias = Literal["both", "one", "none"]
 """How many of the two cells beside a diagonal step must be free."""
@@ -177,6 +177,7 @@ def _octile(rows: int, columns: int) -> float:
 
 
 @compiled
+@borrows
 def _expand(
     costs: NDArray[np.uint8],
     factors: NDArray[np.float64],
@@ -238,6 +239,7 @@ def _expand(
 
 
 @compiled
+@borrows
 def _step_cost(
     costs: NDArray[np.uint8],
     factors: NDArray[np.float64],
@@ -255,6 +257,7 @@ def _step_cost(
 
 
 @compiled
+@borrows
 def _put(
     buckets: NDArray[np.int32],
     links: NDArray[np.int32],

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from robotctl.compiled import borrows, compiled
 
 
 @compiled
+@borrows
 def push(
     keys: NDArray[np.float64], items: NDArray[np.int32], count: int, key: float, item: int
 ) -> int:
@@ -25,6 +26,7 @@ def push(
 
 
 @compiled
+@borrows
 def pop(keys: NDArray[np.float64], items: NDArray[np.int32], count: int) -> int:
     """Take the item with the least key, which is returned, out of a heap of so many, at least 1."""
     top = items[0]

@@ -18,8 +18,8 @@ from robotctl.planning.path.global_planning.hybrid_search import (
     FULL,
     GOING_ON,
     LAST,
-    HybridMap,
     Nodes,
+    SearchSpace,
     begin,
     cost_to_go,
     drive,
@@ -89,7 +89,7 @@ class HybridPlanner:
         text = "the time was over" if status != FULL else "the search needs more memory than it has"
         return PlanFailure(Reason.OUT_OF_TIME, text, None, expanded)
 
-    def _world(self, space: PlanningMap, goal: NDArray[np.float64]) -> HybridMap:
+    def _world(self, space: PlanningMap, goal: NDArray[np.float64]) -> SearchSpace:
         """Return the map with prices, and the remaining cost to the goal from each coarse cell."""
         config, side_m = self._config, space.grid.resolution_m
         factor = max(1, round(_COARSE_M / side_m))
@@ -104,14 +104,14 @@ class HybridPlanner:
         )
         to_go = cost_to_go(coarse, int(goal[1]) // factor, int(goal[0]) // factor)
         radius = config.turning_radius_m / side_m
-        return HybridMap(
+        return SearchSpace(
             space.blocked, space.clearance, prices, space.samples, space.discs,
             to_go, float(factor), radius,
         )  # fmt: skip
 
 
 def _path(
-    world: HybridMap, nodes: Nodes, step: float
+    world: SearchSpace, nodes: Nodes, step: float
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Return the poses of the path that was found, and the gear of each piece between them."""
     chain = [int(nodes.counts[LAST]) - 1]

@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from robotctl.compiled import borrows, compiled
 from robotctl.planning.map.planning_map import body_hits
 from robotctl.planning.path.global_planning.curves import along, reeds_shepp
 from robotctl.planning.path.global_planning.heap import pop, push
@@ -44,8 +44,8 @@ _CHECK: Final = 1.0
 """Distance between two poses at which the body is checked [cells]."""
 
 
-class HybridMap(NamedTuple):
-    """The space in which the robot drives."""
+class SearchSpace(NamedTuple):
+    """A `PlanningMap` as compiled code takes it, and what follows from it for one goal."""
 
     blocked: NDArray[np.bool_]
     clearance: NDArray[np.float32]
@@ -193,8 +193,9 @@ def cost_to_go(coarse: NDArray[np.float64], goal_row: int, goal_column: int) -> 
 
 
 @compiled
+@borrows
 def _reach(
-    world: HybridMap,
+    world: SearchSpace,
     nodes: Nodes,
     parent: int,
     x: float,
@@ -240,7 +241,7 @@ def drive(
 
 @compiled
 def _curve(
-    world: HybridMap, nodes: Nodes, node: int, goal: NDArray[np.float64]
+    world: SearchSpace, nodes: Nodes, node: int, goal: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the Reeds-Shepp path from a node to the goal."""
     x, y, theta = nodes.pose[node]
@@ -250,7 +251,7 @@ def _curve(
 
 
 @compiled
-def _try_curve(world: HybridMap, nodes: Nodes, node: int, path: NDArray[np.float64]) -> None:
+def _try_curve(world: SearchSpace, nodes: Nodes, node: int, path: NDArray[np.float64]) -> None:
     """Keep the curve from a node to the goal, if it is free and the cheapest so far."""
     x, y, theta = nodes.pose[node]
     c, s = math.cos(theta), math.sin(theta)
@@ -285,14 +286,15 @@ def _try_curve(world: HybridMap, nodes: Nodes, node: int, path: NDArray[np.float
 
 
 @compiled
-def begin(world: HybridMap, nodes: Nodes, start: NDArray[np.float64]) -> None:
+@borrows
+def begin(world: SearchSpace, nodes: Nodes, start: NDArray[np.float64]) -> None:
     """Put the start among the nodes."""
     _reach(world, nodes, -1, start[0], start[1], start[2], 0.0, 0.0, 0)
 
 
 @compiled
 def expand(
-    world: HybridMap, nodes: Nodes, goal: NDArray[np.float64], step: float, piece: int
+    world: SearchSpace, nodes: Nodes, goal: NDArray[np.float64], step: float, piece: int
 ) -> int:
     """Expand up to `piece` nodes; return whether the search goes on, is full, or has ended.
 
@@ -330,7 +332,8 @@ def expand(
 
 
 @compiled
-def _expand_node(world: HybridMap, nodes: Nodes, node: int, step: float) -> None:
+@borrows
+def _expand_node(world: SearchSpace, nodes: Nodes, node: int, step: float) -> None:
     """Drive all arcs from a node."""
     x, y, theta = nodes.pose[node]
     before, gear_before = nodes.steering[node], nodes.gear[node]

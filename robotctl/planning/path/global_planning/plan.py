@@ -16,6 +16,7 @@ from robotctl.planning.map.planning_map import PlanningMap
 from robotctl.planning.path.global_planning.grid_search import Corners
 
 _STEP_RAD: Final = 0.1
+"""Maximum turn from one pose of a densified path to the next [rad]."""
 
 Point: TypeAlias = tuple[float, float]
 Steering: TypeAlias = Literal["straight", "dubins", "reeds-shepp"]

@@ -20,26 +20,15 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.path.local.controller import ControllerConfig
 from robotctl.planning.path.local.track import Track
 
-NEAR_M: Final = 0.35
-"""Distance within which a robot that turns on the spot arrives [m]."""
-NEAR_STEERED_M: Final = 1.0
-_TURN_FIRST: Final = 0.6
-"""A bearing beyond this is turned to on the spot [rad]."""
 _BESIDE: Final = 0.3
 """Share of the tolerance that the position may be off beside the way."""
-_INSIDE: Final = 0.6
-"""Share of the tolerances within which the robot stops."""
-_GAIN_PER_M: Final = 5.0
-_LEAVES: Final = 1.5
-"""Multiple of the tolerances beyond which it begins again."""
 _PREVIEW_M: Final = 0.6
+"""Distance ahead over which bends count: the wheels turn over less."""
 _LATE_M: Final = 0.04
-"""Way over which a change of the bend may be spread."""
+"""Distance over which a change of the bend may be spread [m]."""
 _ASTRAY_RAD: Final = 0.3
 _SLOW_M_S: Final = 0.1
-_CREEP_M_S: Final = 0.05
-_TURN_RATE: Final = 0.15
-"""Slowest turn [rad/s]."""
+"""Error of the heading beyond which the robot only drives that fast [rad], [m/s]."""
 
 
 class _Phase(enum.Enum):
@@ -86,7 +75,7 @@ class Arrival:
         self._alpha = alpha_rad_s2
         self._curvature = 0.0
         """Curvature to which the wheels are turned by now."""
-        self.near_m = NEAR_STEERED_M if drive.steered else NEAR_M
+        self.near_m = config.near_steered_m if drive.steered else config.near_m
         self.reset()
 
     def reset(self) -> None:
@@ -105,7 +94,7 @@ class Arrival:
             self._phase = _Phase.TURN
         if self._phase is _Phase.TURN:
             error = off.theta_rad
-            if abs(error) > _INSIDE * self._config.heading_tolerance_rad:
+            if abs(error) > self._config.inside_share * self._config.heading_tolerance_rad:
                 return ArrivalStep(0.0, self._turn(error), False, False)
             self._phase = _Phase.STAND
         return ArrivalStep(0.0, 0.0, True, False)
@@ -119,12 +108,14 @@ class Arrival:
         self._phase = _Phase.DRIVE
         tolerance, most_rad = self._config.position_tolerance_m, self._config.heading_tolerance_rad
         v = vy = omega = 0.0
-        if distance >= _INSIDE * tolerance:
-            speed = max(self._speed(distance - 0.25 * tolerance, speed_m_s), _CREEP_M_S)
+        if distance >= self._config.inside_share * tolerance:
+            speed = max(
+                self._speed(distance - 0.25 * tolerance, speed_m_s), self._config.arrival_m_s
+            )
             v, vy = speed * off.x_m / distance, speed * off.y_m / distance
             excess = max(abs(vy) / vy_max_m_s, 1.0)
             v, vy = v / excess, vy / excess
-        if abs(off.theta_rad) > _INSIDE * most_rad:
+        if abs(off.theta_rad) > self._config.inside_share * most_rad:
             omega = self._turn(off.theta_rad)
         if v == vy == omega == 0.0:
             self._phase = _Phase.STAND
@@ -134,24 +125,27 @@ class Arrival:
         """Return whether something moved the robot away from where it had arrived."""
         config = self._config
         turned = self._phase is _Phase.STAND
-        return distance_m > _LEAVES * config.position_tolerance_m or (
-            turned and abs(error_rad) > _LEAVES * config.heading_tolerance_rad
+        return distance_m > self._config.leaves_share * config.position_tolerance_m or (
+            turned and abs(error_rad) > self._config.leaves_share * config.heading_tolerance_rad
         )
 
     def _is_there(self, off: SE2, distance_m: float) -> bool:
         """Return whether the position is reached, or was passed closely enough."""
         tolerance = self._config.position_tolerance_m
-        beside = abs(off.x_m) < 0.5 * _INSIDE * tolerance and distance_m < 0.9 * tolerance
-        return distance_m < _INSIDE * tolerance or beside
+        beside = (
+            abs(off.x_m) < 0.5 * self._config.inside_share * tolerance
+            and distance_m < 0.9 * tolerance
+        )
+        return distance_m < self._config.inside_share * tolerance or beside
 
     def _drive(self, off: SE2, distance_m: float, speed_m_s: float) -> ArrivalStep:
         """Drive to the position, backwards where it lies behind."""
         gear = 1.0 if off.x_m >= 0.0 else -1.0
         bearing = math.atan2(gear * off.y_m, abs(off.x_m))
-        if abs(bearing) > _TURN_FIRST:
+        if abs(bearing) > self._config.turn_first_rad:
             return ArrivalStep(0.0, self._turn(bearing), False, False)
         way = max(distance_m - 0.25 * self._config.position_tolerance_m, 0.0)
-        v = gear * max(self._speed(way, speed_m_s), _CREEP_M_S)
+        v = gear * max(self._speed(way, speed_m_s), self._config.arrival_m_s)
         y = off.y_m if abs(off.y_m) > _BESIDE * self._config.position_tolerance_m else 0.0
         omega = 2.0 * abs(v) * gear * y / max(distance_m, 0.15) ** 2
         return ArrivalStep(v, min(max(omega, -self._omega_max), self._omega_max), False, False)
@@ -164,7 +158,7 @@ class Arrival:
         """Return the rate that closes an error with half the angular deceleration [rad/s]."""
         size = abs(error_rad)
         rate = min(math.sqrt(self._alpha * size), 3.0 * size, self._omega_max)
-        return math.copysign(max(rate, _TURN_RATE), error_rad)
+        return math.copysign(max(rate, self._config.turn_min_rad_s), error_rad)
 
     def along(self, pose: SE2, track: Track, speed_m_s: float) -> ArrivalStep:
         """Stay on the path until the end of its section lies abeam; for robots that steer."""
@@ -176,14 +170,14 @@ class Arrival:
             arrived = inside and abs(off.theta_rad) <= config.heading_tolerance_rad
             return ArrivalStep(0.0, 0.0, arrived, not arrived)
         gear = -1.0 if track.section.reverse else 1.0
-        change = here.bend_per_m - gear * _GAIN_PER_M**2 * here.beside_m
-        change -= 2.0 * _GAIN_PER_M * here.turned_rad
+        change = here.bend_per_m - gear * self._config.gain_per_m**2 * here.beside_m
+        change -= 2.0 * self._config.gain_per_m * here.turned_rad
         change = min(max(change, -1.0 / self._radius), 1.0 / self._radius)
         missing = self._not_steered(gear * change)
         v = min(
             self._speed(here.way_m, speed_m_s), self._bend_speed(track, here.turned_rad, missing)
         )
-        v = max(v, _CREEP_M_S)
+        v = max(v, self._config.arrival_m_s)
         return ArrivalStep(gear * v, v * change, False, False)
 
     def _not_steered(self, curvature: float) -> float:

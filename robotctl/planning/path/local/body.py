@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from robotctl.compiled import borrows, compiled
 from robotctl.model.footprint import Footprint
 from robotctl.planning.map.planning_map import APART
 
@@ -89,6 +89,7 @@ def _outline(corners: NDArray[np.float64], spacing: float) -> NDArray[np.float64
 
 
 @compiled
+@borrows
 def gap(
     clearance: NDArray[np.float32],
     outline: NDArray[np.float64],
@@ -133,26 +134,35 @@ def gap(
 
 
 @compiled
+@borrows
 def gap_to_moving(
-    space: Surroundings, body: Body, x: float, y: float, c: float, s: float, time: float
+    moving: NDArray[np.float64],
+    sides: NDArray[np.float64],
+    x: float,
+    y: float,
+    c: float,
+    s: float,
+    time: float,
 ) -> float:
     """Return the gap between a body and what moves, where that is predicted to be at a time.
 
-    Negative where they overlap; at corners up to 1 / sqrt(2) of what it is.
+    Negative where they overlap; at corners up to 1 / sqrt(2) of what it is. The arrays are those of
+    `Surroundings` and `Body`, as in `gap`.
     """
     least = np.inf
-    for i in range(len(space.moving)):
-        mx = space.moving[i, 0] + time * space.moving[i, 2] - x
-        my = space.moving[i, 1] + time * space.moving[i, 3] - y
+    for i in range(len(moving)):
+        mx = moving[i, 0] + time * moving[i, 2] - x
+        my = moving[i, 1] + time * moving[i, 3] - y
         px, py = c * mx + s * my, c * my - s * mx
         outside = -np.inf
-        for k in range(len(body.sides)):
-            outside = max(outside, body.sides[k, 0] * px + body.sides[k, 1] * py - body.sides[k, 2])
-        least = min(least, outside - space.moving[i, 4])
+        for k in range(len(sides)):
+            outside = max(outside, sides[k, 0] * px + sides[k, 1] * py - sides[k, 2])
+        least = min(least, outside - moving[i, 4])
     return least
 
 
 @compiled
+@borrows
 def can_stop(
     space: Surroundings,
     body: Body,
@@ -172,6 +182,7 @@ def can_stop(
     angle = omega * whole_s
     reach = float(np.hypot(v, vy)) * whole_s + abs(angle) * body.reach
     clearance, outline, discs = space.clearance, body.outline, body.discs
+    moving, sides = space.moving, body.sides
     share = 0.0
     while True:
         half = 0.5 * angle * share
@@ -191,13 +202,13 @@ def can_stop(
         if free == TOUCH:
             return False
         step = max(free - APART, SPACING)
-        if len(space.moving):
+        if len(moving):
             # From the length of the way to the time: even at first, then ever slower.
             left_s = max(whole_s * (1.0 - share), 0.0)
             time = whole_s * share
             if time > hold_s:
                 time = hold_s + brake_s - np.sqrt(2.0 * left_s * brake_s)
-            if gap_to_moving(space, body, x, y, c, s, time) <= 0.0:
+            if gap_to_moving(moving, sides, x, y, c, s, time) <= 0.0:
                 return False
             step = min(step, 2.0 * SPACING)
         if share >= 1.0 or reach <= 0.0:

@@ -3,44 +3,30 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from dataclasses import dataclass, fields
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
+from robotctl.planning.follow_config import FEWEST, FollowConfig
 from robotctl.planning.map.planning_map import PlanningMap
 
 
 @dataclass(frozen=True, slots=True)
-class ControllerConfig:
-    """How a path is followed.
+class ControllerConfig(FollowConfig):
+    """How a path is followed by a robot: its file's settings, and what others of them say.
 
     Parameters
     ----------
     dt_s
-        Between two steps [s], > 0.
-    tau_s
-        How far ahead velocities are looked at [s], > `dt_s`.
-    samples
-        Candidates of a step, >= 50.
+        Interval between two steps [s], > 0, below `tau_s`.
     deceleration_m_s2
         Braking that the robot manages for sure [m/s^2], > 0.
-    reaction_s
-        From a command to its effect at the latest [s], >= 0.
     margin_m
-        Kept between the body and obstacles, except at creeping speed [m], >= 0.
-    comfort_m
-        Nearer to an obstacle than this, a velocity costs more [m], > 0.
-    goal, path, clearance, heading, smoothness
-        Weights, >= 0: of the way left, of the distance from the path, of nearness to obstacles, of
-        looking elsewhere, of changes.
-    position_tolerance_m, heading_tolerance_rad
-        The goal is reached within these [m], [rad], > 0.
-    seed
-        Of controllers that draw random samples.
+        Clearance kept between the body and obstacles, except at creeping speed [m], >= 0.
 
     Raises
     ------
@@ -49,37 +35,26 @@ class ControllerConfig:
     """
 
     dt_s: float = 0.05
-    tau_s: float = 1.5
-    samples: int = 500
     deceleration_m_s2: float = 0.8
-    reaction_s: float = 0.1
     margin_m: float = 0.04
-    comfort_m: float = 0.25
-    goal: float = 1.0
-    path: float = 0.3
-    clearance: float = 0.5
-    heading: float = 0.5
-    smoothness: float = 0.15
-    position_tolerance_m: float = 0.05
-    heading_tolerance_rad: float = 0.08
-    seed: int = 0
 
     def __post_init__(self) -> None:
-        """Check the ranges."""
-        positive = (
-            "dt_s", "deceleration_m_s2", "comfort_m", "position_tolerance_m",
-            "heading_tolerance_rad",
-        )  # fmt: skip
-        for key in positive:
+        FollowConfig.__post_init__(self)  # super() does not know a class with slots
+        for key in ("dt_s", "deceleration_m_s2"):
             if not 0.0 < getattr(self, key) < math.inf:
                 raise ValueError(f"{key} must be finite and > 0, found {getattr(self, key)}")
-        for key in ("reaction_s", "margin_m", "goal", "path", "clearance", "heading", "smoothness"):
-            if not 0.0 <= getattr(self, key) < math.inf:
-                raise ValueError(f"{key} must be finite and >= 0, found {getattr(self, key)}")
-        if not self.dt_s < self.tau_s < math.inf:
+        if not 0.0 <= self.margin_m < math.inf:
+            raise ValueError(f"margin_m must be finite and >= 0, found {self.margin_m}")
+        if not self.dt_s < self.tau_s:
             raise ValueError(f"tau_s must be above dt_s = {self.dt_s}, found {self.tau_s}")
-        if self.samples < 50:
-            raise ValueError(f"samples must be at least 50, found {self.samples}")
+
+    @classmethod
+    def of_robot(
+        cls, follow: FollowConfig, *, dt_s: float, deceleration_m_s2: float, margin_m: float
+    ) -> ControllerConfig:
+        """Return the settings of a robot's file with those of its other tables."""
+        values: dict[str, Any] = {each.name: getattr(follow, each.name) for each in fields(follow)}
+        return cls(**values, dt_s=dt_s, deceleration_m_s2=deceleration_m_s2, margin_m=margin_m)
 
 
 class LocalSituation(NamedTuple):
@@ -102,6 +77,8 @@ class LocalSituation(NamedTuple):
     """Moving things, (k, 5): x, y, vx, vy in `world` and radius [m, m/s]."""
     speed_m_s: float
     """Largest speed here [m/s], > 0."""
+    effort: float = 1.0
+    """Share of its samples that may be tried, in (0, 1]."""
 
 
 class LocalMotion(NamedTuple):
@@ -125,6 +102,11 @@ class LocalMotion(NamedTuple):
     def speed_m_s(self) -> float:
         """Speed of `base` over the floor [m/s]."""
         return Twist(self.v_m_s, self.omega_rad_s, self.vy_m_s).speed_m_s
+
+
+def tried(samples: int, effort: float) -> int:
+    """Return how many of its samples a controller tries at an effort in (0, 1]."""
+    return min(samples, max(FEWEST, math.ceil(effort * samples)))
 
 
 class Controller(Protocol):

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from robotctl.compiled import borrows, compiled
 from robotctl.planning.path.local.body import SPACING, TOUCH, Body, Surroundings, gap
 from robotctl.planning.path.local.rollout import Motion, RolloutProblem
 
@@ -38,6 +38,7 @@ _ALONG: Final = 0.03
 
 
 @compiled
+@borrows
 def separation(
     blocked: NDArray[np.bool_], body: Body, x: float, y: float, c: float, s: float
 ) -> float:
@@ -87,6 +88,7 @@ def intrusions(
 
 
 @compiled
+@borrows
 def _box(body: Body, c: float, s: float) -> tuple[float, float, float, float]:
     """Return the box around a body that is turned: least x and y, most x and y."""
     high_x = high_y = -np.inf
@@ -99,6 +101,7 @@ def _box(body: Body, c: float, s: float) -> tuple[float, float, float, float]:
 
 
 @compiled
+@borrows
 def _is_free(blocked: NDArray[np.bool_], row: int, column: int) -> bool:
     """Return whether a cell is on the map and not blocked."""
     rows, columns = blocked.shape
@@ -106,6 +109,7 @@ def _is_free(blocked: NDArray[np.bool_], row: int, column: int) -> bool:
 
 
 @compiled
+@borrows
 def _beyond(body: Body, k: int, dx: float, dy: float, c: float, s: float) -> float:
     """Return how far a cell, with its lower corner at dx, dy of the body, is beyond a side."""
     nx = c * body.sides[k, 0] - s * body.sides[k, 1]
@@ -114,6 +118,7 @@ def _beyond(body: Body, k: int, dx: float, dy: float, c: float, s: float) -> flo
 
 
 @compiled
+@borrows
 def is_too_near(space: Surroundings, body: Body, pose: tuple[float, float, float]) -> bool:
     """Return whether a body touches something where it is."""
     c, s = np.cos(pose[2]), np.sin(pose[2])
@@ -202,6 +207,7 @@ def _driven(
 
 
 @compiled
+@borrows
 def _separation_at(space: Surroundings, body: Body, pose: tuple[float, float, float]) -> float:
     """Return `separation` of a body at a pose."""
     c, s = float(np.cos(pose[2])), float(np.sin(pose[2]))

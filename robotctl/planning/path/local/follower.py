@@ -28,28 +28,16 @@ from robotctl.planning.path.local.rollout import (
 )
 from robotctl.planning.path.local.track import Track
 
-_CREEP_M_S: Final = 0.25
 _TIGHT: Final = 0.25
 """Least margin [cells]: what the outline's points may miss."""
-_BESIDE_M: Final = 0.15
-"""A robot that steers is led along the end of a path from this distance beside it on."""
-_LATERAL_M: Final = 0.5
-_LOOK_M: Final = 0.5
-_PEOPLE_M: Final = 0.5
 _TARGET: Final = 20
 """Point of the path that a robot makes for that gets away from something: about a metre on."""
 _SWING_M: Final = 0.0025
-"""The tail of a robot that turns away from something may swing towards it so far [m]."""
+"""Distance by which the tail of a robot that turns away from something may swing towards it [m]:
+what the obstacle guard takes for turning beside it."""
 _STILL: Final = 1e-3
-"""Below this the robot stands [m/s, rad/s]."""
+"""Velocity below which the robot stands [m/s, rad/s]: rounding."""
 _TOUCHED: Final = "something touches the robot"
-_PATIENCE: Final = 10
-"""Steps for which nothing leads on before the robot backs off, or counts as blocked."""
-_BACK_M: Final = 0.3
-_BACKS: Final = 3
-"""Times that it backs off on one path."""
-BLOCKED: Final = 3.0
-PEOPLE: Final = 2.0
 
 
 class Choice(NamedTuple):
@@ -71,8 +59,11 @@ class CommandSearch(Protocol):
     def reset(self) -> None:
         """Forget the last step."""
 
-    def choose(self, problem: RolloutProblem) -> Choice:
-        """Return the best admissible velocity; if there is none, that of braking."""
+    def choose(self, problem: RolloutProblem, effort: float) -> Choice:
+        """Return the best admissible velocity; if there is none, that of braking.
+
+        `effort` is the share of its samples that may be tried, in (0, 1].
+        """
 
 
 class Follower:
@@ -134,7 +125,7 @@ class Follower:
             return self._arrive(situation, track, problem)
         if self._backing_m > 0.0:
             return self._back(situation, problem)
-        return self._moving(situation, problem, self._search.choose(problem))
+        return self._moving(situation, problem, self._search.choose(problem, situation.effort))
 
     def _compile(self, problem: RolloutProblem, situation: LocalSituation) -> None:
         """Call all that is compiled once: no later step may wait for it."""
@@ -145,7 +136,7 @@ class Follower:
         bare = self._bare[side_m]
         self._drawn(problem, side_m)
         way_out(problem, bare, bare, (0.0, 0.0), side_m)
-        self._search.choose(problem)
+        self._search.choose(problem, 1.0)
         self._search.reset()
 
     def _follow(self, situation: LocalSituation) -> Track:
@@ -169,7 +160,7 @@ class Follower:
         """Return whether the robot is about to arrive, or to change gear if it steers."""
         if self._steered:
             here = track.reference(pose)
-            return here.way_m <= self._arrival.near_m and abs(here.beside_m) < _BESIDE_M
+            return here.way_m <= self._arrival.near_m and abs(here.beside_m) < self._config.beside_m
         if not track.is_last:
             return False
         goal, near_m = track.goal, self._arrival.near_m
@@ -189,7 +180,7 @@ class Follower:
             self._bare[side_m] = make_body(self._footprint, 0.0, side_m)
         body, tight = self._bodies[side_m]
         v_max = min(speed, self._limits.v_max_m_s)
-        points, ends = track.window(v_max * config.tau_s + 2.0 * _LOOK_M)
+        points, ends = track.window(v_max * config.tau_s + 2.0 * config.look_m)
         v_most = v_max
         if ends:
             x_m, y_m, _ = points[-1].tolist()
@@ -214,7 +205,7 @@ class Follower:
             track.section.spacing_m / side_m,
             ends,
             -1.0 if track.section.reverse else 1.0,
-            max(1, round(_LOOK_M / track.section.spacing_m)),
+            max(1, round(config.look_m / track.section.spacing_m)),
             config.tau_s,
             self._search.steps,
             v_most / side_m,
@@ -261,7 +252,7 @@ class Follower:
             config.deceleration_m_s2 / side_m,
             self._turn_brake,
             config.reaction_s,
-            _CREEP_M_S / side_m,
+            config.creep_m_s / side_m,
             config.dt_s,
         )
 
@@ -274,11 +265,13 @@ class Follower:
             config.clearance,
             config.heading,
             config.smoothness,
-            BLOCKED,
-            PEOPLE,
-            _LATERAL_M / side_m,
+            config.blocked,
+            config.people,
+            config.lateral_m / side_m,
             config.comfort_m / side_m,
-            _PEOPLE_M / side_m,
+            config.people_m / side_m,
+            config.let_pass_s,
+            config.later_s,
         )
 
     def _arrive(
@@ -336,7 +329,7 @@ class Follower:
         still = _is_still(motion)
         self._waited = self._waited + 1 if still else 0
         people = self._waits_for_people(problem, side_m)
-        patient = people or self._waited < _PATIENCE
+        patient = people or self._waited < self._config.waiting_steps
         touches = still and is_too_near(problem.space, problem.tight, problem.pose)
         if touches or (still and not patient) or self._drawn_in is not None:
             away = self._escape(situation, problem, choice)
@@ -346,10 +339,10 @@ class Follower:
         if not still:
             slow = motion.speed_m_s < 0.5 * situation.speed_m_s
             return motion._replace(text="lets somebody pass" if people and slow else "")
-        if self._waited < _PATIENCE:
+        if self._waited < self._config.waiting_steps:
             return motion
-        if self._backs < _BACKS and not people:
-            self._waited, self._backing_m, self._backs = 0, _BACK_M, self._backs + 1
+        if self._backs < self._config.backs and not people:
+            self._waited, self._backing_m, self._backs = 0, self._config.back_m, self._backs + 1
         text = "waits for somebody to pass" if people else "no way on along the path"
         return motion._replace(blocked=True, text=text)
 

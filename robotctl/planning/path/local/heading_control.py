@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from robotctl.control.servoing import ServoConfig, servo
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.twist import Twist
 
-HEADING_GAIN_1_S: Final = 2.0
-"""Turning rate for each radian of heading error [1/s]."""
+_HEADING: Final = ServoConfig(kp=2.0, direction=1)
+"""Turning left raises the heading: a turning rate of 2 rad/s for each radian of error."""
 
 BEND_SHARE: Final = 0.3
 """Share of the speed with which a robot that cannot turn on the spot turns to a direction."""
@@ -39,4 +40,4 @@ def towards(heading_rad: float, v_m_s: float, theta_rad: float, *, steered: bool
 
 def turn_towards(heading_rad: float, theta_rad: float) -> float:
     """Return the turning rate from a heading to another one of `world` [rad/s]."""
-    return HEADING_GAIN_1_S * wrap_angle(heading_rad - theta_rad)
+    return servo(_HEADING, wrap_angle(heading_rad - theta_rad), 0.0)

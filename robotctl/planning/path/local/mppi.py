@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.compiled import compiled
-from robotctl.planning.path.local.controller import ControllerConfig
+from robotctl.planning.path.local.controller import ControllerConfig, tried
 from robotctl.planning.path.local.follower import Choice
 from robotctl.planning.path.local.rollout import (
     RolloutProblem,
@@ -26,12 +26,10 @@ from robotctl.planning.path.local.rollout import (
 
 _KNOTS: Final = 6
 """Random values of a sample, between which it changes linearly."""
-_SPREAD: Final = (0.25, 0.25, 0.25)
-"""Standard deviations of speed, turn and speed sideways, as shares of the largest."""
-_TEMPERATURE: Final = 0.05
 _TRIES: Final = 40
-"""Samples whose first velocity is looked at."""
+"""Samples whose first velocity is looked at: all are seldom inadmissible."""
 _MIRRORS: Final = ((1.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0))
+"""Signs of the noise from step to step, so that its mean is 0."""
 
 
 class PathIntegral:
@@ -46,6 +44,7 @@ class PathIntegral:
     def __init__(self, config: ControllerConfig) -> None:
         self.steps = 50
         self._dt_s, self._tau_s = config.dt_s, config.tau_s
+        self._spread, self._temperature = config.spread, float(config.temperature)
         rng = np.random.default_rng(config.seed)
         knots = rng.standard_normal((config.samples, _KNOTS, 2))
         across = rng.standard_normal((config.samples, _KNOTS, 1))
@@ -62,7 +61,7 @@ class PathIntegral:
         self._plan = np.zeros((self.steps, 3))
         self._count = 0
 
-    def choose(self, problem: RolloutProblem) -> Choice:
+    def choose(self, problem: RolloutProblem, effort: float) -> Choice:
         """Return the plan's first velocity, or that of another sample, whichever is admissible."""
         motion = problem.motion
         step_s = self._tau_s / self.steps
@@ -75,13 +74,16 @@ class PathIntegral:
             turn_max = motion.curvature_max
         mirror = _MIRRORS[self._count % len(_MIRRORS)]
         spread = (
-            _SPREAD[0] * motion.v_max * mirror[0],
-            _SPREAD[1] * turn_max * mirror[1],
-            _SPREAD[2] * motion.vy_max * mirror[1],
+            self._spread * motion.v_max * mirror[0],
+            self._spread * turn_max * mirror[1],
+            self._spread * motion.vy_max * mirror[1],
         )
         self._count += 1
         ahead = np.empty((self.steps, 3))
-        v, omega, vy = _improve(problem, self._plan, self._noise, spread, turn_max, ahead)
+        noise = self._noise[: tried(len(self._noise), effort)]
+        v, omega, vy = _improve(
+            problem, self._plan, noise, spread, turn_max, self._temperature, ahead
+        )
         return Choice(v, omega, ahead, vy)
 
 
@@ -112,9 +114,11 @@ def _improve(
     noise: NDArray[np.float64],
     spread: tuple[float, float, float],
     turn_max: float,
+    temperature: float,
     drawn: NDArray[np.float64],
 ) -> tuple[float, float, float]:
     """Replace the plan by a better one; return the first velocity."""
+    motion, v_most, now = problem.motion, problem.v_most, (problem.v, problem.omega, problem.vy)
     costs = np.empty(len(noise))
     varied, mean = np.zeros_like(plan), np.zeros_like(plan)
     nothing = np.empty((0, 3))
@@ -123,21 +127,22 @@ def _improve(
         costs[i] = price(problem, varied, nothing)
     least, total = costs.min(), 0.0
     for i in range(len(noise)):
-        weight = np.exp((least - costs[i]) / _TEMPERATURE)
+        weight = np.exp((least - costs[i]) / temperature)
         if weight > 1e-6:
             _vary(problem, plan, noise[i], spread, turn_max, varied)
             mean += weight * varied
             total += weight
     mean /= total
     if price(problem, mean, drawn) <= least:
-        v, omega, vy = first_velocity(problem, mean[0, 0], mean[0, 1], mean[0, 2])
+        v, omega, vy = first_velocity(motion, v_most, now, (mean[0, 0], mean[0, 1], mean[0, 2]))
         if is_admissible(problem, v, omega, vy):
             plan[:] = mean
             return v, omega, vy
     for _ in range(_TRIES):
         best = int(np.argmin(costs))
         _vary(problem, plan, noise[best], spread, turn_max, varied)
-        v, omega, vy = first_velocity(problem, varied[0, 0], varied[0, 1], varied[0, 2])
+        target = varied[0, 0], varied[0, 1], varied[0, 2]
+        v, omega, vy = first_velocity(motion, v_most, now, target)
         if is_admissible(problem, v, omega, vy):
             plan[:] = varied
             price(problem, plan, drawn)

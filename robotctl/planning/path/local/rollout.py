@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from robotctl.compiled import borrows, compiled
 from robotctl.planning.path.local.body import (
     COARSE,
     TOUCH,
@@ -25,13 +25,9 @@ from robotctl.planning.path.local.body import (
 )
 
 _AHEAD: Final = 2
-"""Points of the path that are looked at for a nearer one."""
+"""Points of the path that are looked at for a nearer one: a step leads past no more."""
 _KNOWN: Final = 16
-"""First velocities that are remembered."""
-_LET_PASS_S: Final = 0.8
-"""Time ahead for which a moving thing claims the places that it is going to [s]."""
-_LATER_S: Final = 2.0
-"""Time beyond the horizon in which the robot should not be in anybody's way."""
+"""First velocities whose answer is remembered: many samples share one."""
 
 
 class Motion(NamedTuple):
@@ -70,6 +66,10 @@ class Weights(NamedTuple):
     comfort: float
     """Gap from which on nearness costs nothing."""
     people_comfort: float
+    let_pass_s: float
+    later_s: float
+    """Times for which what moves claims its places, and in which the robot is to keep out of its
+    way beyond the horizon."""
 
 
 class RolloutProblem(NamedTuple):
@@ -113,22 +113,25 @@ def towards(value: float, target: float, change: float) -> float:
 
 @compiled
 def first_velocity(
-    problem: RolloutProblem, v_target: float, turn: float, vy_target: float
+    motion: Motion,
+    v_most: float,
+    now: tuple[float, float, float],
+    target: tuple[float, float, float],
 ) -> tuple[float, float, float]:
     """Return the velocity after one step towards a target: forward, turning, sideways.
 
-    `turn` is the rate, or the curvature of a robot that cannot turn on the spot.
+    `now` is that of the problem, and `v_most` its limit. Of the target, turning is the rate, or the
+    curvature of a robot that cannot turn on the spot.
     """
-    motion = problem.motion
-    target = min(max(v_target, -problem.v_most), problem.v_most)
+    ahead = min(max(target[0], -v_most), v_most)
     vy = 0.0
     if motion.vy_max > 0.0:
-        room = np.sqrt(max(problem.v_most * problem.v_most - target * target, 0.0))
+        room = np.sqrt(max(v_most * v_most - ahead * ahead, 0.0))
         most = min(motion.vy_max, room)
-        vy = towards(problem.vy, min(max(vy_target, -most), most), motion.a * motion.dt_s)
-    v = towards(problem.v, target, motion.a * motion.dt_s)
-    wanted = turn if motion.curvature_max == np.inf else v * turn
-    return v, _turning(motion, v, problem.omega, wanted, motion.dt_s), vy
+        vy = towards(now[2], min(max(target[2], -most), most), motion.a * motion.dt_s)
+    v = towards(now[0], ahead, motion.a * motion.dt_s)
+    wanted = target[1] if motion.curvature_max == np.inf else v * target[1]
+    return v, _turning(motion, v, now[1], wanted, motion.dt_s), vy
 
 
 @compiled
@@ -152,6 +155,7 @@ def braked(problem: RolloutProblem) -> tuple[float, float, float]:
 
 
 @compiled
+@borrows
 def is_admissible(problem: RolloutProblem, v: float, omega: float, vy: float) -> bool:
     """Return whether the robot can stop after a step with a velocity.
 
@@ -168,6 +172,7 @@ def is_admissible(problem: RolloutProblem, v: float, omega: float, vy: float) ->
 
 
 @compiled
+@borrows
 def _can_stop(
     problem: RolloutProblem, space: Surroundings, v: float, omega: float, vy: float
 ) -> bool:
@@ -183,10 +188,12 @@ def _can_stop(
 
 
 @compiled
+@borrows
 def _is_past(problem: RolloutProblem, v: float, omega: float, vy: float) -> bool:
     """Return whether the robot gets out of everybody's way if it goes on like this."""
     x, y, angle = problem.soon
     step_s = problem.tau_s / problem.steps
+    moving, sides = problem.space.moving, problem.body.sides
     for i in range(problem.steps):
         half = 0.5 * omega * step_s
         x += v * step_s * np.cos(angle + half)
@@ -196,12 +203,13 @@ def _is_past(problem: RolloutProblem, v: float, omega: float, vy: float) -> bool
             y += vy * step_s * np.cos(angle + half)
         angle += 2.0 * half
         c, s = float(np.cos(angle)), float(np.sin(angle))
-        if gap_to_moving(problem.space, problem.body, x, y, c, s, (i + 1) * step_s) <= 0.0:
+        if gap_to_moving(moving, sides, x, y, c, s, (i + 1) * step_s) <= 0.0:
             return False
     return True
 
 
 @compiled
+@borrows
 def nearest(path: NDArray[np.float64], j: int, x: float, y: float) -> int:
     """Return the path's point nearest to a place, from a near one on."""
     least = (path[j, 0] - x) ** 2 + (path[j, 1] - y) ** 2
@@ -215,6 +223,7 @@ def nearest(path: NDArray[np.float64], j: int, x: float, y: float) -> int:
 
 
 @compiled
+@borrows
 def price(
     problem: RolloutProblem, targets: NDArray[np.float64], drawn: NDArray[np.float64]
 ) -> float:
@@ -222,59 +231,70 @@ def price(
 
     The places that they lead through are written to `drawn` (m, 3), as far as it has room.
     """
+    # Arrays are taken out of the problem here, once: each one that is taken out in the loop, or
+    # passed on inside of a tuple, has its references counted there, which costs more than the rest.
     motion, weights, path, gear = problem.motion, problem.weights, problem.path, problem.gear
-    moving = len(problem.space.moving) > 0
+    clearance, moving = problem.space.clearance, problem.space.moving
+    coarse, discs, sides = problem.body.coarse, problem.body.discs, problem.body.sides
+    tight_coarse, tight_discs = problem.tight.coarse, problem.tight.discs
     x, y, angle = problem.soon
     c, s = np.cos(angle), np.sin(angle)
     v, omega, vy = problem.v, problem.omega, problem.vy
+    spacing, steps, creep, v_most = problem.spacing, problem.steps, motion.creep, problem.v_most
     slide_sways = _slide_sways(motion)
-    last, step_s = len(path) - 1, problem.tau_s / problem.steps
+    last, step_s = len(path) - 1, problem.tau_s / steps
+    ends = problem.ends
+    end_x, end_y = path[last, 0], path[last, 1]
     j = nearest(path, 0, x, y)
-    begin = _along(path, problem.spacing, gear, j, x, y)
+    begin = _along(path, spacing, gear, j, x, y)
     lateral = close = people = missing = swayed = 0.0
-    along = begin
-    for i in range(problem.steps):
+    along, free = begin, problem.soon
+    for i in range(steps):
         k = min(i, len(targets) - 1)
         before, slid = omega, vy
+        target = targets[k, 0], targets[k, 1], targets[k, 2]
         if i == 0:
-            v, omega, vy = first_velocity(problem, targets[0, 0], targets[0, 1], targets[0, 2])
+            v, omega, vy = first_velocity(motion, v_most, (v, omega, vy), target)
         else:
-            target = targets[k, 0], targets[k, 1], targets[k, 2]
-            v, omega, vy = _next_velocity(problem, target, (v, omega, vy), x, y, along)
+            dx, dy, left = end_x - x, end_y - y, np.inf
+            if ends:
+                left = last * spacing - along
+            v, omega, vy = _next_velocity(motion, step_s, target, (v, omega, vy), (dx, dy, left))
         swayed += abs(omega - before) + slide_sways * abs(vy - slid)
         turn = omega * step_s
         x, y, c, s = _driven(x, y, c, s, v * step_s, vy * step_s, turn)
         angle += turn
         moves = abs(v) + abs(omega) + abs(vy) > 1e-9
-        near = _gap_at(problem, v, vy, (x, y, c, s))
-        if moving:
+        if abs(v) <= creep and abs(vy) <= creep:
+            near = gap(clearance, tight_coarse, COARSE, tight_discs, x, y, c, s)
+        else:
+            near = gap(clearance, coarse, COARSE, discs, x, y, c, s)
+        if len(moving) > 0:
             # People may walk on into a robot that stands: it had better not stand there.
-            crowded = _crowded(problem, problem.body, (x, y, c, s), (i + 1) * step_s)
+            crowded = _crowded(moving, sides, weights, (x, y, c, s), (i + 1) * step_s)
             people += crowded
             near = TOUCH if moves and crowded > 1.0 else near
         if near == TOUCH and moves:
-            missing = float(problem.steps - i) / problem.steps
+            missing = float(steps - i) / steps
             for m in range(i, len(drawn)):  # it stays at the last free place
-                if i > 0:
-                    drawn[m] = drawn[i - 1]
-                else:
-                    drawn[m, 0], drawn[m, 1], drawn[m, 2] = problem.soon
+                drawn[m, 0], drawn[m, 1], drawn[m, 2] = free
             break
         close += max(1.0 - near / weights.comfort, 0.0) ** 2
         j = nearest(path, j, x, y)
-        along = _along(path, problem.spacing, gear, j, x, y)
+        along = _along(path, spacing, gear, j, x, y)
         lateral += abs((y - path[j, 1]) * path[j, 2] - (x - path[j, 0]) * path[j, 3])
         if i < len(drawn):
             drawn[i, 0], drawn[i, 1], drawn[i, 2] = x, y, angle
-    count = max(problem.steps * (1.0 - missing), 1.0)
+        free = x, y, angle
+    count = max(steps * (1.0 - missing), 1.0)
     full = motion.v_max * problem.tau_s
-    if problem.ends:
-        full = min(full, max(last * problem.spacing - begin, problem.spacing))
+    if ends:
+        full = min(full, max(last * spacing - begin, spacing))
     return (
         weights.goal * (1.0 - (along - begin) / full)
         + weights.path * lateral / count / weights.lateral
         + weights.clearance * close / count
-        + weights.heading * _looking_elsewhere(problem, j, (x, y, c, s))
+        + weights.heading * _looking_elsewhere(path, spacing, gear, j, problem.ahead, (x, y, c, s))
         + weights.smoothness * swayed / motion.omega_max
         + weights.people
         * (people / count + _in_the_way(problem, x, y, v * c - vy * s, v * s + vy * c))
@@ -284,39 +304,26 @@ def price(
 
 @compiled
 def _next_velocity(
-    problem: RolloutProblem,
+    motion: Motion,
+    step_s: float,
     target: tuple[float, float, float],
     now: tuple[float, float, float],
-    x: float,
-    y: float,
-    along: float,
+    left: tuple[float, float, float],
 ) -> tuple[float, float, float]:
     """Return the velocity a step on, on the way to a wanted one; it can brake where the path ends.
 
-    `now` is the velocity there, (x, y) the place, and `along` how far that is along the path.
+    `now` is the velocity there, and `left` how far that end is: along both axes, and along the
+    path, inf where the robot need not stop there.
     """
-    motion, path, step_s = problem.motion, problem.path, problem.tau_s / problem.steps
     v, most = towards(now[0], target[0], motion.a * step_s), np.inf
-    if problem.ends:
-        last = len(path) - 1
-        way = np.hypot(path[last, 0] - x, path[last, 1] - y)
-        way = max(way, last * problem.spacing - along)
-        most = np.sqrt(2.0 * motion.brake * way)
+    far = max(left[2], abs(left[0]), abs(left[1]))
+    # It need not be known better where half of it is enough to brake.
+    if motion.vy_max > 0.0 or v * v > motion.brake * far:
+        most = np.sqrt(2.0 * motion.brake * max(np.hypot(left[0], left[1]), left[2]))
         v = min(max(v, -most), most)
     wanted = target[1] if motion.curvature_max == np.inf else v * target[1]
     omega = _turning(motion, v, now[1], wanted, step_s)
     return v, omega, _sliding(motion, now[2], target[2], step_s, v, most)
-
-
-@compiled
-def _gap_at(
-    problem: RolloutProblem, v: float, vy: float, here: tuple[float, float, float, float]
-) -> float:
-    """Return the gap around the body; where it creeps, around the body with less margin."""
-    creeps = abs(v) <= problem.motion.creep and abs(vy) <= problem.motion.creep
-    body = problem.tight if creeps else problem.body
-    x, y, c, s = here
-    return gap(problem.space.clearance, body.coarse, COARSE, body.discs, x, y, c, s)
 
 
 @compiled
@@ -349,51 +356,64 @@ def _sliding(motion: Motion, vy: float, wanted: float, time: float, v: float, mo
 
 
 @compiled
+@borrows
 def _crowded(
-    problem: RolloutProblem, body: Body, place: tuple[float, float, float, float], time: float
+    moving: NDArray[np.float64],
+    sides: NDArray[np.float64],
+    weights: Weights,
+    place: tuple[float, float, float, float],
+    time: float,
 ) -> float:
     """Return 0 to 1, the nearer something that moves is, or soon will be; 2 if they touch."""
     x, y, c, s = place
-    now = gap_to_moving(problem.space, body, x, y, c, s, time)
+    now = gap_to_moving(moving, sides, x, y, c, s, time)
     if now <= 0.0:
         return 2.0
-    later = gap_to_moving(problem.space, body, x, y, c, s, time + _LET_PASS_S)
-    between = gap_to_moving(problem.space, body, x, y, c, s, time + 0.5 * _LET_PASS_S)
+    pass_s = weights.let_pass_s
+    later = gap_to_moving(moving, sides, x, y, c, s, time + pass_s)
+    between = gap_to_moving(moving, sides, x, y, c, s, time + 0.5 * pass_s)
     least = max(min(now, between, later), 0.0)
-    return max(1.0 - least / problem.weights.people_comfort, 0.0) ** 2
+    return max(1.0 - least / weights.people_comfort, 0.0) ** 2
 
 
 @compiled
+@borrows
 def _in_the_way(problem: RolloutProblem, x: float, y: float, on_x: float, on_y: float) -> float:
     """Return 0 to 1, the closer people will come to a robot that goes on from x, y like that."""
-    most, comfort = 0.0, problem.weights.people_comfort
+    most, comfort, late = 0.0, problem.weights.people_comfort, problem.weights.later_s
     for i in range(len(problem.space.moving)):
         mx, my, vx, vy, radius = problem.space.moving[i]
         dx, dy = mx + problem.tau_s * vx - x, my + problem.tau_s * vy - y
         vx, vy = vx - on_x, vy - on_y
-        later = min(max(-(dx * vx + dy * vy) / (vx * vx + vy * vy + 1e-9), 0.0), _LATER_S)
+        later = min(max(-(dx * vx + dy * vy) / (vx * vx + vy * vy + 1e-9), 0.0), late)
         gap = np.hypot(dx + later * vx, dy + later * vy) - radius - problem.body.reach
         most = max(most, 1.0 - max(gap, 0.0) / comfort)
     return most * most
 
 
 @compiled
+@borrows
 def _looking_elsewhere(
-    problem: RolloutProblem, j: int, place: tuple[float, float, float, float]
+    path: NDArray[np.float64],
+    spacing: float,
+    gear: float,
+    j: int,
+    ahead: int,
+    place: tuple[float, float, float, float],
 ) -> float:
     """Return 0 if the robot looks to the path ahead of its point j, 1 if it looks away from it."""
     x, y, c, s = place
-    path, gear = problem.path, problem.gear
-    target = min(j + problem.ahead, len(path) - 1)
+    target = min(j + ahead, len(path) - 1)
     on_x, on_y = gear * (path[target, 0] - x), gear * (path[target, 1] - y)
     length = float(np.hypot(on_x, on_y))
     aligned = float(c * path[target, 2] + s * path[target, 3])
-    if length > 2.0 * problem.spacing:
+    if length > 2.0 * spacing:
         aligned = (c * on_x + s * on_y) / length
     return 0.5 * (1.0 - aligned)
 
 
 @compiled
+@borrows
 def _along(
     path: NDArray[np.float64], spacing: float, gear: float, j: int, x: float, y: float
 ) -> float:
@@ -415,8 +435,10 @@ def cheapest(
     chosen = braked(problem)
     known, count = np.empty((_KNOWN, 4)), 0
     nothing = np.empty((0, 3))
+    motion, v_most, now = problem.motion, problem.v_most, (problem.v, problem.omega, problem.vy)
     for i in range(len(targets)):
-        v, omega, vy = first_velocity(problem, targets[i, 0, 0], targets[i, 0, 1], targets[i, 0, 2])
+        target = targets[i, 0, 0], targets[i, 0, 1], targets[i, 0, 2]
+        v, omega, vy = first_velocity(motion, v_most, now, target)
         # Far targets have the same first step.
         admissible = -1.0
         for k in range(min(count, _KNOWN)):

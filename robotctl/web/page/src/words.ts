@@ -166,6 +166,7 @@ export const words = {
     place: (method: string, isKnown: boolean, status: string, sigma: number, particles: number) =>
       `${method}: ${status}${isKnown ? `, ±${sigma.toFixed(2)} m` : ""}` +
       (particles > 0 ? `, ${plural(particles, "particle")}` : ""),
+    verdict: (said: string) => `Map: ${said}`,
   },
   tools: {
     name: "What a click on the map does",
@@ -551,5 +552,11 @@ export const words = {
     percent: (share: number) => `${Math.round(100 * share)} %`,
     celsius: (value: number) => `${Math.round(value)} °C`,
     left: (size: string) => `${size} left`,
+    steps: (period: number, late: number, count: number) =>
+      `Steps of navigation every ${period} ms; ${late} of ${count} took longer`,
+    part: "Part",
+    median: "Median, ms",
+    high: "99 %, ms",
+    inAll: "in all",
   },
 };

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from robotctl.drivers.can.drives.interlock import Interlock
 from robotctl.drivers.can.drives.session import (
     ANSWER_NS,
     ATTEMPTS,
@@ -13,7 +12,6 @@ from robotctl.drivers.can.drives.session import (
     Exchange,
     Session,
 )
-from robotctl.messages.actuators import DriveState
 from robotctl.messages.faults import Fault, FaultCode
 
 MS = 1_000_000
@@ -183,31 +181,3 @@ def test_the_status_is_another_object_only_now_and_then(rig):
         seen.add(id(rig.session.status))
     assert 2 <= len(seen) <= 4
     assert rig.now_ns - rig.session.status.heartbeat_ns <= 60 * MS
-
-
-def test_the_first_cause_of_a_latch_stays_but_an_emergency_stop_is_told():
-    lock = Interlock()
-    first, second = (Fault(FaultCode.DRIVE_FAULT, text) for text in ("first", "second"))
-    lock.latch(DriveState.FAULT, first)
-    lock.latch(DriveState.STOPPED, second)
-    assert (lock.state, lock.fault) == (DriveState.FAULT, first)
-    lock.latch(DriveState.EMERGENCY_STOP, second)
-    assert lock.state is DriveState.EMERGENCY_STOP
-
-
-def test_power_needs_a_disabled_command_first():
-    lock = Interlock()
-    assert not lock.admits(True, True), "none has been disabled yet"
-    assert not lock.admits(False, True)
-    assert lock.admits(True, True)
-    lock.latch(DriveState.FAULT)
-    assert not lock.admits(True, True)
-    lock.clear()
-    assert not lock.admits(True, True)
-    lock.admits(False, True)
-    assert lock.admits(True, True)
-    assert not lock.admits(True, False)
-    assert not lock.admits(True, True), "it was out of service in between"
-    lock.admits(False, True)
-    lock.withhold()
-    assert not lock.admits(True, True)

@@ -1,11 +1,13 @@
 """Scan matching: known motions are found, what is not seen is not claimed."""
 
+import math
+
 import numpy as np
 import pytest
 
 from robotctl.estimation.slam.front_end.agreement import agreement, view_of
 from robotctl.estimation.slam.front_end.correlative import POINTS_AS_ONE, Window, search
-from robotctl.estimation.slam.front_end.point_to_line import binned, refine
+from robotctl.estimation.slam.front_end.point_to_line import binned, refine, share_on_map
 from robotctl.estimation.slam.front_end.score_field import LEVELS, RESOLUTION_M, score_field
 from robotctl.estimation.slam.front_end.surface import surface_of
 from robotctl.model.geometry.se2 import SE2
@@ -106,6 +108,14 @@ def test_branch_and_bound_finds_what_trying_all_poses_finds(seed, window):
         assert other.score == pytest.approx(scores[others == others.max()].max(), abs=1e-12)
 
 
+def test_half_a_turn_to_either_side_is_one_heading():
+    first, _ = surfaces(ROOM, SE2())
+    field, behind = score_field(first.outline), SE2(0.0, 0.0, math.pi)
+    found = search(field, first.points, Window(behind, 0.5, math.pi), 0.5)
+    assert abs(math.remainder(found.pose.theta_rad, math.tau)) < 0.05
+    assert search(field, first.points, Window(behind, 0.3, math.pi), 0.9, found.pose) is None
+
+
 def test_a_search_finds_nothing_below_the_least_score():
     first, second = surfaces(ROOM, SE2(0.2, 0.1, 0.1))
     field, window = score_field(first.outline), Window(SE2(), 0.6, 0.3)
@@ -141,7 +151,33 @@ def test_a_wall_that_a_beam_went_through_contradicts():
     near = np.concatenate([CORRIDOR, box(3.0, -1.0, 0.1, 2.0)])
     through, blocked = (scan_of(walls, SE2(), rng) for walls in (CORRIDOR, near))
     surface = surface_of(blocked)
-    same = agreement(view_of(blocked), surface.points, surface.weights, SE2())
-    other = agreement(view_of(through), surface.points, surface.weights, SE2())
+    same = agreement(view_of(blocked), surface, SE2())
+    other = agreement(view_of(through), surface, SE2())
     assert same.of_seen == 1.0
     assert other.contradicts > 0.05
+
+
+def test_the_two_sides_of_a_wall_are_not_the_same():
+    rng = np.random.default_rng(0)
+    wall = np.array([[[2.0, -6.0], [2.0, 6.0]]])
+    before, behind = SE2(0.0, 0.0, 0.0), SE2(4.0, 0.0, math.pi)
+    front, back = (surface_of(scan_of(wall, each, rng)) for each in (before, behind))
+    view = view_of(scan_of(wall, before, rng))
+    assert agreement(view, front, SE2()).agrees > 0.9
+    seen = agreement(view, back, behind)
+    assert seen.agrees < 0.3  # what has no normal, far along the wall
+    assert seen.contradicts == 0.0
+
+
+def test_a_scan_lies_on_its_own_walls_only_where_it_was_taken():
+    surface = surface_of(scan_of(ROOM, SE2(), np.random.default_rng(0)))
+    walls = binned(surface)
+    assert share_on_map(walls, surface, SE2()) == pytest.approx(1.0)
+    assert share_on_map(walls, surface, SE2(0.0, 0.0, 0.5)) < 0.5
+
+
+def test_points_far_along_a_corridor_say_nothing_of_walls():
+    surface = surface_of(scan_of(CORRIDOR, SE2(), np.random.default_rng(0)))
+    walls = surface.walls
+    assert 0 < len(walls.points) < len(surface.points)
+    assert np.abs(walls.points[:, 0]).max() < 0.7 * np.abs(surface.points[:, 0]).max()

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from robotctl.estimation.slam.front_end.surface import surface_of
 from robotctl.estimation.slam.keyframes.back_end import BackEnd, KeyframeLink
-from robotctl.estimation.slam.keyframes.keyframe import keyframe_of
+from robotctl.estimation.slam.keyframes.growing_map import GrowingMap
+from robotctl.estimation.slam.keyframes.keyframe import Keyframe
 from robotctl.estimation.slam.keyframes.linking import Linking
 from robotctl.estimation.slam.keyframes.loops import LoopSearch
 from robotctl.estimation.slam.local_scans.sonar import SOURCE
@@ -21,14 +21,14 @@ AROUND = np.radians(np.arange(-180.0, 180.0, 2.0))
 def test_a_match_with_a_known_place_lies_within_three_times_the_doubt(sigma_rad, is_linked):
     rng, poses = np.random.default_rng(1), [SE2(2.0, 1.5, 0.0), SE2(2.2, 1.7, 0.3)]
     scans = [scan_of(ROOM, pose, rng, angles=AROUND) for pose in poses]
-    keyframes = [keyframe_of(each, surface_of(each), 9.0 * n) for n, each in enumerate(scans)]
+    keyframes = [Keyframe(each, 9.0 * n) for n, each in enumerate(scans)]
     back_end, true = BackEnd(), poses[0].inverse() @ poses[1]
     turned = SE2(true.x_m, true.y_m, true.theta_rad + 0.15)
     for pose in (SE2(), turned):
         back_end.add(pose)
     back_end.link(KeyframeLink(0, 1, turned, np.diag([900.0, 900.0, sigma_rad**-2])))
-    loops = LoopSearch(SOURCE.config, keyframes, back_end)
-    Linking(SOURCE.config, keyframes, back_end, loops).link_near(1, [], has_odometry=True)
+    growing = GrowingMap(SOURCE.config, keyframes, back_end)
+    Linking(growing, LoopSearch(growing)).link_near(1, [], 0.0)
     links = back_end.links[1:]
     assert len(links) == is_linked
     for link in links:

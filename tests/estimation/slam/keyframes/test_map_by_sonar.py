@@ -10,7 +10,7 @@ from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.estimation.slam.keyframes.motion import OdometryAnchor, PredictedMotion, ScanPose
 from robotctl.estimation.slam.keyframes.saved_map import restored, whole_map
 from robotctl.estimation.slam.local_scans.sonar import SOURCE
-from robotctl.estimation.slam.local_scans.source import CALIBRATED
+from robotctl.estimation.slam.local_scans.source import UNKNOWN_WHEELS
 from robotctl.model.geometry.se2 import SE2
 from tests.estimation.slam.keyframes.test_mapper import OFFICE
 from tests.estimation.slam.lidar_world import along, drifting
@@ -90,8 +90,8 @@ def test_a_robot_whose_odometry_lived_on_is_as_sure_as_odometry_is(record):
     link = next(each for each in mapper.back_end.links if each.second == last + 1)
     sigma_m, sigma_rad = np.sqrt(np.diag(np.linalg.inv(link.information)))[[0, 2]]
     way_m = np.hypot(link.pose.x_m, link.pose.y_m)
-    assert CALIBRATED.sigma_m(way_m, 0.0) <= sigma_m < 2.0 * CALIBRATED.sigma_m(way_m, 1.0)
-    assert sigma_rad < 2.0 * CALIBRATED.sigma_rad(way_m, 1.0)
+    assert UNKNOWN_WHEELS.sigma_m(way_m, 0.0) <= sigma_m < 2.0 * UNKNOWN_WHEELS.sigma_m(way_m, 1.0)
+    assert sigma_rad < 2.0 * UNKNOWN_WHEELS.sigma_rad(way_m, 1.0)
     assert np.hypot(end.x_m, end.y_m) > 1.0
     after_m, _ = off(mapper, POSES[HALF + scans[-1].scan.stamp_ns // 50_000_000])
     assert after_m < before_m + 0.1
@@ -125,13 +125,13 @@ def test_a_doubted_heading_moves_what_comes_after_it():
     """Against many robots that were turned by chance before they drove on."""
     rng, odometry = np.random.default_rng(4), SE2(2.0, 0.0, 0.3)
     kept = OdometryAnchor(SE2(0.2, 0.1, 0.5), SE2(), PredictedMotion(SE2(), 0.1, 0.17))
-    known = kept.moved_to(odometry, CALIBRATED)
+    known = kept.moved_to(odometry, UNKNOWN_WHEELS)
     ends = [
         kept.pose @ SE2(*(rng.normal(size=3) * (0.1, 0.1, 0.17)).tolist()) @ odometry
         for _ in range(2000)
     ]
     offs = [known.motion.inverse() @ each for each in ends]
     spread = np.std([(each.x_m, each.y_m, each.theta_rad) for each in offs], axis=0)
-    wheels_m = CALIBRATED.sigma_m(2.0, 0.3)
+    wheels_m = UNKNOWN_WHEELS.sigma_m(2.0, 0.3)
     assert known.sigma_m == pytest.approx(np.hypot(spread[:2].max(), wheels_m), rel=0.1)
     assert known.sigma_rad == pytest.approx(spread[2], rel=0.1)

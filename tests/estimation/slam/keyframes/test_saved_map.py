@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
+from robotctl.estimation.slam.keyframes.growing_map import GrowingMap
 from robotctl.estimation.slam.keyframes.loops import LoopSearch
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.estimation.slam.keyframes.saved_map import ChangeLog, compacted, encoded, restored
@@ -77,11 +78,11 @@ def resumed(driven, **settings):
 
 def test_a_loaded_map_has_loops_before_its_shapes_are_known(driven):
     mapper, _ = driven
-    loops = LoopSearch(mapper.config, mapper.keyframes, mapper.back_end)
+    loops = LoopSearch(GrowingMap(mapper.config, mapper.keyframes, mapper.back_end))
     last = len(mapper.keyframes) - 1
     doubts = np.full((last + 1, 2), (0.4, 0.1))
-    loops.enter(last)
-    loops.consider(last, np.arange(last - 20), doubts, has_odometry=True)
+    loops.enter(last, 0.0)
+    loops.consider(last, np.arange(last - 20), doubts)
     loops.step()
     assert [each.found_by for each in loops.log] == ["position"]
 

@@ -17,7 +17,7 @@ from robotctl.estimation.slam.keyframes.saved_map import (
     whole_map,
 )
 from robotctl.estimation.slam.keyframes.seen_places import SeenPlaces
-from robotctl.estimation.slam_tuning import ShapeConfig, SlamTuning
+from robotctl.estimation.slam_tuning import LoopClosureConfig, ShapeConfig, SlamTuning
 from robotctl.maps.vocabulary_file import load_vocabulary, shipped_vocabulary
 from robotctl.model.geometry.se2 import SE2
 from tests.estimation.places.visual.drawn import drawn_wall
@@ -87,15 +87,16 @@ def test_the_last_images_are_kept():
 
 @pytest.mark.parametrize("is_alike", [False, True])
 def test_a_place_that_is_known_again_by_its_image_closes_the_loop(is_alike):
-    # Bare corridors tell no length to scans without odometry; nor do shapes count here.
+    # Bare corridors tell no length to scans without odometry; nothing but images is looked for.
     things = [(1.0, 0.0, 0.5, 0.4), (3.0, 1.7, 0.4, 0.3), (0.0, 3.0, 0.3, 0.6),
               (5.0, 0.0, 0.3, 0.5), (1.7, 4.5, 0.3, 0.8)]  # fmt: skip
     walls = np.concatenate(
         [box(0.0, 0.0, 20.0, 12.0), box(2.0, 2.0, 16.0, 8.0), *(box(*each) for each in things)]
     )
     poses = along([(1.0, 1.0), (19.0, 1.0), (19.0, 11.0), (1.0, 11.0), (1.0, 1.0), (9.0, 1.0)])
-    no_shapes = KeyframeConfig(tuning=SlamTuning(shapes=ShapeConfig(candidates=0)))
-    rng, mapper = np.random.default_rng(1), SlamMapper(no_shapes)
+    loops = LoopClosureConfig(drift=0.0, near_m=0.01, gate=0.01)
+    tuning = SlamTuning(shapes=ShapeConfig(candidates=0), loops=loops)
+    rng, mapper = np.random.default_rng(2), SlamMapper(KeyframeConfig(tuning=tuning))
     seen = SeenPlaces(load_vocabulary(shipped_vocabulary()), mapper)
     for number, pose in enumerate(poses):
         mapper.add(scan_of(walls, pose, rng, reach_m=6.0, stamp_ns=number * 500_000_000))

@@ -10,9 +10,8 @@ from robotctl.estimation.ranging.segment_index import distances
 from robotctl.estimation.ranging.sonar_cones import SonarCones
 from robotctl.estimation.ranging.sonar_config import SonarModelConfig
 from robotctl.estimation.ranging.wall_echoes import WallEchoes
-from robotctl.estimation.slam.front_end.surface import surface_of
 from robotctl.estimation.slam.keyframes.back_end import BackEnd, KeyframeLink
-from robotctl.estimation.slam.keyframes.keyframe import honest, keyframe_of, match_pair
+from robotctl.estimation.slam.keyframes.keyframe import Keyframe, honest, match_pair
 from robotctl.estimation.slam.keyframes.mapper import SlamMapper
 from robotctl.estimation.slam.local_scans.gathered import scan_of_points
 from robotctl.estimation.slam.local_scans.sonar import SOURCE, SonarScans, echo_direction
@@ -155,7 +154,7 @@ def test_two_stretches_of_a_corridor_stay_where_they_are_along_it():
     rng = np.random.default_rng(1)
     old_at, new_at = SE2(0.3, 0.2, 0.05), SE2(1.0, -0.3, 3.0)
     scans = [scan_of(walls, at, rng, reach_m=4.0, angles=AROUND) for at in (old_at, new_at)]
-    first, second = (keyframe_of(scan, surface_of(scan), 0.0) for scan in scans)
+    first, second = (Keyframe(scan, 0.0) for scan in scans)
     start = old_at.inverse() @ SE2(new_at.x_m + 0.4, new_at.y_m + 0.05, new_at.theta_rad + 0.03)
     found = old_at @ match_pair(first, second, start, SOURCE.config, 0.5).pose
     assert found.x_m == pytest.approx(new_at.x_m + 0.4, abs=0.03)

@@ -14,12 +14,14 @@ from robotctl.model.geometry.twist import Twist
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.planning.behave.behaviours.behaviour import BehaviourInput, Status
 from robotctl.planning.behave.behaviours.breadcrumbs import Breadcrumbs
+from robotctl.planning.behave.behaviours.circle import CircleItem
 from robotctl.planning.behave.behaviours.dock import DockItem
 from robotctl.planning.behave.behaviours.explore import ExploreItem
 from robotctl.planning.behave.behaviours.follow_path import DriveItem
 from robotctl.planning.behave.behaviours.follow_wall import FollowWallItem, Until
 from robotctl.planning.behave.behaviours.goto import GotoItem
 from robotctl.planning.behave.behaviours.goto_place import GotoPlaceItem
+from robotctl.planning.behave.behaviours.keep_distance import KeepDistanceItem
 from robotctl.planning.behave.behaviours.kind import NavigatedRobot
 from robotctl.planning.behave.behaviours.registry import BEHAVIOURS, behaviour_for
 from robotctl.planning.behave.behaviours.straight_to import StraightToItem
@@ -44,6 +46,8 @@ WANTED = [
     GotoPlaceItem("goto_place", "den"),
     PositionRequest(2.0, 1.0),
     DockItem("dock", 0.2),
+    KeepDistanceItem("keep_distance", 0.5, 10.0),
+    CircleItem("circle", 2.0, 1.0, 0.8),
     ExploreRequest(),
     PlaceRequest("den"),
     WaitForItem("wait_for", go_ahead=True),
@@ -67,7 +71,7 @@ def test_each_can_be_made_paused_and_begun_anew(wanted, differential) -> None:
         differential.mounts,
         None,
         SE2(),
-        has_lidar=True,
+        lidars=1,
         topology=little_world().map,
     )
     nothing = RangeScan(1, np.linspace(-3.0, 3.0, 90), np.full(90, math.inf), 6.0)

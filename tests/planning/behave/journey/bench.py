@@ -85,7 +85,7 @@ class Bench:
         given = None if grid is None else GridMap(grid, SIDE_M)
         self.pilot = MapPilot(
             config or NavigationConfig(), DRIVE, LIMITS, BODY, (), given, start,
-            has_lidar=True, **kwargs,
+            lidars=1, **kwargs,
         )  # fmt: skip
         self.beams = beams
         self.sees = True

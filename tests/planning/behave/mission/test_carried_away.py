@@ -43,7 +43,7 @@ def learn_map(run):
             robot.mounts,
             CHART,
             run.world.pose,
-            has_lidar=False,
+            lidars=0,
         )
     )
 

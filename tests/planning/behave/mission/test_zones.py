@@ -87,15 +87,22 @@ waypoints = [[1.0, 1.0], [4.0, 1.0]]
 kind = "goto"
 x_m = 2.5
 y_m = 1.0
+
+[[item]]
+kind = "circle"
+x_m = 2.5
+y_m = 2.2
+radius_m = 0.9
 """
 
 
 def test_what_leads_into_a_keep_out_zone_is_refused_with_the_zone():
     with pytest.raises(ConfigError) as refused:
         parse_mission(MISSION.replace("SPEED", ""), "rounds.toml")
-    first, second = str(refused.value).splitlines()
+    first, second, third = str(refused.value).splitlines()
     assert "item[0].waypoints: lead through the keep-out zone stairs" in first
     assert "item[1].x_m: the goal is in the keep-out zone stairs" in second
+    assert "item[2].radius_m: leads through the keep-out zone stairs" in third
 
 
 def test_a_slow_zone_may_be_driven_through():

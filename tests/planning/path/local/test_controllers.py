@@ -44,7 +44,7 @@ def nobody(_):
     return np.empty((0, 5))
 
 
-def drive(name, space, plan, start, seconds, model=DRIVE, seed=0, moving=nobody):
+def drive(name, space, plan, start, seconds, model=DRIVE, seed=0, moving=nobody, effort=1.0):
     """Yield time, pose, twist and motion of each step of a robot that follows a plan.
 
     Commands arrive a step late, and 1 cm and 1 degree of noise are on its pose.
@@ -59,7 +59,7 @@ def drive(name, space, plan, start, seconds, model=DRIVE, seed=0, moving=nobody)
         x_m, y_m, angle = rng.normal(0.0, (0.01, 0.01, math.radians(1.0)))
         seen = SE2(pose.x_m + x_m, pose.y_m + y_m, pose.theta_rad + angle)
         situation = LocalSituation(
-            seen, twist, plan.poses, reverse, space, moving(0.05 * i), LIMITS.v_max_m_s
+            seen, twist, plan.poses, reverse, space, moving(0.05 * i), LIMITS.v_max_m_s, effort
         )
         motion = controller.step(situation)
         for _ in range(5):
@@ -75,13 +75,13 @@ def drive(name, space, plan, start, seconds, model=DRIVE, seed=0, moving=nobody)
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(("seed", "effort"), [(0, 1.0), (1, 1.0), (2, 1.0), (3, 1.0), (0, 0.1)])
 @TURNERS
-def test_it_arrives_in_clutter_without_touching_anything(name, seed, model):
+def test_it_arrives_in_clutter_without_touching_anything(name, seed, effort, model):
     space, start, goal = cluttered(seed)
     plan = PLANNERS["astar"](PlannerConfig()).plan(space, start, goal)
     assert isinstance(plan, Plan)
-    for time_s, pose, _, motion in drive(name, space, plan, start, 30.0, model):
+    for time_s, pose, _, motion in drive(name, space, plan, start, 30.0, model, effort=effort):
         at = space.to_cells(pose)
         assert not space.collides(np.array([[at.x_m, at.y_m, at.theta_rad]])).any()
         if motion.arrived:

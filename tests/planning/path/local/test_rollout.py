@@ -26,7 +26,7 @@ class StraightOn:
     def reset(self):
         pass
 
-    def choose(self, problem):
+    def choose(self, problem, effort):
         self.drawn = np.full((self.steps, 3), np.nan)
         targets = np.array([[[problem.v, 0.0, 0.0]]])
         _, v, omega, vy = cheapest(problem, targets, self.drawn)

@@ -97,8 +97,9 @@ def test_after_each_step_braking_ends_before_anything_is_touched(name, kind, see
     roomy = Footprint(tuple((1.02 * x, 1.02 * y) for x, y in body.corners))
     assume(not touches(roomy, cells, braking(pose, twist)))
     controller = CONTROLLERS[name](CONFIG, drive, LIMITS, body)
-    for _ in range(20):
-        situation = LocalSituation(pose, twist, path, reverse, space, np.empty((0, 5)), 2.0)
+    for i in range(20):
+        effort = (1.0, 0.125)[i % 2]
+        situation = LocalSituation(pose, twist, path, reverse, space, np.empty((0, 5)), 2.0, effort)
         motion = controller.step(situation)
         twist = Twist(motion.v_m_s, motion.omega_rad_s, motion.vy_m_s)
         driven = [integrate(pose, twist, 0.005 * (i + 1)) for i in range(10)]

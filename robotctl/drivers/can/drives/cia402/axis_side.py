@@ -22,7 +22,7 @@ from robotctl.messages.actuators import NEVER_NS, ActuatorFeedback, DriveState
 from robotctl.messages.faults import Fault, FaultCode
 
 _NEW_NS: Final = 20_000_000
-"""Age of a state that is still one of now [ns]."""
+"""Maximum age of a current state [ns]."""
 
 
 class AxisSide:
@@ -97,11 +97,11 @@ class AxisSide:
 
     @property
     def state(self) -> int:
-        """State that it told last."""
+        """Last reported state."""
         return STATES[self._received.values[self.status_place] & STATUS_MASK]
 
     def is_enabled(self, now_ns: int) -> bool:
-        """Return whether it tells, and not only told, that it is enabled."""
+        """Return whether it reports now, and not only some time ago, that it is enabled."""
         told_ns = self._received.stamps_ns[self.status_pdo]
         return self.state == OPERATION_ENABLED and now_ns - told_ns <= _NEW_NS
 
@@ -125,7 +125,7 @@ class AxisSide:
     def report(
         self, interlock: Interlock, rated_a: float, voltage_v: float | None, supply_ns: int
     ) -> ActuatorFeedback:
-        """Return the newest of it.
+        """Return its newest report.
 
         Parameters
         ----------

@@ -29,8 +29,7 @@ from robotctl.drivers.can.drives.cia402.wire import (
     Role,
 )
 from robotctl.drivers.can.drives.motor_drive import DriveNeeds, MotorDrive
-from robotctl.drivers.can.nodes.node import HEARTBEAT_BASE
-from robotctl.drivers.can.nodes.sdo import NODE_ID_MAX, REQUEST_BASE, RESPONSE_BASE
+from robotctl.drivers.can.nodes.identifiers import NODE_ID_MAX, CobId
 from robotctl.drivers.can.probe import Probe
 from robotctl.errors import InvalidValue
 from robotctl.messages.faults import FaultCode
@@ -168,7 +167,7 @@ class Cia402Motor:
         return f"misses {found.value} after command_timeout_ms; it does not say that it brakes"
 
     def ages(self, safety: SafetyConfig, period_ns: int) -> tuple[AgeLimit, ...]:
-        """Return how old what it tells may be."""
+        """Return the maximum ages of its reports."""
         wheels_ns = safety.feedback_timeout_periods * period_ns
         status_ns = safety.status_timeout_ms * 1_000_000
         name = self.name
@@ -226,15 +225,15 @@ class Cia402Motor:
         read_hz = 1e9 / READ_NS
         frames = [
             Cyclic(
-                f"{name} heartbeat", HEARTBEAT_BASE + node_id, 1, 1000.0 / self._beat_ms(safety)
+                f"{name} heartbeat", CobId.HEARTBEAT + node_id, 1, 1000.0 / self._beat_ms(safety)
             ),
-            Cyclic(f"{name} read", REQUEST_BASE + node_id, 8, read_hz),
-            Cyclic(f"{name} value", RESPONSE_BASE + node_id, 8, read_hz),
+            Cyclic(f"{name} read", CobId.SDO_REQUEST + node_id, 8, read_hz),
+            Cyclic(f"{name} value", CobId.SDO_RESPONSE + node_id, 8, read_hz),
         ]
         if any(pdo.every for pdo in layout.transmit):
-            frames.append(Cyclic("Sync", 0x080, 0, rate_hz))
+            frames.append(Cyclic("Sync", CobId.SYNC, 0, rate_hz))
         if device.silence is Silence.HEARTBEAT:
-            frames.append(Cyclic("host heartbeat", HEARTBEAT_BASE + self.host_id, 1, beat_hz))
+            frames.append(Cyclic("host heartbeat", CobId.HEARTBEAT + self.host_id, 1, beat_hz))
         for bases, word, pdos in (
             (RPDO_BASES, "command", layout.receive),
             (TPDO_BASES, "feedback", layout.transmit),

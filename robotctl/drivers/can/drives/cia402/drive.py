@@ -27,13 +27,8 @@ from robotctl.drivers.can.drives.cia402.wire import (
     Received,
 )
 from robotctl.drivers.can.drives.motor_drive import DriveNeeds
-from robotctl.drivers.can.nodes.node import (
-    NMT_ID,
-    NMT_OPERATIONAL,
-    NMT_RESET_NODE,
-    Node,
-    NodePhase,
-)
+from robotctl.drivers.can.nodes.identifiers import CobId, NmtCommand, NmtState
+from robotctl.drivers.can.nodes.node import Node, NodePhase
 from robotctl.drivers.can.nodes.node_part import NodePart
 from robotctl.messages.actuators import (
     ActuatorCommand,
@@ -43,10 +38,8 @@ from robotctl.messages.actuators import (
 from robotctl.messages.control import EmergencyStopSource
 from robotctl.messages.faults import Fault, FaultCode
 
-SYNC_ID: Final = 0x080
-
 STOP_MAX_S: Final = 0.5
-"""A quick stop that takes longer ends without power [s]."""
+"""Maximum time of a quick stop [s], after which the power is taken."""
 
 _READY: Final = NodePhase.READY
 
@@ -125,7 +118,7 @@ class Cia402Drive(NodePart):
     def _host_frames(self, plan: DriveSetup) -> dict[int, str]:
         """Return the names of the frames that only the host may send."""
         commands = [RPDO_BASES[pdo.number - 1] + plan.node_id for pdo in plan.layout.receive]
-        frames = {NMT_ID: "NmtControl", SYNC_ID: "Sync"}
+        frames: dict[int, str] = {CobId.NMT: "NmtControl", CobId.SYNC: "Sync"}
         frames |= dict.fromkeys(commands, f"command of {self._name}")
         if self._beat is not None:
             frames[self._beat.frame[0]] = f"heartbeat of the host for {self._name}"
@@ -218,7 +211,7 @@ class Cia402Drive(NodePart):
         if targets is None or not wants:
             wants, targets = False, self._targets.none
         self._readings.note(targets if wants else ())
-        if in_service or (self._found.is_mapped and node.status.nmt_state == NMT_OPERATIONAL):
+        if in_service or (self._found.is_mapped and node.status.nmt_state == NmtState.OPERATIONAL):
             word = switch.word(command.brake, 0.0 if wants else self._fastest())
             for arbitration_id, data in self._frames(word, targets):
                 send(arbitration_id, data)
@@ -232,7 +225,7 @@ class Cia402Drive(NodePart):
         text = f"{self._name} stays enabled although told to stop: no command reaches it"
         self._switch.interlock.explain(Fault(FaultCode.COMMAND_LOSS, text, self._name))
         self._is_fresh = True
-        send(NMT_ID, bytes((NMT_RESET_NODE, self.node.node_id)))
+        send(CobId.NMT, bytes((NmtCommand.RESET_NODE, self.node.node_id)))
 
     def _fastest(self) -> float:
         """Return the speed of the fastest wheel [rad/s]; 0 where none is told."""

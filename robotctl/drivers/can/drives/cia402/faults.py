@@ -19,6 +19,7 @@ Decode: TypeAlias = Callable[[int], Meaning]
 """Returns the meaning of a drive's error code, which is not 0."""
 
 HEARTBEAT_LOST: Final = 0x8130
+"""Error code of a lost heartbeat (CiA 301, 7.2.7.1)."""
 
 _CODES: Final = {
     0x2310: Meaning(FaultCode.DRIVE_OVER_CURRENT, "continuous over-current"),

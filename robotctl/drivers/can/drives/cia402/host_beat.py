@@ -7,12 +7,12 @@ from typing import Final
 from robotctl.drivers.can.bus_part import Send
 from robotctl.drivers.can.drives.cia402.device import Silence
 from robotctl.drivers.can.drives.cia402.settings import DriveSetup
-from robotctl.drivers.can.nodes.node import HEARTBEAT_BASE, NMT_OPERATIONAL
+from robotctl.drivers.can.nodes.identifiers import CobId, NmtState
 from robotctl.messages.actuators import NEVER_NS
 from robotctl.messages.ports import REMOTE_FLAG
 
 BEATS: Final = 4
-"""Heartbeats of the host within the drive's time-out: so many less one may be lost."""
+"""Heartbeats of the host within the drive's time-out: all but one may be lost."""
 
 
 class HostBeat:
@@ -44,9 +44,9 @@ def host_beat(plan: DriveSetup) -> HostBeat | None:
     """Return the heartbeat of the host, or the requests of node guarding; None: neither is set."""
     silence = plan.device.silence
     if silence is Silence.HEARTBEAT:
-        frame = HEARTBEAT_BASE + plan.host_id, bytes((NMT_OPERATIONAL,))
+        frame = CobId.HEARTBEAT + plan.host_id, bytes((NmtState.OPERATIONAL,))
     elif silence is Silence.GUARDING:
-        frame = HEARTBEAT_BASE + plan.node_id | REMOTE_FLAG, b"\0"
+        frame = CobId.HEARTBEAT + plan.node_id | REMOTE_FLAG, b"\0"
     else:
         return None
     return HostBeat(frame, plan.timeout_ms)

@@ -31,6 +31,8 @@ PROFILE: Final = 402
 _INVALID: Final = 0x8000_0000
 _NO_RTR: Final = 0x4000_0000
 _BY_EVENT: Final = 0xFF
+"""Device profile; bits of a COB-ID (not valid, no RTR) and transmission type by event (CiA 301,
+7.5.2)."""
 
 RAMP_S: Final = 0.1
 """Time from rest to the greatest speed by the drive's ramp: the host's limiter is slower [s]."""
@@ -50,6 +52,7 @@ _STAY, _STOP_NODE = 1, 2
 """Error behaviour 1029h: no change of the NMT state; stopped."""
 
 _MODE_READINGS: Final = 10
+"""Maximum readings until a drive shows the wanted mode."""
 
 _Preferred: TypeAlias = Generator[Request | Start, SdoResponse, "Fault | Setting"]
 

@@ -32,14 +32,15 @@ _RESET_PERIOD: Final = 8
 """Ticks from one rising edge of the reset bit to the next: a frame of one may be lost."""
 
 _DEAF_SHARE: Final = 5
-"""A drive still enabled after this part of the time of a quick stop does not hear the host."""
+"""Divisor of the time of a quick stop: a drive still enabled after that part does not hear the
+host."""
 
 FASTER_RAD_S: Final = 1.0
-"""A wheel faster by this than when its quick stop began is not being stopped: a loop with a wrong
-encoder accelerates."""
+"""Gain in speed since a quick stop began that shows that a wheel is not being stopped [rad/s]: a
+loop with a wrong encoder accelerates."""
 
 _UNEXPLAINED: Final = frozenset({FaultCode.DRIVE_STOPPED, FaultCode.DRIVE_FAULT})
-"""Faults that say of no cause."""
+"""Faults that name no cause."""
 
 
 class PowerSwitch:

@@ -12,8 +12,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
-RPDO_BASES: Final = (0x200, 0x300, 0x400, 0x500)
-TPDO_BASES: Final = (0x180, 0x280, 0x380, 0x480)
+from robotctl.drivers.can.nodes.identifiers import PDO_STEP, CobId
+
+RPDO_BASES: Final = tuple(CobId.RPDO + PDO_STEP * place for place in range(4))
+TPDO_BASES: Final = tuple(CobId.TPDO + PDO_STEP * place for place in range(4))
 """Predefined identifiers less the node id (CiA 301, 7.3.5)."""
 
 FAULT, FAULT_REACTION, NOT_READY, QUICK_STOP, SWITCH_ON_DISABLED = 0, 1, 2, 3, 4

@@ -70,7 +70,7 @@ class MoteusMotor:
         return (self.node_id,)
 
     def ages(self, safety: SafetyConfig, period_ns: int) -> tuple[AgeLimit, ...]:
-        """Return how old what it tells may be: one answer has all of it."""
+        """Return the maximum ages of its reports: one answer has all of it."""
         motion_ns = safety.feedback_timeout_periods * period_ns
         status_ns = safety.status_timeout_ms * 1_000_000
         name = self.name

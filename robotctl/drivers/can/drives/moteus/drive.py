@@ -24,7 +24,7 @@ CLEARING_NS: Final = 100_000_000
 _STOP, _QUERY = wire.pack_mode(wire.STOPPED), wire.pack_query()
 _BRAKE: Final = wire.pack_mode(wire.BRAKE)
 _SPEED_MAX_TURNS_S: Final = 1e4
-"""No motor turns faster; a command beyond is a slip."""
+"""Maximum commanded speed [turn/s]: no motor turns faster."""
 
 
 class MoteusDrive(SessionDrive):

@@ -16,7 +16,7 @@ from robotctl.messages.actuators import NEVER_NS, DriveState
 from robotctl.messages.faults import FaultCode
 
 STILL_NS: Final = 100_000_000
-"""A millisecond counter that stands for longer is that of a drive that hangs [ns]."""
+"""Time without a step of the millisecond counter after which the drive hangs [ns]."""
 
 LATE_MS: Final = 1000
 """Greatest lead of the counter over the host's clock [ms]; beyond it the drive has restarted."""

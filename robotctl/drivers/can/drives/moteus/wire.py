@@ -51,6 +51,7 @@ _VERSIONS_HEAD: Final = bytes.fromhex("2a 8102")
 _STREAM_WRITE, STREAM_ANSWER, _STREAM_POLL = 0x40, 0x41, 0x42
 _CHANNEL: Final = 1
 _STREAM_MAX: Final = 48
+"""Number of the diagnostic channel, and maximum bytes of an answer."""
 
 
 def command_id(number: int, *, answered: bool = True) -> int:

@@ -72,7 +72,7 @@ class NativeMotor:
                 raise InvalidValue("axes", f"ratio of {axis.actuator}: {problem}", axis.ratio)
 
     def ages(self, safety: SafetyConfig, period_ns: int) -> tuple[AgeLimit, ...]:
-        """Return how old what it tells may be."""
+        """Return the maximum ages of its reports."""
         wheels_ns = safety.feedback_timeout_periods * period_ns
         status_ns = safety.status_timeout_ms * 1_000_000
         name = self.name

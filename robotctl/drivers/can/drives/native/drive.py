@@ -121,7 +121,7 @@ class NativeDrive:
             alive.advance()
 
     def serve(self, send: Send, now_ns: int) -> bool:
-        """Send the next frame of its node services; whether there was one."""
+        """Send the next frame of its node services; return whether there was one."""
         return self._own.serve(send, now_ns)
 
     def emergency_stop(self, send: Send, source: EmergencyStopSource) -> bool:

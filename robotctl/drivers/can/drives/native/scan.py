@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from robotctl.drivers.can.drives.native.settings import PRODUCT
+from robotctl.drivers.can.nodes.commissioning import Product
 from robotctl.drivers.can.nodes.scan import CanopenProbe, Device, own_device
 from robotctl.drivers.can.probe import Found
 
@@ -15,5 +15,5 @@ def native_probe() -> CanopenProbe:
 
 
 def _describe(device: Device) -> Found | None:
-    found = own_device(device, {PRODUCT: "motor controller"})
+    found = own_device(device, {Product.MOTOR_CONTROLLER: "motor controller"})
     return None if found is None else replace(found, kind="native", axes=2)

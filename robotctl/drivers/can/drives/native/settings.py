@@ -9,6 +9,7 @@ from robotctl.drivers.can.bus_load import STEERING_STATUS, SYNC, transmission_ty
 from robotctl.drivers.can.dbc import Dbc
 from robotctl.drivers.can.nodes.commissioning import (
     HEARTBEAT,
+    Product,
     Script,
     Setting,
     configure_and_start,
@@ -18,7 +19,6 @@ from robotctl.drivers.can.nodes.commissioning import (
 )
 from robotctl.drivers.can.nodes.sdo import Request
 
-PRODUCT: Final = 1
 COUNTS_DIFFER: Final = "has {found} counts per revolution, the configuration says {wanted}"
 CLEAR_FAULTS: Final = Request(0x2010, 0, "clear faults", value=1, size=1)
 
@@ -48,7 +48,7 @@ def drive_script(
 
     def script() -> Script:
         return (
-            (yield from identify(PRODUCT))
+            (yield from identify(Product.MOTOR_CONTROLLER))
             or (yield from same_wire(dbc.wire_version))
             or (
                 yield from expect(

@@ -11,7 +11,7 @@ from robotctl.drivers.can.drives.motor_drive import DriveNeeds, MotorDrive
 from robotctl.drivers.can.drives.odrive import wire
 from robotctl.drivers.can.drives.odrive.drive import ODrive
 from robotctl.drivers.can.drives.odrive.scan import ODriveProbe
-from robotctl.drivers.can.drives.odrive.wire import NODE_ID_MAX
+from robotctl.drivers.can.drives.odrive.wire import NODE_ID_MAX, Command, NewCommand
 from robotctl.drivers.can.probe import Probe
 from robotctl.errors import InvalidValue
 from robotctl.messages.faults import FaultCode
@@ -90,7 +90,7 @@ class ODriveMotor:
         return (self.node_id,)
 
     def ages(self, safety: SafetyConfig, period_ns: int) -> tuple[AgeLimit, ...]:
-        """Return how old what it tells may be: its state comes with its heartbeat."""
+        """Return the maximum ages of its reports: its state comes with its heartbeat."""
         motion_ns = safety.feedback_timeout_periods * period_ns
         state_ns = safety.heartbeat_timeout_ms * 1_000_000
         supply_ns = max(safety.status_timeout_ms * 1_000_000, _TURN * period_ns)
@@ -112,24 +112,24 @@ class ODriveMotor:
         Estimates and heartbeat come by themselves besides, at the rates as it is delivered.
         """
         name, node_id = self.name, self.node_id
-        turn = wire.ERROR  # one of several messages of the same length, asked for in turn
+        turn = NewCommand.ERROR  # one of several messages of the same length, asked for in turn
         return (
-            Cyclic(f"{name} heartbeat", wire.can_id(node_id, wire.HEARTBEAT), 8, _HEARTBEAT_HZ),
+            Cyclic(f"{name} heartbeat", wire.can_id(node_id, Command.HEARTBEAT), 8, _HEARTBEAT_HZ),
             Cyclic(f"{name} status", wire.can_id(node_id, turn), 8, rate_hz),
             Cyclic(f"{name} status?", wire.request_id(node_id, turn), 0, rate_hz),
             Cyclic(
                 f"{name} estimates",
-                wire.can_id(node_id, wire.ENCODER_ESTIMATES),
+                wire.can_id(node_id, Command.ENCODER_ESTIMATES),
                 8,
                 rate_hz + _ESTIMATES_HZ,
             ),
             Cyclic(
                 f"{name} estimates?",
-                wire.request_id(node_id, wire.ENCODER_ESTIMATES),
+                wire.request_id(node_id, Command.ENCODER_ESTIMATES),
                 0,
                 rate_hz,
             ),
-            Cyclic(f"{name} command", wire.can_id(node_id, wire.SET_INPUT_VEL), 8, rate_hz),
+            Cyclic(f"{name} command", wire.can_id(node_id, Command.SET_INPUT_VEL), 8, rate_hz),
         )
 
     @staticmethod

@@ -13,6 +13,7 @@ from robotctl.drivers.can.drives.odrive.errors import Errors
 from robotctl.drivers.can.drives.odrive.feedback import Feedback
 from robotctl.drivers.can.drives.odrive.settings import READING_NS, ODriveSettings, answer_of
 from robotctl.drivers.can.drives.odrive.state import DRIVE, ENTER, STOP, AxisMachine
+from robotctl.drivers.can.drives.odrive.wire import Command, NewCommand, OldCommand
 from robotctl.drivers.can.drives.session_drive import SessionDrive
 from robotctl.messages.actuators import ActuatorCommand, ActuatorFeedback, DriveState
 from robotctl.messages.control import EmergencyStopSource
@@ -23,12 +24,12 @@ _VELOCITY_MAX: Final = wire.VELOCITY_MAX
 _EIGHT: Final = bytes(8)
 
 _TURNS_06: Final = (
-    *(wire.ERROR, wire.IQ, wire.TEMPERATURE),
-    *(wire.ERROR, wire.IQ, wire.BUS_VOLTAGE_CURRENT),
+    *(NewCommand.ERROR, Command.IQ, NewCommand.TEMPERATURE),
+    *(NewCommand.ERROR, Command.IQ, Command.BUS_VOLTAGE_CURRENT),
 )
 _TURNS_05: Final = (
-    *(wire.MOTOR_ERROR, wire.IQ, wire.ENCODER_ERROR),
-    *(wire.CONTROLLER_ERROR, wire.IQ, wire.BUS_VOLTAGE_CURRENT),
+    *(OldCommand.MOTOR_ERROR, Command.IQ, OldCommand.ENCODER_ERROR),
+    *(OldCommand.CONTROLLER_ERROR, Command.IQ, Command.BUS_VOLTAGE_CURRENT),
 )
 """Messages asked for in turn, one a tick, besides the estimates."""
 
@@ -62,10 +63,10 @@ class ODrive(SessionDrive):
         super().__init__(name, node_id, None, self._settings, READING_NS, needs)
         self._node_id = node_id
         self._axis = axis
-        self._velocity_id = wire.can_id(node_id, wire.SET_INPUT_VEL)
-        self._state_id = wire.can_id(node_id, wire.SET_AXIS_STATE)
-        self._mode_id = wire.can_id(node_id, wire.SET_CONTROLLER_MODE)
-        self._estimates_request = wire.request_id(node_id, wire.ENCODER_ESTIMATES)
+        self._velocity_id = wire.can_id(node_id, Command.SET_INPUT_VEL)
+        self._state_id = wire.can_id(node_id, Command.SET_AXIS_STATE)
+        self._mode_id = wire.can_id(node_id, Command.SET_CONTROLLER_MODE)
+        self._estimates_request = wire.request_id(node_id, Command.ENCODER_ESTIMATES)
         self._turns_05, self._turns_06 = (
             tuple(wire.request_id(node_id, command) for command in turns)
             for turns in (_TURNS_05, _TURNS_06)
@@ -81,24 +82,24 @@ class ODrive(SessionDrive):
             self._velocity_id: "Set_Input_Vel",
             self._state_id: "Set_Axis_State",
             self._mode_id: "Set_Controller_Mode",
-            wire.can_id(node_id, wire.CLEAR_ERRORS): "Clear_Errors",
+            wire.can_id(node_id, Command.CLEAR_ERRORS): "Clear_Errors",
         }
         self.handlers = self._make_handlers()
 
     def _make_handlers(self) -> dict[int, Handler]:
         """Return what takes the messages of either firmware."""
         handlers: dict[int, Handler] = {
-            wire.HEARTBEAT: self._on_heartbeat,
-            wire.ENCODER_ESTIMATES: self._feedback.on_estimates,
-            wire.IQ: self._feedback.on_current,
-            wire.BUS_VOLTAGE_CURRENT: self._feedback.on_voltage,
-            wire.TEMPERATURE: self._on_temperature,
-            wire.ERROR: self._errors.on_error,
-            wire.ENCODER_ERROR: self._errors.on_encoder_error,
-            wire.CONTROLLER_ERROR: self._errors.on_controller_error,
-            wire.VERSION: self._answers(wire.VERSION),
-            wire.ENCODER_COUNT: self._answers(wire.ENCODER_COUNT),
-            wire.TX_SDO: self._answers(wire.TX_SDO),
+            Command.HEARTBEAT: self._on_heartbeat,
+            Command.ENCODER_ESTIMATES: self._feedback.on_estimates,
+            Command.IQ: self._feedback.on_current,
+            Command.BUS_VOLTAGE_CURRENT: self._feedback.on_voltage,
+            NewCommand.TEMPERATURE: self._on_temperature,
+            NewCommand.ERROR: self._errors.on_error,
+            OldCommand.ENCODER_ERROR: self._errors.on_encoder_error,
+            OldCommand.CONTROLLER_ERROR: self._errors.on_controller_error,
+            NewCommand.VERSION: self._answers(NewCommand.VERSION),
+            OldCommand.ENCODER_COUNT: self._answers(OldCommand.ENCODER_COUNT),
+            NewCommand.TX_SDO: self._answers(NewCommand.TX_SDO),
         }
         return {wire.can_id(self._node_id, command): each for command, each in handlers.items()}
 
@@ -148,7 +149,7 @@ class ODrive(SessionDrive):
         return handle
 
     def _unreadable(self, name: str, data: bytes, why: str) -> None:
-        """Latch that a message says nothing."""
+        """Latch that a message cannot be read."""
         text = f"the ODrive's {name} is unreadable: {data.hex(' ') or 'no bytes'} ({why})"
         self._interlock.hold(DriveState.FAULT, FaultCode.DRIVE_UNREADABLE, text)
         self._refresh()
@@ -232,7 +233,7 @@ class ODrive(SessionDrive):
         """Send at most one frame of clearing, identification or settings."""
         if self._clear_wanted and self._in_service:
             data = b"" if self._errors.is_old else b"\0"
-            if not send(wire.can_id(self._node_id, wire.CLEAR_ERRORS), data):
+            if not send(wire.can_id(self._node_id, Command.CLEAR_ERRORS), data):
                 return False
             self._clear_wanted = False
             self._errors.clear(now_ns)
@@ -247,4 +248,4 @@ class ODrive(SessionDrive):
         self._errors.keep()
         self._interlock.stop(source)
         self._refresh()
-        return send(wire.can_id(self._node_id, wire.ESTOP), b"")
+        return send(wire.can_id(self._node_id, Command.ESTOP), b"")

@@ -11,7 +11,7 @@ from robotctl.messages.actuators import NEVER_NS, DriveState
 from robotctl.messages.faults import Fault, FaultCode
 
 STALE_NS: Final = 10_000_000
-"""Time after clearing in which an error may have been on its way before [ns]."""
+"""Time after clearing within which a received error may be from before [ns]."""
 
 _NONE: Final = (0, 0, 0, 0)
 

@@ -150,7 +150,7 @@ PROCEDURE_RESULTS: Final = (
 """Results of a requested state in firmware 0.6, by number."""
 
 FIRST_REFUSAL: Final = 4
-"""Results from this on say that a requested state could not be entered."""
+"""First of the results that say that a requested state could not be entered."""
 
 
 def refusal(result: int) -> str:

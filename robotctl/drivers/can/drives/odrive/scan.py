@@ -6,21 +6,23 @@ from collections.abc import Collection
 from typing import Final
 
 from robotctl.drivers.can.drives.odrive import wire
+from robotctl.drivers.can.drives.odrive.wire import Command, NewCommand, OldCommand
 from robotctl.drivers.can.probe import Found, Probe, Question, come_from_two
 from robotctl.messages.ports import EXTENDED_FLAG, FD_FLAG, REMOTE_FLAG, Frame
 
 _COMMAND_MASK: Final = 0x1F
+"""Bits of an identifier that are the command."""
 _OTHERS: Final = EXTENDED_FLAG | FD_FLAG
 
-PRESENCE: Final = (wire.BUS_VOLTAGE_CURRENT, wire.IQ, wire.ENCODER_ESTIMATES)
+PRESENCE: Final = (Command.BUS_VOLTAGE_CURRENT, Command.IQ, Command.ENCODER_ESTIMATES)
 """Messages that both firmwares send when they are asked for."""
 
 QUERIES: Final = frozenset(
-    {
-        *(wire.VERSION, wire.HEARTBEAT, wire.ERROR, wire.TX_SDO, wire.ENCODER_ESTIMATES),
-        *(wire.ENCODER_COUNT, wire.IQ, wire.TEMPERATURE, wire.BUS_VOLTAGE_CURRENT),
-        wire.CONTROLLER_ERROR,
-    }
+    (
+        *(NewCommand.VERSION, Command.HEARTBEAT, NewCommand.ERROR, NewCommand.TX_SDO, Command.IQ),
+        *(Command.ENCODER_ESTIMATES, OldCommand.ENCODER_COUNT, NewCommand.TEMPERATURE),
+        *(Command.BUS_VOLTAGE_CURRENT, OldCommand.CONTROLLER_ERROR),
+    )
 )
 """Messages that change nothing in an ODrive of either firmware, whatever their data."""
 
@@ -54,7 +56,7 @@ class ODriveProbe(Probe):
     def on_sent(self, question: Question, now_ns: int) -> None:
         """Note a question."""
         super().on_sent(question, now_ns)
-        if question.answer_id & _COMMAND_MASK == wire.VERSION:
+        if question.answer_id & _COMMAND_MASK == NewCommand.VERSION:
             self._version_asked.add(question.number)
 
     def obeyed_by(self, arbitration_id: int) -> Collection[int]:
@@ -76,12 +78,12 @@ class ODriveProbe(Probe):
             self._canopen.add(number & 0x7F)
             return
         node_id, command = divmod(number, _COMMAND_MASK + 1)
-        if command == wire.HEARTBEAT:
+        if command == Command.HEARTBEAT:
             self._on_heartbeat(node_id, frame)
         elif command in wire.HOST_FRAMES and self._beats_of(node_id):
             name = f"{wire.HOST_FRAMES[command]} to ODrive {node_id}"
             self.command_heard = self.command_heard or name
-        elif command == wire.VERSION or command in PRESENCE:
+        elif command == NewCommand.VERSION or command in PRESENCE:
             self._on_answer(node_id, command, frame)
 
     def _on_heartbeat(self, node_id: int, frame: Frame) -> None:
@@ -98,7 +100,7 @@ class ODriveProbe(Probe):
 
     def _beats_of(self, node_id: int) -> list[int]:
         """Return the times of heartbeats, which all must have been such and not CANopen's."""
-        identifier = wire.can_id(node_id, wire.HEARTBEAT)
+        identifier = wire.can_id(node_id, Command.HEARTBEAT)
         if node_id in self._no_beats or (identifier & 0x7F) in self._canopen:
             return []
         return self._beats.get(node_id, [])
@@ -110,7 +112,7 @@ class ODriveProbe(Probe):
         if frame.arbitration_id in self._unasked or len(frame.data) != 8:
             return
         self._meet(node_id)
-        if command != wire.VERSION:
+        if command != NewCommand.VERSION:
             return
         known = self._versions.setdefault(node_id, frame.data)
         if known is not frame.data:
@@ -121,7 +123,7 @@ class ODriveProbe(Probe):
         """Note that an ODrive is there, and ask for its version."""
         if node_id not in self.heard:
             self.heard.add(node_id)
-            self._open[node_id] = [_question(node_id, wire.VERSION)]
+            self._open[node_id] = [_question(node_id, NewCommand.VERSION)]
 
     def found(self) -> tuple[Found, ...]:
         """Return all that answered, or whose heartbeats were heard."""

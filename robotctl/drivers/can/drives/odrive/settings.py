@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from robotctl.drivers.can.drives.odrive import wire
+from robotctl.drivers.can.drives.odrive.wire import NewCommand, OldCommand
 from robotctl.drivers.can.drives.session import Exchange, Script
 from robotctl.messages.faults import Fault, FaultCode
 
@@ -26,6 +27,7 @@ ANSWER_NS: Final = 50_000_000
 """Time for an answer [ns]."""
 
 ATTEMPTS: Final = 4
+"""Number of times that an exchange is tried."""
 
 READING_NS: Final = 250_000_000
 """Period of reading a setting again in service [ns]."""
@@ -45,7 +47,7 @@ class Setting:
     @property
     def prefix(self) -> bytes:
         """Beginning of an answer about it, see `answer_of`."""
-        return _COMMAND_AND_ENDPOINT.pack(wire.TX_SDO, self.endpoint)
+        return _COMMAND_AND_ENDPOINT.pack(NewCommand.TX_SDO, self.endpoint)
 
     def value(self, answer: bytes) -> bytes:
         """Return its value in an answer."""
@@ -55,7 +57,7 @@ class Setting:
     def reading(self, node_id: int) -> Exchange:
         """Return the exchange that reads it."""
         return Exchange(
-            ((wire.can_id(node_id, wire.RX_SDO), wire.sdo_read(self.endpoint)),),
+            ((wire.can_id(node_id, NewCommand.RX_SDO), wire.sdo_read(self.endpoint)),),
             f"read of {self.name} (endpoint {self.endpoint})",
             self.prefix,
             ATTEMPTS,
@@ -69,7 +71,12 @@ class Setting:
         Only from firmware 0.6.11 on it is confirmed, so that it is over after one attempt.
         """
         return Exchange(
-            ((wire.can_id(node_id, wire.RX_SDO), wire.sdo_write(self.endpoint, self.wanted)),),
+            (
+                (
+                    wire.can_id(node_id, NewCommand.RX_SDO),
+                    wire.sdo_write(self.endpoint, self.wanted),
+                ),
+            ),
             f"write of {self.name} (endpoint {self.endpoint})",
             self.prefix,
             attempts=1,
@@ -90,7 +97,7 @@ def _words(value: bytes) -> str:
 
 def answer_of(command: int, data: bytes) -> bytes:
     """Return a message that only comes as an answer, as `Session.answer` takes it."""
-    return bytes((command,)) + (wire.sdo_content(data) if command == wire.TX_SDO else data)
+    return bytes((command,)) + (wire.sdo_content(data) if command == NewCommand.TX_SDO else data)
 
 
 @dataclass(slots=True)
@@ -120,9 +127,9 @@ class ODriveSettings:
     def commission(self) -> Script:
         """Identify the firmware; with 0.6, set and read back the watchdog."""
         self.is_old, self.kept = False, ()
-        answer = yield self._request(wire.VERSION, "Get_Version")
+        answer = yield self._request(NewCommand.VERSION, "Get_Version")
         if answer is None:
-            if (yield self._request(wire.ENCODER_COUNT, "Get_Encoder_Count")) is None:
+            if (yield self._request(OldCommand.ENCODER_COUNT, "Get_Encoder_Count")) is None:
                 text = "Get_Version (firmware 0.6) nor to Get_Encoder_Count (firmware 0.5)"
                 return Fault(FaultCode.NODE_NO_ANSWER, f"no answer to {text}")
             self.is_old = True

@@ -9,44 +9,55 @@ the motor.
 
 from __future__ import annotations
 
+import enum
 import struct
 from typing import Final, NamedTuple
 
 from robotctl.messages.ports import REMOTE_FLAG
 
 NODE_ID_MAX: Final = 62
-"""63 addresses all nodes without a number of their own."""
+"""Greatest number of a node; 63 addresses all that have none of their own."""
 
-# In both firmwares.
-HEARTBEAT: Final = 0x01
-ESTOP: Final = 0x02
-SET_AXIS_STATE: Final = 0x07
-ENCODER_ESTIMATES: Final = 0x09
-SET_CONTROLLER_MODE: Final = 0x0B
-SET_INPUT_VEL: Final = 0x0D
-IQ: Final = 0x14
-BUS_VOLTAGE_CURRENT: Final = 0x17
-CLEAR_ERRORS: Final = 0x18
 
-# In 0.5 alone.
-MOTOR_ERROR: Final = 0x03
-ENCODER_ERROR: Final = 0x04
-ENCODER_COUNT: Final = 0x0A
-CONTROLLER_ERROR: Final = 0x1D
+class Command(enum.IntEnum):
+    """Lower five bits of an identifier, in both firmwares."""
 
-# In 0.6 alone.
-VERSION: Final = 0x00
-ERROR: Final = 0x03
-RX_SDO: Final = 0x04
-TX_SDO: Final = 0x05
-TEMPERATURE: Final = 0x15
+    HEARTBEAT = 0x01
+    ESTOP = 0x02
+    SET_AXIS_STATE = 0x07
+    ENCODER_ESTIMATES = 0x09
+    SET_CONTROLLER_MODE = 0x0B
+    SET_INPUT_VEL = 0x0D
+    IQ = 0x14
+    BUS_VOLTAGE_CURRENT = 0x17
+    CLEAR_ERRORS = 0x18
 
-HOST_FRAMES: Final = {
-    ESTOP: "Estop",
-    SET_AXIS_STATE: "Set_Axis_State",
-    SET_CONTROLLER_MODE: "Set_Controller_Mode",
-    SET_INPUT_VEL: "Set_Input_Vel",
-    CLEAR_ERRORS: "Clear_Errors",
+
+class OldCommand(enum.IntEnum):
+    """Commands that only firmware 0.5 has."""
+
+    MOTOR_ERROR = 0x03
+    ENCODER_ERROR = 0x04
+    ENCODER_COUNT = 0x0A
+    CONTROLLER_ERROR = 0x1D
+
+
+class NewCommand(enum.IntEnum):
+    """Commands that only firmware 0.6 has."""
+
+    VERSION = 0x00
+    ERROR = 0x03
+    RX_SDO = 0x04
+    TX_SDO = 0x05
+    TEMPERATURE = 0x15
+
+
+HOST_FRAMES: Final[dict[int, str]] = {
+    Command.ESTOP: "Estop",
+    Command.SET_AXIS_STATE: "Set_Axis_State",
+    Command.SET_CONTROLLER_MODE: "Set_Controller_Mode",
+    Command.SET_INPUT_VEL: "Set_Input_Vel",
+    Command.CLEAR_ERRORS: "Clear_Errors",
 }
 """Names of the messages that only the host sends."""
 
@@ -74,6 +85,7 @@ VELOCITY_MODE: Final = _MODE.pack(_VELOCITY_CONTROL, _PASSTHROUGH)
 STILL: Final = FLOATS.pack(0.0, 0.0)
 
 PROTOCOL_VERSION: Final = 2
+"""Version of CANSimple that firmware 0.6 tells."""
 
 
 class Version(NamedTuple):

@@ -26,6 +26,7 @@ MOTOR_AXIS, SERVO_AXIS = 1, 2
 """Numbers of the axes of a VESC: its motor, and its servo output."""
 
 _CURRENT_MAX_A: Final = 1000.0
+"""Maximum of a configured current [A]: beyond, a setting is a slip."""
 
 _SETTINGS_FRAMES: Final = 70
 """Frames of one reading of the settings."""
@@ -161,7 +162,7 @@ class VescMotor:
         return (self.node_id, self.reply_to)
 
     def ages(self, safety: SafetyConfig, period_ns: int) -> tuple[AgeLimit, ...]:
-        """Return how old motion, report and supply may be."""
+        """Return the maximum ages of motion, report and supply."""
         sent_ns = max(period_ns, 1_000_000_000 // self.status_rate_hz)
         motion_ns = safety.feedback_timeout_periods * sent_ns
         status_ns = safety.status_timeout_ms * 1_000_000

@@ -22,6 +22,7 @@ _MOST_OF_TURN: Final = 3
 reset."""
 
 _SLACK_COUNTS: Final = 60
+"""Tolerance of that [count], ten electrical turns."""
 _UNPACK_STATUS, _UNPACK_STATUS_4 = wire.STATUS_DATA.unpack, wire.STATUS_4_DATA.unpack
 _UNPACK_STATUS_5, _UNPACK_SHORT_5 = wire.STATUS_5_DATA.unpack, wire.SHORT_STATUS_5_DATA.unpack
 _WANTED: Final = ("status 1 (speed)", "status 5 (tachometer)")

@@ -11,7 +11,7 @@ from robotctl.drivers.can.probe import Found, Probe, Question, come_from_two
 from robotctl.messages.ports import EXTENDED_FLAG, FD_FLAG, Frame
 
 PONGS_TO: Final = 254
-"""Number to which pings are answered; a VESC that has it takes a pong for nothing."""
+"""Number to which pings are answered; a VESC with that number ignores a pong."""
 
 _OTHERS: Final = (5, 6, 7, 8, 22, 23, 24, 25, 30, 31, 39, 40, 41, 42, 43, 44, 51)
 """Further commands: buffers, currents, limits, and updates (CAN_PACKET_ID in `datatypes.h`)."""

@@ -186,7 +186,7 @@ def single(value: float) -> float:
 
 
 def _nothing() -> Script:
-    """Be a script without exchanges."""
+    """Script without exchanges."""
     return None
     yield PAUSE
 

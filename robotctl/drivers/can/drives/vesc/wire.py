@@ -47,6 +47,7 @@ TACHOMETER_PER_TURN: Final = 6
 """Counts of the tachometer for one electrical turn."""
 
 ERPM_MAX: Final = (1 << 31) - 1
+"""Greatest speed that the wire carries [erpm]."""
 
 _VALUE = struct.Struct(">i")
 
@@ -63,6 +64,7 @@ SHORT_STATUS_5_DATA: Final = struct.Struct(">ih")
 """or without them, as in the document."""
 
 AMPERES: Final = 0.1
+"""Unit of current in status messages [A]."""
 
 _SERVO = struct.Struct(">BBBh")
 _WHOLE, _NO_REPLY = 0, 2

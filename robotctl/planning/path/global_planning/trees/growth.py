@@ -43,6 +43,7 @@ _TRIES: Final = 100
 _NEIGHBOURS: Final = 24
 """Neighbours that RRT* asks over curves, which cost more to try than straight pieces."""
 _MOST_NEIGHBOURS: Final = 256
+"""The same over straight pieces."""
 
 
 @compiled

@@ -138,6 +138,17 @@ function Layers() {
   );
 }
 
+/** How good the map is that the robot makes, and why it is no better. */
+function MapVerdict({ said }: { said: string }) {
+  const isBad = said !== "good";
+  return (
+    <span class={isBad ? "map-verdict bad" : "map-verdict"}>
+      {isBad && <span aria-hidden="true">⚠ </span>}
+      {words.map.verdict(said)}
+    </span>
+  );
+}
+
 /** How well the robot knows where it is, in words. */
 function Place() {
   const state = topics.LocalisationState.newest.value;
@@ -154,6 +165,7 @@ function Place() {
             Math.sqrt(Math.max(0, (state.covariance[0] ?? 0) + (state.covariance[3] ?? 0))),
             state.particles,
           )}
+      {state !== null && state.verdict !== "" && <MapVerdict said={state.verdict} />}
     </p>
   );
 }

@@ -24,6 +24,7 @@ export function Nodes() {
     <>
       <Computer />
       <NodeTable />
+      <StepTimes />
     </>
   );
 }
@@ -49,6 +50,41 @@ function Computer() {
         </div>
       ))}
     </dl>
+  );
+}
+
+/** How long navigation's steps take, by part. */
+function StepTimes() {
+  const budget = topics.NavigationState.newest.value?.budget;
+  if (budget === undefined || budget.steps === 0) return null;
+  const parts = Object.keys(budget.parts_p50_ms);
+  return (
+    <table class={budget.p99_ms > budget.period_ms ? "nodes bad" : "nodes"}>
+      <caption>{text.steps(budget.period_ms, budget.late, budget.steps)}</caption>
+      <thead>
+        <tr>
+          <th scope="col">{text.part}</th>
+          <th scope="col">{text.median}</th>
+          <th scope="col">{text.high}</th>
+        </tr>
+      </thead>
+      <tbody>
+        <Times part={text.inAll} p50_ms={budget.p50_ms} p99_ms={budget.p99_ms} />
+        {parts.map((part) => (
+          <Times key={part} part={part} p50_ms={budget.parts_p50_ms[part]} p99_ms={budget.parts_p99_ms[part]} />
+        ))}
+      </tbody>
+    </table>
+  );
+}
+
+function Times({ part, p50_ms = 0, p99_ms = 0 }: { part: string; p50_ms?: number | undefined; p99_ms?: number | undefined }) {
+  return (
+    <tr>
+      <th scope="row">{part}</th>
+      <td>{p50_ms.toFixed(1)}</td>
+      <td>{p99_ms.toFixed(1)}</td>
+    </tr>
   );
 }
 

@@ -19,6 +19,8 @@ export const KINDS: Readonly<Record<string, Readonly<Record<string, number | str
   straight_to: { name: null, x_m: 0, y_m: 0, speed_m_s: null, time_out_s: null },
   wait: { name: null, duration_s: 5 },
   wait_for: { name: null, go_ahead: true, charge_percent: null, clear_ahead_m: null, time_out_s: null },
+  keep_distance: { name: null, distance_m: 0.5, duration_s: 10, speed_m_s: null },
+  circle: { name: null, x_m: 0, y_m: 0, radius_m: 1, turns: null, side: null, speed_m_s: null, time_out_s: null },
   turn_to: { name: null, heading_deg: 0 },
   explore: { name: null, speed_m_s: null, time_out_s: null },
   repeat: { first: 1, times: 2 },

@@ -268,6 +268,17 @@ export interface FenceState {
   readonly breached_ns: number;
 }
 
+export interface StepBudget {
+  readonly period_ms: number;
+  readonly steps: number;
+  readonly late: number;
+  readonly p50_ms: number;
+  readonly p99_ms: number;
+  readonly parts_p50_ms: Readonly<Record<string, number>>;
+  readonly parts_p99_ms: Readonly<Record<string, number>>;
+  readonly effort: number;
+}
+
 export interface NavigationState {
   readonly type: "NavigationState";
   readonly stamp_ns: number;
@@ -300,6 +311,7 @@ export interface NavigationState {
   readonly tuning: number;
   readonly reverse: boolean;
   readonly home: readonly [number, number, number] | null;
+  readonly budget: StepBudget;
 }
 
 export interface ClosedLoop {
@@ -326,6 +338,8 @@ export interface LocalisationState {
   readonly odom_epoch_ns: number;
   readonly epoch_ns: number;
   readonly loops: readonly ClosedLoop[];
+  readonly verdict: string;
+  readonly paused: boolean;
 }
 
 export interface Notice {
@@ -344,6 +358,8 @@ export interface LidarScan {
   readonly step_rad: number;
   readonly max_range_m: number;
   readonly ranges: Uint8Array;
+  readonly name: string;
+  readonly sweep_s: number;
 }
 
 export interface SeenObstacle {

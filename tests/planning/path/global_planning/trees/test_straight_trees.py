@@ -12,103 +12,18 @@ from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.planning.map.planning_map import PlanningMap, clearance_of
-from robotctl.planning.path.global_planning.hybrid_search import GEAR_CHANGE
 from robotctl.planning.path.global_planning.plan import Plan, PlannerConfig, Reason
 from robotctl.planning.path.global_planning.planners import PLANNERS
 from robotctl.planning.path.global_planning.trees.motions import (
-    BOTH,
-    STRAIGHT,
-    curve_between,
     free_share,
 )
 from robotctl.planning.path.global_planning.trees.point_paths import shorten
-from robotctl.planning.path.global_planning.trees.tree import (
-    add_pose,
-    add_poses,
-    branch,
-    make_tree,
-    nearest_pose,
-    set_parent,
-)
 
 TREES = ("rrt", "rrt-connect", "rrtstar")
 POINT = PlannerConfig(margin_m=0.0, comfort_m=0.0)
 ROBOT = Footprint(((0.25, -0.15), (0.25, 0.15), (-0.15, 0.15), (-0.15, -0.15)))
 SMALLER = Footprint(((0.24, -0.14), (0.24, 0.14), (-0.14, 0.14), (-0.14, -0.14)))
 """By more than a corner moves between two poses at which the body is checked."""
-
-
-def check_free_share(clearance, radius, ends):
-    """Check a share by a dense walk, which may step over the corner of a cell that is grazed."""
-    share = free_share(clearance, radius, *ends)
-    way = ends[2:] - ends[:2]
-    cells = np.floor(ends[:2] + np.linspace(0.0, 1.0, 20_001)[:, np.newaxis] * way).astype(int)
-    hits = clearance[cells[:, 1], cells[:, 0]] < max(radius, 1e-9)
-    first = np.argmax(hits) / 20_000 if hits.any() else 1.0
-    assert share <= first + 1e-9
-    if share < first - 1e-4:  # the walk stepped over a corner
-        x, y = ends[:2] + share * way
-        near = [
-            (math.floor(y + dy), math.floor(x + dx)) for dx in (-1e-6, 1e-6) for dy in (-1e-6, 1e-6)
-        ]
-        assert min(clearance[cell] for cell in near) < max(radius, 1e-9)
-
-
-@given(st.integers(0, 2**32 - 1), st.floats(0.0, 0.4))
-def test_a_piece_is_free_as_far_as_a_dense_walk_finds_it(seed, density):
-    rng = np.random.default_rng(seed)
-    clearance = clearance_of(rng.random((40, 40)) < density)
-    for _ in range(10):
-        check_free_share(clearance, 0.0, rng.uniform(0.0, 40.0, 4))
-
-
-@given(st.integers(0, 2**32 - 1), st.floats(0.0, 3.0))
-def test_a_wider_robot_needs_its_clearance_all_along(seed, radius):
-    rng = np.random.default_rng(seed)
-    clearance = clearance_of(rng.random((60, 60)) < 0.02)
-    check_free_share(clearance, radius, rng.uniform(0.0, 60.0, 4))
-
-
-@given(st.integers(0, 2**32 - 1), st.sampled_from([1, 2, 30, 200, 1500]))
-def test_the_nearest_point_is_the_nearest_of_all(seed, count):
-    rng = np.random.default_rng(seed)
-    points = np.zeros((count, 3))
-    points[:, :2] = rng.uniform(0.0, 50.0, (count, 2))
-    tree = make_tree((50, 50), count, points[0], STRAIGHT)
-    add_poses(tree, points[1:])
-    for x, y in rng.uniform(0.0, 50.0, (20, 2)):
-        node, _ = nearest_pose(tree, np.array([x, y, 0.0]), 1.0, STRAIGHT)
-        found = points[node, :2]
-        assert math.dist(found, (x, y)) == pytest.approx(
-            np.hypot(*(points[:, :2] - (x, y)).T).min()
-        )
-
-
-@pytest.mark.parametrize("steering", [STRAIGHT, BOTH])
-@given(st.integers(0, 2**32 - 1))
-def test_what_a_pose_costs_is_the_sum_along_its_branch_whoever_its_parent_becomes(steering, seed):
-    rng, count = np.random.default_rng(seed), 40
-    poses = rng.uniform((0.0, 0.0, -3.0), (50.0, 50.0, 3.0), (count, 3))
-    tree = make_tree((50, 50), count, poses[0], steering)
-
-    def curve(a, b):
-        return curve_between(poses[a], poses[b], 5.0, steering)
-
-    for node in range(1, count):
-        parent = int(rng.integers(node))
-        add_pose(tree, poses[node], parent, curve(parent, node), rng.uniform(1.0, 9.0))
-    for node in rng.integers(1, count, 20).tolist():
-        parent = int(rng.integers(count))
-        if node not in branch(tree, parent):
-            set_parent(tree, node, parent, curve(parent, node), rng.uniform(1.0, 9.0))
-    for node in range(count):
-        chain = branch(tree, node)
-        cost = tree.cost[chain[1:]].sum()
-        if steering != STRAIGHT:
-            pieces = [tree.curve[each][1] for each in chain[1:]]
-            gears = [np.sign(piece[piece != 0.0]) for piece in pieces]
-            cost += GEAR_CHANGE * sum(a[-1] != b[0] for a, b in pairwise(gears))
-        assert tree.total[node] == pytest.approx(cost)
 
 
 def test_a_path_is_shortened_and_stays_free():

@@ -6,16 +6,31 @@ import { dots } from "./drawing";
 import { drawNewest } from "./fade";
 import type { Layer } from "./layer";
 
-/** Where the beams of the lidar ended. */
+const APART_NS = 500_000_000;
+
+/** The last scan of each lidar, by its name. */
+const last = new Map<string, LidarScan>();
+
+/** Where the beams of the lidars ended. */
 export const scan: Layer = {
   name: "scan",
   isShown: true,
   draw(scene) {
     const { pose } = scene;
     if (pose === null) return;
-    drawNewest(topics.LidarScan, scene, (message) => dots(scene, ends(message, pose), scene.colours.scan));
+    drawNewest(topics.LidarScan, scene, (message) => {
+      for (const each of together(message)) dots(scene, ends(each, pose), scene.colours.scan);
+    });
   },
 };
+
+/** The scans of about one time; a replay may have jumped since the others. */
+function together(message: LidarScan): Iterable<LidarScan> {
+  last.set(message.name, message);
+  for (const [name, each] of last)
+    if (Math.abs(message.stamp_ns - each.stamp_ns) > APART_NS) last.delete(name);
+  return last.values();
+}
 
 function* ends(message: LidarScan, pose: Pose): Generator<Point> {
   const { x_m, y_m, first_rad, step_rad } = message;

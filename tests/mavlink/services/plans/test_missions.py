@@ -21,6 +21,7 @@ from tests.mavlink.conftest import Bench
 
 ACCEPTED, DENIED = m.MAV_MISSION_ACCEPTED, m.MAV_MISSION_DENIED
 WAYPOINT, JUMP = m.MAV_CMD_NAV_WAYPOINT, m.MAV_CMD_DO_JUMP
+CIRCLE = m.MAV_CMD_NAV_LOITER_TURNS
 NED = m.MAV_FRAME_LOCAL_NED
 NAN = math.nan
 
@@ -177,6 +178,9 @@ def test_what_went_wrong_leaves_the_old_mission_and_is_said(navigation):
         (item(2, m.MAV_CMD_DO_CHANGE_SPEED, (1, 0)), m.MAV_MISSION_INVALID_PARAM2, "0 m/s"),
         (item(2, JUMP, (9, 1)), m.MAV_MISSION_INVALID_PARAM1, "jumps to 9"),
         (item(2, JUMP, (1, -2)), m.MAV_MISSION_INVALID_PARAM2, "-2 times"),
+        (item(2, CIRCLE, (0, 0, 1)), m.MAV_MISSION_INVALID_PARAM1, "0 turns"),
+        (item(2, CIRCLE, (2, 0, 0)), m.MAV_MISSION_INVALID_PARAM3, "radius 0 m"),
+        (item(2, CIRCLE, (2, 0, NAN)), m.MAV_MISSION_INVALID_PARAM3, "radius nan m"),
         (item(2, params=(math.inf,)), m.MAV_MISSION_INVALID_PARAM1, "inf found in param1"),
     ):
         navigation.bench.run(2.0)

@@ -15,7 +15,7 @@ from robotctl.drivers.can.drives.axis import AxisConfig
 from robotctl.drivers.can.drives.registry import DRIVES
 from robotctl.drivers.can.drives.vesc.config import VescMotor
 from robotctl.drivers.can.nodes.scan import CanopenProbe
-from robotctl.drivers.can.probe import Found, come_from_two
+from robotctl.drivers.can.probe import Found
 from robotctl.drivers.can.scan_tables import motor_tables
 from robotctl.drivers.can.scanner import LISTEN_NS, Scanner, Verdict, all_probes
 from robotctl.errors import InvalidValue
@@ -244,15 +244,6 @@ def test_two_devices_with_one_number_are_told(kind, number, first, second, more)
     assert found.number == number
     assert f"{found.protocol} {number}: " in report.text
     assert "another number" in report.fix
-
-
-def test_one_sender_is_not_taken_for_two():
-    steady = [100 * MS * beat for beat in range(9)]
-    assert not come_from_two(steady)
-    assert not come_from_two(steady[:5])
-    assert come_from_two(sorted(steady + [stamp + 30 * MS for stamp in steady]))
-    jittered = [stamp + (stamp // MS * 7919) % 3 * MS for stamp in steady]
-    assert not come_from_two(jittered)
 
 
 # Nobody there, or not as it should be -----------------------------------------------------------

@@ -185,6 +185,14 @@ def test_what_the_robot_can_do_without_is_killed_first_when_memory_is_short(watc
     assert score[0] < score[1]
 
 
+@pytest.mark.parametrize("nice", [-10, 5])
+def test_the_kernel_prefers_what_the_robot_drives_by_where_it_may(watched, nice: int) -> None:
+    usual = os.getpriority(os.PRIO_PROCESS, 0)
+    part = watched(SILENT, nice=nice)
+    taken = os.getpriority(os.PRIO_PROCESS, part.process.pid)
+    assert taken == (nice if os.geteuid() == 0 or nice > usual else usual)
+
+
 def test_an_emergency_signal_sent_before_the_process_can_take_it_is_neither_lost_nor_deadly(
     watched, tmp_path: Path
 ) -> None:

@@ -1,0 +1,1 @@
+"""The verdict on a map, from figures of the run that made it."""

@@ -1,0 +1,118 @@
+"""Library of all kernels in machine code, which `robotctl compile` builds: no numba is loaded.
+
+It lies in the folder of `kernel_cache`, for one processor. A kernel is taken from it if its digest
+and its bytecode are those that it was compiled from.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import pickle
+import platform
+import sys
+from collections.abc import Callable
+from functools import cache, update_wrapper
+from importlib.machinery import ExtensionFileLoader, ModuleSpec
+from importlib.metadata import version
+from importlib.util import module_from_spec
+from pathlib import Path
+from typing import Any, Final
+
+from robotctl import kernel_cache
+from robotctl.kernel_cache import DIGESTS
+
+MODULE: Final = "native_kernels"
+_PICKLE: Final = 4
+"""Protocol of numba's keys."""
+_OF_PROCESSOR: Final = (
+    "model name", "flags", "Features", "CPU implementer", "CPU part", "CPU variant",
+)  # fmt: skip
+"""Lines of /proc/cpuinfo that tell what a processor can do."""
+
+
+def library_path() -> Path:
+    """Return where the library lies for this processor and this Python."""
+    chosen, features = os.environ.get("NUMBA_CPU_NAME", ""), os.environ.get("NUMBA_CPU_FEATURES")
+    told = f"{chosen} {features}"
+    if chosen != "generic" and (not chosen or features is None):  # numba asks this processor
+        first = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
+        lines = first.partition("\n\n")[0].splitlines()
+        told += "".join(line for line in lines if line.startswith(_OF_PROCESSOR))
+    digest = hashlib.sha256(f"{version('numpy')} {told}".encode()).hexdigest()[:12]
+    name = f"native-{sys.implementation.cache_tag}-{platform.machine()}-{digest}.so"
+    return Path(kernel_cache.FOLDER) / name
+
+
+@cache
+def native_library() -> Any:
+    """Return the library, None where there is none or numba is told to compile nothing."""
+    if not kernel_cache.FOLDER or os.environ.get("NUMBA_DISABLE_JIT", "0") != "0":
+        return None
+    if not (path := library_path()).exists():
+        return None
+    loader = ExtensionFileLoader(MODULE, str(path))
+    library = module_from_spec(ModuleSpec(MODULE, loader, origin=str(path)))
+    loader.exec_module(library)
+    return library
+
+
+@cache
+def _table() -> dict[str, Any]:
+    """Return what the library tells of itself: `versions`, named `tuples`, and `records`."""
+    table: dict[str, Any] = json.loads(native_library().table)
+    return table
+
+
+def native_kernel(function: Any, dispatcher_of: Callable[[Any], Any]) -> Any:
+    """Return a kernel of the library, None if it has none of exactly this function.
+
+    Numba's dispatcher takes the calls with other types.
+    """
+    if (library := native_library()) is None or not (key := key_of(function)):
+        return None
+    _set_up(dispatcher_of)
+    if (versions := _table()["versions"].get(key)) is None:
+        return None
+    return update_wrapper(library.Kernel(function, [*map(tuple, versions)]), function)
+
+
+@cache
+def _set_up(dispatcher_of: Callable[[Any], Any]) -> None:
+    records = tuple(map(_record, _table()["records"]))
+    native_library().set_up(dispatcher_of, _number_of, records)
+
+
+def _record(told: Any) -> Any:
+    import numpy as np  # noqa: PLC0415 - commands that compute nothing do without
+
+    names, formats, offsets, size, aligned = told
+    layout = {"names": names, "formats": formats, "offsets": offsets, "itemsize": size}
+    return np.dtype(layout, align=aligned)  # type: ignore[call-overload]
+
+
+def _number_of(kind: Any) -> int:
+    """Return the number of a named tuple's class in the library, -1 if it knows none."""
+    told = [kind.__module__, kind.__qualname__, *getattr(kind, "_fields", ())]
+    return _table()["tuples"].index(told) if told in _table()["tuples"] else -1
+
+
+def key_of(function: Any) -> str:
+    """Return what names a kernel and what it is made of; "" for one that is not of the package."""
+    module, qualname, code = function.__module__, function.__qualname__, function.__code__
+    digest = DIGESTS.get(f"{module}:{qualname.partition('.')[0]}")
+    if digest is None:
+        return ""
+    closed = b""
+    if function.__closure__ is not None:
+        closed = pickle.dumps(
+            tuple(cell.cell_contents for cell in function.__closure__), protocol=_PICKLE
+        )
+    codes = (hashlib.sha256(each).hexdigest() for each in (code.co_code, closed))
+    return key(module, qualname, digest, *codes)
+
+
+def key(*parts: str) -> str:
+    """Return the key of module, name, digest, and digests of bytecode and closure."""
+    return ":".join(parts)
