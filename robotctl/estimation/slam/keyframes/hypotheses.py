@@ -140,6 +140,13 @@ class HypothesisSearch:
             result.insert(0, replace(expected, worth=best.worth))
         return result
 
+    def expected(self, sight: Sight, predicted: PredictedMotion, match: Match | None) -> Hypothesis:
+        """Return a match where odometry puts a scan; None: refined from there, held by it."""
+        if match is None:
+            surface, prior = sight.new.surface, sight.prior
+            match = refined(sight.local, surface, prior, prior, predicted, self._tracking)
+        return self.judged(sight, match)
+
     def judged(self, sight: Sight, match: Match) -> Hypothesis:
         """Return a match with its plausibility."""
         limits, new, predicted = self._limits, sight.new, sight.predicted

@@ -12,6 +12,7 @@ from robotctl.estimation.slam.front_end.surface import Floats, Surface
 from robotctl.estimation.slam.keyframes.config import KeyframeConfig
 from robotctl.estimation.slam.keyframes.growing_map import GrowingMap
 from robotctl.estimation.slam.keyframes.hypotheses import (
+    Hypothesis,
     HypothesisSearch,
     Sight,
     both_ways,
@@ -146,7 +147,7 @@ class Tracker:
         new = Keyframe(scan, robot.travelled_m)
         sight = Sight(robot.trail.local, new, new.surface.walls, self._seen(), prior, predicted)
         best, *others = self._hypotheses.step(sight)
-        if best.score < config.least_score or best.match.inliers < config.least_inliers:
+        if not self._fits(best):
             return Tracked(prior, None, 0.0, has_slipped=False)
         limits = config.tuning.hypotheses
         self.ambiguous += bool(others) and best.worth - others[0].worth < limits.ambiguous
@@ -164,11 +165,12 @@ class Tracker:
             np.hypot(motion.x_m, motion.y_m) < _REST_M and abs(motion.theta_rad) < _REST_RAD
         )
         self._fruitless = 0 if is_at_rest else max(self._fruitless - 1, 0)
-        if self._fruitless:
+        follows = tracked.match is not None and not tracked.has_slipped
+        if self._fruitless and follows:
             return tracked
         new, seen = Keyframe(scan, robot.travelled_m), self._seen()
         limits = config.tuning.trust
-        if tracked.match is not None and not tracked.has_slipped:
+        if follows:
             through = [both_ways(old, new, pose.inverse() @ tracked.pose)[1] for old, pose in seen]
             if np.mean(through) < limits.through:
                 self._pause = limits.pause
@@ -177,18 +179,41 @@ class Tracker:
         prior = robot.place.pose @ predicted.motion
         loose = replace(habit, motion=predicted.motion)
         sight = Sight(robot.trail.local, new, new.surface.walls, seen, prior, loose)
-        best = self._hypotheses.step(sight)[0]
-        is_better = best.score >= config.least_score and best.match.inliers >= config.least_inliers
-        if is_better and tracked.match is not None:
-            near = self._hypotheses.judged(sight, tracked.match)
-            is_better = is_elsewhere(best.match.pose, tracked.pose) and (
-                best.worth > near.worth + (limits.lead_at_rest if is_at_rest else limits.lead)
-            )
-        if not is_better:
-            self._fruitless, self._pause = self._pause, min(2 * self._pause, limits.longest_pause)
+        near = self._hypotheses.expected(sight, predicted, tracked.match if follows else None)
+        found = self._contradiction(sight, near, limits.lead_at_rest if is_at_rest else limits.lead)
+        if found is not None:
+            self._pause = limits.pause
+            return Tracked(found.match.pose, found.match, found.score, has_slipped=True)
+        self._fruitless, self._pause = self._pause, min(2 * self._pause, limits.longest_pause)
+        is_slight = tracked.match is not None and not is_elsewhere(tracked.pose, near.match.pose)
+        if follows or is_slight:
             return tracked
-        self._pause = limits.pause
-        return Tracked(best.match.pose, best.match, best.score, has_slipped=True)
+        if self._is_plausible(near):
+            return Tracked(near.match.pose, near.match, near.score, has_slipped=False)
+        return Tracked(prior, None, 0.0, has_slipped=False)
+
+    def _contradiction(self, sight: Sight, near: Hypothesis, lead: float) -> Hypothesis | None:
+        """Return a place that is more plausible, by a lead, than the one near the odometry."""
+        best = self._hypotheses.step(sight)[0]
+        if not self._fits(best) or not is_elsewhere(best.match.pose, near.match.pose):
+            return None
+        if best.worth <= near.worth + lead:
+            return None
+        # Walls that come into view, beside a robot in reverse, say nothing against odometry.
+        if self._is_plausible(near) and best.evidence < near.evidence + lead:
+            return None
+        return best
+
+    def _is_plausible(self, near: Hypothesis) -> bool:
+        """Return whether what the last keyframes can tell of a scan is that it is there."""
+        config = self._config
+        sure = config.tuning.tracking.sure_score
+        return near.evidence >= sure and near.match.inliers >= config.least_inliers
+
+    def _fits(self, found: Hypothesis) -> bool:
+        """Return whether a scan fits where it was found."""
+        config = self._config
+        return found.score >= config.least_score and found.match.inliers >= config.least_inliers
 
     def _judge_odometry(self, tracked: Tracked) -> None:
         """Compare the motion that a scan measured with that of the odometry."""

@@ -23,6 +23,20 @@ STAMPS = {
 }
 
 
+def long_corridors():
+    """Return walls (n, 2, 2) of four corridors round a block, with a few things in them."""
+    rng = np.random.default_rng(1)
+    things = [
+        box(x, rng.choice([0.05, 1.7, 12.05, 13.7]), rng.uniform(0.3, 1.2), 0.25)
+        for x in rng.uniform(3.0, 37.0, 20)
+    ]
+    return np.concatenate([box(0, 0, 40, 14), box(2, 2, 36, 10), *things])
+
+
+CORRIDORS = long_corridors()
+ROUND_THE_BLOCK = [(1.0, 1.0), (39.0, 1.0), (39.0, 13.0), (1.0, 13.0)]
+
+
 def uneven(corners, rng):
     """Return poses along a path with steps of 0.2 to 0.6 m."""
     fine = along(corners, step_m=0.05, turn_rad=0.05)
@@ -85,17 +99,12 @@ def test_a_dead_encoder_is_noticed_within_a_metre_and_believed_again():
 
 def test_a_dead_encoder_is_noticed_in_a_long_corridor_with_few_things_in_it():
     rng = np.random.default_rng(1)
-    things = [
-        box(x, rng.choice([0.05, 1.7, 12.05, 13.7]), rng.uniform(0.3, 1.2), 0.25)
-        for x in rng.uniform(3.0, 37.0, 20)
-    ]
-    walls = np.concatenate([box(0, 0, 40, 14), box(2, 2, 36, 10), *things])
-    poses = along([(1.0, 1.0), (39.0, 1.0), (39.0, 13.0), (1.0, 13.0)])
+    poses = along(ROUND_THE_BLOCK)
     odometry = spoiled(drifting(poses, rng), 200, 240, SE2())
     around = np.radians(np.arange(-180.0, 180.0, 2.0))
     mapper, places = SlamMapper(), []
     for number, (pose, at) in enumerate(zip(poses, odometry, strict=True)):
-        scan = scan_of(walls, pose, rng, reach_m=20.0, stamp_ns=number * 10**9, angles=around)
+        scan = scan_of(CORRIDORS, pose, rng, reach_m=20.0, stamp_ns=number * 10**9, angles=around)
         places.append(mapper.add(scan, at))
     mapper.finish()
     made = [mapper.back_end.pose(each.keyframe) @ each.pose for each in places]
@@ -111,6 +120,25 @@ def test_odometry_that_drives_on_while_the_robot_stands_is_left_out():
     mapper, made = mapped(stands, rng, STAMPS["a second apart"], spun)
     assert mapper.robot.trust.losses == 1
     assert ape_m(made, stands) < 0.05
+
+
+@pytest.mark.parametrize(
+    ("walls", "way", "most_m"),
+    [(OFFICE, ROUND, 0.1), (CORRIDORS, ROUND_THE_BLOCK, 1.0)],
+    ids=["office", "corridors"],
+)
+def test_driving_in_reverse_is_no_slip_though_walls_beside_the_robot_come_into_view(
+    walls, way, most_m
+):
+    rng = np.random.default_rng(1)
+    poses = [each @ SE2(0.0, 0.0, np.pi) for each in along(way, step_m=1.0)]
+    mapper, places = SlamMapper(), []
+    for number, (pose, at) in enumerate(zip(poses, drifting(poses, rng), strict=True)):
+        scan = scan_of(walls, pose, rng, reach_m=20.0, stamp_ns=number * 10**9)
+        places.append(mapper.add(scan, at))
+    mapper.finish()
+    made = [mapper.back_end.pose(each.keyframe) @ each.pose for each in places]
+    assert ape_m(np.array([(each.x_m, each.y_m) for each in made]), poses) < most_m
 
 
 def test_the_motion_is_guessed_by_what_guessed_best():
