@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
+import re
 import time
 from pathlib import Path
 
@@ -38,6 +39,13 @@ def recordings_folder() -> Path:
 def recordings() -> Path:
     """The folder of public recordings, for tests marked `recordings`."""
     return recordings_folder()
+
+
+@pytest.fixture
+def tmp_path(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of a test, with a name shorter than pytest's: paths of Unix sockets have 107 bytes."""
+    name = re.sub(r"\W", "_", request.node.name.removeprefix("test_"))
+    return tmp_path_factory.mktemp(name[:8])
 
 
 @pytest.fixture(scope="session")
