@@ -1,7 +1,7 @@
-"""Folder of the compiled functions (kernels), and whether all of them are in it.
+"""Folder of a package's compiled functions (kernels), and whether all of them are in it.
 
 Numba renews a cached function when its own file changes, not when a function that it calls in
-another file does. So each has a digest of all that it is made of (`kernel_digests`), and the cache
+another file does. So each has a digest of all that it is made of (`digests`), and the cache
 a folder of its own for each set of kernels, wherever their sources are: copies may share it. A new
 folder takes over what is in the earlier ones and still holds. What reads this loads neither numba
 nor llvmlite.
@@ -19,16 +19,16 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
-_PACKAGE: Final = Path(__file__).parent
-_LIBRARY: Final = (
-    _PACKAGE / "native_kernels.c",
-    _PACKAGE / "workbench" / "compile" / "native_library.py",
-)
-"""Sources of what makes a library of the kernels (`native_kernels`)."""
+_LIBRARY: Final = tuple(Path(__file__).with_name(name) for name in ("library.c", "build.py"))
+"""Sources of what makes a library of the kernels (`library`)."""
+_COMPILER: Final = Path(__file__).with_name("by_numba.py")
 _KERNEL: Final = re.compile(rb"^ *@compiled$", re.MULTILINE)
 _KEPT: Final = 4
 """Folders of earlier kernels that stay: another checkout or process may still use them."""
@@ -36,20 +36,78 @@ _KEPT_DIGESTS: Final = 8
 """Files with digests that stay, each of one state of all sources."""
 
 
-def _parents() -> Iterator[Path]:
+@dataclass(slots=True, eq=False)
+class KernelCache:
+    """Place of a package's compiled code."""
+
+    package: Path
+    """Folder of the sources."""
+    digests: dict[str, str]
+    """Digests of the kernels, by module, colon and name; of one within a function by that."""
+    folder: str
+    """Folder of the compiled code, "" if it cannot be kept. Only readable where it is complete."""
+
+    def is_complete(self, processor: str = "*") -> bool:
+        """Return whether all kernels were compiled for a processor (`*`: for any), and are kept."""
+        return bool(self.folder) and any(Path(self.folder).glob(_mark(processor)))
+
+    def mark_complete(self, processor: str) -> None:
+        """Note that all kernels are compiled for a processor.
+
+        Raises
+        ------
+        OSError
+            If the folder takes no file.
+        """
+        (Path(self.folder) / _mark(processor)).touch()
+
+    @property
+    def is_beside_sources(self) -> bool:
+        """Whether the folder lies in the package, its place unless told otherwise."""
+        return self.package in Path(self.folder).parents
+
+    @property
+    def total(self) -> int:
+        """How many functions of the package are to be compiled."""
+        sources = self.package.rglob("*.py")
+        return sum(len(_KERNEL.findall(path.read_bytes())) for path in sources)
+
+    @property
+    def done(self) -> int:
+        """How many are in the folder."""
+        return sum(1 for _ in Path(self.folder).rglob("*.nbi")) if self.folder else 0
+
+
+@cache
+def cache_of(package: str) -> KernelCache:
+    """Return the cache of a package; what is no package with a folder of sources keeps nothing."""
+    init = Path(getattr(import_module(package), "__file__", None) or "")
+    if init.name != "__init__.py":
+        return KernelCache(init, {}, "")
+    digests = _digests(init.parent)
+    return KernelCache(init.parent, digests, _cache_folder(init.parent, digests))
+
+
+def package_of(function: Any) -> str:
+    """Return the name of the package that a function is in."""
+    name: str = function.__module__
+    return name.partition(".")[0]
+
+
+def _parents(package: Path) -> Iterator[Path]:
     """Possible places of the cache: the user's choice, with the sources, in the user's own folders.
 
     A folder that others can write to is not used, because cached code runs as this user.
     """
     if chosen := os.environ.get("NUMBA_CACHE_DIR"):
-        yield Path(chosen) / "robotctl"
-    yield _PACKAGE / "__pycache__"
+        yield Path(chosen) / package.name
+    yield package / "__pycache__"
     cache = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))  # noqa: PTH111
     if cache.is_absolute() and _is_made_private(cache / "robotctl"):  # it is not without a home
-        yield cache / "robotctl" / "robotctl"
+        yield cache / "robotctl" / package.name
     temporary = Path(tempfile.gettempdir()) / f"robotctl-cache-{os.geteuid()}"
     if _is_made_private(temporary):
-        yield temporary / "robotctl"
+        yield temporary / package.name
 
 
 def _is_made_private(folder: Path) -> bool:
@@ -62,24 +120,24 @@ def _is_made_private(folder: Path) -> bool:
     return status.st_uid == os.geteuid() and not status.st_mode & 0o022 and not folder.is_symlink()
 
 
-def _digests() -> dict[str, str]:
+def _digests(package: Path) -> dict[str, str]:
     """Return the digests of all kernels, from a file where these very sources were seen before."""
-    sources = {path: path.read_bytes() for path in sorted(_PACKAGE.rglob("*.py"))}
-    whole = hashlib.sha256()
+    sources = {path: path.read_bytes() for path in sorted(package.rglob("*.py"))}
+    whole = hashlib.sha256(_COMPILER.read_bytes())
     for path, text in sources.items():
-        whole.update(f"{path.relative_to(_PACKAGE)} {len(text)} ".encode())
+        whole.update(f"{path.relative_to(package)} {len(text)} ".encode())
         whole.update(text)
     name = f"kernels-{whole.hexdigest()[:16]}.json"
     parents: list[Path] = []
     with suppress(FileNotFoundError):  # no temporary folder at all
-        for parent in _parents():
+        for parent in _parents(package):
             parents.append(parent)
             with suppress(OSError, ValueError):
                 found: dict[str, str] = json.loads((parent / name).read_bytes())
                 return found
-    from robotctl.kernel_digests import KernelDigests  # noqa: PLC0415 - after a change only
+    from native_kernels.digests import KernelDigests  # noqa: PLC0415 - after a change only
 
-    digests = KernelDigests(_PACKAGE, sources).all()
+    digests = KernelDigests(package, sources, _COMPILER.read_bytes()).all()
     for parent in parents:
         with suppress(OSError):
             _keep(parent / name, digests)
@@ -102,14 +160,14 @@ def _by_age(parent: Path, pattern: str) -> list[Path]:
     return sorted(parent.glob(pattern), key=lambda path: path.stat().st_mtime)
 
 
-def _cache_folder(digests: dict[str, str]) -> str:
+def _cache_folder(package: Path, digests: dict[str, str]) -> str:
     """Return the folder for compiled code of exactly these kernels; "" where none takes it."""
     made = hashlib.sha256(json.dumps(digests, sort_keys=True).encode())
     for source in _LIBRARY:
         made.update(source.read_bytes())
     digest = made.hexdigest()[:12]
     with suppress(FileNotFoundError):  # no temporary folder at all
-        for parent in _parents():
+        for parent in _parents(package):
             folder = parent / f"compiled-{digest}"
             if _takes_files(folder, digests) or any(folder.glob(_mark("*"))):
                 return str(folder)
@@ -173,35 +231,3 @@ def processor() -> str:
 def _mark(processor: str) -> str:
     """Name of the empty file that stands for all kernels, compiled for a processor."""
     return f"complete-{version('numba')}-{sys.implementation.cache_tag}-{processor}"
-
-
-DIGESTS: Final = _digests()
-"""Digests of the kernels, by module, colon and name; of one within a function by that."""
-FOLDER: Final = _cache_folder(DIGESTS)
-"""Folder of the compiled code, "" if it cannot be kept. Only readable where it is complete."""
-
-
-def is_complete(processor: str = "*") -> bool:
-    """Return whether all kernels were compiled for a processor (`*`: for any), and are kept."""
-    return bool(FOLDER) and any(Path(FOLDER).glob(_mark(processor)))
-
-
-def mark_complete(processor: str) -> None:
-    """Note that all kernels are compiled for a processor.
-
-    Raises
-    ------
-    OSError
-        If the folder takes no file.
-    """
-    (Path(FOLDER) / _mark(processor)).touch()
-
-
-def is_beside_sources() -> bool:
-    """Return whether the folder lies in the package, its place unless told otherwise."""
-    return _PACKAGE in Path(FOLDER).parents
-
-
-def kernels_of(package: Path) -> int:
-    """Return how many functions of a package are to be compiled."""
-    return sum(len(_KERNEL.findall(path.read_bytes())) for path in package.rglob("*.py"))
