@@ -17,6 +17,7 @@ import re
 import shutil
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -28,12 +29,15 @@ from typing import Any, Final
 
 _LIBRARY: Final = tuple(Path(__file__).with_name(name) for name in ("library.c", "build.py"))
 """Sources of what makes a library of the kernels (`library`)."""
-_COMPILER: Final = Path(__file__).with_name("by_numba.py")
+_MAKERS: Final = tuple(Path(__file__).with_name(name) for name in ("by_numba.py", "digests.py"))
+"""What compiles a kernel, which its digest covers, too, and what makes that."""
 _KERNEL: Final = re.compile(rb"^ *@compiled$", re.MULTILINE)
 _KEPT: Final = 4
 """Folders of earlier kernels that stay: another checkout or process may still use them."""
-_KEPT_DIGESTS: Final = 8
-"""Files with digests that stay, each of one state of all sources."""
+_KEPT_DIGESTS: Final = 16
+"""Files with digests that stay, two of each state of all sources."""
+_GRAIN_NS: Final = 2_000_000_000
+"""Grain of the times of files on the coarsest file systems."""
 
 
 @dataclass(slots=True, eq=False)
@@ -121,38 +125,80 @@ def _is_made_private(folder: Path) -> bool:
 
 
 def _digests(package: Path) -> dict[str, str]:
-    """Return the digests of all kernels, from a file where these very sources were seen before."""
-    sources = {path: path.read_bytes() for path in sorted(package.rglob("*.py"))}
-    whole = hashlib.sha256(_COMPILER.read_bytes())
-    for path, text in sources.items():
-        whole.update(f"{path.relative_to(package)} {len(text)} ".encode())
-        whole.update(text)
-    name = f"kernels-{whole.hexdigest()[:16]}.json"
-    parents: list[Path] = []
-    with suppress(FileNotFoundError):  # no temporary folder at all
-        for parent in _parents(package):
-            parents.append(parent)
-            with suppress(OSError, ValueError):
-                found: dict[str, str] = json.loads((parent / name).read_bytes())
-                return found
-    from native_kernels.digests import KernelDigests  # noqa: PLC0415 - after a change only
+    """Return the digests of all kernels, from a file where these very sources were seen before.
 
-    digests = KernelDigests(package, sources, _COMPILER.read_bytes()).all()
-    for parent in parents:
-        with suppress(OSError):
-            _keep(parent / name, digests)
-            break
+    They are known again without being read by what the file system tells of them, with the time of
+    the last change of anything, which no program sets. Just written ones are not: within the grain
+    of that time they may change once more.
+    """
+    now_ns = time.time_ns()
+    files = [(str(path), path.stat()) for path in _MAKERS] + sorted(_files(str(package)))
+    told = [(each.st_size, each.st_ino, each.st_mtime_ns, each.st_ctime_ns) for _, each in files]
+    state = _name(repr([*zip((path for path, _ in files), told, strict=True)]).encode())
+    if found := _found(package, state):
+        return found
+    texts = {Path(path): Path(path).read_bytes() for path, _ in files}
+    digests = _digests_of(package, texts)
+    if max(each.st_ctime_ns for _, each in files) < now_ns - _GRAIN_NS:
+        _keep(package, state, digests)
     return digests
 
 
-def _keep(file: Path, digests: dict[str, str]) -> None:
-    """Keep digests in a file, in place of old ones."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    own = file.with_suffix(f".{os.getpid()}")
-    own.write_text(json.dumps(digests), encoding="utf-8")
-    own.replace(file)
-    for old in _by_age(file.parent, "kernels-*")[:-_KEPT_DIGESTS]:
-        old.unlink(missing_ok=True)
+def _files(folder: str) -> Iterator[tuple[str, os.stat_result]]:
+    """Yield the sources in a folder, and what is told of each."""
+    with os.scandir(folder) as entries:
+        for each in entries:
+            if each.name.endswith(".py"):
+                yield each.path, each.stat()
+            elif each.name != "__pycache__" and each.is_dir(follow_symlinks=False):
+                yield from _files(each.path)
+
+
+def _digests_of(package: Path, texts: dict[Path, bytes]) -> dict[str, str]:
+    """Return the digests of all kernels in these sources, from a file if any copy had them."""
+    whole = hashlib.sha256()
+    for path, text in texts.items():
+        place = path.name if path in _MAKERS else path.relative_to(package)
+        whole.update(f"{place} {len(text)} ".encode())
+        whole.update(text)
+    content = _name(whole.digest())
+    if found := _found(package, content):
+        return found
+    from native_kernels.digests import KernelDigests  # noqa: PLC0415 - after a change only
+
+    compiler, _ = (texts.pop(path) for path in _MAKERS)
+    digests = KernelDigests(package, texts, compiler).all()
+    _keep(package, content, digests)
+    return digests
+
+
+def _name(told: bytes) -> str:
+    """Return the name of the file with digests of sources of which this is told."""
+    return f"kernels-{hashlib.sha256(told).hexdigest()[:16]}.json"
+
+
+def _found(package: Path, name: str) -> dict[str, str] | None:
+    """Return the digests in a file of this name, None if there is none."""
+    with suppress(FileNotFoundError):  # no temporary folder at all
+        for parent in _parents(package):
+            with suppress(OSError, ValueError):
+                found: dict[str, str] = json.loads((parent / name).read_bytes())
+                return found
+    return None
+
+
+def _keep(package: Path, name: str, digests: dict[str, str]) -> None:
+    """Keep digests in the first place that takes them, instead of old ones."""
+    with suppress(FileNotFoundError):
+        for parent in _parents(package):
+            with suppress(OSError):
+                parent.mkdir(parents=True, exist_ok=True)
+                own = (parent / name).with_suffix(f".{os.getpid()}")
+                own.write_text(json.dumps(digests), encoding="utf-8")
+                own.replace(parent / name)
+                for old in _by_age(parent, "kernels-*")[:-_KEPT_DIGESTS]:
+                    old.unlink(missing_ok=True)
+                return
 
 
 def _by_age(parent: Path, pattern: str) -> list[Path]:

@@ -305,3 +305,26 @@ def test_a_folder_that_is_complete_need_not_take_files(
     assert Path(cache._cache_folder(tmp_path, {})).parent == tmp_path
     (theirs / cache._mark("any")).touch()
     assert Path(cache._cache_folder(tmp_path, {})) == theirs
+
+
+def test_sources_that_are_long_as_they_are_need_not_be_read(
+    installed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kernel, read = installed / "robotctl" / "kernel.py", []
+    known = cache._digests_of
+    monkeypatch.setattr(cache, "_parents", lambda _: iter([tmp_path / "cache"]))
+    monkeypatch.setattr(cache, "_digests_of", lambda *known_by: read.append(1) or known(*known_by))
+
+    def digests() -> dict[str, str]:
+        return cache._digests(installed / "robotctl")
+
+    first = digests()
+    assert (digests(), len(read)) == (first, 2)  # just written, they may change within a tick
+    monkeypatch.setattr(cache, "_GRAIN_NS", -3_600_000_000_000)
+    assert [digests(), digests()] == [first, first]
+    assert len(read) == 3
+    status = kernel.stat()
+    kernel.write_text(kernel.read_text().replace("0.5", "0.7"))
+    os.utime(kernel, ns=(status.st_atime_ns, status.st_mtime_ns))
+    assert kernel.stat().st_size == status.st_size
+    assert digests() != first
