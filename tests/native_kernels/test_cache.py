@@ -31,9 +31,9 @@ def half(x):
 Start: TypeAlias = Callable[..., tuple[int, str]]
 
 
-@pytest.fixture(params=PACKAGES)
+@pytest.fixture
 def package(request: pytest.FixtureRequest) -> str:
-    return str(request.param)
+    return str(getattr(request, "param", "robotctl"))
 
 
 @pytest.fixture
@@ -105,6 +105,7 @@ def start(calls: subprocess.Popen[str], installed: Path, package: str) -> Start:
     return started
 
 
+@pytest.mark.parametrize("package", PACKAGES, indirect=True)
 def test_it_is_kept_in_the_users_cache(
     start: Start, package: str, home: Path, tmp_path: Path
 ) -> None:
