@@ -38,12 +38,17 @@ from firmware_sim.pace import SharedClock
 from firmware_sim.parent import end_with_parent
 from firmware_sim.world.clutter import add_options, load_cluttered
 from firmware_sim.world.publisher import Publisher
+from native_kernels.cache import cache_of
 
 if TYPE_CHECKING:
     from firmware_sim.bus.core import Bus
     from firmware_sim.simulation import Simulation
 
 SIMCAN = "simcan"
+NOT_KEPT = (
+    "note: no folder takes the compiled code, so each start compiles for half a minute; "
+    "NUMBA_CACHE_DIR=FOLDER names one that does"
+)
 STREAMS = ("truth", "lidar", "camera")
 _CAN_LINK_TYPE = "280"
 """ARPHRD_CAN of linux/if_arp.h."""
@@ -171,14 +176,13 @@ class _Signals(list[int]):
 
 
 def _run(options: argparse.Namespace, signals: _Signals) -> None:
-    # These load numba; its absence is reported like other errors.
-    from firmware_sim.compiled import NOT_KEPT  # noqa: PLC0415
+    # These may load numba; its absence is reported like other errors.
     from firmware_sim.fault_console import FaultConsole  # noqa: PLC0415
     from firmware_sim.faults.scenario import Scenario, load_scenario, play  # noqa: PLC0415
     from firmware_sim.realtime import RealTime  # noqa: PLC0415
     from firmware_sim.simulation import Simulation  # noqa: PLC0415
 
-    if NOT_KEPT:
+    if not cache_of("firmware_sim").folder:
         sys.stderr.write(f"{NOT_KEPT}\n")
     for bus in options.bus:
         _check_bus(bus)

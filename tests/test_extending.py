@@ -14,7 +14,15 @@ from tests.compiled_code import copied_code
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "extending.md"
 CHECKS = sorted((ROOT / "tests" / "extending").glob("*.py"))
-COPIED = ("robotctl", "firmware_sim", "tests", "configs", "docs", "pyproject.toml")
+COPIED = (
+    "robotctl",
+    "firmware_sim",
+    "native_kernels",
+    "tests",
+    "configs",
+    "docs",
+    "pyproject.toml",
+)
 BLOCK = re.compile(r"((?:[^\n]+\n)+)\n```(\w+)\n((?:.*\n)*?)```\n")
 
 

@@ -37,7 +37,7 @@ from reactions import reaction_table
 from run_tests import SETTINGS
 
 ROOT = Path(__file__).resolve().parent.parent
-CODE = ("configs", "firmware_sim", "hil_tests", "robotctl")
+CODE = ("configs", "firmware_sim", "hil_tests", "native_kernels", "robotctl")
 """What a soak tests: the folders whose files make one state of the code."""
 SUITE = sorted(
     str(path.relative_to(ROOT))

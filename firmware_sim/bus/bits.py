@@ -122,7 +122,7 @@ def _stuff_table(width: int) -> list[bytes]:
 
 
 def _doubled_stuff_table(table: list[bytes]) -> list[bytes]:
-    """Chain an 8-bit table into the one for 16 bits."""
+    """Chain a table into the one for words of twice as many bits."""
     add = [bytes(min(value + (count << 4), 255) for value in range(256)) for count in range(3)]
     return [
         b"".join(table[step & 15].translate(add[step >> 4]) for step in row_of_high)
@@ -139,12 +139,12 @@ def _crc_table(width: int) -> list[int]:
 
 
 _STUFF7 = _stuff_table(7)
-STUFF8 = _stuff_table(8)
+STUFF8 = _doubled_stuff_table(_stuff_table(4))
 STUFF16 = _doubled_stuff_table(STUFF8)
 """Stuff bits << 4 | new state, by stuffing state and word of 8 or 16 bits."""
 _CRC8 = _crc_table(8)
 _CRC8_HIGH = [((crc << 8) & 0x7FFF) ^ _CRC8[crc >> 7] for crc in _CRC8]
-_CRC16 = array("H", (high ^ low for high in _CRC8_HIGH for low in _CRC8))
+_CRC16 = array("H", [high ^ low for high in _CRC8_HIGH for low in _CRC8])
 
 _UNPACK_WORDS = struct.Struct(">4H").unpack
 _headers: dict[int, tuple[int, int, int]] = {}

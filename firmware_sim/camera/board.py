@@ -7,8 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from firmware_sim.compiled import compiled
 from firmware_sim.world.shapes import Board
+from native_kernels.compiled import borrows, compiled
 
 PAPER: Final = 225.0
 INK: Final = 25.0
@@ -41,6 +41,7 @@ def board_rows(boards: tuple[Board, ...]) -> np.ndarray:
 
 
 @compiled
+@borrows
 def board_value(board: np.ndarray, x: float, y: float) -> float:
     """Brightness of a point of a board, -1 beside it; x, y in world from its middle."""
     along = board[COS] * x + board[SIN] * y
@@ -57,6 +58,7 @@ def board_value(board: np.ndarray, x: float, y: float) -> float:
 
 
 @compiled
+@borrows
 def add_board(
     board: np.ndarray,
     pixels: np.ndarray,

@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from firmware_sim.camera.scene import AX, AY, LENGTH, NX, NY, Scene
-from firmware_sim.compiled import compiled
+from native_kernels.compiled import borrows, compiled
 
 ROOM = 48
 """Maximum things that a sector lists; the farthest are left out."""
@@ -86,6 +86,7 @@ class Fan:
 
 
 @compiled
+@borrows
 def fill_fan(
     sides: np.ndarray,
     owner: np.ndarray,
@@ -152,6 +153,7 @@ def fill_fan(
 
 
 @compiled
+@borrows
 def put(
     s: int,
     distance: float,
@@ -184,6 +186,7 @@ def put(
 
 
 @compiled
+@borrows
 def cut(
     ahead: float, left: float, first: int, count: int, local: np.ndarray
 ) -> tuple[float, float, int]:

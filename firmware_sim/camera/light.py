@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from firmware_sim.camera.scene import Scene
-from firmware_sim.compiled import compiled_with_arrays
 from firmware_sim.world.world import Lamp, World
+from native_kernels.compiled import compiled
 
 CEILING_M = 2.4
 """Default height of lamps [m]."""
@@ -94,7 +94,7 @@ def _ceiling_lamps(world: World) -> list[Lamp]:
     return [Lamp((float(x), float(y), CEILING_M)) for x, y in places]
 
 
-@compiled_with_arrays
+@compiled
 def add_lamp(
     lamp: np.ndarray,
     x: float,
@@ -136,7 +136,7 @@ def add_lamp(
                     direct[j, i] += lamp[3] * fade * (z2 / (z2 + r2)) ** 1.5
 
 
-@compiled_with_arrays
+@compiled
 def hide(
     px: np.ndarray,
     py: np.ndarray,

@@ -9,7 +9,7 @@ import numpy as np
 from firmware_sim.camera.board import add_board
 from firmware_sim.camera.fan import cut
 from firmware_sim.camera.floor import LEVELS, PERIOD_M, PIECES, SIDE
-from firmware_sim.compiled import compiled, compiled_with_arrays
+from native_kernels.compiled import borrows, compiled
 
 NO_SLOT = -1
 FLOOR, NOTHING = -1, -2
@@ -36,7 +36,7 @@ PIXEL = np.dtype(
 """Properties of a pixel, the same for all pictures."""
 
 
-@compiled_with_arrays
+@compiled
 def draw(
     pose: np.ndarray,
     camera_height: float,
@@ -111,6 +111,7 @@ def draw(
 
 
 @compiled
+@borrows
 def meet(
     pixels: np.ndarray,
     camera_height: float,
@@ -159,6 +160,7 @@ def meet(
 
 
 @compiled
+@borrows
 def floor_row(
     pixels: np.ndarray,
     labels: np.ndarray,
@@ -222,6 +224,7 @@ def floor_row(
 
 
 @compiled
+@borrows
 def thing_row(
     pixels: np.ndarray,
     labels: np.ndarray,
@@ -284,6 +287,7 @@ def thing_row(
 
 
 @compiled
+@borrows
 def sample(
     texels: np.ndarray, start: int, level: int, x: float, y: float
 ) -> tuple[float, float, float]:
@@ -309,7 +313,7 @@ def sample(
     return (both & 0xFFFF) / 256.0, g / 256.0, (both >> 16) / 256.0
 
 
-@compiled_with_arrays
+@compiled
 def blur_rows(
     above: np.ndarray, here: np.ndarray, below: np.ndarray, blur: float, row: np.ndarray
 ) -> None:
@@ -326,6 +330,7 @@ def blur_rows(
 
 
 @compiled
+@borrows
 def expose_row(
     v: int,
     row: np.ndarray,

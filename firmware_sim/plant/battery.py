@@ -12,8 +12,8 @@ import math
 
 import numpy as np
 
-from firmware_sim.compiled import compiled
 from firmware_sim.config.parameters import BatteryParameters
+from native_kernels.compiled import borrows, compiled
 
 OCV_V = np.array(
     [3.00, 3.55, 3.65, 3.70, 3.75, 3.80, 3.87, 3.95, 4.03, 4.11, 4.20],
@@ -22,6 +22,7 @@ OCV_V = np.array(
 
 
 @compiled
+@borrows
 def open_circuit_voltage(charge: float) -> float:
     """Open-circuit voltage of one cell [V], piecewise linear in the charge in [0, 1]."""
     position = min(max(charge, 0.0), 1.0) * 10.0
@@ -30,6 +31,7 @@ def open_circuit_voltage(charge: float) -> float:
 
 
 @compiled
+@borrows
 def polarisation_step(
     polarisation_v: float, current_a: float, resistance_ohm: float, gain: float
 ) -> float:
@@ -38,12 +40,14 @@ def polarisation_step(
 
 
 @compiled
+@borrows
 def charge_step(charge: float, current_a: float, capacity_ah: float, dt_s: float) -> float:
     """Charge after a step with a current (positive discharges), limited to [0, 1]."""
     return min(max(charge - current_a * dt_s / (3600.0 * capacity_ah), 0.0), 1.0)
 
 
 @compiled
+@borrows
 def rail_step(
     rail_v: float,
     quiet_v: float,
@@ -65,6 +69,7 @@ def rail_step(
 
 
 @compiled
+@borrows
 def resistor_current(
     rail_v: float,
     quiet_v: float,

@@ -18,9 +18,9 @@ import math
 
 import numpy as np
 
-from firmware_sim.compiled import compiled
 from firmware_sim.config.drives.chassis import MAX_GRIPS, Chassis, Hold
 from firmware_sim.plant.plant_state import DT_S
+from native_kernels.compiled import borrows, compiled
 
 # Columns of a row.
 JX, JY, JW, TARGET, IMPULSE, LIMIT, SOFT, SCALE, LAST = range(9)
@@ -62,6 +62,7 @@ def press(row: np.ndarray, load_n: float, p: np.ndarray) -> None:
 
 
 @compiled
+@borrows
 def set_grips(body: np.ndarray, axes: np.ndarray, p: np.ndarray, rows: np.ndarray) -> None:
     """Turn the grips that steer, and set the compliance of all."""
     b, c = body[0], p[0]
@@ -84,6 +85,7 @@ def set_grips(body: np.ndarray, axes: np.ndarray, p: np.ndarray, rows: np.ndarra
 
 
 @compiled
+@borrows
 def put_row(rows: np.ndarray, i: int, dx: float, dy: float, px: float, py: float) -> None:
     """Write direction and lever of a row."""
     rows[i, JX] = dx
@@ -92,6 +94,7 @@ def put_row(rows: np.ndarray, i: int, dx: float, dy: float, px: float, py: float
 
 
 @compiled
+@borrows
 def solve_grips(body: np.ndarray, axes: np.ndarray, p: np.ndarray, rows: np.ndarray) -> bool:
     """Impulses of the grips without limits, by elimination; False if one is exceeded."""
     count = int(p[0].grips)
@@ -114,6 +117,7 @@ def solve_grips(body: np.ndarray, axes: np.ndarray, p: np.ndarray, rows: np.ndar
 
 
 @compiled
+@borrows
 def fill_matrix(body: np.ndarray, axes: np.ndarray, p: np.ndarray, rows: np.ndarray) -> None:
     """Fill in the upper half of the grips' matrix, and the slip to cancel."""
     c = p[0]
@@ -131,6 +135,7 @@ def fill_matrix(body: np.ndarray, axes: np.ndarray, p: np.ndarray, rows: np.ndar
 
 
 @compiled
+@borrows
 def is_within(rows: np.ndarray, i: int) -> bool:
     """Whether a grip can hold its impulse; the second of a circle is judged with the first."""
     hold, impulse = rows[i, HOLD], rows[i, IMPULSE]
@@ -140,6 +145,7 @@ def is_within(rows: np.ndarray, i: int) -> bool:
 
 
 @compiled
+@borrows
 def cross_mass(rows: np.ndarray, i: int, j: int, im: float, ii: float) -> float:
     """Return the velocity of one row for a unit impulse along another, through the body."""
     return float(
@@ -149,6 +155,7 @@ def cross_mass(rows: np.ndarray, i: int, j: int, im: float, ii: float) -> float:
 
 
 @compiled
+@borrows
 def rim_mass(axes: np.ndarray, rows: np.ndarray, i: int, j: int) -> float:
     """Return the velocity of one grip for a unit impulse along another, through their wheel."""
     if rows[i, ROLL] == 0.0 or rows[j, ROLL] == 0.0 or rows[i, WHEEL] != rows[j, WHEEL]:
@@ -158,6 +165,7 @@ def rim_mass(axes: np.ndarray, rows: np.ndarray, i: int, j: int) -> float:
 
 
 @compiled
+@borrows
 def own_limit(rows: np.ndarray, i: int) -> float:
     """Limit of a grip alone: the rest of the friction circle if the same tyres also roll.
 
@@ -173,6 +181,7 @@ def own_limit(rows: np.ndarray, i: int) -> float:
 
 
 @compiled
+@borrows
 def apply_impulse(
     body: np.ndarray, axes: np.ndarray, p: np.ndarray, rows: np.ndarray, i: int, impulse: float
 ) -> None:
@@ -187,6 +196,7 @@ def apply_impulse(
 
 
 @compiled
+@borrows
 def solve_limited(
     body: np.ndarray, axes: np.ndarray, p: np.ndarray, rows: np.ndarray, walls: int
 ) -> None:
@@ -218,6 +228,7 @@ def solve_limited(
 
 
 @compiled
+@borrows
 def push(body: np.ndarray, axes: np.ndarray, p: np.ndarray, rows: np.ndarray, i: int) -> float:
     """Improve the impulse of a row within its limits; returns the error before that [m/s]."""
     old = rows[i, IMPULSE]
@@ -231,6 +242,7 @@ def push(body: np.ndarray, axes: np.ndarray, p: np.ndarray, rows: np.ndarray, i:
 
 
 @compiled
+@borrows
 def bounded(p: np.ndarray, rows: np.ndarray, i: int, impulse: float) -> float:
     """Return an impulse within the limits of its row."""
     above = i - int(p[0].grips)
@@ -246,6 +258,7 @@ def bounded(p: np.ndarray, rows: np.ndarray, i: int, impulse: float) -> float:
 
 
 @compiled
+@borrows
 def push_pair(body: np.ndarray, axes: np.ndarray, p: np.ndarray, rows: np.ndarray, i: int) -> float:
     """Improve the impulses of grip i and the one after it within their circle.
 
@@ -266,6 +279,7 @@ def push_pair(body: np.ndarray, axes: np.ndarray, p: np.ndarray, rows: np.ndarra
 
 
 @compiled
+@borrows
 def slip_speed(body: np.ndarray, axes: np.ndarray, rows: np.ndarray, i: int) -> float:
     """Speed of the body along a row, less that of the rim for a driven wheel [m/s]."""
     b = body[0]

@@ -6,12 +6,13 @@ import math
 
 import numpy as np
 
-from firmware_sim.compiled import compiled
 from firmware_sim.plant.plant_state import DT_S
 from firmware_sim.plant.walls import put_wall
+from native_kernels.compiled import borrows, compiled
 
 
 @compiled
+@borrows
 def nearest_point(x: float, y: float, outline: np.ndarray) -> tuple[float, float, float]:
     """Return a point's distance from the outline [m], negative inside, and the nearest point of it.
 
@@ -32,6 +33,7 @@ def nearest_point(x: float, y: float, outline: np.ndarray) -> tuple[float, float
 
 
 @compiled
+@borrows
 def disc_rows(
     body: np.ndarray,
     p: np.ndarray,

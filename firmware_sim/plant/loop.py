@@ -14,12 +14,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from firmware_sim.compiled import compiled
 from firmware_sim.plant.axis import CURRENT
 from firmware_sim.plant.plant_state import DT_S
+from native_kernels.compiled import borrows, compiled
 
 
 @compiled
+@borrows
 def loop_current(
     axes: np.ndarray, k: int, motor_constant: float, wheel_inertia: float, bus_v: float
 ) -> None:
@@ -53,6 +54,7 @@ def loop_current(
 
 
 @compiled
+@borrows
 def wind_up(axes: np.ndarray, k: int) -> None:
     """Integrate the speed loop's error, unless its demand exceeds a limit."""
     a = axes[k]

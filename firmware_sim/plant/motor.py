@@ -16,8 +16,8 @@ import math
 
 import numpy as np
 
-from firmware_sim.compiled import compiled
 from firmware_sim.config.parameters import MotorParameters
+from native_kernels.compiled import borrows, compiled
 
 COPPER_PER_K = 0.00393
 """Rise of a copper winding's resistance per kelvin, relative to its value at 20 °C."""
@@ -27,12 +27,14 @@ STRIBECK_RAD_S = 0.2
 
 
 @compiled
+@borrows
 def winding_resistance(resistance_20c: float, temperature_c: float) -> float:
     """Resistance of a copper winding at a temperature [ohm]."""
     return resistance_20c * (1.0 + COPPER_PER_K * (temperature_c - 20.0))
 
 
 @compiled
+@borrows
 def current_decay(resistance: float, inductance: float, dt_s: float) -> tuple[float, float]:
     """Shares of the initial current in the current after a step and in its mean over the step.
 
@@ -45,6 +47,7 @@ def current_decay(resistance: float, inductance: float, dt_s: float) -> tuple[fl
 
 
 @compiled
+@borrows
 def chopped_voltage(
     voltage: float,
     bus_v: float,
@@ -65,6 +68,7 @@ def chopped_voltage(
 
 
 @compiled
+@borrows
 def friction_torque(
     speed: float, torque: float, coulomb: float, stiction_ratio: float, gear_loss: float
 ) -> float:
@@ -74,6 +78,7 @@ def friction_torque(
 
 
 @compiled
+@borrows
 def wheel_step(
     speed: float,
     drive_torque: float,
@@ -105,6 +110,7 @@ def wheel_step(
 
 
 @compiled
+@borrows
 def heat_step(
     power_w: float,
     winding_c: float,

@@ -9,9 +9,9 @@ import math
 
 import numpy as np
 
-from firmware_sim.compiled import noise_state
 from firmware_sim.config.config import RobotConfig
 from firmware_sim.errors import SimulationError
+from firmware_sim.noise import noise_state
 from firmware_sim.plant.axis import Axis, BrakeResistor
 from firmware_sim.plant.battery import open_circuit_voltage
 from firmware_sim.plant.contact import contact_rows, press

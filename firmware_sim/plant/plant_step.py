@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from firmware_sim.compiled import compiled, uniform
+from firmware_sim.noise import uniform
 from firmware_sim.plant.axis import COAST, SHORTED
 from firmware_sim.plant.battery import (
     charge_step,
@@ -40,12 +40,14 @@ from firmware_sim.plant.motor import (
 )
 from firmware_sim.plant.plant_state import DT_S
 from firmware_sim.plant.walls import approach_speed, wall_rows
+from native_kernels.compiled import borrows, compiled
 
 EPISODE_S = 0.3
 """Interval within which contacts are one collision [s]."""
 
 
 @compiled
+@borrows
 def run_plant(
     steps: int,
     body: np.ndarray,
@@ -93,6 +95,7 @@ def run_plant(
 
 
 @compiled
+@borrows
 def turn_steering(body: np.ndarray, p: np.ndarray) -> None:
     """Move the steering servo: first-order lag with a limited rate."""
     b, c = body[0], p[0]
@@ -101,6 +104,7 @@ def turn_steering(body: np.ndarray, p: np.ndarray) -> None:
 
 
 @compiled
+@borrows
 def spin_motor(body: np.ndarray, axes: np.ndarray, p: np.ndarray, k: int) -> None:
     """Compute the speed of wheel k after the step if off the ground, and its motor's inertia."""
     b, c, a = body[0], p[0], axes[k]
@@ -140,6 +144,7 @@ def spin_motor(body: np.ndarray, axes: np.ndarray, p: np.ndarray, k: int) -> Non
 
 
 @compiled
+@borrows
 def roughen(axes: np.ndarray, p: np.ndarray, k: int, noise: np.ndarray) -> None:
     """Let the rolling radius of wheel k wander over the floor (a walk with memory of a length)."""
     c, a = p[0], axes[k]
@@ -151,6 +156,7 @@ def roughen(axes: np.ndarray, p: np.ndarray, k: int, noise: np.ndarray) -> None:
 
 
 @compiled
+@borrows
 def move_freely(body: np.ndarray, p: np.ndarray) -> None:
     """Compute the velocities after the step without tyres and walls: rotating frame, and drag."""
     b, c = body[0], p[0]
@@ -172,6 +178,7 @@ def move_freely(body: np.ndarray, p: np.ndarray) -> None:
 
 
 @compiled
+@borrows
 def collide(
     body: np.ndarray,
     axes: np.ndarray,
@@ -208,6 +215,7 @@ def collide(
 
 
 @compiled
+@borrows
 def feed_motor(body: np.ndarray, axes: np.ndarray, p: np.ndarray, k: int) -> float:
     """Update current, heat and angle of motor k; returns what it draws from the rail [A]."""
     b, c, a = body[0], p[0], axes[k]
@@ -239,6 +247,7 @@ def feed_motor(body: np.ndarray, axes: np.ndarray, p: np.ndarray, k: int) -> flo
 
 
 @compiled
+@borrows
 def feed_rail(body: np.ndarray, p: np.ndarray, source: float, load_a: float) -> None:
     """Share the load of all consumers among battery, brake resistor and the rail's capacitors."""
     b, c = body[0], p[0]
@@ -255,6 +264,7 @@ def feed_rail(body: np.ndarray, p: np.ndarray, source: float, load_a: float) -> 
 
 
 @compiled
+@borrows
 def advance_pose(body: np.ndarray, p: np.ndarray) -> None:
     """Move the base along the arc of its velocity (chord at the middle heading)."""
     b, c = body[0], p[0]

@@ -10,9 +10,9 @@ import math
 
 import numpy as np
 
-from firmware_sim.compiled import compiled
 from firmware_sim.plant.contact import JW, JX, JY, MAX_WALLS, SLOP_M, SOFT, TARGET, put_row
 from firmware_sim.plant.plant_state import DT_S
+from native_kernels.compiled import borrows, compiled
 
 CELL_M = 0.25
 NEAR_M = 0.05
@@ -70,6 +70,7 @@ def wall_grid(segments: np.ndarray, reach_m: float) -> tuple[tuple[float, float]
 
 
 @compiled
+@borrows
 def cell_walls(x: float, y: float, grid: np.ndarray) -> tuple[int, int]:
     """Range in `grid` of the walls near a place relative to its corner; empty outside the grid."""
     column = math.floor(x / CELL_M)
@@ -81,6 +82,7 @@ def cell_walls(x: float, y: float, grid: np.ndarray) -> tuple[int, int]:
 
 
 @compiled
+@borrows
 def wall_rows(
     body: np.ndarray,
     p: np.ndarray,
@@ -122,6 +124,7 @@ def wall_rows(
 
 
 @compiled
+@borrows
 def corner_rows(
     com_x: float,
     com_y: float,
@@ -151,6 +154,7 @@ def corner_rows(
 
 
 @compiled
+@borrows
 def end_row(
     com_x: float,
     com_y: float,
@@ -177,6 +181,7 @@ def end_row(
 
 
 @compiled
+@borrows
 def put_wall(
     rows: np.ndarray, count: int, nx: float, ny: float, px: float, py: float, gap: float
 ) -> int:
@@ -197,6 +202,7 @@ def put_wall(
 
 
 @compiled
+@borrows
 def approach_speed(body: np.ndarray, rows: np.ndarray, i: int) -> float:
     """Speed of the body along the direction of a row [m/s]."""
     b = body[0]

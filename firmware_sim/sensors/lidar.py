@@ -6,11 +6,12 @@ import math
 
 import numpy as np
 
-from firmware_sim.compiled import compiled, noise_state, normal, uniform
 from firmware_sim.config.parameters import LidarParameters
+from firmware_sim.noise import noise_state, normal, uniform
 from firmware_sim.sensors.rays import cast_fan, cast_rays, fan_angles
 from firmware_sim.world.near import Near
 from firmware_sim.world.world import World
+from native_kernels.compiled import borrows, compiled
 
 
 class Lidar:
@@ -89,6 +90,7 @@ class Lidar:
 
 
 @compiled
+@borrows
 def disturb(
     ranges: np.ndarray, sigma: float, dropout: float, min_range: float, noise: np.ndarray
 ) -> None:

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from firmware_sim.compiled import compiled
+from native_kernels.compiled import borrows, compiled
 
 
 def fan_angles(rays: int, opening_rad: float) -> np.ndarray:
@@ -21,6 +21,7 @@ def fan_angles(rays: int, opening_rad: float) -> np.ndarray:
 
 
 @compiled
+@borrows
 def cast_fan(
     x: float,
     y: float,
@@ -84,6 +85,7 @@ def cast_fan(
 
 
 @compiled
+@borrows
 def cast_rays(rays: np.ndarray, max_range: float, segments: np.ndarray, ranges: np.ndarray) -> None:
     """Find the nearest wall on each ray from a place of its own.
 
@@ -112,6 +114,7 @@ def cast_rays(rays: np.ndarray, max_range: float, segments: np.ndarray, ranges: 
 
 
 @compiled
+@borrows
 def sweep(
     start: float,
     end: float,
@@ -137,6 +140,7 @@ def sweep(
 
 
 @compiled
+@borrows
 def blocked(ax: float, ay: float, bx: float, by: float, segments: np.ndarray) -> bool:
     """Whether a wall stands between two points; one that only touches an end does not."""
     dx, dy = bx - ax, by - ay

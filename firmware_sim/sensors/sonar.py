@@ -12,12 +12,13 @@ import math
 
 import numpy as np
 
-from firmware_sim.compiled import compiled, noise_state, normal, uniform
 from firmware_sim.config.config import RobotConfig
 from firmware_sim.config.parameters import SonarParameters
+from firmware_sim.noise import noise_state, normal, uniform
 from firmware_sim.sensors.rays import blocked, cast_fan, fan_angles
 from firmware_sim.world.near import Near
 from firmware_sim.world.world import World
+from native_kernels.compiled import borrows, compiled
 
 GROUP = 4
 """Number of sonars that fire together, those of one CAN frame."""
@@ -131,6 +132,7 @@ class SonarRing:
 
 
 @compiled
+@borrows
 def fire_group(
     mounts: np.ndarray,
     x: float,
@@ -166,6 +168,7 @@ def fire_group(
 
 
 @compiled
+@borrows
 def surface_echo(
     pose: np.ndarray,
     sensor: np.ndarray,
@@ -190,6 +193,7 @@ def surface_echo(
 
 
 @compiled
+@borrows
 def corner_echo(
     pose: np.ndarray,
     sensor: np.ndarray,
@@ -225,6 +229,7 @@ def corner_echo(
 
 
 @compiled
+@borrows
 def foreign_echo(
     listener: np.ndarray, speaker: np.ndarray, sensor: np.ndarray, segments: np.ndarray
 ) -> float:
@@ -262,12 +267,14 @@ def foreign_echo(
 
 
 @compiled
+@borrows
 def in_cone(pose: np.ndarray, x: float, y: float, half_beam: float) -> bool:
     """Whether a point is within a sonar's cone."""
     return abs(bearing(pose, x, y)) <= half_beam
 
 
 @compiled
+@borrows
 def bearing(pose: np.ndarray, x: float, y: float) -> float:
     """Direction of a point from a pose, in (-π, π]."""
     dx, dy = x - pose[0], y - pose[1]
@@ -276,6 +283,7 @@ def bearing(pose: np.ndarray, x: float, y: float) -> float:
 
 
 @compiled
+@borrows
 def reading(echo: float, sensor: np.ndarray, noise: np.ndarray) -> float:
     """Turn a true echo into a report: noise, drop-outs, outliers, limits, whole millimetres."""
     p = sensor[0]

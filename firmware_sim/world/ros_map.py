@@ -11,8 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
-from PIL import Image
 
 from firmware_sim.errors import SimulationError
 from firmware_sim.world.cells import Cells
@@ -56,6 +54,8 @@ def load_cells(path: Path) -> Cells:
 
 def _header(path: Path) -> dict[str, Any]:
     """Return the content of the yaml file, all as text, since YAML 1.1 reads `1e-05` as such."""
+    import yaml  # noqa: PLC0415 - few rooms are ROS maps
+
     try:
         # BaseLoader returns only text, lists and tables.
         header = yaml.load(path.read_text(encoding="utf-8"), yaml.BaseLoader)  # noqa: S506
@@ -79,6 +79,8 @@ def _number(path: Path, key: str, text: object) -> float:
 
 def _image(path: Path, name: str) -> tuple[np.ndarray, bool]:
     """Return the channels, (rows, columns, n) of 0 to 1, and whether the last of them is alpha."""
+    from PIL import Image  # noqa: PLC0415
+
     file = path.parent / name
     try:
         with Image.open(file, formats=_FORMATS) as image:

@@ -8,8 +8,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Final
 
-from robotctl.compiled import COMPILING, with_numba, without_numba
-from robotctl.native_kernels import native_library
+from native_kernels.cache import cache_of
+from native_kernels.compiled import with_numba, without_numba
+from native_kernels.library import LOADED
 
 _KIND: Final = "numba:compile"
 _OURS: Final = ("robotctl.", "firmware_sim.")
@@ -23,11 +24,22 @@ def _all() -> int:
     """Return how many functions there are to compile in the modules that are loaded."""
     from numba.core.dispatcher import Dispatcher  # noqa: PLC0415 - loaded when this is asked
 
-    library = native_library()
-    kinds = (Dispatcher, *([library.Kernel] if library else []))
+    kinds = (Dispatcher, *(each.Kernel for each in LOADED))
     modules = [module for name, module in [*sys.modules.items()] if name.startswith(_OURS)]
     values = (value for module in modules for value in [*vars(module).values()])
     return len({id(value) for value in values if isinstance(value, kinds)})
+
+
+def compiling() -> str:
+    """Return the message for people when that begins."""
+    cache = cache_of("robotctl")
+    if not cache.folder:
+        return (
+            "compiling, up to minutes at each start: no folder takes the compiled code; "
+            "NUMBA_CACHE_DIR=FOLDER names one that does"
+        )
+    kept = "" if cache.is_beside_sources else f", to be kept in {cache.folder}"
+    return f"compiling, once: up to minutes{kept}; `robotctl compile` does it for all commands"
 
 
 class _Listener:
@@ -66,7 +78,7 @@ class _Listener:
         """Say before the first that it will take a while, and why."""
         if not self._began_s:
             self._began_s = self._said_s = time.monotonic()
-            self._say(COMPILING)
+            self._say(compiling())
 
     def _end(self, event: Any) -> None:
         """Report progress from time to time."""

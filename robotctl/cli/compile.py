@@ -7,7 +7,7 @@ from typing import Final
 
 from rich.console import Console
 
-from robotctl import kernel_cache
+from native_kernels.cache import cache_of
 from robotctl.cli.console import plain_console
 from robotctl.words import counted
 from robotctl.workbench.compile.compile import CompileError, Kernels
@@ -23,9 +23,9 @@ def compile_all() -> None:
     cache; a complete one beside the package serves all users. Status 2: no folder takes it.
     """
     kernels, console = Kernels(), plain_console(stderr=True)
-    if kernel_cache.FOLDER and not kernels.missing and not kernels.lack_library:
+    if (kept := cache_of("robotctl").folder) and not kernels.missing and not kernels.lack_library:
         done = f"{counted(kernels.total, 'function')} compiled already"
-        console.print(f"{done}, kept in {kernel_cache.FOLDER}", soft_wrap=True)
+        console.print(f"{done}, kept in {kept}", soft_wrap=True)
         return
     _compile(kernels, console)
 
@@ -70,7 +70,7 @@ def _compile(kernels: Kernels, console: Console) -> None:
 
         without = kernels.compile(tell)
     took_s = time.monotonic() - began_s
-    where = kernel_cache.FOLDER
+    where = cache_of("robotctl").folder
     console.print(
         f"{counted(kernels.total, 'function')} compiled in {took_s:.0f} s, kept in {where}",
         soft_wrap=True,

@@ -13,7 +13,7 @@ from typing import Annotated
 import typer
 import zmq
 
-from robotctl import kernel_cache
+from native_kernels.cache import cache_of
 from robotctl.app.processes.navigator import load_mission
 from robotctl.app.processes.progress import StoredProgress, resumed, state_directory
 from robotctl.app.supervision.exit_log import ExitLog
@@ -105,7 +105,7 @@ def run(
     if resume:
         options = _resumed(options, len(loaded.item) if loaded else 0)
     need_open_files()
-    if not kernel_cache.is_complete():
+    if not cache_of("robotctl").is_complete():
         compile_missing(simulated=False)
     log = ExitLog(record.resolve()) if record else None
     if record and (reason := refusal(record)):

@@ -28,11 +28,9 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from robotctl.errors import ConfigError
-from robotctl.maps.image_file import read_image
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import (
     FREE,
@@ -85,6 +83,8 @@ def load_map(path: Path) -> GridMap:
     OSError
         If a file cannot be read.
     """
+    from robotctl.maps.image_file import read_image  # noqa: PLC0415 - Pillow
+
     header = _header(path)
     if not header.image.is_file():
         raise ConfigError(f"{path}: image: {header.image} does not exist")
@@ -162,11 +162,15 @@ def save_map(prefix: Path, grid: CellRows) -> tuple[Path, Path]:
 
 def _quoted(name: str) -> str:
     """Return a file's name as a yaml string."""
+    import yaml  # noqa: PLC0415 - most runs need no file of a map
+
     return str(yaml.safe_dump(name, default_style='"', width=math.inf, allow_unicode=True)).strip()
 
 
 def _header(path: Path) -> _Header:
     """Read the yaml file; all its errors are reported at once."""
+    import yaml  # noqa: PLC0415
+
     try:
         data = yaml.safe_load(path.read_text(encoding="utf-8"))
     except (yaml.YAMLError, ValueError, RecursionError) as error:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
+from typing import Literal, TypeAlias
 
 from robotctl.errors import InvalidValue
 from robotctl.mavlink.globe import Origin
-from robotctl.mavlink.personality import Name
 from robotctl.messages.mavlink_port import LinkConfig
 
+Name: TypeAlias = Literal["ardupilot", "px4", "generic"]
+"""Name of a personality: here, as robot files need none of MAVLink's messages."""
 MIN_RATE_HZ = 0.001
 MAX_RATE_HZ = 100.0
 """Bounds of a rate [Hz]."""

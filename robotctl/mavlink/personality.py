@@ -12,15 +12,13 @@ import math
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, Literal, TypeAlias
+from typing import Final
 
 from pymavlink.dialects.v20 import common
 
 from robotctl.config_values import Value
 from robotctl.dialect import additions
 from robotctl.messages.mode import Mode
-
-Name: TypeAlias = Literal["ardupilot", "px4", "generic"]
 
 _MAIN: Final = 16
 _SUB: Final = 24

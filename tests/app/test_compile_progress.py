@@ -3,9 +3,9 @@
 import numba
 import pytest
 
+from native_kernels.cache import cache_of
 from robotctl.app import compile_progress as progress
-from robotctl.app.compile_progress import announce_compiling, compile_progress
-from robotctl.compiled import COMPILING
+from robotctl.app.compile_progress import announce_compiling, compile_progress, compiling
 
 
 def fresh(module: str) -> object:
@@ -28,7 +28,7 @@ def test_what_compiles_is_told_once_and_then_how_far_it_is(
         assert ours(1.0) == 2.0  # type: ignore[operator]
         assert others(1.0) == 2.0  # type: ignore[operator]
         assert ours(2.0) == 3.0  # type: ignore[operator]
-    assert said[0] == COMPILING
+    assert said[0] == compiling()
     assert [line.partition(" of at most ")[0] for line in said[1:]] == ["compiling: 1"] * 2
     fresh("robotctl.estimation.tried")(1.0)  # type: ignore[operator]
     assert len(said) == 3
@@ -52,4 +52,14 @@ def test_a_command_says_that_it_compiles_whatever_else_is_compiled_already() -> 
     announce_compiling(second.append)
     fresh("robotctl.estimation.other")(1.0)  # type: ignore[operator]
     announce_compiling(lambda _: None)
-    assert (first, second) == ([COMPILING], [COMPILING])
+    assert (first, second) == ([compiling()], [compiling()])
+
+
+@pytest.mark.parametrize(
+    ("folder", "said"), [("", "NUMBA_CACHE_DIR"), ("/mine/compiled-12", "kept in /mine")]
+)
+def test_people_are_told_where_it_is_kept(
+    monkeypatch: pytest.MonkeyPatch, folder: str, said: str
+) -> None:
+    monkeypatch.setattr(cache_of("robotctl"), "folder", folder)
+    assert said in compiling()

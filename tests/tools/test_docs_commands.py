@@ -40,7 +40,8 @@ FREE = re.compile(r"[A-Z]{2,}\b|/|…|\d+\.\d+\.")
 def files() -> str:
     """Return the paths of all files that come along, a line each with a slash before it."""
     folders = ("robotctl", "firmware_sim", "configs", "docs", "tests", "hil_tests", "benchmarks")
-    found = [path for name in (*folders, "tools", "examples") for path in (ROOT / name).rglob("*")]
+    others = ("native_kernels", "tools", "examples")
+    found = [path for name in (*folders, *others) for path in (ROOT / name).rglob("*")]
     return "\n".join(f"/{path.relative_to(ROOT)}" for path in (*found, *ROOT.glob("*")))
 
 
@@ -53,7 +54,7 @@ def comes_along(name: str) -> bool:
 @cache
 def names_in_the_code() -> set[str]:
     """Return the ends of all quoted words of the programs: files that they write and read."""
-    folders = ("robotctl", "firmware_sim", "tools")
+    folders = ("robotctl", "firmware_sim", "native_kernels", "tools")
     return {
         name
         for folder in folders

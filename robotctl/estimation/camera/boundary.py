@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 from robotctl.estimation.camera.colour import L_BINS, LIT, SATURATED_BIN, SHADOWED
 from robotctl.estimation.camera.config import BoundaryConfig
 

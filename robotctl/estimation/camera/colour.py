@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 
 # One bin of brightness and of each ratio, squeezed, and how many.
 L_STEP: Final = 0.07

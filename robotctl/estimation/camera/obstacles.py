@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 from robotctl.estimation.camera.boundary import FOUND, Boundary
 from robotctl.estimation.camera.config import GroundCameraConfig
 from robotctl.estimation.camera.scan import ColumnRanges

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 from robotctl.estimation.camera.boundary import BLOCKED, FOUND, FREE, UNSEEN, Boundary
 from robotctl.estimation.camera.config import GroundCameraConfig
 from robotctl.estimation.camera.strip import GroundStrip

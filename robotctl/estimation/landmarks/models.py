@@ -35,7 +35,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 from robotctl.model.geometry.angles import wrap_angle
 
 Array: TypeAlias = NDArray[np.float64]

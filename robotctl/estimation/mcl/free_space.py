@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 from robotctl.model.grid_map import STRIP, GridMap
 
 SampleFree: TypeAlias = Callable[[np.random.Generator, int], NDArray[np.float64]]

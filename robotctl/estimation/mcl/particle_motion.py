@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 from robotctl.model.drives.motion_noise import MotionNoise, added_covariance
 from robotctl.model.geometry.angles import sinc
 from robotctl.model.geometry.se2 import SE2

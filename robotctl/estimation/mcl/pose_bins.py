@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import borrows, compiled
+from native_kernels.compiled import borrows, compiled
 
 _EMPTY = -1
 _HALF = 1 << 23

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 
 _HALVINGS = 12
 """Halvings of the exponent's interval: it is good to 1/4096."""

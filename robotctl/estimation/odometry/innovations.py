@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 
 OUTLIER = 3.0
 """Standard deviations beyond which innovations count as outliers and are trusted less (Huber)."""

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 
 _REACH: Final = 255
 """Distance [cells] from which on all is far."""

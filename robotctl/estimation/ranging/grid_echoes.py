@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage  # type: ignore[import-untyped]
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 from robotctl.estimation.ranging.range_casting import RangeCaster
 from robotctl.estimation.ranging.sonar_cones import SonarCones
 from robotctl.model.grid_map import GridMap

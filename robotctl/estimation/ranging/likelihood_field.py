@@ -30,7 +30,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 from robotctl.estimation.ranging.beam_selection import evenly_chosen, judges, tempering
 from robotctl.estimation.ranging.distance_field import SQUARES, distance_bytes
 from robotctl.estimation.ranging.likelihood_config import LikelihoodFieldConfig

@@ -20,7 +20,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 from robotctl.model.grid_map import OCCUPIED_FROM, GridMap
 
 _BLOCK: Final = 256

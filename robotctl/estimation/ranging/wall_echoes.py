@@ -25,7 +25,7 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import borrows, compiled
+from native_kernels.compiled import borrows, compiled
 from robotctl.estimation.ranging.segment_index import NearIndex
 from robotctl.estimation.ranging.sonar_cones import SonarCones
 from robotctl.model.wall_map import WallMap

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import borrows, compiled
+from native_kernels.compiled import borrows, compiled
 from robotctl.model.grid_map import OCCUPIED
 from robotctl.planning.map.clearance import TILE
 

@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import borrows, compiled
+from native_kernels.compiled import borrows, compiled
 
 DIRECTIONS: Final = 1440
 """Number of directions in which an earlier scan is kept."""

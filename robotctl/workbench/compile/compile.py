@@ -1,32 +1,30 @@
 """Compilation of all kernels ahead of time, on all processors: the work of `robotctl compile`.
 
-Each module of this package but two has a `warm_up` that calls kernels with whatever fits them,
+Each other module of this package has a `warm_up` that calls kernels with whatever fits them,
 where possible as a starting robot warms up itself, over all entries of a registry.
 """
 
 from __future__ import annotations
 
 import os
-import shutil
 import subprocess
 import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib import import_module
-from pathlib import Path
 from queue import Queue
-from typing import Any, Final, TypeAlias
+from typing import Final, TypeAlias
 
-from robotctl import kernel_cache
+from native_kernels.cache import KernelCache, cache_of, processor
+from native_kernels.library import compilers, library_path
 from robotctl.app.supervision.child_process import lines_of, start_child
 from robotctl.errors import RobotctlError
-from robotctl.native_kernels import library_path
 
 _HERE: Final = "robotctl.workbench.compile"
 _ROBOT: Final = ("mapping", "navigation", "paths", "recordings")
 _SIMULATION: Final = "simulation"
 """Modules of this package whose `warm_up` calls kernels: a process each, as they share few."""
+_BUILDER: Final = "native_kernels.build"
 _POLL_S: Final = 0.25
 
 Tell: TypeAlias = Callable[[int, int], None]
@@ -43,42 +41,44 @@ class Kernels:
 
     simulated: bool = True
 
-    def _caches(self) -> list[Any]:
-        """Modules with the folder of a package's kernels, and whether all are in it."""
-        # By name: a robot does without firmware_sim, and its processes without numba.
-        return [kernel_cache, *([import_module("firmware_sim.compiled")] if self.simulated else [])]
+    @property
+    def packages(self) -> tuple[str, ...]:
+        """Names of their packages."""
+        return ("robotctl", "firmware_sim") if self.simulated else ("robotctl",)
+
+    def _caches(self) -> list[KernelCache]:
+        return [cache_of(each) for each in self.packages]
 
     @property
     def total(self) -> int:
         """How many there are."""
-        return sum(kernel_cache.kernels_of(Path(each.__file__).parent) for each in self._caches())
+        return sum(each.total for each in self._caches())
 
     @property
     def done(self) -> int:
         """How many are in the cache."""
-        files = (Path(each.FOLDER).rglob("*.nbi") for each in self._caches() if each.FOLDER)
-        return sum(1 for each in files for _ in each)
+        return sum(each.done for each in self._caches())
 
     @property
     def missing(self) -> str:
         """Why they have to be compiled; empty if they need not be, or cannot be kept."""
-        if not kernel_cache.FOLDER:
+        if not all(each.folder for each in self._caches()):
             return ""
-        # The library is for this processor; to ask what that is loads llvmlite.
-        caches = self._caches()[1:] if library_path().exists() else self._caches()
+        # A library is for this processor; to ask what that is loads llvmlite.
+        caches = [cache_of(each) for each in self.packages if not library_path(each).exists()]
         if not caches:
             return ""
-        here = kernel_cache.processor()
+        here = processor()
         if all(each.is_complete(here) for each in caches):
             return ""
-        if kernel_cache.is_complete():
+        if all(each.is_complete() for each in caches):
             return f"they were compiled for another processor than this one, {here}"
         return "nothing of these sources is compiled yet"
 
     @property
     def lack_library(self) -> bool:
-        """Whether there is no library of them, but what makes one."""
-        return not library_path().exists() and all(compilers())
+        """Whether a package has no library of them, but there is what makes one."""
+        return all(compilers()) and not all(library_path(each).exists() for each in self.packages)
 
     def compile(self, tell: Tell = lambda *_: None) -> str:
         """Compile what is missing, on all processors; return why there is no library of it.
@@ -91,31 +91,29 @@ class Kernels:
             If no folder takes what is compiled, or a process fails; says why.
         """
         for each in self._caches():
-            _check_folder(each.FOLDER)
+            _check_folder(each.folder)
         total = self.total
-        library_path().unlink(missing_ok=True)  # so that numba compiles
+        for package in self.packages:
+            library_path(package).unlink(missing_ok=True)  # so that numba compiles
 
         def watch() -> None:
             tell(min(self.done, total), total)
 
-        _run([*_ROBOT, *([_SIMULATION] if self.simulated else [])], watch)
+        names = [*_ROBOT, *([_SIMULATION] if self.simulated else [])]
+        _run({each: f"from {_HERE}.{each} import warm_up; warm_up()" for each in names}, watch)
+        built = f"from {_BUILDER} import build; build({{!r}})"
         try:
-            _run(["native_library"], watch, "build")
+            units = {f"library of {each}": built.format(each) for each in self.packages}
+            _run(units, lambda: tell(total, total))
             without = ""
         except CompileError as error:
             without = str(error)
         try:
             for each in self._caches():
-                each.mark_complete(kernel_cache.processor())
+                each.mark_complete(processor())
         except OSError as error:
             raise CompileError(f"{error.filename}: {error.strerror}") from error
         return without
-
-
-def compilers() -> tuple[str | None, str | None]:
-    """Return the compilers for C and C++, as CC and CXX name them; None: there is none."""
-    c, cpp = os.environ.get("CC", "cc"), os.environ.get("CXX", "c++")
-    return shutil.which(c), shutil.which(cpp)
 
 
 def _check_folder(folder: str) -> None:
@@ -129,20 +127,19 @@ def _check_folder(folder: str) -> None:
     if not os.access(folder, os.W_OK):
         raise CompileError(
             f"{folder}: cannot be written to, and is of another processor than this one, "
-            f"{kernel_cache.processor()}; run `robotctl compile` as its owner, or {how}"
+            f"{processor()}; run `robotctl compile` as its owner, or {how}"
         )
 
 
-def _run(units: list[str], watch: Callable[[], None], function: str = "warm_up") -> None:
-    """Run each module's function, as many at a time as there are processors."""
+def _run(units: dict[str, str], watch: Callable[[], None]) -> None:
+    """Run the code of each unit, by its name, as many at a time as there are processors."""
     at_once = len(os.sched_getaffinity(0))
     running: dict[str, tuple[subprocess.Popen[str], Queue[str | None]]] = {}
     try:
         while units or running:
             while units and len(running) < at_once:
-                name = units.pop(0)
-                code = f"from {_HERE}.{name} import {function}; {function}()"
-                command = [sys.executable, "-c", code]
+                name = next(iter(units))
+                command = [sys.executable, "-c", units.pop(name)]
                 process = start_child(
                     command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
                 )

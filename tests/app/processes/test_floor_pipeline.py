@@ -51,9 +51,9 @@ COMPILED_LATE = """
 import sys
 import numpy as np
 from numba.core.registry import CPUDispatcher
-from robotctl import native_kernels
+from native_kernels import library
 
-native_kernels.native_library = lambda: None  # as where there is no library of all kernels
+library.native_library = lambda _: None  # as where there is no library of all kernels
 from robotctl.app.processes import floor_pipeline as ground_watch
 from robotctl.config.robot_file import find_file, load_robot
 

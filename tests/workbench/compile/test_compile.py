@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 from numba.core import event
 
-from firmware_sim import compiled as simulated
-from robotctl import kernel_cache
+from native_kernels.cache import cache_of
 from robotctl.app.simulation.lockstep import run_lockstep
 from robotctl.app.simulation.sim_options import SimOptions
 from robotctl.cli import compile as command
@@ -21,7 +20,7 @@ from robotctl.workbench.graphs.optimise import optimise
 from robotctl.workbench.graphs.options import OptimiseOptions
 
 ROOT = Path(__file__).resolve().parents[3]
-PACKAGES = {"robotctl": kernel_cache.FOLDER, "firmware_sim": simulated.FOLDER}
+PACKAGES = ("robotctl", "firmware_sim")
 
 
 @pytest.fixture
@@ -51,25 +50,25 @@ def cached(folder):
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_every_compiled_function_is_called_by_a_warm_up(compiled, package):
-    assert {*declared(package)} <= {*cached(PACKAGES[package])}
+    assert {*declared(package)} <= {*cached(cache_of(package).folder)}
 
 
 def test_the_sources_tell_how_many_there_are():
     numbers = [len(list(declared(each))) for each in PACKAGES]
-    assert [kernel_cache.kernels_of(ROOT / each) for each in PACKAGES] == numbers
+    assert [cache_of(each).total for each in PACKAGES] == numbers
     assert Kernels().total == sum(numbers)
     assert Kernels(simulated=False).total == numbers[0]
 
 
 def test_a_library_is_wanted_where_there_is_none_and_both_compilers_are(monkeypatch, tmp_path):
-    library = tmp_path / "native.so"
-    monkeypatch.setattr(work, "library_path", lambda: library)
+    monkeypatch.setattr(work, "library_path", tmp_path.joinpath)
+    (tmp_path / "robotctl").touch()
     monkeypatch.setenv("CC", sys.executable)
     monkeypatch.setenv("CXX", "no-such-compiler")
     assert not Kernels().lack_library
     monkeypatch.setenv("CXX", sys.executable)
     assert Kernels().lack_library
-    library.touch()
+    (tmp_path / "firmware_sim").touch()
     assert not Kernels().lack_library
 
 
@@ -122,9 +121,10 @@ def units(folder, monkeypatch, **bodies):
         text = f"def warm_up():\n    {body}\n"
         (folder / "warmed" / f"{name}.py").write_text(text, encoding="utf-8")
     monkeypatch.setattr(work, "_HERE", "warmed")
+    monkeypatch.setattr(work, "_BUILDER", "warmed.build")
     monkeypatch.setattr(work, "_ROBOT", tuple(bodies))
     monkeypatch.setenv("PYTHONPATH", str(folder))
-    monkeypatch.setattr(kernel_cache, "FOLDER", str(folder))
+    monkeypatch.setattr(cache_of("robotctl"), "folder", str(folder))
 
 
 def test_all_parts_run_and_then_the_folder_is_marked(tmp_path, monkeypatch):
@@ -133,7 +133,7 @@ def test_all_parts_run_and_then_the_folder_is_marked(tmp_path, monkeypatch):
     kernels, told = Kernels(simulated=False), []
     assert "nothing of these sources is compiled" in kernels.missing
     without = kernels.compile(lambda done, total: told.append((done, total)))
-    assert "native_library: its functions cannot be compiled: ModuleNotFoundError" in without
+    assert "library of robotctl: its functions cannot be compiled: ModuleNotFoundError" in without
     assert len(list(tmp_path.glob("done*"))) == 4
     assert kernels.missing == ""
     assert {total for _, total in told} == {kernels.total}
@@ -143,7 +143,7 @@ def test_another_processor_is_told_so(tmp_path, monkeypatch):
     units(tmp_path, monkeypatch, unit="pass")
     kernels = Kernels(simulated=False)
     kernels.compile()
-    monkeypatch.setattr(kernel_cache, "processor", lambda: "other-1234")
+    monkeypatch.setattr(work, "processor", lambda: "other-1234")
     assert kernels.missing == "they were compiled for another processor than this one, other-1234"
     monkeypatch.setattr(work.os, "access", lambda *_: False)
     with pytest.raises(CompileError, match=r"cannot be written to.*other-1234; run `robotctl comp"):
@@ -162,27 +162,12 @@ def test_a_part_that_fails_says_why_and_ends_the_others(tmp_path, monkeypatch):
         Kernels(simulated=False).compile()
     assert time.monotonic() - begin_s < 100.0
     assert not Path("/proc", (tmp_path / "pid").read_text().strip() or "none").exists()
-    assert not kernel_cache.is_complete()
+    assert not cache_of("robotctl").is_complete()
 
 
 def test_where_nothing_can_be_kept_a_robot_starts_all_the_same(monkeypatch, capsys):
-    monkeypatch.setattr(kernel_cache, "FOLDER", "")
+    monkeypatch.setattr(cache_of("robotctl"), "folder", "")
     with pytest.raises(CompileError, match="NUMBA_CACHE_DIR=FOLDER"):
         command.compile_all()
     command.compile_missing(simulated=False)
     assert capsys.readouterr() == ("", "")
-
-
-def test_a_folder_that_is_complete_need_not_take_files(tmp_path, monkeypatch):
-    monkeypatch.setattr(kernel_cache, "_parents", lambda: iter([tmp_path / "theirs", tmp_path]))
-    theirs = Path(kernel_cache._cache_folder({}))
-    assert theirs.parent == tmp_path / "theirs"
-    takes = kernel_cache._takes_files
-    monkeypatch.setattr(
-        kernel_cache,
-        "_takes_files",
-        lambda each, known: each.parent == tmp_path and takes(each, known),
-    )
-    assert Path(kernel_cache._cache_folder({})).parent == tmp_path
-    (theirs / kernel_cache._mark("any")).touch()
-    assert Path(kernel_cache._cache_folder({})) == theirs

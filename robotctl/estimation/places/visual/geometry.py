@@ -15,7 +15,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 
 PLANE_TOLERANCE: Final = 0.01
 """Distance of a match from where a homography has it, over the diagonal: 8 px of 640 x 480."""

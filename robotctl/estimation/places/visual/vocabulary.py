@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 from robotctl.errors import InvalidValue
 from robotctl.estimation.places.visual.bits import BITS, differing_bits
 from robotctl.estimation.places.visual.features import Descriptors

@@ -17,7 +17,7 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 from robotctl.estimation.kalman.chi_squared import chi2_quantile
 
 Array: TypeAlias = NDArray[np.float64]

@@ -15,7 +15,7 @@ from typing import Final, NoReturn, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 
 Array: TypeAlias = NDArray[np.float64]
 

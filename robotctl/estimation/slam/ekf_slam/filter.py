@@ -31,7 +31,7 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 from robotctl.estimation.kalman.chi_squared import chi2_quantile
 from robotctl.estimation.kalman.growing_gaussian import GrowingGaussian
 from robotctl.estimation.slam.ekf_slam.association import (

@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 from robotctl.estimation.slam.factors.rotations import (
     compose_inverse,
     matrix,

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 from robotctl.estimation.slam.factors.between import wrapped
 from robotctl.estimation.slam.graph.factor import FactorKind
 from robotctl.estimation.slam.graph.variables import POINT2, SE2, Floats, wrap

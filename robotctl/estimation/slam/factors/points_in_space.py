@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 from robotctl.estimation.slam.factors.rotations import matrix, unrotate
 from robotctl.estimation.slam.graph.factor import FactorKind
 from robotctl.estimation.slam.graph.variables import POINT3, SE3, Floats

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 from robotctl.estimation.slam.graph.variables import Floats
 
 

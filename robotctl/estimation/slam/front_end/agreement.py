@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 from robotctl.estimation.slam.front_end.surface import RANGE_LIMIT_M, Floats, Surface, beam_step_rad
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan

@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 from robotctl.estimation.slam.front_end.score_field import LEVELS, RESOLUTION_M, ScoreField
 from robotctl.estimation.slam.front_end.surface import Floats
 from robotctl.model.geometry.se2 import SE2

@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 from robotctl.estimation.slam.front_end.surface import Floats, Surface, corners
 from robotctl.model.geometry.se2 import SE2
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 from robotctl.estimation.slam.incremental.bayes_tree import Cliques, Ints, Links, grown_ints
 from robotctl.estimation.slam.linear.ordering import minimum_degree
 from robotctl.estimation.slam.linear.symbolic import Symbolic, analyse

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 from robotctl.estimation.grown import Grown
 from robotctl.estimation.slam.graph.factor import FactorBlock, FactorKind, Ints, Linearised
 from robotctl.estimation.slam.graph.robust_kernel import RobustKernel

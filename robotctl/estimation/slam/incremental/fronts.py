@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 from robotctl.estimation.slam.incremental.bayes_tree import Cliques, Floats, Ints, Links
 from robotctl.estimation.slam.linear.cholesky import eliminate
 from robotctl.estimation.slam.linear.symbolic import Symbolic

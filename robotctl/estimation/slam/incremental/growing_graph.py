@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 from robotctl.estimation.grown import Grown
 from robotctl.estimation.slam.graph.checks import check_numbers, check_values
 from robotctl.estimation.slam.graph.factor import FactorKind, Ints

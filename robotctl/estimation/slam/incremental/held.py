@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 from robotctl.estimation.grown import Grown
 from robotctl.estimation.slam.incremental.bayes_tree import (
     Cliques,

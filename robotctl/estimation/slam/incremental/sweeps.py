@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 from robotctl.estimation.slam.incremental.bayes_tree import Cliques, Floats, Ints
 from robotctl.estimation.slam.linear.cholesky import subtract_product
 

@@ -11,7 +11,7 @@ from typing import Final, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 from robotctl.estimation.grown import Grown
 from robotctl.estimation.slam.factors.between import BETWEEN_2D, residual_2d
 from robotctl.estimation.slam.front_end.point_to_line import SIGMA_M

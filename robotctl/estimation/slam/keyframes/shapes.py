@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 from robotctl.estimation.grown import Grown
 from robotctl.estimation.places.recogniser import Candidate, Recognition
 from robotctl.estimation.slam.front_end.surface import Floats

@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 from robotctl.estimation.slam.equations import NormalEquations
 from robotctl.estimation.slam.factors.between import BETWEEN_2D, BETWEEN_3D
 from robotctl.estimation.slam.factors.rotations import matrix

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 from robotctl.estimation.slam.factors.between import BETWEEN_2D, BETWEEN_3D
 from robotctl.estimation.slam.factors.odometry_arc import ODOMETRY_ARC
 from robotctl.estimation.slam.graph.factor import Ints

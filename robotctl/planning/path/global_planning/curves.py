@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import borrows, compiled
+from native_kernels.compiled import borrows, compiled
 
 LEFT, STRAIGHT, RIGHT = 1, 0, -1
 """Turn of a piece, by the sign of its curvature when driven forward."""

@@ -20,7 +20,7 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import borrows, compiled
+from native_kernels.compiled import borrows, compiled
 
 Corners: TypeAlias = Literal["both", "one", "none"]
 """How many of the two cells beside a diagonal step must be free."""

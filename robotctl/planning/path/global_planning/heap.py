@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import borrows, compiled
+from native_kernels.compiled import borrows, compiled
 
 
 @compiled

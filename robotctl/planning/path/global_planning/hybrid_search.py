@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import borrows, compiled
+from native_kernels.compiled import borrows, compiled
 from robotctl.planning.map.planning_map import body_hits
 from robotctl.planning.path.global_planning.curves import along, reeds_shepp
 from robotctl.planning.path.global_planning.heap import pop, push

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import borrows, compiled
+from native_kernels.compiled import borrows, compiled
 from robotctl.planning.path.local.body import SPACING, TOUCH, Body, Surroundings, gap
 from robotctl.planning.path.local.rollout import Motion, RolloutProblem
 

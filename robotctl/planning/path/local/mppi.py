@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 from robotctl.planning.path.local.controller import ControllerConfig, tried
 from robotctl.planning.path.local.follower import Choice
 from robotctl.planning.path.local.rollout import (

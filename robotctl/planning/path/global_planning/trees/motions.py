@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 from robotctl.planning.map.planning_map import body_hits
 from robotctl.planning.path.global_planning.curves import PIECES, along, dubins, reeds_shepp
 from robotctl.planning.path.global_planning.hybrid_search import GEAR_CHANGE, REVERSE

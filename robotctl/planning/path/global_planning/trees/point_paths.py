@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 from robotctl.planning.path.global_planning.heap import pop, push
 from robotctl.planning.path.global_planning.trees.motions import free_share, price_of
 from robotctl.planning.path.global_planning.trees.tree import Tree, poses_near

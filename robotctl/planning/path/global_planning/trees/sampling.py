@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 
 _NARROW: Final = 6
 """A passage up to this wide is narrow [cells]."""

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.compiled import compiled
+from native_kernels.compiled import compiled
 from robotctl.planning.path.global_planning.curves import PIECES
 from robotctl.planning.path.global_planning.hybrid_search import GEAR_CHANGE
 from robotctl.planning.path.global_planning.trees.motions import (

@@ -1,4 +1,4 @@
-"""Kernels by numba: compiled at their first call, cached in the folder of `kernel_cache`."""
+"""Kernels by numba: compiled at their first call, cached in the folder of their package."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numba
 from numba.core import caching, types
 from numba.extending import typeof_impl
 
-from robotctl.kernel_cache import DIGESTS, FOLDER, alone
-from robotctl.native_kernels import native_library
+from native_kernels.cache import alone, cache_of, package_of
+from native_kernels.library import LOADED
 
 _FUNCTION_CACHE: Any = caching.FunctionCache
 _RESULTS: Any = caching.CompileResultCacheImpl
@@ -26,9 +26,10 @@ class _Locator(_SOURCE_FILE, _LOCATOR):  # type: ignore[misc] # numba has no typ
 
     def __init__(self, function: Any, file: str) -> None:
         self._py_file, self._lineno = file, function.__code__.co_firstlineno
-        self._folder = str(Path(FOLDER, function.__module__))
+        kept = cache_of(package_of(function))
+        self._folder = str(Path(kept.folder, function.__module__))
         name = function.__qualname__.partition(".")[0]
-        self._digest = DIGESTS.get(f"{function.__module__}:{name}")
+        self._digest = kept.digests.get(f"{function.__module__}:{name}")
 
     @classmethod
     def from_function(cls, function: Any, file: str) -> _Locator:
@@ -70,7 +71,7 @@ class _Cache(_FUNCTION_CACHE):  # type: ignore[misc]
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep a compiled function, if the disk takes it."""
-        with suppress(OSError), alone(Path(FOLDER)):
+        with suppress(OSError), alone(Path(cache_of(package_of(self._py_func)).folder)):
             super().save_overload(sig, data)
 
     def _index_key(self, sig: Any, codegen: Any) -> Any:
@@ -87,10 +88,12 @@ def _fields(kind: Any) -> Any:
 
 def dispatcher_of(function: Any) -> Any:
     """Return what compiles a function at its first call; division by zero gives inf or nan."""
+    for library in LOADED:  # it may call their kernels
+        _TYPE_OF.register(library.Kernel)(_type_of)
     jit: Any = numba.njit
     how = {"forceinline": True, "_nrt": False} if hasattr(function, "borrows") else {}
     dispatcher: Any = jit(error_model="numpy", **how)(function)
-    if FOLDER:
+    if cache_of(package_of(function)).folder:
         dispatcher._cache = _Cache(function)  # as its `enable_caching` does
     return dispatcher
 
@@ -98,7 +101,3 @@ def dispatcher_of(function: Any) -> Any:
 def _type_of(kernel: Any, _: Any) -> Any:
     """Return the type of a native kernel for numba, which compiles what calls it."""
     return types.Dispatcher(kernel.dispatcher)
-
-
-if native := native_library():
-    _TYPE_OF.register(native.Kernel)(_type_of)

@@ -1,7 +1,7 @@
-"""Library of all kernels in machine code, which `robotctl compile` builds: no numba is loaded.
+"""Library of a package's kernels in machine code, which `build` makes: no numba is loaded.
 
-It lies in the folder of `kernel_cache`, for one processor. A kernel is taken from it if its digest
-and its bytecode are those that it was compiled from.
+It lies in the folder of the package's cache, for one processor. A kernel is taken from it if its
+digest and its bytecode are those that it was compiled from.
 """
 
 from __future__ import annotations
@@ -11,29 +11,37 @@ import json
 import os
 import pickle
 import platform
+import shutil
 import sys
 from collections.abc import Callable
-from functools import cache, update_wrapper
+from functools import cache, partial, update_wrapper
 from importlib.machinery import ExtensionFileLoader, ModuleSpec
 from importlib.metadata import version
 from importlib.util import module_from_spec
 from pathlib import Path
 from typing import Any, Final
 
-from robotctl import kernel_cache
-from robotctl.kernel_cache import DIGESTS
+from native_kernels.cache import cache_of, package_of
 
-MODULE: Final = "native_kernels"
+MODULE: Final = "kernel_library"
 _PICKLE: Final = 4
 """Protocol of numba's keys."""
 _OF_PROCESSOR: Final = (
     "model name", "flags", "Features", "CPU implementer", "CPU part", "CPU variant",
 )  # fmt: skip
 """Lines of /proc/cpuinfo that tell what a processor can do."""
+LOADED: Final[list[Any]] = []
+"""Libraries of this process."""
 
 
-def library_path() -> Path:
-    """Return where the library lies for this processor and this Python."""
+def compilers() -> tuple[str | None, str | None]:
+    """Return the compilers for C and C++, as CC and CXX name them; None: there is none."""
+    c, cpp = os.environ.get("CC", "cc"), os.environ.get("CXX", "c++")
+    return shutil.which(c), shutil.which(cpp)
+
+
+def library_path(package: str) -> Path:
+    """Return where a package's library lies for this processor and this Python."""
     chosen, features = os.environ.get("NUMBA_CPU_NAME", ""), os.environ.get("NUMBA_CPU_FEATURES")
     told = f"{chosen} {features}"
     if chosen != "generic" and (not chosen or features is None):  # numba asks this processor
@@ -42,26 +50,27 @@ def library_path() -> Path:
         told += "".join(line for line in lines if line.startswith(_OF_PROCESSOR))
     digest = hashlib.sha256(f"{version('numpy')} {told}".encode()).hexdigest()[:12]
     name = f"native-{sys.implementation.cache_tag}-{platform.machine()}-{digest}.so"
-    return Path(kernel_cache.FOLDER) / name
+    return Path(cache_of(package).folder) / name
 
 
 @cache
-def native_library() -> Any:
-    """Return the library, None where there is none or numba is told to compile nothing."""
-    if not kernel_cache.FOLDER or os.environ.get("NUMBA_DISABLE_JIT", "0") != "0":
+def native_library(package: str) -> Any:
+    """Return a package's library; None if it has none, or numba is told to compile nothing."""
+    if not cache_of(package).folder or os.environ.get("NUMBA_DISABLE_JIT", "0") != "0":
         return None
-    if not (path := library_path()).exists():
+    if not (path := library_path(package)).exists():
         return None
     loader = ExtensionFileLoader(MODULE, str(path))
     library = module_from_spec(ModuleSpec(MODULE, loader, origin=str(path)))
     loader.exec_module(library)
+    LOADED.append(library)
     return library
 
 
 @cache
-def _table() -> dict[str, Any]:
-    """Return what the library tells of itself: `versions`, named `tuples`, and `records`."""
-    table: dict[str, Any] = json.loads(native_library().table)
+def _table(package: str) -> dict[str, Any]:
+    """Return what a library tells of itself: `versions`, named `tuples`, and `records`."""
+    table: dict[str, Any] = json.loads(native_library(package).table)
     return table
 
 
@@ -70,18 +79,20 @@ def native_kernel(function: Any, dispatcher_of: Callable[[Any], Any]) -> Any:
 
     Numba's dispatcher takes the calls with other types.
     """
-    if (library := native_library()) is None or not (key := key_of(function)):
+    package = package_of(function)
+    if (library := native_library(package)) is None or not (key := key_of(function)):
         return None
-    _set_up(dispatcher_of)
-    if (versions := _table()["versions"].get(key)) is None:
+    _set_up(package, dispatcher_of)
+    if (versions := _table(package)["versions"].get(key)) is None:
         return None
     return update_wrapper(library.Kernel(function, [*map(tuple, versions)]), function)
 
 
 @cache
-def _set_up(dispatcher_of: Callable[[Any], Any]) -> None:
-    records = tuple(map(_record, _table()["records"]))
-    native_library().set_up(dispatcher_of, _number_of, records)
+def _set_up(package: str, dispatcher_of: Callable[[Any], Any]) -> None:
+    table = _table(package)
+    records = [*map(_record, table["records"])]
+    native_library(package).set_up(dispatcher_of, partial(_number_of, table["tuples"]), records)
 
 
 def _record(told: Any) -> Any:
@@ -92,16 +103,16 @@ def _record(told: Any) -> Any:
     return np.dtype(layout, align=aligned)  # type: ignore[call-overload]
 
 
-def _number_of(kind: Any) -> int:
-    """Return the number of a named tuple's class in the library, -1 if it knows none."""
+def _number_of(known: list[Any], kind: Any) -> int:
+    """Return the number of a named tuple's class among those of a library, -1 if it is not."""
     told = [kind.__module__, kind.__qualname__, *getattr(kind, "_fields", ())]
-    return _table()["tuples"].index(told) if told in _table()["tuples"] else -1
+    return known.index(told) if told in known else -1
 
 
 def key_of(function: Any) -> str:
-    """Return what names a kernel and what it is made of; "" for one that is not of the package."""
+    """Return what names a kernel and what it is made of; "" for one that is of no package."""
     module, qualname, code = function.__module__, function.__qualname__, function.__code__
-    digest = DIGESTS.get(f"{module}:{qualname.partition('.')[0]}")
+    digest = cache_of(package_of(function)).digests.get(f"{module}:{qualname.partition('.')[0]}")
     if digest is None:
         return ""
     closed = b""

@@ -1,6 +1,6 @@
 /* Kernels without numba: machine code of many versions, each chosen by the types of the arguments.
  *
- * Included at the end of what `robotctl.workbench.compile.native_library` writes, behind numba's own
+ * Included at the end of what `build.py` writes, behind numba's own
  * `modulemixin.c` and the tables `environments`, `versions` and `table`.
  */
 
@@ -19,7 +19,7 @@ typedef struct {
 
 /* Returns the numba dispatcher of a function; the number of a named tuple's class, -1 if unknown. */
 static PyObject *dispatcher_of, *number_of;
-static PyObject *record_types; /* tuple of dtype */
+static PyObject *record_types; /* list of dtype, of equal ones the last that came */
 static PyObject **environment_objects;
 static struct { PyTypeObject *type; long number; } *classes;
 static int class_count;
@@ -72,13 +72,18 @@ number_of_class(PyTypeObject *type)
 static int
 number_of_record(PyArray_Descr *type)
 {
-    for (Py_ssize_t i = 0; i < PyTuple_GET_SIZE(record_types); i++) {
-        PyArray_Descr *known = (PyArray_Descr *)PyTuple_GET_ITEM(record_types, i);
-        if (known == type
-            || (PyArray_EquivTypes(known, type)
-                && PyDataType_FLAGCHK(known, NPY_ALIGNED_STRUCT)
-                       == PyDataType_FLAGCHK(type, NPY_ALIGNED_STRUCT)))
+    Py_ssize_t count = PyList_GET_SIZE(record_types);
+    for (Py_ssize_t i = 0; i < count; i++)
+        if (PyList_GET_ITEM(record_types, i) == (PyObject *)type)
             return (int)i;
+    for (Py_ssize_t i = 0; i < count; i++) { /* field by field: microseconds */
+        PyArray_Descr *known = (PyArray_Descr *)PyList_GET_ITEM(record_types, i);
+        if (PyArray_EquivTypes(known, type)
+            && PyDataType_FLAGCHK(known, NPY_ALIGNED_STRUCT)
+                   == PyDataType_FLAGCHK(type, NPY_ALIGNED_STRUCT)) {
+            PyList_SetItem(record_types, i, Py_NewRef(type));
+            return (int)i;
+        }
     }
     return OTHER;
 }
@@ -244,7 +249,7 @@ static PyGetSetDef kernel_getset[] = {
 };
 static PyTypeObject kernel_type = {
     PyVarObject_HEAD_INIT(NULL, 0)
-    .tp_name = "native_kernels.Kernel",
+    .tp_name = "kernel_library.Kernel",
     .tp_basicsize = sizeof(Kernel),
     .tp_dictoffset = offsetof(Kernel, dict),
     .tp_flags = Py_TPFLAGS_DEFAULT,
@@ -260,7 +265,7 @@ static PyObject *
 set_up(PyObject *Py_UNUSED(module), PyObject *arguments)
 {
     if (!PyArg_ParseTuple(
-            arguments, "OOO!", &dispatcher_of, &number_of, &PyTuple_Type, &record_types))
+            arguments, "OOO!", &dispatcher_of, &number_of, &PyList_Type, &record_types))
         return NULL;
     Py_INCREF(dispatcher_of);
     Py_INCREF(number_of);
@@ -270,16 +275,16 @@ set_up(PyObject *Py_UNUSED(module), PyObject *arguments)
 
 static PyMethodDef module_methods[] = {{"set_up", set_up, METH_VARARGS}, {NULL}};
 static PyModuleDef definition = {
-    PyModuleDef_HEAD_INIT, "native_kernels", NULL, -1, module_methods,
+    PyModuleDef_HEAD_INIT, "kernel_library", NULL, -1, module_methods,
 };
 
 PyMODINIT_FUNC
-PyInit_native_kernels(void)
+PyInit_kernel_library(void)
 {
     static PyMethodDef none[] = {{NULL}};
     env_gv_t nothing[] = {NULL};
     PyObject *module = PyModule_Create(&definition);
-    if (!module || pycc_init_native_kernels(module, none, NULL, nothing)
+    if (!module || pycc_init_kernel_library(module, none, NULL, nothing)
         || PyType_Ready(&kernel_type))
         return NULL;
     size_t count = sizeof environments / sizeof *environments;

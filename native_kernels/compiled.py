@@ -10,28 +10,12 @@ import sys
 from collections.abc import Callable
 from typing import Any, Final, ParamSpec, TypeVar
 
-from robotctl.kernel_cache import FOLDER, is_beside_sources
-from robotctl.native_kernels import native_kernel
+from native_kernels.library import native_kernel
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
 _WAITING: Final[list[Callable[[], None]]] = []
-
-
-def _compiling() -> str:
-    """Return what `COMPILING` says."""
-    if not FOLDER:
-        return (
-            "compiling, up to minutes at each start: no folder takes the compiled code; "
-            "NUMBA_CACHE_DIR=FOLDER names one that does"
-        )
-    kept = "" if is_beside_sources() else f", to be kept in {FOLDER}"
-    return f"compiling, once: up to minutes{kept}; `robotctl compile` does it for all commands"
-
-
-COMPILING: Final = _compiling()
-"""Message for people when that begins."""
 
 
 def borrows(function: Callable[P, R]) -> Callable[P, R]:
@@ -52,7 +36,7 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
 
 def _dispatcher_of(function: Any) -> Any:
     """Return what compiles a function at its first call."""
-    from robotctl.numba_kernels import dispatcher_of  # noqa: PLC0415 - 0.4 s and 45 MB
+    from native_kernels.by_numba import dispatcher_of  # noqa: PLC0415 - 0.4 s and 45 MB
 
     while _WAITING:
         _WAITING.pop(0)()

@@ -14,14 +14,11 @@ from typing import TypeAlias
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+from native_kernels import cache
+
+ROOT = Path(__file__).parents[2]
 PACKAGES = ("robotctl", "firmware_sim")
-OF_ROBOTCTL = (
-    "kernel_cache.py", "kernel_digests.py", "native_kernels.py", "native_kernels.c",
-    "numba_kernels.py", "workbench/compile/native_library.py",
-)  # fmt: skip
-"""What `compiled.py` of robotctl needs."""
-KERNEL = """from {package}.compiled import compiled
+KERNEL = """from native_kernels.compiled import compiled
 
 
 @compiled
@@ -34,24 +31,21 @@ def half(x):
 Start: TypeAlias = Callable[..., tuple[int, str]]
 
 
-@pytest.fixture(params=PACKAGES)
+@pytest.fixture
 def package(request: pytest.FixtureRequest) -> str:
-    return str(request.param)
+    return str(getattr(request, "param", "robotctl"))
 
 
 @pytest.fixture
 def installed(tmp_path: Path) -> Path:
     """What compiles and caches, of an installation that nobody can write to."""
     folder = tmp_path / "installed"
+    ignore = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(ROOT / "native_kernels", folder / "native_kernels", ignore=ignore)
     for name in PACKAGES:
-        (folder / name).mkdir(parents=True)
+        (folder / name).mkdir()
         (folder / name / "__init__.py").touch()
-        shutil.copy(ROOT / name / "compiled.py", folder / name)
-        if name == "robotctl":
-            for each in OF_ROBOTCTL:
-                (folder / name / each).parent.mkdir(parents=True, exist_ok=True)
-                shutil.copy(ROOT / name / each, folder / name / each)
-        (folder / name / "kernel.py").write_text(KERNEL.format(package=name))
+        (folder / name / "kernel.py").write_text(KERNEL)
         (folder / name / "__pycache__").write_text("no folder")
     return folder
 
@@ -75,7 +69,7 @@ def home(tmp_path: Path) -> Path:
 @pytest.fixture(scope="module")
 def calls() -> Iterator[subprocess.Popen[str]]:
     """New processes that call a compiled function."""
-    command = [sys.executable, "-I", ROOT / "tests" / "compiled_calls.py"]
+    command = [sys.executable, "-I", Path(__file__).with_name("compiled_calls.py")]
     with subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as process:
@@ -111,6 +105,7 @@ def start(calls: subprocess.Popen[str], installed: Path, package: str) -> Start:
     return started
 
 
+@pytest.mark.parametrize("package", PACKAGES, indirect=True)
 def test_it_is_kept_in_the_users_cache(
     start: Start, package: str, home: Path, tmp_path: Path
 ) -> None:
@@ -189,9 +184,9 @@ def test_a_constant_that_another_file_defines_is_part_of_the_code(
     assert [*hits, start(home=home, temporary=tmp_path, expected=0.75)[0]] == [0, 1, 0]
 
 
-TIMES = """from robotctl import offsets
-from robotctl.share import Share
-from robotctl.compiled import compiled
+TIMES = """from native_kernels.compiled import compiled
+from {package} import offsets
+from {package}.share import Share
 
 
 @compiled
@@ -205,23 +200,22 @@ MODULES = {
     "    part: float\n    other: float\n",
     "offsets": "ZERO = 0.0\n",
     "times": TIMES,
-    "kernel": KERNEL.format(package="robotctl")
-    .replace("\n\n\n", "\nfrom robotctl.sizes import PART\nfrom robotctl.share import Share\n"
-             "from robotctl.times import times as scaled\n\n\n", 1)
+    "kernel": KERNEL
+    .replace("\n\n\n", "\nfrom {package}.sizes import PART\nfrom {package}.share import Share\n"
+             "from {package}.times import times as scaled\n\n\n", 1)
     .replace("0.5 * x", "scaled(x, Share(PART, 0.25))"),
-    "unused": KERNEL.format(package="robotctl").replace("half", "unused"),
+    "unused": KERNEL.replace("half", "unused"),
 }  # fmt: skip
 
 
 @pytest.fixture
-def linked(installed: Path) -> Path:
+def linked(installed: Path, package: str) -> Path:
     """Modules of which one has a kernel that is made of things in four others."""
     for name, text in MODULES.items():
-        (installed / "robotctl" / f"{name}.py").write_text(text)
-    return installed / "robotctl"
+        (installed / package / f"{name}.py").write_text(text.replace("{package}", package))
+    return installed / package
 
 
-@pytest.mark.parametrize("package", ["robotctl"], indirect=True)
 @pytest.mark.parametrize(
     ("module", "old", "new", "expected"),
     [
@@ -251,7 +245,6 @@ def test_code_is_made_anew_when_anything_changes_that_it_is_made_of(
     assert (first[0], second[0]) == (0, 0)
 
 
-@pytest.mark.parametrize("package", ["robotctl"], indirect=True)
 @pytest.mark.parametrize(
     ("module", "old", "new"),
     [
@@ -300,15 +293,39 @@ def test_a_command_says_once_that_nothing_is_kept(whole: Path) -> None:
     assert done.stderr.count("NUMBA_CACHE_DIR") == 1
 
 
-@pytest.mark.parametrize(("temporary", "said"), [("/proc", "NUMBA_CACHE_DIR"), ("/tmp", "kept in")])
-def test_people_are_told_where_it_is_kept(installed: Path, temporary: str, said: str) -> None:
-    code = (
-        f"import tempfile; tempfile.tempdir = {temporary!r}\n"
-        "from robotctl.compiled import COMPILING\n"
-        "print(COMPILING)"
+def test_a_folder_that_is_complete_need_not_take_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cache, "_parents", lambda _: iter([tmp_path / "theirs", tmp_path]))
+    theirs = Path(cache._cache_folder(tmp_path, {}))
+    assert theirs.parent == tmp_path / "theirs"
+    takes = cache._takes_files
+    monkeypatch.setattr(
+        cache, "_takes_files", lambda each, known: each.parent == tmp_path and takes(each, known)
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=installed, env={"HOME": "/proc"},
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
-    assert said in done.stdout
+    assert Path(cache._cache_folder(tmp_path, {})).parent == tmp_path
+    (theirs / cache._mark("any")).touch()
+    assert Path(cache._cache_folder(tmp_path, {})) == theirs
+
+
+def test_sources_that_are_long_as_they_are_need_not_be_read(
+    installed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kernel, read = installed / "robotctl" / "kernel.py", []
+    known = cache._digests_of
+    monkeypatch.setattr(cache, "_parents", lambda _: iter([tmp_path / "cache"]))
+    monkeypatch.setattr(cache, "_digests_of", lambda *known_by: read.append(1) or known(*known_by))
+
+    def digests() -> dict[str, str]:
+        return cache._digests(installed / "robotctl")
+
+    first = digests()
+    assert (digests(), len(read)) == (first, 2)  # just written, they may change within a tick
+    monkeypatch.setattr(cache, "_GRAIN_NS", -3_600_000_000_000)
+    assert [digests(), digests()] == [first, first]
+    assert len(read) == 3
+    status = kernel.stat()
+    kernel.write_text(kernel.read_text().replace("0.5", "0.7"))
+    os.utime(kernel, ns=(status.st_atime_ns, status.st_mtime_ns))
+    assert kernel.stat().st_size == status.st_size
+    assert digests() != first

@@ -2,7 +2,8 @@
 
 The digest of a kernel covers its definition and every definition of the package that it names,
 wherever that is: kernels that it calls, constants with what they are computed from, and the classes
-in its annotations. Words do not count: comments, docstrings, lines and blanks.
+in its annotations; and how all are compiled. Words do not count: comments, docstrings, lines and
+blanks.
 """
 
 from __future__ import annotations
@@ -16,6 +17,8 @@ from pathlib import Path
 from typing import Final, TypeAlias
 
 _DECORATOR: Final = "compiled"
+_HOW: Final = "dispatcher_of"
+"""Name of what compiles a kernel."""
 _ALL: Final = "*"
 """Stands for all names of a module."""
 _DIGITS: Final = 16
@@ -80,10 +83,11 @@ class _Module:
 
 @dataclass(frozen=True)
 class KernelDigests:
-    """Digests of the kernels in a package, from its sources by path."""
+    """Digests of the kernels in a package, from its sources by path, and that of the compiler."""
 
     package: Path
     sources: dict[Path, bytes]
+    compiler: bytes
     _modules: dict[str, _Module] = field(default_factory=dict, repr=False)
 
     def all(self) -> dict[str, str]:
@@ -110,11 +114,14 @@ class KernelDigests:
                 new += [each for source in module.imports[name] for each in self._resolved(source)]
             if name in module.definitions:
                 found[place] = module.definitions[name]
-                if place == (f"{self.package.name}.{_DECORATOR}", _DECORATOR):
-                    new.append((f"{self.package.name}.numba_kernels", "dispatcher_of"))
-                elif module_name != f"{self.package.name}.numba_kernels":  # how all are compiled
-                    new += [(module_name, each) for own in found[place] for each in own.reads]
-        return {place: each for place, each in found.items() if each and place[1] != _DECORATOR}
+                new += [(module_name, each) for own in found[place] for each in own.reads]
+        return {place: each for place, each in found.items() if each}
+
+    @cached_property
+    def _how(self) -> bytes:
+        """Digest of how kernels are compiled."""
+        (how,) = _Module(ast.parse(self.compiler), self.package.name).definitions[_HOW]
+        return how.digest
 
     def _resolved(self, source: Name) -> Iterator[Name]:
         """Yield where an imported name is to be looked up: all of a module where it is one."""
@@ -143,9 +150,8 @@ class KernelDigests:
         parts = path.relative_to(self.package).with_suffix("").parts
         return ".".join((self.package.name, *parts))
 
-    @staticmethod
-    def _digest(definitions: dict[Name, list[_Definition]]) -> str:
-        digest = hashlib.sha256()
+    def _digest(self, definitions: dict[Name, list[_Definition]]) -> str:
+        digest = hashlib.sha256(self._how)
         for (module, name), each in sorted(definitions.items()):
             digest.update(f"{module}:{name}:{len(each)}".encode())
             digest.update(b"".join(one.digest for one in each))

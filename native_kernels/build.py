@@ -1,4 +1,4 @@
-"""Library of all kernels in machine code, from what numba has in its cache.
+"""Library of a package's kernels in machine code, from what numba has in its cache.
 
 Numba keeps for each version of a kernel its code before the last step (LLVM), with all that it
 calls. All of them become one module, of which a compiler for C makes a library, with numba's own
@@ -26,12 +26,11 @@ from numba.core.registry import cpu_target
 from numba.core.serialize import dumps
 from numba.np.numpy_support import as_dtype
 
-from robotctl.kernel_cache import FOLDER
-from robotctl.native_kernels import MODULE, key, library_path
-from robotctl.workbench.compile.compile import compilers
+from native_kernels.cache import cache_of
+from native_kernels.library import MODULE, compilers, key, library_path
 
 _NUMBA: Final = Path(numba.__file__).parent
-_C: Final = Path(__file__).parents[2] / "native_kernels.c"
+_C: Final = Path(__file__).with_name("library.c")
 _SCALARS: Final = {types.float64: "d", types.float32: "f", types.int64: "l", types.boolean: "b",
                    types.none: "n"}  # fmt: skip
 _DUMPS: Any = dumps
@@ -64,7 +63,7 @@ class _Table:
 
     def fingerprint(self, kind: Any) -> str:
         """Return the fingerprint of a type, as `fingerprint` in C; ValueError if it has none."""
-        if isinstance(kind, types.Array) and kind.aligned:
+        if isinstance(kind, types.Array) and _is_aligned(kind):
             return "A" + self._array(kind)
         if isinstance(kind, types.BaseTuple):
             return self._tuple(kind)
@@ -94,6 +93,12 @@ class _Table:
         )
 
 
+def _is_aligned(array: Any) -> bool:
+    """Return whether elements lie where their type wants them; packed records may anywhere."""
+    is_packed = isinstance(array.dtype, types.Record) and not array.dtype.aligned
+    return array.aligned or is_packed
+
+
 def _number(known: list[Any], told: Any) -> str:
     if told not in known:
         known.append(told)
@@ -110,8 +115,8 @@ def _told(record: Any) -> Any:
     return [[*dtype.names], formats, [part[1] for part in parts], dtype.itemsize, record.aligned]
 
 
-def build() -> None:
-    """Build the library for this processor, in place of an earlier one.
+def build(package: str) -> None:
+    """Build a package's library for this processor, in place of an earlier one.
 
     Raises
     ------
@@ -120,14 +125,14 @@ def build() -> None:
     CalledProcessError
         If it fails.
     """
-    versions = [*_versions()]
+    versions = [*_versions(cache_of(package).folder)]
     table = _Table()
     for number, each in enumerate(versions):
         known = table.versions.setdefault(each.key, [])
         with suppress(KeyError, TypeError):  # types that only other kernels give it
             known.append(("".join(map(table.fingerprint, each.arguments)), number))
     module = _linked(versions)
-    path = library_path()
+    path = library_path(package)
     with tempfile.TemporaryDirectory(dir=path.parent) as folder:
         made = Path(folder)
         (made / "kernels.o").write_bytes(_machine().emit_object(module))
@@ -136,10 +141,10 @@ def build() -> None:
         (made / "library.so").replace(path)
 
 
-def _versions() -> Iterator[_Version]:
-    """Yield what the cache has for this processor."""
+def _versions(folder: str) -> Iterator[_Version]:
+    """Yield what a cache has for this processor."""
     here = cpu_target.target_context.codegen().magic_tuple()
-    for path in sorted(Path(FOLDER).rglob("*.nbi")):
+    for path in sorted(Path(folder).rglob("*.nbi")):
         with path.open("rb") as file:
             if pickle.load(file) != numba.__version__:  # noqa: S301 - numba reads them, too
                 continue
@@ -202,7 +207,7 @@ def _tables(versions: list[_Version], module: Any, table: _Table) -> str:
         f"#define PYCC_MODULE_NAME {MODULE}",
         "#define PYCC_USE_NRT 1",
         "#define NUMBA_LAPACK_BUILD_ILP64 0",
-        "#define numba_unpickle unpickled",  # `native_kernels.c` has its own
+        "#define numba_unpickle unpickled",  # `library.c` has its own
         f'#include "{_NUMBA}/pycc/modulemixin.c"',
     ]
     for number, name in enumerate(places):
