@@ -27,7 +27,7 @@ from typing import Final, NamedTuple
 
 from firmware_sim.bus.frame import REMOTE_FLAG, Frame
 from firmware_sim.nodes import wire
-from firmware_sim.nodes.e2e import COUNTER_INVALID, crc8, data_id_crc
+from firmware_sim.nodes.e2e import COUNTER_INVALID, data_id_crc, frame_crc
 
 PERIOD_NS: Final = 5_000_000
 """Interval between two checks of the robot [ns]."""
@@ -187,7 +187,7 @@ class SafetyMonitor:
 
     def _on_command(self, data: bytes, stamp_ns: int) -> None:
         """Take a command that is sound; one that is not new allows nothing."""
-        if len(data) != 8 or crc8(data[1:], self._crc_start) != data[0]:
+        if len(data) != 8 or frame_crc(data, self._crc_start) != data[0]:
             return
         counter = data[1] & 0x0F
         new = counter not in {self._counter, COUNTER_INVALID}
