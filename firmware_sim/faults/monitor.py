@@ -102,6 +102,10 @@ class Since(enum.Enum):
         return self.value
 
 
+_LAST_COMMAND: Final = Since.LAST_COMMAND
+"""Looking up a member of an enumeration is slow."""
+
+
 class Unsafe(NamedTuple):
     """One unauthorised motion: start, kind, reason, and all that in words."""
 
@@ -190,7 +194,7 @@ class SafetyMonitor:
         if len(data) != 8 or frame_crc(data, self._crc_start) != data[0]:
             return
         counter = data[1] & 0x0F
-        new = counter not in {self._counter, COUNTER_INVALID}
+        new = counter not in (COUNTER_INVALID, self._counter)
         if counter != COUNTER_INVALID:
             self._counter = counter
         if not data[1] & _ENABLE:
@@ -209,7 +213,7 @@ class SafetyMonitor:
         elif self._armings is not None and not self._armings:
             self._since = Since.NOT_ARMED
         else:
-            self._allowed_ns, self._since = stamp_ns, Since.LAST_COMMAND
+            self._allowed_ns, self._since = stamp_ns, _LAST_COMMAND
 
     def look(self, now_ns: int) -> None:
         """Judge the robot at the present time [ns]."""

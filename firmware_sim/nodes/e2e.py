@@ -56,7 +56,8 @@ def frame_crc(data: bytes, start: int) -> int:
     """
     a, b, c, d = _AFTER_CRC.unpack(data)
     table = _TABLE16
-    return _TABLE[table[table[table[a ^ start] ^ b] ^ c] ^ d]
+    crc: int = _TABLE[table[table[table[a ^ start] ^ b] ^ c] ^ d]
+    return crc
 
 
 def data_id_crc(data_id: int) -> int:

@@ -216,7 +216,10 @@ class Plant:
     @property
     def powered(self) -> bool:
         """Whether a bridge may drive its motor."""
-        return True in [axis.powered for axis in self.axes]
+        for axis in self.axes:  # noqa: SIM110 - asked each 5 ms; any() would make a generator
+            if axis.powered:
+                return True
+        return False
 
     @property
     def bus_voltage_v(self) -> float:
