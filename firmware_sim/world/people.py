@@ -65,7 +65,8 @@ class _Person:
     def along(self, at_m: float) -> Place:
         """Return a place on the path."""
         lengths_m = self._lengths_m
-        at_m %= lengths_m[-1]
+        whole_m = lengths_m[-1]
+        at_m = at_m % whole_m % whole_m  # twice: -1e-20 % 5.0 is 5.0
         after = bisect_right(lengths_m, at_m)
         side_m, into_m = lengths_m[after] - lengths_m[after - 1], at_m - lengths_m[after - 1]
         (x, y), (next_x, next_y) = self._corners[after - 1], self._corners[after]
