@@ -132,7 +132,8 @@ class People:
     def sides(self) -> np.ndarray:
         """Sides that sensors see, (12 n, 4): from x, y to x, y [m]."""
         places = np.array([each.place * 2 for each in self._people])
-        return (self._sides + places[:, np.newaxis]).reshape(-1, 4)
+        sides: np.ndarray = (self._sides + places[:, np.newaxis]).reshape(-1, 4)
+        return sides
 
     def step(self, now_ns: int, contact: Contact) -> None:
         """Let `STEP_NS` pass until `now_ns`."""
