@@ -65,7 +65,7 @@ _READY, _ENABLED = DriveState.READY, DriveState.ENABLED
 _DRIVE: Final = Mode.DUTY
 _INITIAL: Final = CheckStatus.INITIAL
 _FITS_CRC: Final = (CheckStatus.INITIAL, CheckStatus.REPEATED, CheckStatus.WRONG_SEQUENCE)
-"""Not a set, for which a member's hash is a function in Python."""
+"""Statuses of frames whose CRC fits; a tuple, since hashing a member of an enumeration is slow."""
 _TIMEOUT: Final = DriveEvent.TIMEOUT
 
 TROUBLES: Final = {
