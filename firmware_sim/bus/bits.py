@@ -138,13 +138,13 @@ def _crc_table(width: int) -> list[int]:
     ]
 
 
-_STUFF7 = _stuff_table(7)
 STUFF8 = _doubled_stuff_table(_stuff_table(4))
 STUFF16 = _doubled_stuff_table(STUFF8)
 """Stuff bits << 4 | new state, by stuffing state and word of 8 or 16 bits."""
-_CRC8 = _crc_table(8)
-_CRC8_HIGH = [((crc << 8) & 0x7FFF) ^ _CRC8[crc >> 7] for crc in _CRC8]
+_CRC8 = [crc << 1 for crc in _crc_table(8)]
+_CRC8_HIGH = [((crc << 8) & 0xFFFF) ^ _CRC8[crc >> 8] for crc in _CRC8]
 _CRC16 = array("H", [high ^ low for high in _CRC8_HIGH for low in _CRC8])
+"""CRC-15 << 1 of every word of 8 or 16 bits, the register starting at 0."""
 
 _UNPACK_WORDS = struct.Struct(">4H").unpack
 _headers: dict[int, tuple[int, int, int]] = {}
@@ -152,13 +152,13 @@ _headers: dict[int, tuple[int, int, int]] = {}
 
 
 def _header(arbitration_id: int, length: int) -> tuple[int, int, int]:
-    """Return (CRC register, stuffing state, bits sent) after the header; kept for the next time."""
+    """Return (CRC-15 << 1, stuffing state, bits sent) after the header; kept for the next time."""
     bits = header_bits(arbitration_id, length)
     state, count = 0, len(bits)
     for bit in bits:
         stuffed, state = stuff_step(state, bit)
         count += stuffed
-    known = (crc15(bits), state, count)
+    known = (crc15(bits) << 1, state, count)
     if len(_headers) < 0x10000:
         _headers[arbitration_id << 4 | length] = known
     return known
@@ -180,26 +180,20 @@ def frame_bits(arbitration_id: int, data: bytes) -> int:
     known = _headers.get(arbitration_id << 4 | length)
     crc, state, bits = known if known is not None else _header(arbitration_id, length)
     if length == MAX_DATA_LENGTH and not arbitration_id & REMOTE_FLAG:
-        stuff, table = STUFF16, _CRC16
-        words: tuple[int, int, int, int] = _UNPACK_WORDS(data)
-        a, b, c, d = words
-        crc = table[crc << 1 ^ a]
-        crc = table[crc << 1 ^ b]
-        crc = table[crc << 1 ^ c]
-        crc = table[crc << 1 ^ d]
+        crc_of, stuff = _CRC16, STUFF16
+        a, b, c, d = _UNPACK_WORDS(data)
+        crc = crc_of[crc_of[crc_of[crc_of[crc ^ a] ^ b] ^ c] ^ d]
         a = stuff[state][a]
         b = stuff[a & 15][b]
         c = stuff[b & 15][c]
         d = stuff[c & 15][d]
-        a = (a >> 4) + (b >> 4) + (c >> 4) + (d >> 4) + 64
-        b = STUFF8[d & 15][crc >> 7]
-        return bits + a + (b >> 4) + (_STUFF7[b & 15][crc & 0x7F] >> 4) + (15 + TRAILER_BITS)
-    step = state
-    if not arbitration_id & REMOTE_FLAG:
+        bits += (a >> 4) + (b >> 4) + (c >> 4) + (d >> 4) + 64
+        state = d & 15
+    elif not arbitration_id & REMOTE_FLAG:
         for byte in data:
-            crc = ((crc << 8) & 0x7FFF) ^ _CRC8[(crc >> 7) ^ byte]
-            step = STUFF8[step & 15][byte]
+            crc = ((crc << 8) & 0xFFFF) ^ _CRC8[(crc >> 8) ^ byte]
+            step = STUFF8[state][byte]
             bits += 8 + (step >> 4)
-    step = STUFF8[step & 15][crc >> 7]
-    bits += step >> 4
-    return bits + (_STUFF7[step & 15][crc & 0x7F] >> 4) + 15 + TRAILER_BITS
+            state = step & 15
+    # A sixteenth bit that differs from the one before it adds no stuff bit.
+    return bits + (STUFF16[state][crc | ~crc >> 1 & 1] >> 4) + (15 + TRAILER_BITS)

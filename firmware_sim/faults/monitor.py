@@ -27,7 +27,7 @@ from typing import Final, NamedTuple
 
 from firmware_sim.bus.frame import REMOTE_FLAG, Frame
 from firmware_sim.nodes import wire
-from firmware_sim.nodes.e2e import COUNTER_INVALID, crc8, data_id_crc
+from firmware_sim.nodes.e2e import COUNTER_INVALID, data_id_crc, frame_crc
 
 PERIOD_NS: Final = 5_000_000
 """Interval between two checks of the robot [ns]."""
@@ -100,6 +100,10 @@ class Since(enum.Enum):
     def __str__(self) -> str:
         """Return the words."""
         return self.value
+
+
+_LAST_COMMAND: Final = Since.LAST_COMMAND
+"""Looking up a member of an enumeration is slow."""
 
 
 class Unsafe(NamedTuple):
@@ -187,10 +191,10 @@ class SafetyMonitor:
 
     def _on_command(self, data: bytes, stamp_ns: int) -> None:
         """Take a command that is sound; one that is not new allows nothing."""
-        if len(data) != 8 or crc8(data[1:], self._crc_start) != data[0]:
+        if len(data) != 8 or frame_crc(data, self._crc_start) != data[0]:
             return
         counter = data[1] & 0x0F
-        new = counter not in {self._counter, COUNTER_INVALID}
+        new = counter not in (COUNTER_INVALID, self._counter)
         if counter != COUNTER_INVALID:
             self._counter = counter
         if not data[1] & _ENABLE:
@@ -209,7 +213,7 @@ class SafetyMonitor:
         elif self._armings is not None and not self._armings:
             self._since = Since.NOT_ARMED
         else:
-            self._allowed_ns, self._since = stamp_ns, Since.LAST_COMMAND
+            self._allowed_ns, self._since = stamp_ns, _LAST_COMMAND
 
     def look(self, now_ns: int) -> None:
         """Judge the robot at the present time [ns]."""

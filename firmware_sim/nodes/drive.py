@@ -64,9 +64,9 @@ _OPERATIONAL: Final = NmtState.OPERATIONAL
 _READY, _ENABLED = DriveState.READY, DriveState.ENABLED
 _DRIVE: Final = Mode.DUTY
 _INITIAL: Final = CheckStatus.INITIAL
-_FITS_CRC: Final = frozenset(
-    {CheckStatus.INITIAL, CheckStatus.REPEATED, CheckStatus.WRONG_SEQUENCE}
-)
+_FITS_CRC: Final = (CheckStatus.INITIAL, CheckStatus.REPEATED, CheckStatus.WRONG_SEQUENCE)
+"""Statuses of frames whose CRC fits; a tuple, since hashing a member of an enumeration is slow."""
+_TIMEOUT: Final = DriveEvent.TIMEOUT
 
 TROUBLES: Final = {
     DriveFault.OVER_CURRENT: Trouble(0x2310, GENERIC | _CURRENT),
@@ -273,7 +273,7 @@ class DriveNode(Node):
 
     def _expire(self, now_ns: int) -> None:
         due_ns = self._accepted_ns + self.clock.span_ns(self._timeout_ns)
-        if now_ns >= due_ns and self._machine.handle(DriveEvent.TIMEOUT):
+        if now_ns >= due_ns and self._machine.handle(_TIMEOUT):
             self._timeouts += 1
             self._hold(now_ns)
             self._latch(DriveFault.COMMAND_TIMEOUT)
@@ -343,7 +343,7 @@ class DriveNode(Node):
 
     def _due_ns(self) -> int:
         due_ns = self._guarded_ns + GUARD_DUE_NS
-        if self._machine.state is DriveState.ENABLED:
+        if self._machine.state is _ENABLED:
             return min(due_ns, self._accepted_ns + self.clock.span_ns(self._timeout_ns))
         return due_ns
 

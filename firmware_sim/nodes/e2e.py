@@ -12,6 +12,7 @@ pass CAN's own CRC.
 from __future__ import annotations
 
 import enum
+import struct
 
 POLYNOMIAL = 0x1D
 COUNTER_MODULUS = 15
@@ -33,6 +34,10 @@ def _table() -> tuple[int, ...]:
 
 
 _TABLE = _table()
+_TABLE16 = bytes([_TABLE[low] ^ high for high in _TABLE for low in _TABLE])
+"""CRC-8 of two bytes by the word that they are, low byte first; the CRC of a sum is the sum."""
+_AFTER_CRC = struct.Struct("<xHHHB")
+"""The bytes of a protected frame after its CRC."""
 
 
 def crc8(data: bytes, start: int = 0) -> int:
@@ -41,6 +46,17 @@ def crc8(data: bytes, start: int = 0) -> int:
     crc = start
     for byte in data:
         crc = table[crc ^ byte]
+    return crc
+
+
+def frame_crc(data: bytes, start: int) -> int:
+    """Return the CRC-8 that belongs into byte 0 of a frame of eight bytes, as `crc8` of the rest.
+
+    `start` is the `data_id_crc` of the frame.
+    """
+    a, b, c, d = _AFTER_CRC.unpack(data)
+    table = _TABLE16
+    crc: int = _TABLE[table[table[table[a ^ start] ^ b] ^ c] ^ d]
     return crc
 
 
@@ -72,9 +88,9 @@ class Protector:
         payload
             The frame as a 64-bit little-endian integer with zeros in bits 0..11.
         """
-        body = (payload >> 8 | self.counter).to_bytes(7, "little")
+        frame = payload | self.counter << 8
         self.counter = (self.counter + 1) % COUNTER_MODULUS
-        return bytes((crc8(body, self._start),)) + body
+        return (frame | frame_crc(frame.to_bytes(8, "little"), self._start)).to_bytes(8, "little")
 
     def reset(self) -> None:
         """Start again at counter 0, as after power-up."""
@@ -145,7 +161,7 @@ class Checker:
         if len(data) != _LENGTH:
             self.length_rejects += 1
             return CheckStatus.WRONG_LENGTH
-        if crc8(data[1:], self._start) != data[0]:
+        if frame_crc(data, self._start) != data[0]:
             self.crc_rejects += 1
             return CheckStatus.WRONG_CRC
         counter = data[1] & 0x0F

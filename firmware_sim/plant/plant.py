@@ -181,7 +181,7 @@ class Plant:
         return "there is no place for it near by either"
 
     def contact(
-        self, place: np.ndarray, radius_m: float, motion: tuple[float, float, float]
+        self, place: tuple[float, float], radius_m: float, motion: tuple[float, float, float]
     ) -> tuple[float, float]:
         """Return the gap to a disc [m], and the speed of the outline there towards it [m/s].
 
@@ -189,7 +189,7 @@ class Plant:
         """
         body = self._body_numbers
         cos, sin = math.cos(body[_THETA]), math.sin(body[_THETA])
-        off_x, off_y = float(place[0]) - body[_X], float(place[1]) - body[_Y]
+        off_x, off_y = place[0] - body[_X], place[1] - body[_Y]
         x, y = cos * off_x + sin * off_y, -sin * off_x + cos * off_y
         distance, near_x, near_y = nearest_point(x, y, self._outline)
         v, lateral, omega = motion
@@ -216,7 +216,10 @@ class Plant:
     @property
     def powered(self) -> bool:
         """Whether a bridge may drive its motor."""
-        return True in [axis.powered for axis in self.axes]
+        for axis in self.axes:  # noqa: SIM110 - asked each 5 ms; any() would make a generator
+            if axis.powered:
+                return True
+        return False
 
     @property
     def bus_voltage_v(self) -> float:

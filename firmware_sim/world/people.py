@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Callable
 from typing import TypeAlias
 
@@ -12,7 +13,10 @@ from firmware_sim.errors import SimulationError
 from firmware_sim.world.free_space import FreeSpace
 from firmware_sim.world.world import World
 
-Contact: TypeAlias = Callable[[np.ndarray, float], tuple[float, float]]
+Place: TypeAlias = tuple[float, float]
+"""Place in world: x, y [m]."""
+
+Contact: TypeAlias = Callable[[Place, float], tuple[float, float]]
 """Maps a disc's middle in world and radius [m] to the robot's gap to it [m], and the robot's speed
 towards it before the step [m/s]."""
 
@@ -39,29 +43,34 @@ STEP_NS = 10_000_000
 class _Person:
     """One person: a closed path, and the distance walked along it.
 
-    Paths are planned before a run begins, so that it never waits for them.
+    Paths are planned before a run begins, so that it never waits for them. `place` is where that
+    distance ends.
     """
 
-    __slots__ = ("_corners", "_lengths_m", "at_m", "sign", "speed_m_s", "stands_ns", "touches")
+    __slots__ = (
+        "_corners", "_lengths_m", "at_m", "place", "sign", "speed_m_s", "stands_ns", "touches",
+    )  # fmt: skip
 
     def __init__(self, round_m: np.ndarray, speed_m_s: float) -> None:
-        self._corners = round_m
-        self._lengths_m = np.concatenate([[0.0], np.hypot(*np.diff(round_m, axis=0).T).cumsum()])
+        lengths_m = np.hypot(*np.diff(round_m, axis=0).T).cumsum()
+        self._lengths_m: list[float] = [0.0, *lengths_m.tolist()]
+        self._corners: list[Place] = [(x, y) for x, y in round_m.tolist()]
         self.speed_m_s = speed_m_s
         self.at_m = 0.0
+        self.place = self.along(0.0)
         self.sign = 1.0
         self.stands_ns = 0
         self.touches = False
 
-    @property
-    def place(self) -> np.ndarray:
-        """Place, (2,) [m]."""
-        return self.along(self.at_m)
-
-    def along(self, at_m: float) -> np.ndarray:
-        """Return a place on the path, (2,) [m]."""
-        at_m %= float(self._lengths_m[-1])
-        return np.array([np.interp(at_m, self._lengths_m, each) for each in self._corners.T])
+    def along(self, at_m: float) -> Place:
+        """Return a place on the path."""
+        lengths_m = self._lengths_m
+        whole_m = lengths_m[-1]
+        at_m = at_m % whole_m % whole_m  # twice: -1e-20 % 5.0 is 5.0
+        after = bisect_right(lengths_m, at_m)
+        side_m, into_m = lengths_m[after] - lengths_m[after - 1], at_m - lengths_m[after - 1]
+        (x, y), (next_x, next_y) = self._corners[after - 1], self._corners[after]
+        return (next_x - x) / side_m * into_m + x, (next_y - y) / side_m * into_m + y
 
     @property
     def next_m(self) -> float:
@@ -115,25 +124,29 @@ class People:
         return np.array([(*each.place, RADIUS_M) for each in self._people])
 
     @property
-    def places_m(self) -> tuple[tuple[float, float], ...]:
-        """Places: x, y [m]."""
-        return tuple((float(each.place[0]), float(each.place[1])) for each in self._people)
+    def places_m(self) -> tuple[Place, ...]:
+        """All places."""
+        return tuple(each.place for each in self._people)
 
     @property
     def sides(self) -> np.ndarray:
         """Sides that sensors see, (12 n, 4): from x, y to x, y [m]."""
-        return np.vstack([self._sides + np.tile(each.place, 2) for each in self._people])
+        places = np.array([each.place * 2 for each in self._people])
+        sides: np.ndarray = (self._sides + places[:, np.newaxis]).reshape(-1, 4)
+        return sides
 
     def step(self, now_ns: int, contact: Contact) -> None:
         """Let `STEP_NS` pass until `now_ns`."""
         for person in self._people:
-            gap_m, closing_m_s = contact(person.place, RADIUS_M)
+            before = person.place
             walks = now_ns >= person.stands_ns
             if walks:
-                ahead_m, _ = contact(person.along(person.next_m), RADIUS_M)
-                if ahead_m > 0.0:  # nobody walks into the robot
-                    person.at_m = person.next_m
-                gap_m = ahead_m
+                ahead = person.along(person.next_m)
+                gap_m, _ = contact(ahead, RADIUS_M)
+                if gap_m > 0.0:  # nobody walks into the robot
+                    person.at_m, person.place = person.next_m, ahead
+            else:
+                gap_m, _ = contact(before, RADIUS_M)
             if gap_m > PARTED_M:
                 person.touches = False
             if gap_m > TOUCH_M:
@@ -143,6 +156,7 @@ class People:
                 person.sign = -person.sign
             if not person.touches:
                 person.touches = True
+                _, closing_m_s = contact(before, RADIUS_M)
                 self.hit += closing_m_s > CREEP_M_S
                 self.ran_into += closing_m_s <= CREEP_M_S
 

@@ -56,6 +56,9 @@ from robotctl.safety.supervision import Supervision
 
 _AT_REST_M_S = 0.005
 _REST: Final = Twist(0.0, 0.0)
+_ARMED: Final = SafetyState.ARMED
+_MOTOR_TEST: Final = SafetyState.MOTOR_TEST
+"""Looking up a member of an enumeration is slow."""
 _TESTABLE: Final = frozenset({SafetyState.STANDBY, SafetyState.MOTOR_TEST})
 _ENDS_PROCEDURES: Final = frozenset(
     {Event.EMERGENCY_STOP, Event.FAULT, Event.DISARM, Event.ARM, Event.NOT_READY}
@@ -378,7 +381,7 @@ class ControlCore:
         driving, motion = self._driving, self.motion
         supplies_v = tuple([report.voltage_v or 0.0 for report in self._health.reports])
         supplies_v = supplies_v[: len(self._wheels)]
-        if self.machine.state is SafetyState.MOTOR_TEST:
+        if self.machine.state is _MOTOR_TEST:
             values = self._procedures.turn(motion, supplies_v, now_ns)
             if values is not None:
                 return self._unless_refused(driving.guarded(values), now_ns)
@@ -386,7 +389,7 @@ class ControlCore:
         if not self.machine.powered:
             return driving.stopped()
         if driving.follow_setpoint(now_ns):
-            if self.machine.state is SafetyState.ARMED:
+            if self.machine.state is _ARMED:
                 self._on(Event.MOVE, "", now_ns)
         elif driving.reference == _REST and motion.twist.speed_m_s < _AT_REST_M_S:
             self._on(Event.REST, "", now_ns)

@@ -172,8 +172,13 @@ class NavigationTick:
         localise_us: float = 0.0,
         step_us: float = 0.0,
         budget: StepBudget = _UNMEASURED,
+        *,
+        is_watched: bool = True,
     ) -> None:
-        """Tell what was found and decided, with how long that took where it was measured."""
+        """Tell what was found and decided, with how long that took where it was measured.
+
+        What the robot drives by is told for people to see: only where somebody may.
+        """
         tell, estimators = self._operator.tell, self._estimators
         if estimators is not None and self._control is not None:
             if self.localisation is not None:
@@ -182,7 +187,7 @@ class NavigationTick:
                 tell(picture)
             for text in estimators.take_notices():
                 self.say(now_ns, text)
-        for view in self._adapter.views(now_ns):
+        for view in self._adapter.views(now_ns) if is_watched else ():
             tell(view)
         for text in self._adapter.take_notices():
             tell(Notice(now_ns, Severity.WARNING, text))

@@ -11,6 +11,10 @@ from robotctl.messages.actuators import ActuatorFeedback
 from robotctl.safety.stale_frame_filter import Latch, LatchTimes
 
 _NOTHING: Final = ActuatorFeedback()
+_NEXT: Final = Latch.NEXT
+_HELD_BACK: Final = Latch.HELD_BACK
+_ANEW: Final = Latch.ANEW
+"""Looking up a member of an enumeration is slow."""
 _STAMP_US: Final = (1 << 20) - 1
 """Time stamps of positions roll over beyond this [us], whoever gives them."""
 
@@ -60,14 +64,17 @@ class WheelMotion:
 
     def _use(self, report: ActuatorFeedback) -> bool:
         """Update the estimator; return whether the report was of its time."""
-        latch = self._latches.judge(report) if report.latch_us >= 0 else Latch.NEXT
-        if latch is Latch.HELD_BACK:
-            return False
+        stamp_us, latch = report.latch_us, _NEXT
+        if stamp_us >= 0:
+            latch = self._latches.judge(report)
+            if latch is _HELD_BACK:
+                return False
+        else:
+            stamp_us = report.motion_ns // 1000 & _STAMP_US
         estimator, ticks = self._estimator, report.position_ticks
-        stamp_us = report.latch_us if report.latch_us >= 0 else report.motion_ns // 1000 & _STAMP_US
         if not self._has_begun:
             estimator.reset(ticks, stamp_us)
-        elif latch is Latch.ANEW:
+        elif latch is _ANEW:
             estimator.resume(ticks, stamp_us)
         self._has_begun = True
         self._used = report

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import astuple
 from typing import TYPE_CHECKING
 
 from robotctl.config_values import Value, tuned
@@ -215,7 +214,7 @@ class Navigator:
     def _outputs(self, step: BehaviourOutput, now_ns: int) -> NavigationOutputs:
         """Return a step as outputs."""
         pilot, modes, commander = self._robot.pilot, self._modes, self._commander
-        refused, guided = commander.refused, modes.guided
+        refused, guided, home = commander.refused, modes.guided, commander.home
         state = NavigationState(
             stamp_ns=now_ns,
             mode=modes.mode,
@@ -227,7 +226,7 @@ class Navigator:
             goal_reached=guided.goal_reached,
             goal=modes.present.goal,
             reverse=self._robot.reverse,
-            home=astuple(commander.home) if commander.home else None,
+            home=(home.x_m, home.y_m, home.theta_rad) if home else None,
             mission_runs=modes.auto.runs,
             mission_commands=commander.commands,
             **modes.auto.progress._asdict(),

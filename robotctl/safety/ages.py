@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from robotctl.messages.actuators import NEVER_NS
 from robotctl.messages.faults import Fault, FaultCode
+
+ANY_TIME_NS: Final = (NEVER_NS, -NEVER_NS)
+"""First and last moment at which what has no limit is fresh [ns]."""
 
 
 class AgeLimit(NamedTuple):
@@ -46,12 +49,8 @@ def is_fresh(stamp_ns: int, now_ns: int, limit_ns: int) -> bool:
     return -limit_ns <= now_ns - stamp_ns <= limit_ns
 
 
-def span_ns(stamps_ns: Sequence[int]) -> tuple[int, int]:
-    """Return the oldest and the newest stamp [ns]; of none, what is fresh at any time."""
-    return (min(stamps_ns), max(stamps_ns)) if stamps_ns else (-NEVER_NS, NEVER_NS)
-
-
-def are_fresh(span: tuple[int, int], now_ns: int, limit_ns: int) -> bool:
-    """Return whether all stamps of a `span_ns` are fresh: the oldest and the newest are [ns]."""
-    oldest_ns, newest_ns = span
-    return newest_ns - limit_ns <= now_ns <= oldest_ns + limit_ns
+def fresh_span_ns(stamps_ns: Sequence[int], limit_ns: int) -> tuple[int, int]:
+    """Return the first and the last moment at which all stamps are fresh [ns]; of none, any is."""
+    if not stamps_ns:
+        return ANY_TIME_NS
+    return max(stamps_ns) - limit_ns, min(stamps_ns) + limit_ns

@@ -72,6 +72,9 @@ _EMERGENCIES: Final = {
 }
 """Errors of the drive after which it may fall silent, by their EMCY code."""
 
+_ERROR_PASSIVE: Final = BusState.ERROR_PASSIVE
+"""Looking up a member of an enumeration is slow."""
+
 _DEAD: Final = {BusState.BUS_OFF: FaultCode.BUS_OFF, BusState.DOWN: FaultCode.BUS_DOWN}
 
 
@@ -158,7 +161,7 @@ class Causes:
             self._refused_ns = now_ns
         if bus.state in _DEAD:
             self._dead, self._dead_ns = bus.state, now_ns
-        elif bus.state is BusState.ERROR_PASSIVE and before.state is not bus.state:
+        elif bus.state is _ERROR_PASSIVE and before.state is not bus.state:
             self._passive_ns = now_ns
 
     def explain(self, symptom: Fault, began_ns: int, now_ns: int) -> Explained:

@@ -74,5 +74,5 @@ def guarded(values: tuple[float, ...], limits: tuple[Bound, ...]) -> tuple[float
                 f"command guard: {limit.name} {value} {limit.unit}: {most:g} to either side allowed"
             )
             return Fault(FaultCode.COMMAND_GUARD, text, limit.name)
-        allowed.append(clamp(value, most))
+        allowed.append(value if abs(value) <= most else clamp(value, most))
     return tuple(allowed)

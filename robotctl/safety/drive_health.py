@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 from robotctl.messages.actuators import NEVER_NS, ActuatorFeedback, DriveState
 from robotctl.messages.faults import Fault, FaultCode
-from robotctl.safety.ages import AgeLimit, are_fresh, span_ns
+from robotctl.safety.ages import ANY_TIME_NS, AgeLimit, fresh_span_ns
 
 ACTUATOR_AGES: Final = ("motion", "report", "supply")
 """Fields of `AgeLimit` that a drive's actuators share."""
@@ -63,9 +63,15 @@ class DriveHealth:
         self._motions_ns = [NEVER_NS] * len(wheels)
         self._lost_ns = self._motion.limit_ns if self._motion is not None else 0
         """A command that is older is lost [ns]."""
-        self._told_ns: tuple[list[int], list[int]] | None = None
-        """Times of all reports and of all supplies [ns]."""
-        self._note_ages()
+        self._told_ns: list[tuple[int, int]] = []
+        """Times of report and supply of each [ns]."""
+        self._newest_ns = self._reported_ns = NEVER_NS
+        """Time of the newest of all reports, and of those of state [ns]."""
+        self._moves_ns = _fresh_span_ns(self._motions_ns, self._motion)
+        """First and last moment at which all motions are fresh [ns],"""
+        self._reports_ns = self._supplies_ns = ANY_TIME_NS
+        """all reports of state, and all supplies."""
+        self._note_reports([(NEVER_NS, NEVER_NS)] * len(self._all))
         self._idle_ns = -NEVER_NS
         """When the drive was last enabled, or not commanded to be [ns]."""
         self._back_ns = NEVER_NS
@@ -78,32 +84,35 @@ class DriveHealth:
         self.reports = reports = tuple([actuators[index] for index in self._all])
         latches_us, motions_ns = self._latches_us, self._motions_ns
         # Joints, which follow the wheels, have no place in these lists.
-        for place, (report, before_us) in enumerate(zip(reports, latches_us, strict=False)):
+        for place, before_us in enumerate(latches_us):
+            report = reports[place]
             latch_us = report.latch_us
             # The same latch again is no new measurement, however recent its frame.
             if latch_us < 0 or latch_us != before_us:
                 latches_us[place] = latch_us
                 motions_ns[place] = report.motion_ns
+        self._moves_ns = _fresh_span_ns(motions_ns, self._motion)
+        told_ns = [(report.report_ns, report.supply_ns) for report in reports]
+        if told_ns != self._told_ns:  # most ticks bring motions alone
+            self._note_reports(told_ns)
         before_ns = self._newest_ns
-        self._note_ages()
-        if self._newest_ns - before_ns > _GAP_NS and before_ns != NEVER_NS:
-            self._back_ns = self._newest_ns
+        self._newest_ns = newest_ns = max([self._reported_ns, *motions_ns])
+        if newest_ns - before_ns > _GAP_NS and before_ns != NEVER_NS:
+            self._back_ns = newest_ns
         for report in reports:
             if report.state is _ENABLED:
                 self._idle_ns = report.report_ns
+
+    def _note_reports(self, told_ns: list[tuple[int, int]]) -> None:
+        """Note the times of the reports of state and of supply [ns], and what they tell."""
+        self._told_ns = told_ns
+        reports_ns = [report_ns for report_ns, _ in told_ns]
+        self._reported_ns = max(reports_ns)
+        self._reports_ns = _fresh_span_ns(reports_ns, self._report)
+        self._supplies_ns = _fresh_span_ns([supply_ns for _, supply_ns in told_ns], self._supply)
+        for report in self.reports:
             if self._tells_loss(report):
                 self._loss = report
-
-    def _note_ages(self) -> None:
-        """Note the oldest and newest of each kind of report."""
-        reports = self.reports
-        self._motion_span = span_ns(self._motions_ns)
-        reports_ns = [report.report_ns for report in reports]
-        supplies_ns = [report.supply_ns for report in reports]
-        if (reports_ns, supplies_ns) != self._told_ns:  # most ticks bring motions alone
-            self._told_ns = reports_ns, supplies_ns
-            self._report_span, self._supply_span = span_ns(reports_ns), span_ns(supplies_ns)
-        self._newest_ns = max(self._motion_span[1], self._report_span[1])
 
     def armed(self, now_ns: int) -> None:
         """Take note that the robot is armed: from now on the drive is to be enabled."""
@@ -111,16 +120,22 @@ class DriveHealth:
 
     def moves_fresh(self, now_ns: int) -> bool:
         """Return whether the motion of all its wheels is not too old."""
-        return _are_fresh(self._motion_span, now_ns, self._motion)
+        first_ns, last_ns = self._moves_ns
+        return first_ns <= now_ns <= last_ns
 
     def reports_fresh(self, now_ns: int) -> bool:
         """Return whether its reports of state, current and temperature are not too old."""
-        return _are_fresh(self._report_span, now_ns, self._report)
+        first_ns, last_ns = self._reports_ns
+        return first_ns <= now_ns <= last_ns
+
+    def _supplies_fresh(self, now_ns: int) -> bool:
+        """Return whether its reports of supply and commands are not too old."""
+        first_ns, last_ns = self._supplies_ns
+        return first_ns <= now_ns <= last_ns
 
     def supply_v(self, now_ns: int) -> float | None:
         """Return its supply [V]; None if that is too old, or not told."""
-        fresh = _are_fresh(self._supply_span, now_ns, self._supply)
-        return self.reports[0].voltage_v if fresh else None
+        return self.reports[0].voltage_v if self._supplies_fresh(now_ns) else None
 
     def faults(self, now_ns: int) -> list[Fault]:
         """Return all reasons to stop, the most telling first."""
@@ -131,9 +146,8 @@ class DriveHealth:
             faults.append(self._report.fault())
         else:
             faults += [report.fault for report in self.reports if report.fault is not None][:1]
-        supply = self._supply
-        if supply is not None and not _are_fresh(self._supply_span, now_ns, supply):
-            faults.append(supply.fault())
+        if self._supply is not None and not self._supplies_fresh(now_ns):
+            faults.append(self._supply.fault())
         return faults
 
     def disobeys(self) -> Fault | None:
@@ -155,7 +169,7 @@ class DriveHealth:
         """Return a fault if its present report tells so."""
         if not any(map(self._tells_loss, self.reports)):
             return None
-        return self._lost() if _are_fresh(self._supply_span, now_ns, self._supply) else None
+        return self._lost() if self._supplies_fresh(now_ns) else None
 
     def _tells_loss(self, report: ActuatorFeedback) -> bool:
         """Return whether a report tells of an old newest command."""
@@ -187,6 +201,6 @@ class DriveHealth:
         return max(stamps) if stamps else None
 
 
-def _are_fresh(span: tuple[int, int], now_ns: int, limit: AgeLimit | None) -> bool:
-    """Return whether all stamps of a `span_ns` are within a limit; without one they always are."""
-    return limit is None or are_fresh(span, now_ns, limit.limit_ns)
+def _fresh_span_ns(stamps_ns: Sequence[int], limit: AgeLimit | None) -> tuple[int, int]:
+    """Return when all stamps are within a limit, as `fresh_span_ns`; without one always."""
+    return ANY_TIME_NS if limit is None else fresh_span_ns(stamps_ns, limit.limit_ns)

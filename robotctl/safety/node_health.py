@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from robotctl.messages.control import NodeStatus
 from robotctl.messages.faults import Fault, FaultCode
-from robotctl.safety.ages import are_fresh, is_fresh, span_ns
+from robotctl.safety.ages import fresh_span_ns, is_fresh
 
 
 class NodeHealth:
@@ -28,14 +28,15 @@ class NodeHealth:
     def update(self, nodes: tuple[NodeStatus, ...]) -> None:
         """Store the nodes' state, which changes only with their heartbeats."""
         self.nodes = nodes
-        self._heartbeats_ns = span_ns([node.heartbeat_ns for node in nodes])
+        heartbeats_ns = [node.heartbeat_ns for node in nodes]
+        self._fresh_ns = fresh_span_ns(heartbeats_ns, self._limit_ns)
         # There are some, and none has a problem but perhaps its age.
         self._in_service = bool(nodes) and not any(node.problem for node in nodes)
 
     def faults(self, now_ns: int) -> list[Fault]:
         """Return the faults that keep nodes out of service."""
-        limit_ns = self._limit_ns
-        if self._in_service and are_fresh(self._heartbeats_ns, now_ns, limit_ns):
+        limit_ns, (first_ns, last_ns) = self._limit_ns, self._fresh_ns
+        if self._in_service and first_ns <= now_ns <= last_ns:
             return []
         faults = []
         if not self.nodes:

@@ -91,9 +91,12 @@ class Plausibility:
             self._seen = reports
             self._compare_clocks(reports, seen)
             if inputs.command.enable:
-                self._compare_joints(inputs, seen)
-                self._compare_duty_wheels(inputs, seen)
-                self._compare_speed_wheels(inputs, seen)
+                if self._joints:
+                    self._compare_joints(inputs, seen)
+                if self._duty_wheels:
+                    self._compare_duty_wheels(inputs, seen)
+                if self._speed_wheels:
+                    self._compare_speed_wheels(inputs, seen)
         return self.fault
 
     def _compare_clocks(
@@ -124,9 +127,9 @@ class Plausibility:
         self, inputs: MonitorInputs, seen: tuple[ActuatorFeedback, ...]
     ) -> None:
         """Compare wheels that are driven by a duty with their motors, and with each other."""
-        newest_ns = 0
+        newest_ns, reports = 0, inputs.feedback.actuators
         for index, wheel in self._duty_wheels.items():
-            report = inputs.feedback.actuators[index]
+            report = reports[index]
             if report.report_ns == seen[index].report_ns or report.voltage_v is None:
                 continue
             newest_ns = report.report_ns
@@ -157,10 +160,9 @@ class Plausibility:
                     report.motion_ns,
                 )
                 self._say(found)
-        if self._speed_wheels:
-            newest_ns = max(each.motion_ns for each in self._seen)
-            self._check_swapped(newest_ns)
-            self._check_jumps(inputs.motion.jumps, newest_ns)
+        newest_ns = max(each.motion_ns for each in self._seen)
+        self._check_swapped(newest_ns)
+        self._check_jumps(inputs.motion.jumps, newest_ns)
 
     def _check_swapped(self, now_ns: int) -> None:
         """Report two loops that drive each other's wheel: one runs ahead, one backwards.

@@ -7,7 +7,7 @@ import math
 from robotctl.messages.actuators import NEVER_NS
 from robotctl.messages.control import SonarFeedback
 from robotctl.messages.faults import Fault
-from robotctl.safety.ages import AgeLimit, are_fresh, is_fresh, span_ns
+from robotctl.safety.ages import AgeLimit, fresh_span_ns, is_fresh
 
 
 class SonarHealth:
@@ -34,7 +34,7 @@ class SonarHealth:
         self._names = names
         self._age = age
         self._limit_ns = 0 if age is None else age.limit_ns
-        self._span_ns = span_ns(self.stamps_ns)
+        self._fresh_ns = fresh_span_ns(self.stamps_ns, self._limit_ns)
 
     def update(self, sonars: tuple[SonarFeedback, ...]) -> None:
         """Take the ranges of some groups."""
@@ -45,7 +45,7 @@ class SonarHealth:
                     # A missing measurement does not renew the age of the last one.
                     if not math.isnan(range_m):
                         self.stamps_ns[index] = sonar.stamp_ns
-        self._span_ns = span_ns(self.stamps_ns)
+        self._fresh_ns = fresh_span_ns(self.stamps_ns, self._limit_ns)
 
     def fresh_m(self, now_ns: int) -> tuple[float, ...]:
         """Return the range of each sonar [m]; inf: no echo; nan: too old, or none at all."""
@@ -57,8 +57,8 @@ class SonarHealth:
 
     def faults(self, now_ns: int) -> list[Fault]:
         """Return which sonars have been silent for too long."""
-        age, limit_ns = self._age, self._limit_ns
-        if age is None or are_fresh(self._span_ns, now_ns, limit_ns):
+        age, limit_ns, (first_ns, last_ns) = self._age, self._limit_ns, self._fresh_ns
+        if age is None or first_ns <= now_ns <= last_ns:
             return []
         silence = f"{age.words} {limit_ns / 1e6:g} ms"
         return [

@@ -26,6 +26,10 @@ class Latch(enum.Enum):
     HELD_BACK = "of another time: not to be used"
 
 
+_NEXT: Final = Latch.NEXT
+"""Looking up a member of an enumeration is slow."""
+
+
 class LatchTimes:
     """Compares the drive's elapsed time, from frame to frame, with the host's.
 
@@ -50,7 +54,7 @@ class LatchTimes:
         """Return the relation of a frame, and remember it unless it was delayed."""
         last, odd = self._last, self._odd
         if last is None or _goes_on(wheel, last):
-            latch = Latch.NEXT
+            latch = _NEXT
         elif wheel.motion_ns - last.motion_ns > GAP_NS or (
             odd is not None and _goes_on(wheel, odd)
         ):

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import astuple, dataclass, field
+from dataclasses import dataclass, field
 
+import msgspec
 import numpy as np
 import pytest
 from numba import njit  # type: ignore[import-untyped]
@@ -165,7 +166,7 @@ class World:
 
     def check_contact(self) -> None:
         r = self.robot
-        if crosses(self.all_walls(), *astuple(self.pose), r.rear, r.front, r.side):
+        if crosses(self.all_walls(), *msgspec.structs.astuple(self.pose), r.rear, r.front, r.side):
             self.touched += 1
 
     def ranges(self) -> tuple[float, ...]:

@@ -23,7 +23,7 @@ from robotctl.messages.control import (
     SonarFeedback,
 )
 from robotctl.messages.faults import Fault, FaultCode
-from robotctl.safety.ages import are_fresh, is_fresh, span_ns
+from robotctl.safety.ages import fresh_span_ns, is_fresh
 from robotctl.safety.health import Health
 from robotctl.safety.state_machine import SafetyConfig
 from tests.native_frames import WHEELS as ACTUATORS
@@ -515,7 +515,8 @@ def test_stamps_are_fresh_together_if_each_of_them_is(
     stamps_ns: list[int], now_ns: int, limit_ns: int
 ) -> None:
     each = all(is_fresh(stamp_ns, now_ns, limit_ns) for stamp_ns in stamps_ns)
-    assert are_fresh(span_ns(stamps_ns), now_ns, limit_ns) == each
+    first_ns, last_ns = fresh_span_ns(stamps_ns, limit_ns)
+    assert (first_ns <= now_ns <= last_ns) == each
 
 
 # What is judged by its age alone: gyro and accelerometer.

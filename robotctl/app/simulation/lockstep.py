@@ -214,7 +214,7 @@ class LockstepRun:
         tick.localise(now_ns)
         self._localise_us = (time.perf_counter_ns() - begin_ns) / 1000
         command, navigation = tick.navigate(now_ns)
-        tick.publish(now_ns)
+        tick.publish(now_ns, is_watched=self._options.record is not None)
         arm = self._operator.arming(now_ns)
         if arm is None:
             return navigation, (command,)

@@ -53,7 +53,8 @@ class MemoryPort:
         """
         bits = self._wanted.get(arbitration_id)
         if bits is not None and self._open:
-            self._inbox.append(Frame(arbitration_id, data, stamp_ns))
+            # A third of the time of Frame(...), which is a function in Python.
+            self._inbox.append(tuple.__new__(Frame, (arbitration_id, data, stamp_ns)))
             self._meter.bits += bits[len(data)]
         elif arbitration_id & CAN_ERR_FLAG:
             meter = self._meter

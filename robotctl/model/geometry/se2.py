@@ -7,8 +7,9 @@ the right (`T @ exp(xi)`).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
+
+import msgspec
 
 from robotctl.model.geometry.angles import sinc, wrap_angle
 
@@ -21,9 +22,10 @@ class Tangent2(NamedTuple):
     theta_rad: float
 
 
-@dataclass(frozen=True, slots=True)
-class SE2:
+class SE2(msgspec.Struct, frozen=True, gc=False):
     """Pose of frame b in frame a, or the motion `T_a_b` that maps b-coordinates to a.
+
+    A struct, made in a tenth of the time of a frozen dataclass: each tick makes some.
 
     Parameters
     ----------

