@@ -170,9 +170,9 @@ def test_nothing_comes_in(topics: LiveTopics) -> None:
 def test_where_the_port_is_taken_it_is_the_next(
     topics: LiveTopics, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(live, "PORT", topics.port)  # earlier ones come and go with other programs
     second = LiveTopics("127.0.0.1", EPOCH_NS, "other", scene())
     assert second.port > topics.port
-    monkeypatch.setattr(live, "PORT", topics.port)
     monkeypatch.setattr(live, "PORTS", 1)
     with pytest.raises(LinkError, match=f"not at 127.0.0.1, ports {topics.port}"):
         LiveTopics("127.0.0.1", EPOCH_NS, "third", scene())
