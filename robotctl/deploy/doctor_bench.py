@@ -22,6 +22,8 @@ _MOST_MISSED: Final = 0.001
 """Share of deadlines that control may miss."""
 _LATE_SHARE: Final = 0.1
 """Share of the period from which on the 99th percentile of lag is high."""
+_LEAST_HZ: Final = 100
+"""Minimum of runtime.rate_hz [Hz]."""
 _BINS_US: Final = (20, 50, 100, 200, 500, 1000, 2000, 5000)
 _FULL: Final = 0.8
 """Share of all cores in use from which on little is left for what comes."""
@@ -151,6 +153,8 @@ def capacity(phase: str, found: Rehearsal) -> Finding:
         f"{found.navigating_hz:.0f} Hz"
     )
     if found.control_hz < found.rate_hz:
-        fix = f"runtime.rate_hz = {found.control_hz:.0f} at most (100 is the least)"
+        fix = f"runtime.rate_hz = {found.control_hz:.0f} at most"
+        if found.control_hz < _LEAST_HZ:
+            fix = f"stop other programs, or a faster computer: {_LEAST_HZ} Hz is the least rate"
         return warn(f"carries, {phase}", words, fix)
     return ok(f"carries, {phase}", words)

@@ -76,8 +76,16 @@ def test_navigation_that_does_not_keep_its_rate_is_told_one_that_it_would_keep()
 
 def test_a_computer_that_cannot_carry_the_rate_is_told_the_rate_that_it_can() -> None:
     assert capacity("", rehearsal()).verdict is Verdict.OK
-    finding = capacity("", rehearsal(tick_us=4900.0))
-    assert (finding.verdict, finding.fix[:22]) == (Verdict.WARN, "runtime.rate_hz = 100 ")
+    finding = capacity("", rehearsal(tick_us=4700.0))
+    assert finding.verdict is Verdict.WARN
+    assert finding.fix == "runtime.rate_hz = 104 at most"
+
+
+def test_a_computer_too_slow_for_the_least_rate_is_not_told_a_rate_that_is_refused() -> None:
+    finding = capacity("", rehearsal(tick_us=9000.0))
+    assert finding.verdict is Verdict.WARN
+    assert "runtime.rate_hz" not in finding.fix
+    assert "100 Hz is the least" in finding.fix
 
 
 def process(proc: Path, pid: int, parent: int, words: str, used_s: float, mib: float) -> None:
