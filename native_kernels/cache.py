@@ -72,13 +72,13 @@ class KernelCache:
 
     @property
     def total(self) -> int:
-        """How many functions of the package are to be compiled."""
+        """Number of functions of the package that are to be compiled."""
         sources = self.package.rglob("*.py")
         return sum(len(_KERNEL.findall(path.read_bytes())) for path in sources)
 
     @property
     def done(self) -> int:
-        """How many are in the folder."""
+        """Number of them in the folder."""
         return sum(1 for _ in Path(self.folder).rglob("*.nbi")) if self.folder else 0
 
 

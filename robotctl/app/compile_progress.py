@@ -31,7 +31,7 @@ def _all() -> int:
 
 
 def compiling() -> str:
-    """Return the message for people when that begins."""
+    """Return the message for people when compilation begins."""
     cache = cache_of("robotctl")
     if not cache.folder:
         return (

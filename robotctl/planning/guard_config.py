@@ -66,7 +66,7 @@ class GuardMemoryConfig:
 
 @dataclass(frozen=True, slots=True)
 class ApproachConfig:
-    """Signs of something that comes nearer by itself, as a sonar hears it; see `EchoMotion`.
+    """Thresholds for something that approaches by itself, as a sonar hears it; see `EchoMotion`.
 
     Parameters
     ----------
