@@ -155,6 +155,6 @@ def capacity(phase: str, found: Rehearsal) -> Finding:
     if found.control_hz < found.rate_hz:
         fix = f"runtime.rate_hz = {found.control_hz:.0f} at most"
         if found.control_hz < _LEAST_HZ:
-            fix = f"stop other programs, or use a faster computer: the lowest rate is {_LEAST_HZ} Hz"
+            fix = f"stop other programs, or use a faster computer: the lowest is {_LEAST_HZ} Hz"
         return warn(f"carries, {phase}", words, fix)
     return ok(f"carries, {phase}", words)

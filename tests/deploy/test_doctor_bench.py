@@ -85,7 +85,7 @@ def test_a_computer_too_slow_for_the_least_rate_is_not_told_a_rate_that_is_refus
     finding = capacity("", rehearsal(tick_us=9000.0))
     assert finding.verdict is Verdict.WARN
     assert "runtime.rate_hz" not in finding.fix
-    assert "the lowest rate is 100 Hz" in finding.fix
+    assert "the lowest is 100 Hz" in finding.fix
 
 
 def process(proc: Path, pid: int, parent: int, words: str, used_s: float, mib: float) -> None:
