@@ -4,7 +4,7 @@ import os
 import shutil
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
+from native_kernels.cache import cache_of
 
 
 def copied_code(folder: Path) -> dict[str, str]:
@@ -13,6 +13,6 @@ def copied_code(folder: Path) -> dict[str, str]:
     It is of use only to a copy with the same compiled sources.
     """
     for package in ("robotctl", "firmware_sim"):
-        for code in (ROOT / package / "__pycache__").glob("compiled-*"):
-            shutil.copytree(code, folder / package / code.name)
+        code = Path(cache_of(package).folder)
+        shutil.copytree(code, folder / package / code.name)
     return {**os.environ, "NUMBA_CACHE_DIR": str(folder)}
