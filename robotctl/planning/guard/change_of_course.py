@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from robotctl.model.geometry.twist import Twist
 from robotctl.model.rectangle import Rectangle
-from robotctl.planning.guard.swept_body import without_walls_beside
+from robotctl.planning.guard.swept_body import is_no_wall_beside
 
 ROOM_M: Final = 0.02
 """Room round the body, for what a robot does otherwise than it is told [m]."""
@@ -57,7 +57,8 @@ def is_free(
     paths = [_path(now, wanted, agility, late_s) for late_s in _LATE_S]
     x, y, theta = np.concatenate(paths, axis=1)
     near = np.hypot(*points.T) <= body.reach_m + np.hypot(x, y).max()
-    px, py = without_walls_beside(body, points[near]).T
+    points = points[near]
+    px, py = points[is_no_wall_beside(body, points)].T
     before = _depths(body, px, py)
     dx, dy = px - x[:, np.newaxis], py - y[:, np.newaxis]
     c, s = np.cos(theta)[:, np.newaxis], np.sin(theta)[:, np.newaxis]

@@ -123,6 +123,8 @@ class ObstacleGuard:
         self._body = body_rectangle(config, mounts)
         self._cosine = math.cos(math.radians(config.cone_deg))
         self._history: list[list[float]] = []
+        self._readings_m: list[float] = []
+        """Medians of the last readings [m]."""
         self._count = len(mounts)
         self._has_lidar = has_lidar
         self._limits = limits
@@ -136,6 +138,7 @@ class ObstacleGuard:
     def reset(self) -> None:
         """Forget past readings."""
         self._history = [[] for _ in range(self._count)]
+        self._readings_m = [math.nan] * self._count
         self._floor: Sequence[Point] = ()
         self._points: NDArray[np.float64] | None = None
         self._approaches: Sequence[ApproachingEcho] = ()
@@ -188,6 +191,7 @@ class ObstacleGuard:
                 past.append(reading)
                 if len(past) > 3:
                     del past[0]
+        self._readings_m = [_median(past) for past in self._history]
 
     def looks(self, direction: float) -> bool:
         """Say whether a sonar looks forwards (`direction` > 0) or backwards (< 0)."""
@@ -243,15 +247,17 @@ class ObstacleGuard:
         if self._is_blind and not self._looks(course):
             return 0.0, _BLIND
         moves = self._moves(course)
+        # The margin is kept by the corner, which moves hypot(x, y) times as far as `base`.
+        margins_m = [self._config.margin_m / max(math.hypot(x, y), LEAST_CLOSING) for x, y in moves]
         distance_m, obstacle = math.inf, ""
         for view in views:
-            reading = _median(self._history[view.slot])
+            reading = self._readings_m[view.slot]
             if math.isnan(reading):
                 if self._is_ahead(view, course):
                     # Blind ahead: stand still rather than guess.
                     return 0.0, f"sonar {view.name} gives no reading"
                 continue
-            free = self._free_distance(view, reading, moves)
+            free = _free_distance(view, reading, moves, margins_m)
             if free < distance_m and not (free <= 0.0 and self._is_wall_beside(view, reading)):
                 distance_m, obstacle = free, f"{view.name} measures {reading:.2f} m"
         on_floor = self._free_floor(course)
@@ -362,20 +368,6 @@ class ObstacleGuard:
         """Say whether a sonar looks in the direction of travel."""
         return course.ahead * view.normal[0] + course.left * view.normal[1] >= self._cosine
 
-    def _free_distance(self, view: _View, reading: float, moves: Sequence[Point]) -> float:
-        """Return the distance of `base` until the first corner is `margin_m` from a wall [m].
-
-        `moves` is the motion of each corner per distance of `base`.
-        """
-        distance_m = math.inf
-        for reach_m, (x, y) in zip(view.reaches_m, moves, strict=True):
-            closing = view.normal[0] * x + view.normal[1] * y
-            if closing > LEAST_CLOSING:
-                # The margin is kept by the corner, which moves hypot(x, y) times as far as `base`.
-                margin = self._config.margin_m / math.hypot(x, y)
-                distance_m = min(distance_m, (reading - reach_m) / closing - margin)
-        return distance_m
-
     def _is_wall_beside(self, view: _View, reading: float) -> bool:
         """Say whether an echo is that of a wall close beside, measured by the sonar that faces it.
 
@@ -385,7 +377,7 @@ class ObstacleGuard:
         for side in self._views:
             if abs(side.normal[0]) > _SIDEWAYS or side.normal[1] * y <= _SIDEWAYS:
                 continue
-            beside_m = _median(self._history[side.slot])
+            beside_m = self._readings_m[side.slot]
             if not beside_m - max(side.reaches_m) < self._config.margin_m:
                 continue
             towards = side.normal[0] * x + side.normal[1] * y
@@ -412,6 +404,22 @@ class ObstacleGuard:
             return 0.0
         delay = self._config.deceleration_m_s2 * self._config.reaction_s
         return math.sqrt(delay * delay + 2.0 * self._config.deceleration_m_s2 * distance_m) - delay
+
+
+def _free_distance(
+    view: _View, reading: float, moves: Sequence[Point], margins_m: Sequence[float]
+) -> float:
+    """Return the distance of `base` until the first corner is its margin away from a wall [m].
+
+    `moves` is the motion of each corner per distance of `base`, and margins are ways of `base`.
+    """
+    distance_m = math.inf
+    normal_x, normal_y = view.normal
+    for reach_m, (x, y), margin_m in zip(view.reaches_m, moves, margins_m, strict=True):
+        closing = normal_x * x + normal_y * y
+        if closing > LEAST_CLOSING:
+            distance_m = min(distance_m, (reading - reach_m) / closing - margin_m)
+    return distance_m
 
 
 def _way_to(point: Point, course: Course, nose_m: float, half_m: float) -> float:

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from native_kernels.compiled import compiled
 from robotctl.model.rectangle import Rectangle
 from robotctl.planning.guard.course import LEAST_CLOSING, Course, Point
 
@@ -34,129 +35,154 @@ def free_way(
     """Return the way of `base` until the body is a margin away from a point in its way, and which.
 
     The margin is a way of the part of the body that would touch the point. The parameters and the
-    unit are those of `ways_to_contact`; inf and None if there is no such point.
+    unit are those of `way_to_contact`; inf and None if there is no such point.
     """
     if not len(points):
         return math.inf, None
-    points = without_walls_beside(body, points)
-    ways = ways_to_contact(body, points, course)
-    touched = np.isfinite(ways)
-    if not np.count_nonzero(touched):  # a fifth of the time of any()
+    free, nearest = _first_touched(body, np.ascontiguousarray(points), margin_m, course)
+    if nearest < 0:
         return math.inf, None
-    points, ways = points[touched], ways[touched]
-    ahead, left = _motions(course, points)
-    speeds = np.hypot(ahead, left)
-    free = ways - margin_m / np.maximum(speeds, _STANDS)
-    nearest = int(np.argmin(free))
     x_m, y_m = points[nearest].tolist()
-    return float(free[nearest]), (x_m, y_m)
+    return free, (x_m, y_m)
 
 
-def without_walls_beside(body: Rectangle, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return points without those ahead and behind of a wall that reaches in at a side.
+@compiled
+def _first_touched(
+    body: Rectangle, points: NDArray[np.float64], margin_m: float, course: Course
+) -> tuple[float, int]:
+    """Return the way until the margin of the first point, and its number; -1: there is none."""
+    kept = is_no_wall_beside(body, points)
+    free, nearest = math.inf, -1
+    for number in range(len(points)):
+        if not kept[number]:
+            continue
+        x, y = points[number, 0], points[number, 1]
+        way = way_to_contact(body, x, y, course)
+        if way < math.inf:
+            ahead, left = _motion(course, x, y)
+            way -= margin_m / max(math.hypot(ahead, left), _STANDS)
+            if way < free:
+                free, nearest = way, number
+    return free, nearest
+
+
+@compiled
+def is_no_wall_beside(body: Rectangle, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which points are none ahead or behind of a wall that reaches in at a side, (n,).
 
     The body is drawn with a little room, and a robot that stands so close beside a wall could not
     drive along it: what is as far aside as the wall beside the robot is passed as that is.
     """
-    x, y = points.T
-    from_ends = np.minimum(body.front_m - x, x - body.rear_m)
-    if np.count_nonzero(from_ends >= 0.0) < _WALL:
-        return points
     kept = np.ones(len(points), np.bool_)
+    depths = np.empty(len(points))
     for side in (1.0, -1.0):
-        depths = body.half_width_m - side * y
-        beside = (depths >= 0.0) & (depths <= np.minimum(from_ends, _DEEPEST_M))
-        if np.count_nonzero(beside) >= _WALL:
-            wall_m = float(np.median(depths[beside])) + _RAGGED_M
-            kept &= beside | (depths > wall_m)
-    return points[kept]
+        count = 0
+        for number in range(len(points)):
+            x, y = points[number, 0], points[number, 1]
+            depth = body.half_width_m - side * y
+            if 0.0 <= depth <= min(body.front_m - x, x - body.rear_m, _DEEPEST_M):
+                depths[count] = depth
+                count += 1
+        if count < _WALL:
+            continue
+        beside = np.sort(depths[:count])
+        wall_m = 0.5 * (beside[(count - 1) // 2] + beside[count // 2]) + _RAGGED_M
+        for number in range(len(points)):
+            x, y = points[number, 0], points[number, 1]
+            depth = body.half_width_m - side * y
+            from_ends = min(body.front_m - x, x - body.rear_m, _DEEPEST_M)
+            kept[number] &= depth > wall_m or 0.0 <= depth <= from_ends
+    return kept
 
 
-def ways_to_contact(
-    body: Rectangle, points: NDArray[np.float64], course: Course
-) -> NDArray[np.float64]:
-    """Return how far `base` moves until the body touches each point, (n,) [m]; inf: never.
+@compiled
+def way_to_contact(body: Rectangle, x: float, y: float, course: Course) -> float:
+    """Return how far `base` moves until the body touches a point [m]; inf: never.
 
     A point within the body is touched at once if it gets deeper below the side that is nearest to
     it, and not at all if it leaves there.
 
     Parameters
     ----------
-    points
-        (n, 2) in `base` [m].
+    x, y
+        The point in `base` [m].
     course
         Where `base` goes; on the spot ways are angles [rad].
     """
-    if abs(course.turn) < _STRAIGHT:
-        ways = _straight(body, points, course)
+    depths = (body.front_m - x, x - body.rear_m, body.half_width_m - y, body.half_width_m + y)
+    least = min(depths)
+    if least < -_ROUNDING_M:
+        if abs(course.turn) < _STRAIGHT:
+            return _straight(body, x, y, course)
+        return _on_arc(body, x, y, course)
+    # Motion of the point in the body, towards the nearest of the sides.
+    ahead, left = _motion(course, x, y)
+    if least == depths[0]:
+        outwards = -ahead
+    elif least == depths[1]:
+        outwards = ahead
     else:
-        ways = _on_arc(body, points, course)
-    x, y = points.T
-    depths = np.array(  # a quarter of the time of stack()
-        [body.front_m - x, x - body.rear_m, body.half_width_m - y, body.half_width_m + y]
-    )
-    inside = depths.min(axis=0) >= -_ROUNDING_M
-    if not np.count_nonzero(inside):
-        return ways
-    # Motion of the point in the body, towards each of the sides.
-    ahead, left = _motions(course, points)
-    outwards = np.choose(depths.argmin(axis=0), [-ahead, ahead, -left, left])
-    return np.where(inside, np.where(outwards < -LEAST_CLOSING, 0.0, math.inf), ways)
+        outwards = -left if least == depths[2] else left
+    return 0.0 if outwards < -LEAST_CLOSING else math.inf
 
 
-def _motions(
-    course: Course, points: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the motion of the body at each point, forwards and to the left."""
-    x, y = points.T
+@compiled
+def _motion(course: Course, x: float, y: float) -> tuple[float, float]:
+    """Return the motion of the body at a point, forwards and to the left."""
     return course.ahead - course.turn * y, course.left + course.turn * x
 
 
-def _straight(body: Rectangle, points: NDArray[np.float64], course: Course) -> NDArray[np.float64]:
-    """Return the ways straight on; for a point within the body any number.
+@compiled
+def _straight(body: Rectangle, x: float, y: float, course: Course) -> float:
+    """Return the way straight on until the body holds a point outside of it.
 
-    The body holds a point where both of its coordinates lie between two sides.
+    It does where both of its coordinates lie between two sides.
     """
-    enters, leaves = np.full(len(points), -math.inf), np.full(len(points), math.inf)
-    sides = (body.rear_m, body.front_m), (-body.half_width_m, body.half_width_m)
-    for at, (low, high), share in zip(points.T, sides, course[:2], strict=True):
+    half = body.half_width_m
+    enters, leaves = -math.inf, math.inf
+    for at, low, high, share in (
+        (x, body.rear_m, body.front_m, course.ahead),
+        (y, -half, half, course.left),
+    ):
         if abs(share) < _STANDS:
-            enters[(at < low) | (at > high)] = math.inf
+            if at < low or at > high:
+                return math.inf
             continue
         near, far = (high, low) if share > 0.0 else (low, high)
-        enters = np.maximum(enters, (at - near) / share)
-        leaves = np.minimum(leaves, (at - far) / share)
-    return np.where((enters >= 0.0) & (enters <= leaves), enters, math.inf)
+        enters = max(enters, (at - near) / share)
+        leaves = min(leaves, (at - far) / share)
+    return enters if 0.0 <= enters <= leaves else math.inf
 
 
-def _on_arc(body: Rectangle, points: NDArray[np.float64], course: Course) -> NDArray[np.float64]:
-    """Return the ways on an arc; for a point within the body any number.
+@compiled
+def _on_arc(body: Rectangle, x: float, y: float, course: Course) -> float:
+    """Return the way on an arc until the body touches a point outside of it.
 
-    Seen from the body, a point goes round that centre the other way, and meets the body where its
-    circle first crosses one of the sides.
+    Seen from the body, a point goes round the centre of the arc the other way, and meets the body
+    where its circle first crosses one of the sides.
     """
-    turn = course.turn
-    centre_x_m, centre_y_m = -course.left / turn, course.ahead / turn
-    x, y = points[:, 0] - centre_x_m, points[:, 1] - centre_y_m
-    squares = x * x + y * y
-    ends = np.array([[body.rear_m], [body.front_m]]) - centre_x_m
-    sides = np.array([[-body.half_width_m], [body.half_width_m]]) - centre_y_m
-    with np.errstate(invalid="ignore"):  # nan: a circle that does not reach a side
-        across, along = np.sqrt(squares - ends * ends), np.sqrt(squares - sides * sides)
-    across, along = np.concatenate([across, -across]), np.concatenate([along, -along])
-    # Where each circle crosses the lines of the two ends, twice each, and those of the two sides.
-    at_x, at_y = np.empty((8, len(x))), np.empty((8, len(x)))
-    at_x[0:2] = at_x[2:4] = ends
-    at_x[4:] = along
-    at_y[:4] = across
-    at_y[4:6] = at_y[6:] = sides
-    within_sides = (across >= sides[0]) & (across <= sides[1])
-    within_ends = (along >= ends[0]) & (along <= ends[1])
-    meets = np.concatenate([within_sides, within_ends])
-    ways = np.full(len(x), math.inf)
-    met = meets.any(axis=0)
-    if np.count_nonzero(met):  # arctan2 is slow, and most circles miss the body
-        turned = np.arctan2(y[met], x[met]) - np.arctan2(at_y[:, met], at_x[:, met])
-        angles = np.mod(turned * math.copysign(1.0, turn), math.tau)
-        ways[met] = np.where(meets[:, met], angles, math.inf).min(axis=0) / abs(turn)
-    return ways
+    centre_x, centre_y = -course.left / course.turn, course.ahead / course.turn
+    x, y = x - centre_x, y - centre_y
+    square = x * x + y * y
+    rear, front = body.rear_m - centre_x, body.front_m - centre_x
+    right, left = -body.half_width_m - centre_y, body.half_width_m - centre_y
+    sense, least = math.copysign(1.0, course.turn), math.inf
+    for end in (rear, front):
+        if end * end <= square:
+            across = math.sqrt(square - end * end)
+            for at in (across, -across):
+                if right <= at <= left:
+                    least = min(least, _turned(x, y, end, at, sense))
+    for side in (right, left):
+        if side * side <= square:
+            along = math.sqrt(square - side * side)
+            for at in (along, -along):
+                if rear <= at <= front:
+                    least = min(least, _turned(x, y, at, side, sense))
+    return least / abs(course.turn)
+
+
+@compiled
+def _turned(x: float, y: float, to_x: float, to_y: float, sense: float) -> float:
+    """Return the angle from one point of a circle back to another, in a sense [rad]."""
+    return ((math.atan2(y, x) - math.atan2(to_y, to_x)) * sense) % math.tau

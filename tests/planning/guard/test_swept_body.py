@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.rectangle import Rectangle
 from robotctl.planning.guard.course import Course
-from robotctl.planning.guard.swept_body import free_way, ways_to_contact
+from robotctl.planning.guard.swept_body import free_way, way_to_contact
 
 BODY = Rectangle(-0.15, 0.25, 0.18)
 STEP = 0.001
@@ -27,6 +27,10 @@ def depths(point, pose):
 def depth(point, pose):
     """Return how deep in the body at a pose a point lies [m]; below 0: outside of it."""
     return depths(point, pose)[0]
+
+
+def ways_to_contact(points, course):
+    return np.array([way_to_contact(BODY, x, y, course) for x, y in points])
 
 
 def pose_at(course, way):
@@ -65,7 +69,7 @@ def test_a_point_is_met_where_the_body_comes_to_it(x, y, bearing, turn):
     first, second, _, _ = depths((x, y), SE2())
     if abs(outside) < 0.005 or second - first < 1e-4:
         return  # on a side, or as near to two
-    way = ways_to_contact(BODY, np.array([[x, y]]), course)[0]
+    way = way_to_contact(BODY, x, y, course)
     if outside > 0.0:  # at once, or never as it leaves
         change = (depth((x, y), pose_at(course, 1e-5)) - outside) / 1e-5
         if abs(change - 0.02) > 1e-3:
@@ -82,23 +86,25 @@ def test_a_point_is_met_where_the_body_comes_to_it(x, y, bearing, turn):
 
 def test_an_arc_that_is_nearly_straight_is_as_good_as_a_straight_line():
     points = np.random.default_rng(1).uniform(-2.0, 2.0, (200, 2))
-    straight = np.minimum(ways_to_contact(BODY, points, Course(1.0, 0.0, 0.0)), 10.0)
+    straight = np.minimum(ways_to_contact(points, Course(1.0, 0.0, 0.0)), 10.0)
     for turn in (1e-12, 0.99e-4, 1.01e-4, -1.01e-4):
-        ways = ways_to_contact(BODY, points, Course(1.0, 0.0, turn))  # or once round a great circle
+        ways = ways_to_contact(points, Course(1.0, 0.0, turn))  # or once round a great circle
         assert np.minimum(ways, 10.0) == pytest.approx(straight, abs=2e-3)
 
 
 @pytest.mark.parametrize("course", [(1.0, 0.0, 0.0), (-1.0, 0.0, 0.8), (0.6, 0.8, -2.0), (0, 0, 1)])
-def test_each_point_is_met_as_if_it_were_alone(course):
+def test_the_first_point_is_the_one_that_is_met_first_of_all_alone(course):
     points = np.random.default_rng(2).uniform(-0.8, 0.8, (100, 2))
+    points = points[(np.abs(points) > (0.26, 0.19)).any(axis=1)]  # outside of the body
     course = Course(*map(float, course))
-    alone = [ways_to_contact(BODY, point[None], course)[0] for point in points]
-    assert ways_to_contact(BODY, points, course).tolist() == alone
+    ways = ways_to_contact(points, course)
+    nearest = tuple(points[ways.argmin()].tolist())
+    assert free_way(BODY, points, 0.0, course) == (ways.min(), nearest)
 
 
 def test_the_margin_is_a_way_of_the_part_that_would_touch():
     turning = np.array([[0.0, 0.28]])  # the front left corner comes there
-    angle = ways_to_contact(BODY, turning, Course(0.0, 0.0, 1.0))[0]
+    angle = way_to_contact(BODY, 0.0, 0.28, Course(0.0, 0.0, 1.0))
     assert free_way(BODY, turning, 0.1, Course(0.0, 0.0, 1.0)) == (
         pytest.approx(angle - 0.1 / 0.28),
         (0.0, 0.28),
