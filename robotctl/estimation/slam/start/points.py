@@ -139,19 +139,16 @@ def meeting_point(centres: Floats, ranges: Floats) -> Floats:
         (n,) [m].
     """
     d = centres.shape[1]
-    best: Floats = centres[0]
-    least = np.inf
-    for direction in _directions(d):
-        point = centres[0] + ranges[0] * direction
-        for _ in range(_STEPS):
-            away = point - centres
-            distance = np.maximum(np.linalg.norm(away, axis=1), 1e-9)
-            J = away / distance[:, None]
-            A = J.T @ J + _DAMPING * np.eye(d)
-            point = point - np.linalg.solve(A, J.T @ (distance - ranges))
-        misfit = float(np.sum((np.linalg.norm(point - centres, axis=1) - ranges) ** 2))
-        if misfit < least:
-            best, least = point, misfit
+    points = centres[0] + ranges[0] * _directions(d)  # each starts from another place
+    for _ in range(_STEPS):
+        away = points[:, np.newaxis] - centres
+        distances = np.maximum(np.linalg.norm(away, axis=2), 1e-9)
+        J = away / distances[..., np.newaxis]
+        A = J.mT @ J + _DAMPING * np.eye(d)
+        gradients = J.mT @ (distances - ranges)[..., np.newaxis]
+        points = points - np.linalg.solve(A, gradients)[..., 0]
+    distances = np.linalg.norm(points[:, np.newaxis] - centres, axis=2)
+    best: Floats = points[np.sum((distances - ranges) ** 2, axis=1).argmin()]
     return best
 
 
