@@ -13,6 +13,7 @@ import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -175,14 +176,19 @@ def load_dbc(path: Path) -> Dbc:
     ConfigError
         One line for each error: `FILE: MESSAGE: what is wrong; did you mean "..."?`
     """
-    # The recorder needs this module, but no DBC.
-    import cantools.database  # noqa: PLC0415 - it takes 0.1 s
-    from cantools.database.errors import Error as CantoolsError  # noqa: PLC0415
-
     try:
         content = path.read_bytes()
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error}") from error
+    return _dbc(path, content)
+
+
+@cache  # for processes that run many robots
+def _dbc(path: Path, content: bytes) -> Dbc:
+    # The recorder needs this module, but no DBC.
+    import cantools.database  # noqa: PLC0415 - it takes 0.1 s
+    from cantools.database.errors import Error as CantoolsError  # noqa: PLC0415
+
     try:
         database: Any = cantools.database.load_string(
             content.decode("cp1252"), database_format="dbc"

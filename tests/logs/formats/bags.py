@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from rosbags.rosbag1 import Writer as Writer1
@@ -34,15 +35,22 @@ class Laser:
 CENTRED = Laser()
 
 
+@cache  # it compiles what writes each type of message
+def typestore(is1):
+    """Return the types of either ROS."""
+    if not is1:
+        return get_typestore(Stores.ROS2_HUMBLE)
+    store = get_typestore(Stores.ROS1_NOETIC)
+    store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TF))
+    return store
+
+
 class Bag:
     """Writes messages of either ROS, with the same calls."""
 
     def __init__(self, path, kind):
         self.is1 = kind == "ros1"
-        self.store = get_typestore(Stores.ROS1_NOETIC if self.is1 else Stores.ROS2_HUMBLE)
-        if self.is1:
-            text = "geometry_msgs/TransformStamped[] transforms"
-            self.store.register(get_types_from_msg(text, TF))
+        self.store = typestore(self.is1)
         self.types = self.store.types
         if self.is1:
             self.writer = Writer1(path)
