@@ -99,7 +99,7 @@ def parse(
             *(problem for problem in _invalid_values(data, kind) if problem[0] not in dates),
         )
     )
-    value = _adapter(kind).validate_json(json.dumps(data), strict=True)
+    value = validator(kind).validate_json(json.dumps(data), strict=True)
     if rules is not None:
         refuse(rules(value))
     return value
@@ -129,20 +129,20 @@ def _near_file(path: Path) -> str:
     return nearest(path.name, [p.name for p in path.parent.glob("*.toml")])
 
 
-_ADAPTERS: dict[type[Any], pydantic.TypeAdapter[Any]] = {}
+_VALIDATORS: dict[type[Any], pydantic.TypeAdapter[Any]] = {}
 
 
-def _adapter(kind: type[T]) -> pydantic.TypeAdapter[T]:
+def validator(kind: type[T]) -> pydantic.TypeAdapter[T]:
     """Return pydantic's validator of a dataclass; a robot's takes 50 ms to build."""
-    if kind not in _ADAPTERS:
-        _ADAPTERS[kind] = pydantic.TypeAdapter(kind)
-    return _ADAPTERS[kind]
+    if kind not in _VALIDATORS:
+        _VALIDATORS[kind] = pydantic.TypeAdapter(kind)
+    return _VALIDATORS[kind]
 
 
 def _invalid_values(data: dict[str, Any], kind: type[Any]) -> Iterator[tuple[Key, str]]:
     """Yield the errors of pydantic and of the dataclasses' constructors."""
     try:
-        _adapter(kind).validate_json(json.dumps(data, default=str), strict=True)
+        validator(kind).validate_json(json.dumps(data, default=str), strict=True)
     except pydantic.ValidationError as error:
         for item in error.errors(include_url=False):
             yield from _problems(item, data, kind)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 from collections.abc import Mapping
+from functools import cache
 from typing import Any, Final
 
 from pydantic import TypeAdapter, ValidationError
@@ -55,10 +56,15 @@ def true_drive(table: MotorTable, found: Mapping[str, Any]) -> tuple[MotorSectio
     return drive, _validated(f"simulation.twin.{table.name}", section.Settings, others)
 
 
+@cache
+def _validator(kind: type) -> TypeAdapter[Any]:
+    return TypeAdapter(kind)
+
+
 def _validated(table: str, kind: type, values: Mapping[str, Any]) -> Any:
     """Return the value of a table; raises SimulationError with its first error."""
     try:
-        return TypeAdapter(kind).validate_python(values)
+        return _validator(kind).validate_python(values)
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(map(str, first["loc"]))

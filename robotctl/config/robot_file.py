@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, TypeAlias, Union
 
 import msgspec
-from pydantic import Discriminator, Field, Tag, TypeAdapter
+from pydantic import Discriminator, Field, Tag
 
 from robotctl import toml_source
 from robotctl.control.limiter import LimitsConfig
@@ -310,7 +310,7 @@ def robot_of_json(text: str) -> RobotConfig:
     pydantic.ValidationError
         If another version of robotctl with an incompatible configuration wrote it.
     """
-    return TypeAdapter(RobotConfig).validate_json(text)
+    return toml_source.validator(RobotConfig).validate_json(text)
 
 
 def camera_of(config: RobotConfig, file: Path) -> CameraConfig:

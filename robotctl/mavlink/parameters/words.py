@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
+from functools import cache
 from typing import Any, Final
 
 from robotctl.config_values import descriptions
@@ -23,9 +24,15 @@ def words(config: Any, key: str) -> tuple[str, str]:
     *tables, name = key.split(".")
     for part in tables:
         config = getattr(config, part)
-    text = descriptions(inspect.getdoc(type(config)) or "").get(name, "")
+    table: type = type(config)
+    text = _descriptions_of(table).get(name, "")
     suffixes = [suffix for suffix in _UNITS if name.endswith(suffix)]
     if suffixes:
         return _UNITS[max(suffixes, key=len)], text
     found = _UNIT.search(text)
     return (found[1] if found else ""), text
+
+
+@cache
+def _descriptions_of(table: type) -> dict[str, str]:
+    return descriptions(inspect.getdoc(table) or "")

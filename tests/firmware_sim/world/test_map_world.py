@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -178,9 +179,14 @@ def test_the_camera_sees_the_cells_where_they_are(
         assert true_ranges(world, pose, camera.mount, angles) == pytest.approx(truth, rel=1e-6)
 
 
+@cache
+def body() -> tuple[tuple[float, float], ...]:
+    return robot().simulation.body
+
+
 def depth_in(each: Cells, plant: Plant, inset_m: float) -> bool:
     """Whether the body, smaller by an inset all around, is in an occupied cell."""
-    corners = np.array(robot().simulation.body)
+    corners = np.array(body())
     corners = corners - np.sign(corners - corners.mean(axis=0)) * inset_m
     share = np.linspace(0.0, 1.0, 60)[:, None]
     sides = [
