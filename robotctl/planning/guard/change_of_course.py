@@ -8,11 +8,13 @@ what it could not stop before any more.
 
 from __future__ import annotations
 
+import math
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from native_kernels.compiled import compiled
 from robotctl.model.geometry.twist import Twist
 from robotctl.model.rectangle import Rectangle
 from robotctl.planning.guard.swept_body import is_no_wall_beside
@@ -54,38 +56,75 @@ def is_free(
         Of the robot.
     """
     body = Rectangle(body.rear_m - ROOM_M, body.front_m + ROOM_M, body.half_width_m + ROOM_M)
-    paths = [_path(now, wanted, agility, late_s) for late_s in _LATE_S]
-    x, y, theta = np.concatenate(paths, axis=1)
-    near = np.hypot(*points.T) <= body.reach_m + np.hypot(x, y).max()
-    points = points[near]
-    px, py = points[is_no_wall_beside(body, points)].T
-    before = _depths(body, px, py)
-    dx, dy = px - x[:, np.newaxis], py - y[:, np.newaxis]
-    c, s = np.cos(theta)[:, np.newaxis], np.sin(theta)[:, np.newaxis]
-    depths = _depths(body, c * dx + s * dy, c * dy - s * dx)
-    return not ((depths >= 0.0) & (depths > before + _DEEPER_M)).any()
-
-
-def _depths(body: Rectangle, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return how deep points lie below the nearest side of a body [m]; < 0: outside."""
-    ends = np.minimum(body.front_m - x, x - body.rear_m)
-    depths: NDArray[np.float64] = np.minimum(ends, body.half_width_m - np.abs(y))
-    return depths
-
-
-def _path(now: Twist, wanted: Twist, agility: Agility, late_s: float) -> NDArray[np.float64]:
-    """Return x, y and heading in the present `base` on the way to a stop, (3, k) [m, m, rad]."""
-    start, target, brake = np.array(now), np.array(wanted), np.array(agility.brake)
+    start, target = np.array(now, np.float64), np.array(wanted, np.float64)
+    brake = np.array(agility.brake)
     change = np.array(agility.gain) * agility.reaction_s
     fastest = start + np.clip(target - start, -change, change)
-    most_s = late_s + agility.reaction_s + float((np.abs(fastest) / brake).max())
-    times = (np.arange(np.ceil(most_s / _STEP_S)) + 0.5)[:, np.newaxis] * _STEP_S - late_s
-    change = np.array(agility.gain) * times.clip(0.0, agility.reaction_s)
-    speeds = start + np.clip(target - start, -change, change)
-    lost = brake * (times - agility.reaction_s).clip(0.0)
-    speeds = np.sign(speeds) * (np.abs(speeds) - lost).clip(0.0)
-    v, omega, vy = speeds.T * _STEP_S
-    theta = np.cumsum(omega)
-    half = theta - 0.5 * omega
-    c, s = np.cos(half), np.sin(half)
-    return np.stack([np.cumsum(c * v - s * vy), np.cumsum(s * v + c * vy), theta])
+    most_s = agility.reaction_s + float((np.abs(fastest) / brake).max())
+    motion = _Motion(start, target, np.array(agility.gain), brake, agility.reaction_s, most_s)
+    return not _meets(body, np.ascontiguousarray(points), motion)
+
+
+class _Motion(NamedTuple):
+    """A velocity that follows a set-point and then ends."""
+
+    start: NDArray[np.float64]
+    """Velocity forward, turning and sideways, (3,)."""
+    target: NDArray[np.float64]
+    gain: NDArray[np.float64]
+    brake: NDArray[np.float64]
+    reaction_s: float
+    most_s: float
+    """Time until it has ended at the latest [s]."""
+
+
+@compiled
+def _meets(body: Rectangle, points: NDArray[np.float64], motion: _Motion) -> bool:
+    """Return whether a point gets deeper into the body on the way to a stop."""
+    kept = is_no_wall_beside(body, points)
+    for late_s in _LATE_S:
+        x, y, theta = 0.0, 0.0, 0.0
+        for step in range(math.ceil((late_s + motion.most_s) / _STEP_S)):
+            v, omega, vy = _velocity(motion, (step + 0.5) * _STEP_S - late_s)
+            half = theta + 0.5 * omega * _STEP_S
+            c, s = math.cos(half), math.sin(half)
+            x += _STEP_S * (c * v - s * vy)
+            y += _STEP_S * (s * v + c * vy)
+            theta += omega * _STEP_S
+            c, s = math.cos(theta), math.sin(theta)
+            for number in range(len(points)):
+                if not kept[number]:
+                    continue
+                px, py = points[number, 0], points[number, 1]
+                dx, dy = px - x, py - y
+                depth = _depth(body, c * dx + s * dy, c * dy - s * dx)
+                if depth >= 0.0 and depth > _depth(body, px, py) + _DEEPER_M:
+                    return True
+    return False
+
+
+@compiled
+def _velocity(motion: _Motion, time_s: float) -> tuple[float, float, float]:
+    """Return the velocity at a time after the command takes effect."""
+    change = min(max(time_s, 0.0), motion.reaction_s)
+    lost = max(time_s - motion.reaction_s, 0.0)
+    return (
+        _speed(motion, 0, change, lost),
+        _speed(motion, 1, change, lost),
+        _speed(motion, 2, change, lost),
+    )
+
+
+@compiled
+def _speed(motion: _Motion, axis: int, change: float, lost: float) -> float:
+    """Return the speed along an axis that has changed, and been braked, for so long [s]."""
+    most = motion.gain[axis] * change
+    speed = motion.start[axis]
+    speed += min(max(motion.target[axis] - speed, -most), most)
+    return math.copysign(max(abs(speed) - motion.brake[axis] * lost, 0.0), speed)
+
+
+@compiled
+def _depth(body: Rectangle, x: float, y: float) -> float:
+    """Return how deep a point lies below the nearest side of a body [m]; < 0: outside."""
+    return min(body.front_m - x, x - body.rear_m, body.half_width_m - abs(y))
