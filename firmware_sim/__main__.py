@@ -39,6 +39,7 @@ from firmware_sim.parent import end_with_parent
 from firmware_sim.world.clutter import add_options, load_cluttered
 from firmware_sim.world.publisher import Publisher
 from native_kernels.cache import cache_of
+from native_kernels.library import found_library
 
 if TYPE_CHECKING:
     from firmware_sim.bus.core import Bus
@@ -182,7 +183,7 @@ def _run(options: argparse.Namespace, signals: _Signals) -> None:
     from firmware_sim.realtime import RealTime  # noqa: PLC0415
     from firmware_sim.simulation import Simulation  # noqa: PLC0415
 
-    if not cache_of("firmware_sim").folder:
+    if not cache_of("firmware_sim").folder and found_library("firmware_sim") is None:
         sys.stderr.write(f"{NOT_KEPT}\n")
     for bus in options.bus:
         _check_bus(bus)

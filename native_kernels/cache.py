@@ -48,6 +48,8 @@ class KernelCache:
     """Folder of the sources."""
     digests: dict[str, str]
     """Digests of the kernels, by module, colon and name; of one within a function by that."""
+    digest: str
+    """Digest of all kernels, and of what makes a library of them."""
     folder: str
     """Folder of the compiled code, "" if it cannot be kept. Only readable where it is complete."""
 
@@ -87,9 +89,10 @@ def cache_of(package: str) -> KernelCache:
     """Return the cache of a package; what is no package with a folder of sources keeps nothing."""
     init = Path(getattr(import_module(package), "__file__", None) or "")
     if init.name != "__init__.py":
-        return KernelCache(init, {}, "")
+        return KernelCache(init, {}, "", "")
     digests = _digests(init.parent)
-    return KernelCache(init.parent, digests, _cache_folder(init.parent, digests))
+    digest = _digest(digests)
+    return KernelCache(init.parent, digests, digest, _cache_folder(init.parent, digest, digests))
 
 
 def package_of(function: Any) -> str:
@@ -206,12 +209,16 @@ def _by_age(parent: Path, pattern: str) -> list[Path]:
     return sorted(parent.glob(pattern), key=lambda path: path.stat().st_mtime)
 
 
-def _cache_folder(package: Path, digests: dict[str, str]) -> str:
-    """Return the folder for compiled code of exactly these kernels; "" where none takes it."""
+def _digest(digests: dict[str, str]) -> str:
+    """Return one digest of kernels with these, and of what makes a library of them."""
     made = hashlib.sha256(json.dumps(digests, sort_keys=True).encode())
     for source in _LIBRARY:
         made.update(source.read_bytes())
-    digest = made.hexdigest()[:12]
+    return made.hexdigest()[:12]
+
+
+def _cache_folder(package: Path, digest: str, digests: dict[str, str]) -> str:
+    """Return the folder for compiled code of exactly these kernels; "" where none takes it."""
     with suppress(FileNotFoundError):  # no temporary folder at all
         for parent in _parents(package):
             folder = parent / f"compiled-{digest}"

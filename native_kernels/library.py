@@ -1,7 +1,8 @@
 """Library of a package's kernels in machine code, which `build` makes: no numba is loaded.
 
-It lies in the folder of the package's cache, for one processor. A kernel is taken from it if its
-digest and its bytecode are those that it was compiled from.
+It lies in the folder of the package's cache, for one processor. Where none does, one in the package
+counts that a wheel of this platform has brought along, for every processor since some years. A
+kernel is taken from it if its digest and its bytecode are those that it was compiled from.
 """
 
 from __future__ import annotations
@@ -30,6 +31,12 @@ _OF_PROCESSOR: Final = (
     "model name", "flags", "Features", "CPU implementer", "CPU part", "CPU variant",
 )  # fmt: skip
 """Lines of /proc/cpuinfo that tell what a processor can do."""
+BASELINES: Final = {
+    "x86_64": ("x86-64-v2", ("cx16", "lahf_lm", "popcnt", "sse4_1", "sse4_2", "ssse3")),
+    "aarch64": ("generic", ("fp", "asimd")),
+}
+"""Processor that a wheel's library is compiled for, by the kind of machine, as LLVM calls it, and
+what each has that can run it, as /proc/cpuinfo calls that."""
 LOADED: Final[list[Any]] = []
 """Libraries of this process."""
 
@@ -45,20 +52,46 @@ def library_path(package: str) -> Path:
     chosen, features = os.environ.get("NUMBA_CPU_NAME", ""), os.environ.get("NUMBA_CPU_FEATURES")
     told = f"{chosen} {features}"
     if chosen != "generic" and (not chosen or features is None):  # numba asks this processor
-        first = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
-        lines = first.partition("\n\n")[0].splitlines()
-        told += "".join(line for line in lines if line.startswith(_OF_PROCESSOR))
+        told += "".join(_processor_lines())
     digest = hashlib.sha256(f"{version('numpy')} {told}".encode()).hexdigest()[:12]
     name = f"native-{sys.implementation.cache_tag}-{platform.machine()}-{digest}.so"
     return Path(cache_of(package).folder) / name
 
 
+def wheel_library_path(package: str) -> Path:
+    """Return where the library of exactly these sources lies that a wheel brings along."""
+    own = cache_of(package)
+    name = f"kernels-{own.digest}-{sys.implementation.cache_tag}-{platform.machine()}.so"
+    return own.package / name
+
+
+def found_library(package: str) -> Path | None:
+    """Return a package's library: the one made here, else its wheel's if this processor can run it.
+
+    None: there is neither.
+    """
+    if cache_of(package).folder and (made := library_path(package)).exists():
+        return made
+    if not (brought := wheel_library_path(package)).exists():
+        return None
+    _, needed = BASELINES.get(platform.machine(), ("", ()))
+    words = {word for line in _processor_lines() for word in line.split()}
+    return brought if words.issuperset(needed) else None
+
+
+def _processor_lines() -> list[str]:
+    """Return what /proc/cpuinfo tells of the first processor."""
+    text = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
+    lines = text.partition("\n\n")[0].splitlines()
+    return [line for line in lines if line.startswith(_OF_PROCESSOR)]
+
+
 @cache
 def native_library(package: str) -> Any:
     """Return a package's library; None if it has none, or numba is told to compile nothing."""
-    if not cache_of(package).folder or os.environ.get("NUMBA_DISABLE_JIT", "0") != "0":
+    if os.environ.get("NUMBA_DISABLE_JIT", "0") != "0":
         return None
-    if not (path := library_path(package)).exists():
+    if (path := found_library(package)) is None:
         return None
     loader = ExtensionFileLoader(MODULE, str(path))
     library = module_from_spec(ModuleSpec(MODULE, loader, origin=str(path)))

@@ -8,6 +8,7 @@ from typing import Final
 from rich.console import Console
 
 from native_kernels.cache import cache_of
+from native_kernels.library import found_library
 from robotctl.cli.console import plain_console
 from robotctl.words import counted
 from robotctl.workbench.compile.compile import CompileError, Kernels
@@ -20,10 +21,13 @@ def compile_all() -> None:
     """Compile all inner loops for this processor, so that no robot and no command waits for it.
 
     What is compiled stays beside the package where that can be written to, else in the user's
-    cache; a complete one beside the package serves all users. Status 2: no folder takes it.
+    cache; a complete one beside the package, or a wheel of this platform, serves all users. Status
+    2: no folder takes it.
     """
     kernels, console = Kernels(), plain_console(stderr=True)
-    if (kept := cache_of("robotctl").folder) and not kernels.missing and not kernels.lack_library:
+    library = found_library("robotctl")
+    kept = cache_of("robotctl").folder if library is None else library.parent
+    if kept and not kernels.missing and not kernels.lack_library:
         done = f"{counted(kernels.total, 'function')} compiled already"
         console.print(f"{done}, kept in {kept}", soft_wrap=True)
         return

@@ -16,7 +16,7 @@ from queue import Queue
 from typing import Final, TypeAlias
 
 from native_kernels.cache import KernelCache, cache_of, processor
-from native_kernels.library import compilers, library_path
+from native_kernels.library import compilers, found_library, library_path
 from robotctl.app.supervision.child_process import lines_of, start_child
 from robotctl.errors import RobotctlError
 
@@ -62,11 +62,9 @@ class Kernels:
     @property
     def missing(self) -> str:
         """Why they have to be compiled; empty if they need not be, or cannot be kept."""
-        if not all(each.folder for each in self._caches()):
-            return ""
         # A library is for this processor; to ask what that is loads llvmlite.
-        caches = [cache_of(each) for each in self.packages if not library_path(each).exists()]
-        if not caches:
+        caches = [cache_of(each) for each in self.packages if found_library(each) is None]
+        if not caches or not all(each.folder for each in caches):
             return ""
         here = processor()
         if all(each.is_complete(here) for each in caches):
@@ -78,7 +76,7 @@ class Kernels:
     @property
     def lack_library(self) -> bool:
         """Whether a package has no library of them, but there is what makes one."""
-        return all(compilers()) and not all(library_path(each).exists() for each in self.packages)
+        return all(compilers()) and None in map(found_library, self.packages)
 
     def compile(self, tell: Tell = lambda *_: None) -> str:
         """Compile what is missing, on all processors; return why there is no library of it.

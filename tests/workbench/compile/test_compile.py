@@ -60,15 +60,15 @@ def test_the_sources_tell_how_many_there_are():
     assert Kernels(simulated=False).total == numbers[0]
 
 
-def test_a_library_is_wanted_where_there_is_none_and_both_compilers_are(monkeypatch, tmp_path):
-    monkeypatch.setattr(work, "library_path", tmp_path.joinpath)
-    (tmp_path / "robotctl").touch()
+def test_a_library_is_wanted_where_there_is_none_and_both_compilers_are(monkeypatch):
+    found = {"robotctl": Path("library.so")}
+    monkeypatch.setattr(work, "found_library", found.get)
     monkeypatch.setenv("CC", sys.executable)
     monkeypatch.setenv("CXX", "no-such-compiler")
     assert not Kernels().lack_library
     monkeypatch.setenv("CXX", sys.executable)
     assert Kernels().lack_library
-    (tmp_path / "firmware_sim").touch()
+    found["firmware_sim"] = Path("library.so")
     assert not Kernels().lack_library
 
 
