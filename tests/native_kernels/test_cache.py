@@ -297,15 +297,15 @@ def test_a_folder_that_is_complete_need_not_take_files(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(cache, "_parents", lambda _: iter([tmp_path / "theirs", tmp_path]))
-    theirs = Path(cache._cache_folder(tmp_path, {}))
+    theirs = Path(cache._cache_folder(tmp_path, "0123", {}))
     assert theirs.parent == tmp_path / "theirs"
     takes = cache._takes_files
     monkeypatch.setattr(
         cache, "_takes_files", lambda each, known: each.parent == tmp_path and takes(each, known)
     )
-    assert Path(cache._cache_folder(tmp_path, {})).parent == tmp_path
+    assert Path(cache._cache_folder(tmp_path, "0123", {})).parent == tmp_path
     (theirs / cache._mark("any")).touch()
-    assert Path(cache._cache_folder(tmp_path, {})) == theirs
+    assert Path(cache._cache_folder(tmp_path, "0123", {})) == theirs
 
 
 def test_sources_that_are_long_as_they_are_need_not_be_read(
