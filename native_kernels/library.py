@@ -1,8 +1,8 @@
 """Library of a package's kernels in machine code, which `build` makes: no numba is loaded.
 
-It lies in the folder of the package's cache, for one processor. Where none does, one in the package
-counts that a wheel of this platform has brought along, for every processor since some years. A
-kernel is taken from it if its digest and its bytecode are those that it was compiled from.
+It lies in the folder of the package's cache, for one processor. Where there is none, the library in
+a wheel of this platform serves, compiled for a baseline processor. A kernel is taken from it if its
+digest and its bytecode are those that it was compiled from.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ BASELINES: Final = {
     "x86_64": ("x86-64-v2", ("cx16", "lahf_lm", "popcnt", "sse4_1", "sse4_2", "ssse3")),
     "aarch64": ("generic", ("fp", "asimd")),
 }
-"""Processor that a wheel's library is compiled for, by the kind of machine, as LLVM calls it, and
-what each has that can run it, as /proc/cpuinfo calls that."""
+"""Baseline processor of a wheel's library, by kind of machine: its name in LLVM, and the features
+that a processor needs to run it, as /proc/cpuinfo names them."""
 LOADED: Final[list[Any]] = []
 """Libraries of this process."""
 

@@ -1,7 +1,7 @@
 """The kernels of a wheel in machine code, into a folder: `make release` calls it.
 
-They run on any processor that has what those since some years have (`BASELINES`), so nothing is
-compiled where the wheel is installed. `hatch_kernels.py` puts them into the wheel.
+They run on any processor with the features of the baseline (`BASELINES`), so nothing is compiled
+where the wheel is installed. `hatch_kernels.py` puts them into the wheel.
 """
 
 from __future__ import annotations

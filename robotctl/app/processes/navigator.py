@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from robotctl import toml_source
+from robotctl.app.compile_progress import compile_progress
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig
 from robotctl.core.fence_keeper import FenceKeeper
@@ -23,6 +24,7 @@ from robotctl.planning.behave.mission.mission_file import Mission, mission_rules
 from robotctl.planning.guard.body import body_outline
 from robotctl.planning.guard.obstacle_guard import body_rectangle
 from robotctl.planning.guard.sonars import sonar_directions
+from robotctl.planning.guard.warm_up import warm_up as warm_up_guard
 from robotctl.planning.map.topological.graph import TopologicalMap
 from robotctl.planning.navigator import Navigator
 
@@ -162,6 +164,8 @@ def equip(
     ConfigError
         If the robot's file names a planner or controller that there is not.
     """
+    with compile_progress(say):
+        warm_up_guard()
     grid = None if estimators is None else estimators.world_map
     asked = navigator.auto.needs_pilot or bool(config.navigation.pilot.topology)
     if grid is not None or config.lidars or asked:
@@ -179,7 +183,6 @@ def _pilot(
     pace: Pace,
 ) -> Pilot:
     """Return what plans journeys, compiled and ready."""
-    from robotctl.app.compile_progress import compile_progress  # noqa: PLC0415
     from robotctl.planning.behave.journey.pilot import MapPilot  # noqa: PLC0415
 
     try:

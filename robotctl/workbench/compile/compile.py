@@ -16,7 +16,7 @@ from queue import Queue
 from typing import Final, TypeAlias
 
 from native_kernels.cache import KernelCache, cache_of, processor
-from native_kernels.library import compilers, found_library, library_path
+from native_kernels.library import compilers, found_library
 from robotctl.app.supervision.child_process import lines_of, start_child
 from robotctl.errors import RobotctlError
 
@@ -88,11 +88,12 @@ class Kernels:
         CompileError
             If no folder takes what is compiled, or a process fails; says why.
         """
-        for each in self._caches():
+        # A library, one that a wheel brought too, stays: numba would compile nothing that is in it.
+        lacking = [each for each in self.packages if found_library(each) is None]
+        caches = [cache_of(each) for each in lacking]
+        for each in caches:
             _check_folder(each.folder)
         total = self.total
-        for package in self.packages:
-            library_path(package).unlink(missing_ok=True)  # so that numba compiles
 
         def watch() -> None:
             tell(min(self.done, total), total)
@@ -101,13 +102,13 @@ class Kernels:
         _run({each: f"from {_HERE}.{each} import warm_up; warm_up()" for each in names}, watch)
         built = f"from {_BUILDER} import build; build({{!r}})"
         try:
-            units = {f"library of {each}": built.format(each) for each in self.packages}
+            units = {f"library of {each}": built.format(each) for each in lacking}
             _run(units, lambda: tell(total, total))
             without = ""
         except CompileError as error:
             without = str(error)
         try:
-            for each in self._caches():
+            for each in caches:
                 each.mark_complete(processor())
         except OSError as error:
             raise CompileError(f"{error.filename}: {error.strerror}") from error

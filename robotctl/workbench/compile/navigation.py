@@ -19,15 +19,7 @@ from robotctl.config.robot_file import config_directory
 from robotctl.estimation.localisers import LOCALISERS
 from robotctl.estimation.sensor_names import SENSORS
 from robotctl.maps.localisation_map import load_localisation_map
-from robotctl.model.geometry.se2 import SE2
-from robotctl.model.geometry.twist import Twist
-from robotctl.model.rectangle import Rectangle
-from robotctl.model.sensors.sonar import SonarMount
 from robotctl.model.world_map import WorldMap
-from robotctl.planning.guard.change_of_course import Agility, is_free
-from robotctl.planning.guard.course import Course
-from robotctl.planning.guard.echo_memory import EchoMemory
-from robotctl.planning.guard.swept_body import free_way
 from robotctl.planning.path.local.controllers import CONTROLLERS
 
 CONFIGS: Final = config_directory()
@@ -48,7 +40,6 @@ def warm_up() -> None:
         if config.camera is not None and config.has_camera:
             GroundWatch(config.camera, config.ground_camera)
     _sense_by_grid()
-    _guard()
 
 
 def _robots() -> Iterator[tuple[str, tuple[str, ...]]]:
@@ -68,14 +59,3 @@ def _sense_by_grid() -> None:
     known = load_localisation_map(FLAT, Path())
     for measurement in MapSensors(WorldMap(known.grid, None), sensed_robot(config)).rehearsal():
         measurement(np.zeros((1, 3)))
-
-
-def _guard() -> None:
-    """Keep an echo, and look how far, and on which course, a body may go before it."""
-    ahead, body = SonarMount("ahead", 0.2, 0.0, 0.0), Rectangle(-0.2, 0.2, 0.2)
-    memory = EchoMemory((ahead,), body)
-    for now_ns in range(3):
-        points = memory.hear(SE2(), (0.5,), now_ns)
-    free_way(body, points, 0.1, Course(1.0, 0.0, 0.0))
-    agility = Agility((1.0, 1.0, 1.0), (1.0, 1.0, 1.0), 0.2)
-    is_free(body, points, Twist(0.1, 0.0), Twist(0.0, 0.0, 0.1), agility)

@@ -139,6 +139,15 @@ def test_all_parts_run_and_then_the_folder_is_marked(tmp_path, monkeypatch):
     assert {total for _, total in told} == {kernels.total}
 
 
+def test_a_library_that_a_wheel_brought_is_not_built_anew(tmp_path, monkeypatch):
+    monkeypatch.setattr(work, "found_library", {"firmware_sim": Path("library.so")}.get)
+    monkeypatch.setattr(cache_of("robotctl"), "folder", str(tmp_path))
+    ran = []
+    monkeypatch.setattr(work, "_run", lambda units, _watch: ran.extend(units))
+    Kernels().compile()
+    assert [unit for unit in ran if unit.startswith("library")] == ["library of robotctl"]
+
+
 def test_another_processor_is_told_so(tmp_path, monkeypatch):
     units(tmp_path, monkeypatch, unit="pass")
     kernels = Kernels(simulated=False)
