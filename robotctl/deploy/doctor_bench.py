@@ -25,6 +25,7 @@ _LATE_SHARE: Final = 0.1
 _LEAST_HZ: Final = 100
 """Minimum of runtime.rate_hz [Hz]."""
 _BINS_US: Final = (20, 50, 100, 200, 500, 1000, 2000, 5000)
+_LESS_LOAD: Final = "stop other programs, or use a faster computer"
 _FULL: Final = 0.8
 """Share of all cores in use from which on little is left for what comes."""
 
@@ -113,6 +114,8 @@ def _shares(lag_us: Numbers) -> str:
 def check_navigation(phase: str, found: Rehearsal) -> Finding:
     """Check that navigation keeps its rate."""
     check, period_ms = f"navigation, {phase}", 1e3 / found.navigation_hz
+    if not len(found.step_ms):
+        return fail(check, "no step was done while the robot was armed", _LESS_LOAD)
     p50, p99 = np.percentile(found.step_ms, (50.0, 99.0))
     words = (
         f"a step takes {p50:.1f} ms, p99 {p99:.1f}, max {found.step_ms.max():.1f}, of "
@@ -155,6 +158,6 @@ def capacity(phase: str, found: Rehearsal) -> Finding:
     if found.control_hz < found.rate_hz:
         fix = f"runtime.rate_hz = {found.control_hz:.0f} at most"
         if found.control_hz < _LEAST_HZ:
-            fix = f"stop other programs, or use a faster computer: the lowest is {_LEAST_HZ} Hz"
+            fix = f"{_LESS_LOAD}: the lowest is {_LEAST_HZ} Hz"
         return warn(f"carries, {phase}", words, fix)
     return ok(f"carries, {phase}", words)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections import Counter
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +18,7 @@ _PSS: Final = re.compile(r"^Pss: +(\d+) kB", re.MULTILINE)
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """Costs of a process: its share of one core, and the most memory that it had [MiB].
+    """Costs of all processes of a name: their share of one core, and their most memory [MiB].
 
     Memory is its proportional share: pages that several processes use are divided among them.
     """
@@ -45,6 +46,8 @@ class CostMeter:
 
     def __init__(self, root: int, proc: Path = Path("/proc")) -> None:
         self._root, self._proc = root, proc
+        self._used_by: dict[str, dict[int, float]] = {}
+        """Processor time of each process that ever was seen, by name [s]."""
         self._used: dict[str, list[tuple[float, float]]] = {}
         """Times and the processor time until then, by name [s]."""
         self._kib: dict[str, int] = {}
@@ -52,15 +55,19 @@ class CostMeter:
     def look(self, now_s: float) -> None:
         """Note what all processes have used until `now_s` [s], at any time's zero."""
         processes = dict(self._processes())
+        kib: Counter[str] = Counter()
         for pid, process in processes.items():
             if not self._is_ours(pid, processes):
                 continue
             with suppress(OSError, AttributeError):  # it has just ended
                 rollup = (self._proc / str(pid) / "smaps_rollup").read_text()
-                kib = int(_PSS.search(rollup)[1])  # type: ignore[index]
+                pss = int(_PSS.search(rollup)[1])  # type: ignore[index]
                 name = self._name(pid)
-                self._kib[name] = max(kib, self._kib.get(name, 0))
-                self._used.setdefault(name, []).append((now_s, process.used_s))
+                kib[name] += pss
+                self._used_by.setdefault(name, {})[pid] = process.used_s
+        for name in kib:
+            self._kib[name] = max(kib[name], self._kib.get(name, 0))
+            self._used.setdefault(name, []).append((now_s, sum(self._used_by[name].values())))
 
     def costs(self, seconds: float) -> dict[str, Cost]:
         """Return the costs by name, with the share of a core over the last `seconds` [s]."""

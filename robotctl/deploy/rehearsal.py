@@ -55,7 +55,8 @@ class Rehearsal:
     missed
         Deadlines of control that passed during a tick.
     step_ms
-        Time of steps of navigation up to their command, (n,) [ms]; the log has about every second.
+        Time of steps of navigation up to their command, (n,) [ms]; the log has about every second
+        one. Empty where a busy computer let none be done.
     budget
         Navigation's own statistics of its last steps, with their parts.
     costs
@@ -85,7 +86,12 @@ class Rehearsal:
 
     @property
     def navigating_hz(self) -> float:
-        """Highest rate of navigation whose steps, 99 of 100, fill 0.8 of its period [Hz]."""
+        """Highest rate of navigation whose steps, 99 of 100, fill 0.8 of its period [Hz].
+
+        0 where no step was done.
+        """
+        if not len(self.step_ms):
+            return 0.0
         return float(800.0 / np.percentile(self.step_ms, 99.0))
 
 
@@ -156,7 +162,7 @@ def _judged(
         for topic, message in json_messages(file, [])
         if topic == "navigation"
     ]
-    if not len(ticks) or not steps:
+    if not len(ticks):
         raise RehearsalError(f"the simulated run ended at once: {report['ended']}")
     return Rehearsal(
         rate_hz=report["loop"]["rate_hz"],
@@ -166,7 +172,7 @@ def _judged(
         publish_us=report["loop"]["stage_us"]["p99"]["publish"],
         missed=report["loop"]["overruns"],
         step_ms=np.array([each.step_us for each in steps]) / 1e3,
-        budget=steps[-1].budget,
+        budget=steps[-1].budget if steps else StepBudget(),
         costs=costs,
     )
 

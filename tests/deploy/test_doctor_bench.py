@@ -1,5 +1,6 @@
 """What `robotctl doctor --bench` measures, and what it makes of it."""
 
+import dataclasses
 import json
 import os
 import subprocess
@@ -74,6 +75,14 @@ def test_navigation_that_does_not_keep_its_rate_is_told_one_that_it_would_keep()
     assert finding.fix.startswith("navigation.rate_hz = 10,")
 
 
+def test_a_computer_that_lets_navigation_do_no_step_is_told_so() -> None:
+    found = dataclasses.replace(rehearsal(), step_ms=np.empty(0), budget=StepBudget())
+    finding = check_navigation("", found)
+    assert finding.verdict is Verdict.FAIL
+    assert finding.found.startswith("no step was done")
+    assert capacity("", found).found.endswith("navigation up to 0 Hz")
+
+
 def test_a_computer_that_cannot_carry_the_rate_is_told_the_rate_that_it_can() -> None:
     assert capacity("", rehearsal()).verdict is Verdict.OK
     finding = capacity("", rehearsal(tick_us=4700.0))
@@ -106,6 +115,7 @@ def test_costs_are_those_of_the_process_and_of_all_below_it(tmp_path: Path) -> N
     for time_s in range(11):
         process(tmp_path, 1, 0, "init", time_s, 500.0)
         process(tmp_path, 10, 1, "python -m robotctl sim", 0.02 * time_s, 30.0)
+        process(tmp_path, 13, 10, "python -m firmware_sim", 0.3 * time_s, 20.0)
         process(tmp_path, 11, 10, control, max(0.0, 0.5 * (time_s - 4)) + 1.0, 40.0 - time_s)
         process(tmp_path, 12, 1, control, 9.0 * time_s, 70.0)  # another robot's
         meter.look(100.0 + time_s)
@@ -113,7 +123,8 @@ def test_costs_are_those_of_the_process_and_of_all_below_it(tmp_path: Path) -> N
     assert costs.keys() == {"simulator", "control"}
     assert costs["control"].cores == pytest.approx(0.5)
     assert costs["control"].mib == 40.0
-    assert costs["simulator"].cores == pytest.approx(0.02)
+    assert costs["simulator"].cores == pytest.approx(0.32)
+    assert costs["simulator"].mib == 50.0
     finding = check_costs("", rehearsal(costs=costs), cores=1)
     assert finding.found.startswith("0.50 of 1 cores, 40 MiB: control 50%, 40 MiB; the simulation")
     assert check_costs("", rehearsal(costs={"a": costs["control"]} | costs), 1).verdict is (
