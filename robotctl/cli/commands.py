@@ -13,6 +13,10 @@ import robotctl
 
 COMMANDS: Final = {
     "sim": ("sim:sim", "Drive a mission in simulation and score it."),
+    "campaign": (
+        "campaign.campaign:campaign",
+        "Drive many simulated runs of robots, missions, faults and settings, and judge them.",
+    ),
     "run": (
         "run:run",
         "Run control, navigation and telemetry until Ctrl-C; arm from a ground station.",

@@ -8,25 +8,10 @@ import io
 from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
+from robotctl.cli.html_page import document
 from robotctl.cli.logs.series_plot import draw
 from robotctl.workbench.logs.run_report import RunReport
 
-_STYLE: Final = """
-:root { color-scheme: light dark; }
-body { font: 15px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 70rem; padding: 0 1rem; }
-h1 { font-size: 1.6rem; } h2 { font-size: 1.2rem; margin-top: 2rem; }
-img { width: 100%; border-radius: 6px; background: #fff; }
-table { border-collapse: collapse; width: 100%; }
-th, td { text-align: left; padding: 0.2rem 0.8rem 0.2rem 0; vertical-align: top; }
-tr { border-bottom: 1px solid #8884; }
-td.time { font-variant-numeric: tabular-nums; white-space: nowrap; }
-.score { columns: 2 22rem; } .score div { display: flex; gap: 1rem; break-inside: avoid; }
-.score span { flex: 1; opacity: 0.75; } .score b { flex: 1; font-weight: 600; }
-.warning td { color: #b26a00; } .error td, .fatal td { color: #c62828; font-weight: 600; }
-@media (prefers-color-scheme: dark) {
-  .warning td { color: #ffb74d; } .error td, .fatal td { color: #ff8a80; }
-}
-"""
 _LINES: Final[Mapping[str, Mapping[str, Any]]] = {
     "odometry": {"color": "0.6", "linewidth": 1.0},
     "believed": {"color": "tab:blue", "linewidth": 1.6},
@@ -37,8 +22,7 @@ _LINES: Final[Mapping[str, Mapping[str, Any]]] = {
 
 def page_of(report: RunReport) -> str:
     """Return the page."""
-    parts = [f"<h1>{html.escape(report.name)}</h1>"]
-    parts += [f"<p>Note: {html.escape(note)}</p>" for note in report.notes]
+    parts = [f"<p>Note: {html.escape(note)}</p>" for note in report.notes]
     if report.score:
         figures = "".join(
             f"<div><span>{html.escape(name)}</span><b>{html.escape(value)}</b></div>"
@@ -51,13 +35,7 @@ def page_of(report: RunReport) -> str:
     parts.append(f"<h2>States</h2>{_table(('time, s', 'state', 'reason'), states)}")
     notices = ((each.time_s, each.level, (each.level, each.text)) for each in report.notices)
     parts.append(f"<h2>Notices</h2>{_table(('time, s', 'level', 'text'), notices)}")
-    body = "\n".join(parts)
-    return (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{html.escape(report.name)}</title><style>{_STYLE}</style></head>\n"
-        f"<body>\n{body}\n</body></html>\n"
-    )
+    return document(report.name, parts)
 
 
 def _table(names: Iterable[str], rows: Iterable[tuple[float, str, tuple[str, ...]]]) -> str:

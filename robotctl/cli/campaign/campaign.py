@@ -1,0 +1,158 @@
+"""`robotctl campaign`: many simulated runs, and what they show."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+import typer
+from typer.exceptions import TyperException
+
+from robotctl.cli.compile import compile_missing
+from robotctl.cli.console import plain_console
+from robotctl.cli.files import write_file
+from robotctl.errors import ConfigError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from robotctl.workbench.campaign.engine import Tell
+    from robotctl.workbench.campaign.results import Head, Result
+    from robotctl.workbench.campaign.statistics import Summary
+
+FAILED: Final = 3
+INTERRUPTED: Final = 130
+_LINE_S: Final = 10.0
+"""Time between two lines where there is no terminal [s]."""
+
+
+def campaign(
+    file: Annotated[Path, typer.Argument(help="Campaign file; docs/campaigns.md has its keys.")],
+    results: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="Folder of the results, which goes on where it ended; default: campaign-NAME.",
+        ),
+    ] = None,
+    workers: Annotated[
+        int, typer.Option(min=0, help="Runs at a time; 0, the default: one for each processor.")
+    ] = 0,
+) -> None:
+    """Drive many simulated runs of robots, missions, faults and settings, and judge them.
+
+    Each is `robotctl sim --lockstep` in a process of its own. The same command goes on after
+    Ctrl-C or a kill, and repeats runs without a result. Status 0: all runs passed. 3: some
+    failed, or have no result. 2: bad input. 4: the disk did not take all. 130: interrupted.
+    """
+    from robotctl.workbench.campaign.checked_file import load_campaign  # noqa: PLC0415 - numpy
+    from robotctl.workbench.campaign.plan import (  # noqa: PLC0415
+        fingerprint,
+        plan,
+        sources_fingerprint,
+    )
+    from robotctl.workbench.campaign.results import PAGE, ResultFolder, head_of  # noqa: PLC0415
+
+    loaded = load_campaign(file, _option_problem)
+    runs = plan(loaded)
+    prints = fingerprint(loaded, runs), sources_fingerprint()
+    head = head_of(file.stem, len(runs), loaded.criteria, prints)
+    place = results or Path(f"campaign-{file.stem}")
+    count = workers or len(os.sched_getaffinity(0))
+    compile_missing(simulated=True)
+    console = plain_console(stderr=True)
+    from robotctl.cli.main import main  # noqa: PLC0415 - it imports this
+    from robotctl.workbench.campaign.engine import drive, local_workers  # noqa: PLC0415
+
+    try:
+        with (
+            ResultFolder(place, head) as kept,
+            _progress(console, head, len(kept.done)) as tell,
+            local_workers(count) as executor,
+        ):
+            drive(runs, kept, (executor, count), main, loaded.wall_seconds, tell)
+    except KeyboardInterrupt:
+        summary = _shown(place)
+        left = head.runs - len(summary.judged) + len(summary.without_result)
+        words = " ".join(("robotctl", *sys.argv[1:]))
+        console.print(
+            f"\n{left} of {head.runs} runs are left; to go on:\n  {words}", soft_wrap=True
+        )
+        sys.exit(INTERRUPTED)
+    summary = _shown(place)
+    plain_console().print(f"\npage: {place / PAGE}", soft_wrap=True)
+    if summary.failures or summary.without_result:
+        sys.exit(FAILED)
+
+
+def _shown(place: Path) -> Summary:
+    """Print what the results of a folder show, and write its page; return the summary."""
+    from robotctl.cli.campaign.summary_view import page_of, print_summary  # noqa: PLC0415
+    from robotctl.workbench.campaign.results import PAGE, read_folder  # noqa: PLC0415
+    from robotctl.workbench.campaign.statistics import summarise  # noqa: PLC0415
+
+    summary = summarise(*read_folder(place))
+    print_summary(summary, plain_console())
+    write_file(place / PAGE, lambda path: path.write_text(page_of(summary), encoding="utf-8"))
+    return summary
+
+
+def _option_problem(words: Sequence[str]) -> str:
+    """Return what is wrong with options of `robotctl sim`; empty: nothing."""
+    from robotctl.cli.commands import load  # noqa: PLC0415 - it imports this
+
+    try:
+        load("sim").make_context("robotctl sim", [*words])
+    except TyperException as error:
+        return error.format_message()
+    except ConfigError as error:
+        return str(error)
+    return ""
+
+
+@contextmanager
+def _progress(console: Console, head: Head, done: int) -> Iterator[Tell]:
+    """Show how far a campaign is, and when it will be over; told of each result."""
+    from rich.progress import (  # noqa: PLC0415 - help is quick
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    from robotctl.workbench.campaign.results import judge  # noqa: PLC0415
+
+    conditions, told_s = head.conditions, [time.monotonic()]
+    counts = {"passed": 0, "failed": 0, "without result": 0}
+    names = {True: "passed", False: "failed", None: "without result"}
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left:"),
+        TimeRemainingColumn(),
+    )
+    if done:
+        console.print(f"{done} of {head.runs} runs have a result already", soft_wrap=True)
+    with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
+        task = bar.add_task(head.name, total=head.runs - done)
+
+        def tell(result: Result) -> None:
+            counts[names[judge(result, conditions).passed]] += 1
+            words = ", ".join(f"{count} {name}" for name, count in counts.items() if count)
+            bar.update(task, advance=1, description=f"{head.name}: {words}")
+            at = bar.tasks[task]
+            if not console.is_terminal and time.monotonic() - told_s[0] > _LINE_S:
+                told_s[0] = time.monotonic()
+                left = f", {at.time_remaining:.0f} s left" if at.time_remaining else ""
+                console.print(f"{at.completed:.0f} of {at.total:.0f}: {words}{left}")
+
+        yield tell

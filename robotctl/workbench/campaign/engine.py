@@ -1,0 +1,77 @@
+"""Running a campaign: as many runs at a time as there are workers, each result kept at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
+from typing import Final, TypeAlias
+
+from robotctl.workbench.campaign.alone import Ending, Main, run_alone, runs_end_with_this
+from robotctl.workbench.campaign.plan import Run
+from robotctl.workbench.campaign.results import Result, ResultFolder, result_of
+
+Tell: TypeAlias = Callable[[Result], None]
+"""Is told each result."""
+
+_AHEAD: Final = 4
+"""Runs handed to each worker ahead of time, so that it never waits for the next."""
+
+
+@contextmanager
+def local_workers(count: int) -> Iterator[Executor]:
+    """Yield an executor whose threads each wait for a run in a process of its own."""
+    executor = ThreadPoolExecutor(count, thread_name_prefix="run")
+    try:
+        with runs_end_with_this():
+            yield executor
+    finally:
+        executor.shutdown(cancel_futures=True)
+
+
+def drive(
+    runs: Sequence[Run],
+    folder: ResultFolder,
+    workers: tuple[Executor, int],
+    main: Main,
+    wall_seconds: float,
+    tell: Tell,
+) -> None:
+    """Drive all runs that have no result yet, and keep each result as it comes.
+
+    Parameters
+    ----------
+    runs
+        All runs of the campaign.
+    folder
+        Takes the results.
+    workers
+        What runs them, and how many it runs at a time.
+    main
+        `robotctl` itself.
+    wall_seconds
+        Limit of a run in the computer's time [s].
+    tell
+        Told each result.
+    """
+    executor, count = workers
+    waiting = (run for run in runs if run.number not in folder.done)
+    pending: dict[Future[Ending], Run] = {}
+    missing: list[Result] = []
+    while True:
+        for run in waiting:
+            future = executor.submit(run_alone, main, run.words, wall_seconds)
+            pending[future] = run
+            if len(pending) >= _AHEAD * count:
+                break
+        if not pending:
+            break
+        for future in wait(pending, return_when=FIRST_COMPLETED).done:
+            run = pending.pop(future)
+            error = future.exception()
+            ending = future.result() if error is None else Ending(reason=f"its worker: {error}")
+            result = result_of(run, ending.report, ending.reason)
+            folder.add(result)
+            missing += [] if result.report is not None else [result]
+            tell(result)
+    folder.finish(missing)
