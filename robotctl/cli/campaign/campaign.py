@@ -6,7 +6,7 @@ import os
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
@@ -21,7 +21,7 @@ from robotctl.errors import ConfigError
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from robotctl.workbench.campaign.engine import Tell
+    from robotctl.workbench.campaign.engine import Tell, Workers
     from robotctl.workbench.campaign.results import Head, Result
     from robotctl.workbench.campaign.statistics import Summary
 
@@ -43,6 +43,13 @@ def campaign(
     workers: Annotated[
         int, typer.Option(min=0, help="Runs at a time; 0, the default: one for each processor.")
     ] = 0,
+    scheduler: Annotated[
+        str,
+        typer.Option(
+            metavar="tcp://HOST:PORT",
+            help="Run on the workers of this Dask scheduler; needs the extra `campaign`.",
+        ),
+    ] = "",
 ) -> None:
     """Drive many simulated runs of robots, missions, faults and settings, and judge them.
 
@@ -52,34 +59,40 @@ def campaign(
     """
     from robotctl.workbench.campaign.checked_file import load_campaign  # noqa: PLC0415 - numpy
     from robotctl.workbench.campaign.plan import (  # noqa: PLC0415
+        command_of,
+        files_of,
         fingerprint,
         plan,
         sources_fingerprint,
     )
-    from robotctl.workbench.campaign.results import PAGE, ResultFolder, head_of  # noqa: PLC0415
+    from robotctl.workbench.campaign.results import HEAD, PAGE, ResultFolder, head_of  # noqa: PLC0415
 
     loaded = load_campaign(file, _option_problem)
     runs = plan(loaded)
-    prints = fingerprint(loaded, runs), sources_fingerprint()
+    files = files_of(loaded)
+    prints = fingerprint(runs, files), sources_fingerprint()
     head = head_of(file.stem, len(runs), loaded.criteria, prints)
     place = results or Path(f"campaign-{file.stem}")
-    count = workers or len(os.sched_getaffinity(0))
+    if scheduler and workers:
+        raise ConfigError("--workers: not allowed with --scheduler, whose workers are all used")
     compile_missing(simulated=True)
     console = plain_console(stderr=True)
     from robotctl.cli.main import main  # noqa: PLC0415 - it imports this
-    from robotctl.workbench.campaign.engine import drive, local_workers  # noqa: PLC0415
+    from robotctl.workbench.campaign.engine import drive  # noqa: PLC0415
 
     try:
         with (
+            _workers(scheduler, workers, files) as chosen,
             ResultFolder(place, head) as kept,
             _progress(console, head, len(kept.done)) as tell,
-            local_workers(count) as executor,
         ):
-            drive(runs, kept, (executor, count), main, loaded.wall_seconds, tell)
+            drive(runs, kept, chosen, main, loaded.wall_seconds, tell)
     except KeyboardInterrupt:
+        if not (place / HEAD).exists():
+            raise
         summary = _shown(place)
         left = head.runs - len(summary.judged) + len(summary.without_result)
-        words = " ".join(("robotctl", *sys.argv[1:]))
+        words = command_of(sys.argv[1:])
         console.print(
             f"\n{left} of {head.runs} runs are left; to go on:\n  {words}", soft_wrap=True
         )
@@ -88,6 +101,17 @@ def campaign(
     plain_console().print(f"\npage: {place / PAGE}", soft_wrap=True)
     if summary.failures or summary.without_result:
         sys.exit(FAILED)
+
+
+def _workers(scheduler: str, count: int, files: Sequence[Path]) -> AbstractContextManager[Workers]:
+    """Return the workers of a scheduler, or of this computer."""
+    from robotctl.workbench.campaign.engine import local_workers  # noqa: PLC0415
+
+    if not scheduler:
+        return local_workers(count or len(os.sched_getaffinity(0)))
+    from robotctl.workbench.campaign.cluster import cluster_workers  # noqa: PLC0415 - an extra
+
+    return cluster_workers(scheduler, files)
 
 
 def _shown(place: Path) -> Summary:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from robotctl.workbench.campaign.alone import Ending, Main, run_alone, runs_end_with_this
@@ -18,13 +19,22 @@ _AHEAD: Final = 4
 """Runs handed to each worker ahead of time, so that it never waits for the next."""
 
 
+@dataclass(frozen=True, slots=True)
+class Workers:
+    """What runs a campaign: how many runs at a time, and how each is run, see `run_alone`."""
+
+    executor: Executor
+    count: int
+    run: Callable[[Main, Sequence[str], float], Ending]
+
+
 @contextmanager
-def local_workers(count: int) -> Iterator[Executor]:
-    """Yield an executor whose threads each wait for a run in a process of its own."""
+def local_workers(count: int) -> Iterator[Workers]:
+    """Yield workers of this computer: threads that each wait for a run in another process."""
     executor = ThreadPoolExecutor(count, thread_name_prefix="run")
     try:
         with runs_end_with_this():
-            yield executor
+            yield Workers(executor, count, run_alone)
     finally:
         executor.shutdown(cancel_futures=True)
 
@@ -32,7 +42,7 @@ def local_workers(count: int) -> Iterator[Executor]:
 def drive(
     runs: Sequence[Run],
     folder: ResultFolder,
-    workers: tuple[Executor, int],
+    workers: Workers,
     main: Main,
     wall_seconds: float,
     tell: Tell,
@@ -46,7 +56,7 @@ def drive(
     folder
         Takes the results.
     workers
-        What runs them, and how many it runs at a time.
+        What runs them.
     main
         `robotctl` itself.
     wall_seconds
@@ -54,15 +64,14 @@ def drive(
     tell
         Told each result.
     """
-    executor, count = workers
     waiting = (run for run in runs if run.number not in folder.done)
     pending: dict[Future[Ending], Run] = {}
     missing: list[Result] = []
     while True:
         for run in waiting:
-            future = executor.submit(run_alone, main, run.words, wall_seconds)
+            future = workers.executor.submit(workers.run, main, run.words, wall_seconds)
             pending[future] = run
-            if len(pending) >= _AHEAD * count:
+            if len(pending) >= _AHEAD * workers.count:
                 break
         if not pending:
             break

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc  # type: ignore[import-untyped]
 
+from robotctl.app.processes.navigator import load_mission
 from robotctl.config.robot_file import find_file
 from robotctl.maps.world import find_world
 from robotctl.workbench.campaign.campaign_file import Campaign, Range, Sample, setting
@@ -122,14 +123,22 @@ def _run(number: int, chosen: Sequence[Any], max_seconds: float) -> Run:
     return Run(number, factors, tuple(words))
 
 
-def fingerprint(campaign: Campaign, runs: Sequence[Run]) -> str:
+def files_of(campaign: Campaign) -> list[Path]:
+    """Return the files that a campaign names, and the worlds of its missions."""
+    missions = [find_file(name, "missions") for name in campaign.missions if name]
+    named = [(load_mission(each).world, each.parent) for each in missions]
+    worlds = [find_world(name) for name in campaign.worlds if name]
+    worlds += [find_world(name, beside) for name, beside in named if name]
+    robots = [find_file(name) for name in campaign.robots]
+    faults = [find_file(name, "scenarios") for name in campaign.faults if name]
+    return [*robots, *missions, *dict.fromkeys(worlds), *faults]
+
+
+def fingerprint(runs: Sequence[Run], files: Sequence[Path]) -> str:
     """Return a hash of all commands of a campaign and of the files that it names."""
     found = hashlib.sha256(msgspec.json.encode([each.words for each in runs]))
-    for axis, folder in (("robots", ""), ("missions", "missions"), ("faults", "scenarios")):
-        for name in filter(None, getattr(campaign, axis)):
-            found.update(find_file(name, folder).read_bytes())
-    for name in filter(None, campaign.worlds):
-        found.update(find_world(name).read_bytes())
+    for file in files:
+        found.update(file.read_bytes())
     return found.hexdigest()
 
 
