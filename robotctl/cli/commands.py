@@ -17,6 +17,10 @@ COMMANDS: Final = {
         "campaign.campaign:campaign",
         "Drive many simulated runs of robots, missions, faults and settings, and judge them.",
     ),
+    "campaign compare": (
+        "campaign.compare:compare",
+        "Compare two campaigns run by run: better, worse, or no difference.",
+    ),
     "run": (
         "run:run",
         "Run control, navigation and telemetry until Ctrl-C; arm from a ground station.",

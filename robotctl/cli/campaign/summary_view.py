@@ -33,13 +33,13 @@ def print_summary(summary: Summary, console: Console) -> None:
     console.print(f"passed: {summary.rate}", soft_wrap=True)
     console.print(f"a run passes with: {'; '.join(summary.head.criteria)}", soft_wrap=True)
     if summary.distributions:
-        table = _grid("Distributions", "field", "runs", *_QUANTILE_NAMES)
+        table = grid("Distributions", "field", "runs", *_QUANTILE_NAMES)
         for each in summary.distributions:
-            table.add_row(each.field, str(len(each.values)), *_quantiles(each))
+            table.add_row(each.field, str(len(each.values)), *_quantiles(each, 3))
         console.print(table)
     sure, words = _sure(summary)
     if sure:
-        table = _grid("What matters", "factor", "of", "by value", "p")
+        table = grid("What matters", "factor", "of", "by value", "p")
         for effect in sure:
             table.add_row(*_effect_cells(effect))
         console.print(table)
@@ -91,16 +91,22 @@ def _progress(summary: Summary) -> str:
     return f"{text}; robotctl {summary.head.version}, sources {summary.head.sources[:12]}"
 
 
-def _grid(title: str, *names: str) -> Table:
+def grid(title: str, *names: str) -> Table:
     """Return an empty table for a terminal, whose long words are folded, not cut."""
-    table = Table(title=title, title_justify="left", box=box.SIMPLE, pad_edge=False)
+    table = Table(
+        title=f"\n{title}",
+        title_justify="left",
+        box=box.SIMPLE_HEAD,
+        pad_edge=False,
+        padding=(0, 1, 0, 0),
+    )
     for name in names:
         table.add_column(name, overflow="fold")
     return table
 
 
-def _quantiles(each: Distribution) -> list[str]:
-    return [f"{each.quantile(share):.4g}" for share in _QUANTILES]
+def _quantiles(each: Distribution, figures: int = 4) -> list[str]:
+    return [f"{each.quantile(share):.{figures}g}" for share in _QUANTILES]
 
 
 def _sure(summary: Summary) -> tuple[list[Effect], str]:

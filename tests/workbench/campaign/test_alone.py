@@ -58,11 +58,16 @@ def test_runs_end_with_what_they_are_for():
         for _ in range(3)
     ]
     began_s = time.monotonic()
-    with pytest.raises(KeyboardInterrupt), runs_end_with_this():
-        for each in threads:
-            each.start()
-        time.sleep(1.0)
-        raise KeyboardInterrupt
+
+    def interrupted() -> None:
+        with runs_end_with_this():
+            for each in threads:
+                each.start()
+            time.sleep(1.0)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
     for each in threads:
         each.join()
     assert time.monotonic() - began_s < 30.0

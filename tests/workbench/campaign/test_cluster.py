@@ -1,0 +1,155 @@
+"""A scheduler of Dask with its workers, as a user starts them."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import pytest
+
+from robotctl.errors import ConfigError
+from robotctl.workbench.campaign import cluster
+from robotctl.workbench.campaign.cluster import Identity, cluster_workers, digests, unfit
+from robotctl.workbench.campaign.engine import drive
+from robotctl.workbench.campaign.plan import Run
+from robotctl.workbench.campaign.results import ResultFolder
+from tests.workbench.campaign.reports import head
+
+ROOT = Path(__file__).parents[3]
+OTHER = "import robotctl.workbench.campaign.cluster as c\nc.own_sources = lambda: 'other'\n"
+
+
+def main() -> None:
+    """Be a run that takes a second."""
+    time.sleep(1.0)
+    Path(sys.argv[-1]).write_text(json.dumps({"seed": int(sys.argv[1]), "faults": []}))
+    sys.exit(0)
+
+
+@contextmanager
+def dask(*words: str) -> Iterator["subprocess.Popen[bytes]"]:
+    """Start a part of Dask, and end it with all its children."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    process = subprocess.Popen(
+        [sys.executable, "-m", "dask", *words],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        env=environment,
+        start_new_session=True,
+    )
+    try:
+        yield process
+    finally:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+
+
+@contextmanager
+def scheduler(folder: Path) -> Iterator[str]:
+    """Start a scheduler; yield its address."""
+    file = folder / "scheduler.json"
+    words = ("--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(file))
+    with dask("scheduler", *words):
+        deadline_s = time.monotonic() + 60.0
+        while not file.exists() or "tcp://" not in file.read_text():
+            assert time.monotonic() < deadline_s
+            time.sleep(0.1)
+        yield json.loads(file.read_text())["address"]
+
+
+def worker(address: str, folder: Path, *words: str):
+    """Return a worker that is to be started."""
+    return dask("worker", address, "--nthreads", "1", "--no-dashboard", "--local-directory",
+                str(folder), *words)  # fmt: skip
+
+
+@contextmanager
+def fit_workers(address: str, count: int):
+    """Yield the workers of a scheduler once so many have come."""
+    deadline_s = time.monotonic() + 90.0
+    while True:
+        with ExitStack() as stack:
+            try:
+                workers = stack.enter_context(cluster_workers(address, ()))
+            except ConfigError:
+                workers = None
+            if workers is not None and workers.count == count:
+                yield workers
+                return
+        assert time.monotonic() < deadline_s
+        time.sleep(0.5)
+
+
+@pytest.mark.timeout(240)
+def test_a_worker_that_is_killed_costs_nothing_and_others_drive_what_it_had(tmp_path):
+    runs = [Run(number, {"seed": number}, (str(number),)) for number in range(1, 9)]
+    told = []
+    with (
+        scheduler(tmp_path) as address,
+        worker(address, tmp_path),
+        worker(address, tmp_path) as second,
+        fit_workers(address, 2) as workers,
+        ResultFolder(tmp_path / "results", head(8)) as folder,
+    ):
+        threading.Timer(2.5, os.killpg, (second.pid, signal.SIGKILL)).start()
+        drive(runs, folder, workers, main, 60.0, told.append)
+        done = folder.done
+    assert sorted(each.number for each in told) == [*range(1, 9)]
+    assert [done[number].report for number in range(1, 9)] == [
+        {"seed": number, "faults": []} for number in range(1, 9)
+    ]
+
+
+@pytest.mark.timeout(240)
+def test_a_worker_with_another_robotctl_or_other_files_is_refused_and_named(tmp_path, monkeypatch):
+    preload = tmp_path / "other.py"
+    preload.write_text(OTHER)
+    file = tmp_path / "robot.toml"
+    file.write_text("")
+    with scheduler(tmp_path) as address:
+        with pytest.raises(ConfigError, match=f"has no workers; `dask worker {address}` starts"):
+            cluster_workers(address, ()).__enter__()
+        with monkeypatch.context() as patch:
+            patch.setattr(cluster, "version", lambda _: "1999.1")
+            with pytest.raises(ConfigError, match=r"has distributed 20.*, this computer 1999\.1"):
+                cluster_workers(address, ()).__enter__()
+        with worker(address, tmp_path, "--preload", str(preload)):
+            deadline_s = time.monotonic() + 90.0
+            said = "has no workers"
+            while "has no workers" in said:
+                assert time.monotonic() < deadline_s
+                with pytest.raises(ConfigError) as refused:
+                    cluster_workers(address, (file,)).__enter__()
+                said = str(refused.value)
+    assert "has robotctl 0.1.0, sources other, this computer 0.1.0, sources" in said
+    assert len(said.splitlines()) == 1
+
+
+def test_a_scheduler_that_is_not_there_or_is_something_else_is_said():
+    with pytest.raises(ConfigError, match="no scheduler of Dask answers there"):
+        cluster_workers("tcp://127.0.0.1:9", ()).__enter__()
+    with pytest.raises(ConfigError, match="no scheduler of Dask answers there"):
+        cluster_workers("nonsense://x", ()).__enter__()
+
+
+def test_all_that_makes_workers_unfit_is_named(tmp_path, monkeypatch):
+    ours = Identity("0.1.0, sources a", ("Python 3.11.7", "numpy 2.4.0", "x86_64"))
+    theirs = {
+        "tcp://a:1": ours,
+        "tcp://b:1": Identity("0.1.0, sources a", ("Python 3.12.1", "numpy 2.4.0", "aarch64")),
+        "tcp://c:1": ModuleNotFoundError("No module named 'robotctl'"),
+        "tcp://d:1": Identity("0.1.0, sources a", ours.others, ("/home/me/robot.toml",)),
+    }
+    assert [*unfit(ours, theirs)] == [
+        "worker tcp://b:1: has Python 3.12.1, this computer Python 3.11.7",
+        "worker tcp://b:1: has aarch64, this computer x86_64",
+        "worker tcp://c:1: has no robotctl like this one: No module named 'robotctl'",
+        "worker tcp://d:1: /home/me/robot.toml: is missing there, or is another file",
+    ]
+    assert digests([tmp_path / "none"]) == {str(tmp_path / "none"): ""}
