@@ -198,7 +198,7 @@ MAPS: Final = (".yaml", ".yml")
 
 _KINDS: Final = {
     "": "robot's file", "missions": "mission", "worlds": "world", "scenarios": "scenario of faults",
-    "places": "file of places",
+    "places": "file of places", "campaigns": "campaign",
 }  # fmt: skip
 
 
@@ -279,6 +279,7 @@ def _kind_of(data: Mapping[str, Any]) -> str | None:
         ("missions", {"item"}),
         ("scenarios", {"fault"}),
         ("places", {"mark", "place"}),
+        ("campaigns", {"robots", "missions", "criteria", "seeds"}),
         ("", {"drive", "robot"}),
     ):
         if tables & data.keys():

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 from typer.exceptions import TyperException
 
+from robotctl.cli.campaign.corpus import keep_failures, run_again
 from robotctl.cli.compile import compile_missing
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import write_file
@@ -32,7 +33,9 @@ _LINE_S: Final = 10.0
 
 
 def campaign(
-    file: Annotated[Path, typer.Argument(help="Campaign file; docs/campaigns.md has its keys.")],
+    file: Annotated[
+        Path | None, typer.Argument(help="Campaign file; docs/campaigns.md has its keys.")
+    ] = None,
     results: Annotated[
         Path | None,
         typer.Option(
@@ -50,6 +53,17 @@ def campaign(
             help="Run on the workers of this Dask scheduler; needs the extra `campaign`.",
         ),
     ] = "",
+    corpus: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="Make one failure of each kind small, and keep it in this folder.",
+        ),
+    ] = None,
+    again: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Run what --corpus kept, instead of a file."),
+    ] = None,
 ) -> None:
     """Drive many simulated runs of robots, missions, faults and settings, and judge them.
 
@@ -57,6 +71,24 @@ def campaign(
     Ctrl-C or a kill, and repeats runs without a result. Status 0: all runs passed. 3: some
     failed, or have no result. 2: bad input. 4: the disk did not take all. 130: interrupted.
     """
+    if (file is None) == (again is None):
+        raise ConfigError("one is needed: a campaign file, or --again FOLDER")
+    if again is not None and (results or scheduler or corpus):
+        raise ConfigError("--again: not allowed with --results, --scheduler and --corpus")
+    if scheduler and workers:
+        raise ConfigError("--workers: not allowed with --scheduler, whose workers are all used")
+    if again is not None:
+        compile_missing(simulated=True)
+        with _workers("", workers, ()) as chosen:
+            passed = run_again(again, chosen, _option_problem, plain_console())
+    elif file is not None:
+        passed = _drive(file, results or Path(f"campaign-{file.stem}"), workers, scheduler, corpus)
+    if not passed:
+        sys.exit(FAILED)
+
+
+def _drive(file: Path, place: Path, count: int, scheduler: str, corpus: Path | None) -> bool:
+    """Drive a campaign whose results go to a folder; return whether all runs passed."""
     from robotctl.workbench.campaign.checked_file import load_campaign  # noqa: PLC0415 - numpy
     from robotctl.workbench.campaign.plan import (  # noqa: PLC0415
         command_of,
@@ -72,9 +104,6 @@ def campaign(
     files = files_of(loaded)
     prints = fingerprint(runs, files), sources_fingerprint()
     head = head_of(file.stem, len(runs), loaded.criteria, prints)
-    place = results or Path(f"campaign-{file.stem}")
-    if scheduler and workers:
-        raise ConfigError("--workers: not allowed with --scheduler, whose workers are all used")
     compile_missing(simulated=True)
     console = plain_console(stderr=True)
     from robotctl.cli.main import main  # noqa: PLC0415 - it imports this
@@ -82,25 +111,27 @@ def campaign(
 
     try:
         with (
-            _workers(scheduler, workers, files) as chosen,
+            _workers(scheduler, count, files) as chosen,
             ResultFolder(place, head) as kept,
             _progress(console, head, len(kept.done)) as tell,
         ):
             drive(runs, kept, chosen, main, loaded.wall_seconds, tell)
+        summary = _shown(place)
+        plain_console().print(f"\npage: {place / PAGE}", soft_wrap=True)
+        if corpus is not None and summary.failures:
+            with _workers("", count, ()) as chosen:
+                keep_failures(loaded, summary, corpus, chosen, plain_console())
     except KeyboardInterrupt:
         if not (place / HEAD).exists():
             raise
         summary = _shown(place)
         left = head.runs - len(summary.judged) + len(summary.without_result)
-        words = command_of(sys.argv[1:])
         console.print(
-            f"\n{left} of {head.runs} runs are left; to go on:\n  {words}", soft_wrap=True
+            f"\n{left} of {head.runs} runs are left; to go on:\n  {command_of(sys.argv[1:])}",
+            soft_wrap=True,
         )
         sys.exit(INTERRUPTED)
-    summary = _shown(place)
-    plain_console().print(f"\npage: {place / PAGE}", soft_wrap=True)
-    if summary.failures or summary.without_result:
-        sys.exit(FAILED)
+    return not (summary.failures or summary.without_result)
 
 
 def _workers(scheduler: str, count: int, files: Sequence[Path]) -> AbstractContextManager[Workers]:

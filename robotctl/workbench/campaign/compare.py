@@ -14,10 +14,10 @@ from robotctl.errors import ConfigError
 from robotctl.workbench.campaign.conditions import value_of
 from robotctl.workbench.campaign.plan import SEED
 from robotctl.workbench.campaign.results import Head, Result, judge
-from robotctl.workbench.campaign.statistics import CONFIDENCE, is_better, shown_fields
+from robotctl.workbench.campaign.statistics import CONFIDENCE, NEITHER, is_better, shown_fields
 
 PASSING: Final = "passing"
-BETTER, WORSE, SAME = "better", "worse", "no difference"
+BETTER, WORSE, CHANGED, SAME = "better", "worse", "changed", "no difference"
 SURE: Final = 0.05
 _RESAMPLES: Final = 9999
 
@@ -55,6 +55,8 @@ class Difference:
         """Whether the second is better."""
         if self.p >= SURE:
             return SAME
+        if self.field in NEITHER:
+            return CHANGED
         more_is_better = self.field == PASSING or is_better(self.field, 1.0)
         return BETTER if (self.more > self.less) == more_is_better else WORSE
 

@@ -106,9 +106,10 @@ def _rounded(value: float) -> float:
     return value if isinstance(value, int) else float(f"{value:.{_FIGURES}g}")
 
 
-def _run(number: int, chosen: Sequence[Any], max_seconds: float) -> Run:
-    """Return a run of its values on the axes, settings and seed."""
-    *names, settings, seed = chosen
+def words_of(
+    names: Sequence[str], settings: Mapping[str, Any], seed: int, max_seconds: float
+) -> tuple[str, ...]:
+    """Return the arguments of `robotctl` for a run; `names`: its value on each axis."""
     words = ["sim", "--lockstep"]
     for axis, name in zip(AXES, names, strict=True):
         if axis == "options":
@@ -117,10 +118,15 @@ def _run(number: int, chosen: Sequence[Any], max_seconds: float) -> Run:
             words += [f"--{axis}", name]
     for key, value in settings.items():
         words += ["--set", setting(key, value)]
-    words += ["--max-seconds", f"{max_seconds:g}", "--seed", str(seed)]
+    return (*words, "--max-seconds", f"{max_seconds:g}", "--seed", str(seed))
+
+
+def _run(number: int, chosen: Sequence[Any], max_seconds: float) -> Run:
+    """Return a run of its values on the axes, settings and seed."""
+    *names, settings, seed = chosen
     shown = (Path(name).stem if name.startswith("/") else name for name in names)
     factors = dict(zip(AXES, shown, strict=True)) | settings | {SEED: seed}
-    return Run(number, factors, tuple(words))
+    return Run(number, factors, words_of(names, settings, seed, max_seconds))
 
 
 def files_of(campaign: Campaign) -> list[Path]:

@@ -29,7 +29,7 @@ _MORE_IS_BETTER: Final = frozenset((
     "min_clearance_m", "localisation.localised_share", "items_done", "map_quality.recall",
     "map_quality.precision", "mission_completed", "arrived",
 ))  # fmt: skip
-_NEITHER: Final = frozenset(("distance_m",))
+NEITHER: Final = frozenset(("distance_m",))
 """Fields of which neither more nor less is better."""
 _PARTS: Final = 4
 """Equal parts in which a range is shown."""
@@ -169,7 +169,7 @@ def summarise(head: Head, results: Iterable[Result]) -> Summary:
         tuple(
             (each.field, _worst(counted, each.field))
             for each in distributions
-            if each.values[0] < each.values[-1] and each.field not in _NEITHER
+            if each.values[0] < each.values[-1] and each.field not in NEITHER
         ),
     )
 
