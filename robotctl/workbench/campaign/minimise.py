@@ -18,6 +18,7 @@ import tomlkit
 from robotctl.config.robot_file import config_directory, find_file
 from robotctl.maps.world import find_world
 from robotctl.runtime.storage.atomic_file import write_whole
+from robotctl.words import counted
 from robotctl.workbench.campaign.alone import Ending
 from robotctl.workbench.campaign.campaign_file import Campaign
 from robotctl.workbench.campaign.conditions import Condition, read_report
@@ -277,5 +278,10 @@ def shown_case(case: Case) -> str:
     """Return a case for people."""
     settings = shlex.join(f"{key}={value}" for key, value in case.settings.items())
     points = sum(len(each.get("waypoints", ())) for each in (case.mission or {}).get("item", ()))
-    path = f", {points} waypoints" if points else ""
-    return f"{case.items} mission items{path}, {case.faults} faults, settings: {settings or 'none'}"
+    parts = (
+        counted(case.items, "mission item"),
+        counted(points, "waypoint"),
+        counted(case.faults, "fault"),
+        f"settings: {settings or 'none'}",
+    )
+    return ", ".join(parts)

@@ -165,3 +165,34 @@ def test_bad_input_is_said_before_the_first_run(folder, tmp_path, capsys):
     assert "typo.toml:2: options[0]: No such option: --localisr" in said
     assert "--localiser" in said
     assert not (tmp_path / "none").exists()
+
+
+def test_two_folders_of_the_same_runs_show_no_difference(whole, capsys):
+    assert status_of("campaign", "compare", whole, whole) == 0
+    text = capsys.readouterr().out
+    assert "6 pairs, 0 runs without their like" in text
+    assert "worse" not in text
+    assert status_of("campaign", "compare", whole, whole.parent) == BAD_INPUT
+
+
+@pytest.mark.timeout(240)
+def test_a_failure_is_made_small_kept_and_run_again(folder, whole, tmp_path, capsys):
+    words = ("--results", whole, "--corpus", tmp_path / "corpus")
+    assert status_of("campaign", folder / "gains.toml", *words) == FAILED
+    text = capsys.readouterr().out
+    assert "and 2 others like it: time_s = " in text
+    (kept,) = (tmp_path / "corpus").glob("*.toml")
+    assert "limits.v_max_m_s = [0.3]" in kept.read_text()
+    assert "mavlink.link =" not in kept.read_text()
+    assert status_of("campaign", "--again", tmp_path / "corpus") == FAILED
+    assert "0 of 1 pass" in capsys.readouterr().out
+    kept.write_text(kept.read_text().replace("time_s <= 4", "time_s <= 40"))
+    assert status_of("campaign", "--again", tmp_path / "corpus") == 0
+    assert "1 of 1 pass" in capsys.readouterr().out
+
+
+def test_what_contradicts_each_other_is_refused(folder, tmp_path):
+    assert status_of("campaign") == BAD_INPUT
+    assert status_of("campaign", folder / "gains.toml", "--again", tmp_path) == BAD_INPUT
+    assert status_of("campaign", "--again", tmp_path, "--results", tmp_path) == BAD_INPUT
+    assert status_of("campaign", "--again", tmp_path) == BAD_INPUT
