@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 from typer.exceptions import TyperException
 
-from robotctl.cli.campaign.corpus import keep_failures, run_again
+from robotctl.cli.campaign.corpus import ROBOTCTL, keep_failures, run_again
 from robotctl.cli.compile import compile_missing
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import write_file
@@ -106,7 +106,6 @@ def _drive(file: Path, place: Path, count: int, scheduler: str, corpus: Path | N
     head = head_of(file.stem, len(runs), loaded.criteria, prints)
     compile_missing(simulated=True)
     console = plain_console(stderr=True)
-    from robotctl.cli.main import main  # noqa: PLC0415 - it imports this
     from robotctl.workbench.campaign.engine import drive  # noqa: PLC0415
 
     try:
@@ -115,7 +114,7 @@ def _drive(file: Path, place: Path, count: int, scheduler: str, corpus: Path | N
             ResultFolder(place, head) as kept,
             _progress(console, head, len(kept.done)) as tell,
         ):
-            drive(runs, kept, chosen, main, loaded.wall_seconds, tell)
+            drive(runs, kept, chosen, ROBOTCTL, loaded.wall_seconds, tell)
         summary = _shown(place)
         plain_console().print(f"\npage: {place / PAGE}", soft_wrap=True)
         if corpus is not None and summary.failures:

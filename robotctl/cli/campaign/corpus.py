@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Final
 
 from rich.console import Console
 
+from robotctl.cli.main import main
 from robotctl.errors import ConfigError
 from robotctl.words import counted
+from robotctl.workbench.campaign.alone import Program
 
 if TYPE_CHECKING:
     from robotctl.workbench.campaign.alone import Ending
@@ -19,6 +21,8 @@ if TYPE_CHECKING:
     from robotctl.workbench.campaign.engine import Workers
     from robotctl.workbench.campaign.statistics import Judged, Summary
 
+ROBOTCTL: Final = Program(main, warm="robotctl.cli.campaign.warm")
+"""What runs are runs of."""
 _MOST: Final = 20
 """Kinds of failures that are made small at a time."""
 
@@ -47,7 +51,6 @@ def _small(
     campaign: Campaign, summary: Summary, group: Sequence[Judged], file: Path, workers: Workers
 ) -> str:
     """Make the first of some failures small and keep it; return what became of it."""
-    from robotctl.cli.main import main  # noqa: PLC0415 - it imports this
     from robotctl.workbench.campaign.minimise import (  # noqa: PLC0415
         case_of,
         keep,
@@ -59,7 +62,7 @@ def _small(
     before = case_of(campaign, result)
 
     def run(words: Sequence[str]) -> Ending:
-        return workers.run(main, words, campaign.wall_seconds)
+        return workers.run(ROBOTCTL, words, campaign.wall_seconds)
 
     after, runs = minimised(before, summary.head.conditions, result, run)
     comment = (
@@ -83,7 +86,6 @@ def run_again(
     ConfigError
         If it has no campaign files, or one of them is wrong.
     """
-    from robotctl.cli.main import main  # noqa: PLC0415 - it imports this
     from robotctl.workbench.campaign.checked_file import load_campaign  # noqa: PLC0415 - numpy
     from robotctl.workbench.campaign.plan import plan  # noqa: PLC0415
     from robotctl.workbench.campaign.results import judge, result_of  # noqa: PLC0415
@@ -95,7 +97,7 @@ def run_again(
     for file in files:
         loaded = load_campaign(file, check)
         for run in plan(loaded):
-            start = partial(workers.run, main, run.words, loaded.wall_seconds)
+            start = partial(workers.run, ROBOTCTL, run.words, loaded.wall_seconds)
             futures[workers.executor.submit(start)] = (file, run, loaded.conditions)
     passed = 0
     for future in as_completed(futures):

@@ -15,24 +15,33 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from multiprocessing.connection import wait
 from multiprocessing.context import ForkServerContext, ForkServerProcess
 from pathlib import Path
-from typing import Final, TypeAlias
+from typing import Final
 
 import msgspec
-
-Main: TypeAlias = Callable[[], None]
-"""`robotctl` itself: takes its arguments from `sys.argv`, and ends with SystemExit."""
 
 DRIVEN: Final = (0, 3)
 """Statuses of `robotctl sim` with a report: completed, or not."""
 _PR_SET_PDEATHSIG: Final = 1
-_LOADED: Final = (
-    "robotctl.app.simulation.lockstep",
-    "firmware_sim.simulation",
-    "robotctl.workbench.compile.compile",
-)
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """What is run.
+
+    Attributes
+    ----------
+    main
+        `robotctl` itself: takes its arguments from `sys.argv`, and ends with SystemExit.
+    warm
+        Name of a module that the server imports, so that what runs need is loaded once.
+    """
+
+    main: Callable[[], None]
+    warm: str = ""
 
 
 class Ending(msgspec.Struct, frozen=True):
@@ -60,15 +69,17 @@ class _Processes:
         self._running: set[ForkServerProcess] = set()
         self._context: ForkServerContext | None = None
 
-    def start(self, main: Main, words: Sequence[str], folder: str) -> ForkServerProcess:
+    def start(self, program: Program, words: Sequence[str], folder: str) -> ForkServerProcess:
         """Start a run."""
         with self.lock:
             if self._context is None:
                 self._context = multiprocessing.get_context("forkserver")
-                self._context.set_forkserver_preload([main.__module__, *_LOADED])
+                self._context.set_forkserver_preload([program.warm or program.main.__module__])
                 # A worker of Dask is a daemon, which may have no children: these end with it.
                 vars(multiprocessing.process.current_process())["_config"]["daemon"] = False
-            process = self._context.Process(target=_drive, args=(main, tuple(words), folder))
+            process = self._context.Process(
+                target=_drive, args=(program.main, tuple(words), folder)
+            )
             process.start()
             self._running.add(process)
         return process
@@ -95,13 +106,13 @@ class _Processes:
 _processes = _Processes()
 
 
-def run_alone(main: Main, words: Sequence[str], wall_seconds: float) -> Ending:
+def run_alone(program: Program, words: Sequence[str], wall_seconds: float) -> Ending:
     """Run `robotctl WORDS --report FILE` in a process of its own; return how it ended.
 
     Parameters
     ----------
-    main
-        `robotctl` itself.
+    program
+        `robotctl`.
     words
         Arguments of it: a command that writes a report.
     wall_seconds
@@ -111,7 +122,7 @@ def run_alone(main: Main, words: Sequence[str], wall_seconds: float) -> Ending:
         return Ending(reason="stopped before it began")
     try:
         with tempfile.TemporaryDirectory(prefix="robotctl-run-") as folder:
-            process = _processes.start(main, words, folder)
+            process = _processes.start(program, words, folder)
             wait([process.sentinel], wall_seconds)
             code = _processes.end(process)
             said = _last_line(Path(folder, _OUTPUT))
@@ -147,7 +158,7 @@ def _last_line(file: Path) -> str:
     return next((line.strip() for line in reversed(lines) if line.strip()), "it said nothing")
 
 
-def _drive(main: Main, words: Sequence[str], folder: str) -> None:
+def _drive(main: Callable[[], None], words: Sequence[str], folder: str) -> None:
     """Be `robotctl WORDS`."""
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the campaign

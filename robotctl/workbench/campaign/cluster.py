@@ -15,7 +15,7 @@ from typing import Any, Final, TypeAlias
 import msgspec
 
 from robotctl.errors import ConfigError, RobotctlError
-from robotctl.workbench.campaign.alone import Ending, Main, run_alone
+from robotctl.workbench.campaign.alone import Ending, Program, run_alone
 from robotctl.workbench.campaign.engine import Workers
 from robotctl.workbench.campaign.plan import sources_fingerprint
 from robotctl.workbench.compile.compile import Kernels
@@ -77,11 +77,11 @@ def _digest(path: Path) -> str:
 own_sources = functools.cache(sources_fingerprint)
 
 
-def run_as(sources: str, main: Main, words: Sequence[str], wall_seconds: float) -> Ending:
+def run_as(sources: str, program: Program, words: Sequence[str], wall_seconds: float) -> Ending:
     """Run as `run_alone`, unless this worker, which may have come later, has other sources."""
     if own_sources() != sources:
         return Ending(reason="its worker has another robotctl, and came after the check of all")
-    return run_alone(main, words, wall_seconds)
+    return run_alone(program, words, wall_seconds)
 
 
 @contextmanager

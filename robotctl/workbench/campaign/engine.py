@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
-from robotctl.workbench.campaign.alone import Ending, Main, run_alone, runs_end_with_this
+from robotctl.workbench.campaign.alone import Ending, Program, run_alone, runs_end_with_this
 from robotctl.workbench.campaign.plan import Run
 from robotctl.workbench.campaign.results import Result, ResultFolder, result_of
 
@@ -25,7 +25,7 @@ class Workers:
 
     executor: Executor
     count: int
-    run: Callable[[Main, Sequence[str], float], Ending]
+    run: Callable[[Program, Sequence[str], float], Ending]
 
 
 @contextmanager
@@ -43,7 +43,7 @@ def drive(
     runs: Sequence[Run],
     folder: ResultFolder,
     workers: Workers,
-    main: Main,
+    program: Program,
     wall_seconds: float,
     tell: Tell,
 ) -> None:
@@ -57,8 +57,8 @@ def drive(
         Takes the results.
     workers
         What runs them.
-    main
-        `robotctl` itself.
+    program
+        `robotctl`.
     wall_seconds
         Limit of a run in the computer's time [s].
     tell
@@ -69,7 +69,7 @@ def drive(
     missing: list[Result] = []
     while True:
         for run in waiting:
-            future = workers.executor.submit(workers.run, main, run.words, wall_seconds)
+            future = workers.executor.submit(workers.run, program, run.words, wall_seconds)
             pending[future] = run
             if len(pending) >= _AHEAD * workers.count:
                 break

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from robotctl.workbench.campaign.alone import run_alone, runs_end_with_this
+from robotctl.workbench.campaign.alone import Program, run_alone, runs_end_with_this
 
 _seen: list[str] = []
 
@@ -41,20 +41,20 @@ def main() -> None:
     ],
 )
 def test_a_run_that_dies_hangs_or_fails_has_no_result_but_a_reason(what, reason):
-    ending = run_alone(main, (what,), 1.0 if what == "hang" else 60.0)
+    ending = run_alone(Program(main), (what,), 1.0 if what == "hang" else 60.0)
     assert (ending.report, ending.reason) == (b"", reason)
 
 
 def test_a_run_is_told_whether_it_passed_or_not_and_nothing_of_it_reaches_the_next():
     for what in ("pass", "fail", "pass"):
-        ending = run_alone(main, (what,), 60.0)
+        ending = run_alone(Program(main), (what,), 60.0)
         assert (ending.report, ending.reason) == (what.encode(), "")
 
 
 def test_runs_end_with_what_they_are_for():
     found = []
     threads = [
-        threading.Thread(target=lambda: found.append(run_alone(main, ("hang",), 60.0)))
+        threading.Thread(target=lambda: found.append(run_alone(Program(main), ("hang",), 60.0)))
         for _ in range(3)
     ]
     began_s = time.monotonic()
@@ -75,6 +75,6 @@ def test_runs_end_with_what_they_are_for():
         "its process was ended by SIGKILL",
         "stopped before it began",
     }
-    assert run_alone(main, ("pass",), 60.0).reason == "stopped before it began"
+    assert run_alone(Program(main), ("pass",), 60.0).reason == "stopped before it began"
     with runs_end_with_this():
-        assert run_alone(main, ("pass",), 60.0).report == b"pass"
+        assert run_alone(Program(main), ("pass",), 60.0).report == b"pass"

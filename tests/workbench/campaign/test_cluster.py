@@ -15,6 +15,7 @@ import pytest
 
 from robotctl.errors import ConfigError
 from robotctl.workbench.campaign import cluster
+from robotctl.workbench.campaign.alone import Program
 from robotctl.workbench.campaign.cluster import Identity, cluster_workers, digests, unfit
 from robotctl.workbench.campaign.engine import drive
 from robotctl.workbench.campaign.plan import Run
@@ -98,7 +99,7 @@ def test_a_worker_that_is_killed_costs_nothing_and_others_drive_what_it_had(tmp_
         ResultFolder(tmp_path / "results", head(8)) as folder,
     ):
         threading.Timer(2.5, os.killpg, (second.pid, signal.SIGKILL)).start()
-        drive(runs, folder, workers, main, 60.0, told.append)
+        drive(runs, folder, workers, Program(main), 60.0, told.append)
         done = folder.done
     assert sorted(each.number for each in told) == [*range(1, 9)]
     assert [done[number].report for number in range(1, 9)] == [
