@@ -18,6 +18,7 @@ from robotctl.cli.compile import compile_missing
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import write_file
 from robotctl.errors import ConfigError
+from robotctl.words import counted
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -106,15 +107,19 @@ def _drive(file: Path, place: Path, count: int, scheduler: str, corpus: Path | N
     head = head_of(file.stem, len(runs), loaded.criteria, prints)
     compile_missing(simulated=True)
     console = plain_console(stderr=True)
-    from robotctl.workbench.campaign.engine import drive  # noqa: PLC0415
+    from robotctl.workbench.campaign.engine import drive, refusals  # noqa: PLC0415
 
     try:
-        with (
-            _workers(scheduler, count, files) as chosen,
-            ResultFolder(place, head) as kept,
-            _progress(console, head, len(kept.done)) as tell,
-        ):
-            drive(runs, kept, chosen, ROBOTCTL, loaded.wall_seconds, tell)
+        with _workers(scheduler, count, files) as chosen:
+            if not (place / HEAD).exists():
+                console.print(f"trying one of each kind of {counted(len(runs), 'run')}")
+                if refused := refusals(runs, chosen, ROBOTCTL, loaded.wall_seconds):
+                    raise ConfigError("\n".join(refused))
+            with (
+                ResultFolder(place, head) as kept,
+                _progress(console, head, len(kept.done)) as tell,
+            ):
+                drive(runs, kept, chosen, ROBOTCTL, loaded.wall_seconds, tell)
         summary = _shown(place)
         plain_console().print(f"\npage: {place / PAGE}", soft_wrap=True)
         if corpus is not None and summary.failures:

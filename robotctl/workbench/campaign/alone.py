@@ -25,6 +25,8 @@ import msgspec
 
 DRIVEN: Final = (0, 3)
 """Statuses of `robotctl sim` with a report: completed, or not."""
+REFUSED: Final = 2
+"""Status of bad input."""
 _PR_SET_PDEATHSIG: Final = 1
 
 
@@ -53,10 +55,13 @@ class Ending(msgspec.Struct, frozen=True):
         Its report, as `robotctl sim` wrote it; empty if it has none.
     reason
         Why it has none.
+    is_refused
+        Whether the reason is its input: it would be the same each time.
     """
 
     report: bytes = b""
     reason: str = ""
+    is_refused: bool = False
 
 
 class _Processes:
@@ -134,7 +139,7 @@ def run_alone(program: Program, words: Sequence[str], wall_seconds: float) -> En
         return Ending(reason=f"not over after {wall_seconds:g} s of this computer's time")
     if code < 0:
         return Ending(reason=f"its process was ended by {signal.Signals(-code).name}")
-    return Ending(reason=f"status {code}: {said}")
+    return Ending(reason=f"status {code}: {said}", is_refused=code == REFUSED)
 
 
 @contextmanager

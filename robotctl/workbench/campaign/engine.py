@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from robotctl.workbench.campaign.alone import Ending, Program, run_alone, runs_end_with_this
-from robotctl.workbench.campaign.plan import Run
+from robotctl.workbench.campaign.plan import AXES, Run, briefly
 from robotctl.workbench.campaign.results import Result, ResultFolder, result_of
 
 Tell: TypeAlias = Callable[[Result], None]
@@ -37,6 +37,28 @@ def local_workers(count: int) -> Iterator[Workers]:
             yield Workers(executor, count, run_alone)
     finally:
         executor.shutdown(cancel_futures=True)
+
+
+def refusals(
+    runs: Sequence[Run], workers: Workers, program: Program, wall_seconds: float
+) -> list[str]:
+    """Return why runs cannot begin, each with its command.
+
+    One run of each kind is tried: kinds differ in more than the settings and the seed.
+    """
+    kinds: dict[tuple[str, ...], Run] = {}
+    for run in runs:
+        kinds.setdefault(tuple(str(run.factors[axis]) for axis in AXES), run)
+    futures = {
+        workers.executor.submit(workers.run, program, briefly(run.words), wall_seconds): run
+        for run in kinds.values()
+    }
+    wait(futures)
+    return [
+        f"{future.result().reason.partition(': ')[2]}\n  {run.command}"
+        for future, run in futures.items()
+        if future.exception() is None and future.result().is_refused
+    ]
 
 
 def drive(

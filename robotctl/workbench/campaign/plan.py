@@ -23,6 +23,7 @@ from robotctl.workbench.campaign.campaign_file import Campaign, Range, Sample, s
 SEED: Final = "seed"
 AXES: Final = ("robot", "world", "mission", "faults", "options")
 """What varies between runs beside settings and the seed."""
+LIMIT: Final = "--max-seconds"
 _FIGURES: Final = 9
 """Significant figures of a sampled value."""
 
@@ -118,7 +119,13 @@ def words_of(
             words += [f"--{axis}", name]
     for key, value in settings.items():
         words += ["--set", setting(key, value)]
-    return (*words, "--max-seconds", f"{max_seconds:g}", "--seed", str(seed))
+    return (*words, LIMIT, f"{max_seconds:g}", "--seed", str(seed))
+
+
+def briefly(words: Sequence[str]) -> tuple[str, ...]:
+    """Return the arguments of a run for one that ends as soon as it has begun."""
+    at = words.index(LIMIT) + 1
+    return (*words[:at], "1", *words[at + 1 :])
 
 
 def _run(number: int, chosen: Sequence[Any], max_seconds: float) -> Run:
