@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from robotctl.workbench.campaign.statistics import Judged, Summary
 
 ROBOTCTL: Final = Program(main, warm="robotctl.cli.campaign.warm")
-"""What runs are runs of."""
+"""The program of each run."""
 _MOST: Final = 20
 """Kinds of failures that are made small at a time."""
 

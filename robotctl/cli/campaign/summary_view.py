@@ -1,4 +1,4 @@
-"""What a campaign shows, as text for a terminal and as one page for a browser."""
+"""Summary of a campaign, as text for a terminal and as one page for a browser."""
 
 from __future__ import annotations
 

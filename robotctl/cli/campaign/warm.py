@@ -1,4 +1,4 @@
-"""What a run of a campaign loads; the server that runs are forked from imports this.
+"""Modules and values that each run of a campaign loads; the server that runs are forked from imports this.
 
 Each run would import it in any case, most of it only when needed.
 """

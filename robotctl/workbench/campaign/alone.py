@@ -32,7 +32,7 @@ _PR_SET_PDEATHSIG: Final = 1
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """What is run.
+    """The program that is run.
 
     Attributes
     ----------

@@ -32,7 +32,7 @@ Digests: TypeAlias = Mapping[str, str]
 
 
 class Identity(msgspec.Struct, frozen=True):
-    """What the figures of a run depend on, on one computer.
+    """Versions and files of one computer on which the figures of a run depend.
 
     Attributes
     ----------

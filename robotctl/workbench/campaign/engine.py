@@ -21,7 +21,7 @@ _AHEAD: Final = 4
 
 @dataclass(frozen=True, slots=True)
 class Workers:
-    """What runs a campaign: how many runs at a time, and how each is run, see `run_alone`."""
+    """Executor of a campaign, how many runs it has at a time, and how each is run: `run_alone`."""
 
     executor: Executor
     count: int

@@ -22,7 +22,7 @@ from robotctl.workbench.campaign.campaign_file import Campaign, Range, Sample, s
 
 SEED: Final = "seed"
 AXES: Final = ("robot", "world", "mission", "faults", "options")
-"""What varies between runs beside settings and the seed."""
+"""Factors beside settings and the seed."""
 LIMIT: Final = "--max-seconds"
 _FIGURES: Final = 9
 """Significant figures of a sampled value."""

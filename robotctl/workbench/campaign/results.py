@@ -27,7 +27,7 @@ HEAD, RUNS, PAGE = "campaign.json", "runs.jsonl", "report.html"
 
 
 class Head(msgspec.Struct, frozen=True):
-    """What the results of a folder are of.
+    """Identity of the campaign whose results a folder has.
 
     Attributes
     ----------
@@ -159,7 +159,7 @@ class ResultFolder:
         self._rewrite(missing)
 
     def _rewrite(self, missing: Sequence[Result] = ()) -> None:
-        """Write the whole file anew: in order, and without a line that a kill cut short."""
+        """Rewrite the file: in order, and without a line that a kill cut short."""
         found = sorted((*self.done.values(), *missing), key=lambda each: each.number)
         write_whole(self.folder / RUNS, b"".join(map(_line, found)))
         self._file.close()

@@ -1,4 +1,4 @@
-"""What the results of a campaign show: rates with intervals, distributions, and what matters."""
+"""Summary of the results of a campaign: rates with intervals, distributions, and what matters."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from robotctl.workbench.campaign.results import Head, Result, Verdict, judge
 
 CONFIDENCE: Final = 0.95
 _FEW: Final = 6
-"""Most values of a number that are told apart; more are a range."""
+"""Maximum number of values of a number that are shown one by one; more are a range."""
 _FIELDS: Final = (
     "time_s",
     "distance_m",
