@@ -1,4 +1,4 @@
-"""Modules and values that each run of a campaign loads; the server that runs are forked from imports this.
+"""Modules and values that each run of a campaign loads; the server that forks runs has them.
 
 Each run would import it in any case, most of it only when needed.
 """
