@@ -1,14 +1,15 @@
 """Errors in files, as a user meets them."""
 
+import dataclasses
+import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
 import pytest
-from pydantic import Field
 
 from robotctl.errors import ConfigError, InvalidValue
-from robotctl.toml_source import load, parse
+from robotctl.toml_source import BY_KIND, load, parse, restored
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +38,7 @@ class Square:
 class File:
     gains: Gains
     left: Gains | None = None
-    shape: tuple[Annotated[Round | Square, Field(discriminator="kind")], ...] = ()
+    shape: tuple[Annotated[Round | Square, BY_KIND], ...] = ()
     names: tuple[str, ...] = field(default=())
 
 
@@ -271,3 +272,27 @@ def test_all_wrong_settings_are_told_at_once() -> None:
 def test_a_setting_that_is_not_utf_8_is_refused() -> None:
     (said,) = errors(GOOD, "gains.kp=caf\udce9")
     assert said == "--set gains.kp=caf\udce9: not UTF-8"
+
+
+def test_what_was_read_is_the_same_again_from_its_plain_data() -> None:
+    file = parse(GOOD, File, "robot.toml")
+    plain = json.loads(json.dumps(dataclasses.asdict(file)))
+    assert repr(restored(File, plain)) == repr(file)
+    plain["gains"]["kp"] = 2
+    assert restored(File, plain | {"since_removed": 1}) == file
+
+
+@pytest.mark.parametrize(
+    ("gains", "said"),
+    [
+        ({}, "Gains: .*missing.*'kp'"),
+        ({"kp": "2"}, "float needed, found '2'"),
+        ({"kp": True}, "float needed, found true"),
+        ({"kp": -1.0}, "kp must not be negative, found -1.0"),
+        (None, "float needed, found a table"),
+    ],
+)
+def test_plain_data_of_another_version_are_refused(gains: object, said: str) -> None:
+    data = {"gains": {"kp": {}} if gains is None else gains}
+    with pytest.raises(ConfigError, match=said):
+        restored(File, data)

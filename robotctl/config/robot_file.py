@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, TypeAlias, Union
 
 import msgspec
-from pydantic import Discriminator, Field, Tag
 
 from robotctl import toml_source
 from robotctl.control.limiter import LimitsConfig
@@ -41,6 +40,7 @@ from robotctl.runtime.realtime import LoopConfig
 from robotctl.runtime.storage.log_folder import LogConfig
 from robotctl.safety.plausibility_config import OF_DUTY_WHEELS, PlausibilityConfig
 from robotctl.safety.state_machine import SafetyConfig
+from robotctl.toml_source import BY_KIND, TABLE_OR_TABLES
 from robotctl.web.config import WebConfig
 
 MAX_SONARS = 16
@@ -75,36 +75,40 @@ class Identity:
             )
 
 
-def _table_or_tables(value: object) -> str:
-    return "tables" if isinstance(value, list | tuple) else "table"
-
-
-Buses = Annotated[
-    Annotated[CanConfig, Tag("table")] | Annotated[tuple[CanConfig, ...], Tag("tables")],
-    Discriminator(_table_or_tables),
-]
+Buses = Annotated[CanConfig | tuple[CanConfig, ...], TABLE_OR_TABLES]
 """One bus, `[can]`, or several, `[[can]]` each."""
 
-Lidars = Annotated[
-    Annotated[LidarConfig, Tag("table")] | Annotated[tuple[LidarConfig, ...], Tag("tables")],
-    Discriminator(_table_or_tables),
-]
+Lidars = Annotated[LidarConfig | tuple[LidarConfig, ...], TABLE_OR_TABLES]
 """One lidar, `[lidar]`, or several, `[[lidar]]` each."""
 
 
 if TYPE_CHECKING:
     Motor: TypeAlias = MotorConfig
 else:
-    Motor = Annotated[Union[DRIVES], Field(discriminator="kind")]  # noqa: UP007 - of any length
+    Motor = Annotated[Union[DRIVES], BY_KIND]  # noqa: UP007 - of any length
     """A table `[[motor]]` of any kind."""
 
 
 @dataclass(frozen=True, slots=True)
 class RobotConfig:
-    """Everything about one robot."""
+    """Everything about one robot.
+
+    Parameters
+    ----------
+    motor
+        Motor drives. Without one, our own controller turns all wheels.
+    nodes
+        Bus of each node, by their names; a node without one is on the first.
+    proof
+        Settings with which each drive was seen to stop when the host is silent, by the names of the
+        drives; `robotctl setup` writes it. See docs/hardware.md.
+    simulation
+        What is true of the robot in the simulated world, whatever the rest of the file believes;
+        docs/missions.md lists the keys. firmware_sim checks them itself.
+    """
 
     robot: Identity
-    drive: Annotated[Drive, Field(discriminator="kind")]
+    drive: Annotated[Drive, BY_KIND]
     limits: LimitsConfig
     control: ControlConfig = field(default_factory=ControlConfig)
     plausibility: PlausibilityConfig = field(default_factory=PlausibilityConfig)
@@ -114,21 +118,9 @@ class RobotConfig:
     camera: CameraConfig | None = None
     ground_camera: GroundCameraConfig = field(default_factory=GroundCameraConfig)
     can: Buses = field(default_factory=CanConfig)
-    motor: Annotated[
-        tuple[Motor, ...],
-        Field(description="Motor drives. Without one, our own controller turns all wheels."),
-    ] = ()
-    nodes: Annotated[
-        dict[str, str],
-        Field(description="Bus of each node, by their names; a node without one is on the first."),
-    ] = field(default_factory=dict)
-    proof: Annotated[
-        dict[str, str],
-        Field(
-            description="Settings with which each drive was seen to stop when the host is silent, "
-            "by the names of the drives; `robotctl setup` writes it. See docs/hardware.md."
-        ),
-    ] = field(default_factory=dict)
+    motor: tuple[Motor, ...] = ()
+    nodes: dict[str, str] = field(default_factory=dict)
+    proof: dict[str, str] = field(default_factory=dict)
     power: PowerConfig = field(default_factory=PowerConfig)
     runtime: LoopConfig = field(default_factory=LoopConfig)
     safety: SafetyConfig = field(default_factory=SafetyConfig)
@@ -138,13 +130,7 @@ class RobotConfig:
     localisation: LocalisationConfig = field(default_factory=LocalisationConfig)
     log: LogConfig = field(default_factory=LogConfig)
     odometry: MotionNoise = field(default_factory=MotionNoise)
-    simulation: Annotated[
-        dict[str, Any],
-        Field(
-            description="What is true of the robot in the simulated world, whatever the rest of "
-            "the file believes; docs/missions.md lists the keys. firmware_sim checks them itself."
-        ),
-    ] = field(default_factory=dict)
+    simulation: dict[str, Any] = field(default_factory=dict)
 
     @property
     def buses(self) -> tuple[CanConfig, ...]:
@@ -308,10 +294,15 @@ def robot_of_json(text: str) -> RobotConfig:
 
     Raises
     ------
-    pydantic.ValidationError
+    ConfigError
         If another version of robotctl with an incompatible configuration wrote it.
     """
-    return toml_source.validator(RobotConfig).validate_json(text)
+    try:
+        data = json.loads(text)
+    except ValueError as error:
+        raise ConfigError(f"no JSON: {error}") from error
+    config: RobotConfig = toml_source.restored(RobotConfig, data)
+    return config
 
 
 def camera_of(config: RobotConfig, file: Path) -> CameraConfig:

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Annotated, Any, Final, Literal, TypeAlias
 
 import numpy as np
-from pydantic import Field
 
 from robotctl import toml_source
 from robotctl.config.robot_file import MAPS, TOML, find_file
@@ -151,7 +150,7 @@ class _WorldFile:
     world: dict[str, Any]
     wall: tuple[_Wall, ...] = ()
     box: tuple[_Box, ...] = ()
-    furniture: tuple[Annotated[_Box | _Pillar, Field(discriminator="kind")], ...] = ()
+    furniture: tuple[Annotated[_Box | _Pillar, toml_source.BY_KIND], ...] = ()
     obstacle: tuple[dict[str, Any], ...] = ()
     person: tuple[dict[str, Any], ...] = ()
     floor: dict[str, Any] = field(default_factory=dict)

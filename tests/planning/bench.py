@@ -16,7 +16,7 @@ MANUAL = ModeRequest(Mode.MANUAL)
 
 
 def mission(*items, x=1.0, y=1.0):
-    return Mission("test", "flat", StartPose(x, y), items)
+    return Mission("test", StartPose(x, y), items)
 
 
 def ahead(x, speed=0.4):

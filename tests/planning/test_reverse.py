@@ -63,7 +63,7 @@ def test_a_mission_goes_backwards_along_its_path_and_ahead_again_when_it_is_aske
 ):
     path = DriveItem("drive", ((1.0, 1.0), (4.0, 1.0), (4.0, 3.4)), 0.4)
     last = StraightToItem("straight_to", 2.0, 3.4)
-    run = make_run(differential, mission=Mission("t", "flat", StartPose(1.0, 1.0), (path, last)))
+    run = make_run(differential, mission=Mission("t", StartPose(1.0, 1.0), (path, last)))
     run.step(AUTO, REVERSE)
     run.until(lambda out: out.state.item == 1, 60.0)
     ahead, back = ways(run)

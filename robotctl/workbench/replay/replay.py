@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-import pydantic
 
 from robotctl.app.processes.robot import make_core
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig, robot_of_json
+from robotctl.errors import ConfigError
 from robotctl.runtime.flight.recorder import (
     Difference,
     RecordError,
@@ -85,7 +85,7 @@ def robot_of(header: RecordHeader, path: Path) -> tuple[RobotConfig, StackOption
     """
     try:
         config = robot_of_json(header.robot_json)
-    except pydantic.ValidationError as error:
+    except ConfigError as error:
         raise RecordError(
             f"{path}: made by robotctl {header.version}, whose configuration this one does not "
             f"read: {error}"

@@ -22,7 +22,7 @@ from robotctl.logs.mcap.restored import Content
 from robotctl.messages.estimation import GivenMap, LiveMap, PlanView
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.model.trajectory import Trajectory
-from robotctl.runtime.flight.recorder import RecordError, read_record
+from robotctl.runtime.flight.recorder import read_record
 from robotctl.web.replay_wire import History, Series
 from robotctl.web.wire import RobotOutline, SonarOutline
 from robotctl.workbench.logs.rows import RecordingError
@@ -270,6 +270,6 @@ def _config_of(folder: Path) -> RobotConfig | None:
             with path.open("rb") as file:
                 header, _ = read_record(file, str(path))
             return robot_of_json(header.robot_json)
-        except (RecordError, ValueError, OSError):
+        except (RobotctlError, OSError):
             continue
     return None

@@ -17,6 +17,7 @@ from mcap.writer import Writer
 from websockets.exceptions import InvalidStatus
 
 from robotctl.messages.control import ControlState
+from robotctl.runtime.flight.recorder import RecordHeader, framed
 from robotctl.workbench.logs.rows import RecordingError
 from tests.cli.command import status_of
 from tests.workbench.view.recorded import (
@@ -322,6 +323,8 @@ def test_a_log_of_another_version_is_shown_as_far_as_it_is_understood(tmp_path):
         navigation=lambda content: {"stamp_ns": content["stamp_ns"], "mode": 77},
         lidar=lambda _: {"nothing": "of it"},
     )
+    header = RecordHeader("0.0.1", '{"robot": {"name": 1}}', 0.0, 0.0, 0.0)
+    (folder / "control-0001.rec").write_bytes(framed(msgspec.msgpack.encode(header)))
     with ServedReplay(folder) as served:
         with served.client() as client:
             picture = client.seek(3_000_000_000)

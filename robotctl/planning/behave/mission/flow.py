@@ -78,19 +78,19 @@ def _motionless(items: Sequence[Item], loops: dict[int, Loop]) -> Iterator[ItemP
         loops[index].target if index in loops and loops[index].most is None else index + 1
         for index in range(len(items))
     ]
-    blamed = set()
+    walk_of: dict[int, int] = {}
+    """Where the walk began that came to an item first."""
     for begin in range(len(items)):
-        at, seen = begin, list[int]()
-        while at < len(items) and at not in seen:
-            seen.append(at)
+        at, walk = begin, list[int]()
+        while at < len(items) and at not in walk_of:
+            walk_of[at] = begin
+            walk.append(at)
             at = after[at]
-        cycle = seen[seen.index(at) :] if at < len(items) else []
+        cycle = walk[walk.index(at) :] if walk_of.get(at) == begin else []
         if cycle and not any(_drives(items[index]) for index in cycle):
             last = max(index for index in cycle if index in loops)
-            if last not in blamed:
-                blamed.add(last)
-                why = "needed here: the items between go on without end, and none of them drives"
-                yield ItemProblem(last, "times", why)
+            why = "needed here: the items between go on without end, and none of them drives"
+            yield ItemProblem(last, "times", why)
 
 
 def _drives(item: Item) -> bool:

@@ -7,8 +7,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, is_dataclass
 from typing import TYPE_CHECKING, Annotated, Union
 
-from pydantic import Field
-
 from robotctl import toml_source
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behave.behaviours.flow import FlowItem
@@ -51,12 +49,12 @@ class Mission:
     ----------
     name
         Name shown to people.
-    world
-        Name of the world's file that `robotctl sim` drives it in; empty: the user says which.
     start
         Pose at the start.
     item
         The steps, at least one, written as `[[item]]`.
+    world
+        Name of the world's file that `robotctl sim` drives it in; empty: the user says which.
     zone
         What is to be kept out of or passed slowly by all that drives by plan, beside the zones of
         the robot's file, written as `[[zone]]`.
@@ -65,9 +63,9 @@ class Mission:
     """
 
     name: str
-    world: Annotated[str, Field(default="")]
     start: StartPose
-    item: tuple[Annotated[Item, Field(discriminator="kind")], ...]
+    item: tuple[Annotated[Item, toml_source.BY_KIND], ...]
+    world: str = ""
     zone: tuple[Zone, ...] = ()
     recovery: RecoveryConfig | None = None
 

@@ -22,7 +22,7 @@ CENTRE = (1.0, -2.0)
 def circling(make_run, robot, start, *requests, flat=False, centre=CENTRE, **item):
     """Return a run in mode AUTO that has begun a circle."""
     circle = CircleItem("circle", *centre, **({"radius_m": 0.8} | item))
-    mission = Mission("circle", "flat", StartPose(start.x_m, start.y_m), (circle,))
+    mission = Mission("circle", StartPose(start.x_m, start.y_m), (circle,))
     run = make_run(robot, mission=mission, start=start, flat=flat)
     run.step(AUTO, *requests)
     return run
@@ -111,6 +111,6 @@ def test_it_stops_before_what_stands_on_the_circle_and_says_so(make_run, robot):
 def test_a_circle_that_a_robot_cannot_drive_is_refused(steered):
     least_m = steered.drive.min_turning_radius_m
     circle = CircleItem("circle", 0.0, 0.0, least_m)
-    mission = Mission("circle", "flat", StartPose(0.0, 0.0), (circle,))
+    mission = Mission("circle", StartPose(0.0, 0.0), (circle,))
     with pytest.raises(MissionError, match=rf"circles of {1.1 * least_m:.2f} m or more"):
         check_mission(mission, Abilities(steered.drive, frozenset(), GuardConfig()))

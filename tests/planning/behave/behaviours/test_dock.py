@@ -24,7 +24,7 @@ ALL = frozenset({"front", "front_left", "front_right"})
 
 def docking(make_run, robot, askew_deg, gap_m=1.2, **world):
     """Return a run before the wall between the rooms, `gap_m` from the front sonar."""
-    mission = Mission("dock", "flat", StartPose(1.0, 1.0), (DockItem("dock", DISTANCE_M),))
+    mission = Mission("dock", StartPose(1.0, 1.0), (DockItem("dock", DISTANCE_M),))
     start = SE2(WALL_X_M - gap_m - robot.front, 1.0, math.radians(askew_deg))
     return make_run(robot, mission=mission, start=start, **world)
 
@@ -70,7 +70,7 @@ def test_a_robot_too_near_backs_up_to_the_distance(make_run, differential):
 
 
 def test_without_a_wall_it_says_so(make_run, differential):
-    mission = Mission("dock", "flat", StartPose(0.0, 0.0), (DockItem("dock", DISTANCE_M),))
+    mission = Mission("dock", StartPose(0.0, 0.0), (DockItem("dock", DISTANCE_M),))
     run = make_run(differential, mission=mission, flat=False)
     run.step(AUTO)
     out = run.until(lambda out: out.state.mission_failed, 10.0)
@@ -78,7 +78,7 @@ def test_without_a_wall_it_says_so(make_run, differential):
 
 
 def test_what_a_robot_cannot_do_is_refused(robot):
-    mission = Mission("dock", "flat", StartPose(0.0, 0.0), (DockItem("dock", 0.12),))
+    mission = Mission("dock", StartPose(0.0, 0.0), (DockItem("dock", 0.12),))
     with pytest.raises(MissionError, match=r"distance_m = 0\.12 is never reached"):
         check_mission(mission, Abilities(robot.drive, ALL, GuardConfig()))
     near = Abilities(robot.drive, frozenset({"front"}), GuardConfig(margin_m=0.05))

@@ -39,7 +39,7 @@ class Camera:
 
 def docking(make_run, robot, start, seed=0):
     item = DockItem("dock", DISTANCE_M, marker=4)
-    mission = Mission("dock", "flat", StartPose(1.0, 1.0), (item,))
+    mission = Mission("dock", StartPose(1.0, 1.0), (item,))
     at = MARKER @ SE2(start[0] - robot.front, start[1], start[2])
     run = make_run(robot, mission=mission, start=at, seed=seed)
     Camera(run, seed)

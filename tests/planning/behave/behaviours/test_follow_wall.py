@@ -15,7 +15,7 @@ from robotctl.planning.config import WallConfig
 
 
 def follow(make_run, robot, start, item, **world):
-    plan = Mission("wall", "flat", StartPose(start.x_m, start.y_m), (item,))
+    plan = Mission("wall", StartPose(start.x_m, start.y_m), (item,))
     run = make_run(robot, mission=plan, start=start, **world)
     run.step(ModeRequest(Mode.AUTO))
     out = run.until(lambda out: out.state.mission_completed or out.state.mission_failed, 60.0)
@@ -97,7 +97,7 @@ def test_after_an_interruption_it_goes_on_only_where_it_was_left_and_in_that_dir
 ):
     item = FollowWallItem("follow_wall", "right", 0.8, Until(length_m=2.6))
     second = FollowWallItem("follow_wall", "right", 0.8, Until(position=(4.5, 0.8)))
-    plan = Mission("wall", "flat", StartPose(1.0, 0.8), (item, second))
+    plan = Mission("wall", StartPose(1.0, 0.8), (item, second))
     run = make_run(robot, mission=plan)
     run.step(ModeRequest(Mode.AUTO))
     for _ in range(80):
@@ -119,7 +119,7 @@ def test_after_an_interruption_it_goes_on_only_where_it_was_left_and_in_that_dir
 
 def test_the_way_along_a_wall_is_kept_over_a_restart(robot, make_run):
     item = FollowWallItem("follow_wall", "right", 0.8, Until(length_m=2.6))
-    plan = Mission("wall", "flat", StartPose(1.0, 0.8), (item,))
+    plan = Mission("wall", StartPose(1.0, 0.8), (item,))
     first = make_run(robot, mission=plan)
     first.step(ModeRequest(Mode.AUTO))
     for _ in range(100):

@@ -42,7 +42,7 @@ def see(front_m, theta_rad=0.0, *, new=True, others=7):
 def run_to(make_run, robot, gap_m, duration_s=15.0, **world):
     """Return a run before the wall between the rooms, `gap_m` from the front sonar."""
     item = KeepDistanceItem("keep_distance", WANTED_M, duration_s)
-    mission = Mission("keep", "flat", StartPose(1.0, 1.0), (item,))
+    mission = Mission("keep", StartPose(1.0, 1.0), (item,))
     run = make_run(robot, mission=mission, start=SE2(WALL_X_M - gap_m - robot.front, 1.0), **world)
     run.step(AUTO)
     return run
@@ -141,7 +141,7 @@ def test_the_speed_is_bounded_and_time_in_another_mode_does_not_count(make_run, 
 
 def test_what_a_robot_cannot_do_is_refused(robot):
     item = KeepDistanceItem("keep_distance", 0.12, 5.0)
-    mission = Mission("keep", "flat", StartPose(0.0, 0.0), (item,))
+    mission = Mission("keep", StartPose(0.0, 0.0), (item,))
     with pytest.raises(MissionError, match=r"distance_m = 0\.12 is never reached"):
         check_mission(mission, Abilities(robot.drive, frozenset({"front"}), GuardConfig()))
     far = replace(mission, item=(replace(item, distance_m=0.5),))

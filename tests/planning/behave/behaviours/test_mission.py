@@ -112,7 +112,7 @@ def test_all_wrong_keys_are_reported_at_once():
 
 
 def mission(*items):
-    return Mission("demo", "flat", StartPose(0.0, 0.0), items)
+    return Mission("demo", StartPose(0.0, 0.0), items)
 
 
 def test_a_drive_and_steer_robot_refuses_to_turn_on_the_spot_and_names_the_item(steered):

@@ -159,7 +159,7 @@ def test_no_breadcrumb_is_dropped_at_a_guess(make_run, differential):
 @pytest.mark.parametrize("mode", [Mode.AUTO, Mode.RTL, Mode.GUIDED])
 def test_a_robot_that_has_done_what_it_was_told_does_not_set_off(make_run, robot, mode):
     item = StraightToItem("straight_to", 2.5, 1.0)
-    run = make_run(robot, mission=Mission("out", "flat", StartPose(1.0, 1.0), (item,)))
+    run = make_run(robot, mission=Mission("out", StartPose(1.0, 1.0), (item,)))
     run.step(ModeRequest(Mode.AUTO))
     run.until(lambda out: out.state.mission_completed, 30.0)
     if mode is Mode.RTL:
@@ -187,7 +187,7 @@ def test_a_robot_whose_mission_has_failed_does_not_set_off(make_run, differentia
 def driven_out(make_run, robot):
     """Return a run of 2.5 m straight on, back on the way home, which has lost its place there."""
     item = StraightToItem("straight_to", 3.5, 1.0)
-    run = make_run(robot, mission=Mission("out", "flat", StartPose(1.0, 1.0), (item,)))
+    run = make_run(robot, mission=Mission("out", StartPose(1.0, 1.0), (item,)))
     run.step(ModeRequest(Mode.AUTO))
     run.until(lambda out: out.state.mission_completed, 30.0)
     run.step(ModeRequest(Mode.RTL))

@@ -50,7 +50,7 @@ def learn_map(run):
 
 def carried(make_run, robot, item, to, *, after_m=1.5, known=True):
     """Return a run that drove so far on its item, was carried, and was lost for a second."""
-    run = make_run(robot, mission=Mission("there", "flat", StartPose(1.0, 1.0), (item,)))
+    run = make_run(robot, mission=Mission("there", StartPose(1.0, 1.0), (item,)))
     if known:
         learn_map(run)
     run.step(ModeRequest(Mode.AUTO))
@@ -104,7 +104,7 @@ def test_a_wall_is_followed_on_from_where_it_was_left(make_run, differential, to
 
 @pytest.mark.parametrize("item", [WaitItem("wait", 8.0), TurnToItem("turn_to", 170.0)])
 def test_who_waits_or_turns_does_so_at_its_place(make_run, differential, item):
-    mission = Mission("there", "flat", StartPose(1.0, 1.0), (item,))
+    mission = Mission("there", StartPose(1.0, 1.0), (item,))
     run = make_run(differential, mission=mission)
     learn_map(run)
     run.step(ModeRequest(Mode.AUTO))
@@ -119,7 +119,7 @@ def test_who_waits_or_turns_does_so_at_its_place(make_run, differential, item):
 
 
 def test_a_pose_that_jumps_without_a_search_is_no_failure_either(make_run, differential):
-    run = make_run(differential, mission=Mission("x", "flat", StartPose(1.0, 1.0), (SQUARE,)))
+    run = make_run(differential, mission=Mission("x", StartPose(1.0, 1.0), (SQUARE,)))
     learn_map(run)
     run.step(ModeRequest(Mode.AUTO))
     run.until(lambda _: run.world.distance_m > 1.5, 60.0)
@@ -153,7 +153,7 @@ def test_without_a_map_the_way_back_is_straight_and_the_guard_stops_it_at_a_wall
 
 @pytest.mark.parametrize("aside_m", [0.3, -0.3])
 def test_a_small_jump_needs_no_way_back(make_run, differential, aside_m):
-    run = make_run(differential, mission=Mission("x", "flat", StartPose(1.0, 1.0), (SQUARE,)))
+    run = make_run(differential, mission=Mission("x", StartPose(1.0, 1.0), (SQUARE,)))
     learn_map(run)
     run.step(ModeRequest(Mode.AUTO))
     run.until(lambda _: run.world.distance_m > 1.5, 60.0)
@@ -165,7 +165,7 @@ def test_a_small_jump_needs_no_way_back(make_run, differential, aside_m):
 
 
 def test_a_pose_that_jumps_in_the_same_epoch_is_an_error_of_the_odometry(make_run, differential):
-    run = make_run(differential, mission=Mission("x", "flat", StartPose(1.0, 1.0), (SQUARE,)))
+    run = make_run(differential, mission=Mission("x", StartPose(1.0, 1.0), (SQUARE,)))
     learn_map(run)
     run.step(ModeRequest(Mode.AUTO))
     run.until(lambda _: run.world.distance_m > 1.5, 60.0)
@@ -248,7 +248,7 @@ def test_without_a_map_they_are_straight_and_the_guard_stops_the_robot(
 
 
 def test_who_is_moved_while_another_mode_steers_still_fails(make_run, differential):
-    run = make_run(differential, mission=Mission("x", "flat", StartPose(1.0, 1.0), (SQUARE,)))
+    run = make_run(differential, mission=Mission("x", StartPose(1.0, 1.0), (SQUARE,)))
     learn_map(run)
     run.step(ModeRequest(Mode.AUTO))
     run.until(lambda _: run.world.distance_m > 1.5, 60.0)

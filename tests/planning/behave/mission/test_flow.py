@@ -29,7 +29,7 @@ BLINK = 0.04
 
 
 def mission(*items):
-    return Mission("test", "flat", StartPose(1.0, 1.0), items)
+    return Mission("test", StartPose(1.0, 1.0), items)
 
 
 def there(x, y=1.0, name=""):
@@ -224,7 +224,7 @@ def test_an_operator_jumps_by_number_and_name_and_aborts(differential, make_run)
 
 def test_another_mission_is_taken_when_none_is_under_way(differential, make_run):
     run = make_run(differential, mission=mission(there(3.0)))
-    other = Mission("other", "flat", StartPose(1.0, 1.0), (there(1.3),))
+    other = Mission("other", StartPose(1.0, 1.0), (there(1.3),))
     run.step(AUTO)
     out = run.step(LoadRequest(other))
     assert (out.state.mission, out.state.mode) == ("test", Mode.AUTO)
@@ -239,7 +239,7 @@ def test_another_mission_is_taken_when_none_is_under_way(differential, make_run)
     )
     run.step(AUTO)
     assert run.until(lambda out: out.state.mission_completed, 20.0).state.mission == "other"
-    planned = Mission("plan", "flat", StartPose(1.0, 1.0), (GotoItem("goto", 2.0, 1.0),))
+    planned = Mission("plan", StartPose(1.0, 1.0), (GotoItem("goto", 2.0, 1.0),))
     assert "neither a map nor a lidar" in run.step(LoadRequest(planned)).state.message
 
 
