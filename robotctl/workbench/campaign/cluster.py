@@ -105,8 +105,9 @@ def cluster_workers(address: str, files: Sequence[Path]) -> Iterator[Workers]:
         from distributed import Client  # noqa: PLC0415 - an extra
     except ImportError as error:
         raise ConfigError(
-            "--scheduler needs Dask, which is not installed; install robotctl with its extra "
-            "`campaign`: pip install 'robotctl[campaign]'"
+            "--scheduler needs Dask, which is not installed; install it with\n"
+            "  sudo /opt/robotctl/bin/pip install '/opt/robotctl-source[campaign]'\n"
+            "where these are the installation and your copy of robotctl (in a checkout: make setup)"
         ) from error
     client = _connected(Client, address)
     try:
