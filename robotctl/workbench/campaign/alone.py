@@ -143,14 +143,19 @@ def run_alone(program: Program, words: Sequence[str], wall_seconds: float) -> En
 
 
 @contextmanager
-def runs_end_with_this() -> Iterator[None]:
-    """Kill the runs of this process, and start no more, if an exception ends the context."""
-    _processes.is_stopped = False
+def runs_end_with_this(wait_for_all: Callable[[], None]) -> Iterator[None]:
+    """Kill the runs of this process, and start no more, if an exception ends the context.
+
+    At its end `wait_for_all` returns once nobody waits for a run.
+    """
     try:
         yield
     except BaseException:
         _processes.stop()
         raise
+    finally:
+        wait_for_all()
+        _processes.is_stopped = False
 
 
 _REPORT: Final = "report.json"

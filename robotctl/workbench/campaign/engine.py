@@ -32,11 +32,8 @@ class Workers:
 def local_workers(count: int) -> Iterator[Workers]:
     """Yield workers of this computer: threads that each wait for a run in another process."""
     executor = ThreadPoolExecutor(count, thread_name_prefix="run")
-    try:
-        with runs_end_with_this():
-            yield Workers(executor, count, run_alone)
-    finally:
-        executor.shutdown(cancel_futures=True)
+    with runs_end_with_this(lambda: executor.shutdown(cancel_futures=True)):
+        yield Workers(executor, count, run_alone)
 
 
 def refusals(

@@ -196,3 +196,15 @@ def test_what_contradicts_each_other_is_refused(folder, tmp_path):
     assert status_of("campaign", folder / "gains.toml", "--again", tmp_path) == BAD_INPUT
     assert status_of("campaign", "--again", tmp_path, "--results", tmp_path) == BAD_INPUT
     assert status_of("campaign", "--again", tmp_path) == BAD_INPUT
+
+
+def test_what_only_a_run_can_find_out_is_found_by_a_short_one_of_each_kind(folder, capsys):
+    (folder / "camera.toml").write_text(
+        'robots = ["jackal"]\noptions = ["--camera --localiser mcl"]\nseeds = 1000\n'
+    )
+    results = folder / "never"
+    assert status_of("campaign", folder / "camera.toml", "--results", results) == BAD_INPUT
+    said = capsys.readouterr().err
+    assert "jackal.toml: camera.mount: missing key" in said
+    assert "robotctl sim --lockstep --robot jackal --camera" in said
+    assert not results.exists()
