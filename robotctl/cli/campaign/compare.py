@@ -36,7 +36,7 @@ def compare(
     console.print(f"after: {after}, robotctl sources {second[0].sources[:12]}", soft_wrap=True)
     table = grid(
         f"{counted(found.differences[0].pairs, 'pair')}, {found.unpaired} runs without their like",
-        "field", "before", "after", "change, 95 %", "more", "less", "p", "",
+        "field", "before", "after", "change, 95 %", "+/-", "p", "",
     )  # fmt: skip
     for each in found.differences:
         low, high = each.interval
@@ -45,8 +45,7 @@ def compare(
             f"{each.before:.3g}",
             f"{each.after:.3g}",
             f"{low:+.2g}..{high:+.2g}",
-            str(each.more),
-            str(each.less),
+            f"{each.more}/{each.less}",
             f"{each.p:.1g}",
             each.verdict,
         )

@@ -38,7 +38,7 @@ class Difference:
         95 % interval of the mean difference, by bootstrap of the pairs (Efron 1979).
     p
         Probability of as uneven a count of more and less by chance: the exact sign test, for
-        passing that of McNemar (1947); adjusted for all fields (Benjamini and Hochberg 1995).
+        passing that of McNemar (1947); adjusted for all fields that differ (Benjamini and Hochberg 1995).
     """
 
     field: str
@@ -108,9 +108,8 @@ def compare(
         values = np.array([*_both(pairs, field)], dtype=float).reshape(-1, 2)
         if len(values):
             found.append(_difference(field, values))
-    adjusted = stats.false_discovery_control([each.p for each in found])
     return Comparison(
-        tuple(replace(each, p=float(p)) for each, p in zip(found, adjusted, strict=True)),
+        _adjusted(found),
         len(before) + len(after) - 2 * len(pairs),
         tuple(
             pair[1]
@@ -118,6 +117,14 @@ def compare(
             if verdict == (True, False)
         ),
     )
+
+
+def _adjusted(found: Sequence[Difference]) -> tuple[Difference, ...]:
+    """Return differences with p adjusted for all fields in which any pair differs."""
+    changed = [each for each in found if each.more + each.less]
+    p = stats.false_discovery_control([each.p for each in changed]) if changed else []
+    adjusted = dict(zip([each.field for each in changed], map(float, p), strict=True))
+    return tuple(replace(each, p=adjusted.get(each.field, 1.0)) for each in found)
 
 
 def _both(pairs: Iterable[tuple[Result, Result]], field: str) -> Iterator[tuple[float, ...]]:
