@@ -38,7 +38,8 @@ class Difference:
         95 % interval of the mean difference, by bootstrap of the pairs (Efron 1979).
     p
         Probability of as uneven a count of more and less by chance: the exact sign test, for
-        passing that of McNemar (1947); adjusted for all fields that differ (Benjamini and Hochberg 1995).
+        passing that of McNemar (1947); adjusted for all fields in which a pair differs (Benjamini
+        and Hochberg 1995).
     """
 
     field: str
