@@ -79,7 +79,7 @@ def _motionless(items: Sequence[Item], loops: dict[int, Loop]) -> Iterator[ItemP
         for index in range(len(items))
     ]
     walk_of: dict[int, int] = {}
-    """Where the walk began that came to an item first."""
+    """Beginning of the walk that came to an item first."""
     for begin in range(len(items)):
         at, walk = begin, list[int]()
         while at < len(items) and at not in walk_of:
