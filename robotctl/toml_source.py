@@ -195,6 +195,8 @@ def restored(kind: Any, data: Any) -> Any:
         If they do not fit: another version made them.
     """
     kind = _dataclass_of(data, kind)
+    if data is None:
+        return None
     if _is_dataclass(kind) and isinstance(data, dict):
         hints = _hints(kind)
         fields = (field.name for field in dataclasses.fields(kind) if field.name in data)
@@ -209,7 +211,9 @@ def restored(kind: Any, data: Any) -> Any:
         return tuple(map(restored, kinds, data))
     if kind is float and type(data) is int:
         return float(data)
-    if kind in _PLAIN and type(data) is not kind:
+    if kind is None:
+        raise ConfigError(f"{shown(data)} found, of no kind that this version knows")
+    if (kind in _PLAIN and type(data) is not kind) or _is_dataclass(kind):
         raise ConfigError(f"{kind.__name__} needed, found {shown(data)}")
     return data
 
@@ -354,7 +358,7 @@ def _unknown_keys(data: Any, kind: Any, at: Key) -> Iterator[tuple[Key, str]]:
 def _dataclass_of(data: Any, kind: Any) -> Any:
     """Resolve annotations and unions to the type that fits `data`.
 
-    The `kind` selects among dataclasses; a list selects the tuple.
+    The `kind` selects among dataclasses, None if there is none of it; a list selects the tuple.
     """
     while typing.get_origin(kind) is typing.Annotated:
         kind = typing.get_args(kind)[0]
@@ -364,6 +368,8 @@ def _dataclass_of(data: Any, kind: Any) -> Any:
     if isinstance(data, list):
         return next((each for each in members if typing.get_origin(each) is tuple), None)
     dataclass_members = [member for member in members if _is_dataclass(member)]
+    if not dataclass_members:
+        return kind
     if len(dataclass_members) == 1:
         return dataclass_members[0]
     for member in dataclass_members:

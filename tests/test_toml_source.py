@@ -289,10 +289,24 @@ def test_what_was_read_is_the_same_again_from_its_plain_data() -> None:
         ({"kp": "2"}, "float needed, found '2'"),
         ({"kp": True}, "float needed, found true"),
         ({"kp": -1.0}, "kp must not be negative, found -1.0"),
-        (None, "float needed, found a table"),
+        ({"kp": {}}, "float needed, found a table"),
+        (3, "Gains needed, found 3"),
     ],
 )
 def test_plain_data_of_another_version_are_refused(gains: object, said: str) -> None:
-    data = {"gains": {"kp": {}} if gains is None else gains}
     with pytest.raises(ConfigError, match=said):
-        restored(File, data)
+        restored(File, {"gains": gains})
+
+
+@pytest.mark.parametrize(
+    ("shape", "said"),
+    [
+        ({"kind": "oval", "radius_m": 1.0}, "a table found, of no kind that this version knows"),
+        ({"kind": ["round"], "radius_m": 1.0}, "a table found, of no kind"),
+        ({"radius_m": 1.0}, "a table found, of no kind"),
+        ("round", "'round' found"),
+    ],
+)
+def test_a_table_of_an_unknown_kind_is_refused(shape: object, said: str) -> None:
+    with pytest.raises(ConfigError, match=said):
+        restored(File, {"gains": {"kp": 1.0}, "shape": [shape]})
