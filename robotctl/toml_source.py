@@ -194,9 +194,9 @@ def restored(kind: Any, data: Any) -> Any:
     ConfigError
         If they do not fit: another version made them.
     """
-    kind = _dataclass_of(data, kind)
-    if data is None:
+    if data is None and type(None) in typing.get_args(kind):
         return None
+    kind = _dataclass_of(data, kind)
     if _is_dataclass(kind) and isinstance(data, dict):
         hints = _hints(kind)
         fields = (field.name for field in dataclasses.fields(kind) if field.name in data)

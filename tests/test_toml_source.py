@@ -291,6 +291,8 @@ def test_what_was_read_is_the_same_again_from_its_plain_data() -> None:
         ({"kp": -1.0}, "kp must not be negative, found -1.0"),
         ({"kp": {}}, "float needed, found a table"),
         (3, "Gains needed, found 3"),
+        (None, "Gains needed, found None"),
+        ({"kp": None}, "float needed, found None"),
     ],
 )
 def test_plain_data_of_another_version_are_refused(gains: object, said: str) -> None:

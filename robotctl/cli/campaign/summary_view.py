@@ -13,10 +13,8 @@ from rich.table import Table
 
 from robotctl.cli.html_page import document
 from robotctl.words import counted
-from robotctl.workbench.campaign.statistics import Distribution, Effect, Judged, Summary
+from robotctl.workbench.campaign.statistics import SURE, Distribution, Effect, Judged, Summary
 
-SURE: Final = 0.05
-"""An effect with a greater p may be chance."""
 _TEXT_RUNS: Final = 5
 _PAGE_RUNS: Final = 200
 """Runs that are shown of each list."""

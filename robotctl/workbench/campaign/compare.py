@@ -14,11 +14,16 @@ from robotctl.errors import ConfigError
 from robotctl.workbench.campaign.conditions import value_of
 from robotctl.workbench.campaign.plan import SEED
 from robotctl.workbench.campaign.results import Head, Result, judge
-from robotctl.workbench.campaign.statistics import CONFIDENCE, NEITHER, is_better, shown_fields
+from robotctl.workbench.campaign.statistics import (
+    CONFIDENCE,
+    NEITHER,
+    SURE,
+    is_better,
+    shown_fields,
+)
 
 PASSING: Final = "passing"
 BETTER, WORSE, CHANGED, SAME = "better", "worse", "changed", "no difference"
-SURE: Final = 0.05
 _RESAMPLES: Final = 9999
 
 

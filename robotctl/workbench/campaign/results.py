@@ -6,11 +6,12 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO, Final
+from typing import Any, BinaryIO
 
 import msgspec
 
 import robotctl
+from firmware_sim.faults.parameters import FAILED
 from robotctl.errors import ConfigError
 from robotctl.runtime.storage.atomic_file import write_whole
 from robotctl.runtime.storage.ring_file import hold
@@ -79,9 +80,6 @@ class Result(msgspec.Struct, frozen=True):
         return command_of(self.words)
 
 
-FAILED_FAULT: Final = " failed: "
-
-
 def result_of(run: Run, report: bytes, reason: str) -> Result:
     """Return the result of a run that ended so; see `Ending`."""
     if not report:
@@ -106,7 +104,7 @@ def judge(result: Result, conditions: Iterable[Condition]) -> Verdict:
         return Verdict(None, (result.reason,))
     if why := violations(conditions, result.report):
         return Verdict(False, why)
-    unmet = tuple(each for each in result.report["faults"] if FAILED_FAULT in each)
+    unmet = tuple(each for each in result.report["faults"] if FAILED in each)
     return Verdict(None, unmet) if unmet else Verdict(True)
 
 

@@ -15,6 +15,8 @@ from robotctl.workbench.campaign.plan import SEED
 from robotctl.workbench.campaign.results import Head, Result, Verdict, judge
 
 CONFIDENCE: Final = 0.95
+SURE: Final = 0.05
+"""An effect or a difference with a greater p may be chance."""
 _FEW: Final = 6
 """Maximum number of values of a number that are shown one by one; more are a range."""
 _FIELDS: Final = (
