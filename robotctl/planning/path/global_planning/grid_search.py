@@ -223,17 +223,22 @@ def _expand(
         if cost > reached[cell]:
             continue  # a shorter path to it has been found since
         state[_EXPANDED] += 1
+        row, column = cell // width, cell % width
         for direction in range(8):
-            down, right = _ROW_STEPS[direction] * width, _COLUMN_STEPS[direction]
-            to = cell + down + right
-            new = cost + _step_cost(costs, factors, cell, down, right, rule)
-            if new == np.inf or 0.0 < reached[to] <= new:
+            row_step, column_step = _ROW_STEPS[direction], _COLUMN_STEPS[direction]
+            to = cell + row_step * width + column_step
+            known = reached[to]
+            # No step costs less than its length: most neighbours need no look at the map.
+            if 0.0 < known <= cost + (1.0 if direction < 4 else SQRT2):
+                continue
+            new = cost + _step_cost(costs, factors, cell, row_step * width, column_step, rule)
+            if new == np.inf or 0.0 < known <= new:
                 continue
             reached[to] = new
             came[to] = direction
             estimate = new - 1.0 - least
             if guided:
-                estimate += _octile(to // width - goal_row, to % width - goal_column)
+                estimate += _octile(row + row_step - goal_row, column + column_step - goal_column)
             _put(buckets, links, paid, state, to, new, estimate)
     return _ENDED
 
