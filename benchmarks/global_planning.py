@@ -26,7 +26,6 @@ from robotctl.maps.moving_ai import load_moving_ai
 from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
-from robotctl.planning.guard.body import body_outline
 from robotctl.planning.map.planning_map import PlanningMap
 from robotctl.planning.path.global_planning.grid_search import octile_length, search_cells
 from robotctl.planning.path.global_planning.plan import Plan, PlannerConfig
@@ -152,7 +151,7 @@ def _rooms(folder: Path) -> None:
 def _office() -> None:
     robot = load_robot(config_directory() / "diff_drive.toml")
     grid = load_localisation_map("office", Path()).grid
-    space = PlanningMap(grid, body_outline(robot.navigation.guard, robot.sonar))
+    space = PlanningMap(grid, robot.footprint)
     ends = [SE2(1.0, 4.0, 0.0), SE2(20.0, 11.0, 1.57)]
     best = PLANNERS["astar"](PlannerConfig(comfort_weight=0.0)).plan(space, *ends)
     assert isinstance(best, Plan)
@@ -231,7 +230,7 @@ def _ompl(
 def _warehouse(folder: Path, rounds: int) -> None:
     robot = load_robot(config_directory() / "ackermann.toml")
     grid: GridMap = load_map(folder / "warehouse.yaml")
-    space = PlanningMap(grid, body_outline(robot.navigation.guard, robot.sonar))
+    space = PlanningMap(grid, robot.footprint)
     config = PlannerConfig(turning_radius_m=robot.drive.min_turning_radius_m)
     rows = []
     for start, goal in WAREHOUSE:

@@ -23,8 +23,8 @@ from pydantic import Discriminator, Field, Tag, TypeAdapter, ValidationError
 from firmware_sim.config.camera_parameters import CameraSection
 from firmware_sim.config.drives.kinds import KIND_NAMES, Drive
 from firmware_sim.config.motors import CHANNELS, OWN_KIND, MotorTable, motor_table
-from firmware_sim.config.parameters import ImuMount, SimulationParameters, SonarMount
-from firmware_sim.config.quantities import Positive
+from firmware_sim.config.parameters import BodySection, ImuMount, SimulationParameters, SonarMount
+from firmware_sim.config.quantities import Point, Positive
 from firmware_sim.config.toml_lines import Key, key_lines
 from firmware_sim.errors import SimulationError
 
@@ -159,6 +159,7 @@ class RobotConfig:
     robot: RobotSection
     drive: Drive
     simulation: SimulationParameters
+    body: BodySection = field(default_factory=BodySection)
     sonar: Annotated[tuple[SonarMount, ...], Field(max_length=16)] = ()
     can: Buses = CanSection()
     nodes: Mapping[str, str] = field(default_factory=dict)
@@ -170,6 +171,8 @@ class RobotConfig:
     power: PowerSection = PowerSection()
 
     def __post_init__(self) -> None:
+        if not self.outline:
+            raise ValueError("simulation.body: missing, and so is body.outline, which would do")
         self.drive.chassis(self.simulation)
         drives = [motor.name for motor in self.motors]
         for name in self.simulation.twin:
@@ -183,6 +186,11 @@ class RobotConfig:
         for node, name in self.nodes.items():
             if name not in names:
                 raise ValueError(f"nodes.{node}: no bus {name!r}{_hint(name, names)}")
+
+    @property
+    def outline(self) -> tuple[Point, ...]:
+        """Corners of the true outline, in base [m]."""
+        return self.simulation.body or self.body.outline
 
     @property
     def motors(self) -> tuple[MotorTable, ...]:

@@ -295,10 +295,47 @@ def _check_ranges(min_range_m: float, max_range_m: float) -> None:
         raise ValueError(f"min_range_m: {min_range_m} is not less than max_range_m, {max_range_m}")
 
 
+def check_outline(key: str, corners: tuple[Point, ...]) -> None:
+    """Raise ValueError if an outline is not convex, or reaches too far."""
+    if len(corners) < 3:
+        raise ValueError(f"{key}: {len(corners)} corners; an outline needs at least 3")
+    farthest = max(max(map(abs, corner)) for corner in corners)
+    if farthest > FARTHEST_CORNER_M:
+        raise ValueError(
+            f"{key}: a corner at {farthest:g} m; allowed are {FARTHEST_CORNER_M:g} m from base"
+        )
+    sides = [
+        (b[0] - a[0], b[1] - a[1]) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)
+    ]
+    turns = [
+        math.atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1])
+        for a, b in zip(sides, sides[1:] + sides[:1], strict=True)
+    ]
+    once = math.isclose(abs(sum(turns)), 2.0 * math.pi)
+    if not (once and (all(t > 0 for t in turns) or all(t < 0 for t in turns))):
+        raise ValueError(
+            f"{key}: the outline is not convex, crosses itself or has a corner on a straight side"
+        )
+
+
+@closed
+@dataclass(frozen=True, slots=True)
+class BodySection:
+    """The table `[body]`: the outline that robotctl believes in."""
+
+    outline: tuple[Point, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.outline:
+            check_outline("outline", self.outline)
+
+
 @closed
 @dataclass(frozen=True, slots=True)
 class SimulationParameters:
-    """The table `[simulation]`. `body` is the convex outline in base, `centre_of_mass_m` too.
+    """The table `[simulation]`. `centre_of_mass_m` and `body` are in base.
+
+    `body` is the true convex outline; without one, it is that of the table `[body]`.
 
     The CAN controllers of `classic_nodes` are classic: they destroy frames of CAN FD for all nodes.
     `twin` has a table of true values for each motor drive, by its name.
@@ -306,7 +343,7 @@ class SimulationParameters:
 
     mass_kg: Positive
     yaw_inertia_kg_m2: Positive
-    body: tuple[Point, ...]
+    body: tuple[Point, ...] | None = None
     centre_of_mass_m: Point = (-0.015, 0.0)
     wall_friction: NotNegative = 0.3
     classic_nodes: tuple[str, ...] = ()
@@ -334,23 +371,5 @@ class SimulationParameters:
         names = [each.name for each in self.lidars]
         if len(set(names)) < len(names):
             raise ValueError(f"lidar: each needs a name of its own, found {', '.join(names)}")
-        if len(self.body) < 3:
-            raise ValueError(f"body: {len(self.body)} corners; an outline needs at least 3")
-        farthest = max(max(map(abs, corner)) for corner in self.body)
-        if farthest > FARTHEST_CORNER_M:
-            raise ValueError(
-                f"body: a corner at {farthest:g} m; allowed are {FARTHEST_CORNER_M:g} m from base"
-            )
-        sides = [
-            (b[0] - a[0], b[1] - a[1])
-            for a, b in zip(self.body, self.body[1:] + self.body[:1], strict=True)
-        ]
-        turns = [
-            math.atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1])
-            for a, b in zip(sides, sides[1:] + sides[:1], strict=True)
-        ]
-        once = math.isclose(abs(sum(turns)), 2.0 * math.pi)
-        if not (once and (all(t > 0 for t in turns) or all(t < 0 for t in turns))):
-            raise ValueError(
-                "body: the outline is not convex, crosses itself or has a corner on a straight side"
-            )
+        if self.body is not None:
+            check_outline("body", self.body)

@@ -67,7 +67,7 @@ class Plant:
         self._chassis = chassis
         self._world = world
         self._segments = world.touchable
-        self._outline = body_outline(config.simulation.body)
+        self._outline = body_outline(config.outline)
         corner, self._grid = wall_grid(self._segments, float(self._p["reach"][0]))
         self._p["grid_x"], self._p["grid_y"] = corner
         self._rows = contact_rows(chassis, self._p)

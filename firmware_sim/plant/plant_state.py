@@ -154,7 +154,7 @@ def constants(config: RobotConfig, chassis: Chassis) -> np.ndarray:
     p = np.zeros(1, CONSTANTS)
     s = config.simulation
     m, w, b = s.motor, s.wheels, s.battery
-    outline = np.array(s.body)
+    outline = np.array(config.outline)
     centre = outline.mean(axis=0)
     gear = m.gear_ratio
     lag = s.steering.time_constant_s

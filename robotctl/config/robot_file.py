@@ -29,13 +29,15 @@ from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.estimation.localisers import localiser_kind
 from robotctl.mavlink.config import MavlinkConfig
 from robotctl.model.actuators import Takes
+from robotctl.model.body import OUTSIDE_M, BodyConfig
 from robotctl.model.drives.drives import Drive
 from robotctl.model.drives.odometry_noise import MotionNoise
+from robotctl.model.footprint import Footprint
 from robotctl.model.sensors.camera import CameraConfig
 from robotctl.model.sensors.imu import ImuConfig
 from robotctl.model.sensors.lidar import SOCKET, LidarConfig
 from robotctl.model.sensors.sonar import SonarMount
-from robotctl.planning.config import NavigationConfig
+from robotctl.planning.config import GuardConfig, NavigationConfig
 from robotctl.runtime.realtime import LoopConfig
 from robotctl.runtime.storage.log_folder import LogConfig
 from robotctl.safety.plausibility_config import OF_DUTY_WHEELS, PlausibilityConfig
@@ -112,6 +114,7 @@ class RobotConfig:
     limits: LimitsConfig
     control: ControlConfig = field(default_factory=ControlConfig)
     plausibility: PlausibilityConfig = field(default_factory=PlausibilityConfig)
+    body: BodyConfig = field(default_factory=BodyConfig)
     sonar: tuple[SonarMount, ...] = ()
     lidar: Lidars | None = None
     imu: ImuConfig = field(default_factory=ImuConfig)
@@ -136,6 +139,11 @@ class RobotConfig:
     def buses(self) -> tuple[CanConfig, ...]:
         """All buses, in the order of the file."""
         return self.can if isinstance(self.can, tuple) else (self.can,)
+
+    @property
+    def footprint(self) -> Footprint:
+        """The outline of the body: that of the file, else the guard's rectangle."""
+        return self.body.footprint or self.navigation.guard.outline(self.sonar)
 
     @property
     def lidars(self) -> tuple[LidarConfig, ...]:
@@ -340,6 +348,7 @@ def contradictions(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]
         bound = f"under two steps of navigation ({two_steps_ms:g} ms at {rate_hz:g} Hz)"
         yield ("safety", "setpoint_timeout_ms"), f"{config.safety.setpoint_timeout_ms} is {bound}"
     yield from _beyond_the_limits(config)
+    yield from _beyond_the_body(config)
     yield from _beyond_the_nose(config)
     names = [mount.name for mount in config.sonar]
     for name in sorted({name for name in names if names.count(name) > 1}):
@@ -480,9 +489,28 @@ def _beyond_the_limits(config: RobotConfig) -> Iterator[tuple[toml_source.Key, s
         yield ("plausibility", "steering_ms"), f"{monitor.steering_ms} found, but {problem}"
 
 
+def _beyond_the_body(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
+    """Yield sonars outside of the outline, and what else tells the body than that."""
+    outline = config.body.footprint
+    if outline is None:
+        return
+    guard, unset = config.navigation.guard, GuardConfig()
+    for name in ("nose_m", "half_width_m"):
+        if getattr(guard, name) != getattr(unset, name):
+            problem = f"{getattr(guard, name):g} found beside [body] outline, which tells the body"
+            yield ("navigation", "guard", name), f"{problem}; leave one out"
+    for mount in config.sonar:
+        outside_m = -outline.depth_m(mount.x_m, mount.y_m)
+        if outside_m > OUTSIDE_M:
+            problem = (
+                f"sonar {mount.name} at {mount.x_m:g}, {mount.y_m:g} is {outside_m:.3f} m outside"
+            )
+            yield ("body", "outline"), f"{problem}; what moves with the robot belongs inside"
+
+
 def _beyond_the_nose(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
     """Yield a nose with a protruding sonar: camera obstacles would be reached too early."""
-    if config.camera is None or not config.sonar:
+    if config.camera is None or not config.sonar or config.body.outline:
         return
     nose_m = config.navigation.guard.nose_m
     foremost = max(config.sonar, key=lambda mount: mount.x_m)

@@ -8,9 +8,9 @@ from robotctl.control.limiter import LimitsConfig
 from robotctl.messages.control import ControlState
 from robotctl.messages.fence import EnableFence, FenceRequest, FenceState, SetFence
 from robotctl.model.fence import Fence
+from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
-from robotctl.model.rectangle import Rectangle
 from robotctl.safety.fence.fence_guard import FenceGuard
 from robotctl.safety.fence.prediction import MotionNow
 
@@ -52,7 +52,7 @@ class FenceKeeper:
     """
 
     def __init__(
-        self, limits: LimitsConfig, body: Rectangle, period_ns: int, life_ns: int, *, steered: bool
+        self, limits: LimitsConfig, body: Footprint, period_ns: int, life_ns: int, *, steered: bool
     ) -> None:
         # A command is followed until the next one, or its end, has reached control.
         self._period_s = (period_ns + LATENCY_NS) * 1e-9

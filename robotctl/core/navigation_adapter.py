@@ -125,7 +125,7 @@ class NavigationAdapter:
         self._told = ToldViews()
         self._offer: _Offer | None = None
         """A mission that the navigator is asked to take in this step."""
-        self._sightings = Sightings(config.guard, camera_rate_hz)
+        self._sightings = Sightings(navigator.reach_over_m, camera_rate_hz)
         self._world = WorldPose(has_localiser=has_localiser)
         self._notices: list[str] = []
         self._message = ""

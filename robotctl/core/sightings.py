@@ -15,7 +15,6 @@ from robotctl.messages.control import ControlState
 from robotctl.messages.estimation import CameraView, LidarScan
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
-from robotctl.planning.config import GuardConfig
 from robotctl.planning.guard.course import Point
 from robotctl.planning.guard.floor_memory import FloorMemory, FloorView
 from robotctl.safety.state_machine import POWERED
@@ -43,8 +42,8 @@ class Sightings:
 
     Parameters
     ----------
-    guard
-        The robot's outline.
+    reach_over_m
+        How far the body reaches over the floor, ahead and behind, and to each side [m].
     camera_rate_hz
         Pictures a second of the camera that watches the floor; 0: there is none.
 
@@ -54,8 +53,8 @@ class Sightings:
         Points on the floor around not to be driven over, as of the last control state [m].
     """
 
-    def __init__(self, guard: GuardConfig, camera_rate_hz: float) -> None:
-        self._guard = guard
+    def __init__(self, reach_over_m: tuple[float, float], camera_rate_hz: float) -> None:
+        self._reach_over_m = reach_over_m
         self._odometry = OdometryHistory()
         self._odom_epoch_ns: int | None = None
         """Epoch of the last state."""
@@ -131,7 +130,7 @@ class Sightings:
         self._odometry, self._floor = OdometryHistory(), FloorMemory()
         if not (self._has_camera and control.armings):
             return []
-        self._floor.doubt(odometry, self._guard.nose_m, self._guard.half_width_m)
+        self._floor.doubt(odometry, *self._reach_over_m)
         return [_UNSEEN]
 
 

@@ -18,7 +18,6 @@ from robotctl.logs.mcap.log import McapLog
 from robotctl.logs.mcap.recovery import LogInUseError, McapLogError, is_complete, recover
 from robotctl.logs.mcap.scene import Scene
 from robotctl.messages.ports import Clock
-from robotctl.planning.guard.obstacle_guard import body_rectangle
 from robotctl.runtime.storage.atomic_file import remove_parts
 from robotctl.runtime.storage.log_folder import LogFolder, close_log, is_gone
 from robotctl.words import counted
@@ -201,7 +200,7 @@ def scene_of(config: RobotConfig) -> Scene:
         config.sonar,
         camera.mount if camera is not None and camera.enabled else None,
         sonar=config.localisation.sonar,
-        body=body_rectangle(config.navigation.guard, config.sonar),
+        body=config.footprint,
         has_localiser=config.localisation.method != "none",
     )
 

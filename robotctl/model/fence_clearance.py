@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.model.fence import Fence, FenceCircle, FencePolygon
-from robotctl.model.rectangle import Rectangle
+from robotctl.model.footprint import Footprint
+from robotctl.model.footprint_arrays import OFFSET, side_rows
 
 _TINY: Final = 1e-300
 
@@ -50,7 +51,7 @@ class _Side(NamedTuple):
 
 
 def body_clearance(
-    fence: Fence, body: Rectangle, poses: NDArray[np.float64], cap_m: float = math.inf
+    fence: Fence, body: Footprint, poses: NDArray[np.float64], cap_m: float = math.inf
 ) -> NDArray[np.float64]:
     """Return the distance of the body from the fence at poses of `base` in `world`, (n,) [m].
 
@@ -74,7 +75,7 @@ def body_clearance(
 
 
 def _from_polygon(
-    polygon: FencePolygon, body: Rectangle, poses: NDArray[np.float64], cap_m: float
+    polygon: FencePolygon, body: Footprint, poses: NDArray[np.float64], cap_m: float
 ) -> NDArray[np.float64]:
     """Return the clearance from one polygon."""
     here = _sides(polygon, poses[:1])
@@ -118,55 +119,51 @@ def _each_distance(sides: _Side) -> NDArray[np.float64]:
     return distance
 
 
-def _outline_distance(sides: _Side, body: Rectangle) -> NDArray[np.float64]:
+def _outline_distance(sides: _Side, body: Footprint) -> NDArray[np.float64]:
     """Return the distance of the body from the nearest side that does not cross it, (n,) [m].
 
     The nearest points of two disjoint convex shapes are a corner of one of them and any point of
     the other.
     """
-    x = np.maximum(np.maximum(body.rear_m - sides.ax, sides.ax - body.front_m), 0.0)
-    y = np.maximum(np.abs(sides.ay) - body.half_width_m, 0.0)
-    distance: NDArray[np.float64] = np.hypot(x, y).min(axis=1, initial=math.inf)
+    away = _away(body, sides.ax, sides.ay)
+    distance: NDArray[np.float64] = away.min(axis=1, initial=math.inf)
     for corner in body.corners:
         distance = np.minimum(distance, sides.distance(*corner))
     return distance
 
 
-def _crosses(sides: _Side, body: Rectangle) -> NDArray[np.bool_]:
+def _crosses(sides: _Side, body: Footprint) -> NDArray[np.bool_]:
     """Return whether one of the sides has a point in the body, (n,).
 
-    The side is clipped to the slab between each two opposite sides of the body (Liang and Barsky,
-    ACM Transactions on Graphics 3, 1984).
+    The side is clipped to the inner half-plane of each side of the body (Cyrus and Beck, Computers
+    and Graphics 3, 1978).
     """
     enter, leave = np.zeros_like(sides.ax), np.ones_like(sides.ax)
-    for a, b, low, high in (
-        (sides.ax, sides.bx, body.rear_m, body.front_m),
-        (sides.ay, sides.by, -body.half_width_m, body.half_width_m),
-    ):
-        way = np.where(np.abs(b - a) < _TINY, _TINY, b - a)
-        first, last = (low - a) / way, (high - a) / way
-        enter = np.maximum(enter, np.minimum(first, last))
-        leave = np.minimum(leave, np.maximum(first, last))
+    for nx, ny, offset in side_rows(body)[:, : OFFSET + 1]:
+        way = nx * (sides.bx - sides.ax) + ny * (sides.by - sides.ay)
+        left = offset - nx * sides.ax - ny * sides.ay
+        beside = np.where(left >= 0.0, math.inf, -math.inf)
+        along = np.abs(way) < _TINY
+        at = np.where(along, beside, left / np.where(along, 1.0, way))
+        enter = np.maximum(enter, np.where(way < 0.0, at, 0.0))
+        leave = np.minimum(leave, np.where(way < 0.0, 1.0, at))
     meets: NDArray[np.bool_] = np.any(enter <= leave, axis=1)
     return meets
 
 
-def _depth(polygon: FencePolygon, sides: _Side, body: Rectangle) -> NDArray[np.float64]:
+def _depth(polygon: FencePolygon, sides: _Side, body: Footprint) -> NDArray[np.float64]:
     """Return the depth by which the body sticks out across a side, (n,) [m], >= 0."""
     depth = np.zeros(len(sides.ax))
     for corner in body.corners:
         is_in = sides.surround(*corner) == polygon.keeps_in
         depth = np.maximum(depth, np.where(is_in, 0.0, sides.distance(*corner)))
-    inside = np.minimum(
-        np.minimum(body.front_m - sides.ax, sides.ax - body.rear_m),
-        body.half_width_m - np.abs(sides.ay),
-    )
+    inside = -_outside(body, sides.ax, sides.ay)
     deepest: NDArray[np.float64] = np.maximum(depth, inside.max(axis=1, initial=0.0))
     return deepest
 
 
 def _from_circle(
-    circle: FenceCircle, body: Rectangle, poses: NDArray[np.float64]
+    circle: FenceCircle, body: Footprint, poses: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the clearance from one circle."""
     away_x, away_y = circle.x_m - poses[:, 0], circle.y_m - poses[:, 1]
@@ -178,8 +175,26 @@ def _from_circle(
         clearance = circle.radius_m - np.max(corners, axis=0)
         way_back = base - circle.radius_m
     else:
-        beside_x = np.maximum(np.maximum(body.rear_m - x, x - body.front_m), 0.0)
-        beside_y = np.maximum(np.abs(y) - body.half_width_m, 0.0)
-        clearance = np.hypot(beside_x, beside_y) - circle.radius_m
+        clearance = _away(body, x, y) - circle.radius_m
         way_back = circle.radius_m - base
     return np.where(way_back > 0.0, -(body.reach_m + way_back), clearance)
+
+
+def _outside(
+    body: Footprint, x: NDArray[np.float64], y: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return how far points of `base` lie outside of the farthest side; negative: inside [m]."""
+    outside = np.full_like(x, -math.inf)
+    for nx, ny, offset in side_rows(body)[:, : OFFSET + 1]:
+        outside = np.maximum(outside, nx * x + ny * y - offset)
+    return outside
+
+
+def _away(body: Footprint, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the distance of points of `base` from the body [m], 0 within."""
+    away = np.full_like(x, math.inf)
+    for (ax, ay), (bx, by) in body.sides():
+        ux, uy = bx - ax, by - ay
+        along = np.clip(((x - ax) * ux + (y - ay) * uy) / (ux * ux + uy * uy), 0.0, 1.0)
+        away = np.minimum(away, np.hypot(x - ax - along * ux, y - ay - along * uy))
+    return np.where(_outside(body, x, y) <= 0.0, 0.0, away)

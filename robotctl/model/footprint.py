@@ -6,9 +6,6 @@ import math
 from dataclasses import dataclass
 from typing import TypeAlias
 
-import numpy as np
-from numpy.typing import NDArray
-
 Point: TypeAlias = tuple[float, float]
 
 
@@ -49,9 +46,22 @@ class Footprint:
         if not min(turns) >= 0.0:
             raise ValueError("the outline must be convex and counter-clockwise")
 
+    @classmethod
+    def rectangle(cls, rear_m: float, front_m: float, half_width_m: float) -> Footprint:
+        """Return a rectangle from `rear_m` < 0 to `front_m`, its sides equally far away."""
+        half_m = half_width_m
+        return cls(((front_m, -half_m), (front_m, half_m), (rear_m, half_m), (rear_m, -half_m)))
+
     def sides(self) -> list[tuple[Point, Point]]:
         """Return the sides, from corner to corner."""
         return list(zip(self.corners, self.corners[1:] + self.corners[:1], strict=True))
+
+    def depth_m(self, x_m: float, y_m: float) -> float:
+        """Return how deep a point of `base` lies below the nearest side [m]; < 0: outside."""
+        return min(
+            ((bx - ax) * (y_m - ay) - (by - ay) * (x_m - ax)) / math.dist((ax, ay), (bx, by))
+            for (ax, ay), (bx, by) in self.sides()
+        )
 
     @property
     def inscribed_m(self) -> float:
@@ -63,32 +73,26 @@ class Footprint:
         return min(distances, default=0.0)
 
     @property
-    def circumscribed_m(self) -> float:
-        """Radius of the circle about `base` that holds the outline [m]."""
+    def reach_m(self) -> float:
+        """Distance from `base` to the outermost corner [m]."""
         return max((math.hypot(*corner) for corner in self.corners), default=0.0)
 
-    def discs(self) -> NDArray[np.float64]:
-        """Return circles that cover the body, in a row along its longer side, (n, 3): x, y, r."""
-        if not self.corners:
-            return np.zeros((1, 3))
-        low, high = np.min(self.corners, axis=0), np.max(self.corners, axis=0)
-        sides = high - low
-        longer = int(np.argmax(sides))
-        count = math.ceil(2.0 * sides[longer] / sides[1 - longer])
-        discs = np.empty((count, 3))
-        discs[:, :2] = 0.5 * (low + high)
-        discs[:, longer] = low[longer] + sides[longer] * (np.arange(count) + 0.5) / count
-        discs[:, 2] = 0.5 * math.hypot(sides[longer] / count, sides[1 - longer])
-        return discs
+    @property
+    def rear_m(self) -> float:
+        """Coordinate of the rearmost corner ahead of `base` [m], below 0."""
+        return min((x for x, _ in self.corners), default=0.0)
 
-    def samples(self, spacing_m: float) -> NDArray[np.float64]:
-        """Return points of the body, outline included, at most `spacing_m` apart, (n, 2) [m]."""
-        if not self.corners:
-            return np.zeros((1, 2))
-        points = []
-        shrink = np.linspace(1.0, 0.0, max(1, math.ceil(self.circumscribed_m / spacing_m)) + 1)
-        for a, b in self.sides():
-            along = np.linspace(0.0, 1.0, max(1, math.ceil(math.dist(a, b) / spacing_m)) + 1)
-            points.append(np.array(a) + along[:-1, np.newaxis] * (np.array(b) - np.array(a)))
-        outline = np.concatenate(points)
-        return np.unique(np.concatenate([outline * s for s in shrink]).round(9), axis=0)
+    @property
+    def front_m(self) -> float:
+        """Coordinate of the foremost corner ahead of `base` [m]."""
+        return max((x for x, _ in self.corners), default=0.0)
+
+    @property
+    def left_m(self) -> float:
+        """Distance of the leftmost corner to the left of `base` [m]."""
+        return max((y for _, y in self.corners), default=0.0)
+
+    @property
+    def right_m(self) -> float:
+        """Distance of the rightmost corner to the right of `base` [m]."""
+        return max((-y for _, y in self.corners), default=0.0)

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Final
 
 from robotctl.config_values import check_ranges
 from robotctl.errors import InvalidValue
+from robotctl.model.footprint import Footprint
+from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.follow_config import FollowConfig
 from robotctl.planning.guard_config import ApproachConfig, GuardMemoryConfig
 from robotctl.planning.journey_config import ExplorationConfig, RungsConfig, TravelConfig
@@ -38,7 +41,8 @@ class GuardConfig:
         How far the robot reaches ahead of `base` [m], > 0: from there the gap to what the camera
         sees is counted; as far behind `base`, driving backwards.
     half_width_m
-        Half the robot's width plus a little room [m], > 0: lateral position of its corners.
+        Half the robot's width plus a little room [m], > 0: lateral position of its corners. `[body]
+        outline` takes the place of both.
     cone_deg
         Sonars within this angle of the direction of travel look ahead [deg], > 0: without their
         readings the robot stands.
@@ -74,6 +78,16 @@ class GuardConfig:
                 f"{self.blocked_max_s} found, at most {MOST_BLOCKED_S:.0f} allowed",
                 self.blocked_max_s,
             )
+
+    def outline(self, mounts: Sequence[SonarMount]) -> Footprint:
+        """Return the body of a robot whose file has no outline: it holds the nose and all sonars.
+
+        Behind it reaches to the rearmost sonar, or as far as the nose ahead where none is behind.
+        """
+        front_m = max([self.nose_m, *(mount.x_m for mount in mounts)])
+        rear_m = min((mount.x_m for mount in mounts), default=-self.nose_m)
+        half_m = max([self.half_width_m, *(abs(mount.y_m) for mount in mounts)])
+        return Footprint.rectangle(rear_m if rear_m < 0.0 else -self.nose_m, front_m, half_m)
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ from robotctl.control.limiter import LimitsConfig
 from robotctl.messages.control import NavigationState
 from robotctl.messages.mode import Mode
 from robotctl.model.drives.drives import Drive
+from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.model.sensors.sonar import SonarMount
@@ -76,6 +77,8 @@ class Navigator:
         Whether it has a camera that looks for markers.
     places
         Names of the places that its pilot can drive to.
+    outline
+        Of the body, where the robot's file tells it.
     pace
         Told of the parts of its steps, and asked how much it may do in them.
 
@@ -104,11 +107,16 @@ class Navigator:
         lidars: int = 0,
         sees_markers: bool = False,
         places: tuple[str, ...] = (),
+        outline: Footprint | None = None,
         pace: Pace = UNHURRIED,
     ) -> None:
         self._began_with = {"navigation": config, "limits": limits}
         guard = ObstacleGuard(
-            config.guard, mounts, has_lidar=lidars > 0, limits=limits if drive.holonomic else None
+            config.guard,
+            mounts,
+            has_lidar=lidars > 0,
+            limits=limits if drive.holonomic else None,
+            outline=outline,
         )
         crumbs = Breadcrumbs(home, steered=drive.steered)
         self._robot = NavigatedRobot(config, drive, mounts, guard, crumbs, sees_markers, places)
@@ -123,6 +131,11 @@ class Navigator:
     def auto(self) -> Auto:
         """Mode AUTO, with the mission."""
         return self._modes.auto
+
+    @property
+    def reach_over_m(self) -> tuple[float, float]:
+        """How far the body reaches over the floor, ahead and behind, and to each side [m]."""
+        return self._robot.guard.reach_over_m
 
     @property
     def limits(self) -> LimitsConfig:

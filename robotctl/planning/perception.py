@@ -14,7 +14,6 @@ from robotctl.planning.behave.behaviours.behaviour import BehaviourInput
 from robotctl.planning.behave.behaviours.kind import NavigatedRobot
 from robotctl.planning.guard.echo_memory import EchoMemory
 from robotctl.planning.guard.echo_motion import STANDS, EchoMotion
-from robotctl.planning.guard.obstacle_guard import body_rectangle
 from robotctl.planning.guard.scan_memory import ScanMemory
 from robotctl.planning.map.seen import Seen
 from robotctl.planning.navigation_step import NavigationInputs
@@ -37,7 +36,7 @@ class Perception:
     def __init__(self, robot: NavigatedRobot, lidars: int = 0) -> None:
         self._robot, self._lidars = robot, lidars
         self._echo_motion = EchoMotion(robot.mounts, robot.config.guard.approach)
-        body, memory = body_rectangle(robot.config.guard, robot.mounts), robot.config.guard.memory
+        body, memory = robot.guard.body, robot.config.guard.memory
         self._passed = EchoMemory(robot.mounts, body, memory)
         self._received_ns = (-1,) * len(robot.mounts)
         self._hidden = ScanMemory(body, memory)

@@ -85,6 +85,37 @@ def test_a_nose_behind_the_foremost_sonar_is_refused_where_a_camera_looks(tmp_pa
         load_robot(seeing, ["navigation.guard.nose_m=0.2"])
 
 
+def test_an_outline_is_the_body_either_way_round() -> None:
+    corners = ((0.2, -0.4), (0.2, 0.17), (-0.16, 0.17), (-0.16, -0.17))
+    for outline in (corners, corners[::-1]):
+        robot = load_robot(find_file("diff_drive"), [f"body.outline={list(map(list, outline))}"])
+        assert set(robot.footprint.corners) == set(corners)
+        assert (robot.footprint.left_m, robot.footprint.right_m) == (0.17, 0.4)
+    without = load_robot(find_file("diff_drive"))
+    assert without.footprint == without.navigation.guard.outline(without.sonar)
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        (["body.outline=[[0.2,-0.2],[0.2,0.2]]"], "three corners at least, found 2"),
+        (["body.outline=[[0.3,-0.2],[0.1,0],[0.3,0.2],[-0.2,0.2],[-0.2,-0.2]]"], "must be convex"),
+        (["body.outline=[[0.9,-0.2],[0.9,0.2],[0.5,0.2],[0.5,-0.2]]"], "base must lie to the left"),
+        (["body.outline=[[20,-2],[20,2],[-2,2],[-2,-2]]"], "farther than 10 m from base"),
+        (["body.outline=[[0.2,-0.2],[0.2,nan],[-0.2,0.2]]"], "body.outline"),
+        (["body.outline=[[0.2,-0.1],[0.2,0.1],[-0.2,0.1],[-0.2,-0.1]]"], r"sonar .* m outside"),
+        (
+            ["body.outline=[[0.3,-0.3],[0.3,0.3],[-0.3,0.3],[-0.3,-0.3]]",
+             "navigation.guard.half_width_m=0.2"],
+            r"half_width_m: 0\.2 found beside \[body\] outline",
+        ),
+    ],
+)  # fmt: skip
+def test_what_is_no_outline_or_not_the_only_one_is_refused(settings, said) -> None:
+    with pytest.raises(ConfigError, match=said):
+        load_robot(find_file("diff_drive"), settings)
+
+
 @pytest.mark.parametrize(
     ("robot", "wrong_unit", "rad_s", "volts"),
     [

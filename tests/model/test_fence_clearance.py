@@ -9,9 +9,12 @@ from hypothesis import strategies as st
 
 from robotctl.model.fence import Fence, FenceCircle, FencePolygon
 from robotctl.model.fence_clearance import body_clearance
-from robotctl.model.rectangle import Rectangle
+from robotctl.model.footprint import Footprint
+from robotctl.model.footprint_arrays import samples
 
-BODY = Rectangle(-0.25, 0.2, 0.18)
+BODY = Footprint.rectangle(-0.25, 0.2, 0.18)
+ARM = Footprint(((0.1, -0.6), (0.3, -0.5), (0.25, 0.2), (-0.25, 0.2), (-0.25, -0.2)))
+"""Of a robot with an arm to its right."""
 places = st.floats(-3.0, 3.0).map(lambda value: round(value, 3))
 points = st.tuples(places, places)
 
@@ -32,14 +35,11 @@ def fences(draw):
 poses = st.tuples(places, places, st.floats(-math.pi, math.pi))
 
 
-def body_points(pose, count=13):
+def body_points(pose, body=BODY):
     """Return points of the body in `world`, (n, 2)."""
-    x, y = np.meshgrid(
-        np.linspace(BODY.rear_m, BODY.front_m, count),
-        np.linspace(-BODY.half_width_m, BODY.half_width_m, count),
-    )
+    x, y = samples(body, 0.03).T
     c, s = math.cos(pose[2]), math.sin(pose[2])
-    return np.stack([pose[0] + c * x - s * y, pose[1] + s * x + c * y], -1).reshape(-1, 2)
+    return np.stack([pose[0] + c * x - s * y, pose[1] + s * x + c * y], -1)
 
 
 def is_allowed(fence, point):
@@ -72,10 +72,10 @@ def boundary(fence):
 
 
 @settings(max_examples=40)
-@given(fences(), poses)
-def test_positive_is_the_distance_of_a_body_that_is_wholly_where_it_may_be(fence, pose):
-    (clearance,) = body_clearance(fence, BODY, np.array([pose]))
-    here = body_points(pose)
+@given(fences(), poses, st.sampled_from([BODY, ARM]))
+def test_positive_is_the_distance_of_a_body_that_is_wholly_where_it_may_be(fence, pose, body):
+    (clearance,) = body_clearance(fence, body, np.array([pose]))
+    here = body_points(pose, body)
     outline = boundary(fence)
     away_m = np.hypot(*(here[:, np.newaxis] - outline).transpose(2, 0, 1)).min()
     if clearance > 0.0:

@@ -8,18 +8,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robotctl.model.footprint import Footprint
+from robotctl.model.footprint_arrays import discs, samples
 
 RECTANGLE = Footprint(((0.4, -0.2), (0.4, 0.2), (-0.1, 0.2), (-0.1, -0.2)))
 
 
 def test_the_circles_of_a_rectangle():
     assert RECTANGLE.inscribed_m == pytest.approx(0.1)
-    assert RECTANGLE.circumscribed_m == pytest.approx(math.hypot(0.4, 0.2))
+    assert RECTANGLE.reach_m == pytest.approx(math.hypot(0.4, 0.2))
 
 
 def test_a_robot_without_corners_is_a_point():
-    assert (Footprint().inscribed_m, Footprint().circumscribed_m) == (0.0, 0.0)
-    assert Footprint().samples(0.1).tolist() == [[0.0, 0.0]]
+    assert (Footprint().inscribed_m, Footprint().reach_m) == (0.0, 0.0)
+    assert samples(Footprint(), 0.1).tolist() == [[0.0, 0.0]]
 
 
 @pytest.mark.parametrize(
@@ -40,15 +41,15 @@ def test_what_is_no_outline_is_refused(corners, said):
 def test_points_lie_in_the_outline_and_leave_no_hole(count, radius_m, spacing_m, turn):
     angles = turn + np.arange(count) * math.tau / count
     footprint = Footprint(tuple((radius_m * math.cos(a), radius_m * math.sin(a)) for a in angles))
-    points = footprint.samples(spacing_m)
+    points = samples(footprint, spacing_m)
     for (ax, ay), (bx, by) in footprint.sides():
         side = (bx - ax) * (points[:, 1] - ay) - (by - ay) * (points[:, 0] - ax)
         assert (side > -1e-6).all()
     rng = np.random.default_rng(0)
     weights = rng.dirichlet(np.ones(count), 50)
     inside = weights @ np.array(footprint.corners)
-    discs = footprint.discs()
-    apart = np.hypot(*(inside[:, np.newaxis] - discs[:, :2]).transpose(2, 0, 1))
-    assert (apart <= discs[:, 2] + 1e-9).any(axis=1).all(), "the circles cover it"
+    covering = discs(footprint)
+    apart = np.hypot(*(inside[:, np.newaxis] - covering[:, :2]).transpose(2, 0, 1))
+    assert (apart <= covering[:, 2] + 1e-9).any(axis=1).all(), "the circles cover it"
     away = np.hypot(*(inside[:, np.newaxis] - points).transpose(2, 0, 1)).min(axis=1)
     assert away.max() <= spacing_m

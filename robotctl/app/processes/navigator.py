@@ -21,8 +21,6 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.planning.behave.behaviours.kind import UNHURRIED, Abilities, Pace, Pilot
 from robotctl.planning.behave.mission.mission_file import Mission, mission_rules
-from robotctl.planning.guard.body import body_outline
-from robotctl.planning.guard.obstacle_guard import body_rectangle
 from robotctl.planning.guard.sonars import sonar_directions
 from robotctl.planning.guard.warm_up import warm_up as warm_up_guard
 from robotctl.planning.map.topological.graph import TopologicalMap
@@ -56,7 +54,8 @@ def abilities(config: RobotConfig, robot: Path) -> Abilities:
     sides = sonar_directions(config.sonar)
     places = _places(config, robot)
     names = () if places is None else tuple(each.name for each in places.places)
-    return Abilities(config.drive, sides, config.navigation.guard, sees_markers, names)
+    guard, body = config.navigation.guard, config.footprint
+    return Abilities(config.drive, sides, guard, body, sees_markers, names)
 
 
 def _places(config: RobotConfig, robot: Path) -> TopologicalMap | None:
@@ -86,6 +85,7 @@ def make_navigation(
         lidars=len(config.lidars),
         sees_markers=able.sees_markers,
         places=able.places,
+        outline=config.body.footprint,
         pace=pace,
     )
     mavlink, period_ns = config.mavlink, round(1e9 / config.navigation.rate_hz)
@@ -95,7 +95,7 @@ def make_navigation(
         config.navigation,
         FenceKeeper(
             config.limits,
-            body_rectangle(config.navigation.guard, config.sonar),
+            config.footprint,
             period_ns,
             COMMAND_LIFE_PERIODS * period_ns,
             steered=config.drive.min_turning_radius_m > 0.0,
@@ -190,7 +190,7 @@ def _pilot(
             config.navigation,
             config.drive,
             config.limits,
-            body_outline(config.navigation.guard, config.sonar),
+            config.footprint,
             config.sonar,
             grid,
             SE2(options.x_m, options.y_m, options.theta_rad),

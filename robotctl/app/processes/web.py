@@ -26,7 +26,6 @@ from robotctl.config.file_writing import ParameterWriter
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig
 from robotctl.messages.control import Notice, Severity
-from robotctl.planning.guard.obstacle_guard import body_rectangle
 from robotctl.runtime.ipc.heartbeat import ProcessHeartbeat
 from robotctl.runtime.ipc.topics import (
     Endpoints,
@@ -53,8 +52,6 @@ _ARM_NS: Final = 1_000_000_000
 
 def outline_of(config: RobotConfig, *, simulated: bool, file: str = "") -> RobotOutline:
     """Return what the page needs to know of a robot before any message; `file` may be written."""
-    body = body_rectangle(config.navigation.guard, config.sonar)
-    rear_m, front_m, half_m = body
     limits = config.limits
     return RobotOutline(
         name=config.robot.name,
@@ -64,7 +61,7 @@ def outline_of(config: RobotConfig, *, simulated: bool, file: str = "") -> Robot
         holonomic=config.drive.holonomic,
         has_lidar=bool(config.lidars),
         has_localiser=config.localisation.method != "none",
-        outline=((front_m, -half_m), (front_m, half_m), (rear_m, half_m), (rear_m, -half_m)),
+        outline=config.footprint.corners,
         sonars=tuple(
             SonarOutline(each.name, each.x_m, each.y_m, math.radians(each.heading_deg))
             for each in config.sonar

@@ -15,7 +15,6 @@ from robotctl.model.wall_map import WallMap
 from robotctl.planning.behave.behaviours.goto import GotoItem
 from robotctl.planning.behave.behaviours.wait import WaitItem
 from robotctl.planning.behave.mission.mission_file import Mission
-from robotctl.planning.guard.body import body_outline
 
 
 class Best(NamedTuple):
@@ -43,7 +42,7 @@ def best_path(robot: RobotConfig, room: World, start: SE2, mission: Mission) -> 
     from robotctl.planning.path.global_planning.plan import Plan, PlannerConfig  # noqa: PLC0415
     from robotctl.planning.path.global_planning.planners import PLANNERS  # noqa: PLC0415
 
-    outline = body_outline(robot.navigation.guard, robot.sonar)
+    outline = robot.footprint
     space = PlanningMap(_floor(room), outline)
     planner = PLANNERS["hybrid" if robot.drive.steered else "astar"](
         PlannerConfig(

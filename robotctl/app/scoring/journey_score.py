@@ -115,7 +115,7 @@ def journey_score(
     simulated: SimulatedRobot, room: World, start: SE2, mission: Mission, robot: RobotConfig
 ) -> JourneyScore:
     """Return the score of a run that begins at `start`."""
-    body = np.array(simulated.simulation.body)
+    body = np.array(simulated.outline)
     x, y = body.T
     if (x * np.roll(y, -1) - np.roll(x, -1) * y).sum() < 0.0:
         body = body[::-1]

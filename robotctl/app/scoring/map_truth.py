@@ -26,7 +26,6 @@ from robotctl.estimation.sensor_names import LIDAR
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.model.wall_map import WallMap
-from robotctl.planning.guard.body import body_outline
 
 PIECE_M: Final = 0.05
 """Walls are cut into pieces no longer than this."""
@@ -81,7 +80,7 @@ def map_truth(simulated: SimulatedRobot, room: World, start: SE2, robot: RobotCo
     """
     lidars = simulated.simulation.lidars if LIDAR in robot.localisation.sensors else ()
     sensor = max(lidars, key=lambda each: each.max_range_m, default=simulated.simulation.sonar)
-    radius_m = body_outline(robot.navigation.guard, robot.sonar).inscribed_m
+    radius_m = robot.footprint.inscribed_m
     seen = room.seen_from(sensor.z_m).segments
     return MapTruth(
         WallMap(room.touchable),

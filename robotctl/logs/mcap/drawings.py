@@ -47,8 +47,8 @@ from robotctl.messages.estimation import (
     PlanView,
     SlamGraph,
 )
+from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
-from robotctl.model.rectangle import Rectangle
 from robotctl.model.sensors.sonar import SonarMount
 
 Drawn: TypeAlias = tuple[str, SceneUpdate]
@@ -77,7 +77,7 @@ class Drawings:
     """
 
     def __init__(
-        self, sonars: Sequence[SonarMount], sonar: SonarModelConfig, body: Rectangle | None
+        self, sonars: Sequence[SonarMount], sonar: SonarModelConfig, body: Footprint | None
     ) -> None:
         self._sonars = tuple(sonars)
         self._sonar = sonar

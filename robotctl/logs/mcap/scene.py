@@ -26,8 +26,8 @@ from robotctl.logs.mcap.foxglove import (
 from robotctl.messages.control import ControlState
 from robotctl.messages.estimation import LidarScan, LiveMap, LocalisationState
 from robotctl.messages.world_pose import WorldPose
+from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
-from robotctl.model.rectangle import Rectangle
 from robotctl.model.sensors.camera import CameraMount
 from robotctl.model.sensors.sonar import SonarMount
 
@@ -65,7 +65,7 @@ class Scene:
         camera: CameraMount | None = None,
         *,
         sonar: SonarModelConfig | None = None,
-        body: Rectangle | None = None,
+        body: Footprint | None = None,
         has_localiser: bool = False,
     ) -> None:
         self.sonar_names = tuple(mount.name for mount in sonars)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from array import array
 from collections.abc import Iterator
@@ -42,9 +43,9 @@ from robotctl.messages.estimation import (
     SeenObstacle,
     SlamGraph,
 )
+from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.model.geometry.se2 import SE2
-from robotctl.model.rectangle import Rectangle
 from robotctl.model.sensors.sonar import SonarMount
 
 MOVING_NS: Final = 600_000_000
@@ -84,19 +85,14 @@ def cone(mount: SonarMount, range_m: float, half_rad: float, color: Color) -> Li
     return line(LineType.LINE_LOOP, tuple(points), color, pose)
 
 
-def outline(wall_ns: int, body: Rectangle) -> SceneUpdate:
+def outline(wall_ns: int, body: Footprint) -> SceneUpdate:
     """Return the robot's body, with a nose."""
-    rear_m, front_m, half_m = body
-    corners = (
-        point(front_m, -half_m),
-        point(front_m + 0.5 * half_m, 0.0),
-        point(front_m, half_m),
-        point(rear_m, half_m),
-        point(rear_m, -half_m),
-        point(front_m, -half_m),
-        point(front_m, half_m),
+    half_m = 0.5 * (body.left_m + body.right_m)
+    nose = [(body.front_m, half_m), (body.front_m + 0.5 * half_m, 0.0), (body.front_m, -half_m)]
+    lines = tuple(
+        line(kind, tuple(itertools.starmap(point, corners)), _BLUE)
+        for kind, corners in ((LineType.LINE_LOOP, body.corners), (LineType.LINE_STRIP, nose))
     )
-    lines = (line(LineType.LINE_STRIP, corners, _BLUE),)
     return draw(
         SceneEntity(time_of(wall_ns), BASE, "outline", lasting(0), frame_locked=True, lines=lines)
     )

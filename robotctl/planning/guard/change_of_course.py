@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from native_kernels.compiled import compiled
+from robotctl.model.footprint_arrays import OFFSET, Sides
 from robotctl.model.geometry.twist import Twist
-from robotctl.model.rectangle import Rectangle
-from robotctl.planning.guard.swept_body import is_no_wall_beside
+from robotctl.planning.guard.swept_body import depth_below, is_no_wall_beside
 
 ROOM_M: Final = 0.02
 """Room round the body, for what a robot does otherwise than it is told [m]."""
@@ -40,7 +40,7 @@ class Agility(NamedTuple):
 
 
 def is_free(
-    body: Rectangle, points: NDArray[np.float64], now: Twist, wanted: Twist, agility: Agility
+    body: Sides, points: NDArray[np.float64], now: Twist, wanted: Twist, agility: Agility
 ) -> bool:
     """Return whether a body meets no point while it follows a set-point and then brakes.
 
@@ -55,7 +55,8 @@ def is_free(
     agility
         Of the robot.
     """
-    body = Rectangle(body.rear_m - ROOM_M, body.front_m + ROOM_M, body.half_width_m + ROOM_M)
+    body = body.copy()
+    body[:, OFFSET] += ROOM_M
     start, target = np.array(now, np.float64), np.array(wanted, np.float64)
     brake = np.array(agility.brake)
     change = np.array(agility.gain) * agility.reaction_s
@@ -79,7 +80,7 @@ class _Motion(NamedTuple):
 
 
 @compiled
-def _meets(body: Rectangle, points: NDArray[np.float64], motion: _Motion) -> bool:
+def _meets(body: Sides, points: NDArray[np.float64], motion: _Motion) -> bool:
     """Return whether a point gets deeper into the body on the way to a stop."""
     kept = is_no_wall_beside(body, points)
     for late_s in _LATE_S:
@@ -97,8 +98,8 @@ def _meets(body: Rectangle, points: NDArray[np.float64], motion: _Motion) -> boo
                     continue
                 px, py = points[number, 0], points[number, 1]
                 dx, dy = px - x, py - y
-                depth = _depth(body, c * dx + s * dy, c * dy - s * dx)
-                if depth >= 0.0 and depth > _depth(body, px, py) + _DEEPER_M:
+                depth = depth_below(body, c * dx + s * dy, c * dy - s * dx)
+                if depth >= 0.0 and depth > depth_below(body, px, py) + _DEEPER_M:
                     return True
     return False
 
@@ -122,9 +123,3 @@ def _speed(motion: _Motion, axis: int, change: float, lost: float) -> float:
     speed = motion.start[axis]
     speed += min(max(motion.target[axis] - speed, -most), most)
     return math.copysign(max(abs(speed) - motion.brake[axis] * lost, 0.0), speed)
-
-
-@compiled
-def _depth(body: Rectangle, x: float, y: float) -> float:
-    """Return how deep a point lies below the nearest side of a body [m]; < 0: outside."""
-    return min(body.front_m - x, x - body.rear_m, body.half_width_m - abs(y))

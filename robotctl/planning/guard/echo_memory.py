@@ -16,10 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from native_kernels.compiled import compiled
+from robotctl.model.footprint import Footprint
+from robotctl.model.footprint_arrays import Sides, side_rows
 from robotctl.model.geometry.points import moved
 from robotctl.model.geometry.se2 import SE2
-from robotctl.model.rectangle import Rectangle
 from robotctl.model.sensors.sonar import SonarMount
+from robotctl.planning.guard.swept_body import depth_below
 from robotctl.planning.guard_config import GuardMemoryConfig
 
 _AXIS_RAD: Final = math.radians(6.0)
@@ -45,13 +47,13 @@ class EchoMemory:
     def __init__(
         self,
         mounts: Sequence[SonarMount],
-        body: Rectangle,
+        body: Footprint,
         config: GuardMemoryConfig = GuardMemoryConfig(),  # noqa: B008
     ) -> None:
         self._config = config
         self._life_ns = round(1e9 * config.life_s)
         self._mounts = [SE2(each.x_m, each.y_m, each.heading_rad) for each in mounts]
-        self._body = body
+        self._body = side_rows(body)
         self.reset()
 
     def reset(self) -> None:
@@ -131,7 +133,7 @@ def _may_stand(
 def _is_kept(
     points: NDArray[np.float64],
     heard_ns: NDArray[np.int64],
-    body: Rectangle,
+    body: Sides,
     kept_m: float,
     since_ns: int,
 ) -> NDArray[np.bool_]:
@@ -139,7 +141,7 @@ def _is_kept(
     kept = np.empty(len(points), np.bool_)
     for number in range(len(points)):
         x, y = points[number, 0], points[number, 1]
-        covered = abs(y) < body.half_width_m and body.rear_m < x < body.front_m
+        covered = depth_below(body, x, y) > 0.0
         near = math.hypot(x, y) <= kept_m
         kept[number] = near and heard_ns[number] >= since_ns and not covered
     return kept

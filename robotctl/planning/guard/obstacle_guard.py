@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.twist import Twist
-from robotctl.model.rectangle import Rectangle
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.config import GuardConfig
 from robotctl.planning.guard.course import LEAST_CLOSING, Course, Point
@@ -18,6 +18,7 @@ if TYPE_CHECKING:  # numpy would be slow to load for each process that reads a r
     from numpy.typing import NDArray
 
     from robotctl.control.limiter import LimitsConfig
+    from robotctl.model.footprint_arrays import Sides
 
 _ECHO_MARGIN_M: Final = 0.03
 """Way that the body keeps to an echo that it has passed."""
@@ -82,14 +83,14 @@ class ObstacleGuard:
     % of way, and less than `margin_m` at the corners. The sonars ahead alone would not do: a wall
     met at less than 45 degrees gives them no echo at all.
 
-    The body is the rectangle from the rearmost to the foremost sonar, `half_width_m` to each side
-    and at least to its outermost sonar. The median of the last three readings of each sonar keeps
-    single outliers and lost echoes out. A sonar ahead without reading (nan) makes the robot stand:
-    it would drive blind. Without a sonar in the direction of travel there is nothing to guard, and
-    the speed is free; `looks` tells who must know. Points on the floor, which a camera sees, count
-    where the robot driving straight on would meet them.
+    The body is its outline or, where none is given, the rectangle from the rearmost to the foremost
+    sonar, `half_width_m` to each side and at least to its outermost sonar. The median of the last
+    three readings of each sonar keeps single outliers and lost echoes out. A sonar ahead without
+    reading (nan) makes the robot stand: it would drive blind. Without a sonar in the direction of
+    travel there is nothing to guard, and the speed is free; `looks` tells who must know. Points on
+    the floor, which a camera sees, count where the robot driving straight on would meet them.
 
-    Points of a lidar are exact: each counts where the body, here from nose to tail, would touch it
+    Points of a lidar are exact: each counts where the body, nose and tail included, would touch it
     on the arc that is asked for, or as it turns on the spot. Echoes do not hinder that, or a robot
     in a corner would never leave it. A robot whose lidar is silent stands where no sonar looks.
 
@@ -107,6 +108,15 @@ class ObstacleGuard:
     limits
         Speed limits of a holonomic robot: of what a lidar shows, it also meets nothing while it
         changes from one course to another. None for all others.
+    outline
+        Of the body, where the robot's file tells it.
+
+    Attributes
+    ----------
+    body
+        The outline that counts.
+    reach_over_m
+        How far the body is taken to reach over the floor, ahead and behind, and to each side [m].
     """
 
     def __init__(
@@ -116,11 +126,19 @@ class ObstacleGuard:
         *,
         has_lidar: bool = False,
         limits: LimitsConfig | None = None,
+        outline: Footprint | None = None,
     ) -> None:
         self._config = config
-        self._corners = _corners(mounts, config.half_width_m)
+        self.body = outline or config.outline(mounts)
+        self._corners: Sequence[Point] = _corners(mounts, config.half_width_m)
+        nose_m, half_m = config.nose_m, config.half_width_m
+        if outline is not None:
+            self._corners = outline.corners
+            nose_m = max(outline.front_m, -outline.rear_m)
+            half_m = max(outline.left_m, outline.right_m)
+        self.reach_over_m = nose_m, half_m
         self._views = [_view(index, mount, self._corners) for index, mount in enumerate(mounts)]
-        self._body = body_rectangle(config, mounts)
+        self._sides: Sides | None = None
         self._cosine = math.cos(math.radians(config.cone_deg))
         self._history: list[list[float]] = []
         self._readings_m: list[float] = []
@@ -146,9 +164,18 @@ class ObstacleGuard:
         self._twist = _REST
 
     @property
+    def body_sides(self) -> Sides:
+        """The sides of the body."""
+        from robotctl.model.footprint_arrays import side_rows  # noqa: PLC0415 - see above
+
+        if self._sides is None:
+            self._sides = side_rows(self.body)
+        return self._sides
+
+    @property
     def reach_m(self) -> float:
         """Distance from `base` to the outermost corner of the body [m]."""
-        return self._body.reach_m
+        return self.body.reach_m
 
     def observe(
         self,
@@ -295,7 +322,7 @@ class ObstacleGuard:
         most = min(v_max_m_s / speed, 1.0)
         for share in _SHARES:
             slower = Twist(*(most * share * each for each in wanted))
-            if is_free(self._body, points, self._twist, slower, agility):
+            if is_free(self.body_sides, points, self._twist, slower, agility):
                 return GuardStep(math.inf if share == 1.0 else most * share * speed, _TURNS_INTO)
         return GuardStep(0.0, _TURNS_INTO)
 
@@ -358,7 +385,7 @@ class ObstacleGuard:
         ):
             if points is None:
                 continue
-            way, place = free_way(self._body, points, margin_m, course)
+            way, place = free_way(self.body_sides, points, margin_m, course)
             if place is not None and way < free:
                 free = way
                 where = f"{what} at x {place[0]:.2f} m, y {place[1]:.2f} m of the robot"
@@ -392,10 +419,9 @@ class ObstacleGuard:
     def _free_floor(self, course: Course) -> float:
         """Return the way of `base` straight on until it meets a point on the floor [m].
 
-        The body counts from nose to nose, whatever the sonars behind say.
+        The body counts as far back as ahead, and as wide on both sides.
         """
-        half_m, nose_m = self._config.half_width_m, self._config.nose_m
-        ways = (_way_to(point, course, nose_m, half_m) for point in self._floor)
+        ways = (_way_to(point, course, *self.reach_over_m) for point in self._floor)
         return min(ways, default=math.inf)
 
     def _speed_for(self, distance_m: float) -> float:
@@ -437,17 +463,6 @@ def _way_to(point: Point, course: Course, nose_m: float, half_m: float) -> float
         enters = max(enters, (on_m - reach_m) / abs(share))
         leaves = min(leaves, (on_m + reach_m) / abs(share))
     return enters if enters < leaves and enters + leaves > 0.0 else math.inf
-
-
-def body_rectangle(config: GuardConfig, mounts: Sequence[SonarMount]) -> Rectangle:
-    """Return the rectangle that holds the nose and all sonars.
-
-    Behind it reaches to the rearmost sonar, or as far as the nose ahead where none is behind.
-    """
-    front_m = max([config.nose_m, *(mount.x_m for mount in mounts)])
-    rear_m = min((mount.x_m for mount in mounts), default=-config.nose_m)
-    half_m = max([config.half_width_m, *(abs(mount.y_m) for mount in mounts)])
-    return Rectangle(rear_m if rear_m < 0.0 else -config.nose_m, front_m, half_m)
 
 
 def _corners(mounts: Sequence[SonarMount], half_width_m: float) -> list[Point]:

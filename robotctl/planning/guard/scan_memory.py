@@ -13,9 +13,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from robotctl.model.footprint import Footprint
+from robotctl.model.footprint_arrays import OFFSET, side_rows
 from robotctl.model.geometry.points import moved
 from robotctl.model.geometry.se2 import SE2
-from robotctl.model.rectangle import Rectangle
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.planning.guard_config import GuardMemoryConfig
 
@@ -38,12 +39,12 @@ class ScanMemory:
 
     def __init__(
         self,
-        body: Rectangle,
+        body: Footprint,
         config: GuardMemoryConfig = GuardMemoryConfig(),  # noqa: B008
     ) -> None:
         self._config = config
         self._life_ns = round(1e9 * config.life_s)
-        self._body = body
+        self._body = side_rows(body)
         self.reset()
 
     def reset(self) -> None:
@@ -84,10 +85,8 @@ class ScanMemory:
 
     def _covers(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return which points in `base` the robot stands on, (n,)."""
-        body, (x, y) = self._body, points.T
-        inside: NDArray[np.bool_] = np.abs(y) < body.half_width_m
-        inside &= (x > body.rear_m) & (x < body.front_m)
-        return inside
+        depths = self._body[:, OFFSET] - points @ self._body[:, :OFFSET].T
+        return np.asarray((depths > 0.0).all(axis=1))
 
 
 def _in_view(points: NDArray[np.float64], scan: RangeScan, same_m: float) -> NDArray[np.bool_]:

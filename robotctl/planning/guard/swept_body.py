@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from native_kernels.compiled import compiled
-from robotctl.model.rectangle import Rectangle
+from native_kernels.compiled import borrows, compiled
+from robotctl.model.footprint_arrays import Sides
 from robotctl.planning.guard.course import LEAST_CLOSING, Course, Point
 
 _STRAIGHT: Final = 1e-4
@@ -20,6 +20,8 @@ _RAGGED_M: Final = 0.02
 """Points of a wall are so far aside of it [m]."""
 _DEEPEST_M: Final = 0.05
 """Points deeper below a side of the body than it is drawn too wide make no wall beside it [m]."""
+_LENGTHWISE: Final = 0.1
+"""A side of the body along which it drives has a normal with less than this ahead, or behind."""
 _ROUNDING_M: Final = 1e-6
 """A point this near to a side lies on it [m]: it may leave there."""
 _STANDS: Final = 1e-9
@@ -27,7 +29,7 @@ _STANDS: Final = 1e-9
 
 
 def free_way(
-    body: Rectangle,
+    body: Sides,
     points: NDArray[np.float64],
     margin_m: float,
     course: Course,
@@ -48,7 +50,7 @@ def free_way(
 
 @compiled
 def _first_touched(
-    body: Rectangle, points: NDArray[np.float64], margin_m: float, course: Course
+    body: Sides, points: NDArray[np.float64], margin_m: float, course: Course
 ) -> tuple[float, int]:
     """Return the way until the margin of the first point, and its number; -1: there is none."""
     kept = is_no_wall_beside(body, points)
@@ -67,7 +69,7 @@ def _first_touched(
 
 
 @compiled
-def is_no_wall_beside(body: Rectangle, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+def is_no_wall_beside(body: Sides, points: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return which points are none ahead or behind of a wall that reaches in at a side, (n,).
 
     The body is drawn with a little room, and a robot that stands so close beside a wall could not
@@ -75,12 +77,13 @@ def is_no_wall_beside(body: Rectangle, points: NDArray[np.float64]) -> NDArray[n
     """
     kept = np.ones(len(points), np.bool_)
     depths = np.empty(len(points))
-    for side in (1.0, -1.0):
+    for side in range(len(body)):
+        if abs(body[side, 0]) >= _LENGTHWISE:
+            continue
         count = 0
         for number in range(len(points)):
-            x, y = points[number, 0], points[number, 1]
-            depth = body.half_width_m - side * y
-            if 0.0 <= depth <= min(body.front_m - x, x - body.rear_m, _DEEPEST_M):
+            depth, others = _depths(body, side, points[number, 0], points[number, 1])
+            if 0.0 <= depth <= min(others, _DEEPEST_M):
                 depths[count] = depth
                 count += 1
         if count < _WALL:
@@ -88,15 +91,34 @@ def is_no_wall_beside(body: Rectangle, points: NDArray[np.float64]) -> NDArray[n
         beside = np.sort(depths[:count])
         wall_m = 0.5 * (beside[(count - 1) // 2] + beside[count // 2]) + _RAGGED_M
         for number in range(len(points)):
-            x, y = points[number, 0], points[number, 1]
-            depth = body.half_width_m - side * y
-            from_ends = min(body.front_m - x, x - body.rear_m, _DEEPEST_M)
-            kept[number] &= depth > wall_m or 0.0 <= depth <= from_ends
+            depth, others = _depths(body, side, points[number, 0], points[number, 1])
+            kept[number] &= depth > wall_m or 0.0 <= depth <= min(others, _DEEPEST_M)
     return kept
 
 
 @compiled
-def way_to_contact(body: Rectangle, x: float, y: float, course: Course) -> float:
+@borrows
+def _depths(body: Sides, side: int, x: float, y: float) -> tuple[float, float]:
+    """Return how deep a point lies below a side, and below the nearest of the others [m]."""
+    others = np.inf
+    for k in range(len(body)):
+        if k != side:
+            others = min(others, body[k, 2] - body[k, 0] * x - body[k, 1] * y)
+    return body[side, 2] - body[side, 0] * x - body[side, 1] * y, others
+
+
+@compiled
+@borrows
+def depth_below(sides: Sides, x: float, y: float) -> float:
+    """Return how deep a point lies below the nearest side [m]; < 0: outside."""
+    least = np.inf
+    for k in range(len(sides)):
+        least = min(least, sides[k, 2] - sides[k, 0] * x - sides[k, 1] * y)
+    return least
+
+
+@compiled
+def way_to_contact(body: Sides, x: float, y: float, course: Course) -> float:
     """Return how far `base` moves until the body touches a point [m]; inf: never.
 
     A point within the body is touched at once if it gets deeper below the side that is nearest to
@@ -109,21 +131,18 @@ def way_to_contact(body: Rectangle, x: float, y: float, course: Course) -> float
     course
         Where `base` goes; on the spot ways are angles [rad].
     """
-    depths = (body.front_m - x, x - body.rear_m, body.half_width_m - y, body.half_width_m + y)
-    least = min(depths)
+    least = depth_below(body, x, y)
     if least < -_ROUNDING_M:
         if abs(course.turn) < _STRAIGHT:
             return _straight(body, x, y, course)
         return _on_arc(body, x, y, course)
     # Motion of the point in the body, towards the nearest of the sides.
     ahead, left = _motion(course, x, y)
-    if least == depths[0]:
-        outwards = -ahead
-    elif least == depths[1]:
-        outwards = ahead
-    else:
-        outwards = -left if least == depths[2] else left
-    return 0.0 if outwards < -LEAST_CLOSING else math.inf
+    for k in range(len(body)):
+        if body[k, 2] - body[k, 0] * x - body[k, 1] * y == least:
+            outwards = -ahead * body[k, 0] - left * body[k, 1]
+            return 0.0 if outwards < -LEAST_CLOSING else math.inf
+    return math.inf
 
 
 @compiled
@@ -133,29 +152,30 @@ def _motion(course: Course, x: float, y: float) -> tuple[float, float]:
 
 
 @compiled
-def _straight(body: Rectangle, x: float, y: float, course: Course) -> float:
+@borrows
+def _straight(body: Sides, x: float, y: float, course: Course) -> float:
     """Return the way straight on until the body holds a point outside of it.
 
-    It does where both of its coordinates lie between two sides.
+    It does where the point has crossed all sides inwards and none outwards (Cyrus and Beck
+    clip a line so, Computers and Graphics 3, 1978).
     """
-    half = body.half_width_m
     enters, leaves = -math.inf, math.inf
-    for at, low, high, share in (
-        (x, body.rear_m, body.front_m, course.ahead),
-        (y, -half, half, course.left),
-    ):
-        if abs(share) < _STANDS:
-            if at < low or at > high:
+    for k in range(len(body)):
+        outside = body[k, 0] * x + body[k, 1] * y - body[k, 2]
+        closing = body[k, 0] * course.ahead + body[k, 1] * course.left
+        if abs(closing) < _STANDS:
+            if outside > 0.0:
                 return math.inf
-            continue
-        near, far = (high, low) if share > 0.0 else (low, high)
-        enters = max(enters, (at - near) / share)
-        leaves = min(leaves, (at - far) / share)
+        elif closing > 0.0:
+            enters = max(enters, outside / closing)
+        else:
+            leaves = min(leaves, outside / closing)
     return enters if 0.0 <= enters <= leaves else math.inf
 
 
 @compiled
-def _on_arc(body: Rectangle, x: float, y: float, course: Course) -> float:
+@borrows
+def _on_arc(body: Sides, x: float, y: float, course: Course) -> float:
     """Return the way on an arc until the body touches a point outside of it.
 
     Seen from the body, a point goes round the centre of the arc the other way, and meets the body
@@ -164,21 +184,18 @@ def _on_arc(body: Rectangle, x: float, y: float, course: Course) -> float:
     centre_x, centre_y = -course.left / course.turn, course.ahead / course.turn
     x, y = x - centre_x, y - centre_y
     square = x * x + y * y
-    rear, front = body.rear_m - centre_x, body.front_m - centre_x
-    right, left = -body.half_width_m - centre_y, body.half_width_m - centre_y
     sense, least = math.copysign(1.0, course.turn), math.inf
-    for end in (rear, front):
-        if end * end <= square:
-            across = math.sqrt(square - end * end)
-            for at in (across, -across):
-                if right <= at <= left:
-                    least = min(least, _turned(x, y, end, at, sense))
-    for side in (right, left):
-        if side * side <= square:
-            along = math.sqrt(square - side * side)
-            for at in (along, -along):
-                if rear <= at <= front:
-                    least = min(least, _turned(x, y, at, side, sense))
+    for k in range(len(body)):
+        nx, ny = body[k, 0], body[k, 1]
+        # The side from the centre: its line at that distance, along the normal turned to the left.
+        away = body[k, 2] - nx * centre_x - ny * centre_y
+        along = nx * centre_y - ny * centre_x
+        if away * away <= square:
+            half = math.sqrt(square - away * away)
+            for at in (half, -half):
+                if body[k, 3] - along <= at <= body[k, 4] - along:
+                    to_x, to_y = nx * away - ny * at, ny * away + nx * at
+                    least = min(least, _turned(x, y, to_x, to_y, sense))
     return least / abs(course.turn)
 
 

@@ -98,7 +98,7 @@ class LayeredMap:
         self._limits_m_s = speed_limits(grid, closed.zones)
         if self._limits_m_s is not None:
             space.slowness = slowness(self._limits_m_s, full_speed_m_s)
-        reach = math.ceil((footprint.circumscribed_m + _BEYOND_M) / grid.resolution_m) + 1
+        reach = math.ceil((footprint.reach_m + _BEYOND_M) / grid.resolution_m) + 1
         self._clearance = Clearance(space.blocked, space.clearance, reach)
         self._cells = marks.Cells(
             self._given.copy(),

@@ -15,6 +15,7 @@ from scipy import ndimage  # type: ignore[import-untyped]
 
 from native_kernels.compiled import borrows, compiled
 from robotctl.model.footprint import Footprint
+from robotctl.model.footprint_arrays import discs, samples
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.planning.map.zones import Closed
@@ -64,10 +65,10 @@ class PlanningMap:
         """How many times longer than elsewhere the robot takes, (rows, columns); None: nowhere."""
         self.closed = Closed()
         """Zones and fence among the obstacles of `grid`; reasons name them."""
-        self.samples = footprint.samples(0.5 * grid.resolution_m) / grid.resolution_m
-        self.discs = footprint.discs() / grid.resolution_m
+        self.samples = samples(footprint, 0.5 * grid.resolution_m) / grid.resolution_m
+        self.discs = discs(footprint) / grid.resolution_m
         self.inscribed = footprint.inscribed_m / grid.resolution_m
-        self.circumscribed = footprint.circumscribed_m / grid.resolution_m
+        self.circumscribed = footprint.reach_m / grid.resolution_m
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from robotctl.control.limiter import LimitsConfig, scale_to_limits
 from robotctl.model.fence import Fence
 from robotctl.model.fence_clearance import body_clearance
+from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.twist import Twist
-from robotctl.model.rectangle import Rectangle
 from robotctl.safety.fence.prediction import MotionNow, longest_way, predict
 
 MARGIN_M: Final = 0.05
@@ -63,7 +63,7 @@ class FenceGuard:
     def __init__(
         self,
         limits: LimitsConfig,
-        body: Rectangle,
+        body: Footprint,
         period_s: float,
         life_s: float,
         *,

@@ -20,7 +20,6 @@ from robotctl.maps.moving_ai import is_moving_ai, load_moving_ai
 from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import OCCUPIED, GridMap
-from robotctl.planning.guard.body import body_outline
 from robotctl.planning.map.planning_map import PlanningMap
 from robotctl.planning.map.zones import Closed, slowness, speed_limits
 from robotctl.planning.path.global_planning.goal import facing
@@ -155,7 +154,7 @@ def _space(grid: GridMap, robot: RobotConfig) -> PlanningMap:
     closed, cells = Closed(robot.navigation.pilot.zone), grid.cells.copy()
     cells[closed.cells(grid)] = OCCUPIED
     known = GridMap(cells, grid.resolution_m, grid.origin)
-    space = PlanningMap(known, body_outline(robot.navigation.guard, robot.sonar))
+    space = PlanningMap(known, robot.footprint)
     space.closed = closed
     if (limits_m_s := speed_limits(grid, closed.zones)) is not None:
         space.slowness = slowness(limits_m_s, robot.limits.v_max_m_s)
@@ -175,7 +174,7 @@ def _steering(name: str) -> Steering | None:
 
 def _compile(planner: Planner, footprint: Footprint) -> None:
     """Let a planner compile its loops, which is not part of its time, on a small map."""
-    side_m = max(footprint.circumscribed_m, 1.0)
+    side_m = max(footprint.reach_m, 1.0)
     cells = np.zeros((13, 13), np.int8)
     cells[:9, 6] = 100
     start, goal = (SE2(x * side_m, 2.5 * side_m, 0.0) for x in (2.5, 10.5))

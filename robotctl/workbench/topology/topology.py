@@ -11,7 +11,6 @@ from robotctl.errors import ConfigError, InvalidValue
 from robotctl.maps.localisation_map import load_any_map
 from robotctl.maps.topology_file import load_topology, save_topology
 from robotctl.model.grid_map import GridMap
-from robotctl.planning.guard.body import body_outline
 from robotctl.planning.map.topological.build import Topology, build
 from robotctl.planning.map.topological.graph import Step, TopologicalMap
 from robotctl.toml_source import nearest
@@ -47,7 +46,7 @@ def build_topology(name: str, robot: Path, overrides: tuple[str, ...], marks: st
     file = find_file(marks, "places") if marks else None
     wanted = toml_source.load(file, Marks).mark if file else ()
     robot_config = load_robot(robot, overrides)
-    outline = body_outline(robot_config.navigation.guard, robot_config.sonar)
+    outline = robot_config.footprint
     grid = load_any_map(name, Path()).grid
     built = build(grid, outline.inscribed_m)
     topology = built.map

@@ -161,8 +161,22 @@ def test_what_is_missing_has_the_line_of_its_table_and_without_a_table_none(tmp_
     assert set(str(error.value).splitlines()) == {
         f"{path}: drive: missing",
         f"{path}:4: simulation.yaw_inertia_kg_m2: missing",
-        f"{path}:4: simulation.body: missing",
     }
+
+
+def test_without_an_outline_of_its_own_the_true_body_is_the_one_that_robotctl_believes_in(
+    tmp_path: Path,
+) -> None:
+    text = re.sub(r"\nbody = \[.*?\n\]", "", DIFF.read_text(encoding="utf-8"), flags=re.DOTALL)
+    path = tmp_path / "robot.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(SimulationError, match=r"simulation\.body: missing, and so is body"):
+        load_robot(path)
+    corners = [[0.2, -0.2], [0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2]]
+    assert load_robot(path, {"body.outline": corners}).outline == tuple(map(tuple, corners))
+    with pytest.raises(SimulationError, match=r"body\.outline: .*not convex"):
+        load_robot(path, {"body.outline": [[0.0, 0.0], [1.0, 0.0], [0.2, 0.2], [0.0, 1.0]]})
+    assert load_robot(DIFF, {"body.outline": corners}).outline == load_robot(DIFF).simulation.body
 
 
 VALUES = """\

@@ -28,13 +28,13 @@ from robotctl.messages.estimation import (
     SeenMarker,
     SeenObstacle,
 )
+from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.model.geometry.se2 import SE2
-from robotctl.model.rectangle import Rectangle
 from robotctl.model.sensors.sonar import SonarMount
 from tests.mavlink.conftest import CONTROL, NAVIGATION
 
-BODY = Rectangle(-0.3, 0.2, 0.15)
+BODY = Footprint.rectangle(-0.3, 0.2, 0.15)
 SONARS = (SonarMount("left", 0.1, 0.05, 90.0), SonarMount("rear", -0.2, 0.0, 180.0))
 LENGTHS = st.floats(-50.0, 50.0)
 POSES = st.builds(SE2, LENGTHS, LENGTHS, st.floats(-math.pi, math.pi))

@@ -20,7 +20,7 @@ from robotctl.logs.mcap.entries import TOPICS, LogEntries
 from robotctl.logs.mcap.live import LiveTopics, check_sdk
 from robotctl.logs.mcap.scene import Scene
 from robotctl.messages.estimation import GivenMap, LiveMap
-from robotctl.model.rectangle import Rectangle
+from robotctl.model.footprint import Footprint
 from robotctl.web.config import WebConfig
 from tests.mavlink.conftest import CONTROL, NAVIGATION
 
@@ -30,7 +30,7 @@ GIVEN = GivenMap(5, LiveMap(5, 2, 3, 0.05, -1.0, -2.0, bytes([0, 100, 255, 50, 0
 
 
 def scene() -> Scene:
-    return Scene(body=Rectangle(-0.2, 0.2, 0.1))
+    return Scene(body=Footprint.rectangle(-0.2, 0.2, 0.1))
 
 
 @pytest.fixture

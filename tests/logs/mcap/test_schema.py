@@ -57,7 +57,7 @@ from robotctl.messages.estimation import (
     SeenObstacle,
     SlamGraph,
 )
-from robotctl.model.rectangle import Rectangle
+from robotctl.model.footprint import Footprint
 from robotctl.model.sensors.sonar import SonarMount
 from tests.logs.mcap.schema_check import checked_topics
 from tests.logs.mcap.test_log import FULL
@@ -216,7 +216,7 @@ def test_a_graph_is_drawn_again_only_once_it_has_changed_and_in_each_file() -> N
 
 def test_every_message_fits_the_schema_in_the_file() -> None:
     file = io.BytesIO()
-    scene = Scene(SONARS, body=Rectangle(-0.2, 0.2, 0.15))
+    scene = Scene(SONARS, body=Footprint.rectangle(-0.2, 0.2, 0.15))
     log = McapLog(file, 1_700_000_000_000_000_000, "rover", scene)
     for message in everything():
         log.add(message)

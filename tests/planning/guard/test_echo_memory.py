@@ -9,8 +9,8 @@ import pytest
 
 from robotctl.messages.mode import Mode
 from robotctl.messages.requests import ModeRequest, VelocityRequest
+from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
-from robotctl.model.rectangle import Rectangle
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.guard.echo_memory import EchoMemory
 
@@ -19,7 +19,7 @@ LATER = 1000 * S
 NOTHING = (math.nan, math.nan)
 FRONT = SonarMount("front", 0.2, 0.0, 0.0)
 LEFT = SonarMount("left", 0.0, 0.15, 90.0)
-BODY = Rectangle(-0.2, 0.2, 0.15)
+BODY = Footprint.rectangle(-0.2, 0.2, 0.15)
 
 
 def memory() -> EchoMemory:

@@ -8,9 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robotctl.errors import InvalidValue
+from robotctl.model.footprint import Footprint
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.config import GuardConfig
-from robotctl.planning.guard.obstacle_guard import ObstacleGuard, body_rectangle
+from robotctl.planning.guard.obstacle_guard import ObstacleGuard
 
 CONFIG = GuardConfig()
 MOUNTS = (
@@ -377,10 +378,10 @@ def test_the_body_reaches_from_the_nose_to_the_rearmost_sonar():
     assert ObstacleGuard(CONFIG, ()).reach_m == pytest.approx(REACH)
     wide = (SonarMount("a", 0.3, 0.0, 0.0), SonarMount("b", -0.4, -0.25, 180.0))
     assert ObstacleGuard(CONFIG, wide).reach_m == pytest.approx(math.hypot(0.4, 0.25))
-    assert body_rectangle(CONFIG, wide) == (-0.4, 0.3, 0.25)
-    assert body_rectangle(CONFIG, wide[:1]) == (-0.2, 0.3, 0.18)
-    assert body_rectangle(CONFIG, MOUNTS) == (-0.15, 0.2, 0.18)
-    assert body_rectangle(CONFIG, ()) == (-0.2, 0.2, 0.18)
+    assert CONFIG.outline(wide) == Footprint.rectangle(-0.4, 0.3, 0.25)
+    assert CONFIG.outline(wide[:1]) == Footprint.rectangle(-0.2, 0.3, 0.18)
+    assert CONFIG.outline(MOUNTS) == Footprint.rectangle(-0.15, 0.2, 0.18)
+    assert CONFIG.outline(()) == Footprint.rectangle(-0.2, 0.2, 0.18)
 
 
 def test_the_edge_of_a_cone_that_hears_the_wall_beside_does_not_stop_the_robot():

@@ -4,29 +4,33 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import example, given
+import shapely
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
+from robotctl.model.footprint import Footprint
+from robotctl.model.footprint_arrays import side_rows
 from robotctl.model.geometry.se2 import SE2
-from robotctl.model.rectangle import Rectangle
 from robotctl.planning.guard.course import Course
 from robotctl.planning.guard.swept_body import free_way, way_to_contact
 
-BODY = Rectangle(-0.15, 0.25, 0.18)
+RECTANGLE = Footprint.rectangle(-0.15, 0.25, 0.18)
+BODY = side_rows(RECTANGLE)
 STEP = 0.001
 
 
-def depths(point, pose):
+def depths(point, pose, outline=RECTANGLE):
     """Return how deep below each side of the body at a pose a point lies, the least first [m]."""
     x, y = pose.inverse().apply(*point)
     return sorted(
-        [BODY.front_m - x, x - BODY.rear_m, *(BODY.half_width_m + s * y for s in (1, -1))]
+        ((bx - ax) * (y - ay) - (by - ay) * (x - ax)) / math.dist((ax, ay), (bx, by))
+        for (ax, ay), (bx, by) in outline.sides()
     )
 
 
-def depth(point, pose):
+def depth(point, pose, outline=RECTANGLE):
     """Return how deep in the body at a pose a point lies [m]; below 0: outside of it."""
-    return depths(point, pose)[0]
+    return depths(point, pose, outline)[0]
 
 
 def ways_to_contact(points, course):
@@ -44,10 +48,10 @@ def pose_at(course, way):
     return SE2(ahead * s - left * c, left * s + ahead * c, turn * way)
 
 
-def walk(point, course, most):
+def walk(point, course, most, outline=RECTANGLE):
     """Return the first way at which the body holds a point, in small steps; inf: never."""
     for k in range(1, round(most / STEP)):
-        if depth(point, pose_at(course, STEP * k)) >= 0.0:
+        if depth(point, pose_at(course, STEP * k), outline) >= 0.0:
             return STEP * k
     return math.inf
 
@@ -82,6 +86,43 @@ def test_a_point_is_met_where_the_body_comes_to_it(x, y, bearing, turn):
     elif way < 2.0:  # a corner goes by, deeper than a step shows
         deepest = max(depth((x, y), pose_at(course, s)) for s in np.linspace(way, way + 0.02, 200))
         assert deepest > -1e-6
+
+
+@st.composite
+def outlines(draw):
+    """Draw a convex outline around `base`, the hull of some points."""
+    found = draw(st.lists(st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5)), min_size=3))
+    hull = shapely.MultiPoint([(round(x, 2), round(y, 2)) for x, y in found]).convex_hull
+    assume(hull.geom_type == "Polygon" and hull.contains(shapely.Point(0.0, 0.0).buffer(0.01)))
+    return Footprint(tuple(shapely.orient_polygons(hull).exterior.coords[:-1]))
+
+
+@given(
+    outlines(),
+    st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)),
+    st.floats(-math.pi, math.pi),
+    st.floats(-3.0, 3.0),
+    st.booleans(),
+)
+@example(
+    Footprint(((0.2, -0.5), (0.3, 0.1), (-0.2, 0.1), (-0.2, -0.1))), (0.6, -0.3), 0.0, -1.0, False
+)
+def test_any_outline_meets_a_point_where_it_first_covers_it(outline, point, bearing, turn, spins):
+    course = Course(math.cos(bearing), math.sin(bearing), turn)
+    if spins:
+        course = Course(0.0, 0.0, math.copysign(1.0, turn))
+    shape = shapely.Polygon(outline.corners)
+    assume(shape.distance(shapely.Point(point)) > 0.002)
+    way = way_to_contact(side_rows(outline), *point, course)
+
+    def gap(at):
+        x, y = pose_at(course, at).inverse().apply(*point)
+        return shape.distance(shapely.Point(x, y))
+
+    if way < math.inf:
+        assert gap(way) == pytest.approx(0.0, abs=1e-6)
+    most = min(way, 3.0)
+    assert all(gap(at) > 0.0 for at in np.linspace(0.0, most - 1e-3, 60) if at >= 0.0)
 
 
 def test_an_arc_that_is_nearly_straight_is_as_good_as_a_straight_line():

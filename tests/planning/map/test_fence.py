@@ -11,7 +11,6 @@ from robotctl.model.fence_clearance import body_clearance
 from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
-from robotctl.model.rectangle import Rectangle
 from robotctl.planning.map.fence import MARGIN_M, beyond_fence
 from robotctl.planning.map.layered_map import LayeredMap
 from robotctl.planning.map.zones import Closed
@@ -22,7 +21,7 @@ from robotctl.safety.fence import fence_guard
 SIDE_M = 0.1
 places = st.floats(-1.5, 1.5)
 corners = st.lists(st.tuples(places, places), min_size=3, max_size=6).map(tuple)
-POINT = Rectangle(-1e-9, 1e-9, 1e-9)
+POINT = Footprint.rectangle(-1e-9, 1e-9, 1e-9)
 
 
 @settings(max_examples=12)
@@ -55,5 +54,5 @@ def test_a_path_goes_round_what_the_fence_excludes_and_farther_than_its_guard_as
     )
     assert isinstance(plan, Plan)
     for pose in plan.poses:
-        away_m = body_clearance(fence, Rectangle(-0.2, 0.2, 0.18), pose[np.newaxis])[0]
+        away_m = body_clearance(fence, Footprint.rectangle(-0.2, 0.2, 0.18), pose[np.newaxis])[0]
         assert away_m > fence_guard.MARGIN_M

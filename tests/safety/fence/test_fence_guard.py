@@ -9,13 +9,13 @@ from hypothesis import strategies as st
 from robotctl.control.limiter import LimitsConfig, TwistLimiter
 from robotctl.model.fence import Fence, FenceCircle, FencePolygon
 from robotctl.model.fence_clearance import body_clearance
+from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
-from robotctl.model.rectangle import Rectangle
 from robotctl.safety.fence.fence_guard import MARGIN_M, FenceGuard
 from robotctl.safety.fence.prediction import MotionNow
 
-BODY = Rectangle(-0.2, 0.2, 0.18)
+BODY = Footprint.rectangle(-0.2, 0.2, 0.18)
 PERIOD_S, LIFE_S, LATENCY_S, TICK_S = 0.05, 0.2, 0.02, 0.005
 ROOM = ((-3.0, -2.0), (3.0, -2.0), (3.0, 2.0), (-3.0, 2.0))
 

@@ -29,7 +29,6 @@ from robotctl.planning.behave.behaviours.docking import (
 from robotctl.planning.behave.behaviours.item import require_positive
 from robotctl.planning.behave.behaviours.kind import Abilities, Kind, NavigatedRobot, out_of_reach
 from robotctl.planning.behave.behaviours.wall_ahead import SONARS, WallAhead
-from robotctl.planning.guard.obstacle_guard import body_rectangle
 from robotctl.planning.path.local.pursuit import curvature_max
 
 _BEND_M: Final = 0.3
@@ -149,7 +148,7 @@ class DockAtWall(Behaviour):
 def _make(item: DockItem, robot: NavigatedRobot) -> Behaviour:
     if item.marker is None:
         return DockAtWall(item, robot.mounts, robot.drive)
-    front_m = body_rectangle(robot.config.guard, robot.mounts).front_m
+    front_m = robot.guard.body.front_m
     return DockAtMarker(item.marker, item.distance_m, item.speed_m_s, front_m, robot.drive)
 
 

@@ -262,11 +262,12 @@ def _problems(item: FollowWallItem, robot: Abilities) -> Iterator[str]:
     for side in needed:
         if side not in robot.sides:
             yield f"this robot has no sonar that looks to the {side}"
-    if item.distance_m < guard.half_width_m:
+    side_m = robot.body.left_m if item.side == "left" else robot.body.right_m
+    if item.distance_m < side_m:
         yield (
-            f"distance_m = {item.distance_m:g} is from the robot's middle to the wall, which "
-            f"half of its width would touch; {guard.half_width_m:g} at least "
-            "(navigation.guard.half_width_m) is allowed"
+            f"distance_m = {item.distance_m:g} is from the robot's middle to the wall, which its "
+            f"side would touch; {side_m:g} at least ([body] outline, or "
+            "navigation.guard.half_width_m) is allowed"
         )
     front_m = item.until.front_below_m
     if front_m is not None and front_m <= guard.margin_m:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol
 
 from robotctl.model.drives.drives import Drive
 from robotctl.model.fence import Fence
+from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.behave.behaviours.behaviour import Behaviour
@@ -111,7 +112,9 @@ class Abilities(NamedTuple):
     sides: frozenset[str]
     """Directions in which it has a sonar, as `sonar_directions` names them."""
     guard: GuardConfig
-    """Nothing ahead comes nearer than the margin of this, no wall beside than its half width."""
+    """Nothing ahead comes nearer than the margin of this."""
+    body: Footprint
+    """No wall beside comes nearer than the sides of this."""
     sees_markers: bool = False
     """Whether a camera of it looks for markers."""
     places: tuple[str, ...] = ()
@@ -160,7 +163,8 @@ class NavigatedRobot:
         """Abilities that mission items ask about."""
         sides = sonar_directions(self.mounts)
         guard = self.config.guard
-        return Abilities(self.drive, sides, guard, self.sees_markers, self.places)
+        body = self.guard.body
+        return Abilities(self.drive, sides, guard, body, self.sees_markers, self.places)
 
     @property
     def against_reverse(self) -> str:

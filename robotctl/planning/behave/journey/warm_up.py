@@ -21,7 +21,7 @@ _ROUNDS: Final = 20
 
 def warm_up(planner: Planner, controller: Controller, footprint: Footprint) -> None:
     """Plan and drive a step."""
-    side_m = max(footprint.circumscribed_m, 1.0)
+    side_m = max(footprint.reach_m, 1.0)
     cells = np.zeros((13, 13), np.int8)
     cells[:9, 6] = OCCUPIED
     live = LayeredMap(GridMap(cells, side_m), footprint)

@@ -41,6 +41,7 @@ _BUCKET_NOW, _LIVE, _USED, _SPARE, _EXPANDED = range(5)
 
 _ROW_STEPS: Final = np.array([0, 0, 1, -1, 1, 1, -1, -1])
 _COLUMN_STEPS: Final = np.array([1, -1, 0, 0, 1, -1, 1, -1])
+_LENGTHS: Final = np.sqrt(np.abs(_ROW_STEPS) + np.abs(_COLUMN_STEPS))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -170,8 +171,10 @@ def _begin(
 
 
 @compiled
-def _octile(rows: int, columns: int) -> float:
-    """Return the length of the shortest path without obstacles [cells]."""
+def _estimate(rows: int, columns: int, guided: bool) -> float:
+    """Return the length of the shortest path without obstacles [cells]; 0 unless guided."""
+    if not guided:
+        return 0.0
     rows, columns = abs(rows), abs(columns)
     return rows + columns - (2.0 - SQRT2) * min(rows, columns)
 
@@ -201,7 +204,7 @@ def _expand(
     """
     count, size = len(buckets), links.shape[1]
     goal_row, goal_column = end // width, end % width
-    least = _octile(begin // width - goal_row, begin % width - goal_column) if guided else 0.0
+    least = _estimate(begin // width - goal_row, begin % width - goal_column, guided)
     last = state[_EXPANDED] + piece
     while state[_LIVE] > 0:
         if reached[end] > 0.0 and least + state[_BUCKET_NOW] * _BUCKET >= reached[end] - 1.0:
@@ -229,17 +232,15 @@ def _expand(
             to = cell + row_step * width + column_step
             known = reached[to]
             # No step costs less than its length: most neighbours need no look at the map.
-            if 0.0 < known <= cost + (1.0 if direction < 4 else SQRT2):
+            if 0.0 < known <= cost + _LENGTHS[direction]:
                 continue
             new = cost + _step_cost(costs, factors, cell, row_step * width, column_step, rule)
             if new == np.inf or 0.0 < known <= new:
                 continue
             reached[to] = new
             came[to] = direction
-            estimate = new - 1.0 - least
-            if guided:
-                estimate += _octile(row + row_step - goal_row, column + column_step - goal_column)
-            _put(buckets, links, paid, state, to, new, estimate)
+            left = _estimate(row + row_step - goal_row, column + column_step - goal_column, guided)
+            _put(buckets, links, paid, state, to, new, new - 1.0 - least + left)
     return _ENDED
 
 

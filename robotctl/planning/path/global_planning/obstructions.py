@@ -70,7 +70,7 @@ def _contact(space: PlanningMap, here: SE2) -> str:
         ((x_m, y_m, _),) = space.to_world(np.array([[*on_map[hit], 0.0]])).tolist()
     return (
         f"is {away[hit] * space.grid.resolution_m:.2f} m from {kind} at x {x_m:.2f} m, "
-        f"y {y_m:.2f} m, and the robot's body reaches {space.footprint.circumscribed_m:.2f} m"
+        f"y {y_m:.2f} m, and the robot's body reaches {space.footprint.reach_m:.2f} m"
     )
 
 

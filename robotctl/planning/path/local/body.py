@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from native_kernels.compiled import borrows, compiled
 from robotctl.model.footprint import Footprint
+from robotctl.model.footprint_arrays import discs
 from robotctl.planning.map.planning_map import APART
 
 SPACING: Final = 0.25
@@ -73,9 +74,9 @@ def make_body(footprint: Footprint, margin_m: float | Sequence[float], resolutio
     return Body(
         _outline(np.array(corners) / resolution_m, SPACING),
         _outline(np.array(corners) / resolution_m, COARSE),
-        grown.discs() / resolution_m,
+        discs(grown) / resolution_m,
         np.array(sides) * scale,
-        grown.circumscribed_m / resolution_m,
+        grown.reach_m / resolution_m,
     )
 
 

@@ -23,10 +23,9 @@ from robotctl.messages.control import Mode, PositionTarget, SafetyState
 from robotctl.messages.fence import EnableFence, FenceState, SetFence
 from robotctl.model.fence import Fence, FenceCircle, FencePolygon
 from robotctl.model.fence_clearance import body_clearance
+from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
-from robotctl.model.rectangle import Rectangle
-from robotctl.planning.guard.obstacle_guard import body_rectangle
 from tests.mavlink.conftest import FakeLinks, control_state
 from tests.mavlink.driven_robot import DrivenRobot
 
@@ -136,7 +135,7 @@ def navigation(bench):
     st.sampled_from([SHAPES, Fence(SHAPES.polygons[:1]), Fence((), SHAPES.circles)]),
 )  # fmt: skip
 def test_a_point_is_allowed_where_a_body_without_size_is_clear_of_the_fence(x, y, fence):
-    point = Rectangle(0.0, 0.0, 0.0)
+    point = Footprint.rectangle(-1e-9, 1e-9, 1e-9)
     (clear_m,) = body_clearance(fence, point, np.array([[x, y, 0.0]]))
     if abs(clear_m) > 1e-6:
         assert fence.allows(x, y) == (clear_m > 0.0)
@@ -304,7 +303,7 @@ def test_a_fence_outlives_a_power_cut_for_navigation_and_telemetry(make_bench, t
 
 def test_a_robot_whose_fence_is_damaged_stands_until_there_is_one_or_none(tmp_path):
     PlanFiles(str(tmp_path), "fence").save(b'{"fence": ')
-    body = Rectangle(-0.2, 0.2, 0.18)
+    body = Footprint.rectangle(-0.2, 0.2, 0.18)
     keeper = FenceKeeper(LimitsConfig(), body, 50_000_000, 200_000_000, steered=False)
     adapter = SimpleNamespace(fence=keeper, bound_by=lambda _: None)
     (notice,) = take_bounds(adapter, SimpleNamespace(state=str(tmp_path)))
@@ -355,7 +354,7 @@ class Fenced:
         self.robot = DrivenRobot(self.links, **robot)
         self.robot.arm(mode)
         config = self.robot.config
-        self.body = body_rectangle(config.navigation.guard, config.sonar)
+        self.body = config.footprint
         self.fence = fence_of([MissionItem(c, NED, p, y, x, 0.0) for c, p, x, y in plan], None)[
             0
         ].fence
@@ -427,7 +426,7 @@ def test_a_keeper_brakes_by_the_limits_in_force():
     def held(a_max_m_s2):
         limits = LimitsConfig()
         keeper = FenceKeeper(
-            limits, Rectangle(-0.2, 0.2, 0.18), 50_000_000, 200_000_000, steered=False
+            limits, Footprint.rectangle(-0.2, 0.2, 0.18), 50_000_000, 200_000_000, steered=False
         )
         keeper.retune(replace(limits, a_max_m_s2=a_max_m_s2))
         keeper.take(SetFence(0, Fence(circles=(FenceCircle(0.0, 0.0, 2.0, True),)), 1))

@@ -15,6 +15,8 @@ from robotctl.planning.behave.mission.check import check_mission
 from robotctl.planning.behave.mission.mission_file import Mission, StartPose
 from robotctl.planning.config import GuardConfig, NavigationConfig
 
+BODY = GuardConfig().outline(())
+
 AUTO, HOLD = ModeRequest(Mode.AUTO), ModeRequest(Mode.HOLD)
 CENTRE = (1.0, -2.0)
 
@@ -113,4 +115,4 @@ def test_a_circle_that_a_robot_cannot_drive_is_refused(steered):
     circle = CircleItem("circle", 0.0, 0.0, least_m)
     mission = Mission("circle", StartPose(0.0, 0.0), (circle,))
     with pytest.raises(MissionError, match=rf"circles of {1.1 * least_m:.2f} m or more"):
-        check_mission(mission, Abilities(steered.drive, frozenset(), GuardConfig()))
+        check_mission(mission, Abilities(steered.drive, frozenset(), GuardConfig(), BODY))

@@ -16,6 +16,8 @@ from robotctl.planning.behave.mission.check import check_mission
 from robotctl.planning.behave.mission.mission_file import Mission, StartPose
 from robotctl.planning.config import GuardConfig
 
+BODY = GuardConfig().outline(())
+
 AUTO, HOLD = ModeRequest(Mode.AUTO), ModeRequest(Mode.HOLD)
 WALL_X_M = 4.95
 DISTANCE_M = 0.2
@@ -80,10 +82,10 @@ def test_without_a_wall_it_says_so(make_run, differential):
 def test_what_a_robot_cannot_do_is_refused(robot):
     mission = Mission("dock", StartPose(0.0, 0.0), (DockItem("dock", 0.12),))
     with pytest.raises(MissionError, match=r"distance_m = 0\.12 is never reached"):
-        check_mission(mission, Abilities(robot.drive, ALL, GuardConfig()))
-    near = Abilities(robot.drive, frozenset({"front"}), GuardConfig(margin_m=0.05))
+        check_mission(mission, Abilities(robot.drive, ALL, GuardConfig(), BODY))
+    near = Abilities(robot.drive, frozenset({"front"}), GuardConfig(margin_m=0.05), BODY)
     with pytest.raises(MissionError, match="no sonar that looks to the front left"):
         check_mission(mission, near)
     marked = replace(mission, item=(DockItem("dock", 0.3, marker=4),))
     with pytest.raises(MissionError, match="no camera that looks for markers"):
-        check_mission(marked, Abilities(robot.drive, ALL, GuardConfig()))
+        check_mission(marked, Abilities(robot.drive, ALL, GuardConfig(), BODY))

@@ -20,6 +20,8 @@ from robotctl.planning.behave.mission.mission_file import Mission, StartPose
 from robotctl.planning.config import GuardConfig, NavigationConfig
 from robotctl.planning.guard.obstacle_guard import ObstacleGuard
 
+BODY = GuardConfig().outline(())
+
 WALL_X_M, WANTED_M, DT_S = 4.95, 0.5, 0.05
 AUTO, HOLD = ModeRequest(Mode.AUTO), ModeRequest(Mode.HOLD)
 GAIN_1_S = 8**8 / 9**9 / DT_S  # of a double real pole, 8 steps of 0.05 s after each reading
@@ -143,7 +145,7 @@ def test_what_a_robot_cannot_do_is_refused(robot):
     item = KeepDistanceItem("keep_distance", 0.12, 5.0)
     mission = Mission("keep", StartPose(0.0, 0.0), (item,))
     with pytest.raises(MissionError, match=r"distance_m = 0\.12 is never reached"):
-        check_mission(mission, Abilities(robot.drive, frozenset({"front"}), GuardConfig()))
+        check_mission(mission, Abilities(robot.drive, frozenset({"front"}), GuardConfig(), BODY))
     far = replace(mission, item=(replace(item, distance_m=0.5),))
     with pytest.raises(MissionError, match="no sonar that looks to the front"):
-        check_mission(far, Abilities(robot.drive, frozenset({"left"}), GuardConfig()))
+        check_mission(far, Abilities(robot.drive, frozenset({"left"}), GuardConfig(), BODY))

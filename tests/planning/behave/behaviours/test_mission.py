@@ -12,6 +12,8 @@ from robotctl.planning.behave.mission.check import check_mission, item_title
 from robotctl.planning.behave.mission.mission_file import Mission, StartPose, parse_mission
 from robotctl.planning.config import GuardConfig
 
+BODY = GuardConfig().outline(())
+
 TEXT = """
 name = "demo"
 world = "flat"
@@ -118,38 +120,41 @@ def mission(*items):
 def test_a_drive_and_steer_robot_refuses_to_turn_on_the_spot_and_names_the_item(steered):
     plan = mission(WaitItem("wait", 1.0), TurnToItem("turn_to", 90.0, "look north"))
     with pytest.raises(MissionError, match=r'item 2 "look north" \(turn_to\).*cannot turn'):
-        check_mission(plan, Abilities(steered.drive, ALL, GuardConfig()))
+        check_mission(plan, Abilities(steered.drive, ALL, GuardConfig(), BODY))
 
 
 def test_a_differential_drive_takes_corners_and_turns_of_any_kind(differential):
     plan = mission(
         TurnToItem("turn_to", 90.0), DriveItem("drive", ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)))
     )
-    check_mission(plan, Abilities(differential.drive, ALL, GuardConfig()))
+    check_mission(plan, Abilities(differential.drive, ALL, GuardConfig(), BODY))
 
 
 def test_corners_tighter_than_the_turning_radius_are_refused(steered):
     corner = ((0.0, 0.0), (2.0, 0.0), (2.0, 2.0))
     with pytest.raises(MissionError, match=r"corner_radius_m = 0\.3 is below the turning radius"):
         check_mission(
-            mission(DriveItem("drive", corner, 0.3)), Abilities(steered.drive, ALL, GuardConfig())
+            mission(DriveItem("drive", corner, 0.3)),
+            Abilities(steered.drive, ALL, GuardConfig(), BODY),
         )
     check_mission(
-        mission(DriveItem("drive", corner, 0.6)), Abilities(steered.drive, ALL, GuardConfig())
+        mission(DriveItem("drive", corner, 0.6)), Abilities(steered.drive, ALL, GuardConfig(), BODY)
     )
 
 
 def test_a_straight_path_of_many_points_needs_no_corner_radius(steered):
     straight = ((0.0, 0.0), (1.0, 0.0), (2.0, 0.1))
     check_mission(
-        mission(DriveItem("drive", straight)), Abilities(steered.drive, ALL, GuardConfig())
+        mission(DriveItem("drive", straight)), Abilities(steered.drive, ALL, GuardConfig(), BODY)
     )
 
 
 def test_a_wall_on_a_side_without_sonar_is_refused(robot):
     wall = FollowWallItem("follow_wall", "right", 0.5, Until(front_below_m=0.5))
     with pytest.raises(MissionError, match="to the right") as error:
-        check_mission(mission(wall), Abilities(robot.drive, frozenset({"left"}), GuardConfig()))
+        check_mission(
+            mission(wall), Abilities(robot.drive, frozenset({"left"}), GuardConfig(), BODY)
+        )
     assert "to the front" in str(error.value)
 
 
@@ -157,8 +162,10 @@ def test_a_wall_on_a_side_without_sonar_is_refused(robot):
 def test_a_front_distance_that_the_guard_never_lets_the_robot_reach_is_refused(robot, front_m):
     wall = FollowWallItem("follow_wall", "left", 0.5, Until(front_below_m=front_m))
     with pytest.raises(MissionError, match=rf"front_below_m = {front_m} .*stops 0\.12 m before"):
-        check_mission(mission(wall), Abilities(robot.drive, ALL, GuardConfig()))
-    check_mission(mission(wall), Abilities(robot.drive, ALL, GuardConfig(margin_m=0.99 * front_m)))
+        check_mission(mission(wall), Abilities(robot.drive, ALL, GuardConfig(), BODY))
+    check_mission(
+        mission(wall), Abilities(robot.drive, ALL, GuardConfig(margin_m=0.99 * front_m), BODY)
+    )
 
 
 def test_an_item_without_name_is_called_by_its_number_and_kind():
@@ -167,6 +174,7 @@ def test_an_item_without_name_is_called_by_its_number_and_kind():
 
 def test_a_wall_nearer_than_half_of_the_robots_width_is_refused(robot):
     wall = FollowWallItem("follow_wall", "left", 0.17, Until(length_m=1.0))
-    with pytest.raises(MissionError, match=r"distance_m = 0.17 .* half of its width .* 0.18"):
-        check_mission(mission(wall), Abilities(robot.drive, ALL, GuardConfig()))
-    check_mission(mission(wall), Abilities(robot.drive, ALL, GuardConfig(half_width_m=0.17)))
+    with pytest.raises(MissionError, match=r"distance_m = 0.17 .* its side would touch; 0.18"):
+        check_mission(mission(wall), Abilities(robot.drive, ALL, GuardConfig(), BODY))
+    narrow = GuardConfig(half_width_m=0.17)
+    check_mission(mission(wall), Abilities(robot.drive, ALL, narrow, narrow.outline(())))

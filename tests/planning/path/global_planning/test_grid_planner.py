@@ -31,6 +31,21 @@ def room(width_m=6.0, height_m=4.0):
     return cells
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_with_an_arm_to_one_side_only_that_side_needs_the_room(side):
+    body = ((0.25, -0.5), (0.25, 0.15), (-0.25, 0.15), (-0.25, -0.15))
+    with_arm = Footprint(tuple((x, side * y) for x, y in body[:: int(side)]))
+    space = PlanningMap(GridMap(room(), SIDE_M), with_arm)
+    start, heading = SE2(1.0, 2.0), 0.0 if side > 0.0 else math.pi
+    # Along the upper wall: with the arm towards the room, and then the other way round.
+    free, against = SE2(4.0, 3.7, heading), SE2(4.0, 3.7, math.pi - heading)
+    planner = PLANNERS["hybrid"](PlannerConfig(turning_radius_m=0.3))
+    assert isinstance(planner.plan(space, start, free), Plan)
+    failure = planner.plan(space, start, against)
+    assert isinstance(failure, PlanFailure)
+    assert failure.reason is Reason.GOAL_BLOCKED
+
+
 def two_rooms(door_m):
     """Return a room with a wall across at x = 3 m, and a door in it about y = 2 m."""
     cells = room()

@@ -1,0 +1,55 @@
+"""A robot's outline as arrays: its sides, circles that cover it, points of it."""
+
+from __future__ import annotations
+
+import math
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.model.footprint import Footprint
+
+Sides: TypeAlias = NDArray[np.float64]
+"""(n, 5), a row for each side of a convex outline: its unit normal, which points outwards; its
+distance from `base`; from where to where it goes along the normal turned to the left [m]."""
+OFFSET: Final = 2
+"""Column of the distances."""
+
+
+def side_rows(footprint: Footprint) -> Sides:
+    """Return the sides of an outline, as kernels take them."""
+    rows = []
+    for (ax, ay), (bx, by) in footprint.sides():
+        length = math.dist((ax, ay), (bx, by))
+        nx, ny = (by - ay) / length, (ax - bx) / length
+        rows.append((nx, ny, nx * ax + ny * ay, nx * ay - ny * ax, nx * by - ny * bx))
+    return np.array(rows).reshape(-1, 5)
+
+
+def discs(footprint: Footprint) -> NDArray[np.float64]:
+    """Return circles that cover the body, in a row along its longer side, (n, 3): x, y, r."""
+    if not footprint.corners:
+        return np.zeros((1, 3))
+    low, high = np.min(footprint.corners, axis=0), np.max(footprint.corners, axis=0)
+    lengths = high - low
+    longer = int(np.argmax(lengths))
+    count = math.ceil(2.0 * lengths[longer] / lengths[1 - longer])
+    covering = np.empty((count, 3))
+    covering[:, :2] = 0.5 * (low + high)
+    covering[:, longer] = low[longer] + lengths[longer] * (np.arange(count) + 0.5) / count
+    covering[:, 2] = 0.5 * math.hypot(lengths[longer] / count, lengths[1 - longer])
+    return covering
+
+
+def samples(footprint: Footprint, spacing_m: float) -> NDArray[np.float64]:
+    """Return points of the body, outline included, at most `spacing_m` apart, (n, 2) [m]."""
+    if not footprint.corners:
+        return np.zeros((1, 2))
+    points = []
+    shrink = np.linspace(1.0, 0.0, max(1, math.ceil(footprint.reach_m / spacing_m)) + 1)
+    for a, b in footprint.sides():
+        along = np.linspace(0.0, 1.0, max(1, math.ceil(math.dist(a, b) / spacing_m)) + 1)
+        points.append(np.array(a) + along[:-1, np.newaxis] * (np.array(b) - np.array(a)))
+    outline = np.concatenate(points)
+    return np.unique(np.concatenate([outline * s for s in shrink]).round(9), axis=0)
