@@ -104,7 +104,7 @@ def _drive(file: Path, place: Path, count: int, scheduler: str, corpus: Path | N
     runs = plan(loaded)
     files = files_of(loaded)
     prints = fingerprint(runs, files), sources_fingerprint()
-    head = head_of(file.stem, len(runs), loaded.criteria, prints)
+    head = head_of(file.stem, len(runs), loaded, prints)
     compile_missing(simulated=True)
     console = plain_console(stderr=True)
     from robotctl.workbench.campaign.engine import drive, refusals  # noqa: PLC0415
@@ -186,9 +186,7 @@ def _progress(console: Console, head: Head, done: int) -> Iterator[Tell]:
         TimeRemainingColumn,
     )
 
-    from robotctl.workbench.campaign.results import judge  # noqa: PLC0415
-
-    conditions, told_s = head.conditions, [time.monotonic()]
+    told_s = [time.monotonic()]
     counts = {"passed": 0, "failed": 0, "without result": 0}
     names = {True: "passed", False: "failed", None: "without result"}
     columns = (
@@ -205,7 +203,7 @@ def _progress(console: Console, head: Head, done: int) -> Iterator[Tell]:
         task = bar.add_task(head.name, total=head.runs - done)
 
         def tell(result: Result) -> None:
-            counts[names[judge(result, conditions).passed]] += 1
+            counts[names[head.judge(result).passed]] += 1
             words = ", ".join(f"{count} {name}" for name, count in counts.items() if count)
             bar.update(task, advance=1, description=f"{head.name}: {words}")
             at = bar.tasks[task]

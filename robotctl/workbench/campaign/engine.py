@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from robotctl.workbench.campaign.alone import Ending, Program, run_alone, runs_end_with_this
-from robotctl.workbench.campaign.plan import AXES, Run, briefly
+from robotctl.workbench.campaign.campaign_file import AXES
+from robotctl.workbench.campaign.plan import CASE, Run, briefly
 from robotctl.workbench.campaign.results import Result, ResultFolder, result_of
 
 Tell: TypeAlias = Callable[[Result], None]
@@ -41,11 +42,13 @@ def refusals(
 ) -> list[str]:
     """Return why runs cannot begin, each with its command.
 
-    One run of each kind is tried: kinds differ in more than the settings and the seed.
+    One run of each kind is tried: kinds differ in more than the settings and the seed, and those
+    of cases in name or robot.
     """
     kinds: dict[tuple[str, ...], Run] = {}
     for run in runs:
-        kinds.setdefault(tuple(str(run.factors[axis]) for axis in AXES), run)
+        telling = (CASE, "robot") if CASE in run.factors else AXES
+        kinds.setdefault(tuple(str(run.factors[each]) for each in telling), run)
     futures = {
         workers.executor.submit(workers.run, program, briefly(run.words), wall_seconds): run
         for run in kinds.values()
