@@ -150,14 +150,20 @@ def _workers(scheduler: str, count: int, files: Sequence[Path]) -> AbstractConte
 
 
 def _shown(place: Path) -> Summary:
-    """Print what the results of a folder show, and write its page; return the summary."""
+    """Print what the results of a folder show, write its page and table; return the summary."""
     from robotctl.cli.campaign.summary_view import page_of, print_summary  # noqa: PLC0415
+    from robotctl.workbench.campaign.parquet import write_parquet  # noqa: PLC0415
     from robotctl.workbench.campaign.results import PAGE, read_folder  # noqa: PLC0415
     from robotctl.workbench.campaign.statistics import summarise  # noqa: PLC0415
 
-    summary = summarise(*read_folder(place))
+    head, results = read_folder(place)
+    summary = summarise(head, results)
     print_summary(summary, plain_console())
     write_file(place / PAGE, lambda path: path.write_text(page_of(summary), encoding="utf-8"))
+    try:
+        write_parquet(place, head, results)
+    except ConfigError as error:
+        plain_console(stderr=True).print(str(error), soft_wrap=True)
     return summary
 
 
