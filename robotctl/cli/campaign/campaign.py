@@ -96,6 +96,7 @@ def _drive(file: Path, place: Path, count: int, scheduler: str, corpus: Path | N
         files_of,
         fingerprint,
         plan,
+        runs_in_all,
         sources_fingerprint,
     )
     from robotctl.workbench.campaign.results import HEAD, PAGE, ResultFolder, head_of  # noqa: PLC0415
@@ -103,23 +104,27 @@ def _drive(file: Path, place: Path, count: int, scheduler: str, corpus: Path | N
     loaded = load_campaign(file, _option_problem)
     runs = plan(loaded)
     files = files_of(loaded)
-    prints = fingerprint(runs, files), sources_fingerprint()
-    head = head_of(file.stem, len(runs), loaded, prints)
+    prints = fingerprint(loaded, files), sources_fingerprint()
+    head = head_of(file.stem, runs_in_all(loaded), loaded, prints)
     compile_missing(simulated=True)
     console = plain_console(stderr=True)
+    from robotctl.workbench.campaign.boundary import batches  # noqa: PLC0415
     from robotctl.workbench.campaign.engine import drive, refusals  # noqa: PLC0415
 
     try:
         with _workers(scheduler, count, files) as chosen:
             if not (place / HEAD).exists():
-                console.print(f"trying one of each kind of {counted(len(runs), 'run')}")
+                console.print(f"trying one of each kind of {counted(head.runs, 'run')}")
                 if refused := refusals(runs, chosen, ROBOTCTL, loaded.wall_seconds):
                     raise ConfigError("\n".join(refused))
             with (
                 ResultFolder(place, head) as kept,
                 _progress(console, head, len(kept.done)) as tell,
             ):
-                drive(runs, kept, chosen, ROBOTCTL, loaded.wall_seconds, tell)
+                in_turn = batches(loaded, kept.passes)
+                drive(in_turn, kept, chosen, ROBOTCTL, loaded.wall_seconds, tell)
+            for worker, reason in chosen.dismissed.items():
+                console.print(f"worker {worker} was let go: {reason}", soft_wrap=True)
         summary = _shown(place)
         plain_console().print(f"\npage: {place / PAGE}", soft_wrap=True)
         if corpus is not None and summary.failures:

@@ -10,6 +10,10 @@ from typing import Any, Final, Literal
 
 from robotctl.errors import InvalidValue
 
+BOUNDARY: Final = "boundary"
+"""Method of a sample: a search."""
+BATCH: Final = 16
+"""Points of a search that are decided together, whatever the workers, from those before."""
 FROM, TO, LOG = "from", "to", "log"
 AXES: Final = ("robot", "world", "mission", "faults", "options")
 """Factors beside settings and the seed."""
@@ -25,13 +29,14 @@ class Sample:
         Number of points; each is driven with all seeds and all else.
     method
         `latin_hypercube`: each range is cut into as many equal parts as there are points, and each
-        part has one point.
+        part has one point. `boundary`: after some such points, later ones are put where passes
+        turn into failures.
     seed
         Seed of the points.
     """
 
     points: int
-    method: Literal["latin_hypercube", "random"] = "latin_hypercube"
+    method: Literal["latin_hypercube", "random", "boundary"] = "latin_hypercube"
     seed: int = 1
 
     def __post_init__(self) -> None:

@@ -18,6 +18,7 @@ from robotctl.config.robot_file import config_directory, find_file, load_robot
 from robotctl.errors import RobotctlError
 from robotctl.maps.world import find_world
 from robotctl.workbench.campaign.campaign_file import (
+    BOUNDARY,
     FROM,
     LOG,
     TO,
@@ -183,6 +184,8 @@ def _wrong_ranges(campaign: Campaign) -> Iterator[Problem]:
         yield ("set",), "a range needs a table [sample] with points = NUMBER"
     if campaign.sample is not None and not tables:
         yield ("sample",), "has no effect: [set] has no range"
+    if campaign.sample is not None and campaign.sample.method == BOUNDARY and campaign.runs:
+        yield ("runs",), f'not allowed with method = "{BOUNDARY}", which needs all its runs'
 
 
 def _range_problem(table: Mapping[str, Any]) -> str:

@@ -18,7 +18,15 @@ from scipy.stats import qmc  # type: ignore[import-untyped]
 from robotctl.app.processes.navigator import load_mission
 from robotctl.config.robot_file import find_file
 from robotctl.maps.world import find_world
-from robotctl.workbench.campaign.campaign_file import AXES, Campaign, Range, Sample, setting
+from robotctl.workbench.campaign.campaign_file import (
+    AXES,
+    BATCH,
+    BOUNDARY,
+    Campaign,
+    Range,
+    Sample,
+    setting,
+)
 
 CASE, SEED = "case", "seed"
 """Further factors: name of a case, and the seed."""
@@ -57,7 +65,10 @@ def command_of(words: Sequence[str]) -> str:
 
 
 def plan(campaign: Campaign) -> tuple[Run, ...]:
-    """Return all runs: every combination with the first seed, then with the next."""
+    """Return all runs: every combination with the first seed, then with the next.
+
+    Of a search they are those of its first batch.
+    """
     runs = runs_at(campaign, sampled(campaign.ranges(), campaign.sample))
     if not 0 < campaign.runs < len(runs):
         return runs
@@ -89,25 +100,39 @@ def runs_at(
     return tuple(_run(n, *each, campaign.max_seconds) for n, each in enumerate(chosen, first))
 
 
+def runs_in_all(campaign: Campaign) -> int:
+    """Return the number of runs, with all batches of a search."""
+    planned, sample = len(plan(campaign)), campaign.sample
+    if sample is None or sample.method != BOUNDARY:
+        return planned
+    return planned // min(sample.points, BATCH) * sample.points
+
+
 def sampled(ranges: Sequence[Range], sample: Sample | None) -> list[dict[str, Any]]:
     """Return the points of a sample, each a value for each range; one without values if none."""
     if sample is None or not ranges:
         return [{}]
+    return values_at(ranges, unit_points(len(ranges), sample))
+
+
+def values_at(ranges: Sequence[Range], points: NDArray[np.float64]) -> list[dict[str, Any]]:
+    """Return the values of ranges at points of the unit cube."""
     return [
         {
             each.key: _rounded(each.value(float(share)))
             for each, share in zip(ranges, row, strict=True)
         }
-        for row in _shares(len(ranges), sample)
+        for row in points
     ]
 
 
-def _shares(dimensions: int, sample: Sample) -> NDArray[np.float64]:
-    """Return points in the unit cube, (points, dimensions)."""
+def unit_points(dimensions: int, sample: Sample) -> NDArray[np.float64]:
+    """Return points in the unit cube, (points, dimensions); of a search, its first batch."""
     rng = np.random.default_rng(sample.seed)
     if sample.method == "random":
         return rng.random((sample.points, dimensions))
-    return np.asarray(qmc.LatinHypercube(dimensions, rng=rng).random(sample.points))
+    count = min(sample.points, BATCH) if sample.method == BOUNDARY else sample.points
+    return np.asarray(qmc.LatinHypercube(dimensions, rng=rng).random(count))
 
 
 def _rounded(value: float) -> float:
@@ -162,9 +187,13 @@ def files_of(campaign: Campaign) -> list[Path]:
     return [*robots, *missions, *dict.fromkeys(worlds), *faults]
 
 
-def fingerprint(runs: Sequence[Run], files: Sequence[Path]) -> str:
+def fingerprint(campaign: Campaign, files: Sequence[Path]) -> str:
     """Return a hash of all commands of a campaign and of the files that it names."""
-    found = hashlib.sha256(msgspec.json.encode([each.words for each in runs]))
+    content: list[Any] = [each.words for each in plan(campaign)]
+    if campaign.sample is not None and campaign.sample.method == BOUNDARY:
+        # The later commands depend on what passes.
+        content += [campaign.sample, campaign.ranges(), campaign.criteria, campaign.case_criteria]
+    found = hashlib.sha256(msgspec.json.encode(content))
     for file in files:
         found.update(file.read_bytes())
     return found.hexdigest()

@@ -151,6 +151,7 @@ class ResultFolder:
 
     def __init__(self, folder: Path, head: Head) -> None:
         self.folder = folder
+        self._head = head
         folder.mkdir(parents=True, exist_ok=True)
         before = _read_head(folder)
         if before is not None:
@@ -162,6 +163,15 @@ class ResultFolder:
         write_whole(folder / HEAD, msgspec.json.format(msgspec.json.encode(head)) + b"\n")
         self.done = {each.number: each for each in read_runs(folder) if each.report is not None}
         self._rewrite()
+
+    def has(self, run: Run) -> bool:
+        """Return whether a run has a result; an earlier search may have had another there."""
+        kept = self.done.get(run.number)
+        return kept is not None and kept.words == run.words
+
+    def passes(self, run: Run) -> bool | None:
+        """Return whether a run passes; None: it has no result."""
+        return self._head.judge(self.done[run.number]).passed if self.has(run) else None
 
     def add(self, result: Result) -> None:
         """Keep a result; raises OSError if the disk refuses."""

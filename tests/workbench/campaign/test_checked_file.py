@@ -63,6 +63,10 @@ def test_names_are_found_beside_the_file_or_among_the_built_in_ones(tmp_path):
             ":2: sample.points: must be at least 1",
         ),
         ("[set]\nlimits.v_max_m_s = -1.0", ":2: set.limits.v_max_m_s: "),
+        (
+            "runs = 9\n[sample]\npoints = 9\nmethod = 'boundary'\n[set]\na={from=0, to=1}",
+            ":1: runs: not allowed with method =",
+        ),
         ("[[case]]\nrobot = 'jackal'", ":1: case[0].name: missing key"),
         ("[[case]]\nname = 'a'\nrobots = ['jackal']", 'did you mean "robot"?'),
         ("[[case]]\nname = 'a'\nrobot = 'jakal'", ":3: case[0].robot: jakal: no such file"),
