@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import os
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -89,8 +90,9 @@ def main() -> None:
             print(barn.score(folder, courses))
         return
     folder.mkdir(parents=True, exist_ok=True)
-    cases = [missions.draw(number).write(folder) for number in range(MISSIONS)]
-    cases += fault_cases(folder)
+    with ProcessPoolExecutor() as pool:
+        drawn = pool.map(missions.draw, range(MISSIONS))
+        cases = [*(each.write(folder) for each in drawn), *fault_cases(folder)]
     if challenge is not None:
         cases += [barn.case(each, challenge, folder) for each in courses[::EVERY_COURSE]]
     write_cases(folder / "own.toml", cases)

@@ -7,7 +7,7 @@ import hashlib
 import logging
 import platform
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final, TypeAlias
@@ -131,7 +131,8 @@ def cluster_workers(address: str, files: Sequence[Path]) -> Iterator[Workers]:
             yield Workers(executor, count, run, dismiss)
         except BaseException:
             executor.shutdown(wait=False)
-            client.run(stop_runs, owner, on_error="ignore")
+            with suppress(OSError):  # the scheduler may be lost
+                client.run(stop_runs, owner, on_error="ignore")
             raise
     finally:
         client.close()
