@@ -22,7 +22,7 @@ _AHEAD: Final = 4
 
 @dataclass(frozen=True, slots=True)
 class Workers:
-    """What drives the runs of a campaign.
+    """Workers of a campaign, of this computer or of others.
 
     Attributes
     ----------
