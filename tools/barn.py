@@ -1,9 +1,10 @@
 """The BARN navigation challenge in our simulator: `tools/barn.py WORLDS.json.gz FOLDER`.
 
-Writes its courses of cylinders into FOLDER as worlds, drives each once in lockstep from start to
-goal without a map, and scores it as the challenge does (Perille et al., Benchmarking Metric Ground
-Navigation, SSRR 2020; rules of the ICRA challenge): success * t_opt / clip(t, 2 t_opt, 8 t_opt),
-where t_opt is the length of the reference path over 2 m/s, and a collision is no success.
+Writes its courses of cylinders into FOLDER as worlds, and `barn.toml`, with which `robotctl
+campaign` drives each once from start to goal without a map. With `--score RESULTS` it scores the
+folder of the results as the challenge does (Perille et al., Benchmarking Metric Ground Navigation,
+SSRR 2020; rules of the ICRA challenge): success * t_opt / clip(t, 2 t_opt, 8 t_opt), where t_opt is
+the length of the reference path over 2 m/s, and a collision is no success.
 """
 
 from __future__ import annotations
@@ -12,18 +13,18 @@ import argparse
 import gzip
 import json
 import math
-import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
-from sim_runs import side_by_side, simulated
+from case_file import write_cases, write_mission
+from robotctl.workbench.campaign.results import read_folder
 
+CASE = "BARN"
 FASTEST_M_S = 2.0
 SIDES = 12
-"""Of the polygon about a cylinder: it is at most 3.6 % wider."""
+"""Sides of the polygon about a cylinder: it is at most 3.6 % wider."""
 MARGIN_M = 3.0
 """Free floor around the course, start and goal."""
 
@@ -50,26 +51,6 @@ class Course:
     def name(self) -> str:
         """Name of its world."""
         return f"barn_{self.number:03d}"
-
-
-@dataclass(frozen=True)
-class Result:
-    """How one run ended."""
-
-    course: Course
-    arrived: bool
-    time_s: float
-    clearance_m: float
-    collisions: int
-    metric: float
-
-    def row(self) -> str:
-        """Return one line of the table."""
-        end = "arrived" if self.arrived else "failed"
-        return (
-            f"{self.course.name}  {end:7}  {self.time_s:6.1f} s  {self.clearance_m:6.3f} m  "
-            f"{self.collisions} collisions  {self.metric:.3f}"
-        )
 
 
 def read(path: Path) -> tuple[Challenge, list[Course]]:
@@ -117,79 +98,63 @@ def metric(*, success: bool, time_s: float, path_m: float) -> float:
     return best_s / min(max(time_s, 2.0 * best_s), 8.0 * best_s) if success else 0.0
 
 
-def result(course: Course, challenge: Challenge, report: Mapping[str, Any]) -> Result:
-    """Return the result of a run from its report."""
-    time_s = challenge.time_limit_s if report["time_s"] is None else report["time_s"]
-    clearance = report["min_clearance_m"]
-    collisions = report["collisions"]
-    success = bool(report["arrived"]) and not collisions and time_s <= challenge.time_limit_s
-    score = metric(success=success, time_s=time_s, path_m=course.path_m)
-    clearance_m = math.nan if clearance is None else clearance
-    return Result(course, success, time_s, clearance_m, collisions, score)
+def case(
+    course: Course, challenge: Challenge, folder: Path, robot: str = "jackal"
+) -> dict[str, Any]:
+    """Write world and mission of a course into a folder; return its case of a campaign there."""
+    world, mission = (f"{course.name}{end}.toml" for end in ("", "_mission"))
+    (folder / world).write_text(world_text(course, challenge), encoding="utf-8")
+    start = (*challenge.start[:2], heading_deg(challenge))
+    write_mission(folder / mission, world, start, challenge.goal_m, course.name)
+    limit = f"time_s <= {challenge.time_limit_s:g}"
+    return {
+        "name": CASE,
+        "robot": robot,
+        "mission": mission,
+        "options": "--localiser none",
+        "criteria": ["arrived = true", "collisions = 0", limit],
+    }
 
 
-def words_of(world: Path, challenge: Challenge, robot: str) -> list[str]:
-    """Return the words of `robotctl sim` that drive a course."""
-    x_m, y_m, _ = challenge.start
-    goal_x_m, goal_y_m = challenge.goal_m
-    return [
-        *("--robot", robot, "--world", str(world)),
-        *("--start", f"{x_m},{y_m},{heading_deg(challenge)}", "--goal", f"{goal_x_m},{goal_y_m}"),
-        *("--localiser", "none", "--lockstep", "--headless"),
-        *("--max-seconds", str(challenge.time_limit_s)),
+def score(folder: Path, courses: Iterable[Course]) -> str:
+    """Return the mean score and the number of successes of the results in a folder."""
+    head, results = read_folder(folder)
+    paths_m = {each.name: each.path_m for each in courses}
+    scores = [
+        metric(
+            success=head.judge(each).passed is True,
+            time_s=each.report["time_s"] or 0.0,
+            path_m=paths_m[each.report["mission"]],
+        )
+        for each in results
+        if each.report is not None and each.report["mission"] in paths_m
     ]
+    if not scores:
+        return f"{CASE}: no results"
+    successes = sum(each > 0.0 for each in scores)
+    return f"{CASE}: {sum(scores) / len(scores):.4f} on average, {successes} of {len(scores)}"
 
 
-def drive(course: Course, challenge: Challenge, options: argparse.Namespace) -> Result:
-    """Write the world of a course and drive it.
-
-    Raises
-    ------
-    RuntimeError
-        If `robotctl sim` could not run.
-    """
-    world, report = (options.folder / f"{course.name}.{kind}" for kind in ("toml", "json"))
-    world.write_text(world_text(course, challenge), encoding="utf-8")
-    words = [*words_of(world, challenge, options.robot), *options.options]
-    return result(course, challenge, simulated(words, report))
-
-
-def summary(results: Iterable[Result]) -> str:
-    """Return the mean score and the number of successes."""
-    results = list(results)
-    mean = sum(each.metric for each in results) / len(results)
-    return f"{mean:.4f} on average, {sum(each.arrived for each in results)} of {len(results)}"
-
-
-def main() -> int:
-    """Run the command; 0 if all courses were driven, however they ended."""
+def main() -> None:
+    """Write courses and their campaign, or score its results."""
     parser = argparse.ArgumentParser(
         prog="tools/barn.py", description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
     add = parser.add_argument
     add("source", type=Path, help="the courses, .json.gz")
-    add("folder", type=Path, help="for worlds and reports")
-    add("--only", default="", metavar="N,...", help="these courses; default: all")
+    add("folder", type=Path, help="for worlds, missions and the campaign's file, or --score")
     add("--robot", default="jackal", help="robot file or name (%(default)s)")
-    add("--jobs", type=int, default=os.cpu_count(), help="runs side by side (%(default)s)")
-    add("options", nargs="*", help="after --: options for robotctl sim")
+    add("--score", action="store_true", help="score the results in FOLDER")
     options = parser.parse_args()
-    options.folder.mkdir(parents=True, exist_ok=True)
     challenge, courses = read(options.source)
-    if options.only:
-        numbers = {int(text) for text in options.only.split(",")}
-        if unknown := numbers - {each.number for each in courses}:
-            listed = ", ".join(str(each.number) for each in courses)
-            parser.error(f"--only: no course {min(unknown)}; there are {listed}")
-        courses = [each for each in courses if each.number in numbers]
-    results: list[Result] = []
-    work = partial(drive, challenge=challenge, options=options)
-    for done in side_by_side(work, courses, options.jobs):
-        results.append(done)
-        print(f"{done.row()}   {len(results)} of {len(courses)} driven", flush=True)
-    print(summary(results))
-    return 0
+    if options.score:
+        print(score(options.folder, courses))
+        return
+    options.folder.mkdir(parents=True, exist_ok=True)
+    file = options.folder / "barn.toml"
+    write_cases(file, (case(each, challenge, options.folder, options.robot) for each in courses))
+    print(f"robotctl campaign {file}")
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    main()

@@ -273,7 +273,7 @@ def _kind_of(data: Mapping[str, Any]) -> str | None:
         ("missions", {"item"}),
         ("scenarios", {"fault"}),
         ("places", {"mark", "place"}),
-        ("campaigns", {"robots", "missions", "criteria", "seeds"}),
+        ("campaigns", {"robots", "missions", "criteria", "seeds", "case"}),
         ("", {"drive", "robot"}),
     ):
         if tables & data.keys():

@@ -8,8 +8,13 @@ import numpy as np
 import pytest
 
 from firmware_sim.world.world import load_world
+from robotctl.app.processes.navigator import load_mission
 from robotctl.maps.world import load_walls
-from tools.barn import metric, read, result, summary, words_of, world_text
+from robotctl.workbench.campaign.checked_file import load_campaign
+from robotctl.workbench.campaign.plan import plan
+from robotctl.workbench.campaign.results import ResultFolder, head_of, result_of
+from tools.barn import case, metric, read, score, world_text
+from tools.case_file import write_cases
 
 DATA = {
     "radius_m": 0.075,
@@ -56,18 +61,38 @@ def test_a_run_scores_half_a_point_at_most_and_an_eighth_at_least(time_s, score)
     assert metric(success=False, time_s=time_s, path_m=12.0) == 0.0
 
 
-def test_only_who_arrives_in_time_and_touches_nothing_succeeds(given):
+@pytest.fixture
+def campaign(given, tmp_path):
     challenge, course = given
-    report = {"arrived": True, "time_s": 24.0, "min_clearance_m": 0.1, "collisions": 0}
-    good = result(course, challenge, report)
-    assert (good.arrived, good.metric) == (True, 0.25)
-    for change in ({"arrived": False}, {"collisions": 1}, {"time_s": 100.5}):
-        assert result(course, challenge, {**report, **change}).metric == 0.0
-    stuck = {"arrived": False, "time_s": None, "min_clearance_m": None, "collisions": 0}
-    none = result(course, challenge, stuck)
-    assert summary([good, none]) == "0.1250 on average, 1 of 2"
+    file = tmp_path / "barn.toml"
+    write_cases(file, [case(course, challenge, tmp_path)])
+    return load_campaign(file, lambda _: "")
 
 
-def test_the_command_drives_without_a_map_from_start_to_goal(given, tmp_path):
-    text = " ".join(words_of(tmp_path / "w.toml", given[0], "jackal"))
-    assert "--start -2.25,3.0,90.0 --goal -2.25,13.0 --localiser none --lockstep" in text
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({}, "0.2500 on average, 1 of 1"),
+        ({"arrived": False}, "0.0000 on average, 0 of 1"),
+        ({"collisions": 1}, "0.0000 on average, 0 of 1"),
+        ({"time_s": 100.5}, "0.0000 on average, 0 of 1"),
+        ({"arrived": False, "time_s": None}, "0.0000 on average, 0 of 1"),
+    ],
+)
+def test_only_who_arrives_in_time_and_touches_nothing_succeeds(
+    given, campaign, tmp_path, change, said
+):
+    report = {"mission": "barn_006", "arrived": True, "time_s": 24.0, "collisions": 0, "faults": []}
+    (run,) = plan(campaign)
+    with ResultFolder(tmp_path / "results", head_of("barn", 1, campaign, ("f", "s"))) as folder:
+        folder.add(result_of(run, json.dumps({**report, **change}).encode(), ""))
+    assert score(tmp_path / "results", [given[1]]) == f"BARN: {said}"
+
+
+def test_the_command_drives_without_a_map_from_start_to_goal(campaign, tmp_path):
+    (run,) = plan(campaign)
+    assert "--robot jackal" in run.command
+    assert f"--mission {tmp_path}/barn_006_mission.toml --localiser none" in run.command
+    mission = load_mission(tmp_path / "barn_006_mission.toml")
+    assert (mission.start.x_m, mission.start.y_m, mission.start.heading_deg) == (-2.25, 3.0, 90.0)
+    assert (mission.item[0].x_m, mission.item[0].y_m) == (-2.25, 13.0)

@@ -74,13 +74,16 @@ class JourneyScore:
             return None
         return (self._last.stamp_ns - self._left_ns) * 1e-9
 
-    def report(self) -> dict[str, Any]:
-        """Return its part of the report of a run."""
+    def report(self, *, completed: bool) -> dict[str, Any]:
+        """Return its part of the report of a run; `completed`: whether its mission is."""
         time_s, clearance_m, best = self.time_s, self.min_clearance_m, self._best()
         return {
             "time_s": None if time_s is None else round(time_s, 3),
             "best_m": None if best is None else round(best.length_m, 3),
             "best_s": None if best is None else round(best.time_s, 3),
+            "time_by_best": round(time_s / best.time_s, 4)
+            if completed and time_s and best
+            else None,
             "min_clearance_m": round(clearance_m, 4) if math.isfinite(clearance_m) else None,
             "near_misses": self.near_misses,
         }

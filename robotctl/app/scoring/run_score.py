@@ -169,13 +169,14 @@ class RunScore:
         loop: LoopStatistics,
     ) -> Report:
         """Return the report of a run, after its last messages."""
+        completed = navigation is not None and navigation.mission_completed
         return Report(
             robot=run.robot,
             world=run.world,
             mission=run.mission.name,
             seed=run.seed,
             bus_kind=run.bus_kind,
-            mission_completed=navigation is not None and navigation.mission_completed,
+            mission_completed=completed,
             message=run_message(control, navigation),
             ended=run.ended,
             items_done=navigation.item if navigation else 0,
@@ -186,7 +187,7 @@ class RunScore:
             ran_into=truth.ran_into,
             unsafe_motions=truth.unsafe_motions,
             unsafe_reason=truth.unsafe_reason,
-            **self.journey.report(),
+            **self.journey.report(completed=completed),
             arrived=arrived(run.mission, navigation),
             plans=navigation.plans if navigation else 0,
             recoveries=navigation.recoveries if navigation else 0,

@@ -186,12 +186,12 @@ class Report(msgspec.Struct, frozen=True):
     `collisions` are those that the robot causes; `ran_into` counts people who ran into it.
     `arrived` says so of a mission of one `goto`, None of others; `time_s` is from when the robot
     set off until the end, None if it never did; `best_m` and `best_s` are length and time of the
-    best path, see `best_path`; `min_clearance_m` is the smallest distance of its body from what
-    stands around, None where nothing does; near misses are nearer than 5 cm by its own motion;
-    `plans` and `recoveries` are those of driving by plan.
-    `log_trouble` names logs, truth or map that could not be written. `pose_error` is that of the
-    pose that the robot goes by; `localisation`, `map_quality` and `camera` are None without a
-    localiser, without mapping and without a camera.
+    best path, see `best_path`, `time_by_best` the quotient of a completed mission;
+    `min_clearance_m` is the smallest distance of its body from what stands around, None where
+    nothing does; near misses are nearer than 5 cm by its own motion; `plans` and `recoveries` are
+    those of driving by plan. `log_trouble` names logs, truth or map that could not be written.
+    `pose_error` is that of the pose that the robot goes by; `localisation`, `map_quality` and
+    `camera` are None without a localiser, without mapping and without a camera.
     """
 
     robot: str
@@ -226,6 +226,7 @@ class Report(msgspec.Struct, frozen=True):
     time_s: float | None = None
     best_m: float | None = None
     best_s: float | None = None
+    time_by_best: float | None = None
     min_clearance_m: float | None = None
     near_misses: int = 0
     plans: int = 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import functools
 import os
 import queue
 import signal
@@ -12,6 +13,21 @@ from typing import Any
 
 _PR_SET_PDEATHSIG = 1
 _libc = ctypes.CDLL(None)
+
+
+def end_with(parent: int, by: signal.Signals) -> None:
+    """Let the kernel send this process a signal when the thread that started it ends.
+
+    Parameters
+    ----------
+    parent
+        Process that started it, which may have ended before: then the signal comes at once.
+    by
+        The signal.
+    """
+    _libc.prctl(_PR_SET_PDEATHSIG, by, 0, 0, 0)
+    if os.getppid() != parent:
+        os.kill(os.getpid(), by)
 
 
 def start_child(command: list[str], **options: Any) -> subprocess.Popen[Any]:
@@ -31,12 +47,6 @@ def start_child(command: list[str], **options: Any) -> subprocess.Popen[Any]:
     """
     parent = os.getpid()
 
-    def prepare() -> None:
-        _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
-        # The parent may have ended before prctl: then no signal will come.
-        if os.getppid() != parent:
-            os.kill(os.getpid(), signal.SIGTERM)
-
     # A child inherits the mask of the thread that forks it; blocked later, a signal could win.
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGUSR1,))
     try:
@@ -44,7 +54,7 @@ def start_child(command: list[str], **options: Any) -> subprocess.Popen[Any]:
             command,
             stdin=subprocess.DEVNULL,
             start_new_session=True,
-            preexec_fn=prepare,  # noqa: PLW1509 - nothing but a few system calls
+            preexec_fn=functools.partial(end_with, parent, signal.SIGTERM),  # noqa: PLW1509 - nothing but a few system calls
             **options,
         )
     finally:

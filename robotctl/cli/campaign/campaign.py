@@ -96,6 +96,7 @@ def _drive(file: Path, place: Path, count: int, scheduler: str, corpus: Path | N
         files_of,
         fingerprint,
         plan,
+        runs_in_all,
         sources_fingerprint,
     )
     from robotctl.workbench.campaign.results import HEAD, PAGE, ResultFolder, head_of  # noqa: PLC0415
@@ -103,23 +104,27 @@ def _drive(file: Path, place: Path, count: int, scheduler: str, corpus: Path | N
     loaded = load_campaign(file, _option_problem)
     runs = plan(loaded)
     files = files_of(loaded)
-    prints = fingerprint(runs, files), sources_fingerprint()
-    head = head_of(file.stem, len(runs), loaded.criteria, prints)
+    prints = fingerprint(loaded, files), sources_fingerprint()
+    head = head_of(file.stem, runs_in_all(loaded), loaded, prints)
     compile_missing(simulated=True)
     console = plain_console(stderr=True)
+    from robotctl.workbench.campaign.boundary import batches  # noqa: PLC0415
     from robotctl.workbench.campaign.engine import drive, refusals  # noqa: PLC0415
 
     try:
         with _workers(scheduler, count, files) as chosen:
             if not (place / HEAD).exists():
-                console.print(f"trying one of each kind of {counted(len(runs), 'run')}")
+                console.print(f"trying one of each kind of {counted(head.runs, 'run')}")
                 if refused := refusals(runs, chosen, ROBOTCTL, loaded.wall_seconds):
                     raise ConfigError("\n".join(refused))
             with (
                 ResultFolder(place, head) as kept,
                 _progress(console, head, len(kept.done)) as tell,
             ):
-                drive(runs, kept, chosen, ROBOTCTL, loaded.wall_seconds, tell)
+                in_turn = batches(loaded, kept.passes)
+                drive(in_turn, kept, chosen, ROBOTCTL, loaded.wall_seconds, tell)
+            for worker, reason in chosen.dismissed.items():
+                console.print(f"worker {worker} was let go: {reason}", soft_wrap=True)
         summary = _shown(place)
         plain_console().print(f"\npage: {place / PAGE}", soft_wrap=True)
         if corpus is not None and summary.failures:
@@ -150,14 +155,20 @@ def _workers(scheduler: str, count: int, files: Sequence[Path]) -> AbstractConte
 
 
 def _shown(place: Path) -> Summary:
-    """Print what the results of a folder show, and write its page; return the summary."""
+    """Print what the results of a folder show, write its page and table; return the summary."""
     from robotctl.cli.campaign.summary_view import page_of, print_summary  # noqa: PLC0415
+    from robotctl.workbench.campaign.parquet import write_parquet  # noqa: PLC0415
     from robotctl.workbench.campaign.results import PAGE, read_folder  # noqa: PLC0415
     from robotctl.workbench.campaign.statistics import summarise  # noqa: PLC0415
 
-    summary = summarise(*read_folder(place))
+    head, results = read_folder(place)
+    summary = summarise(head, results)
     print_summary(summary, plain_console())
     write_file(place / PAGE, lambda path: path.write_text(page_of(summary), encoding="utf-8"))
+    try:
+        write_parquet(place, head, results)
+    except ConfigError as error:
+        plain_console(stderr=True).print(str(error), soft_wrap=True)
     return summary
 
 
@@ -186,9 +197,7 @@ def _progress(console: Console, head: Head, done: int) -> Iterator[Tell]:
         TimeRemainingColumn,
     )
 
-    from robotctl.workbench.campaign.results import judge  # noqa: PLC0415
-
-    conditions, told_s = head.conditions, [time.monotonic()]
+    told_s = [time.monotonic()]
     counts = {"passed": 0, "failed": 0, "without result": 0}
     names = {True: "passed", False: "failed", None: "without result"}
     columns = (
@@ -205,7 +214,7 @@ def _progress(console: Console, head: Head, done: int) -> Iterator[Tell]:
         task = bar.add_task(head.name, total=head.runs - done)
 
         def tell(result: Result) -> None:
-            counts[names[judge(result, conditions).passed]] += 1
+            counts[names[head.judge(result).passed]] += 1
             words = ", ".join(f"{count} {name}" for name, count in counts.items() if count)
             bar.update(task, advance=1, description=f"{head.name}: {words}")
             at = bar.tasks[task]

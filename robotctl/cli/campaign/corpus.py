@@ -33,7 +33,7 @@ def keep_failures(
     """Make one failure of each kind small and keep it, unless it is there already."""
     from robotctl.workbench.campaign.minimise import alike  # noqa: PLC0415 - numpy
 
-    groups = alike(summary.failures, summary.head.conditions)[:_MOST]
+    groups = alike(summary.failures, summary.head)[:_MOST]
     names = [f"{summary.head.name}-{each[0].result.number}" for each in groups]
     futures = {
         workers.executor.submit(_small, campaign, summary, group, corpus / f"{name}.toml", workers)
@@ -64,11 +64,11 @@ def _small(
     def run(words: Sequence[str]) -> Ending:
         return workers.run(ROBOTCTL, words, campaign.wall_seconds)
 
-    after, runs = minimised(before, summary.head.conditions, result, run)
+    after, runs = minimised(before, summary.head.conditions_of(result), result, run)
     comment = (
         f"Made small from run {result.number} of {summary.head.name}:\n{why}\n{result.command}"
     )
-    keep(file.parent, file.stem, after, campaign.criteria, comment)
+    keep(file.parent, file.stem, after, summary.head.criteria_of(result.factors), comment)
     others = f" and {counted(len(group) - 1, 'other')} like it" if len(group) > 1 else ""
     return (
         f"run {result.number}{others}: {why}\n  from {shown_case(before)}\n"
@@ -88,7 +88,7 @@ def run_again(
     """
     from robotctl.workbench.campaign.checked_file import load_campaign  # noqa: PLC0415 - numpy
     from robotctl.workbench.campaign.plan import plan  # noqa: PLC0415
-    from robotctl.workbench.campaign.results import judge, result_of  # noqa: PLC0415
+    from robotctl.workbench.campaign.results import head_of, result_of  # noqa: PLC0415
 
     files = sorted(corpus.glob("*.toml"))
     if not files:
@@ -96,14 +96,16 @@ def run_again(
     futures = {}
     for file in files:
         loaded = load_campaign(file, check)
-        for run in plan(loaded):
+        runs = plan(loaded)
+        head = head_of(file.stem, len(runs), loaded, ("", ""))
+        for run in runs:
             start = partial(workers.run, ROBOTCTL, run.words, loaded.wall_seconds)
-            futures[workers.executor.submit(start)] = (file, run, loaded.conditions)
+            futures[workers.executor.submit(start)] = (file, run, head)
     passed = 0
     for future in as_completed(futures):
-        file, run, conditions = futures[future]
+        file, run, head = futures[future]
         ending = future.result()
-        verdict = judge(result_of(run, ending.report, ending.reason), conditions)
+        verdict = head.judge(result_of(run, ending.report, ending.reason))
         passed += verdict.passed is True
         words = {True: "passes", False: "fails", None: "no result"}[verdict.passed]
         why = f": {'; '.join(verdict.why)}\n    {run.command}" if verdict.why else ""

@@ -29,11 +29,12 @@ def print_summary(summary: Summary, console: Console) -> None:
     """Print what a campaign shows."""
     console.print(f"{summary.head.name}: {_progress(summary)}", soft_wrap=True)
     console.print(f"passed: {summary.rate}", soft_wrap=True)
-    console.print(f"a run passes with: {'; '.join(summary.head.criteria)}", soft_wrap=True)
+    for words in _criteria(summary):
+        console.print(words, soft_wrap=True)
     if summary.distributions:
-        table = grid("Distributions", "field", "runs", *_QUANTILE_NAMES)
+        table = grid("Distributions", *_distribution_names(summary))
         for each in summary.distributions:
-            table.add_row(each.field, str(len(each.values)), *_quantiles(each, 3))
+            table.add_row(*_distribution_cells(each, 3))
         console.print(table)
     sure, words = _sure(summary)
     if sure:
@@ -53,14 +54,14 @@ def page_of(summary: Summary) -> str:
     parts = [
         f"<p>{html.escape(_progress(summary))}</p>",
         f"<p>Passed: <b>{html.escape(str(rate))}</b></p>{_bar(*rate.interval, rate.share)}",
-        f"<p>A run passes with: {html.escape('; '.join(summary.head.criteria))}</p>",
+        *(f"<p>{html.escape(words)}</p>" for words in _criteria(summary)),
     ]
     if summary.distributions:
         rows = [
-            (_escaped(each.field, str(len(each.values)), *_quantiles(each)), _histogram(each))
+            (_escaped(*_distribution_cells(each)), _histogram(each))
             for each in summary.distributions
         ]
-        head = ("field", "runs", *_QUANTILE_NAMES, "histogram")
+        head = (*_distribution_names(summary), "histogram")
         parts.append(f"<h2>Distributions</h2>{_table(head, ((*a, b) for a, b in rows))}")
     sure, words = _sure(summary)
     parts.append(f"<h2>What matters</h2><p>{html.escape(words)}</p>")
@@ -103,8 +104,26 @@ def grid(title: str, *names: str) -> Table:
     return table
 
 
-def _quantiles(each: Distribution, figures: int = 4) -> list[str]:
-    return [f"{each.quantile(share):.{figures}g}" for share in _QUANTILES]
+def _criteria(summary: Summary) -> Iterator[str]:
+    """Yield what a run must fulfil to pass, and how many runs of each case do."""
+    head = summary.head
+    if summary.case_rates.keys() - head.case_criteria.keys() or not summary.case_rates:
+        yield f"a run passes with: {'; '.join(head.criteria)}"
+    for case, rate in summary.case_rates.items():
+        own = head.case_criteria.get(case)
+        yield f"{case}: {rate}" + (f"; passes with: {'; '.join(own)}" if own else "")
+
+
+def _distribution_names(summary: Summary) -> tuple[str, ...]:
+    """Return the names of the columns of distributions."""
+    case = ("case",) if summary.case_rates else ()
+    return (*case, "field", "runs", *_QUANTILE_NAMES)
+
+
+def _distribution_cells(each: Distribution, figures: int = 4) -> tuple[str, ...]:
+    quantiles = (f"{each.quantile(share):.{figures}g}" for share in _QUANTILES)
+    case = (each.case,) if each.case else ()
+    return (*case, each.field, str(len(each.values)), *quantiles)
 
 
 def _sure(summary: Summary) -> tuple[list[Effect], str]:

@@ -92,9 +92,8 @@ def _journey_rows(report: Report) -> list[tuple[str, str]]:
     if not report.plans:
         return []
     best = ""
-    if report.time_s is not None and report.best_s and report.mission_completed:
-        ratio = report.time_s / report.best_s
-        best = f"{ratio:.2f} × the best time of {report.best_s:.1f} s; "
+    if report.time_by_best is not None:
+        best = f"{report.time_by_best:.2f} × the best time of {report.best_s:.1f} s; "
     text = f"{best}{counted(report.plans, 'plan')}, " + counted(
         report.recoveries, "recovery", "recoveries"
     )

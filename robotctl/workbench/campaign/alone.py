@@ -6,15 +6,17 @@ itself. Modules and kernels are loaded once, by the server, whose memory the run
 
 from __future__ import annotations
 
-import ctypes
+import errno
+import fcntl
 import multiprocessing
 import os
+import shutil
 import signal
 import sys
 import tempfile
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing.connection import wait
 from multiprocessing.context import ForkServerContext, ForkServerProcess
@@ -23,11 +25,12 @@ from typing import Final
 
 import msgspec
 
+from robotctl.app.supervision.child_process import end_with
+
 DRIVEN: Final = (0, 3)
 """Statuses of `robotctl sim` with a report: completed, or not."""
 REFUSED: Final = 2
 """Status of bad input."""
-_PR_SET_PDEATHSIG: Final = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,11 +60,17 @@ class Ending(msgspec.Struct, frozen=True):
         Why it has none.
     is_refused
         Whether the reason is its input: it would be the same each time.
+    is_disk_full
+        Whether the reason is the disk of its computer.
+    worker
+        Where it ran; empty: on this computer.
     """
 
     report: bytes = b""
     reason: str = ""
     is_refused: bool = False
+    is_disk_full: bool = False
+    worker: str = ""
 
 
 class _Processes:
@@ -70,14 +79,17 @@ class _Processes:
     def __init__(self) -> None:
         self.lock = threading.Lock()
         """Two threads must not ask for the exit code of a process at once: one would get none."""
-        self.is_stopped = False
-        self._running: set[ForkServerProcess] = set()
+        self.stopped: set[str] = set()
+        self._running: dict[ForkServerProcess, str] = {}
         self._context: ForkServerContext | None = None
 
-    def start(self, program: Program, words: Sequence[str], folder: str) -> ForkServerProcess:
+    def start(
+        self, program: Program, words: Sequence[str], folder: str, owner: str
+    ) -> ForkServerProcess:
         """Start a run."""
         with self.lock:
             if self._context is None:
+                clear_abandoned()
                 self._context = multiprocessing.get_context("forkserver")
                 self._context.set_forkserver_preload([program.warm or program.main.__module__])
                 # A worker of Dask is a daemon, which may have no children: these end with it.
@@ -86,7 +98,7 @@ class _Processes:
                 target=_drive, args=(program.main, tuple(words), folder)
             )
             process.start()
-            self._running.add(process)
+            self._running[process] = owner
         return process
 
     def end(self, process: ForkServerProcess) -> int | None:
@@ -97,21 +109,24 @@ class _Processes:
                 process.kill()
             process.join()
             process.close()
-            self._running.discard(process)
+            self._running.pop(process, None)
         return code
 
-    def stop(self) -> None:
-        """Kill all runs, and start no more."""
+    def stop(self, owner: str) -> None:
+        """Kill all runs of an owner, and start no more."""
         with self.lock:
-            self.is_stopped = True
-            for process in self._running:
-                process.kill()
+            self.stopped.add(owner)
+            for process, its_owner in self._running.items():
+                if its_owner == owner:
+                    process.kill()
 
 
 _processes = _Processes()
 
 
-def run_alone(program: Program, words: Sequence[str], wall_seconds: float) -> Ending:
+def run_alone(
+    program: Program, words: Sequence[str], wall_seconds: float, owner: str = ""
+) -> Ending:
     """Run `robotctl WORDS --report FILE` in a process of its own; return how it ended.
 
     Parameters
@@ -122,19 +137,29 @@ def run_alone(program: Program, words: Sequence[str], wall_seconds: float) -> En
         Arguments of it: a command that writes a report.
     wall_seconds
         Time after which it is killed [s].
+    owner
+        Campaign whose runs can be stopped together, see `stop_runs`.
     """
-    if _processes.is_stopped:
+    if owner in _processes.stopped:
         return Ending(reason="stopped before it began")
     try:
-        with tempfile.TemporaryDirectory(prefix="robotctl-run-") as folder:
-            process = _processes.start(program, words, folder)
+        with (
+            tempfile.TemporaryDirectory(prefix=_PREFIX) as folder,
+            Path(folder, _LOCK).open("wb") as held,
+        ):
+            fcntl.flock(held, fcntl.LOCK_EX)
+            process = _processes.start(program, words, folder, owner)
             wait([process.sentinel], wall_seconds)
             code = _processes.end(process)
             said = _last_line(Path(folder, _OUTPUT))
             if code in DRIVEN:
                 return Ending(report=Path(folder, _REPORT).read_bytes())
+            is_full = shutil.disk_usage(folder).free < _LEAST_FREE
     except OSError as error:
-        return Ending(reason=f"this computer refused: {error.strerror or error}")
+        reason = f"this computer refused: {error.strerror or error}"
+        return Ending(reason=reason, is_disk_full=error.errno in _DISK_FULL)
+    if is_full:
+        return Ending(reason=f"{tempfile.gettempdir()} is full", is_disk_full=True)
     if code is None:
         return Ending(reason=f"not over after {wall_seconds:g} s of this computer's time")
     if code < 0:
@@ -151,15 +176,34 @@ def runs_end_with_this(wait_for_all: Callable[[], None]) -> Iterator[None]:
     try:
         yield
     except BaseException:
-        _processes.stop()
+        stop_runs("")
         raise
     finally:
         wait_for_all()
-        _processes.is_stopped = False
+        _processes.stopped.discard("")
 
 
+def stop_runs(owner: str) -> None:
+    """Kill the runs of an owner in this process, and start no more of them."""
+    _processes.stop(owner)
+
+
+_PREFIX: Final = "robotctl-run-"
+_DISK_FULL: Final = (errno.ENOSPC, errno.EDQUOT)
+_LEAST_FREE: Final = 1 << 20
+"""A run that fails with less space than this may have failed for it [bytes]."""
+_LOCK: Final = "lock"
+"""File in the folder of a run, held by the process that waits for the run."""
 _REPORT: Final = "report.json"
 _OUTPUT: Final = "output"
+
+
+def clear_abandoned() -> None:
+    """Remove the folders of runs whose process was killed before it could."""
+    for lock in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*/{_LOCK}"):
+        with suppress(OSError), lock.open("r+b") as file:  # held, another user's, or just removed
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            shutil.rmtree(lock.parent)
 
 
 def _last_line(file: Path) -> str:
@@ -170,7 +214,7 @@ def _last_line(file: Path) -> str:
 
 def _drive(main: Callable[[], None], words: Sequence[str], folder: str) -> None:
     """Be `robotctl WORDS`."""
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+    end_with(os.getppid(), signal.SIGKILL)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the campaign
     output = os.open(Path(folder, _OUTPUT), os.O_WRONLY | os.O_CREAT, 0o600)
     os.dup2(output, 1)

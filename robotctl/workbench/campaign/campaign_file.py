@@ -6,12 +6,17 @@ import json
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 from robotctl.errors import InvalidValue
-from robotctl.workbench.campaign.conditions import Condition, parse_condition
 
+BOUNDARY: Final = "boundary"
+"""Method of a sample: a search."""
+BATCH: Final = 16
+"""Points of a search that are decided together, whatever the workers, from those before."""
 FROM, TO, LOG = "from", "to", "log"
+AXES: Final = ("robot", "world", "mission", "faults", "options")
+"""Factors beside settings and the seed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,13 +29,14 @@ class Sample:
         Number of points; each is driven with all seeds and all else.
     method
         `latin_hypercube`: each range is cut into as many equal parts as there are points, and each
-        part has one point.
+        part has one point. `boundary`: after some such points, later ones are put where passes
+        turn into failures.
     seed
         Seed of the points.
     """
 
     points: int
-    method: Literal["latin_hypercube", "random"] = "latin_hypercube"
+    method: Literal["latin_hypercube", "random", "boundary"] = "latin_hypercube"
     seed: int = 1
 
     def __post_init__(self) -> None:
@@ -60,6 +66,45 @@ class Range:
 
 
 @dataclass(frozen=True, slots=True)
+class ListedCase:
+    """One run that is given in full, `[[case]]`; keys as those of `Campaign`, one value each.
+
+    Parameters
+    ----------
+    name
+        Its kind in the results, which counts each: any number of cases may have the same.
+    set
+        Settings of this case, beside those of the file.
+    criteria
+        What it must fulfil to pass, in place of those of the file; empty: those.
+    """
+
+    name: str
+    robot: str = "diff_drive"
+    world: str = ""
+    mission: str = ""
+    faults: str = ""
+    options: str = ""
+    set: dict[str, Any] = field(default_factory=dict)
+    seed: int = 1
+    criteria: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check the seed."""
+        if self.seed < 0:
+            raise InvalidValue("seed", f"must be at least 0, found {self.seed}", self.seed)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Its value on each axis."""
+        return (self.robot, self.world, self.mission, self.faults, self.options)
+
+    def settings(self) -> dict[str, Any]:
+        """Return its settings by dotted key."""
+        return flat(self.set)
+
+
+@dataclass(frozen=True, slots=True)
 class Campaign:
     """Content of a campaign file.
 
@@ -85,6 +130,8 @@ class Campaign:
         Limit of a run in the computer's time; one that takes longer is ended, without a result.
     criteria
         What a run must fulfil to pass.
+    case
+        Runs in full, in place of robots, worlds, missions, faults, options and seeds.
     """
 
     robots: tuple[str, ...] = ("diff_drive",)
@@ -99,6 +146,7 @@ class Campaign:
     max_seconds: float = 300.0
     wall_seconds: float = 900.0
     criteria: tuple[str, ...] = ("mission_completed = true", "collisions = 0", "unsafe_motions = 0")
+    case: tuple[ListedCase, ...] = ()
 
     def __post_init__(self) -> None:
         """Check the numbers, and that no list is empty."""
@@ -116,9 +164,19 @@ class Campaign:
                 raise InvalidValue(key, f"must be at least {least:g}, found {found:g}", found)
 
     @property
-    def conditions(self) -> tuple[Condition, ...]:
-        """The conditions of `criteria`."""
-        return tuple(map(parse_condition, self.criteria))
+    def case_criteria(self) -> dict[str, tuple[str, ...]]:
+        """Criteria of the cases that have their own, by name."""
+        return {each.name: each.criteria for each in self.case if each.criteria}
+
+    @property
+    def axes(self) -> tuple[tuple[str, ...], ...]:
+        """The values on each of `AXES`."""
+        if self.case:
+            return tuple(
+                tuple(dict.fromkeys(each))
+                for each in zip(*(c.names for c in self.case), strict=True)
+            )
+        return (self.robots, self.worlds, self.missions, self.faults, self.options)
 
     @property
     def all_seeds(self) -> tuple[int, ...]:
@@ -127,7 +185,7 @@ class Campaign:
 
     def settings(self) -> dict[str, Any]:
         """Return the settings by dotted key: a value, a list, or a table of a range."""
-        return {".".join(key): value for key, value in _leaves(self.set, ())}
+        return flat(self.set)
 
     def grid(self) -> dict[str, list[Any]]:
         """Return the values of each setting that is no range, by dotted key."""
@@ -157,6 +215,11 @@ def _toml(value: Any) -> str:
     if isinstance(value, Mapping):
         return f"{{{', '.join(f'{key} = {_toml(each)}' for key, each in value.items())}}}"
     return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)
+
+
+def flat(table: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the settings of a table and of those inside it, by dotted key."""
+    return {".".join(key): value for key, value in _leaves(table, ())}
 
 
 def is_range(value: Any) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import shlex
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -17,6 +18,7 @@ from robotctl.config.robot_file import config_directory, find_file, load_robot
 from robotctl.errors import RobotctlError
 from robotctl.maps.world import find_world
 from robotctl.workbench.campaign.campaign_file import (
+    BOUNDARY,
     FROM,
     LOG,
     TO,
@@ -35,8 +37,13 @@ _OWN_OPTIONS: Final = frozenset((
     "--report", "--html", "--record", "--bus", "--headless", "--stay", "--until-done", "--help",
 ))  # fmt: skip
 """Options of `robotctl sim` that other keys give, or that no run of a campaign has."""
-_FOLDERS: Final = {"robots": "", "worlds": "worlds", "missions": "missions", "faults": "scenarios"}
-"""Folder of the built-in files of each axis."""
+_FOLDERS: Final = {
+    "robots": ("robot", ""),
+    "worlds": ("world", "worlds"),
+    "missions": ("mission", "missions"),
+    "faults": ("faults", "scenarios"),
+}
+"""Each axis with its name in a case, and the folder of its built-in files."""
 _MOST_CORNERS: Final = 64
 """Combinations of settings that are checked: some seconds."""
 
@@ -57,11 +64,22 @@ def load_campaign(path: Path, check_options: CheckOptions) -> Campaign:
         yield from _problems(campaign, path.parent, check_options)
 
     campaign = toml_source.load(path, Campaign, rules=rules)
+    full_name = functools.cache(functools.partial(_full_name, beside=path.parent))
     names: dict[str, Any] = {
-        axis: tuple(_full_name(each, folder, path.parent) for each in getattr(campaign, axis))
-        for axis, folder in _FOLDERS.items()
+        axis: tuple(full_name(each, folder) for each in getattr(campaign, axis))
+        for axis, (_, folder) in _FOLDERS.items()
     }
-    return replace(campaign, **names)
+    cases = tuple(
+        replace(
+            each,
+            robot=full_name(each.robot, ""),
+            world=full_name(each.world, "worlds"),
+            mission=full_name(each.mission, "missions"),
+            faults=full_name(each.faults, "scenarios"),
+        )
+        for each in campaign.case
+    )
+    return replace(campaign, case=cases, **names)
 
 
 def _find(name: str, folder: str, beside: Path) -> Path:
@@ -83,22 +101,37 @@ def _full_name(name: str, folder: str, beside: Path) -> str:
 def _problems(campaign: Campaign, beside: Path, check_options: CheckOptions) -> Iterator[Problem]:
     """Yield what is wrong with names, options, criteria and settings."""
     yield from _unknown_names(campaign, beside)
-    for index, text in enumerate(campaign.criteria):
+    yield from _wrong_cases(campaign)
+    for key, text in _texts(campaign, "criteria"):
         try:
             parse_condition(text)
         except ValueError as error:
-            yield ("criteria", index), str(error)
-    for index, text in enumerate(campaign.options):
+            yield key, str(error)
+    for key, text in _texts(campaign, "options"):
         if problem := _option_problem(text, check_options):
-            yield ("options", index), problem
+            yield key, problem
     wrong = [*_wrong_ranges(campaign)]
     yield from wrong or _wrong_for_robots(campaign, beside)
 
 
+def _texts(campaign: Campaign, axis: str) -> Iterator[tuple[toml_source.Key, str]]:
+    """Yield the texts of a list and of the same key of all cases, each once, with its first key."""
+    first: dict[str, toml_source.Key] = {}
+    for index, text in enumerate(getattr(campaign, axis)):
+        first.setdefault(text, (axis, index))
+    key = _FOLDERS[axis][0] if axis in _FOLDERS else axis
+    for number, case in enumerate(campaign.case):
+        value = getattr(case, key)
+        for text in (value,) if isinstance(value, str) else value:
+            first.setdefault(text, ("case", number, key))
+    for text, at in first.items():
+        yield at, text
+
+
 def _unknown_names(campaign: Campaign, beside: Path) -> Iterator[Problem]:
     """Yield names without a file, and missions that are wrong."""
-    for axis, folder in _FOLDERS.items():
-        for index, name in enumerate(getattr(campaign, axis)):
+    for axis, (_, folder) in _FOLDERS.items():
+        for key, name in _texts(campaign, axis):
             if not name and axis != "robots":
                 continue
             try:
@@ -106,7 +139,23 @@ def _unknown_names(campaign: Campaign, beside: Path) -> Iterator[Problem]:
                 if axis == "missions":
                     load_mission(file)
             except RobotctlError as error:
-                yield (axis, index), str(error)
+                yield key, str(error)
+
+
+def _wrong_cases(campaign: Campaign) -> Iterator[Problem]:
+    """Yield what contradicts the cases."""
+    if not campaign.case:
+        return
+    for key in (*_FOLDERS, "options", "seeds"):
+        if getattr(campaign, key) != getattr(Campaign(), key):
+            yield (key,), "not allowed with [[case]], which has its own"
+    criteria: dict[str, tuple[str, ...]] = {}
+    for index, case in enumerate(campaign.case):
+        if case.criteria != criteria.setdefault(case.name, case.criteria):
+            problem = f"must be those of the first case named {case.name!r}"
+            yield ("case", index, "criteria"), problem
+        if found := next((k for k, v in case.settings().items() if is_range(v)), ""):
+            yield ("case", index, "set", *found.split(".")), "must be a value: a case is one run"
 
 
 def _option_problem(text: str, check_options: CheckOptions) -> str:
@@ -135,6 +184,8 @@ def _wrong_ranges(campaign: Campaign) -> Iterator[Problem]:
         yield ("set",), "a range needs a table [sample] with points = NUMBER"
     if campaign.sample is not None and not tables:
         yield ("sample",), "has no effect: [set] has no range"
+    if campaign.sample is not None and campaign.sample.method == BOUNDARY and campaign.runs:
+        yield ("runs",), f'not allowed with method = "{BOUNDARY}", which needs all its runs'
 
 
 def _range_problem(table: Mapping[str, Any]) -> str:
@@ -160,17 +211,33 @@ def _wrong_for_robots(campaign: Campaign, beside: Path) -> Iterator[Problem]:
     ends = {each.key: [each.value(0.0), each.value(1.0)] for each in campaign.ranges()}
     values = campaign.grid() | ends
     said: set[Problem] = set()
-    for index, name in enumerate(campaign.robots):
+    robots: dict[str, Path] = {}
+    for key, name in _texts(campaign, "robots"):
         robot = _find_or_none(name, "", beside)
         if robot is None:
             continue
         if problem := _problem(robot, ()):
-            yield ("robots", index), problem
+            yield key, problem
             continue
-        for found in (*_wrong_settings(robot, values), *_wrong_faults(campaign, robot, beside)):
+        robots[name] = robot
+        wrong = _wrong_settings(robot, values)
+        if not campaign.case:
+            wrong += _wrong_faults([*_texts(campaign, "faults")], robot, beside)
+        for found in wrong:
             if found not in said:
                 yield found
             said.add(found)
+    checked: set[tuple[str, ...]] = set()
+    for index, case in enumerate(campaign.case):
+        settings = {key: [value] for key, value in case.settings().items()}
+        alike = (case.robot, case.faults, repr(settings))
+        if case.robot not in robots or alike in checked:
+            continue
+        checked.add(alike)
+        for key, problem in _wrong_settings(robots[case.robot], settings):
+            yield ("case", index, *key), problem
+        at = ("case", index, "faults")
+        yield from _wrong_faults([(at, case.faults)], robots[case.robot], beside)
 
 
 def _wrong_settings(robot: Path, values: Mapping[str, Sequence[Any]]) -> list[Problem]:
@@ -190,14 +257,18 @@ def _wrong_settings(robot: Path, values: Mapping[str, Sequence[Any]]) -> list[Pr
     return []
 
 
-def _wrong_faults(campaign: Campaign, robot: Path, beside: Path) -> Iterator[Problem]:
-    """Yield scenarios of faults that are wrong, or that a robot cannot have."""
-    for index, name in enumerate(campaign.faults):
+def _wrong_faults(
+    names: Sequence[tuple[toml_source.Key, str]], robot: Path, beside: Path
+) -> list[Problem]:
+    """Return scenarios of faults that are wrong, or that a robot cannot have."""
+    found = []
+    for key, name in names:
         scenario = _find_or_none(name, "scenarios", beside)
         try:
             load_faults(SimOptions(robot, Path(), faults=scenario))
         except RobotctlError as error:
-            yield ("faults", index), str(error)
+            found.append((key, str(error)))
+    return found
 
 
 def _find_or_none(name: str, folder: str, beside: Path) -> Path | None:

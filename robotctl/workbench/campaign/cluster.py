@@ -7,7 +7,7 @@ import hashlib
 import logging
 import platform
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final, TypeAlias
@@ -15,7 +15,7 @@ from typing import Any, Final, TypeAlias
 import msgspec
 
 from robotctl.errors import ConfigError, RobotctlError
-from robotctl.workbench.campaign.alone import Ending, Program, run_alone
+from robotctl.workbench.campaign.alone import Ending, Program, run_alone, stop_runs
 from robotctl.workbench.campaign.engine import Workers
 from robotctl.workbench.campaign.plan import sources_fingerprint
 from robotctl.workbench.compile.compile import Kernels
@@ -77,11 +77,16 @@ def _digest(path: Path) -> str:
 own_sources = functools.cache(sources_fingerprint)
 
 
-def run_as(sources: str, program: Program, words: Sequence[str], wall_seconds: float) -> Ending:
+def run_as(
+    owner: str, sources: str, program: Program, words: Sequence[str], wall_seconds: float
+) -> Ending:
     """Run as `run_alone`, unless this worker, which may have come later, has other sources."""
     if own_sources() != sources:
         return Ending(reason="its worker has another robotctl, and came after the check of all")
-    return run_alone(program, words, wall_seconds)
+    from distributed import get_worker  # noqa: PLC0415 - an extra
+
+    ending = run_alone(program, words, wall_seconds, owner)
+    return msgspec.structs.replace(ending, worker=get_worker().address)
 
 
 @contextmanager
@@ -113,11 +118,21 @@ def cluster_workers(address: str, files: Sequence[Path]) -> Iterator[Workers]:
     try:
         count = _checked(client, address, files)
         executor = client.get_executor(pure=False, retries=_RETRIES)
-        run = functools.partial(run_as, own_sources())
+        owner = client.id
+        run = functools.partial(run_as, owner, own_sources())
+
+        def dismiss(worker: str) -> bool:
+            if not client.nthreads().keys() - {worker}:
+                return False
+            client.retire_workers([worker], close_workers=True)
+            return True
+
         try:
-            yield Workers(executor, count, run)
+            yield Workers(executor, count, run, dismiss)
         except BaseException:
             executor.shutdown(wait=False)
+            with suppress(OSError):  # the scheduler may be lost
+                client.run(stop_runs, owner, on_error="ignore")
             raise
     finally:
         client.close()

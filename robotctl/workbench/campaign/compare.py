@@ -13,7 +13,7 @@ from scipy import stats  # type: ignore[import-untyped]
 from robotctl.errors import ConfigError
 from robotctl.workbench.campaign.conditions import value_of
 from robotctl.workbench.campaign.plan import SEED
-from robotctl.workbench.campaign.results import Head, Result, judge
+from robotctl.workbench.campaign.results import Head, Result
 from robotctl.workbench.campaign.statistics import (
     CONFIDENCE,
     NEITHER,
@@ -98,7 +98,6 @@ def compare(
     ConfigError
         If no run of one folder has its like in the other, or has more than one.
     """
-    conditions = second[0].conditions
     names = _telling(first[1]) | _telling(second[1]) | {SEED}
     before, after = (_by_kind(head, found, names) for head, found in (first, second))
     pairs = [(before[key], after[key]) for key in after if key in before]
@@ -107,10 +106,10 @@ def compare(
             f"{first[0].name} and {second[0].name}: no run of one has its like in the other; "
             f"runs are told apart by {', '.join(sorted(names))}"
         )
-    verdicts = [tuple(judge(each, conditions).passed for each in pair) for pair in pairs]
+    verdicts = [tuple(second[0].judge(each).passed for each in pair) for pair in pairs]
     passed = [each for each in verdicts if None not in each]
     found = [_difference(PASSING, np.array(passed, dtype=float).reshape(-1, 2))]
-    for field in shown_fields(conditions):
+    for field in shown_fields(second[0].conditions):
         values = np.array([*_both(pairs, field)], dtype=float).reshape(-1, 2)
         if len(values):
             found.append(_difference(field, values))

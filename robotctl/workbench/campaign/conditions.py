@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import operator
 import re
 import tomllib
@@ -71,6 +72,7 @@ def shown(value: Any) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
+@functools.cache
 def parse_condition(text: str) -> Condition:
     """Return the condition of a text.
 

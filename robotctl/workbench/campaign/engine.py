@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, TypeAlias
 
 from robotctl.workbench.campaign.alone import Ending, Program, run_alone, runs_end_with_this
-from robotctl.workbench.campaign.plan import AXES, Run, briefly
+from robotctl.workbench.campaign.campaign_file import AXES
+from robotctl.workbench.campaign.plan import CASE, Run, briefly
 from robotctl.workbench.campaign.results import Result, ResultFolder, result_of
 
 Tell: TypeAlias = Callable[[Result], None]
@@ -21,11 +22,25 @@ _AHEAD: Final = 4
 
 @dataclass(frozen=True, slots=True)
 class Workers:
-    """Executor of a campaign, how many runs it has at a time, and how each is run: `run_alone`."""
+    """Workers of a campaign, of this computer or of others.
+
+    Attributes
+    ----------
+    executor, count
+        Runs so many at a time.
+    run
+        How each is run: `run_alone`.
+    dismiss
+        Lets a worker go that cannot run any more; returns False if it is the last one.
+    dismissed
+        Workers that were let go, with the reason.
+    """
 
     executor: Executor
     count: int
     run: Callable[[Program, Sequence[str], float], Ending]
+    dismiss: Callable[[str], bool] = lambda _: False
+    dismissed: dict[str, str] = field(default_factory=dict)
 
 
 @contextmanager
@@ -41,11 +56,13 @@ def refusals(
 ) -> list[str]:
     """Return why runs cannot begin, each with its command.
 
-    One run of each kind is tried: kinds differ in more than the settings and the seed.
+    One run of each kind is tried: kinds differ in more than the settings and the seed, and those
+    of cases in name or robot.
     """
     kinds: dict[tuple[str, ...], Run] = {}
     for run in runs:
-        kinds.setdefault(tuple(str(run.factors[axis]) for axis in AXES), run)
+        telling = (CASE, "robot") if CASE in run.factors else AXES
+        kinds.setdefault(tuple(str(run.factors[each]) for each in telling), run)
     futures = {
         workers.executor.submit(workers.run, program, briefly(run.words), wall_seconds): run
         for run in kinds.values()
@@ -59,7 +76,7 @@ def refusals(
 
 
 def drive(
-    runs: Sequence[Run],
+    batches: Iterable[Sequence[Run]],
     folder: ResultFolder,
     workers: Workers,
     program: Program,
@@ -70,8 +87,8 @@ def drive(
 
     Parameters
     ----------
-    runs
-        All runs of the campaign.
+    batches
+        All runs of the campaign; the next batch is asked for when all of one are over.
     folder
         Takes the results.
     workers
@@ -83,23 +100,40 @@ def drive(
     tell
         Told each result.
     """
-    waiting = (run for run in runs if run.number not in folder.done)
-    pending: dict[Future[Ending], Run] = {}
     missing: list[Result] = []
-    while True:
-        for run in waiting:
-            future = workers.executor.submit(workers.run, program, run.words, wall_seconds)
-            pending[future] = run
-            if len(pending) >= _AHEAD * workers.count:
-                break
-        if not pending:
-            break
-        for future in wait(pending, return_when=FIRST_COMPLETED).done:
-            run = pending.pop(future)
-            error = future.exception()
-            ending = future.result() if error is None else Ending(reason=f"its worker: {error}")
-            result = result_of(run, ending.report, ending.reason)
+    for batch in batches:
+        for result in _driven(
+            (run for run in batch if not folder.has(run)), workers, program, wall_seconds
+        ):
             folder.add(result)
             missing += [] if result.report is not None else [result]
             tell(result)
     folder.finish(missing)
+
+
+def _driven(
+    waiting: Iterator[Run], workers: Workers, program: Program, wall_seconds: float
+) -> Iterator[Result]:
+    """Yield the result of each run as it comes."""
+    pending: dict[Future[Ending], Run] = {}
+
+    def submit(run: Run) -> None:
+        words = (program, run.words, wall_seconds)
+        pending[workers.executor.submit(workers.run, *words)] = run
+
+    while True:
+        for run in waiting:
+            submit(run)
+            if len(pending) >= _AHEAD * workers.count:
+                break
+        if not pending:
+            return
+        for future in wait(pending, return_when=FIRST_COMPLETED).done:
+            run = pending.pop(future)
+            error = future.exception()
+            ending = future.result() if error is None else Ending(reason=f"its worker: {error}")
+            if ending.is_disk_full and workers.dismiss(ending.worker):
+                workers.dismissed[ending.worker] = ending.reason
+                submit(run)
+                continue
+            yield result_of(run, ending.report, ending.reason)

@@ -20,10 +20,10 @@ from robotctl.maps.world import find_world
 from robotctl.runtime.storage.atomic_file import write_whole
 from robotctl.words import counted
 from robotctl.workbench.campaign.alone import Ending
-from robotctl.workbench.campaign.campaign_file import Campaign
+from robotctl.workbench.campaign.campaign_file import AXES, Campaign
 from robotctl.workbench.campaign.conditions import Condition, read_report
-from robotctl.workbench.campaign.plan import AXES, SEED, words_of
-from robotctl.workbench.campaign.results import Result, judge
+from robotctl.workbench.campaign.plan import CASE, SEED, words_of
+from robotctl.workbench.campaign.results import Head, Result, judge
 from robotctl.workbench.campaign.statistics import Judged
 
 T = TypeVar("T")
@@ -68,12 +68,13 @@ class Case:
         return len(self.scenario["fault"]) if self.scenario else 0
 
 
-def alike(failures: Iterable[Judged], conditions: Sequence[Condition]) -> list[list[Judged]]:
+def alike(failures: Iterable[Judged], head: Head) -> list[list[Judged]]:
     """Return failures in groups: the same robot, world, mission and faults violate the same."""
     groups: dict[tuple[Any, ...], list[Judged]] = {}
     for each in failures:
         names = tuple(each.result.factors.get(axis, "") for axis in AXES)
-        groups.setdefault((*names, _broken(each.result, conditions)), []).append(each)
+        broken = _broken(each.result, head.conditions_of(each.result))
+        groups.setdefault((*names, broken), []).append(each)
     return [*groups.values()]
 
 
@@ -82,7 +83,9 @@ def case_of(campaign: Campaign, result: Result) -> Case:
     words = [*result.words]
     names = {axis: _option(words, axis) for axis in AXES if axis != "options"}
     names["options"] = result.factors.get("options", "")
-    settings = {key: value for key, value in result.factors.items() if key not in {*AXES, SEED}}
+    settings = {
+        key: value for key, value in result.factors.items() if key not in {*AXES, CASE, SEED}
+    }
     mission = _table(names["mission"], "missions")
     return Case(
         names,

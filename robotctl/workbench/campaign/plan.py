@@ -6,7 +6,7 @@ import hashlib
 import itertools
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,11 +18,18 @@ from scipy.stats import qmc  # type: ignore[import-untyped]
 from robotctl.app.processes.navigator import load_mission
 from robotctl.config.robot_file import find_file
 from robotctl.maps.world import find_world
-from robotctl.workbench.campaign.campaign_file import Campaign, Range, Sample, setting
+from robotctl.workbench.campaign.campaign_file import (
+    AXES,
+    BATCH,
+    BOUNDARY,
+    Campaign,
+    Range,
+    Sample,
+    setting,
+)
 
-SEED: Final = "seed"
-AXES: Final = ("robot", "world", "mission", "faults", "options")
-"""Factors beside settings and the seed."""
+CASE, SEED = "case", "seed"
+"""Further factors: name of a case, and the seed."""
 LIMIT: Final = "--max-seconds"
 _FIGURES: Final = 9
 """Significant figures of a sampled value."""
@@ -58,49 +65,74 @@ def command_of(words: Sequence[str]) -> str:
 
 
 def plan(campaign: Campaign) -> tuple[Run, ...]:
-    """Return all runs: every combination with the first seed, then with the next."""
-    axes = (
-        campaign.robots,
-        campaign.worlds,
-        campaign.missions,
-        campaign.faults,
-        campaign.options,
-    )
+    """Return all runs: every combination with the first seed, then with the next.
+
+    Of a search they are those of its first batch.
+    """
+    runs = runs_at(campaign, sampled(campaign.ranges(), campaign.sample))
+    if not 0 < campaign.runs < len(runs):
+        return runs
+    drawn = np.sort(np.random.default_rng(0).permutation(len(runs))[: campaign.runs])
+    return tuple(replace(runs[index], number=number) for number, index in enumerate(drawn, 1))
+
+
+def runs_at(
+    campaign: Campaign, points: Sequence[Mapping[str, Any]], first: int = 1
+) -> tuple[Run, ...]:
+    """Return the runs at some points of the ranges, with numbers from `first` on."""
     grid = campaign.grid()
-    combinations = [
-        (*chosen, dict(zip(grid, values, strict=True)) | point)
-        for *chosen, values, point in itertools.product(
-            *axes, [*itertools.product(*grid.values())], sampled(campaign.ranges(), campaign.sample)
-        )
+    settings = [
+        {**dict(zip(grid, values, strict=True)), **point}
+        for values, point in itertools.product([*itertools.product(*grid.values())], points)
     ]
-    all_runs = [(*combination, seed) for seed in campaign.all_seeds for combination in combinations]
-    if 0 < campaign.runs < len(all_runs):
-        chosen_ones = np.random.default_rng(0).permutation(len(all_runs))[: campaign.runs]
-        all_runs = [all_runs[index] for index in np.sort(chosen_ones)]
-    return tuple(
-        _run(number, each, campaign.max_seconds) for number, each in enumerate(all_runs, 1)
-    )
+    chosen: list[tuple[str, Sequence[str], Mapping[str, Any], int]]
+    if campaign.case:
+        chosen = [
+            (each.name, each.names, {**common, **each.settings()}, each.seed)
+            for each, common in itertools.product(campaign.case, settings)
+        ]
+    else:
+        kinds = itertools.product(*campaign.axes)
+        chosen = [
+            ("", names, common, seed)
+            for seed, names, common in itertools.product(campaign.all_seeds, kinds, settings)
+        ]
+    return tuple(_run(n, *each, campaign.max_seconds) for n, each in enumerate(chosen, first))
+
+
+def runs_in_all(campaign: Campaign) -> int:
+    """Return the number of runs, with all batches of a search."""
+    planned, sample = len(plan(campaign)), campaign.sample
+    if sample is None or sample.method != BOUNDARY:
+        return planned
+    return planned // min(sample.points, BATCH) * sample.points
 
 
 def sampled(ranges: Sequence[Range], sample: Sample | None) -> list[dict[str, Any]]:
     """Return the points of a sample, each a value for each range; one without values if none."""
     if sample is None or not ranges:
         return [{}]
+    return values_at(ranges, unit_points(len(ranges), sample))
+
+
+def values_at(ranges: Sequence[Range], points: NDArray[np.float64]) -> list[dict[str, Any]]:
+    """Return the values of ranges at points of the unit cube."""
     return [
         {
             each.key: _rounded(each.value(float(share)))
             for each, share in zip(ranges, row, strict=True)
         }
-        for row in _shares(len(ranges), sample)
+        for row in points
     ]
 
 
-def _shares(dimensions: int, sample: Sample) -> NDArray[np.float64]:
-    """Return points in the unit cube, (points, dimensions)."""
+def unit_points(dimensions: int, sample: Sample) -> NDArray[np.float64]:
+    """Return points in the unit cube, (points, dimensions); of a search, its first batch."""
     rng = np.random.default_rng(sample.seed)
     if sample.method == "random":
         return rng.random((sample.points, dimensions))
-    return np.asarray(qmc.LatinHypercube(dimensions, rng=rng).random(sample.points))
+    count = min(sample.points, BATCH) if sample.method == BOUNDARY else sample.points
+    return np.asarray(qmc.LatinHypercube(dimensions, rng=rng).random(count))
 
 
 def _rounded(value: float) -> float:
@@ -128,28 +160,40 @@ def briefly(words: Sequence[str]) -> tuple[str, ...]:
     return (*words[:at], "1", *words[at + 1 :])
 
 
-def _run(number: int, chosen: Sequence[Any], max_seconds: float) -> Run:
-    """Return a run of its values on the axes, settings and seed."""
-    *names, settings, seed = chosen
+def _run(
+    number: int,
+    case: str,
+    names: Sequence[str],
+    settings: Mapping[str, Any],
+    seed: int,
+    max_seconds: float,
+) -> Run:
+    """Return a run of its values on the axes, settings and seed; `case`: empty without cases."""
     shown = (Path(name).stem if name.startswith("/") else name for name in names)
-    factors = dict(zip(AXES, shown, strict=True)) | settings | {SEED: seed}
+    factors: dict[str, Any] = {CASE: case} if case else {}
+    factors |= {**dict(zip(AXES, shown, strict=True)), **settings, SEED: seed}
     return Run(number, factors, words_of(names, settings, seed, max_seconds))
 
 
 def files_of(campaign: Campaign) -> list[Path]:
     """Return the files that a campaign names, and the worlds of its missions."""
-    missions = [find_file(name, "missions") for name in campaign.missions if name]
+    robot_names, world_names, mission_names, fault_names, _ = campaign.axes
+    missions = [find_file(name, "missions") for name in mission_names if name]
     named = [(load_mission(each).world, each.parent) for each in missions]
-    worlds = [find_world(name) for name in campaign.worlds if name]
+    worlds = [find_world(name) for name in world_names if name]
     worlds += [find_world(name, beside) for name, beside in named if name]
-    robots = [find_file(name) for name in campaign.robots]
-    faults = [find_file(name, "scenarios") for name in campaign.faults if name]
+    robots = [find_file(name) for name in robot_names]
+    faults = [find_file(name, "scenarios") for name in fault_names if name]
     return [*robots, *missions, *dict.fromkeys(worlds), *faults]
 
 
-def fingerprint(runs: Sequence[Run], files: Sequence[Path]) -> str:
+def fingerprint(campaign: Campaign, files: Sequence[Path]) -> str:
     """Return a hash of all commands of a campaign and of the files that it names."""
-    found = hashlib.sha256(msgspec.json.encode([each.words for each in runs]))
+    content: list[Any] = [each.words for each in plan(campaign)]
+    if campaign.sample is not None and campaign.sample.method == BOUNDARY:
+        # The later commands depend on what passes.
+        content += [campaign.sample, campaign.ranges(), campaign.criteria, campaign.case_criteria]
+    found = hashlib.sha256(msgspec.json.encode(content))
     for file in files:
         found.update(file.read_bytes())
     return found.hexdigest()

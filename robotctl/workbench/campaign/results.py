@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -15,13 +16,14 @@ from firmware_sim.faults.parameters import FAILED
 from robotctl.errors import ConfigError
 from robotctl.runtime.storage.atomic_file import write_whole
 from robotctl.runtime.storage.ring_file import hold
+from robotctl.workbench.campaign.campaign_file import Campaign
 from robotctl.workbench.campaign.conditions import (
     Condition,
     parse_condition,
     read_report,
     violations,
 )
-from robotctl.workbench.campaign.plan import Run, command_of
+from robotctl.workbench.campaign.plan import CASE, Run, command_of
 
 HEAD, RUNS, PAGE = "campaign.json", "runs.jsonl", "report.html"
 """Files of a folder."""
@@ -42,6 +44,8 @@ class Head(msgspec.Struct, frozen=True):
         Number of runs.
     criteria
         What a run must fulfil to pass.
+    case_criteria
+        Criteria of the cases that have their own, by name.
     """
 
     name: str
@@ -50,11 +54,25 @@ class Head(msgspec.Struct, frozen=True):
     fingerprint: str
     runs: int
     criteria: tuple[str, ...]
+    case_criteria: dict[str, tuple[str, ...]] = {}
 
     @property
     def conditions(self) -> tuple[Condition, ...]:
-        """The conditions of `criteria`."""
-        return tuple(map(parse_condition, self.criteria))
+        """The conditions of all criteria."""
+        all_criteria = (*self.criteria, *itertools.chain(*self.case_criteria.values()))
+        return tuple(map(parse_condition, dict.fromkeys(all_criteria)))
+
+    def criteria_of(self, factors: Mapping[str, Any]) -> tuple[str, ...]:
+        """Return what a run with these factors must fulfil to pass."""
+        return self.case_criteria.get(factors.get(CASE, ""), self.criteria)
+
+    def conditions_of(self, result: Result) -> tuple[Condition, ...]:
+        """Return the conditions on a run."""
+        return tuple(map(parse_condition, self.criteria_of(result.factors)))
+
+    def judge(self, result: Result) -> Verdict:
+        """Return whether a run passes."""
+        return judge(result, self.conditions_of(result))
 
 
 class Result(msgspec.Struct, frozen=True):
@@ -133,6 +151,7 @@ class ResultFolder:
 
     def __init__(self, folder: Path, head: Head) -> None:
         self.folder = folder
+        self._head = head
         folder.mkdir(parents=True, exist_ok=True)
         before = _read_head(folder)
         if before is not None:
@@ -144,6 +163,15 @@ class ResultFolder:
         write_whole(folder / HEAD, msgspec.json.format(msgspec.json.encode(head)) + b"\n")
         self.done = {each.number: each for each in read_runs(folder) if each.report is not None}
         self._rewrite()
+
+    def has(self, run: Run) -> bool:
+        """Return whether a run has a result; an earlier search may have had another there."""
+        kept = self.done.get(run.number)
+        return kept is not None and kept.words == run.words
+
+    def passes(self, run: Run) -> bool | None:
+        """Return whether a run passes; None: it has no result."""
+        return self._head.judge(self.done[run.number]).passed if self.has(run) else None
 
     def add(self, result: Result) -> None:
         """Keep a result; raises OSError if the disk refuses."""
@@ -233,6 +261,7 @@ def _refuse_other(folder: Path, before: Head, now: Head) -> None:
             )
 
 
-def head_of(name: str, runs: int, criteria: tuple[str, ...], prints: tuple[str, str]) -> Head:
+def head_of(name: str, runs: int, campaign: Campaign, prints: tuple[str, str]) -> Head:
     """Return the head of results that are driven now; `prints`: of campaign and sources."""
-    return Head(name, robotctl.__version__, prints[1], prints[0], runs, criteria)
+    version, criteria = robotctl.__version__, campaign.criteria
+    return Head(name, version, prints[1], prints[0], runs, criteria, campaign.case_criteria)

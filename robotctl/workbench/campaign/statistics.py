@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy import stats  # type: ignore[import-untyped]
 
 from robotctl.workbench.campaign.conditions import Condition, value_of
-from robotctl.workbench.campaign.plan import SEED
-from robotctl.workbench.campaign.results import Head, Result, Verdict, judge
+from robotctl.workbench.campaign.plan import CASE, SEED
+from robotctl.workbench.campaign.results import Head, Result, Verdict
 
 CONFIDENCE: Final = 0.95
 SURE: Final = 0.05
@@ -21,6 +21,7 @@ _FEW: Final = 6
 """Maximum number of values of a number that are shown one by one; more are a range."""
 _FIELDS: Final = (
     "time_s",
+    "time_by_best",
     "distance_m",
     "pose_error.rmse_m",
     "localisation.error.rmse_m",
@@ -70,8 +71,9 @@ class Rate:
 
 @dataclass(frozen=True, slots=True)
 class Distribution:
-    """Values of a field over all runs that have it, in ascending order."""
+    """Values of a field over all runs of a case that have it, in ascending order."""
 
+    case: str
     field: str
     values: NDArray[np.float64]
 
@@ -121,6 +123,8 @@ class Summary:
         What the results are of.
     rate
         Rate of passing among runs with a result.
+    case_rates
+        The same for each name of a case.
     judged
         All results so far.
     distributions
@@ -133,6 +137,7 @@ class Summary:
 
     head: Head
     rate: Rate
+    case_rates: Mapping[str, Rate]
     judged: tuple[Judged, ...]
     distributions: tuple[Distribution, ...]
     effects: tuple[Effect, ...]
@@ -152,28 +157,32 @@ class Summary:
 
 def summarise(head: Head, results: Iterable[Result]) -> Summary:
     """Return what results show."""
-    conditions = head.conditions
-    judged = tuple(Judged(each, judge(each, conditions)) for each in results)
+    judged = tuple(Judged(each, head.judge(each)) for each in results)
     counted = [each for each in judged if each.verdict.passed is not None]
-    rate = Rate(sum(each.verdict.passed is True for each in counted), len(counted))
-    fields = shown_fields(conditions)
+    cases: dict[str, list[Judged]] = {}
+    for each in counted:
+        cases.setdefault(each.result.factors.get(CASE, ""), []).append(each)
     distributions = tuple(
-        Distribution(field, np.sort([float(value) for _, value in found]))
-        for field in fields
-        if (found := [*_values(counted, field)])
+        Distribution(case, field, np.sort([float(value) for _, value in found]))
+        for case, members in cases.items()
+        for field in shown_fields(head.conditions)
+        if (found := [*_values(members, field)])
     )
+    vary = {each.field: True for each in distributions if each.values[0] < each.values[-1]}
     return Summary(
         head,
-        rate,
+        _rate(counted),
+        {case: _rate(members) for case, members in cases.items() if case},
         judged,
         distributions,
-        _effects(counted, [each.field for each in distributions]),
-        tuple(
-            (each.field, _worst(counted, each.field))
-            for each in distributions
-            if each.values[0] < each.values[-1] and each.field not in NEITHER
-        ),
+        _effects(counted, [*dict.fromkeys(each.field for each in distributions)]),
+        tuple((field, _worst(counted, field)) for field in vary if field not in NEITHER),
     )
+
+
+def _rate(counted: Sequence[Judged]) -> Rate:
+    """Return the rate of passing."""
+    return Rate(sum(each.verdict.passed is True for each in counted), len(counted))
 
 
 def shown_fields(conditions: Iterable[Condition]) -> tuple[str, ...]:
@@ -206,7 +215,10 @@ def _effects(judged: Sequence[Judged], fields: Sequence[str]) -> tuple[Effect, .
     names = dict.fromkeys(name for each in judged for name in each.result.factors)
     found = []
     for name in names:
-        if name == SEED or len({str(each.result.factors.get(name)) for each in judged}) < 2:
+        levels = [each.result.factors.get(name) for each in judged]
+        count = len({*map(str, levels)})
+        # Names with a run or two each, as missions drawn, tell nothing of the next.
+        if name == SEED or count < 2 or (2 * count > len(levels) and not _is_range(levels)):
             continue
         found.append(
             _effect(name, "", [(each, float(bool(each.verdict.passed))) for each in judged])

@@ -1,13 +1,20 @@
 import os
 import signal
+import subprocess
 import sys
+import tempfile
 import threading
 import time
 from pathlib import Path
 
 import pytest
 
-from robotctl.workbench.campaign.alone import Program, run_alone, runs_end_with_this
+from robotctl.workbench.campaign.alone import (
+    Program,
+    clear_abandoned,
+    run_alone,
+    runs_end_with_this,
+)
 
 _seen: list[str] = []
 
@@ -49,6 +56,24 @@ def test_a_run_is_told_whether_it_passed_or_not_and_nothing_of_it_reaches_the_ne
     for what in ("pass", "fail", "pass"):
         ending = run_alone(Program(main), (what,), 60.0)
         assert (ending.report, ending.reason) == (what.encode(), "")
+
+
+def test_the_folder_of_a_run_whose_process_was_killed_is_removed_by_the_next(tmp_path, monkeypatch):
+    here = "import tests.workbench.campaign.test_alone as here; "
+    code = f"{here}here.run_alone(here.Program(here.main), ['hang'], 60.0)"
+    environment = {**os.environ, "TMPDIR": str(tmp_path)}
+    waits = subprocess.Popen([sys.executable, "-c", code], env=environment)
+    while not [*tmp_path.glob("robotctl-run-*/output")]:
+        assert waits.poll() is None
+        time.sleep(0.05)
+    (left,) = tmp_path.glob("robotctl-run-*")
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    clear_abandoned()
+    assert left.exists()  # still in use
+    waits.kill()
+    waits.wait()
+    clear_abandoned()
+    assert not left.exists()
 
 
 def test_runs_end_with_what_they_are_for():

@@ -8,7 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -19,7 +19,7 @@ from robotctl.workbench.campaign.alone import Program
 from robotctl.workbench.campaign.cluster import Identity, cluster_workers, digests, unfit
 from robotctl.workbench.campaign.engine import drive
 from robotctl.workbench.campaign.plan import Run
-from robotctl.workbench.campaign.results import ResultFolder
+from robotctl.workbench.campaign.results import RUNS, ResultFolder, result_of
 from tests.workbench.campaign.reports import head
 
 ROOT = Path(__file__).parents[3]
@@ -27,10 +27,15 @@ OTHER = "import robotctl.workbench.campaign.cluster as c\nc.own_sources = lambda
 
 
 def main() -> None:
-    """Be a run that takes a second."""
-    time.sleep(1.0)
-    Path(sys.argv[-1]).write_text(json.dumps({"seed": int(sys.argv[1]), "faults": []}))
+    """Be a run that takes a second, or as many as the second argument says."""
+    time.sleep(float(sys.argv[2]) if len(sys.argv) > 4 else 1.0)
+    Path(sys.argv[-1]).write_bytes(report_of(int(sys.argv[1])))
     sys.exit(0)
+
+
+def report_of(seed: int) -> bytes:
+    """Return a report for which a disk needs some room."""
+    return json.dumps({"seed": seed, "faults": [], "message": 32_000 * "x"}).encode()
 
 
 @contextmanager
@@ -87,24 +92,71 @@ def fit_workers(address: str, count: int):
         time.sleep(0.5)
 
 
+@contextmanager
+def full_worker(address: str, folder: Path) -> Iterator[None]:
+    """Start a worker whose disk has no room for a report: in a mount namespace of its own."""
+    if subprocess.run(["unshare", "-m", "true"], check=False, capture_output=True).returncode:
+        pytest.skip("mount namespace missing: no right to unshare -m")
+    disk = folder / "disk"
+    disk.mkdir()
+    fill = f"mount -t tmpfs -o size=64k none {disk} && head -c 48k /dev/zero > {disk}/all"
+    words = ("worker", address, "--nthreads", "1", "--no-dashboard", "--local-directory", folder)
+    command = f"{fill} && exec {sys.executable} -m dask {' '.join(map(str, words))}"
+    process = subprocess.Popen(
+        ["unshare", "-m", "sh", "-c", command],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        env={**os.environ, "PYTHONPATH": str(ROOT), "TMPDIR": str(disk)},
+        start_new_session=True,
+    )
+    try:
+        yield
+    finally:
+        with suppress(ProcessLookupError):  # it has been let go
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+
+
 @pytest.mark.timeout(600)
-def test_a_worker_that_is_killed_costs_nothing_and_others_drive_what_it_had(tmp_path):
-    runs = [Run(number, {"seed": number}, (str(number),)) for number in range(1, 9)]
+def test_a_worker_that_is_killed_and_one_with_a_full_disk_cost_nothing(tmp_path):
+    runs = [Run(number, {"seed": number}, (str(number),)) for number in range(1, 17)]
     told = []
+    with ResultFolder(tmp_path / "here", head(16)) as folder:
+        for run in runs:
+            folder.add(result_of(run, report_of(run.number), ""))
     with (
         scheduler(tmp_path) as address,
         worker(address, tmp_path),
-        worker(address, tmp_path) as second,
-        fit_workers(address, 2) as workers,
-        ResultFolder(tmp_path / "results", head(8)) as folder,
+        worker(address, tmp_path),
+        worker(address, tmp_path) as killed,
+        full_worker(address, tmp_path),
+        fit_workers(address, 4) as workers,
+        ResultFolder(tmp_path / "there", head(16)) as folder,
     ):
-        threading.Timer(2.5, os.killpg, (second.pid, signal.SIGKILL)).start()
-        drive(runs, folder, workers, Program(main), 60.0, told.append)
-        done = folder.done
-    assert sorted(each.number for each in told) == [*range(1, 9)]
-    assert [done[number].report for number in range(1, 9)] == [
-        {"seed": number, "faults": []} for number in range(1, 9)
-    ]
+        threading.Timer(2.5, os.killpg, (killed.pid, signal.SIGKILL)).start()
+        drive([runs], folder, workers, Program(main), 60.0, told.append)
+    assert sorted(each.number for each in told) == [*range(1, 17)]
+    here_lines, there_lines = ((tmp_path / each / RUNS).read_bytes() for each in ("here", "there"))
+    assert there_lines == here_lines
+    assert [*workers.dismissed.values()] == [f"{tmp_path}/disk is full"]
+
+
+@pytest.mark.timeout(600)
+def test_ctrl_c_ends_the_runs_on_a_cluster(tmp_path, monkeypatch):
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    with scheduler(tmp_path) as address, worker(address, tmp_path):
+        with suppress(KeyboardInterrupt), fit_workers(address, 1) as workers:
+            workers.executor.submit(workers.run, Program(main), ("1", "60"), 60.0)
+            wait_until(lambda: [*tmp_path.glob("robotctl-run-*/output")])
+            raise KeyboardInterrupt
+        wait_until(lambda: not [*tmp_path.glob("robotctl-run-*")], 20.0)
+
+
+def wait_until(condition, limit_s: float = 200.0) -> None:
+    deadline_s = time.monotonic() + limit_s
+    while not condition():
+        assert time.monotonic() < deadline_s
+        time.sleep(0.05)
 
 
 @pytest.mark.timeout(600)

@@ -1,10 +1,12 @@
 import math
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robotctl.cli.campaign.summary_view import page_of
 from robotctl.workbench.campaign.statistics import Rate, is_better, summarise
 from tests.workbench.campaign.reports import head, result
 
@@ -102,3 +104,33 @@ def test_the_worst_runs_are_those_with_most_error_and_least_clearance():
 def test_no_runs_are_shown_as_such():
     summary = summarise(head(0), [])
     assert (summary.effects, summary.distributions, str(summary.rate)) == ((), (), "none")
+
+
+def test_each_name_of_a_case_has_its_own_criteria_rate_and_distributions():
+    both = msgspec.structs.replace(
+        head(4), case_criteria={"faults": ("mission_completed = false",)}
+    )
+    results = [
+        result(number, number == 1, {"case": case, "seed": number}, time_s=float(number))
+        for number, case in enumerate(("missions", "missions", "faults", "faults"), 1)
+    ]
+    summary = summarise(both, results)
+    assert {case: (each.count, each.total) for case, each in summary.case_rates.items()} == {
+        "missions": (1, 2),
+        "faults": (2, 2),
+    }
+    assert (summary.rate.count, summary.rate.total) == (3, 4)
+    assert [(each.case, each.quantile(1.0)) for each in summary.distributions] == [
+        ("missions", 2.0),
+        ("faults", 4.0),
+    ]
+    page = page_of(summary)
+    assert "faults: 2 of 2, 100 % (95 %: 34.2 to 100 %); passes with: mission_completed" in page
+    assert "a run passes with: mission_completed = true" in page
+
+
+def test_a_factor_with_a_value_for_each_run_is_not_looked_at():
+    results = [
+        result(n, n > 4, {"mission": f"m{n}", "robot": "ab"[n % 2], "seed": 1}) for n in range(9)
+    ]
+    assert {each.factor for each in summarise(head(9), results).effects} == {"robot"}
