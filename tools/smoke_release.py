@@ -116,8 +116,8 @@ def try_deb(folder: Path, release: Path, out: Path) -> None:
     enter = ["unshare", "--mount", "--pid", "--fork", f"--mount-proc={root}/proc"]
     enter += ["chroot", str(root), "env", "-i", f"PATH={PATH}", "HOME=/root"]
     enter += ["DEBIAN_FRONTEND=noninteractive", "sh", "-c"]
-    quiet = "apt-get install --quiet=2 --yes --no-install-recommends"
-    _do([*enter, f"{quiet} /{package.name}"])
+    install = f"apt-get install --quiet=2 --yes --no-install-recommends /{package.name}"
+    _do([*enter, f"apt-get update --quiet=2 && {install}"])
     (root / "out").mkdir()
     _do([*enter, TRIAL, "trial", "/out", "/opt", "/root", "/tmp"])
     shutil.copytree(root / "out", out, dirs_exist_ok=True)
