@@ -122,10 +122,10 @@ def try_deb(folder: Path, release: Path, out: Path) -> None:
     _do([*enter, TRIAL, "trial", "/out", "/opt", "/root", "/tmp"])
     shutil.copytree(root / "out", out, dirs_exist_ok=True)
     _do([*enter, "robotctl install --robot diff_drive"])
-    if missing := [name for name in LEFT if not (root / name).exists(follow_symlinks=False)]:
+    if missing := [name for name in LEFT if not os.path.lexists(root / name)]:
         raise FailedError(f"not installed: {', '.join(missing)}")
     _do([*enter, "apt-get purge --quiet=2 --yes robotctl"])
-    if left := [name for name in LEFT if (root / name).exists(follow_symlinks=False)]:
+    if left := [name for name in LEFT if os.path.lexists(root / name)]:
         raise FailedError(f"left after it was purged: {', '.join(left)}")
 
 
