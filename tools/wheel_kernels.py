@@ -1,7 +1,8 @@
 """The kernels of a wheel in machine code, into a folder: `make release` calls it.
 
 They run on any processor with the features of the baseline (`BASELINES`), so nothing is compiled
-where the wheel is installed. `hatch_kernels.py` puts them into the wheel.
+where the wheel is installed. `hatch_kernels.py` puts them into the wheel. What the folder has of
+exactly these sources stays, since compiling takes many minutes; others go.
 """
 
 from __future__ import annotations
@@ -27,18 +28,23 @@ def main() -> int:
         print(f"{machine}: no processor to compile for; known: {', '.join(BASELINES)}")
         return 2
     processor, _ = BASELINES[machine]
+    wanted = [folder / package / wheel_library_path(package).name for package in PACKAGES]
+    for stale in set(folder.glob("*/*.so")).difference(wanted):
+        stale.unlink()
+    if all(path.exists() for path in wanted):
+        return 0
     with TemporaryDirectory() as cache:
         settings = {"NUMBA_CPU_NAME": processor, "NUMBA_CPU_FEATURES": "", "NUMBA_CACHE_DIR": cache}
         environment = {**os.environ, **settings}
         command = [sys.executable, "-m", "robotctl", "compile"]
         subprocess.run(command, env=environment, check=True)
-        for package in PACKAGES:
+        for package, path in zip(PACKAGES, wanted, strict=True):
             made = subprocess.run(
                 [sys.executable, "-c", MADE.format(package)],
                 env=environment, check=True, capture_output=True, text=True,
             )  # fmt: skip
-            (folder / package).mkdir(parents=True, exist_ok=True)
-            shutil.copy(made.stdout.strip(), folder / package / wheel_library_path(package).name)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            Path(shutil.copy(made.stdout.strip(), path.with_suffix(".part"))).replace(path)
     return 0
 
 
