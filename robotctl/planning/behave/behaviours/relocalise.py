@@ -12,6 +12,7 @@ from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.behave.behaviours.behaviour import BehaviourInput, BehaviourOutput
+from robotctl.planning.behave.behaviours.guarded import limited
 from robotctl.planning.guard.obstacle_guard import ObstacleGuard
 
 _BLOCKED_M_S: Final = 0.1
@@ -45,7 +46,8 @@ class _Way(NamedTuple):
 class LookAround:
     """Turn once, then drive wherever there is room; this behaviour never ends.
 
-    A drive-and-steer robot cannot turn on the spot: it begins by driving. If its path is blocked,
+    It turns as far as its body has room, which is the other way where something stands beside it. A
+    drive-and-steer robot cannot turn on the spot: it begins by driving. If its path is blocked,
     it backs up with the wheels turned, so that it faces the freer side, or straight if its nose has
     no room to swing out. Only relative poses are used. Nobody commanded it to move, so it does not
     back up without a rear sonar, and without a front sonar it turns once round, if it can, and
@@ -79,6 +81,7 @@ class LookAround:
         self._turned_rad = 0.0
         self._moved_m = 0.0
         self._direction = 1.0
+        self._has_turned_back = False
 
     def pause(self) -> None:
         """Another mode steers for a while."""
@@ -101,16 +104,28 @@ class LookAround:
         if self._doing is _Doing.BACK and self._has_backed(behind.v_max_m_s):
             self._begin(_Doing.FORWARD)
         if self._doing in {_Doing.ROUND, _Doing.TURN}:
-            return BehaviourOutput(0.0, self._direction * _TURN_RAD_S, text=self._doing.value)
+            return self._turn()
         sign, room = (1.0, ahead) if self._doing is _Doing.FORWARD else (-1.0, behind)
         speed = min(self.speed_m_s, room.v_max_m_s)
         text = self._blind(blocked=blocked) or self._doing.value
         return BehaviourOutput(sign * speed, speed * room.turn_rad_m, text=text)
 
+    def _turn(self) -> BehaviourOutput:
+        """Turn as the body has room; where it has none, the other way, and then give up turning."""
+        wanted = BehaviourOutput(0.0, self._direction * _TURN_RAD_S, text=self._doing.value)
+        turn, _ = limited(wanted, self._guard)
+        if turn.omega_rad_s == 0.0:
+            if self._has_turned_back:
+                self._begin(_Doing.FORWARD if self._doing is _Doing.ROUND else _Doing.BACK)
+            else:
+                self._direction, self._has_turned_back = -self._direction, True
+        return turn
+
     def _begin(self, doing: _Doing) -> None:
         """Switch to another phase."""
         self._doing = doing
         self._turned_rad = self._moved_m = 0.0
+        self._has_turned_back = False
 
     def _measure(self, pose: SE2) -> None:
         """Add up angle and distance."""

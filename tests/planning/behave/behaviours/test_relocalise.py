@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import shapely
 
 from robotctl.messages.mode import Mode
 from robotctl.messages.requests import (
@@ -16,10 +17,15 @@ from robotctl.messages.requests import (
     VelocityRequest,
 )
 from robotctl.model.drives.drives import TricycleDrive
+from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
+from robotctl.planning.behave.behaviours.behaviour import BehaviourInput
+from robotctl.planning.behave.behaviours.relocalise import LookAround
 from robotctl.planning.behave.behaviours.straight_to import StraightToItem
 from robotctl.planning.behave.mission.mission_file import Mission, StartPose
+from robotctl.planning.config import GuardConfig
+from robotctl.planning.guard.obstacle_guard import ObstacleGuard
 from robotctl.planning.navigation_step import NavigationInputs
 
 PLACES = (SE2(1.0, 1.0, 0.0), SE2(2.5, 3.0, 2.0), SE2(6.5, 3.5, -1.0), SE2(4.0, 2.5, 0.0))
@@ -295,3 +301,25 @@ def test_in_a_corridor_neither_nose_nor_tail_swings_into_a_wall(
     for _ in range(20 * 25):
         lost_step(run)
     assert run.world.touched == 0
+
+
+def test_an_arm_that_stands_out_is_not_turned_into_the_jamb_of_a_door(differential):
+    """In the door the arm passes one way round only so far, and then the other way."""
+    body = Footprint(((0.2, -0.45), (0.2, 0.17), (-0.16, 0.17), (-0.16, -0.17), (0.05, -0.45)))
+    guard = ObstacleGuard(GuardConfig(), (), has_lidar=True, outline=body)
+    jambs = [(x, y) for x in np.arange(-0.2, -0.09, 0.01) for y in (0.48, -0.52)]
+    search, pose, text = LookAround(differential.drive, guard, (), 0.2), SE2(0.0, 0.0, 1.95), ""
+    shape, headings = shapely.Polygon(body.corners), [pose.theta_rad]
+    while text != "no sonar looks ahead":
+        around = np.array([pose.inverse().apply(*point) for point in jambs])
+        guard.observe((), (), points_base=around)
+        out = search.step(BehaviourInput(pose, Twist(0.0, 0.0), (), ()))
+        assert out.v_m_s == 0.0
+        text = out.text
+        pose = SE2(0.0, 0.0, pose.theta_rad + 0.05 * out.omega_rad_s)
+        headings.append(pose.theta_rad)
+        turned = shapely.affinity.rotate(shape, pose.theta_rad, (0, 0), use_radians=True)
+        assert all(turned.distance(shapely.Point(point)) > 0.02 for point in jambs)
+        assert len(headings) < 500
+    assert max(headings) > headings[0] + 0.2
+    assert min(headings) < headings[0] - 1.0
