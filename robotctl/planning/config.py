@@ -15,6 +15,7 @@ from robotctl.planning.follow_config import FollowConfig
 from robotctl.planning.guard_config import ApproachConfig, GuardMemoryConfig
 from robotctl.planning.journey_config import ExplorationConfig, RungsConfig, TravelConfig
 from robotctl.planning.map.config import MapConfig
+from robotctl.planning.map.mask_config import MaskConfig
 from robotctl.planning.map.zone import Zone
 
 MOST_BLOCKED_S: Final = 1e6
@@ -303,6 +304,8 @@ class PilotConfig:
         keep to the middle, and make detours for it.
     zone
         Parts of the world that the robot keeps out of, or passes slowly.
+    mask
+        Pictures of such parts.
 
     Raises
     ------
@@ -317,6 +320,7 @@ class PilotConfig:
     comfort_m: float = 0.25
     comfort_weight: float = 2.0
     zone: tuple[Zone, ...] = ()
+    mask: tuple[MaskConfig, ...] = ()
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.margin_m < math.inf:

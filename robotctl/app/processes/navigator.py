@@ -15,6 +15,7 @@ from robotctl.config.robot_file import RobotConfig
 from robotctl.core.fence_keeper import FenceKeeper
 from robotctl.core.navigation_adapter import COMMAND_LIFE_PERIODS, NavigationAdapter
 from robotctl.errors import ConfigError, InvalidValue
+from robotctl.maps.mask_file import load_masks
 from robotctl.maps.topology_file import load_places
 from robotctl.messages.plans import KnownPlace
 from robotctl.model.geometry.se2 import SE2
@@ -196,6 +197,7 @@ def _pilot(
             SE2(options.x_m, options.y_m, options.theta_rad),
             lidars=len(config.lidars),
             topology=_places(config, Path(options.robot)),
+            masks=load_masks(config.navigation.pilot.mask, Path(options.robot).resolve().parent),
             budget=lambda: _time_left(plan_s),
             pace=pace,
         )

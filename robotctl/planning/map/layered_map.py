@@ -95,7 +95,7 @@ class LayeredMap:
         )
         space.closed = closed
         self._inner = shrunk(space.samples)
-        self._limits_m_s = speed_limits(grid, closed.zones)
+        self._limits_m_s = speed_limits(grid, closed, full_speed_m_s)
         if self._limits_m_s is not None:
             space.slowness = slowness(self._limits_m_s, full_speed_m_s)
         reach = math.ceil((footprint.reach_m + _BEYOND_M) / grid.resolution_m) + 1

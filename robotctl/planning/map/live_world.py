@@ -36,8 +36,8 @@ class LiveWorld:
         seen nothing.
     home
         Where it starts.
-    zones
-        Of the robot's file.
+    closed
+        Zones and masks of the robot's file.
     config
         See there.
     full_speed_m_s, braking_m_s2
@@ -64,7 +64,7 @@ class LiveWorld:
         mounts: tuple[SonarMount, ...],
         grid: GridMap | None,
         home: SE2,
-        zones: Sequence[Zone],
+        closed: Closed,
         config: MapConfig = MapConfig(),  # noqa: B008
         *,
         full_speed_m_s: float,
@@ -75,8 +75,8 @@ class LiveWorld:
         self._mounts = mounts
         self._grid = grid
         self._config = config
-        self._own_zones = tuple(zones)
-        self._closed = Closed(self._own_zones)
+        self._own_zones = closed.zones
+        self._closed = closed
         self._full_speed_m_s = full_speed_m_s
         self._braking_m_s2 = braking_m_s2
         self._lidars = lidars
@@ -189,11 +189,11 @@ class LiveWorld:
 
     def use_zones(self, zones: Sequence[Zone]) -> None:
         """Take zones beside those of the file; what was seen is forgotten where they differ."""
-        self._close(Closed((*self._own_zones, *zones), self._closed.fence))
+        self._close(self._closed._replace(zones=(*self._own_zones, *zones)))
 
     def use_fence(self, fence: Fence) -> None:
         """Take another fence; what was seen is forgotten where it differs."""
-        self._close(Closed(self._closed.zones, fence))
+        self._close(self._closed._replace(fence=fence))
 
     def _close(self, closed: Closed) -> None:
         """Take other bounds of where the robot may be."""

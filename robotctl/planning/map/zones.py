@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -12,6 +11,7 @@ from robotctl.model.fence import Fence
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import FREE, GridMap
 from robotctl.planning.map.fence import beyond_fence
+from robotctl.planning.map.mask import Mask
 from robotctl.planning.map.polygon_cells import polygon_cells
 from robotctl.planning.map.zone import Zone
 
@@ -24,6 +24,7 @@ class Closed(NamedTuple):
 
     zones: tuple[Zone, ...] = ()
     fence: Fence = Fence()
+    masks: tuple[Mask, ...] = ()
 
     def cells(self, grid: GridMap) -> NDArray[np.bool_]:
         """Return which cells of a map the robot has to keep out of, (rows, columns)."""
@@ -31,6 +32,8 @@ class Closed(NamedTuple):
         for zone in self.zones:
             if zone.speed_m_s == 0.0:
                 closed |= cells_of(zone, grid)
+        for mask in self.masks:
+            closed |= mask.closed(grid)
         return closed
 
     def what_closes(self, grid: GridMap, cell: tuple[int, int]) -> str:
@@ -41,6 +44,9 @@ class Closed(NamedTuple):
         for zone in self.zones:
             if zone.speed_m_s == 0.0 and cells_of(zone, alone)[0, 0]:
                 return f"the keep-out zone {zone.name}"
+        for mask in self.masks:
+            if mask.closed(alone)[0, 0]:
+                return f"the keep-out mask {mask.config.file}"
         return "the fence" if beyond_fence(self.fence, alone)[0, 0] else ""
 
 
@@ -55,13 +61,18 @@ def slowness(limits_m_s: NDArray[np.float32], full_speed_m_s: float) -> NDArray[
     return longer.astype(np.float32)
 
 
-def speed_limits(grid: GridMap, zones: Sequence[Zone]) -> NDArray[np.float32] | None:
+def speed_limits(
+    grid: GridMap, closed: Closed, full_speed_m_s: float
+) -> NDArray[np.float32] | None:
     """Return the speed limit of each cell [m/s], inf where there is none; None: nowhere."""
-    slow = [zone for zone in zones if zone.speed_m_s > 0.0]
-    if not slow:
+    slow = [zone for zone in closed.zones if zone.speed_m_s > 0.0]
+    masks = [mask for mask in closed.masks if mask.config.kind != "keep_out"]
+    if not slow and not masks:
         return None
     limits = np.full(grid.shape, np.inf, np.float32)
     for zone in slow:
         inside = cells_of(zone, grid)
         limits[inside] = np.minimum(limits[inside], zone.speed_m_s)
+    for mask in masks:
+        np.minimum(limits, mask.limits(grid, full_speed_m_s), out=limits)
     return limits

@@ -16,10 +16,12 @@ from numpy.typing import NDArray
 from robotctl.config.robot_file import RobotConfig, find_file, load_robot
 from robotctl.errors import ConfigError
 from robotctl.maps.localisation_map import load_any_map
+from robotctl.maps.mask_file import load_masks
 from robotctl.maps.moving_ai import is_moving_ai, load_moving_ai
 from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import OCCUPIED, GridMap
+from robotctl.planning.map.mask import Mask
 from robotctl.planning.map.planning_map import PlanningMap
 from robotctl.planning.map.zones import Closed, slowness, speed_limits
 from robotctl.planning.path.global_planning.goal import facing
@@ -128,9 +130,10 @@ def make_plan(options: PlanOptions) -> PlanResult:
             )
         config = PlannerConfig(margin_m=0.0, comfort_m=0.0, any_angle=False, seed=options.seed)
     else:
-        robot = load_robot(find_file(options.robot or DEFAULT_ROBOT), options.overrides)
+        file = find_file(options.robot or DEFAULT_ROBOT)
+        robot = load_robot(file, options.overrides)
         grid = load_any_map(options.map, Path()).grid
-        space = _space(grid, robot)
+        space = _space(grid, robot, load_masks(robot.navigation.pilot.mask, file.resolve().parent))
         start, goal = (_pose(name, getattr(options, name)) for name in ("start", "goal"))
         goal = goal if len(options.goal) == 3 else facing(start, goal.x_m, goal.y_m)
         # A robot that could turn on the spot, and is to drive without, turns in its own width.
@@ -149,14 +152,15 @@ def make_plan(options: PlanOptions) -> PlanResult:
     return PlanResult(options, space, answer, 1e3 * (time.perf_counter() - begin_s))
 
 
-def _space(grid: GridMap, robot: RobotConfig) -> PlanningMap:
-    """Return a map for a robot, with the zones of its file."""
-    closed, cells = Closed(robot.navigation.pilot.zone), grid.cells.copy()
+def _space(grid: GridMap, robot: RobotConfig, masks: tuple[Mask, ...]) -> PlanningMap:
+    """Return a map for a robot, with the zones of its file and its masks."""
+    closed = Closed(robot.navigation.pilot.zone, masks=masks)
+    cells = grid.cells.copy()
     cells[closed.cells(grid)] = OCCUPIED
     known = GridMap(cells, grid.resolution_m, grid.origin)
     space = PlanningMap(known, robot.footprint)
     space.closed = closed
-    if (limits_m_s := speed_limits(grid, closed.zones)) is not None:
+    if (limits_m_s := speed_limits(grid, closed, robot.limits.v_max_m_s)) is not None:
         space.slowness = slowness(limits_m_s, robot.limits.v_max_m_s)
     return space
 

@@ -5,11 +5,13 @@ import gzip
 import json
 import math
 
+import cv2
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from robotctl.cli.commands import app
+from robotctl.config.robot_file import find_file
 from robotctl.errors import ConfigError
 
 FLAT = ("--map", "flat", "--start", "1,1,0", "--goal", "6,3,90")
@@ -60,6 +62,26 @@ def test_the_zones_of_the_robot_are_kept_out_of():
     assert result.exit_code == 1, result.output
     assert "closed all around, at x 5" in result.output
     assert "by the keep-out zone door" in result.output
+
+
+def test_the_masks_of_the_robot_are_kept_out_of_and_found_beside_its_file(tmp_path):
+    pixels = np.full((50, 80), 254, np.uint8)
+    pixels[20:30, 45:55] = 0  # of the flat, in cells of 0.1 m: the door is there
+    assert cv2.imwrite(str(tmp_path / "keep.png"), pixels)
+    head = "image: keep.png\nresolution: 0.1\norigin: [0, 0, 0]\n"
+    rest = "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.25\n"
+    (tmp_path / "keep.yaml").write_text(head + rest)
+    robot = tmp_path / "robot.toml"
+    mask = '[[navigation.pilot.mask]]\nfile = "keep.yaml"\nkind = "keep_out"\n'
+    robot.write_text(f"{find_file('diff_drive').read_text()}\n{mask}")
+    assert call(*FLAT).exit_code == 0
+    result = call(*FLAT, "--robot", robot)
+    assert result.exit_code == 1, result.output
+    assert "by the keep-out mask keep.yaml" in result.output
+    robot.write_text(robot.read_text().replace('"keep.yaml"', '"kept.yaml"'))
+    result = call(*FLAT, "--robot", robot)
+    assert isinstance(result.exception, ConfigError)
+    assert "kept.yaml: No such file" in str(result.exception)
 
 
 def test_a_goal_in_a_wall_is_told_and_the_status_is_1(tmp_path):

@@ -143,10 +143,12 @@ def test_closed_loops_and_the_outline_are_in_every_file_of_a_run():
     seen.begin()
     seen.see(control(4))
     assert dict(seen.shown["loops"]["loops"], timestamp=None) == before
-    (line,) = seen.shown["outline"]["outline"]["lines"]
-    points = np.array([(point["x"], point["y"]) for point in line["points"]])
-    assert points.min(axis=0).tolist() == [BODY.rear_m, -BODY.half_width_m]
-    assert points[:, 0].max() > BODY.front_m  # the nose
+    body, nose = (
+        np.array([(point["x"], point["y"]) for point in line["points"]])
+        for line in seen.shown["outline"]["outline"]["lines"]
+    )
+    assert body.tolist() == [list(corner) for corner in BODY.corners]
+    assert nose[:, 0].max() > BODY.front_m
     assert seen.shown["outline"]["outline"]["frame_locked"] is True
 
 

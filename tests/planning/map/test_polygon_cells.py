@@ -80,7 +80,7 @@ def test_what_is_thinner_than_a_cell_leaves_no_gap_from_edge_to_edge(corners):
     cells[Closed((Zone("tape", corners),)).cells(grid())] = OCCUPIED
     areas, _ = ndimage.label(cells != OCCUPIED)
     assert areas[-1, 0] != areas[0, -1]
-    limits = speed_limits(grid(), (Zone("tape", corners, 0.1),))
+    limits = speed_limits(grid(), Closed((Zone("tape", corners, 0.1),)), 1.0)
     assert np.array_equal(np.isfinite(limits), cells == OCCUPIED)
 
 

@@ -26,9 +26,11 @@ from robotctl.planning.behave.journey.warm_up import warm_up
 from robotctl.planning.config import NavigationConfig, PilotConfig, RecoveryConfig
 from robotctl.planning.map.costs import costs_of
 from robotctl.planning.map.live_world import LiveWorld
+from robotctl.planning.map.mask import Mask
 from robotctl.planning.map.seen import Seen
 from robotctl.planning.map.topological.graph import TopologicalMap
 from robotctl.planning.map.zone import Zone
+from robotctl.planning.map.zones import Closed
 from robotctl.planning.path.global_planning.goal import Goal
 from robotctl.planning.path.global_planning.path_finder import PathFinder
 from robotctl.planning.path.global_planning.plan import GoesOn, Planner, PlannerConfig
@@ -55,6 +57,8 @@ class MapPilot:
         Number of its lidars, without whose scans it stands.
     topology
         Places that it can drive to by recognising them; None: it knows none.
+    masks
+        Pictures of where it keeps out, or drives slowly.
     budget
         Called at each step; returns what its searches ask now and then, whether there is time left.
     pace
@@ -83,6 +87,7 @@ class MapPilot:
         *,
         lidars: int,
         topology: TopologicalMap | None = None,
+        masks: Sequence[Mask] = (),
         budget: Callable[[], GoesOn] = lambda: lambda: True,
         pace: Pace = UNHURRIED,
     ) -> None:
@@ -92,7 +97,7 @@ class MapPilot:
             mounts,
             grid,
             home,
-            config.pilot.zone,
+            Closed(config.pilot.zone, masks=tuple(masks)),
             config.map,
             full_speed_m_s=limits.v_max_m_s,
             braking_m_s2=config.pursuit.acceleration_m_s2,

@@ -1,0 +1,101 @@
+"""Masks: the cells that they close, and the speed that they allow, against shapely."""
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from shapely import affinity
+
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.grid_map import GridMap
+from robotctl.planning.map.mask import Mask
+from robotctl.planning.map.mask_config import MaskConfig
+from robotctl.planning.map.zones import Closed, slowness, speed_limits
+
+KEEP_OUT = MaskConfig("keep.yaml", "keep_out")
+
+
+def square(row, column, grid):
+    """Return a cell of a map in `world`."""
+    side_m, origin = grid.resolution_m, grid.origin
+    cell = shapely.box(column * side_m, row * side_m, (column + 1) * side_m, (row + 1) * side_m)
+    turned = affinity.rotate(cell, origin.theta_rad, (0, 0), use_radians=True)
+    return affinity.translate(turned, origin.x_m, origin.y_m)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.floats(0.02, 0.3),
+    st.floats(0.02, 0.3),
+    st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.floats(-math.pi, math.pi)),
+    st.integers(0, 99),
+)
+def test_a_cell_is_closed_where_the_mask_covers_a_part_of_it_worth_speaking_of(
+    map_m, mask_m, pose, seed
+):
+    rng = np.random.default_rng(seed)
+    grid = GridMap(np.zeros((7, 9), np.int8), map_m, SE2(*pose))
+    values = rng.choice(np.array([0, 60, 99, 100, -1], np.int8), (6, 8))
+    mask = Mask(KEEP_OUT, GridMap(values, mask_m, SE2(0.1, -0.2, 0.3)))
+    closed = mask.closed(grid)
+    barred = shapely.union_all(
+        [square(row, column, mask.grid) for row, column in np.argwhere(values == 100)]
+    )
+    for row in range(7):
+        for column in range(9):
+            cell = square(row, column, grid)
+            shared = cell.intersection(barred)
+            if closed[row, column]:
+                assert cell.distance(barred) < 1e-5
+            elif not shared.is_empty:  # thinner than the points are apart
+                assert not shared.buffer(-0.51 * min(map_m, mask_m)).area
+
+
+def test_a_wall_of_one_cell_of_a_fine_mask_closes_a_coarse_map():
+    values = np.zeros((100, 100), np.int8)
+    values[:, 37] = 100
+    closed = Mask(KEEP_OUT, GridMap(values, 0.01)).closed(GridMap(np.zeros((10, 10), np.int8), 0.1))
+    assert closed.any(axis=0).tolist() == [False] * 3 + [True] + [False] * 6
+    assert closed[:, 3].all()
+
+
+def test_speeds_are_those_of_nav2s_formula():
+    values = np.array([[0, 1, 25, 100, -1]], np.int8)
+    grid = GridMap(np.zeros((1, 5), np.int8), 0.1)
+    percent = Mask(MaskConfig("a", "speed_percent", 101.0, -1.0), GridMap(values, 0.1))
+    assert percent.limits(grid, 2.0)[0] == pytest.approx([math.inf, 2.0, 1.52, 0.02, math.inf])
+    absolute = Mask(MaskConfig("b", "speed_m_s", 0.1, 0.01), GridMap(values, 0.1))
+    assert absolute.limits(grid, 2.0)[0] == pytest.approx([math.inf, 0.11, 0.35, 1.1, math.inf])
+    closed = Closed(masks=(percent, absolute))
+    assert not closed.cells(grid).any()
+    limits = speed_limits(grid, closed, 2.0)
+    assert limits[0] == pytest.approx([math.inf, 0.11, 0.35, 0.02, math.inf])
+    assert slowness(limits, 2.0)[0] == pytest.approx([1.0, 10.0, 2.0 / 0.35, 10.0, 1.0])
+
+
+def test_beyond_the_mask_nothing_is_closed_and_what_closes_a_cell_has_its_name():
+    mask = Mask(KEEP_OUT, GridMap(np.full((2, 2), 100, np.int8), 0.5, SE2(1.0, 1.0)))
+    grid = GridMap(np.zeros((30, 30), np.int8), 0.1)
+    closed = Closed(masks=(mask,))
+    assert np.argwhere(closed.cells(grid)).min() == 10
+    assert closed.cells(grid).sum() == 100
+    assert closed.what_closes(grid, (12, 12)) == "the keep-out mask keep.yaml"
+    assert closed.what_closes(grid, (5, 5)) == ""
+
+
+@pytest.mark.parametrize(
+    ("kind", "base", "multiplier", "said"),
+    [
+        ("speed_percent", 100.0, -1.0, "a value of 100 means 0 .*above 0, at most 100, is allowed"),
+        ("speed_percent", 0.0, 2.0, "a value of 100 means 200"),
+        ("speed_m_s", 0.5, -0.01, "a value of 100 means -0.5 .*above 0 is allowed"),
+    ],
+)
+def test_a_speed_that_means_nothing_is_refused(kind, base, multiplier, said):
+    values = np.array([[0, 100, -1]], np.int8)
+    with pytest.raises(ValueError, match=said):
+        Mask(MaskConfig("speed.yaml", kind, base, multiplier), GridMap(values, 0.1))
+    Mask(MaskConfig("speed.yaml", kind, base, multiplier), GridMap(np.zeros((1, 2), np.int8), 0.1))
