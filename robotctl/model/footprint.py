@@ -43,7 +43,12 @@ class Footprint:
                 self.sides(), self.sides()[1:] + self.sides()[:1], strict=True
             )
         ]
-        if not min(turns) >= 0.0:
+        round_rad = sum(
+            math.atan2(ax * by - ay * bx, ax * bx + ay * by) for (ax, ay), (bx, by) in self.sides()
+        )
+        if not min(turns) >= 0.0 or not math.isclose(
+            round_rad, math.tau
+        ):  # a star goes round twice
             raise ValueError("the outline must be convex and counter-clockwise")
 
     @classmethod

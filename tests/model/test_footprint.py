@@ -30,6 +30,7 @@ def test_a_robot_without_corners_is_a_point():
         (((1, 1), (1, -1), (-1, -1), (-1, 1)), "left of the side"),  # clockwise
         (((2, 1), (3, 1), (3, 2), (2, 2)), "left of the side"),  # base is outside
         (((1, -1), (0.2, 0), (1, 1), (-1, 1), (-1, -1)), "convex"),
+        (((1, 0), (-0.81, 0.59), (0.31, -0.95), (0.31, 0.95), (-0.81, -0.59)), "convex"),  # a star
     ],
 )
 def test_what_is_no_outline_is_refused(corners, said):
