@@ -15,7 +15,7 @@ from robotctl.model.grid_map import OCCUPIED, UNKNOWN, GridMap
 from robotctl.planning.map.mask_config import MaskConfig
 
 _INSIDE: Final = 0.5 - 1e-6
-"""From the centre of a cell to just inside of its edge [cells]."""
+"""Distance from the centre of a cell to just inside its edge [cells]."""
 _NO_LIMIT: Final = 0
 
 
