@@ -75,7 +75,7 @@ format: $(STAMP) ## bring the code into shape
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
 
-campaign: $(STAMP) ## 150 runs, ten minutes on 2 cores: missions, faults, BARN; on one summary
+campaign: $(STAMP) ## 150 runs: missions, faults, BARN; with one summary
 	@$(PY) tools/own_campaign.py .cache/campaign
 	@rm -rf .cache/campaign/results
 	@$(BIN)/robotctl campaign .cache/campaign/own.toml --results .cache/campaign/results; \

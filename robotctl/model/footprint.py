@@ -84,12 +84,12 @@ class Footprint:
 
     @property
     def rear_m(self) -> float:
-        """Coordinate of the rearmost corner ahead of `base` [m], below 0."""
+        """Coordinate of the rearmost corner along the axis ahead [m], below 0."""
         return min((x for x, _ in self.corners), default=0.0)
 
     @property
     def front_m(self) -> float:
-        """Coordinate of the foremost corner ahead of `base` [m]."""
+        """Distance of the foremost corner ahead of `base` [m]."""
         return max((x for x, _ in self.corners), default=0.0)
 
     @property
