@@ -136,8 +136,9 @@ def test_what_runs_in_the_background_has_idle_time_until_it_is_awaited(tmp_path:
     command = (
         "import os, subprocess, sys, time\n"
         "own = {'start_new_session': True}\n"
+        f"{wait.format('IDLE')}"
         f"child = subprocess.Popen((sys.executable, '-c', {child!r}), **own)\n"
-        f"{wait.format('IDLE')}{wait.format('OTHER')}raise SystemExit(child.wait())"
+        f"{wait.format('OTHER')}raise SystemExit(child.wait())"
     )
     stage = run_tests.Stage("beside", (sys.executable, "-c", command), in_background=True)
     while not begun.exists():

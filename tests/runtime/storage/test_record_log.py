@@ -75,7 +75,8 @@ def test_a_file_that_has_become_long_is_compacted(tmp_path):
     for number in range(20):
         log.add([bytes([number]) + megabyte])
     log.close()
-    assert path.stat().st_size < 5 << 20
+    # Compacted to one once it had grown by 16 MiB; the writer may come to the last four after it.
+    assert path.stat().st_size <= len(HEADING) + 5 * len(packed([bytes(1) + megabyte]))
     assert read_records(path, HEADING)[-1] == bytes([19]) + megabyte
 
 
