@@ -84,10 +84,11 @@ class HybridPlanner:
             poses, reverse = _path(world, nodes, step)
             cost_m = float(nodes.found[0]) * space.grid.resolution_m
             return Plan(space.to_world(poses), cost_m, expanded, reverse)
-        if status == ENDED:
-            return no_path(space, start, goal, expanded)
+        failure = no_path(space, start, goal, expanded)
+        if status == ENDED or failure.reason is not Reason.NOT_FOUND:
+            return failure
         text = "the time was over" if status != FULL else "the search needs more memory than it has"
-        return PlanFailure(Reason.OUT_OF_TIME, text, None, expanded)
+        return PlanFailure(Reason.OUT_OF_TIME, f"{text}: {failure.text}", failure.place, expanded)
 
     def _world(self, space: PlanningMap, goal: NDArray[np.float64]) -> SearchSpace:
         """Return the map with prices, and the remaining cost to the goal from each coarse cell."""
