@@ -154,10 +154,13 @@ def is_utf_8(text: str) -> bool:
 
 def nearest(word: str, allowed: Sequence[str]) -> str:
     """Return `; did you mean "..."?` for the name nearest to `word`, else what is allowed."""
+    return _meant(word, allowed) or (f"; allowed: {', '.join(sorted(allowed))}" if allowed else "")
+
+
+def _meant(word: str, allowed: Sequence[str]) -> str:
+    """Return `; did you mean "..."?` for a name that is much like `word`; empty: none is."""
     match = difflib.get_close_matches(word, allowed, n=1, cutoff=0.5)
-    if match:
-        return f'; did you mean "{match[0]}"?'
-    return f"; allowed: {', '.join(sorted(allowed))}" if allowed else ""
+    return f'; did you mean "{match[0]}"?' if match else ""
 
 
 def _near_file(path: Path) -> str:
@@ -262,8 +265,10 @@ def _problems(item: Mapping[str, Any], data: Any, kind: Any) -> Iterator[tuple[K
     elif what == "value_error":
         yield _blamed(key, context["error"], data, kind)
     else:
-        message = item["msg"]
-        yield key, f"{message[:1].lower()}{message[1:]}, found {shown(found)}"
+        message, hint = item["msg"], ""
+        if what == "literal_error" and isinstance(found, str):
+            hint = _meant(found, context["expected"].split("'")[1::2])
+        yield key, f"{message[:1].lower()}{message[1:]}, found {shown(found)}{hint}"
 
 
 def _blamed(at: Key, error: ValueError, data: Any, kind: Any) -> tuple[Key, str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
-from typing import Final
+from typing import Final, Literal, TypeAlias
 
 from robotctl.config_values import check_ranges
 from robotctl.errors import InvalidValue
@@ -17,6 +17,11 @@ from robotctl.planning.journey_config import ExplorationConfig, RungsConfig, Tra
 from robotctl.planning.map.config import MapConfig
 from robotctl.planning.map.mask_config import MaskConfig
 from robotctl.planning.map.zone import Zone
+
+RungName: TypeAlias = Literal[
+    "wait", "replan", "clear", "back_off", "retrace", "other_way", "look_around", "ask"
+]
+"""What a robot in trouble may try."""
 
 MOST_BLOCKED_S: Final = 1e6
 LONGEST_WAIT_S: Final = 86400.0
@@ -198,6 +203,12 @@ class RecoveryConfig:
         Times in one journey that it begins to recover, 0 to 1000; 0: it gives up at once.
     back_off_m
         Distance that it backs off [m], 0 to 5; 0: it does not.
+    ladder
+        What it tries, one after the other, before it gives up.
+    retrace_m
+        Distance that it drives back by the way it came [m], 0.1 to 20, for `retrace`.
+    ask_s
+        Time for which it waits for an answer [s], 0 to 86400, for `ask`.
 
     Raises
     ------
@@ -208,16 +219,21 @@ class RecoveryConfig:
     wait_s: float = 30.0
     retries: int = 4
     back_off_m: float = 0.3
+    ladder: tuple[RungName, ...] = ("wait", "replan", "clear", "back_off", "look_around")
+    retrace_m: float = 2.0
+    ask_s: float = 120.0
 
     def __post_init__(self) -> None:
         for key, most in (
             ("wait_s", LONGEST_WAIT_S),
             ("retries", MOST_RETRIES),
             ("back_off_m", FARTHEST_BACK_M),
+            ("ask_s", LONGEST_WAIT_S),
         ):
             value = getattr(self, key)
             if not 0 <= value <= most:
                 raise InvalidValue(key, f"{value} found, 0 to {most:g} allowed", value)
+        check_ranges(self, retrace_m=(0.1, 20.0))
 
 
 @dataclass(frozen=True, slots=True)

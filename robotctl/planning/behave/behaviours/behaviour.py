@@ -51,6 +51,8 @@ class BehaviourOutput(NamedTuple):
     text: str = ""
     vy_m_s: float = 0.0
     """Velocity to the left, of holonomic drives."""
+    asks: bool = False
+    """Whether it waits for an operator's go-ahead."""
 
     @property
     def twist(self) -> Twist:

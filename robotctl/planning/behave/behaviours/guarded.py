@@ -33,7 +33,8 @@ def limited(step: BehaviourOutput, guard: ObstacleGuard) -> tuple[BehaviourOutpu
     share = allowed.v_max_m_s / speed if allowed.v_max_m_s >= _STANDSTILL_M_S else 0.0
     text = f"waiting: {allowed.obstacle}" if share == 0.0 else step.text
     v_m_s, omega_rad_s, vy_m_s = (share * each for each in step.twist)
-    return BehaviourOutput(v_m_s, omega_rad_s, step.status, text, vy_m_s), allowed
+    slowed = step._replace(v_m_s=v_m_s, omega_rad_s=omega_rad_s, vy_m_s=vy_m_s, text=text)
+    return slowed, allowed
 
 
 class Guarded(Behaviour):

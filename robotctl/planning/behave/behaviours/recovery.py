@@ -2,24 +2,7 @@
 
 from __future__ import annotations
 
-import enum
-from typing import Final
-
-from robotctl.planning.config import RecoveryConfig
-
-
-class Rung(enum.Enum):
-    """One try; its value tells people what the robot does."""
-
-    WAIT = "waiting for what is in the way to move"
-    REPLAN = "planning again"
-    CLEAR = "forgetting obstacles that it does not see now"
-    BACK_OFF = "backing off"
-    LOOK_AROUND = "looking around"
-
-
-LADDER: Final = tuple(Rung)
-"""All rungs, from the gentlest on."""
+from robotctl.planning.config import RecoveryConfig, RungName
 
 
 class Ladder:
@@ -31,7 +14,7 @@ class Ladder:
     Parameters
     ----------
     config
-        How often it may climb from the ground, and whether it backs off.
+        Its rungs, and how often the robot may climb from the ground.
     can_turn
         Whether the robot turns on the spot; otherwise it cannot look around.
 
@@ -43,8 +26,10 @@ class Ladder:
 
     def __init__(self, config: RecoveryConfig | None = None, *, can_turn: bool) -> None:
         config = config or RecoveryConfig()
-        left_out = {Rung.BACK_OFF: config.back_off_m == 0.0, Rung.LOOK_AROUND: not can_turn}
-        self._rungs = [rung for rung in LADDER if not left_out.get(rung)]
+        impossible: set[RungName] = set() if can_turn else {"look_around"}
+        if config.back_off_m == 0.0:
+            impossible.add("back_off")
+        self._rungs = [rung for rung in config.ladder if rung not in impossible]
         self._retries = config.retries
         self._at = 0
         self._climbs = 0
@@ -55,10 +40,10 @@ class Ladder:
         self._at = 0
 
     def restart(self) -> None:
-        """Forget all climbs: the robot drives elsewhere."""
+        """Forget all climbs: the robot drives elsewhere, or people want it to try again."""
         self._at = self._climbs = 0
 
-    def climb(self) -> Rung | None:
+    def climb(self) -> RungName | None:
         """Return what to try next; None: nothing is left."""
         if self._at == 0:
             self._climbs += 1

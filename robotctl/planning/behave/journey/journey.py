@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable
 from typing import Final, NamedTuple, TypeAlias
 
+import numpy as np
+
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behave.behaviours.behaviour import (
     Anchor,
@@ -15,14 +17,18 @@ from robotctl.planning.behave.behaviours.behaviour import (
     done,
     failed,
 )
-from robotctl.planning.behave.behaviours.recovery import Ladder, Rung
-from robotctl.planning.behave.journey.attempt import (
+from robotctl.planning.behave.behaviours.recovery import Ladder
+from robotctl.planning.behave.journey.blindness import BlindWait
+from robotctl.planning.behave.journey.progress import Progress
+from robotctl.planning.behave.journey.replanner import Replanner
+from robotctl.planning.behave.journey.rungs import (
     BEHIND_M,
-    Attempt,
+    RUNGS,
+    Rung,
+    Trouble,
+    Wait,
     poses_after,
 )
-from robotctl.planning.behave.journey.blindness import BlindWait
-from robotctl.planning.behave.journey.replanner import Replanner
 from robotctl.planning.behave.journey.stuck_watch import StuckWatch, distance_m
 from robotctl.planning.behave.journey.tools import JourneyTools
 from robotctl.planning.behave.journey.turn_round import TurnRound
@@ -37,6 +43,8 @@ _ELSEWHERE_M: Final = 0.5
 """Distance from which on a moved goal is another one for the ladder [m]."""
 _AGAIN_NS: Final = 500_000_000
 """Interval between two searches for a path past a person who stands in the way [ns]."""
+_AHEAD_M: Final = 0.6
+"""Distance to the place that the robot counts as closed where it stands in trouble [m]."""
 _SOON_S: Final = 1.0
 """Time of a motion backwards that must be on known floor [s]; turns on the spot creep back."""
 _PERMANENT_FAILURES: Final = frozenset(
@@ -73,6 +81,7 @@ class Journey(Behaviour):
         self._turn_round = TurnRound(tools)
         self._stuck = StuckWatch(tools.world, tools.journey)
         self._blind = BlindWait(tools.journey.blind_max_s)
+        self._progress = Progress()
         self._closed: _Closed | None = None
         self.reset()
 
@@ -91,6 +100,7 @@ class Journey(Behaviour):
         self._ladder_goal = self._replanner.goal
         """Goal that the tries of the ladder count for."""
         self._replanner.reset()
+        self._tools.paths.begin_journey()
         self.pause()
 
     def redirect(self, goal: Goal, speed_m_s: float) -> None:
@@ -101,6 +111,7 @@ class Journey(Behaviour):
             self._ladder_goal = goal
             self._closed = None
             self._ladder.restart()
+            self._tools.paths.begin_journey()
 
     def pause(self) -> None:
         """Replan after the pause."""
@@ -111,15 +122,14 @@ class Journey(Behaviour):
         self._closed = None
         self._failure: PlanFailure | None = None
         """Why there is no path, found in a step that had no time to look farther."""
-        self._attempt: Attempt | None = None
-        self._driven_m = 0.0
-        self._last: SE2 | None = None
+        self._rung: Rung | None = None
+        self._progress.pause()
         self._tools.controller.reset()
 
     @property
     def is_in_trouble(self) -> bool:
         """Whether it is on the ladder."""
-        return self._attempt is not None
+        return self._rung is not None
 
     @property
     def recoveries(self) -> int:
@@ -163,11 +173,12 @@ class Journey(Behaviour):
 
     def _note_progress(self, pose: SE2) -> None:
         """Count the way driven; enough of it, and the next trouble is a new one."""
-        if self._last is not None and self._attempt is None:
-            self._driven_m += distance_m(self._last, pose)
-            if self._driven_m > self._tools.journey.rungs.progress_m:
+        if self._rung is None:
+            self._progress.follow(pose)
+            if self._progress.driven_m > self._tools.journey.rungs.progress_m:
                 self._ladder.progress()
-        self._last = pose
+        else:
+            self._progress.stand(pose)
         if (
             self._closed is not None
             and distance_m(self._closed.pose, pose) > self._tools.journey.rungs.progress_m
@@ -253,7 +264,7 @@ class Journey(Behaviour):
             if self._closed is None:
                 self._closed = _Closed(reason, now_ns, pose)
                 self._ladder.tries += 1
-            self._closed = self._closed._replace(text=f"{Rung.WAIT.value}: {reason}")
+            self._closed = self._closed._replace(text=f"{Wait.words}: {reason}")
             if self._waits(self._closed, now_ns):
                 return BehaviourOutput(0.0, 0.0, text=self._closed.text)
         return self._in_trouble(reason, pose, now_ns)
@@ -264,26 +275,40 @@ class Journey(Behaviour):
 
     def _in_trouble(self, reason: str, pose: SE2, now_ns: int) -> BehaviourOutput:
         """Take the next rung of the ladder; fail where there is none."""
-        rung = self._ladder.climb()
-        self._replanner.route, self._driven_m = None, 0.0
+        name = self._ladder.climb()
+        trouble = Trouble(reason, now_ns, pose, self._place_ahead(pose), self._progress.track)
+        self._replanner.route, self._progress.driven_m = None, 0.0
         self._stuck.reset()
-        if rung is None:
+        if name is None:
             return failed(f"gave up after {counted(self._ladder.tries, 'try', 'tries')}: {reason}")
-        if rung is Rung.CLEAR:
-            self._tools.world.forget_unseen()
-        self._attempt = Attempt(rung, reason, now_ns, pose)
-        return BehaviourOutput(0.0, 0.0, text=self._attempt.text)
+        self._rung = RUNGS[name](trouble, self._tools)
+        return BehaviourOutput(0.0, 0.0, text=self._rung.text, asks=self._rung.asks)
+
+    def _place_ahead(self, pose: SE2) -> tuple[float, float]:
+        """Return where the robot does not get on: a little ahead, on its path if it has one."""
+        away = pose @ SE2(_AHEAD_M)
+        route = self._replanner.route
+        if route is not None and len(route.rest):
+            off_m = np.hypot(*(route.rest[:, :2] - (pose.x_m, pose.y_m)).T)
+            x_m, y_m = route.rest[int(np.argmax(off_m >= min(_AHEAD_M, off_m.max()))), :2].tolist()
+            return x_m, y_m
+        return away.x_m, away.y_m
 
     def _recover(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput | None:
-        """Return the motion of the attempt under way; None: there is none, or it has ended."""
-        attempt = self._attempt
-        if attempt is None:
+        """Return the motion of the rung under way; None: there is none, or it has ended."""
+        rung = self._rung
+        if rung is None:
             return None
-        output = attempt.step(self._tools, situation.pose, now_ns)
-        if attempt.rung is Rung.WAIT and output is not None and self._may_go_on(situation, now_ns):
+        output = rung.step(situation, now_ns)
+        if rung.asks and situation.go_ahead:
+            self._ladder.restart()
+            self._closed = output = None
+        elif rung.watches and output is not None and self._may_go_on(situation, now_ns):
             output = None
         if output is None:
-            self._attempt = None
+            self._rung = None
+            if rung.turns_first:
+                self._turn_round.face_path()
         return output
 
     def _may_go_on(self, situation: BehaviourInput, now_ns: int) -> bool:

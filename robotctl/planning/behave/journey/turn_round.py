@@ -10,7 +10,7 @@ import numpy as np
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behave.behaviours.behaviour import BehaviourInput
-from robotctl.planning.behave.journey.attempt import TURNS_RAD, poses_after
+from robotctl.planning.behave.journey.rungs import TURNS_RAD, poses_after
 from robotctl.planning.behave.journey.tools import JourneyTools
 from robotctl.planning.path.global_planning.route import Route
 
@@ -31,6 +31,8 @@ class _Law(NamedTuple):
 
 
 _AHEAD: Final = _Law(2.85, 1.2, 1.2)
+_FIRST: Final = _Law(0.3, 0.1, 1.2)
+"""Of a robot that must not drive on as it looks now."""
 
 
 class TurnRound:
@@ -52,7 +54,11 @@ class TurnRound:
 
     def reset(self) -> None:
         """Begin no turn that is not needed."""
-        self._turns = False
+        self._turns = self._is_first = False
+
+    def face_path(self) -> None:
+        """Look along the next path before the robot drives."""
+        self._is_first = True
 
     def step(self, situation: BehaviourInput, route: Route) -> float:
         """Return the turning rate [rad/s]; 0 where it need not turn, or has no room to."""
@@ -62,12 +68,14 @@ class TurnRound:
         if self._tools.paths.steered or not len(away):
             self._turns = False
             return 0.0
-        law, wanted_rad = _AHEAD, float(route.rest[away[0], 2])
+        law = _FIRST if self._is_first else _AHEAD
+        wanted_rad = float(route.rest[away[0], 2])
         if self._tools.paths.reverse:
             law, wanted_rad = self._backwards, math.atan2(back[away[0], 1], back[away[0], 0])
         off_rad = wrap_angle(wanted_rad - pose.theta_rad)
         self._turns = abs(off_rad) > (law.end_rad if self._turns else law.begin_rad)
         if not self._turns:
+            self._is_first = False
             return 0.0
         side = math.copysign(1.0, off_rad)
         if abs(omega_rad_s) > _TURNS_RAD_S and not self._tools.paths.reverse:

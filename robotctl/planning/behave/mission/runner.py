@@ -61,6 +61,7 @@ class MissionRunner:
         self.index = 0
         self.failure = ""
         self.trouble = ""
+        self._asks = False
 
     @property
     def completed(self) -> bool:
@@ -105,9 +106,10 @@ class MissionRunner:
 
     @property
     def waits(self) -> bool:
-        """The present item waits for an operator's go-ahead."""
+        """The present item waits for an operator's go-ahead, or asks for it."""
         item = None if self.completed else self.mission.item[self.index]
-        return isinstance(item, WaitForItem) and item.go_ahead and not self.failure
+        waits = self._asks or (isinstance(item, WaitForItem) and item.go_ahead)
+        return waits and not self.failure
 
     @property
     def _present(self) -> Rejoining | None:
@@ -181,6 +183,7 @@ class MissionRunner:
                 self._enter(self._flow.follow(self.index))
                 continue
             step = behaviour.step(situation, now_ns)
+            self._asks = step.asks
             if step.status is Status.FAILED:
                 self.failure = self.trouble = f"{title}: {step.text}"
             elif step.status is Status.RUNNING:
@@ -193,6 +196,6 @@ class MissionRunner:
 
     def _enter(self, index: int) -> None:
         """Begin another item from its start: it may have been done before."""
-        self.index, self.failure = index, ""
+        self.index, self.failure, self._asks = index, "", False
         if self._present is not None:
             self._present.reset()

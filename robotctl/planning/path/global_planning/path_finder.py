@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -17,7 +18,14 @@ from robotctl.planning.path.global_planning.closed_way import ClosedWay, priced,
 from robotctl.planning.path.global_planning.frontiers import connected
 from robotctl.planning.path.global_planning.goal import Goal, facing
 from robotctl.planning.path.global_planning.obstructions import blocked_goal, nearest
-from robotctl.planning.path.global_planning.plan import GoesOn, Plan, PlanFailure, Planner, dense
+from robotctl.planning.path.global_planning.plan import (
+    GoesOn,
+    Plan,
+    PlanFailure,
+    Planner,
+    Point,
+    dense,
+)
 from robotctl.planning.path.global_planning.way_out import find_way, lead_out
 
 _STAGE_M: Final = 25.0
@@ -25,6 +33,10 @@ _STAGE_M: Final = 25.0
 _LOOKS_M: Final = 5.0
 """Range within which the robot sees most of what stands there [m]."""
 _TURNED: Final = SE2(0.0, 0.0, math.pi)
+_AVOIDED_M: Final = 0.5
+"""Radius of a place that is avoided [m]."""
+_AVOIDED: Final = 50.0
+"""Price of a metre there, in metres elsewhere."""
 
 
 class PathFinder:
@@ -63,6 +75,15 @@ class PathFinder:
         self.steered = steered
         self.turning_radius_m = turning_radius_m
         self.reverse = False
+        self._avoided: list[Point] = []
+
+    def begin_journey(self) -> None:
+        """Avoid no place any more."""
+        self._avoided.clear()
+
+    def avoid(self, place: Point) -> None:
+        """Pass a place in `world` [m] on this journey only if every other way is much longer."""
+        self._avoided.append(place)
 
     def begin_step(self) -> None:
         """Count the time of another step."""
@@ -124,7 +145,30 @@ class PathFinder:
 
     def _way(self, space: PlanningMap, start: SE2, goal: SE2) -> Plan | PlanFailure:
         """Return a path that the robot can take from where it is."""
+        space = self._with_avoided(space)
         return find_way(self._planner, space, start, goal, self._goes_on, steered=self.steered)
+
+    def _with_avoided(self, space: PlanningMap) -> PlanningMap:
+        """Return a map on which the places that are avoided cost much."""
+        if not self._avoided:
+            return space
+        space = copy.copy(space)
+        prices = space.slowness = space.zone_prices().copy()
+        radius = _AVOIDED_M / space.grid.resolution_m
+        for place in self._avoided:
+            here = space.to_cells(SE2(*place))
+            first_row, first_column = (
+                max(math.floor(at - radius), 0) for at in (here.y_m, here.x_m)
+            )
+            window = prices[
+                first_row : max(math.ceil(here.y_m + radius), 0),
+                first_column : max(math.ceil(here.x_m + radius), 0),
+            ]
+            rows, columns = np.ogrid[: window.shape[0], : window.shape[1]]
+            down, right = first_row + 0.5 - here.y_m, first_column + 0.5 - here.x_m
+            inside = np.hypot(rows + down, columns + right) <= radius
+            np.maximum(window, np.float32(_AVOIDED), out=window, where=inside)
+        return space
 
     def arc_to(self, pose: SE2, goal: Goal) -> Plan | None:
         """Return the free arc of a robot that steers to a goal ahead of it; None: there is none."""

@@ -8,7 +8,8 @@ import pytest
 from robotctl.errors import InvalidValue
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behave.behaviours.behaviour import Status
-from robotctl.planning.behave.behaviours.recovery import Ladder, Rung
+from robotctl.planning.behave.behaviours.recovery import Ladder
+from robotctl.planning.behave.journey.rungs import Wait
 from robotctl.planning.behave.mission.mission_file import parse_mission
 from robotctl.planning.config import NavigationConfig, RecoveryConfig
 from robotctl.planning.path.global_planning.goal import Goal
@@ -45,7 +46,7 @@ def test_it_waits_where_the_way_is_closed_and_drives_on_at_once_when_it_opens():
     end = bench.drive(*GOAL, seconds=60.0, each=opens(25.0, corridor()))
     assert end.status is Status.DONE
     assert bench.now_ns * 1e-9 < 25.0 + (GOAL[0] - AT_M + 1.0) / 0.8 + 2.0
-    waits = [text for text in bench.texts if text.startswith(Rung.WAIT.value)]
+    waits = [text for text in bench.texts if text.startswith(Wait.words)]
     assert "something 0.5 m wide that no map shows closes the way at x 8.0" in waits[0]
     assert len(waits) > 200
     assert bench.pilot.recoveries == 1
@@ -66,7 +67,7 @@ def test_without_an_opening_it_gives_up_before_the_place_and_says_what_stands_th
 def test_how_long_it_waits_is_set(wait_s):
     bench = in_corridor(RecoveryConfig(wait_s, retries=0))
     bench.drive(*GOAL, seconds=60.0)
-    waits = [text for text in bench.texts if text.startswith(Rung.WAIT.value)]
+    waits = [text for text in bench.texts if text.startswith(Wait.words)]
     assert len(waits) * 0.05 == pytest.approx(wait_s, abs=0.2)
 
 
@@ -90,7 +91,7 @@ def test_what_stands_right_before_the_robot_is_waited_for_where_it_is():
     bench.world = corridor(closed=True)
     end = bench.drive(*GOAL, seconds=60.0, each=opens(10.0, corridor()))
     assert end.status is Status.DONE
-    assert any(text.startswith(Rung.WAIT.value) for text in bench.texts)
+    assert any(text.startswith(Wait.words) for text in bench.texts)
 
 
 def test_somebody_who_moves_is_called_that():
@@ -131,7 +132,7 @@ def test_it_begins_to_recover_as_often_as_is_set(retries):
 def test_a_robot_that_is_not_to_back_off_does_not():
     ladder = Ladder(RecoveryConfig(back_off_m=0.0), can_turn=False)
     rungs = list(iter(ladder.climb, None))
-    assert rungs == [Rung.WAIT, Rung.REPLAN, Rung.CLEAR]
+    assert rungs == ["wait", "replan", "clear"]
 
 
 def test_a_mission_file_sets_its_patience():

@@ -9,8 +9,9 @@ from robotctl.errors import InvalidValue
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behave.behaviours.behaviour import Status
-from robotctl.planning.behave.behaviours.recovery import LADDER, Ladder, Rung
-from robotctl.planning.config import JourneyConfig, NavigationConfig, PilotConfig
+from robotctl.planning.behave.behaviours.recovery import Ladder
+from robotctl.planning.behave.journey.rungs import RUNGS, Wait
+from robotctl.planning.config import JourneyConfig, NavigationConfig, PilotConfig, RecoveryConfig
 from robotctl.planning.map.seen import Seen
 from robotctl.planning.map.zone import Zone
 from robotctl.planning.path.global_planning.goal import Goal
@@ -79,9 +80,10 @@ def test_a_closed_door_is_waited_for_and_every_rung_is_tried_before_it_gives_up(
     assert end.status is Status.FAILED
     assert end.text.startswith("gave up after ")
     assert "that no map shows closes the way at x 3.0" in end.text
-    for rung in LADDER:
-        assert any(text.startswith(rung.value) for text in bench.texts), rung
-    assert bench.pilot.recoveries >= len(LADDER)
+    ladder = RecoveryConfig().ladder
+    for rung in ladder:
+        assert any(text.startswith(RUNGS[rung].words) for text in bench.texts), rung
+    assert bench.pilot.recoveries >= len(ladder)
 
 
 def test_a_door_that_opens_meanwhile_is_driven_through():
@@ -169,7 +171,7 @@ def test_the_time_for_planning_is_that_of_a_step_and_its_end_is_no_reason_to_giv
     bench = Bench(world, world, budget=budget)
     end = bench.drive(30.0, 5.0, seconds=6.0)
     assert end is None
-    assert any(text.startswith(f"{Rung.WAIT.value}: the time was over") for text in bench.texts)
+    assert any(text.startswith(f"{Wait.words}: the time was over") for text in bench.texts)
     assert bench.texts[-1].endswith("m to go")
 
 
@@ -189,16 +191,15 @@ def test_a_planner_that_there_is_not_is_refused_with_those_that_there_are():
 
 def test_a_ladder_goes_up_without_progress_and_begins_anew_with_it():
     ladder = Ladder(can_turn=True)
-    assert [ladder.climb() for _ in LADDER] == list(LADDER)
-    assert ladder.climb() is None
+    assert tuple(iter(ladder.climb, None)) == RecoveryConfig().ladder
     ladder = Ladder(can_turn=False)
     climbs = []
     while (rung := ladder.climb()) is not None:
         climbs.append(rung)
         ladder.progress()
-    assert set(climbs) == {Rung.WAIT}
+    assert set(climbs) == {"wait"}
     assert len(climbs) == ladder.tries <= 10
-    assert Rung.LOOK_AROUND not in [Ladder(can_turn=False).climb() for _ in LADDER]
+    assert "look_around" not in list(iter(Ladder(can_turn=False).climb, None))
 
 
 @pytest.mark.parametrize(
