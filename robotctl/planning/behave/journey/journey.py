@@ -82,6 +82,7 @@ class Journey(Behaviour):
         self._stuck = StuckWatch(tools.world, tools.journey)
         self._blind = BlindWait(tools.journey.blind_max_s)
         self._progress = Progress()
+        self._rung: Rung | None = None
         self._closed: _Closed | None = None
         self.reset()
 
@@ -114,7 +115,9 @@ class Journey(Behaviour):
             self._tools.paths.begin_journey()
 
     def pause(self) -> None:
-        """Replan after the pause."""
+        """Replan after the pause; what the robot has asked counts as answered by it."""
+        if self._rung is not None and self._rung.asks:
+            self._ladder.restart()
         self._replanner.pause()
         self._turn_round.reset()
         self._stuck.reset()
@@ -122,7 +125,7 @@ class Journey(Behaviour):
         self._closed = None
         self._failure: PlanFailure | None = None
         """Why there is no path, found in a step that had no time to look farther."""
-        self._rung: Rung | None = None
+        self._rung = None
         self._progress.pause()
         self._tools.controller.reset()
 
