@@ -526,7 +526,9 @@ class NavigationState(msgspec.Struct, frozen=True, tag=True):
     fence. `rally_crc` identifies its rally points, 0: there are none. `goal` is its present goal in
     `world` (m). `tuning` is the number of the `Tuning` in force. `reverse`: it drives to places in
     reverse. `home` is x, y (m) and heading (rad) of the goal of RTL in `world`, None: unchanged
-    since the start. `budget` is renewed once a second.
+    since the start. `budget` is renewed once a second. `wanted` is the velocity that its mode
+    wants: forward (m/s), turning (rad/s) and to the left (m/s). `limited_by` is the obstacle for
+    which the guard has slowed that, empty: it has not.
     """
 
     stamp_ns: int
@@ -560,6 +562,8 @@ class NavigationState(msgspec.Struct, frozen=True, tag=True):
     reverse: bool = False
     home: tuple[float, float, float] | None = None
     budget: StepBudget = StepBudget()
+    wanted: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    limited_by: str = ""
 
 
 class Notice(msgspec.Struct, frozen=True, tag=True):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from robotctl.config_values import Value, tuned
 from robotctl.control.limiter import LimitsConfig
@@ -12,10 +12,12 @@ from robotctl.messages.mode import Mode
 from robotctl.model.drives.drives import Drive
 from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
+from robotctl.model.geometry.twist import Twist
 from robotctl.model.grid_map import GridMap
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.behave.behaviours.behaviour import BehaviourOutput
 from robotctl.planning.behave.behaviours.breadcrumbs import Breadcrumbs
+from robotctl.planning.behave.behaviours.guarded import limited
 from robotctl.planning.behave.behaviours.kind import UNHURRIED, NavigatedRobot, Pace, Pilot
 from robotctl.planning.behave.mission.mission_file import Mission
 from robotctl.planning.behave.modes.auto import Auto
@@ -30,6 +32,9 @@ from robotctl.planning.supervision import DriveSupervision
 
 if TYPE_CHECKING:
     from robotctl.planning.behave.behaviours.outlook import Outlook  # which loads numpy
+
+
+_REST: Final = Twist(0.0, 0.0)
 
 
 class Navigator:
@@ -126,6 +131,10 @@ class Navigator:
         self._commander = Commander(self._robot, self._modes, self._supervision)
         self.bounds = Bounds(self._robot)
         self._pace = pace
+        self._wanted = _REST
+        """Velocity that the present mode wants."""
+        self._limited_by = ""
+        """Obstacle for which the guard has slowed that; empty: it has not."""
 
     @property
     def auto(self) -> Auto:
@@ -211,13 +220,25 @@ class Navigator:
 
     def _drive(self, inputs: NavigationInputs, now_ns: int) -> BehaviourOutput:
         """Return the velocity of the present mode, rest where the robot must not move."""
+        self._wanted, self._limited_by = _REST, ""
         if not inputs.are_finite:
             return self._stand("no valid pose or velocity")
         situation = self._perception.observe(inputs, now_ns)
         self._pace.lap("see")
         if reason := self._supervision.reason_to_stand(inputs, self._modes.mode):
             return self._stand(reason)
-        return self._modes.step(situation, now_ns, localised=inputs.localised)
+        step = self._modes.step(situation, now_ns, localised=inputs.localised)
+        self._wanted = step.twist
+        return step if self._modes.mode is Mode.MANUAL else self._within_guard(step)
+
+    def _within_guard(self, step: BehaviourOutput) -> BehaviourOutput:
+        """Return what the guard leaves of a velocity, whatever wants it: nothing comes after it."""
+        if step.twist == _REST:
+            return step
+        slowed, verdict = limited(step, self._robot.guard)
+        if slowed.twist != step.twist:
+            self._limited_by = verdict.obstacle
+        return slowed
 
     def _stand(self, reason: str) -> BehaviourOutput:
         """Return rest, and stop the time of what the present mode does."""
@@ -231,7 +252,7 @@ class Navigator:
         state = NavigationState(
             stamp_ns=now_ns,
             mode=modes.mode,
-            message=f"refused: {refused}" if refused else step.text,
+            message=f"refused: {refused}" if refused else _message(step),
             held=not refused and bool(step.text) and step.text == modes.held_because,
             plans=pilot.plans if pilot else 0,
             recoveries=pilot.recoveries if pilot else 0,
@@ -242,8 +263,15 @@ class Navigator:
             home=(home.x_m, home.y_m, home.theta_rad) if home else None,
             mission_runs=modes.auto.runs,
             mission_commands=commander.commands,
+            wanted=(*self._wanted,),
+            limited_by=self._limited_by,
             **modes.auto.progress._asdict(),
         )
         return NavigationOutputs(
             step.v_m_s, step.omega_rad_s, step.vy_m_s, modes.present.expires_ns, state
         )
+
+
+def _message(step: BehaviourOutput) -> str:
+    """Return what a step says, for people."""
+    return f"{step.task}: {step.text}" if step.task else step.text

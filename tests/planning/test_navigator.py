@@ -6,11 +6,13 @@ import pytest
 
 from robotctl.messages.mode import Mode
 from robotctl.messages.requests import (
+    ModeRequest,
     StickRequest,
     VelocityRequest,
 )
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
+from robotctl.planning.behave.behaviours.behaviour import BehaviourOutput
 from robotctl.planning.behave.behaviours.wait import WaitItem
 from robotctl.planning.navigation_step import NavigationInputs
 from tests.planning.bench import AUTO, LATER, RTL, ahead, mission
@@ -39,6 +41,32 @@ def test_armed_again_after_a_stop_the_robot_does_not_drive_on_by_itself(robot, m
     assert out.state.held
     assert not run.step(AUTO).state.held
     run.until(lambda out: out.state.mission_completed, 10.0)
+
+
+@pytest.mark.parametrize("mode", [AUTO, RTL, ModeRequest(Mode.GUIDED)])
+def test_whatever_wants_to_drive_is_slowed_by_the_guard(robot, make_run, monkeypatch, mode):
+    """Also something that has forgotten about it; the world fails where the robot touches."""
+    wants = BehaviourOutput(0.5, 0.1, text="on", task="a task")
+    run = make_run(robot, SE2(2.0, 1.0, math.pi), mission=mission(ahead(3.5)))
+    run.step(mode)
+    monkeypatch.setattr(run.navigator._modes, "step", lambda *_, **__: wants)
+    assert run.step().state.limited_by == ""
+    out = run.until(lambda out: out.v_m_s == 0.0, 20.0)
+    for _ in range(100):
+        out = run.step()
+        assert out.state.wanted == (0.5, 0.1, 0.0)
+        assert out.omega_rad_s * 0.5 == pytest.approx(out.v_m_s * 0.1)
+    assert out.v_m_s == 0.0
+    assert out.state.limited_by
+    assert out.state.message == f"a task: waiting: {out.state.limited_by}"
+
+
+def test_by_hand_nothing_slows_the_robot(robot, make_run):
+    run = make_run(robot, SE2(0.7, 1.0, math.pi))
+    run.step(ModeRequest(Mode.MANUAL))
+    state = run.step(StickRequest(LATER, 0.1, 0.0)).state
+    assert state.wanted == (pytest.approx(0.08), 0.0, 0.0)
+    assert state.limited_by == ""
 
 
 @pytest.mark.parametrize("gap_s", [0.4, 0.55, 4.8])

@@ -31,7 +31,7 @@ def stick_velocity(
 def guided_velocity(
     target: VelocityRequest, heading_rad: float, drive: Drive, guard: ObstacleGuard, now_ns: int
 ) -> BehaviourOutput:
-    """Return the velocity of a ground station, as far as the guard allows.
+    """Return the velocity of a ground station; where the guard lets it not drive, its turn alone.
 
     `heading_rad` is the robot's own in `world` [rad].
     """
@@ -42,11 +42,12 @@ def guided_velocity(
     if drive.steered:
         if wanted.v_m_s == 0.0 and wanted.omega_rad_s != 0.0:
             return BehaviourOutput(0.0, 0.0, text="this robot cannot turn on the spot")
-        return limited(wanted, guard)[0]
-    step = limited(wanted, guard)[0]
+        return wanted
+    slowed, _ = limited(wanted, guard)
+    if slowed.twist.speed_m_s:
+        return wanted
     # Blocked, it may still turn away: the body turns on the spot as it does where v is 0.
-    turn = limited(wanted._replace(v_m_s=0.0, vy_m_s=0.0), guard)[0]
-    return step if step.twist.speed_m_s else step._replace(omega_rad_s=turn.omega_rad_s)
+    return wanted._replace(v_m_s=0.0, vy_m_s=0.0, text=slowed.text)
 
 
 def _wanted(target: VelocityRequest, heading_rad: float, drive: Drive) -> Twist:

@@ -146,12 +146,15 @@ class ObstacleGuard:
         self._count = len(mounts)
         self._has_lidar = has_lidar
         self._limits = limits
+        self._answered: tuple[Twist, GuardStep] | None = None
+        """The last motion that was asked for since something was observed, and its limit."""
         self.reset()
 
     def retune(self, config: GuardConfig) -> None:
         """Brake by other settings; the body stays as it was at the start."""
         self._config = config
         self._cosine = math.cos(math.radians(config.cone_deg))
+        self._answered = None
 
     def reset(self) -> None:
         """Forget past readings."""
@@ -162,6 +165,7 @@ class ObstacleGuard:
         self._approaches: Sequence[ApproachingEcho] = ()
         self._passed: NDArray[np.float64] | None = None
         self._twist = _REST
+        self._answered = None
 
     @property
     def body_sides(self) -> Sides:
@@ -208,6 +212,7 @@ class ObstacleGuard:
             Present velocity of `base`; only that of a holonomic robot counts.
         """
         self._twist = twist
+        self._answered = None
         self._passed = passed_base
         self._floor = floor_base
         self._points = points_base
@@ -240,10 +245,16 @@ class ObstacleGuard:
         vy_m_s
             With it, sideways to the left > 0 [m/s].
         """
-        allowed = self._step(Course.of(v_m_s, omega_rad_s, vy_m_s))
+        wanted = Twist(v_m_s, omega_rad_s, vy_m_s)
+        if self._answered is None or self._answered[0] != wanted:
+            self._answered = wanted, self._limit(wanted)
+        return self._answered[1]
+
+    def _limit(self, wanted: Twist) -> GuardStep:
+        """Return the limit for a motion."""
+        allowed = self._step(Course.of(*wanted))
         if self._limits is None or self._points is None:
             return allowed
-        wanted = Twist(v_m_s, omega_rad_s, vy_m_s)
         change = self._while_changing(self._points, wanted, allowed.v_max_m_s, self._limits)
         return min(allowed, change, key=lambda each: each.v_max_m_s)
 

@@ -53,6 +53,8 @@ class BehaviourOutput(NamedTuple):
     """Velocity to the left, of holonomic drives."""
     asks: bool = False
     """Whether it waits for an operator's go-ahead."""
+    task: str = ""
+    """What it is part of, for people, such as the item of a mission."""
 
     @property
     def twist(self) -> Twist:

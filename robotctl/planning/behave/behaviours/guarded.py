@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behave.behaviours.behaviour import (
@@ -20,17 +20,20 @@ from robotctl.planning.guard.obstacle_guard import GuardStep, ObstacleGuard
 if TYPE_CHECKING:
     from robotctl.planning.path.global_planning.goal import Goal
 
-_STANDSTILL_M_S = 0.03
+STANDSTILL_M_S: Final = 0.03
 """Below this allowed speed the robot stands still."""
 
 
 def limited(step: BehaviourOutput, guard: ObstacleGuard) -> tuple[BehaviourOutput, GuardStep]:
-    """Return `step` slowed to what the guard allows, on the same arc, and the guard's verdict."""
+    """Return `step` slowed to what the guard allows, on the same arc, and the guard's verdict.
+
+    The navigator does so to all that drives by itself, once and last. Others may ask beforehand.
+    """
     allowed = guard.step(*step.twist)
     speed = step.twist.speed_m_s or abs(step.omega_rad_s) * guard.reach_m
     if speed <= allowed.v_max_m_s:
         return step, allowed
-    share = allowed.v_max_m_s / speed if allowed.v_max_m_s >= _STANDSTILL_M_S else 0.0
+    share = allowed.v_max_m_s / speed if allowed.v_max_m_s >= STANDSTILL_M_S else 0.0
     text = f"waiting: {allowed.obstacle}" if share == 0.0 else step.text
     v_m_s, omega_rad_s, vy_m_s = (share * each for each in step.twist)
     slowed = step._replace(v_m_s=v_m_s, omega_rad_s=omega_rad_s, vy_m_s=vy_m_s, text=text)
@@ -38,10 +41,10 @@ def limited(step: BehaviourOutput, guard: ObstacleGuard) -> tuple[BehaviourOutpu
 
 
 class Guarded(Behaviour):
-    """Runs a behaviour with the obstacle guard and a time-out.
+    """Runs a behaviour that fails where the guard lets the robot stand, or time is over.
 
     The robot slows down, stops ahead of an obstacle and continues when it is gone; after
-    `GuardConfig.blocked_max_s` in one place the behaviour fails.
+    `GuardConfig.blocked_max_s` in one place the behaviour fails. `limited` does the slowing.
 
     Parameters
     ----------
@@ -110,15 +113,15 @@ class Guarded(Behaviour):
         self._behaviour.redirect(goal, speed_m_s)
 
     def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
-        """Return the behaviour's output, as far as obstacles and time allow."""
+        """Return the behaviour's output, as long as obstacles and time allow."""
         spent_ns = self._watch.step(now_ns)
         step = self._behaviour.step(situation, now_ns)
         if step.status is not Status.RUNNING:
             return step
         if self._time_out_s is not None and spent_ns > self._time_out_s * 1e9:
             return failed(f"not done after {self._time_out_s:g} s ({step.text})")
-        step, allowed = limited(step, self._guard)
-        if allowed.v_max_m_s >= _STANDSTILL_M_S:
+        allowed = self._guard.step(*step.twist)
+        if allowed.v_max_m_s >= STANDSTILL_M_S:
             self._blocked_ns = None
         elif self._blocked_ns is None:
             self._blocked_ns = now_ns

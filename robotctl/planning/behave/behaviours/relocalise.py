@@ -113,13 +113,12 @@ class LookAround:
     def _turn(self) -> BehaviourOutput:
         """Turn as the body has room; where it has none, the other way, and then give up turning."""
         wanted = BehaviourOutput(0.0, self._direction * _TURN_RAD_S, text=self._doing.value)
-        turn, _ = limited(wanted, self._guard)
-        if turn.omega_rad_s == 0.0:
+        if limited(wanted, self._guard)[0].omega_rad_s == 0.0:
             if self._has_turned_back:
                 self._begin(_Doing.FORWARD if self._doing is _Doing.ROUND else _Doing.BACK)
             else:
                 self._direction, self._has_turned_back = -self._direction, True
-        return turn
+        return wanted
 
     def _begin(self, doing: _Doing) -> None:
         """Switch to another phase."""

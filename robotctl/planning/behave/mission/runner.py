@@ -187,7 +187,7 @@ class MissionRunner:
             if step.status is Status.FAILED:
                 self.failure = self.trouble = f"{title}: {step.text}"
             elif step.status is Status.RUNNING:
-                return step._replace(text=f"{title}: {step.text}")
+                return step._replace(task=title)
             else:
                 self._enter(self.index + 1)
         if self.failure:
