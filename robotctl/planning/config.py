@@ -202,7 +202,7 @@ class RecoveryConfig:
     retries
         Times in one journey that it begins to recover, 0 to 1000; 0: it gives up at once.
     back_off_m
-        Distance that it backs off [m], 0 to 5; 0: it does not.
+        Distance that it backs off [m], 0 to 5; 0: it drives back on no rung.
     ladder
         What it tries, one after the other, before it gives up.
     retrace_m
@@ -219,7 +219,9 @@ class RecoveryConfig:
     wait_s: float = 30.0
     retries: int = 4
     back_off_m: float = 0.3
-    ladder: tuple[RungName, ...] = ("wait", "replan", "clear", "back_off", "look_around")
+    ladder: tuple[RungName, ...] = (
+        *("wait", "replan", "clear", "back_off", "retrace", "other_way", "look_around"),
+    )
     retrace_m: float = 2.0
     ask_s: float = 120.0
 

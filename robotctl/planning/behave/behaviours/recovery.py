@@ -28,7 +28,7 @@ class Ladder:
         config = config or RecoveryConfig()
         impossible: set[RungName] = set() if can_turn else {"look_around"}
         if config.back_off_m == 0.0:
-            impossible.add("back_off")
+            impossible |= {"back_off", "retrace"}
         self._rungs = [rung for rung in config.ladder if rung not in impossible]
         self._retries = config.retries
         self._at = 0

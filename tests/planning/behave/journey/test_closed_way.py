@@ -132,7 +132,7 @@ def test_it_begins_to_recover_as_often_as_is_set(retries):
 def test_a_robot_that_is_not_to_back_off_does_not():
     ladder = Ladder(RecoveryConfig(back_off_m=0.0), can_turn=False)
     rungs = list(iter(ladder.climb, None))
-    assert rungs == ["wait", "replan", "clear"]
+    assert rungs == ["wait", "replan", "clear", "other_way"]
 
 
 def test_a_mission_file_sets_its_patience():
