@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal
 
+from robotctl.errors import InvalidValue
 from robotctl.messages.requests import PositionRequest
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behave.behaviours.behaviour import (
@@ -20,6 +21,9 @@ from robotctl.planning.behave.behaviours.item import require_bounded, require_po
 from robotctl.planning.behave.behaviours.kind import Kind, NavigatedRobot, Pilot
 from robotctl.planning.behave.behaviours.straight_to import straight_to
 from robotctl.planning.path.global_planning.goal import Goal
+
+_WIDEST_M: Final = 10.0
+"""Largest tolerance [m]."""
 
 NO_PILOT = "this robot has neither a map nor a lidar to plan by"
 
@@ -36,6 +40,10 @@ class GotoItem:
         The place [m].
     heading_deg
         Heading at the end [deg]; None: any.
+    tolerance_m
+        Distance from the place within which it is reached, and to which the robot drives where
+        something stands on it [m], above 0 to 10; None: `navigation.follow.position_tolerance_m`,
+        and nowhere else.
     speed_m_s
         Largest speed [m/s], > 0; None: that of positions from a ground station.
     name
@@ -48,6 +56,7 @@ class GotoItem:
     x_m: float
     y_m: float
     heading_deg: float | None = None
+    tolerance_m: float | None = None
     speed_m_s: float | None = None
     name: str = ""
     time_out_s: float | None = None
@@ -57,6 +66,9 @@ class GotoItem:
         if self.heading_deg is not None:
             require_bounded(self, "heading_deg")
         require_positive(self, "speed_m_s", "time_out_s")
+        if self.tolerance_m is not None and not 0.0 < self.tolerance_m <= _WIDEST_M:
+            rule = f"must be above 0 and at most {_WIDEST_M:g}, not {self.tolerance_m}"
+            raise InvalidValue("tolerance_m", rule, self.tolerance_m)
 
 
 class Piloted(Behaviour):
@@ -111,7 +123,7 @@ def _drive(goal: Goal, speed_m_s: float, robot: NavigatedRobot) -> Piloted:
 def _make(item: GotoItem, robot: NavigatedRobot) -> Piloted:
     heading_rad = None if item.heading_deg is None else math.radians(item.heading_deg)
     speed_m_s = item.speed_m_s or robot.config.guided_speed_m_s
-    return _drive(Goal(item.x_m, item.y_m, heading_rad), speed_m_s, robot)
+    return _drive(Goal(item.x_m, item.y_m, heading_rad, item.tolerance_m), speed_m_s, robot)
 
 
 def _time_out_s(item: GotoItem) -> float | None:

@@ -128,13 +128,15 @@ class Replanner:
         return self._is_near(Goal(pose.x_m, pose.y_m, pose.theta_rad), 1.0)
 
     def is_there(self, pose: SE2) -> bool:
-        """Return whether a pose is at a goal where any heading will do."""
-        return self.goal.heading_rad is None and self.stands_there(pose)
+        """Return whether a pose is at a goal where no controller has to lead to the very place."""
+        any_pose = self.goal.heading_rad is None or self.goal.tolerance_m is not None
+        return any_pose and self.stands_there(pose)
 
     def _is_near(self, place: Goal, share: float) -> bool:
         """Return whether a place is within a share of the tolerances of the goal."""
         config, wanted_rad = self._tools.config, self.goal.heading_rad
-        if math.dist(place[:2], self.goal[:2]) > share * config.position_tolerance_m:
+        tolerance_m = self.goal.tolerance_m or config.position_tolerance_m
+        if math.dist(place[:2], self.goal[:2]) > share * tolerance_m:
             return False
         if wanted_rad is None or place.heading_rad is None:
             return wanted_rad is None

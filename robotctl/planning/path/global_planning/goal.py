@@ -14,6 +14,8 @@ class Goal(NamedTuple):
     x_m: float
     y_m: float
     heading_rad: float | None = None
+    tolerance_m: float | None = None
+    """Distance within which it counts as reached [m]; None: that of the local controller."""
 
     @property
     def opposite(self) -> Goal:

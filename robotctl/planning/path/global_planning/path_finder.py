@@ -24,6 +24,7 @@ from robotctl.planning.path.global_planning.plan import (
     PlanFailure,
     Planner,
     Point,
+    Reason,
     dense,
 )
 from robotctl.planning.path.global_planning.way_out import find_way, lead_out
@@ -112,7 +113,22 @@ class PathFinder:
             self._world.grow_to(there)
         if self._world.map.shut.closed_at(pose):
             return self._lead_out(pose, there)
-        return self._way(self._world.map.space(), pose, there)
+        space = self._world.map.space()
+        answer = self._way(space, pose, there)
+        if isinstance(answer, PlanFailure) and answer.reason is Reason.GOAL_BLOCKED:
+            beside = self._free_beside(space, there, goal.tolerance_m or 0.0)
+            answer = answer if beside is None else self._way(space, pose, beside)
+        return answer
+
+    @staticmethod
+    def _free_beside(space: PlanningMap, goal: SE2, tolerance_m: float) -> SE2 | None:
+        """Return the pose nearest to a goal in which the robot can stand; None: it is too far."""
+        roomy = space.clearance >= space.circumscribed
+        if tolerance_m <= 0.0 or not roomy.any():
+            return None
+        x_m, y_m = nearest(space, roomy, space.to_cells(goal))
+        is_near = math.dist((x_m, y_m), (goal.x_m, goal.y_m)) <= tolerance_m
+        return SE2(x_m, y_m, goal.theta_rad) if is_near else None
 
     def _lead_out(self, pose: SE2, goal: SE2) -> Plan | PlanFailure:
         """Return the shortest path out of what the robot should keep out of."""

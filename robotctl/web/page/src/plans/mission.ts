@@ -15,7 +15,7 @@ export interface Mission {
 
 /** Keys of the items that the page can add, with the values that they begin with; null: they may be left out. */
 export const KINDS: Readonly<Record<string, Readonly<Record<string, number | string | boolean | null>>>> = {
-  goto: { name: null, x_m: 0, y_m: 0, heading_deg: null, speed_m_s: null, time_out_s: null },
+  goto: { name: null, x_m: 0, y_m: 0, heading_deg: null, tolerance_m: null, speed_m_s: null, time_out_s: null },
   straight_to: { name: null, x_m: 0, y_m: 0, speed_m_s: null, time_out_s: null },
   wait: { name: null, duration_s: 5 },
   wait_for: { name: null, go_ahead: true, charge_percent: null, clear_ahead_m: null, time_out_s: null },

@@ -312,6 +312,8 @@ export interface NavigationState {
   readonly reverse: boolean;
   readonly home: readonly [number, number, number] | null;
   readonly budget: StepBudget;
+  readonly wanted: readonly [number, number, number];
+  readonly limited_by: string;
 }
 
 export interface ClosedLoop {
