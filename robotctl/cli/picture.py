@@ -46,6 +46,18 @@ def draw_map(axes: Any, grid: GridMap) -> None:
     axes.plot(points[:, 0], points[:, 1], "k,", alpha=0.5)
 
 
+def draw_costs(axes: Any, costs: GridMap) -> None:
+    """Draw costs [%] over a map that is not turned, from pale to dark; what costs nothing, not."""
+    if costs.origin.theta_rad == 0.0:
+        x, y = costs.origin.x_m, costs.origin.y_m
+        cells, side = _shrunk(costs.cells, costs.resolution_m)
+        extent = (x, x + cells.shape[1] * side, y, y + cells.shape[0] * side)
+        shown = np.ma.masked_less_equal(cells, 0)
+        axes.imshow(
+            shown, cmap="YlOrRd", vmin=0, vmax=130, alpha=0.5, origin="lower", extent=extent
+        )
+
+
 def _shrunk(cells: NDArray[np.int8], side_m: float) -> tuple[NDArray[np.int8], float]:
     """Return the greatest of each block of cells, at most `_PIXELS` a side, and a block's side."""
     block = -(-max(cells.shape) // _PIXELS)

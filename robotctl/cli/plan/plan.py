@@ -108,7 +108,7 @@ def summary(result: PlanResult) -> str:
         return f"no path: {figures['reason']} ({effort})"
     unit = "cells" if result.is_cells else "m"
     return (
-        f"{result.options.planner}: {figures['length_m']:.3f} {unit}, "
+        f"{result.planner}: {figures['length_m']:.3f} {unit}, "
         f"cost {figures['cost']:.3f} {unit}, smallest clearance "
         f"{figures['min_clearance_m']:.2f} {unit}, "
         f"{counted(len(result.path), 'pose')}, {effort}"

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from robotctl.cli.picture import draw_map, drawing, see_from_above
+from robotctl.cli.picture import draw_costs, draw_map, drawing, see_from_above
+from robotctl.planning.map.costs import costs_of
 from robotctl.planning.path.global_planning.plan import PlanFailure
 from robotctl.workbench.planning.plan import PlanResult
 
@@ -16,10 +17,16 @@ _OUTLINES = 40
 
 
 def save_plot(result: PlanResult, file: Path) -> None:
-    """Draw the map, and the path with the robot's outline along it, or the place that fails."""
+    """Draw the map with what nearness to walls costs, and the path with the robot's outline.
+
+    Without a path, the place that fails. Where the robot's middle cannot be the costs are darkest.
+    """
     with drawing(file, 9.0, 9.0) as figure:
         axes = figure.subplots()
         draw_map(axes, result.space.grid)
+        if len(result.space.footprint.corners) and result.config.comfort_m > 0.0:
+            comfort_m = result.config.margin_m + result.config.comfort_m
+            draw_costs(axes, costs_of(result.space, comfort_m))
         answer = result.answer
         if isinstance(answer, PlanFailure):
             if answer.place is not None:
@@ -39,5 +46,5 @@ def save_plot(result: PlanResult, file: Path) -> None:
             axes.plot(*poses[0, :2], "o", color="tab:green", label="start")
             axes.plot(*poses[-1, :2], "*", color="tab:orange", markersize=12, label="goal")
             axes.legend(loc="upper right")
-            figure.suptitle(f"{result.options.planner}: {answer.length_m:.2f} m")
+            figure.suptitle(f"{result.planner}: {answer.length_m:.2f} m")
         see_from_above(axes)

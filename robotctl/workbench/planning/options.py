@@ -45,8 +45,12 @@ class PlanOptions:
         ),
     ] = ()
     planner: Annotated[
-        str, typer.Option(help="astar, dijkstra, hybrid, rrt, rrt-connect or rrtstar.")
-    ] = "astar"
+        str,
+        typer.Option(
+            help="astar, dijkstra, hybrid, rrt, rrt-connect or rrtstar; default: as the robot "
+            "drives, astar on a .map."
+        ),
+    ] = ""
     steering: Annotated[
         str,
         typer.Option(

@@ -6,7 +6,7 @@ import csv
 import json
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, cast, get_args
 
@@ -33,7 +33,7 @@ from robotctl.planning.path.global_planning.plan import (
     Steering,
     dense,
 )
-from robotctl.planning.path.global_planning.planners import PLANNERS
+from robotctl.planning.path.global_planning.planners import PLANNERS, planner_config, planner_of
 from robotctl.toml_source import nearest
 from robotctl.workbench.planning.options import PlanOptions
 
@@ -50,6 +50,8 @@ class PlanResult:
     ----------
     options, space
         What was asked for, and the map.
+    planner, config
+        Name of the planner, and how it chooses paths.
     answer
         The path, or why there is none.
     time_ms
@@ -58,6 +60,8 @@ class PlanResult:
 
     options: PlanOptions
     space: PlanningMap
+    planner: str
+    config: PlannerConfig
     answer: Plan | PlanFailure
     time_ms: float
 
@@ -112,13 +116,10 @@ def make_plan(options: PlanOptions) -> PlanResult:
     ConfigError
         If a file, a place or a name is wrong.
     """
-    if options.planner not in PLANNERS:
-        hint = nearest(options.planner, list(PLANNERS))
-        raise ConfigError(f"--planner {options.planner}: there is no such planner{hint}")
     steering = _steering(options.steering)
     if not 0.0 < options.time_limit_s < math.inf:
         raise ConfigError(f"--time-limit {options.time_limit_s:g}: a number of seconds above 0")
-    path = Path(options.map)
+    path, name, named_by = Path(options.map), options.planner or "astar", "--planner"
     if is_moving_ai(path):
         grid = load_moving_ai(path)
         space = PlanningMap(grid, Footprint())
@@ -136,20 +137,21 @@ def make_plan(options: PlanOptions) -> PlanResult:
         space = _space(grid, robot, load_masks(robot.navigation.pilot.mask, file.resolve().parent))
         start, goal = (_pose(name, getattr(options, name)) for name in ("start", "goal"))
         goal = goal if len(options.goal) == 3 else facing(start, goal.x_m, goal.y_m)
-        # A robot that could turn on the spot, and is to drive without, turns in its own width.
-        radius_m = robot.drive.min_turning_radius_m or 2.0 * space.footprint.inscribed_m
-        config = PlannerConfig(
-            seed=options.seed,
-            turning_radius_m=radius_m,
-            steering=steering or ("reeds-shepp" if robot.drive.steered else "straight"),
-        )
-    planner = PLANNERS[options.planner](config)
+        pilot, drive = robot.navigation.pilot, robot.drive
+        if not options.planner:
+            name, named_by = planner_of(pilot, drive), f"{file}: navigation.pilot.planner"
+        config = planner_config(pilot, drive, space.footprint, drive.min_turning_radius_m)
+        config = replace(config, seed=options.seed, steering=steering or config.steering)
+    if name not in PLANNERS:
+        hint = nearest(name, list(PLANNERS))
+        raise ConfigError(f"{named_by} {name}: there is no such planner{hint}")
+    planner = PLANNERS[name](config)
     _compile(planner, space.footprint)
     begin_s = time.perf_counter()
     answer = planner.plan(
         space, start, goal, lambda: time.perf_counter() - begin_s < options.time_limit_s
     )
-    return PlanResult(options, space, answer, 1e3 * (time.perf_counter() - begin_s))
+    return PlanResult(options, space, name, config, answer, 1e3 * (time.perf_counter() - begin_s))
 
 
 def _space(grid: GridMap, robot: RobotConfig, masks: tuple[Mask, ...]) -> PlanningMap:

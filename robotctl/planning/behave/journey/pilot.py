@@ -23,7 +23,7 @@ from robotctl.planning.behave.journey.place_finder import KnownPlaces
 from robotctl.planning.behave.journey.tools import JourneyTools
 from robotctl.planning.behave.journey.travel import Travel
 from robotctl.planning.behave.journey.warm_up import warm_up
-from robotctl.planning.config import NavigationConfig, PilotConfig, RecoveryConfig
+from robotctl.planning.config import NavigationConfig, RecoveryConfig
 from robotctl.planning.map.costs import costs_of
 from robotctl.planning.map.live_world import LiveWorld
 from robotctl.planning.map.mask import Mask
@@ -33,8 +33,12 @@ from robotctl.planning.map.zone import Zone
 from robotctl.planning.map.zones import Closed
 from robotctl.planning.path.global_planning.goal import Goal
 from robotctl.planning.path.global_planning.path_finder import PathFinder
-from robotctl.planning.path.global_planning.plan import GoesOn, Planner, PlannerConfig
-from robotctl.planning.path.global_planning.planners import PLANNERS
+from robotctl.planning.path.global_planning.plan import GoesOn
+from robotctl.planning.path.global_planning.planners import (
+    PLANNERS,
+    planner_config,
+    planner_of,
+)
 from robotctl.planning.path.local.controller import ControllerConfig
 from robotctl.planning.path.local.controllers import CONTROLLERS
 
@@ -103,7 +107,8 @@ class MapPilot:
             braking_m_s2=config.pursuit.acceleration_m_s2,
             lidars=lidars,
         )
-        self._planner = _planner(config.pilot, drive, footprint, radius_m)
+        make_planner = _entry("planner", planner_of(config.pilot, drive), PLANNERS)
+        self._planner = make_planner(planner_config(config.pilot, drive, footprint, radius_m))
         local = ControllerConfig.of_robot(
             config.follow,
             dt_s=1.0 / config.rate_hz,
@@ -237,19 +242,3 @@ def _entry(key: str, name: str, entries: Mapping[str, _T]) -> _T:
     if name not in entries:
         raise InvalidValue(key, f"{name} found; allowed are {', '.join(entries)}", name)
     return entries[name]
-
-
-def _planner(
-    config: PilotConfig, drive: Drive, footprint: Footprint, turning_radius_m: float
-) -> Planner:
-    """Return the global planner; `InvalidValue`: there is none of that name."""
-    name = config.planner or ("hybrid" if drive.steered else "astar")
-    return _entry("planner", name, PLANNERS)(
-        PlannerConfig(
-            margin_m=config.margin_m,
-            comfort_m=config.comfort_m,
-            comfort_weight=config.comfort_weight,
-            turning_radius_m=turning_radius_m or 2.0 * footprint.inscribed_m,
-            steering="reeds-shepp" if drive.steered else "straight",
-        )
-    )
