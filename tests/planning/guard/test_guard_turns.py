@@ -107,7 +107,8 @@ def test_a_robot_that_is_blocked_ahead_turns_where_it_can(omega, turns):
     guard = ObstacleGuard(CONFIG, ())
     guard.observe((), (), (), np.array([[0.3, 0.0], [0.15, 0.24]]))
     wish = VelocityRequest(10**12, 0.3, omega)
-    step = guided_velocity(wish, 0.0, DifferentialDrive("differential", 0.3, 0.05, 2400), guard, 0)
+    drive = DifferentialDrive("differential", 0.3, 0.05, 2400)
+    step, _ = limited(guided_velocity(wish, 0.0, drive, guard, 0), guard)
     assert step.v_m_s == 0.0
     assert step.omega_rad_s == (omega if turns else 0.0)
 
