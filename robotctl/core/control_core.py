@@ -378,10 +378,10 @@ class ControlCore:
 
     def _next_command(self, now_ns: int) -> ActuatorCommand:
         """Close the wheel loops where the robot is powered."""
-        driving, motion = self._driving, self.motion
-        supplies_v = tuple([report.voltage_v or 0.0 for report in self._health.reports])
-        supplies_v = supplies_v[: len(self._wheels)]
+        driving, motion, reports = self._driving, self.motion, self._health.reports
         if self.machine.state is _MOTOR_TEST:
+            wheels = reports[: len(self._wheels)]
+            supplies_v = tuple([report.voltage_v or 0.0 for report in wheels])
             values = self._procedures.turn(motion, supplies_v, now_ns)
             if values is not None:
                 return self._unless_refused(driving.guarded(values), now_ns)
@@ -393,7 +393,7 @@ class ControlCore:
                 self._on(Event.MOVE, "", now_ns)
         elif driving.reference == _REST and motion.twist.speed_m_s < _AT_REST_M_S:
             self._on(Event.REST, "", now_ns)
-        command = driving.command(motion.joints_rad, supplies_v)
+        command = driving.command(motion.joints_rad, reports)
         return self._unless_refused(command, now_ns)
 
     def _unless_refused(self, command: ActuatorCommand | Fault, now_ns: int) -> ActuatorCommand:

@@ -264,7 +264,9 @@ class SocketPort:
         bits = self._wanted.get(can_id)
         if bits is not None:
             self._meter.bits += bits[min(length, 8)]
-            frames.append(Frame(can_id, data[:length], min(stamp_ns, now_ns)))
+            received_ns = stamp_ns if stamp_ns < now_ns else now_ns
+            # A third of the time of Frame(...), which is a function in Python.
+            frames.append(tuple.__new__(Frame, (can_id, data[:length], received_ns)))
         elif can_id & CAN_ERR_FLAG:
             meter = self._meter
             meter.error_frames += 1
