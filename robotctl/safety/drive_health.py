@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Final
 
 from robotctl.messages.actuators import NEVER_NS, ActuatorFeedback, DriveState
 from robotctl.messages.faults import Fault, FaultCode
-from robotctl.safety.ages import ANY_TIME_NS, AgeLimit, fresh_span_ns
+from robotctl.safety.ages import UNLIMITED_NS, AgeLimit, fresh_span_ns
 
 ACTUATOR_AGES: Final = ("motion", "report", "supply")
 """Fields of `AgeLimit` that a drive's actuators share."""
@@ -58,7 +58,11 @@ class DriveHealth:
         """The newest of wheels and joints."""
         self._wheels = wheels
         self._all = wheels + joints
-        self._motion, self._report, self._supply = (ages.get(field) for field in ACTUATOR_AGES)
+        limits = [ages.get(field) for field in ACTUATOR_AGES]
+        self._motion, self._report, self._supply = limits
+        self._motion_limit_ns, self._report_limit_ns, self._supply_limit_ns = (
+            UNLIMITED_NS if limit is None else limit.limit_ns for limit in limits
+        )
         self._latches_us = [-1] * len(wheels)
         self._motions_ns = [NEVER_NS] * len(wheels)
         self._lost_ns = self._motion.limit_ns if self._motion is not None else 0
@@ -67,9 +71,10 @@ class DriveHealth:
         """Times of report and supply of each [ns]."""
         self._newest_ns = self._reported_ns = NEVER_NS
         """Time of the newest of all reports, and of those of state [ns]."""
-        self._moves_ns = _fresh_span_ns(self._motions_ns, self._motion)
+        self._moves_ns = fresh_span_ns(self._motions_ns, self._motion_limit_ns)
         """First and last moment at which all motions are fresh [ns],"""
-        self._reports_ns = self._supplies_ns = ANY_TIME_NS
+        self._reports_ns: tuple[int, int]
+        self._supplies_ns: tuple[int, int]
         """all reports of state, and all supplies."""
         self._note_reports([(NEVER_NS, NEVER_NS)] * len(self._all))
         self._idle_ns = -NEVER_NS
@@ -91,7 +96,7 @@ class DriveHealth:
             if latch_us < 0 or latch_us != before_us:
                 latches_us[place] = latch_us
                 motions_ns[place] = report.motion_ns
-        self._moves_ns = _fresh_span_ns(motions_ns, self._motion)
+        self._moves_ns = fresh_span_ns(motions_ns, self._motion_limit_ns)
         told_ns = [(report.report_ns, report.supply_ns) for report in reports]
         if told_ns != self._told_ns:  # most ticks bring motions alone
             self._note_reports(told_ns)
@@ -108,8 +113,9 @@ class DriveHealth:
         self._told_ns = told_ns
         reports_ns = [report_ns for report_ns, _ in told_ns]
         self._reported_ns = max(reports_ns)
-        self._reports_ns = _fresh_span_ns(reports_ns, self._report)
-        self._supplies_ns = _fresh_span_ns([supply_ns for _, supply_ns in told_ns], self._supply)
+        supplies_ns = [supply_ns for _, supply_ns in told_ns]
+        self._reports_ns = fresh_span_ns(reports_ns, self._report_limit_ns)
+        self._supplies_ns = fresh_span_ns(supplies_ns, self._supply_limit_ns)
         for report in self.reports:
             if self._tells_loss(report):
                 self._loss = report
@@ -145,7 +151,10 @@ class DriveHealth:
         if self._report is not None and not self.reports_fresh(now_ns):
             faults.append(self._report.fault())
         else:
-            faults += [report.fault for report in self.reports if report.fault is not None][:1]
+            for report in self.reports:
+                if report.fault is not None:
+                    faults.append(report.fault)
+                    break
         if self._supply is not None and not self._supplies_fresh(now_ns):
             faults.append(self._supply.fault())
         return faults
@@ -199,8 +208,3 @@ class DriveHealth:
             if each.state is _ENABLED and each.report_ns > late_ns
         ]
         return max(stamps) if stamps else None
-
-
-def _fresh_span_ns(stamps_ns: Sequence[int], limit: AgeLimit | None) -> tuple[int, int]:
-    """Return when all stamps are within a limit, as `fresh_span_ns`; without one always."""
-    return ANY_TIME_NS if limit is None else fresh_span_ns(stamps_ns, limit.limit_ns)

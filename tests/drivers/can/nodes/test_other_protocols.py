@@ -110,7 +110,7 @@ def recorded(codec, parameters):
     )
     parts = native_parts(codec, parameters)
     ids = parts.identifiers("")
-    host = simulation.bus.attach("host", lambda frame: port.deliver(*frame), accept=ids)
+    host = simulation.bus.attach("host", lambda frame: port.deliver(frame), accept=ids)
     port = RecordingPort(host.send, ids, CanConfig(), clock)
     port.ticks = []
     robot = native_robot(port, parts)

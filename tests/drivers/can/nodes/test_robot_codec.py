@@ -34,7 +34,7 @@ class Rig:
         )
         parts = native_parts(codec, parameters, drive)
         self.line = self.simulation.bus.attach(
-            "host", lambda frame: port.deliver(*frame), accept=parts.identifiers(""), errors=True
+            "host", lambda frame: port.deliver(frame), accept=parts.identifiers(""), errors=True
         )
         self.port = port = MemoryPort(self.line.send, parts.identifiers(""), CanConfig(), clock)
         self.robot = native_robot(port, parts)
