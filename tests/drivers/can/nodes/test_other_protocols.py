@@ -37,6 +37,7 @@ class FakeDescriptor:
 
     def __init__(self, sock):
         self.socket = sock
+        self.waits = lambda _: True
 
     def close(self):
         self.socket.close()
