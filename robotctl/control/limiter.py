@@ -119,8 +119,7 @@ def next_acceleration(
         # The conjugate form of sqrt(change^2 + 2 j e) - change: no cancellation near the set-point.
         twice = 2.0 * jerk_max * distance
         wanted = twice / (math.sqrt(change * change + twice) + change)
-    if wanted > acceleration_max:
-        wanted = acceleration_max
+    wanted = min(wanted, acceleration_max)
     if remaining < 0.0:
         wanted = -wanted
     if wanted > acceleration + change:

@@ -95,7 +95,7 @@ class Driving:
         joints_rad
             Measured angle of each joint [rad].
         reports
-            Newest of all actuators, of which the wheels, each with the supply of its drive, are first.
+            Newest of all actuators, wheels first, with the supply of their drives.
         """
         wanted, dt_s = self._drive.inverse(self.reference, joints_rad), self._period_s
         wheels = zip(self._wheels, wanted.wheels_rad_s, reports, strict=False)

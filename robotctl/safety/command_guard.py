@@ -72,9 +72,7 @@ def guarded(values: tuple[float, ...], limits: tuple[Bound, ...]) -> tuple[float
     return values
 
 
-def _corrected(
-    values: tuple[float, ...], limits: tuple[Bound, ...]
-) -> tuple[float, ...] | Fault:
+def _corrected(values: tuple[float, ...], limits: tuple[Bound, ...]) -> tuple[float, ...] | Fault:
     """Return values with what is rounding clamped; a fault if one is more than that."""
     allowed = []
     for value, limit in zip(values, limits, strict=True):

@@ -67,7 +67,7 @@ class DriveHealth:
         self._motions_ns = [NEVER_NS] * len(wheels)
         self._lost_ns = self._motion.limit_ns if self._motion is not None else 0
         """A command that is older is lost [ns]."""
-        self._told_ns: list[tuple[int, int]] = []
+        self._told_ns = [(NEVER_NS, NEVER_NS)] * len(self._all)
         """Times of report and supply of each [ns]."""
         self._newest_ns = self._reported_ns = NEVER_NS
         """Time of the newest of all reports, and of those of state [ns]."""
@@ -76,7 +76,7 @@ class DriveHealth:
         self._reports_ns: tuple[int, int]
         self._supplies_ns: tuple[int, int]
         """all reports of state, and all supplies."""
-        self._note_reports([(NEVER_NS, NEVER_NS)] * len(self._all))
+        self._note_reports()
         self._idle_ns = -NEVER_NS
         """When the drive was last enabled, or not commanded to be [ns]."""
         self._back_ns = NEVER_NS
@@ -87,30 +87,31 @@ class DriveHealth:
     def update(self, actuators: tuple[ActuatorFeedback, ...]) -> None:
         """Take the newest reports of all actuators of the robot."""
         self.reports = reports = tuple([actuators[index] for index in self._all])
-        latches_us, motions_ns = self._latches_us, self._motions_ns
-        # Joints, which follow the wheels, have no place in these lists.
-        for place, before_us in enumerate(latches_us):
-            report = reports[place]
-            latch_us = report.latch_us
-            # The same latch again is no new measurement, however recent its frame.
-            if latch_us < 0 or latch_us != before_us:
-                latches_us[place] = latch_us
-                motions_ns[place] = report.motion_ns
+        latches_us, motions_ns, told_ns = self._latches_us, self._motions_ns, self._told_ns
+        wheels, is_told = len(latches_us), False
+        for place, report in enumerate(reports):
+            if place < wheels:  # joints follow them
+                latch_us = report.latch_us
+                # The same latch again is no new measurement, however recent its frame.
+                if latch_us < 0 or latch_us != latches_us[place]:
+                    latches_us[place] = latch_us
+                    motions_ns[place] = report.motion_ns
+            told = report.report_ns, report.supply_ns
+            if told != told_ns[place]:
+                told_ns[place], is_told = told, True
+            if report.state is _ENABLED:
+                self._idle_ns = told[0]
         self._moves_ns = fresh_span_ns(motions_ns, self._motion_limit_ns)
-        told_ns = [(report.report_ns, report.supply_ns) for report in reports]
-        if told_ns != self._told_ns:  # most ticks bring motions alone
-            self._note_reports(told_ns)
+        if is_told:  # most ticks bring motions alone
+            self._note_reports()
         before_ns = self._newest_ns
         self._newest_ns = newest_ns = max([self._reported_ns, *motions_ns])
         if newest_ns - before_ns > _GAP_NS and before_ns != NEVER_NS:
             self._back_ns = newest_ns
-        for report in reports:
-            if report.state is _ENABLED:
-                self._idle_ns = report.report_ns
 
-    def _note_reports(self, told_ns: list[tuple[int, int]]) -> None:
-        """Note the times of the reports of state and of supply [ns], and what they tell."""
-        self._told_ns = told_ns
+    def _note_reports(self) -> None:
+        """Note when reports of state and of supply came, and what they tell."""
+        told_ns = self._told_ns
         reports_ns = [report_ns for report_ns, _ in told_ns]
         self._reported_ns = max(reports_ns)
         supplies_ns = [supply_ns for _, supply_ns in told_ns]
