@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
+from firmware_sim.bus import fd_bits
 from firmware_sim.bus.core import Bus
 from firmware_sim.bus.faults import FaultPlan
 from firmware_sim.bus.frame import Frame
@@ -250,6 +251,7 @@ class Simulation:
 
     def warm(self) -> None:
         """Compile, or load from the cache, the functions that the first steps need."""
+        fd_bits.warm()
         self.plant.warm()
         self._ring.warm()
 

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack, closing
 from pathlib import Path
 
+from firmware_sim.bus import fd_bits
 from firmware_sim.bus.bridge import Bridge
 from firmware_sim.bus.core import Bus
 from firmware_sim.bus.frame import Frame
@@ -56,6 +57,7 @@ def run(arguments: argparse.Namespace, stopping: list[int]) -> None:
     HubError, OSError, ValueError
         If the bus, its channel, its log or its bridge cannot be had.
     """
+    fd_bits.warm()
     origin_ns = time.monotonic_ns()
     bus = Bus(arguments.bitrate, arguments.seed, data_bitrate=arguments.data_bitrate)
     with ExitStack() as stack:

@@ -3,14 +3,16 @@
 Source: ISO 11898-1:2015, clause 10.4 (frame formats), 10.5 (stuffing); Bosch CAN 2.0, part B.
 
 A frame's payload differs from the last one's nearly always (counter, CRC), so caching lengths
-does not help. Instead CRC and stuffing go through tables 16 bits at a time, under 1 us a frame.
+does not help. Instead CRC and stuffing are counted bit by bit in machine code, under 1 us a frame;
+tables for many bits at a time are too large for a processor's cache.
 """
 
 from __future__ import annotations
 
 import struct
-from array import array
 from collections.abc import Iterable
+
+import numpy as np
 
 from firmware_sim.bus.frame import (
     EXTENDED_FLAG,
@@ -19,6 +21,7 @@ from firmware_sim.bus.frame import (
     REMOTE_FLAG,
     STANDARD_MASK,
 )
+from native_kernels.compiled import compiled
 
 CRC15_POLYNOMIAL = 0x4599
 """x^15 + x^14 + x^10 + x^8 + x^7 + x^4 + x^3 + 1, initial value 0, no final xor."""
@@ -106,59 +109,71 @@ def stuff_step(state: int, bit: int) -> tuple[int, int]:
     return 0, first
 
 
-def _stuff_table(width: int) -> list[bytes]:
-    """Return for each state a row over all words of `width` bits: stuff bits << 4 | new state."""
-    rows = []
-    for first_state in range(9):
-        row = bytearray()
-        for word in range(1 << width):
-            count, state = 0, first_state
-            for shift in range(width - 1, -1, -1):
-                stuffed, state = stuff_step(state, (word >> shift) & 1)
-                count += stuffed
-            row.append(count << 4 | state)
-        rows.append(bytes(row))
-    return rows
+@compiled
+def _stuff_bits(crc: int, state: int, high: int, low: int, width: int) -> int:
+    """Return how many stuff bits `width` bits of data, and the CRC-15 behind them, bring about.
+
+    `high` has the bits of the data above the lowest 32, which are `low`; `crc` and `state` are
+    those behind the header.
+    """
+    count = 0
+    for place in range(width + 14, -1, -1):
+        if place >= 15:
+            shift = place - 15
+            bit = high >> shift - 32 & 1 if shift >= 32 else low >> shift & 1
+            crc = (crc << 1 & 0x7FFF) ^ (CRC15_POLYNOMIAL if crc >> 14 != bit else 0)
+        else:
+            bit = crc >> place & 1
+        first = 1 + 4 * bit
+        if state == first + 3:  # as in `stuff_step`
+            count += 1
+            state = 1 + 4 * (1 - bit)
+        elif first <= state < first + 3:
+            state += 1
+        else:
+            state = first
+    return count
 
 
-def _doubled_stuff_table(table: list[bytes]) -> list[bytes]:
-    """Chain a table into the one for words of twice as many bits."""
-    add = [bytes(min(value + (count << 4), 255) for value in range(256)) for count in range(3)]
-    return [
-        b"".join(table[step & 15].translate(add[step >> 4]) for step in row_of_high)
-        for row_of_high in table
-    ]
+@compiled
+def stuff(state: int, data: np.ndarray) -> int:
+    """Return stuff bits << 4 | new state of data, as bytes, that follow a stuffing state."""
+    count = 0
+    for byte in data:
+        for shift in range(7, -1, -1):
+            bit = int(byte) >> shift & 1
+            first = 1 + 4 * bit
+            if state == first + 3:
+                count += 1
+                state = 1 + 4 * (1 - bit)
+            elif first <= state < first + 3:
+                state += 1
+            else:
+                state = first
+    return count << 4 | state
 
 
-def _crc_table(width: int) -> list[int]:
-    """Return the CRC-15 of every word of `width` bits, the register starting at 0."""
-    return [
-        crc15([(word >> shift) & 1 for shift in range(width - 1, -1, -1)])
-        for word in range(1 << width)
-    ]
+_UNPACK_WORDS = struct.Struct(">2I").unpack
+_headers: dict[int, tuple[int, int, int, int]] = {}
+"""Results of `_header`, by the id shifted by four bits and the length."""
 
 
-STUFF8 = _doubled_stuff_table(_stuff_table(4))
-STUFF16 = _doubled_stuff_table(STUFF8)
-"""Stuff bits << 4 | new state, by stuffing state and word of 8 or 16 bits."""
-_CRC8 = [crc << 1 for crc in _crc_table(8)]
-_CRC8_HIGH = [((crc << 8) & 0xFFFF) ^ _CRC8[crc >> 8] for crc in _CRC8]
-_CRC16 = array("H", [high ^ low for high in _CRC8_HIGH for low in _CRC8])
-"""CRC-15 << 1 of every word of 8 or 16 bits, the register starting at 0."""
+def _header(arbitration_id: int, length: int) -> tuple[int, int, int, int]:
+    """Return CRC-15 and stuffing state after the header, data bits, and bits of the whole frame.
 
-_UNPACK_WORDS = struct.Struct(">4H").unpack
-_headers: dict[int, tuple[int, int, int]] = {}
-"""Headers by the id, shifted by four bits, and the length."""
-
-
-def _header(arbitration_id: int, length: int) -> tuple[int, int, int]:
-    """Return (CRC-15 << 1, stuffing state, bits sent) after the header; kept for the next time."""
+    The last without the stuff bits behind the header, unless there is no data to change them. The
+    result is kept for the next time.
+    """
     bits = header_bits(arbitration_id, length)
     state, count = 0, len(bits)
     for bit in bits:
         stuffed, state = stuff_step(state, bit)
         count += stuffed
-    known = (crc15(bits) << 1, state, count)
+    crc, width = crc15(bits), 0 if arbitration_id & REMOTE_FLAG else 8 * length
+    count += width + 15 + TRAILER_BITS
+    if not width:
+        count += _stuff_bits(crc, state, 0, 0, 0)
+    known = crc, state, width, count
     if len(_headers) < 0x10000:
         _headers[arbitration_id << 4 | length] = known
     return known
@@ -178,22 +193,11 @@ def frame_bits(arbitration_id: int, data: bytes) -> int:
     """
     length = len(data)
     known = _headers.get(arbitration_id << 4 | length)
-    crc, state, bits = known if known is not None else _header(arbitration_id, length)
-    if length == MAX_DATA_LENGTH and not arbitration_id & REMOTE_FLAG:
-        crc_of, stuff = _CRC16, STUFF16
-        a, b, c, d = _UNPACK_WORDS(data)
-        crc = crc_of[crc_of[crc_of[crc_of[crc ^ a] ^ b] ^ c] ^ d]
-        a = stuff[state][a]
-        b = stuff[a & 15][b]
-        c = stuff[b & 15][c]
-        d = stuff[c & 15][d]
-        bits += (a >> 4) + (b >> 4) + (c >> 4) + (d >> 4) + 64
-        state = d & 15
-    elif not arbitration_id & REMOTE_FLAG:
-        for byte in data:
-            crc = ((crc << 8) & 0xFFFF) ^ _CRC8[(crc >> 8) ^ byte]
-            step = STUFF8[state][byte]
-            bits += 8 + (step >> 4)
-            state = step & 15
-    # A sixteenth bit that differs from the one before it adds no stuff bit.
-    return bits + (STUFF16[state][crc | ~crc >> 1 & 1] >> 4) + (15 + TRAILER_BITS)
+    crc, state, width, bits = known if known is not None else _header(arbitration_id, length)
+    if not width:
+        return bits
+    if length == MAX_DATA_LENGTH:
+        high, low = _UNPACK_WORDS(data)
+    else:
+        high, low = divmod(int.from_bytes(data, "big"), 1 << 32)
+    return bits + _stuff_bits(crc, state, high, low, width)

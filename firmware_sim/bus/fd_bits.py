@@ -14,17 +14,11 @@ so here BRS is nominal and the CRC delimiter fast.
 
 from __future__ import annotations
 
-import struct
 from typing import NamedTuple
 
-from firmware_sim.bus.bits import (
-    STUFF8,
-    STUFF16,
-    checksum,
-    classic_bit_sequence,
-    frame_bits,
-    stuff_step,
-)
+import numpy as np
+
+from firmware_sim.bus.bits import checksum, classic_bit_sequence, frame_bits, stuff, stuff_step
 from firmware_sim.bus.frame import (
     BIT_RATE_SWITCH_FLAG,
     CLASSIC_MAX,
@@ -85,19 +79,19 @@ def frame_length(arbitration_id: int, data: bytes) -> FrameLength:
     header = _headers.get(key)
     arbitration_bits, fast_bits, step = _header(key) if header is None else header
     if length:
-        if length & 1:
-            for byte in data:
-                step = STUFF8[step & 15][byte]
-                fast_bits += step >> 4
-        else:
-            for word in _WORDS[length].unpack(data):
-                step = STUFF16[step & 15][word]
-                fast_bits += step >> 4
+        step = stuff(step, np.frombuffer(data, np.uint8))
+        fast_bits += step >> 4
         if ((step & 15) > 4) != (data[-1] & 1):  # the fixed stuff bit takes the place of this one
             fast_bits -= 1
     bits = arbitration_bits + fast_bits + _ACKNOWLEDGE_TO_END_BITS
     fast = fast_bits if arbitration_id & BIT_RATE_SWITCH_FLAG else 0
     return FrameLength(bits, arbitration_bits, fast)
+
+
+def warm() -> None:
+    """Compile, or load from the cache, what counts the bits of frames."""
+    frame_bits(0, b"\0")
+    stuff(0, np.frombuffer(b"\0", np.uint8))
 
 
 def frame_bit_sequence(arbitration_id: int, data: bytes) -> list[int]:
@@ -128,7 +122,6 @@ def frame_bit_sequence(arbitration_id: int, data: bytes) -> list[int]:
     return sent + [1, 0] + [1] * 8
 
 
-_WORDS = {length: struct.Struct(f">{length // 2}H") for length in FD_LENGTHS}
 _headers: dict[int, tuple[int, int, int]] = {}
 """Results of `_header`, by the id shifted by seven bits and the length."""
 

@@ -306,6 +306,8 @@ class FaultyStage:
         self._lost_v = 0.0
         self._ceilings_v: dict[object, float] = {}
         self._in_reset = False
+        self.is_low = False
+        """Whether a fault lowers the supply."""
 
     # Faults -------------------------------------------------------------------------------------
 
@@ -349,6 +351,7 @@ class FaultyStage:
         self._pass_on()
 
     def _pass_on(self) -> None:
+        self.is_low = bool(self._lost_v or self._ceilings_v)
         share = self.share
         for axis in self.axes:
             axis.true.supply = share
@@ -361,11 +364,6 @@ class FaultyStage:
         limit_v = RELEASE_V if self._in_reset else RESET_V
         self._in_reset = self.is_low and self.bus_voltage_v < limit_v
         return self._in_reset
-
-    @property
-    def is_low(self) -> bool:
-        """Whether a fault lowers the supply."""
-        return bool(self._lost_v or self._ceilings_v)
 
     @property
     def share(self) -> float:

@@ -25,6 +25,8 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
+import msgspec
+
 from firmware_sim.bus.frame import REMOTE_FLAG, Frame
 from firmware_sim.nodes import wire
 from firmware_sim.nodes.e2e import COUNTER_INVALID, data_id_crc, frame_crc
@@ -58,7 +60,7 @@ _CLEAR_FAULTS: Final = bytes((0x2F, 0x10, 0x20, 0x00, 0x01))
 _ENABLE: Final = 0x10
 
 
-class Motion(NamedTuple):
+class Motion(msgspec.Struct, frozen=True, gc=False):
     """The true robot at one moment."""
 
     powered: bool

@@ -11,7 +11,9 @@ from __future__ import annotations
 
 import math
 import struct
-from typing import Final, NamedTuple
+from typing import Final
+
+import msgspec
 
 PROTOCOL_VERSION: Final = 0x1C76FE73
 ENABLE: Final = 0x10
@@ -63,7 +65,7 @@ def _temperature_raw(temperature_c: float) -> int:
     return _raw(temperature_c + 40.0, 1.0, 0, 255)
 
 
-class MotorCommand(NamedTuple):
+class MotorCommand(msgspec.Struct, frozen=True, gc=False):
     """RPDO 1: duties in [-1, 1], steering angle [rad], positive left."""
 
     enable: bool

@@ -110,10 +110,12 @@ class Plant:
         ValueError
             If the angle is not finite.
         """
-        if not math.isfinite(angle_rad):
-            raise ValueError(f"steer: angle {angle_rad}")
         limit = self._steering_max_rad
-        self._body_numbers[_STEERING_CMD] = min(max(angle_rad, -limit), limit)
+        if not -limit <= angle_rad <= limit:
+            if not math.isfinite(angle_rad):
+                raise ValueError(f"steer: angle {angle_rad}")
+            angle_rad = math.copysign(limit, angle_rad)
+        self._body_numbers[_STEERING_CMD] = angle_rad
 
     def fit_brake_resistor(self, resistor: BrakeResistor | None) -> None:
         """Connect a brake resistor to the rail, or disconnect it."""

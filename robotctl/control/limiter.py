@@ -112,12 +112,13 @@ def next_acceleration(
     """
     change = jerk_max * dt_s
     distance = remaining if remaining >= 0.0 else -remaining
-    # The conjugate form of sqrt(change^2 + 2 j e) - change: no cancellation near the set-point.
-    twice = 2.0 * jerk_max * distance
-    wanted = twice / (math.sqrt(change * change + twice) + change)
-    # The formula comes near the set-point without ever meeting it exactly.
     if distance < _LANDED:
+        # The formula comes near the set-point without ever meeting it exactly.
         wanted = distance / dt_s
+    else:
+        # The conjugate form of sqrt(change^2 + 2 j e) - change: no cancellation near the set-point.
+        twice = 2.0 * jerk_max * distance
+        wanted = twice / (math.sqrt(change * change + twice) + change)
     wanted = min(wanted, acceleration_max)
     if remaining < 0.0:
         wanted = -wanted

@@ -71,6 +71,7 @@ class WheelVelocityEstimator:
         "_window_us",
         "delay_s",
         "jumps",
+        "position_rad",
         "velocity_rad_s",
     )
 
@@ -111,19 +112,15 @@ class WheelVelocityEstimator:
 
         The turn counts, up to 32767 counts; the velocity restarts at 0.
         """
-        self._total += self._step(count_u16)
+        self._total += (count_u16 - self._count + 0x8000 & 0xFFFF) - 0x8000
         self.velocity_rad_s = 0.0
         self._reference(count_u16, timestamp_us_u20)
-
-    def _step(self, count_u16: int) -> int:
-        """Return the counts since the last sample, -32768 to 32767."""
-        # The counter has 16 bits: take the difference modulo 2^16, then as signed.
-        step = (count_u16 - self._count) & 0xFFFF
-        return step - 0x10000 if step >= 0x8000 else step
 
     def _reference(self, count_u16: int, timestamp_us_u20: int) -> None:
         """Discard the window and measure from this sample on."""
         self._started = True
+        self.position_rad = self._total * self._rad_per_count
+        """Angle turned since `reset` [rad], unwrapped."""
         self._count = count_u16
         self._time_us = timestamp_us_u20
         self.delay_s = 0.0
@@ -135,11 +132,6 @@ class WheelVelocityEstimator:
         # The window's samples, oldest first, in unwrapped counts and microseconds.
         self._counts = [self._total]
         self._times_us = [timestamp_us_u20]
-
-    @property
-    def position_rad(self) -> float:
-        """Angle turned since `reset` [rad], unwrapped."""
-        return self._total * self._rad_per_count
 
     def update(
         self,
@@ -168,13 +160,15 @@ class WheelVelocityEstimator:
         elapsed_us = (timestamp_us_u20 - self._time_us) & 0xFFFFF
         if elapsed_us == 0:
             return self.velocity_rad_s
-        step = self._step(count_u16)
+        # The counter has 16 bits: the difference modulo 2^16, as a signed number.
+        step = (count_u16 - self._count + 0x8000 & 0xFFFF) - 0x8000
         if abs(step) > self._jump_counts_per_us * elapsed_us + 1.0:
             self.jumps += 1
             self._reference(count_u16, timestamp_us_u20)
             return self.velocity_rad_s
         self._count = count_u16
         total = self._total = self._total + step
+        self.position_rad = total * self._rad_per_count
         now = self._time_us = self._time_us + elapsed_us
         times, counts = self._times_us, self._counts
         times.append(now)

@@ -166,9 +166,9 @@ class ControlCore:
         """Return the command of this tick; `now_ns` is its time, never read from a clock."""
         self._begin_tick(now_ns)
         self._take_feedback(inputs.feedback, now_ns)
-        asked = self._take_requests(inputs, now_ns)
+        asked = self._take_requests(inputs, now_ns) if inputs.requests else None
         found = self._supervise(now_ns)
-        clear = self._try_to_arm(now_ns)
+        clear = bool(self._arming.waiting) and self._try_to_arm(now_ns)
         command = self._drive_wheels(now_ns)
         stop = found if asked is None else asked
         return Outputs(command, stop, clear, tuple(self._notices))
@@ -216,8 +216,6 @@ class ControlCore:
         A stop wins over any request to arm that was made before it, whichever comes first: who
         made it did not know of the stop.
         """
-        if not inputs.requests:
-            return None
         stop = None
         stopping = inputs.feedback.emergency_stop is not None or any(
             isinstance(request, EmergencyStop) for request in inputs.requests
@@ -330,8 +328,6 @@ class ControlCore:
     def _try_to_arm(self, now_ns: int) -> bool:
         """Arm if nothing speaks against it; return whether the drive's latches must be cleared."""
         arming = self._arming
-        if not arming.waiting:
-            return False
         if self.machine.powered:
             arming.answer_waiting()
             return False
@@ -378,10 +374,10 @@ class ControlCore:
 
     def _next_command(self, now_ns: int) -> ActuatorCommand:
         """Close the wheel loops where the robot is powered."""
-        driving, motion = self._driving, self.motion
-        supplies_v = tuple([report.voltage_v or 0.0 for report in self._health.reports])
-        supplies_v = supplies_v[: len(self._wheels)]
+        driving, motion, reports = self._driving, self.motion, self._health.reports
         if self.machine.state is _MOTOR_TEST:
+            wheels = reports[: len(self._wheels)]
+            supplies_v = tuple([report.voltage_v or 0.0 for report in wheels])
             values = self._procedures.turn(motion, supplies_v, now_ns)
             if values is not None:
                 return self._unless_refused(driving.guarded(values), now_ns)
@@ -393,7 +389,7 @@ class ControlCore:
                 self._on(Event.MOVE, "", now_ns)
         elif driving.reference == _REST and motion.twist.speed_m_s < _AT_REST_M_S:
             self._on(Event.REST, "", now_ns)
-        command = driving.command(motion.joints_rad, supplies_v)
+        command = driving.command(motion.joints_rad, reports)
         return self._unless_refused(command, now_ns)
 
     def _unless_refused(self, command: ActuatorCommand | Fault, now_ns: int) -> ActuatorCommand:

@@ -6,7 +6,7 @@ from typing import Final
 
 from robotctl.control.limiter import LimitsConfig, TwistLimiter
 from robotctl.control.wheels import WheelControl
-from robotctl.messages.actuators import ActuatorCommand
+from robotctl.messages.actuators import ActuatorCommand, ActuatorFeedback
 from robotctl.messages.control import VelocityCommand
 from robotctl.messages.faults import Fault
 from robotctl.model.drives.drives import Drive
@@ -86,7 +86,7 @@ class Driving:
         return wanted != _REST
 
     def command(
-        self, joints_rad: tuple[float, ...], supplies_v: tuple[float, ...]
+        self, joints_rad: tuple[float, ...], reports: tuple[ActuatorFeedback, ...]
     ) -> ActuatorCommand | Fault:
         """Close the wheel loops on the reference; a fault where the command guard refuses.
 
@@ -94,12 +94,14 @@ class Driving:
         ----------
         joints_rad
             Measured angle of each joint [rad].
-        supplies_v
-            Supply of each wheel's drive [V].
+        reports
+            Newest of all actuators, wheels first, with the supply of their drives.
         """
         wanted, dt_s = self._drive.inverse(self.reference, joints_rad), self._period_s
-        wheels = zip(self._wheels, wanted.wheels_rad_s, supplies_v, strict=True)
-        values = [wheel.step(speed, supply_v, dt_s) for wheel, speed, supply_v in wheels]
+        wheels = zip(self._wheels, wanted.wheels_rad_s, reports, strict=False)
+        values = [
+            wheel.step(speed, report.voltage_v or 0.0, dt_s) for wheel, speed, report in wheels
+        ]
         return self.guarded((*values, *wanted.joints_rad))
 
     def guarded(self, values: tuple[float, ...]) -> ActuatorCommand | Fault:

@@ -41,6 +41,8 @@ class EncoderMotion:
         Pose and distance.
     twist
         Measured velocity of `base`.
+    speeds_rad_s, angles_rad
+        Speed [rad/s] and unwrapped angle [rad] of each driven wheel.
     joints_rad
         Measured angle of each joint [rad].
     imu
@@ -65,17 +67,8 @@ class EncoderMotion:
         self._drive = drive
         self._wheels = wheels
         self._estimators = tuple(wheel.estimator for wheel in wheels)
+        self.speeds_rad_s = self.angles_rad = (0.0,) * len(wheels)
         self._motions = tuple(WheelMotion(estimator) for estimator in self._estimators)
-
-    @property
-    def speeds_rad_s(self) -> tuple[float, ...]:
-        """Speed of each driven wheel [rad/s]."""
-        return tuple([estimator.velocity_rad_s for estimator in self._estimators])
-
-    @property
-    def angles_rad(self) -> tuple[float, ...]:
-        """Angle of each driven wheel [rad], unwrapped."""
-        return tuple([estimator.position_rad for estimator in self._estimators])
 
     @property
     def jumps(self) -> int:
@@ -137,7 +130,9 @@ class EncoderMotion:
             moves = moves or moved
             differs = differs or used is not report
         if moves:
-            joints_rad = self.joints_rad
+            joints_rad, estimators = self.joints_rad, self._estimators
+            self.angles_rad = tuple([each.position_rad for each in estimators])
+            self.speeds_rad_s = tuple([each.velocity_rad_s for each in estimators])
             self.odometry.update(self.angles_rad, joints_rad)
             self.twist = self._drive.forward(self.speeds_rad_s, joints_rad)
         return (*kept, *reports[n:]) if differs else reports

@@ -9,7 +9,10 @@ from robotctl.messages.actuators import NEVER_NS
 from robotctl.messages.faults import Fault, FaultCode
 
 ANY_TIME_NS: Final = (NEVER_NS, -NEVER_NS)
-"""First and last moment at which what has no limit is fresh [ns]."""
+"""First and last moment at which nothing at all is fresh [ns]."""
+
+UNLIMITED_NS: Final = -2 * NEVER_NS
+"""Age that nothing exceeds, what has never come included [ns]."""
 
 
 class AgeLimit(NamedTuple):

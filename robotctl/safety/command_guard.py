@@ -66,6 +66,14 @@ def guarded(values: tuple[float, ...], limits: tuple[Bound, ...]) -> tuple[float
     if len(values) != len(limits):
         text = f"command guard: {len(values)} values for {len(limits)} actuators"
         return Fault(FaultCode.COMMAND_GUARD, text)
+    for value, (_, most, _) in zip(values, limits, strict=True):
+        if not abs(value) <= most:
+            return _corrected(values, limits)
+    return values
+
+
+def _corrected(values: tuple[float, ...], limits: tuple[Bound, ...]) -> tuple[float, ...] | Fault:
+    """Return values with what is rounding clamped; a fault if one is more than that."""
     allowed = []
     for value, limit in zip(values, limits, strict=True):
         most = limit.most
@@ -74,5 +82,5 @@ def guarded(values: tuple[float, ...], limits: tuple[Bound, ...]) -> tuple[float
                 f"command guard: {limit.name} {value} {limit.unit}: {most:g} to either side allowed"
             )
             return Fault(FaultCode.COMMAND_GUARD, text, limit.name)
-        allowed.append(value if abs(value) <= most else clamp(value, most))
+        allowed.append(clamp(value, most))
     return tuple(allowed)

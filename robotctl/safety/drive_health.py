@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Final
 
 from robotctl.messages.actuators import NEVER_NS, ActuatorFeedback, DriveState
 from robotctl.messages.faults import Fault, FaultCode
-from robotctl.safety.ages import ANY_TIME_NS, AgeLimit, fresh_span_ns
+from robotctl.safety.ages import UNLIMITED_NS, AgeLimit, fresh_span_ns
 
 ACTUATOR_AGES: Final = ("motion", "report", "supply")
 """Fields of `AgeLimit` that a drive's actuators share."""
@@ -58,20 +58,25 @@ class DriveHealth:
         """The newest of wheels and joints."""
         self._wheels = wheels
         self._all = wheels + joints
-        self._motion, self._report, self._supply = (ages.get(field) for field in ACTUATOR_AGES)
+        limits = [ages.get(field) for field in ACTUATOR_AGES]
+        self._motion, self._report, self._supply = limits
+        self._motion_limit_ns, self._report_limit_ns, self._supply_limit_ns = (
+            UNLIMITED_NS if limit is None else limit.limit_ns for limit in limits
+        )
         self._latches_us = [-1] * len(wheels)
         self._motions_ns = [NEVER_NS] * len(wheels)
         self._lost_ns = self._motion.limit_ns if self._motion is not None else 0
         """A command that is older is lost [ns]."""
-        self._told_ns: list[tuple[int, int]] = []
+        self._told_ns = [(NEVER_NS, NEVER_NS)] * len(self._all)
         """Times of report and supply of each [ns]."""
         self._newest_ns = self._reported_ns = NEVER_NS
         """Time of the newest of all reports, and of those of state [ns]."""
-        self._moves_ns = _fresh_span_ns(self._motions_ns, self._motion)
+        self._moves_ns = fresh_span_ns(self._motions_ns, self._motion_limit_ns)
         """First and last moment at which all motions are fresh [ns],"""
-        self._reports_ns = self._supplies_ns = ANY_TIME_NS
+        self._reports_ns: tuple[int, int]
+        self._supplies_ns: tuple[int, int]
         """all reports of state, and all supplies."""
-        self._note_reports([(NEVER_NS, NEVER_NS)] * len(self._all))
+        self._note_reports()
         self._idle_ns = -NEVER_NS
         """When the drive was last enabled, or not commanded to be [ns]."""
         self._back_ns = NEVER_NS
@@ -82,34 +87,36 @@ class DriveHealth:
     def update(self, actuators: tuple[ActuatorFeedback, ...]) -> None:
         """Take the newest reports of all actuators of the robot."""
         self.reports = reports = tuple([actuators[index] for index in self._all])
-        latches_us, motions_ns = self._latches_us, self._motions_ns
-        # Joints, which follow the wheels, have no place in these lists.
-        for place, before_us in enumerate(latches_us):
-            report = reports[place]
-            latch_us = report.latch_us
-            # The same latch again is no new measurement, however recent its frame.
-            if latch_us < 0 or latch_us != before_us:
-                latches_us[place] = latch_us
-                motions_ns[place] = report.motion_ns
-        self._moves_ns = _fresh_span_ns(motions_ns, self._motion)
-        told_ns = [(report.report_ns, report.supply_ns) for report in reports]
-        if told_ns != self._told_ns:  # most ticks bring motions alone
-            self._note_reports(told_ns)
+        latches_us, motions_ns, told_ns = self._latches_us, self._motions_ns, self._told_ns
+        wheels, is_told = len(latches_us), False
+        for place, report in enumerate(reports):
+            if place < wheels:  # joints follow them
+                latch_us = report.latch_us
+                # The same latch again is no new measurement, however recent its frame.
+                if latch_us < 0 or latch_us != latches_us[place]:
+                    latches_us[place] = latch_us
+                    motions_ns[place] = report.motion_ns
+            told = report.report_ns, report.supply_ns
+            if told != told_ns[place]:
+                told_ns[place], is_told = told, True
+            if report.state is _ENABLED:
+                self._idle_ns = told[0]
+        self._moves_ns = fresh_span_ns(motions_ns, self._motion_limit_ns)
+        if is_told:  # most ticks bring motions alone
+            self._note_reports()
         before_ns = self._newest_ns
         self._newest_ns = newest_ns = max([self._reported_ns, *motions_ns])
         if newest_ns - before_ns > _GAP_NS and before_ns != NEVER_NS:
             self._back_ns = newest_ns
-        for report in reports:
-            if report.state is _ENABLED:
-                self._idle_ns = report.report_ns
 
-    def _note_reports(self, told_ns: list[tuple[int, int]]) -> None:
-        """Note the times of the reports of state and of supply [ns], and what they tell."""
-        self._told_ns = told_ns
+    def _note_reports(self) -> None:
+        """Note when reports of state and of supply came, and what they tell."""
+        told_ns = self._told_ns
         reports_ns = [report_ns for report_ns, _ in told_ns]
         self._reported_ns = max(reports_ns)
-        self._reports_ns = _fresh_span_ns(reports_ns, self._report)
-        self._supplies_ns = _fresh_span_ns([supply_ns for _, supply_ns in told_ns], self._supply)
+        supplies_ns = [supply_ns for _, supply_ns in told_ns]
+        self._reports_ns = fresh_span_ns(reports_ns, self._report_limit_ns)
+        self._supplies_ns = fresh_span_ns(supplies_ns, self._supply_limit_ns)
         for report in self.reports:
             if self._tells_loss(report):
                 self._loss = report
@@ -145,7 +152,10 @@ class DriveHealth:
         if self._report is not None and not self.reports_fresh(now_ns):
             faults.append(self._report.fault())
         else:
-            faults += [report.fault for report in self.reports if report.fault is not None][:1]
+            for report in self.reports:
+                if report.fault is not None:
+                    faults.append(report.fault)
+                    break
         if self._supply is not None and not self._supplies_fresh(now_ns):
             faults.append(self._supply.fault())
         return faults
@@ -199,8 +209,3 @@ class DriveHealth:
             if each.state is _ENABLED and each.report_ns > late_ns
         ]
         return max(stamps) if stamps else None
-
-
-def _fresh_span_ns(stamps_ns: Sequence[int], limit: AgeLimit | None) -> tuple[int, int]:
-    """Return when all stamps are within a limit, as `fresh_span_ns`; without one always."""
-    return ANY_TIME_NS if limit is None else fresh_span_ns(stamps_ns, limit.limit_ns)

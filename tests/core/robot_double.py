@@ -159,7 +159,7 @@ class RobotDouble:
         heartbeat_ns = now if self.heartbeat_ns is None else self.heartbeat_ns
         wheels = WheelFeedback(now, (latch_ns // 1000) & 0xFFFFF, (counts[0], counts[1]))
         if self.held_back is not None:
-            wheels, self.held_back = self.held_back._replace(stamp_ns=now), None
+            wheels, self.held_back = msgspec.structs.replace(self.held_back, stamp_ns=now), None
         state = self.drive_says or self.motor_state
         self.frames.update(
             None if self.mute_wheels else wheels,

@@ -70,8 +70,8 @@ def test_the_simulated_imu_is_judged_by_what_it_sends(fault: str, verdict: Verdi
     clock = SimulatedClock(simulation)
     bus = config.buses[0]
     ids = parts.identifiers(bus.name)
-    wire = simulation.bus.attach("host", lambda frame: port.deliver(*frame), accept=ids)
-    port = MemoryPort(wire.send, ids, bus, clock)
+    port = MemoryPort(lambda *_: False, ids, bus, clock)
+    port.transmit = simulation.bus.attach("host", port.deliver, accept=ids).send
     robot = CanRobot({bus.name: port}, parts)
     nodes = commission(robot, clock, config.runtime.period_ns)
     assert [node.problem for node in nodes] == [""] * 4

@@ -83,11 +83,11 @@ def battery(**values: object) -> Feedback:
 
 
 def motor(**values: object) -> Feedback:
-    return frames(motor=MOTOR._replace(**values))
+    return frames(motor=replace(MOTOR, **values))
 
 
 def drive(**values: object) -> Feedback:
-    return frames(drive=DRIVE._replace(**values))
+    return frames(drive=replace(DRIVE, **values))
 
 
 def bus(**values: object) -> Feedback:
@@ -167,7 +167,7 @@ def aged(name: str, age_ns: int) -> Feedback:
     if name == "sonars":
         return replace(GOOD, sonars=(replace(GOOD.sonars[0], stamp_ns=stamp_ns),))
     if name in FRAMES:
-        return frames(**{name: FRAMES[name]._replace(stamp_ns=stamp_ns)})
+        return frames(**{name: replace(FRAMES[name], stamp_ns=stamp_ns)})
     return replace(GOOD, **{name: replace(getattr(GOOD, name), stamp_ns=stamp_ns)})
 
 
@@ -214,15 +214,15 @@ def test_nodes_and_bus_are_the_present_state() -> None:
 
 def test_wheel_feedback_with_the_latch_of_before_is_none() -> None:
     later = NOW + 15 * MS + 1
-    kept = health(GOOD, frames(wheels=WHEELS._replace(stamp_ns=later)))
+    kept = health(GOOD, frames(wheels=replace(WHEELS, stamp_ns=later)))
     assert str(kept.fault(later)) == "wheel feedback is older than 15 ms"
-    kept.update(frames(wheels=WHEELS._replace(stamp_ns=later, timestamp_us=78)))
+    kept.update(frames(wheels=replace(WHEELS, stamp_ns=later, timestamp_us=78)))
     assert kept.fault(later) is None
 
 
 @pytest.mark.parametrize("latch_us", [0, 1])
 def test_the_first_latch_counts_whatever_it_is(latch_us: int) -> None:
-    first = frames(wheels=WHEELS._replace(timestamp_us=latch_us))
+    first = frames(wheels=replace(WHEELS, timestamp_us=latch_us))
     assert health(first).fault(NOW) is None
 
 
@@ -340,8 +340,8 @@ def at(after_ns: int, state: DriveState, age_ms: int = 1) -> Feedback:
     stamp_ns = NOW + after_ns
     return frames(
         wheels=WheelFeedback(stamp_ns, 77 + after_ns // 1000, (0, 0)),
-        motor=MOTOR._replace(state=state, stamp_ns=stamp_ns),
-        drive=DRIVE._replace(command_age_ms=age_ms, stamp_ns=stamp_ns),
+        motor=replace(MOTOR, state=state, stamp_ns=stamp_ns),
+        drive=replace(DRIVE, command_age_ms=age_ms, stamp_ns=stamp_ns),
     )
 
 
@@ -483,9 +483,9 @@ def test_the_motor_controllers_own_stop_is_explained_by_a_pause_and_its_faults_a
 ) -> None:
     at = NOW + 120 * MS
     later = frames(
-        motor=MOTOR._replace(state=state, faults=int(faults), stamp_ns=at),
+        motor=replace(MOTOR, state=state, faults=int(faults), stamp_ns=at),
         wheels=WheelFeedback(at, 78, (0, 0)),
-        drive=DRIVE._replace(stamp_ns=at),
+        drive=replace(DRIVE, stamp_ns=at),
     )
     assert paused(100, later, 20) == words
 
@@ -555,7 +555,7 @@ def test_each_sensor_of_the_imu_has_an_age_of_its_own(silent: str) -> None:
             for name in ("gyro", "accelerometer")
             if name != silent
         }
-        wheels = WHEELS._replace(stamp_ns=at_ns, timestamp_us=77 + later_ns // 1000)
+        wheels = replace(WHEELS, stamp_ns=at_ns, timestamp_us=77 + later_ns // 1000)
         kept.update(replace(frames(wheels=wheels), **newer))
         expected = f"the {silent}'s report is older than 70 ms"
         said = (Fault(FaultCode.IMU_STALE, expected, "imu"),) if later_ns > 70 * MS else ()
@@ -572,7 +572,7 @@ def test_a_pause_of_control_explains_an_imu_that_is_not_heard() -> None:
     kept = inertial(INERTIAL)
     kept.stalls.step(NOW)
     kept.stalls.step(NOW + 100 * MS)
-    kept.update(frames(wheels=WHEELS._replace(stamp_ns=NOW + 100 * MS, timestamp_us=99)))
+    kept.update(frames(wheels=replace(WHEELS, stamp_ns=NOW + 100 * MS, timestamp_us=99)))
     fault = kept.fault(NOW + 100 * MS)
     assert fault is not None
     assert fault.code is FaultCode.CONTROL_HELD_UP

@@ -74,7 +74,7 @@ def alone(monkeypatch: pytest.MonkeyPatch) -> Supervision:
 
 
 def enabled(stamp_ns: int) -> Feedback:
-    return frames(motor=MOTOR._replace(state=DriveState.ENABLED, stamp_ns=stamp_ns))
+    return frames(motor=replace(MOTOR, state=DriveState.ENABLED, stamp_ns=stamp_ns))
 
 
 @pytest.mark.parametrize(("late_ns", "is_fault"), [(0, False), (1, True)])
@@ -91,7 +91,7 @@ def test_power_is_unasked_for_once_the_drives_time_out_and_some_grace_are_over(
 
 @pytest.mark.parametrize("state", [state for state in DriveState if state != DriveState.ENABLED])
 def test_a_drive_without_power_needs_no_command(alone: Supervision, state: DriveState) -> None:
-    alone.health.update(frames(motor=MOTOR._replace(state=state, stamp_ns=NOW + 10 * LIMIT_NS)))
+    alone.health.update(frames(motor=replace(MOTOR, state=state, stamp_ns=NOW + 10 * LIMIT_NS)))
     assert alone.unasked() is None
 
 
@@ -128,8 +128,8 @@ def test_the_first_contradiction_is_kept_until_the_robot_is_armed_again(
 
 
 def test_wheels_that_did_not_get_the_command_are_not_to_blame(alone: Supervision) -> None:
-    motor = MOTOR._replace(state=DriveState.ENABLED)
-    alone.health.update(frames(motor=motor, drive=DRIVE._replace(command_age_ms=100)))
+    motor = replace(MOTOR, state=DriveState.ENABLED)
+    alone.health.update(frames(motor=motor, drive=replace(DRIVE, command_age_ms=100)))
     assert alone.fault(NOW) is None, "alone it stops nobody"
     alone._monitors[0].found = FIRST
     alone.compare(GOOD, COMMAND, None)
@@ -154,7 +154,7 @@ def test_values_are_judged_only_once_all_have_come(alone: Supervision, lost: str
 
 
 def test_values_that_cannot_be_speak_against_arming(alone: Supervision) -> None:
-    alone.health.update(frames(motor=MOTOR._replace(temperatures_c=(math.nan, 25.0))))
+    alone.health.update(frames(motor=replace(MOTOR, temperatures_c=(math.nan, 25.0))))
     assert len(alone.refusals(NOW, (0.0, 0.0), None, enabled=False)) >= 1
 
 
@@ -176,7 +176,7 @@ LATE_NS = 20 * MS
 
 def heard(alone: Supervision, now_ns: int = NOW, age_ns: int = 0, **changes: object) -> Supervision:
     """Let supervision take good feedback of some age, with changes."""
-    wheels = WHEELS_NOW._replace(stamp_ns=now_ns - age_ns)
+    wheels = replace(WHEELS_NOW, stamp_ns=now_ns - age_ns)
     fresh = replace(frames(wheels=wheels), **changes)
     alone.take(fresh, now_ns)
     return alone

@@ -141,21 +141,22 @@ def attach_port(
     switch = BIT_RATE_SWITCH_FLAG if config.data_bitrate > config.bitrate else 0
 
     def deliver_fd(frame: Frame) -> None:
-        port.deliver(frame.arbitration_id & ~_SENDERS_FLAGS, frame.data, frame.stamp_ns)
+        port.deliver((frame.arbitration_id & ~_SENDERS_FLAGS, frame.data, frame.stamp_ns))
 
     def send_fd(arbitration_id: int, data: bytes) -> bool:
         return wire.send(
             arbitration_id | switch if arbitration_id & FD_FLAG else arbitration_id, data
         )
 
+    port = MemoryPort(lambda _id, _data: False, arbitration_ids, config, clock)
     wire = bus.attach(
         name,
-        deliver_fd if fd else lambda frame: port.deliver(*frame),
+        deliver_fd if fd else port.deliver,
         accept=arbitration_ids,
         errors=True,
         fd=FdSupport.ENABLED if fd else FdSupport.INTOLERANT,
     )
-    port = MemoryPort(send_fd if fd else wire.send, arbitration_ids, config, clock)
+    port.transmit = send_fd if fd else wire.send
     return port
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import errno
 import fcntl
 import os
+import select
 import socket
 import struct
 from collections.abc import Callable, Collection
@@ -44,17 +45,23 @@ class Descriptor:
     ----------
     bus
         An open bus whose `fileno()` is a socket.
+
+    Attributes
+    ----------
+    kernel
+        Whether this is SocketCAN, with kernel time stamps beside each frame.
+    waits
+        `poll` of the socket: the cheapest answer to whether a frame waits, an error, or the end.
     """
 
     def __init__(self, bus: can.BusABC) -> None:
         self.bus = bus
         self.socket = socket.socket(fileno=os.dup(bus.fileno()))
         self.socket.setblocking(False)
-
-    @property
-    def kernel(self) -> bool:
-        """Whether this is SocketCAN, with kernel time stamps beside each frame."""
-        return self.socket.family == socket.AF_CAN
+        self.kernel = self.socket.family == socket.AF_CAN
+        signal = select.poll()
+        signal.register(self.socket, select.POLLIN)
+        self.waits = signal.poll
 
     def close(self) -> None:
         """Release both; a bus that is already gone is no error."""

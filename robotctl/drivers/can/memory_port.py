@@ -23,7 +23,7 @@ class MemoryPort:
     ----------
     transmit
         Takes identifier, with flags as in `Frame`, and data of a frame; returns False if the bus
-        refuses it.
+        refuses it. It may be replaced, since the bus wants `deliver` first.
     arbitration_ids
         Accepted identifiers, as in the kernel's filter.
     config
@@ -39,22 +39,23 @@ class MemoryPort:
         config: CanConfig,
         clock: Clock,
     ) -> None:
-        self._transmit = transmit
+        self.transmit = transmit
         self._clock = clock
         self._meter = BusMeter(config)
         self._wanted = self._meter.accepted(arbitration_ids)
         self._inbox: list[Frame] = []
         self._open = True
 
-    def deliver(self, arbitration_id: int, data: bytes, stamp_ns: int) -> None:
-        """Put one frame into the inbox, received at `stamp_ns` [ns].
+    def deliver(self, frame: tuple[int, bytes, int]) -> None:
+        """Put one frame into the inbox: identifier, data and time of reception [ns].
 
         An identifier with CAN_ERR_FLAG is an error frame and moves the state of the bus.
         """
+        arbitration_id, data, _ = frame
         bits = self._wanted.get(arbitration_id)
         if bits is not None and self._open:
             # A third of the time of Frame(...), which is a function in Python.
-            self._inbox.append(tuple.__new__(Frame, (arbitration_id, data, stamp_ns)))
+            self._inbox.append(tuple.__new__(Frame, frame))
             self._meter.bits += bits[len(data)]
         elif arbitration_id & CAN_ERR_FLAG:
             meter = self._meter
@@ -68,7 +69,7 @@ class MemoryPort:
             bits = FRAME_BITS[len(data)]
         else:
             bits = meter.measure(arbitration_id, len(data))
-        if not bits or not self._open or self._transmit(arbitration_id, data) is False:
+        if not bits or not self._open or self.transmit(arbitration_id, data) is False:
             meter.send_failures += 1
             return False
         meter.sent += 1

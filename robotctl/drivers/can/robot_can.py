@@ -97,8 +97,10 @@ class CanRobot:
 
     def _reports(self) -> tuple[ActuatorFeedback, ...]:
         """Return the newest of each actuator, in the robot's order; the same while none changes."""
-        changed = [side for side in self._drives if side.has_new_reports()]
-        if changed:
+        has_changed = False
+        for side in self._drives:
+            has_changed = side.has_new_reports() or has_changed
+        if has_changed:
             self._actuators = _in_order(self._drives)
         return self._actuators
 

@@ -46,7 +46,7 @@ class Odometry:
         # forward() is linear in the wheel speeds, so increments give the increment of the pose.
         moved_m, turned_rad, sideways_m = self._drive.forward(turns_rad, joints_rad)
         self.pose_odom_base = arc(self.pose_odom_base, moved_m, turned_rad, sideways_m)
-        self.distance_m += math.hypot(moved_m, sideways_m)
+        self.distance_m += math.hypot(moved_m, sideways_m) if sideways_m else abs(moved_m)
         self.turned_rad += turned_rad
 
     def correct_heading(self, turn_rad: float) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import Final, NamedTuple
+from typing import Final
+
+import msgspec
 
 from robotctl.errors import InvalidValue
 
@@ -11,7 +13,7 @@ POSITIVE: Final = (0.0, math.inf)
 """Range of a value that calibration may set to anything above 0."""
 
 
-class ActuatorReference(NamedTuple):
+class ActuatorReference(msgspec.Struct, frozen=True, gc=False):
     """Wanted speed of each driven wheel [rad/s] and angle of each joint [rad, positive left]."""
 
     wheels_rad_s: tuple[float, ...]

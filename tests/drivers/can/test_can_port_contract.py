@@ -89,7 +89,7 @@ class MemoryPeer:
         )
 
     def send(self, can_id, data, switch=True):
-        self.port.deliver(can_id, data, self.clock.now_ns())
+        self.port.deliver((can_id, data, self.clock.now_ns()))
 
     def receive(self, count):
         frames, self.inbox = self.inbox[:count], self.inbox[count:]
@@ -219,8 +219,8 @@ def test_a_port_without_a_filter_receives_all_frames(kind, request):
     if kind == "memory":
         port = MemoryPort(lambda *_: None, None, config, clock)
         for can_id, data in sent:
-            port.deliver(can_id, data, clock.now_ns())
-        port.deliver(0x2000_0004, bytes(8), clock.now_ns())  # an error frame is none
+            port.deliver((can_id, data, clock.now_ns()))
+        port.deliver((0x2000_0004, bytes(8), clock.now_ns()))  # an error frame is none
     else:
         port, peer = SocketPort(config, None, clock), BusPeer("simcan", config.channel, fd=True)
         for can_id, data in sent:

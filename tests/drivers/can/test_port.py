@@ -67,6 +67,7 @@ class FakeDescriptor:
     def __init__(self, sock, kernel=False):
         self.socket = sock
         self.kernel = kernel
+        self.waits = lambda _: True
 
     def close(self):
         self.socket.close()

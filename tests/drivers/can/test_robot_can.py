@@ -48,7 +48,7 @@ class Wire:
         return message.frame_id, bytes(data)
 
     def put(self, can_id, data):
-        self.port.deliver(can_id, data, self.clock.now_ns())
+        self.port.deliver((can_id, data, self.clock.now_ns()))
 
     def put_checked(self, name, **values):
         """Send the message twice: the first frame only sets the receiver's reference."""

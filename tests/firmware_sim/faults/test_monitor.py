@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from firmware_sim.bus.faults import Cut, Drop
 from firmware_sim.bus.frame import REMOTE_FLAG, Frame
@@ -42,7 +43,7 @@ class Scene:
         self.frame(COMMAND, self.protector.protect(payload))
 
     def power(self, powered=True):
-        self.motion = self.motion._replace(powered=powered)
+        self.motion = replace(self.motion, powered=powered)
 
     def run(self, milliseconds, enable=None):
         """Let time pass, with a command each 5 ms where `enable` is given."""
@@ -285,16 +286,16 @@ def test_a_motion_that_is_unsafe_for_its_speed_and_then_for_its_power_counts_twi
 def test_steering_that_goes_on_in_a_stop_is_unsafe(scene):
     scene.power()
     scene.run(50, enable=True)
-    scene.motion = scene.motion._replace(powered=False, steering_rad=0.4)
+    scene.motion = replace(scene.motion, powered=False, steering_rad=0.4)
     scene.run(150, enable=False)  # wherever it is once nothing allows power any more, it stays
-    scene.motion = scene.motion._replace(steering_rad=0.44)
+    scene.motion = replace(scene.motion, steering_rad=0.44)
     scene.run(20, enable=False)
     assert scene.reasons == []
-    scene.motion = scene.motion._replace(steering_rad=0.32)
+    scene.motion = replace(scene.motion, steering_rad=0.32)
     scene.run(20, enable=False)
     assert scene.reasons == ["steering moved by -0.08 rad in a stop"]
     scene.run(20, enable=True)
-    scene.motion = scene.motion._replace(steering_rad=-0.5)
+    scene.motion = replace(scene.motion, steering_rad=-0.5)
     scene.run(50, enable=True)
     assert scene.monitor.count == 1
 

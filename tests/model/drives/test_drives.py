@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from robotctl.model.drives.drives import (
     AckermannDrive,
+    ActuatorReference,
     DifferentialDrive,
     Drive,
     MecanumDrive,
@@ -161,7 +162,7 @@ def test_a_standing_robot_steers_no_farther_than_its_linkage(drive, beyond_rad):
 
 @pytest.mark.parametrize("drive", STEERED, ids=lambda d: f"{d.kind}")
 def test_a_standing_robot_keeps_its_steering(drive):
-    assert drive.inverse(Twist(0.0, 1.0), (0.21,)) == ((0.0,), (0.21,))
+    assert drive.inverse(Twist(0.0, 1.0), (0.21,)) == ActuatorReference((0.0,), (0.21,))
 
 
 def test_wheels_of_a_differential_drive_run_on_radii_half_a_track_to_each_side():

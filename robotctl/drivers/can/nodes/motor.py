@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Callable
-from typing import Final, NamedTuple
+from typing import Final
+
+import msgspec
 
 from robotctl.drivers.can.bus_load import STEERING_STATUS
 from robotctl.drivers.can.nodes.can_node import FrameReader, NodeFrame
@@ -33,7 +35,7 @@ _FAULT_SIGNALS: Final = {
 _STATES: Final = tuple(DriveState)
 
 
-class WheelFeedback(NamedTuple):
+class WheelFeedback(msgspec.Struct, frozen=True, gc=False):
     """Encoder counts (16 bit, rolling over) and the drive's latch time (20 bit) [us]."""
 
     stamp_ns: int
@@ -41,7 +43,7 @@ class WheelFeedback(NamedTuple):
     counts: tuple[int, int]
 
 
-class MotorStatus(NamedTuple):
+class MotorStatus(msgspec.Struct, frozen=True, gc=False):
     """State, faults, currents [A, positive for forward torque] and winding temperatures [degC]."""
 
     stamp_ns: int
@@ -51,7 +53,7 @@ class MotorStatus(NamedTuple):
     temperatures_c: tuple[float, float]
 
 
-class DriveStatus(NamedTuple):
+class DriveStatus(msgspec.Struct, frozen=True, gc=False):
     """Steering angle [rad, positive left], supply [V], and the age of the host's commands [ms]."""
 
     stamp_ns: int

@@ -103,7 +103,7 @@ class FakeBus:
             node.on_frame(can_id, data)
 
     def deliver(self, can_id, data):
-        self.port.deliver(can_id, data, self.clock.now_ns())
+        self.port.deliver((can_id, data, self.clock.now_ns()))
 
     def run(self, duration_ms):
         for _ in range(duration_ms * MS // TICK_NS):

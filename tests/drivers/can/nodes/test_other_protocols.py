@@ -37,6 +37,7 @@ class FakeDescriptor:
 
     def __init__(self, sock):
         self.socket = sock
+        self.waits = lambda _: True
 
     def close(self):
         self.socket.close()
@@ -110,8 +111,8 @@ def recorded(codec, parameters):
     )
     parts = native_parts(codec, parameters)
     ids = parts.identifiers("")
-    host = simulation.bus.attach("host", lambda frame: port.deliver(*frame), accept=ids)
-    port = RecordingPort(host.send, ids, CanConfig(), clock)
+    port = RecordingPort(lambda *_: False, ids, CanConfig(), clock)
+    port.transmit = simulation.bus.attach("host", port.deliver, accept=ids).send
     port.ticks = []
     robot = native_robot(port, parts)
     for tick in range(1, TICKS + 1):

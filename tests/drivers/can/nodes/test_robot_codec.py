@@ -33,10 +33,10 @@ class Rig:
             faults=faults,
         )
         parts = native_parts(codec, parameters, drive)
-        self.line = self.simulation.bus.attach(
-            "host", lambda frame: port.deliver(*frame), accept=parts.identifiers(""), errors=True
-        )
-        self.port = port = MemoryPort(self.line.send, parts.identifiers(""), CanConfig(), clock)
+        ids = parts.identifiers("")
+        self.port = port = MemoryPort(lambda *_: False, ids, CanConfig(), clock)
+        self.line = self.simulation.bus.attach("host", port.deliver, accept=ids, errors=True)
+        port.transmit = self.line.send
         self.robot = native_robot(port, parts)
         self.feedback = None
         self.seen = []

@@ -53,7 +53,8 @@ class NativeFeedback:
             return
         if wheels is not None:
             self._wheels = wheels
-        stamp_ns, latch_us, counts = self._wheels
+        newest = self._wheels
+        stamp_ns, latch_us, counts = newest.stamp_ns, newest.timestamp_us, newest.counts
         self.reports = tuple(
             [
                 ActuatorFeedback(*state)
