@@ -42,7 +42,7 @@ class RealClock:
         self._address = ctypes.addressof(self._request)
 
     now_ns = staticmethod(time.monotonic_ns)
-    """Return monotonic time [ns]."""
+    """Monotonic time [ns]."""
 
     def sleep_until(self, deadline_ns: int) -> None:
         """Block until `deadline_ns`; a signal's handler runs and the sleep continues."""
