@@ -21,7 +21,7 @@ from robotctl.planning.map.zone import Zone
 RungName: TypeAlias = Literal[
     "wait", "replan", "clear", "back_off", "retrace", "other_way", "look_around", "ask"
 ]
-"""What a robot in trouble may try."""
+"""Names of what a robot in trouble may try."""
 
 MOST_BLOCKED_S: Final = 1e6
 LONGEST_WAIT_S: Final = 86400.0

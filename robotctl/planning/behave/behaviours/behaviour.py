@@ -54,7 +54,7 @@ class BehaviourOutput(NamedTuple):
     asks: bool = False
     """Whether it waits for an operator's go-ahead."""
     task: str = ""
-    """What it is part of, for people, such as the item of a mission."""
+    """Task that it is part of, as text, such as the item of a mission."""
 
     @property
     def twist(self) -> Twist:

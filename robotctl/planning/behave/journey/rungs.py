@@ -30,10 +30,10 @@ _LOOK_BACK_M: Final = 0.25
 
 
 class Trouble(NamedTuple):
-    """What has happened, when and where."""
+    """Trouble of a journey: reason, time and place."""
 
     reason: str
-    """For people."""
+    """Reason, as text."""
     since_ns: int
     pose: SE2
     """`base` in `world`."""
@@ -60,7 +60,7 @@ class Rung(ABC):
     """
 
     words: ClassVar[str]
-    """What the robot does, for people."""
+    """Action of the robot, as text."""
     asks: ClassVar[bool] = False
     """Whether an operator's go-ahead ends it, and all trouble starts over."""
     turns_first: ClassVar[bool] = False

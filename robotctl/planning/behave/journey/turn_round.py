@@ -32,7 +32,7 @@ class _Law(NamedTuple):
 
 _AHEAD: Final = _Law(2.85, 1.2, 1.2)
 _FIRST: Final = _Law(0.3, 0.1, 1.2)
-"""Of a robot that must not drive on as it looks now."""
+"""Turn before a robot drives that must not drive on as it looks now."""
 
 
 class TurnRound:
