@@ -32,13 +32,17 @@ def length(path):
     return float(np.abs(path[1]).sum())
 
 
+BESIDE = 1e-7
+"""A path ends so near to its pose [radii], and may be so much shorter: none is a path, too."""
+
+
 @pytest.mark.parametrize("name", CURVES)
 @given(pose=POSES)
 def test_a_path_ends_at_its_pose(name, pose):
     path = CURVES[name](*pose)
     place, heading = end(path)
-    assert place == pytest.approx(complex(*pose[:2]), abs=1e-7)
-    assert math.remainder(heading - pose[2], math.tau) == pytest.approx(0.0, abs=1e-7)
+    assert place == pytest.approx(complex(*pose[:2]), abs=BESIDE)
+    assert math.remainder(heading - pose[2], math.tau) == pytest.approx(0.0, abs=BESIDE)
     if name == "dubins":
         assert (path[1] >= 0.0).all()
 
@@ -46,7 +50,7 @@ def test_a_path_ends_at_its_pose(name, pose):
 @given(POSES)
 def test_with_reverse_no_path_is_longer_and_none_is_shorter_than_the_straight_line(pose):
     free, forward = length(reeds_shepp(*pose)), length(dubins(*pose))
-    assert math.hypot(*pose[:2]) - 1e-9 <= free <= forward + 1e-9
+    assert math.hypot(*pose[:2]) - BESIDE <= free <= forward + BESIDE
     assert free >= abs(pose[2]) - 1e-9, "the circle is the tightest turn"
 
 
