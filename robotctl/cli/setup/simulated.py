@@ -14,6 +14,7 @@ from robotctl.deploy.setup.steps.counts import TURNS
 from robotctl.deploy.setup.steps.directions import BACKWARDS, FORWARDS, NONE
 from robotctl.deploy.setup.steps.sensors import HAND_M
 from robotctl.messages.ports import CanPort, Clock
+from robotctl.model.body import OUTSIDE_M
 
 if TYPE_CHECKING:
     from firmware_sim.simulation import Simulation
@@ -24,6 +25,8 @@ TURNING_RAD_S: Final = 0.5
 """Rate at which the robot is turned by hand, as its gyro feels it [rad/s]."""
 _SEEN_RAD: Final = 0.1
 """Turn of a wheel that a person sees [rad]."""
+_WAYS: Final = {"ahead": (0, 1), "behind": (0, -1), "to the left": (1, 1), "to the right": (1, -1)}
+"""Axis and sign of the ways in which a body reaches."""
 
 
 class _SimulatedClock:
@@ -157,11 +160,20 @@ class SimulatedPerson:
                 self._supply(off=topic is Topic.PRESS)
             case Topic.HAND | Topic.AWAY:
                 self._stand_before_a_wall(subject)
+            case Topic.BODY:
+                return self._reach(question)
             case Topic.NEXT | Topic.AGAIN:
                 return "go on" if topic is Topic.NEXT else "give up"
             case _:
                 self._tilt_or_turn(topic, subject)
         return question.default
+
+    def _reach(self, question: Ask) -> str:
+        """Return how far the body reaches [m]; what is right to a centimetre stays."""
+        axis, sign = _WAYS[question.subject]
+        reach_m = max(sign * corner[axis] for corner in self._simulation.config.outline)
+        is_right = reach_m <= float(question.default) + OUTSIDE_M
+        return question.default if is_right else f"{reach_m:.3f}"
 
     def _tilt_or_turn(self, topic: Topic, way: str) -> None:
         """Tilt, turn or level the robot, as its IMU feels it."""

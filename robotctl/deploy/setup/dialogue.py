@@ -35,6 +35,7 @@ class Topic(enum.Enum):
     TILT = "tilt the robot"
     LEVEL = "put the robot level"
     TURN_LEFT = "turn the robot to the left"
+    BODY = "how far the robot reaches"
     AGAIN = "try again or give up"
     NEXT = "what to do after a step"
 

@@ -8,7 +8,16 @@ from typing import Final
 
 from robotctl.deploy.setup.bench import Bench
 from robotctl.deploy.setup.dialogue import Script
-from robotctl.deploy.setup.steps import counts, directions, floor, nodes, proof, sensors, speeds
+from robotctl.deploy.setup.steps import (
+    body,
+    counts,
+    directions,
+    floor,
+    nodes,
+    proof,
+    sensors,
+    speeds,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,5 +52,6 @@ STEPS: Final = (
     Step("stop", "emergency stop", sensors.emergency_stop),
     Step("sonars", "sonars", sensors.sonars),
     Step("imu", "inertial measurement unit", sensors.imu),
+    Step("body", "outline of the body", body.run),
     Step("floor", "on the floor", floor.run),
 )
