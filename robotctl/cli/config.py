@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from robotctl.cli.options import takes_options
 from robotctl.config.arguments import DEFAULT_ROBOT, Overrides, robot_file
 from robotctl.config_values import descriptions
+from robotctl.errors import ConfigError, InvalidValue
 from robotctl.words import counted
+
+if TYPE_CHECKING:
+    from robotctl.mavlink.globe import Origin
 
 Robot = Annotated[
     Path, typer.Argument(parser=robot_file, help="Robot file, or the name of a built-in one.")
@@ -55,6 +59,44 @@ def show(file: Robot = DEFAULT_ROBOT, overrides: Overrides = ()) -> None:
 
     config = load_robot(file, overrides)
     print(msgspec.json.format(msgspec.json.encode(config)).decode())
+
+
+@app.command()
+def zones(
+    file: Annotated[Path, typer.Argument(help="GeoJSON: polygons and lines.")],
+    origin: Annotated[
+        str, typer.Option(metavar="LAT,LON", help="Origin of the map, where files have degrees.")
+    ] = "",
+    metres: Annotated[
+        bool, typer.Option("--metres", help="Coordinates are those of the map.")
+    ] = False,
+    mission: Annotated[bool, typer.Option("--mission", help="For a mission's file.")] = False,
+) -> None:
+    """Print the zones of a GeoJSON file as they stand in a robot's file, or in a mission's.
+
+    Properties: `name`; `speed_m_s`, the limit inside, by default 0: the robot keeps out; of
+    lines `width_m`, by default 0.1.
+    """
+    from robotctl.workbench.planning import geojson  # noqa: PLC0415 - the map's rooms
+
+    if metres == bool(origin):
+        raise ConfigError(f"{file}: one of --origin LAT,LON and --metres must say what it measures")
+    to_world = geojson.in_metres if metres else geojson.on_globe(_origin(origin))
+    found = geojson.load_zones(file, to_world)
+    print(geojson.as_toml(found, "zone" if mission else "navigation.pilot.zone"), end="")
+
+
+def _origin(text: str) -> Origin:
+    """Return the origin of --origin; raises ConfigError if it is none."""
+    from robotctl.mavlink.globe import Origin  # noqa: PLC0415
+
+    try:
+        latitude_deg, longitude_deg = map(float, text.split(","))
+        return Origin(latitude_deg, longitude_deg)
+    except InvalidValue as error:
+        raise ConfigError(f"--origin {text}: {error}") from error
+    except ValueError:
+        raise ConfigError(f"--origin {text}: two numbers are needed, such as 48.1,11.5") from None
 
 
 @app.command()
