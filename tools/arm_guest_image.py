@@ -7,19 +7,21 @@ scripts of its packages would have set up, and a robot's computer needs, is writ
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 import shutil
 import subprocess
 import tempfile
+import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 ROOT: Final = Path(__file__).resolve().parents[1]
 UV: Final = ROOT / ".cache/bootstrap/bin/uv"
-PACKAGES: Final = "systemd,systemd-sysv,udev,dbus,python3,python3-venv,iproute2,kmod,busybox-static"
+PACKAGES: Final = (
+    "systemd,systemd-sysv,udev,dbus,python3,python3-venv,libstdc++6,iproute2,kmod,busybox-static"
+)
 NOT_NEEDED: Final = (
     "usr/share/doc", "usr/share/locale", "usr/share/man", "usr/share/i18n",
     *(f"usr/lib/modules/*/kernel/{each}" for each in (
@@ -82,7 +84,8 @@ LINKS: Final = {
         "../firmware.service",
     **{f"etc/systemd/system/{each}": "/dev/null" for each in (
         "systemd-networkd-wait-online.service", "systemd-firstboot.service",
-        "getty-static.service", "getty@.service", "e2scrub_reap.service", "systemd-repart.service",
+        "getty-static.service", "serial-getty@.service", "e2scrub_reap.service",
+        "systemd-repart.service",
     )},
 }  # fmt: skip
 
@@ -141,7 +144,7 @@ def cache_directory() -> Path:
     return Path(base) / "robotctl" / "arm-guest"
 
 
-def run(command: Sequence[str | Path], **options: object) -> str:
+def run(command: Sequence[str | Path], **options: Any) -> str:
     """Run a program of the host to its end and return its output.
 
     Raises
@@ -155,7 +158,7 @@ def run(command: Sequence[str | Path], **options: object) -> str:
     if result.returncode:
         tail = "\n".join((result.stdout + result.stderr).splitlines()[-15:])
         raise GuestError(f"{' '.join(map(str, command))} failed:\n{tail}")
-    return result.stdout
+    return str(result.stdout)
 
 
 def need_programs(computer: Computer) -> None:
@@ -166,7 +169,11 @@ def need_programs(computer: Computer) -> None:
     GuestError
         If they are missing and cannot be installed.
     """
-    programs = HOST_PROGRAMS | {f"qemu-system-{computer.machine}": computer.package}
+    compiler = f"{computer.machine}-linux-gnu"
+    programs = HOST_PROGRAMS | {
+        f"qemu-system-{computer.machine}": computer.package,
+        f"{compiler}-g++": f"g++-{compiler}".replace("_", "-"),
+    }
     missing = sorted({package for name, package in programs.items() if shutil.which(name) is None})
     if os.geteuid() != 0:
         raise GuestError("a Debian's files belong to root: run it as root")
@@ -267,6 +274,10 @@ def stick(computer: Computer, folder: Path) -> tuple[Path, str]:
     shutil.copytree(_dependencies(computer), content / "wheels", copy_function=os.link)
     wheel = _wheel(computer, folder)
     shutil.copy(wheel, content / "wheels")
+    with zipfile.ZipFile(next((content / "wheels").glob("uv-*.whl"))) as archive:
+        program = next(each for each in archive.namelist() if each.endswith("/scripts/uv"))
+        (content / "uv").write_bytes(archive.read(program))
+    (content / "uv").chmod(0o755)
     shutil.copy(ROOT / "configs/diff_drive.toml", content / "robot.toml")
     shutil.copy(ROOT / "tools/arm_guest_scenes.py", content)
     disk = folder / "stick.img"
@@ -289,6 +300,7 @@ def _dependencies(computer: Computer) -> Path:
             UV, "pip", "compile", "--quiet", "--no-deps", "--no-header", "--no-annotate",
             "--system-certs", "--python-version", "3.11", "--python-platform", platform, wanted,
         ])  # fmt: skip
+    pinned += f"uv=={run([UV, '--version']).split()[1]}\n"
     key = hashlib.sha256(pinned.encode()).hexdigest()[:12]
     target = cache_directory() / f"wheels-{computer.machine}-{key}"
     if target.is_dir():
@@ -312,25 +324,19 @@ def _dependencies(computer: Computer) -> Path:
 
 
 def _wheel(computer: Computer, folder: Path) -> Path:
-    """Return the wheel of this checkout, with kernels in machine code where they can be made here.
+    """Return the wheel of this checkout, with kernels in machine code for the computer's kind.
 
-    Those are kept: they are the same as long as their sources are.
+    They are made of what `make setup` has compiled for this computer.
     """
-    environment = dict(os.environ)
-    if computer.machine == os.uname().machine:
-        python = ROOT / ".venv/bin/python"
-        told = run([python, "-c", (
-            "import json; from native_kernels.library import wheel_library_path;"
-            "print(json.dumps([wheel_library_path(p).name for p in ('robotctl', 'firmware_sim')]))"
-        )], cwd=ROOT)  # fmt: skip
-        key = hashlib.sha256(json.dumps(json.loads(told)).encode()).hexdigest()[:12]
-        kernels = cache_directory() / f"kernels-{computer.machine}-{key}"
-        if not kernels.is_dir():
-            say("compiling the kernels of the wheel (once, some minutes)")
-            made = folder / "kernels"
-            run([python, ROOT / "tools/wheel_kernels.py", made], cwd=ROOT)
-            shutil.move(made, kernels)
-        environment["ROBOTCTL_KERNELS"] = str(kernels)
-    run([UV, "build", "--quiet", "--system-certs", "--wheel", "--out-dir", folder / "wheel"],
-        cwd=ROOT, env=environment)  # fmt: skip
+    kernels = folder / "kernels"
+    for package in ("robotctl", "firmware_sim"):
+        (kernels / package).mkdir(parents=True)
+        make = f"build({package!r}, {computer.machine!r}, Path({str(kernels / package)!r}))"
+        program = f"from pathlib import Path; from native_kernels.build import build; {make}"
+        run([ROOT / ".venv/bin/python", "-c", program], cwd=ROOT)
+    run(
+        [UV, "build", "--quiet", "--system-certs", "--wheel", "--out-dir", folder / "wheel"],
+        cwd=ROOT,
+        env={**os.environ, "ROBOTCTL_KERNELS": str(kernels)},
+    )
     return next((folder / "wheel").glob("*.whl"))

@@ -113,8 +113,8 @@ class Rig:
         context: Any = zmq.Context()
         states, ends = ControlState | NavigationState, Endpoints(STATES)
         self._control = ControlState
-        self._states = Subscriber(context, (ends.control_state, ends.navigation_state), states)
-        self._truths = Subscriber(context, (TRUTH,), Truth)
+        self._states: Any = Subscriber(context, (ends.control_state, ends.navigation_state), states)
+        self._truths: Any = Subscriber(context, (TRUTH,), Truth)
         self.control: Any = None
         self.navigation: Any = None
         self.truth: Any = None

@@ -1,11 +1,13 @@
 """Makes a wheel one of its platform: with the kernels in the folder that ROBOTCTL_KERNELS names.
 
-Without it the wheel is pure Python.
+Without it the wheel is pure Python. The names of the kernels tell the kind of machine.
 """
 
 from __future__ import annotations
 
 import os
+import platform
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -27,4 +29,9 @@ class KernelsHook(BuildHookInterface[Any]):
         for path in libraries:
             build_data["force_include"][str(path)] = str(path.relative_to(folder))
         build_data["pure_python"] = False
-        build_data["infer_tag"] = True
+        machine = libraries[0].stem.rpartition("-")[2]
+        if machine == platform.machine():
+            build_data["infer_tag"] = True
+        else:
+            python = f"cp{sys.version_info.major}{sys.version_info.minor}"
+            build_data["tag"] = f"{python}-{python}-linux_{machine}"
