@@ -2,6 +2,7 @@
 
 import json
 import os
+import platform
 import shutil
 import subprocess
 import sys
@@ -20,6 +21,15 @@ KERNEL = """from native_kernels.compiled import compiled
 def half(x):
     return 0.5 * x
 """
+ARRAYS = """
+
+import numpy as np
+
+
+@compiled
+def total(n):
+    return np.ones(n).sum()
+"""
 BUILD = """
 import shutil
 from native_kernels.build import build
@@ -29,6 +39,25 @@ half(3.0)
 build("robotctl")
 shutil.move(library_path("robotctl"), wheel_library_path("robotctl"))
 """
+BASELINE = """
+import platform
+from pathlib import Path
+from native_kernels.build import build
+from robotctl.kernel import half
+half(3.0)
+build("robotctl", platform.machine(), Path("robotctl"))
+"""
+FOREIGN = """
+from native_kernels.build import _linked, _versions, for_machine
+from native_kernels.cache import cache_of
+from robotctl.kernel import total
+total(3)
+module = _linked([*_versions(cache_of("robotctl").folder)])
+other, emitter = for_machine(module, "aarch64")
+print("llvm.x86" in str(module), "llvm.x86" in str(other), emitter.emit_object(other)[18])
+"""
+ARM = 183
+"""Of an ELF file (e_machine)."""
 CALL = """
 import json, sys
 from native_kernels import library
@@ -44,8 +73,8 @@ TOO_OLD = "flags\t: fpu sse sse2\nFeatures\t: fp"
 pytestmark = pytest.mark.skipif(not all(compilers()), reason="no compiler for C and C++")
 
 
-@pytest.fixture(scope="module")
-def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+@pytest.fixture(scope="module", params=[BUILD, BASELINE], ids=["this", "baseline"])
+def installed(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Path:
     """Return the folder of an installation with the wheel's library."""
     folder = tmp_path_factory.mktemp("installed")
     ignore = shutil.ignore_patterns("__pycache__")
@@ -54,7 +83,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "robotctl" / "__init__.py").touch()
     (folder / "robotctl" / "kernel.py").write_text(KERNEL)
     (folder / "robotctl" / "__pycache__").write_text("no folder")
-    run(folder, BUILD, NUMBA_CACHE_DIR=str(folder / "cache"), TMPDIR=str(folder))
+    run(folder, request.param, NUMBA_CACHE_DIR=str(folder / "cache"), TMPDIR=str(folder))
     shutil.rmtree(folder / "cache")
     return folder
 
@@ -87,3 +116,14 @@ def test_other_sources_are_compiled(installed: Path, tmp_path: Path) -> None:
     kernel = tmp_path / "changed" / "robotctl" / "kernel.py"
     kernel.write_text(KERNEL.replace("0.5 * x", "0.25 * x"))
     assert called(tmp_path / "changed", HERE) == [0.75, True]
+
+
+def test_machine_code_for_arm_is_made_on_another_computer(installed: Path, tmp_path: Path) -> None:
+    shutil.copytree(installed, tmp_path / "copy")
+    for library in (tmp_path / "copy" / "robotctl").glob("*.so"):
+        library.unlink()
+    (tmp_path / "copy" / "robotctl" / "kernel.py").write_text(KERNEL + ARRAYS)
+    settings = {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "TMPDIR": str(tmp_path)}
+    only_x86, still, machine = run(tmp_path / "copy", FOREIGN, **settings).split()
+    assert (still, int(machine)) == ("False", ARM)
+    assert only_x86 == str(platform.machine() == "x86_64")
