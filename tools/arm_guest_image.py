@@ -192,7 +192,8 @@ def need_programs(computer: Computer) -> None:
 
 def debian(computer: Computer) -> Path:
     """Return a folder with `disk.img`, `vmlinuz` and `initrd`, made if this is the first time."""
-    key = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:12]
+    recipe = Path(__file__).read_text().partition("def stick(")[0]
+    key = hashlib.sha256(recipe.encode()).hexdigest()[:12]
     target = cache_directory() / f"debian-12-{computer.debian}-{key}"
     if target.is_dir():
         return target
@@ -328,12 +329,20 @@ def _wheel(computer: Computer, folder: Path) -> Path:
 
     They are made of what `make setup` has compiled for this computer.
     """
-    kernels = folder / "kernels"
-    for package in ("robotctl", "firmware_sim"):
-        (kernels / package).mkdir(parents=True)
-        make = f"build({package!r}, {computer.machine!r}, Path({str(kernels / package)!r}))"
-        program = f"from pathlib import Path; from native_kernels.build import build; {make}"
-        run([ROOT / ".venv/bin/python", "-c", program], cwd=ROOT)
+    python, packages = ROOT / ".venv/bin/python", ("robotctl", "firmware_sim")
+    ask = "from native_kernels.cache import cache_of; print(cache_of({!r}).digest)"
+    digests = [run([python, "-c", ask.format(each)], cwd=ROOT).strip() for each in packages]
+    kernels = cache_directory() / f"kernels-{computer.machine}-{'-'.join(digests)}"
+    if not kernels.is_dir():
+        for old in cache_directory().glob(f"kernels-{computer.machine}-*"):
+            shutil.rmtree(old)
+        made = folder / "kernels"
+        for package in packages:
+            (made / package).mkdir(parents=True)
+            make = f"build({package!r}, {computer.machine!r}, Path({str(made / package)!r}))"
+            program = f"from pathlib import Path; from native_kernels.build import build; {make}"
+            run([python, "-c", program], cwd=ROOT)
+        made.rename(kernels)
     run(
         [UV, "build", "--quiet", "--system-certs", "--wheel", "--out-dir", folder / "wheel"],
         cwd=ROOT,

@@ -258,7 +258,11 @@ def expect(text: str, *any_of: str) -> None:
 
 def link() -> None:
     """See that the CAN link is as our files say, and that doctor agrees."""
-    shown = ask("ip", "-details", "link", "show", "can0")
+    shown = ""
+    until_s = time.monotonic() + 30.0
+    while "can state ERROR-ACTIVE" not in shown and time.monotonic() < until_s:
+        time.sleep(0.5)
+        shown = ask("ip", "-details", "link", "show", "can0")
     expect(shown, "can state ERROR-ACTIVE")
     for part in ("bitrate 1000000 ", "sample-point 0.750", "restart-ms 100", "qlen 16"):
         if part not in shown:
