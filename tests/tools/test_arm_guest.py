@@ -1,0 +1,86 @@
+"""The guest tool before it boots anything: arguments, where scenes begin, the debugger's words."""
+
+from __future__ import annotations
+
+import importlib.machinery
+import importlib.util
+import socket
+import subprocess
+import sys
+import threading
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from arm_guest_controller import Debugger
+
+TOOL = Path(__file__).resolve().parents[2] / "tools" / "arm-guest"
+
+
+def load() -> ModuleType:
+    loader = importlib.machinery.SourceFileLoader("arm_guest", str(TOOL))
+    spec = importlib.util.spec_from_loader("arm_guest", loader)
+    assert spec is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.dont_write_bytecode, before = True, sys.dont_write_bytecode
+    sys.modules["arm_guest"] = module
+    loader.exec_module(module)
+    sys.dont_write_bytecode = before
+    return module
+
+
+guest = load()
+
+
+def test_an_unknown_scene_is_refused_with_those_that_there_are() -> None:
+    command = [sys.executable, TOOL, "--scenes", "kiled"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "kiled: no such scene; there are install, link, start, patrol, killed" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("kept", "asked", "played", "disk"),
+    [
+        ([], ["install", "link"], ["install", "link"], None),
+        ([], ["link"], ["install", "link"], None),
+        (["install"], ["start"], ["start"], "install"),
+        (["install"], ["killed"], ["install", "link", "start", "killed"], None),
+        (["install", "start"], ["killed"], ["killed"], "start"),
+    ],
+)
+def test_scenes_begin_with_the_disk_that_is_kept_or_with_what_they_need(
+    tmp_path: Path, kept: list[str], asked: list[str], played: list[str], disk: str | None
+) -> None:
+    disks = {name: tmp_path / name for name in ("install", "start")}
+    for name in kept:
+        disks[name].touch()
+    assert guest.begun(asked, disks) == (played, disks[disk] if disk else None)
+
+
+def test_the_debugger_reads_registers_and_memory(tmp_path: Path) -> None:
+    answers = {b"?": b"T05", b"D": b"OK", b"p4": b"0300000000000000", b"m10,5": b"63616e3000"}
+    listener = socket.socket(socket.AF_UNIX)
+    listener.bind(str(tmp_path / "debugger"))
+    listener.listen(1)
+
+    def serve() -> None:
+        connection, _ = listener.accept()
+        with listener, connection:
+            while data := connection.recv(4096):
+                if not data.strip(b"+"):
+                    continue
+                request = data.lstrip(b"+")[1:-3]
+                assert int(data[-2:], 16) == sum(request) % 256
+                answer = answers[request]
+                connection.sendall(b"+$%s#%02x" % (answer, sum(answer) % 256))
+
+    thread = threading.Thread(target=serve, daemon=True)
+    thread.start()
+    debugger = Debugger(tmp_path / "debugger")
+    assert debugger.register(4) == 3
+    assert debugger.memory(0x10, 5) == b"can0\0"
+    debugger.go_on()
+    thread.join(5.0)
+    assert not thread.is_alive()
