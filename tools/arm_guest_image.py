@@ -64,6 +64,7 @@ BindsTo=sys-subsystem-net-devices-can1.device
 After=sys-subsystem-net-devices-can1.device
 [Service]
 RuntimeDirectory=firmware
+RuntimeDirectoryMode=0700
 StateDirectory=firmware
 ExecStartPre=ip link set can1 up type can bitrate 1000000 sample-point 0.75 restart-ms 100
 ExecStart=/opt/robotctl/bin/python -u -m firmware_sim --robot /mnt/robot.toml --world flat \
