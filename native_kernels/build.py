@@ -2,19 +2,17 @@
 
 Numba keeps for each version of a kernel its code before the last step (LLVM), with all that it
 calls. All of them become one module, of which a compiler for C makes a library, with numba's own
-helpers (`numba/pycc`) for arrays and memory. The code is none of a processor yet, so that a library
-for another kind of machine can be made here, too.
+helpers (`numba/pycc`) for arrays and memory.
 """
 
 from __future__ import annotations
 
 import json
 import pickle
-import re
 import subprocess
 import sysconfig
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,14 +27,7 @@ from numba.core.serialize import dumps
 from numba.np.numpy_support import as_dtype
 
 from native_kernels.cache import cache_of
-from native_kernels.library import (
-    BASELINES,
-    MODULE,
-    compilers,
-    key,
-    library_path,
-    wheel_library_path,
-)
+from native_kernels.library import MODULE, compilers, key, library_path
 
 _NUMBA: Final = Path(numba.__file__).parent
 _C: Final = Path(__file__).with_name("library.c")
@@ -47,17 +38,6 @@ _FIRST: Final = ord("!")
 _MOST: Final = 90
 """A number is one printable letter in a fingerprint."""
 _ENVIRONMENT: Final = "_ZN08NumbaEnv"
-_X86_ATOMIC: Final = "@llvm.x86.atomic.sub.cc.i64"
-"""What LLVM has made of the counting of references, which only x86 can do."""
-_ATOMIC: Final = """
-define internal i8 @sub_is_zero(ptr %place, i64 %amount, i32 %condition) {
-  %before = atomicrmw sub ptr %place, i64 %amount seq_cst
-  %is_zero = icmp eq i64 %before, %amount
-  %result = zext i1 %is_zero to i8
-  ret i8 %result
-}
-"""
-"""The same for any processor, for the only condition that numba asks for: the result is zero."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,16 +115,8 @@ def _told(record: Any) -> Any:
     return [[*dtype.names], formats, [part[1] for part in parts], dtype.itemsize, record.aligned]
 
 
-def build(package: str, machine: str = "", folder: Path | None = None) -> None:
+def build(package: str) -> None:
     """Build a package's library for this processor, in place of an earlier one.
-
-    Parameters
-    ----------
-    package
-        Its name.
-    machine, folder
-        Kind of machine (`BASELINES`) for whose baseline processor the library of a wheel is made,
-        and where to.
 
     Raises
     ------
@@ -153,22 +125,31 @@ def build(package: str, machine: str = "", folder: Path | None = None) -> None:
     CalledProcessError
         If it fails.
     """
+    build_library(package, library_path(package), _machine().emit_object, compilers())
+
+
+def build_library(
+    package: str,
+    path: Path,
+    emit: Callable[[Any], bytes],
+    programs: tuple[str | None, str | None],
+) -> None:
+    """Build a package's library, of code that `emit` and compilers for C and C++ make.
+
+    The code that `emit` gets is optimized, but none of a processor yet.
+    """
     versions = [*_versions(cache_of(package).folder)]
     table = _Table()
     for number, each in enumerate(versions):
         known = table.versions.setdefault(each.key, [])
         with suppress(KeyError, TypeError):  # types that only other kernels give it
             known.append(("".join(map(table.fingerprint, each.arguments)), number))
-    module, emitter = _linked(versions), _machine()
-    path = library_path(package)
-    if machine:
-        module, emitter = for_machine(module, machine)
-        path = (folder or path.parent) / wheel_library_path(package, machine).name
-    with tempfile.TemporaryDirectory(dir=path.parent) as name:
-        made = Path(name)
-        (made / "kernels.o").write_bytes(emitter.emit_object(module))
+    module = _linked(versions)
+    with tempfile.TemporaryDirectory(dir=path.parent) as folder:
+        made = Path(folder)
+        (made / "kernels.o").write_bytes(emit(module))
         (made / "tables.c").write_text(_tables(versions, module, table), encoding="ascii")
-        _link(made, *(foreign_compilers(machine) if machine else compilers()))
+        _link(made, *programs)
         (made / "library.so").replace(path)
 
 
@@ -227,26 +208,6 @@ def _machine() -> Any:
     return binding.Target.from_triple(triple).create_target_machine(
         cpu=name, features=features, opt=3, reloc="pic", codemodel="default"
     )
-
-
-def for_machine(module: Any, machine: str) -> tuple[Any, Any]:
-    """Return a module for the baseline processor of a kind of machine, and what emits its code."""
-    binding.initialize_all_targets()
-    binding.initialize_all_asmprinters()
-    processor, _ = BASELINES[machine]
-    triple = f"{machine}-linux-gnu"
-    emitter = binding.Target.from_triple(triple).create_target_machine(
-        cpu=processor, opt=3, reloc="pic", codemodel="default"
-    )
-    text = re.sub(rf"declare i8 {_X86_ATOMIC}\(.*", _ATOMIC, str(module))
-    other = binding.parse_assembly(text.replace(_X86_ATOMIC, "@sub_is_zero"))
-    other.triple, other.data_layout = triple, str(emitter.target_data)
-    return other, emitter
-
-
-def foreign_compilers(machine: str) -> tuple[str, str]:
-    """Return the names of Debian's compilers for C and C++ that make code for a machine."""
-    return f"{machine}-linux-gnu-gcc", f"{machine}-linux-gnu-g++"
 
 
 def _tables(versions: list[_Version], module: Any, table: _Table) -> str:

@@ -58,10 +58,10 @@ def library_path(package: str) -> Path:
     return Path(cache_of(package).folder) / name
 
 
-def wheel_library_path(package: str, machine: str = platform.machine()) -> Path:
+def wheel_library_path(package: str) -> Path:
     """Return where the library of exactly these sources lies that a wheel brings along."""
     own = cache_of(package)
-    name = f"kernels-{own.digest}-{sys.implementation.cache_tag}-{machine}.so"
+    name = f"kernels-{own.digest}-{sys.implementation.cache_tag}-{platform.machine()}.so"
     return own.package / name
 
 

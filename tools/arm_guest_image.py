@@ -338,11 +338,7 @@ def _wheel(computer: Computer, folder: Path) -> Path:
         for old in cache_directory().glob(f"kernels-{computer.machine}-*"):
             shutil.rmtree(old)
         made = folder / "kernels"
-        for package in packages:
-            (made / package).mkdir(parents=True)
-            make = f"build({package!r}, {computer.machine!r}, Path({str(made / package)!r}))"
-            program = f"from pathlib import Path; from native_kernels.build import build; {make}"
-            run([python, "-c", program], cwd=ROOT)
+        run([python, ROOT / "tools/foreign_kernels.py", computer.machine, made], cwd=ROOT)
         made.rename(kernels)
     run(
         [UV, "build", "--quiet", "--system-certs", "--wheel", "--out-dir", folder / "wheel"],

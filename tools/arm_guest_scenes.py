@@ -7,13 +7,17 @@ does what a guest cannot do to itself: it cuts the power, and lets the controlle
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
+import socket
+import struct
 import subprocess
 import sys
 import time
 from collections.abc import Callable
+from operator import mul
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +26,9 @@ PORT = Path("/dev/virtio-ports/agent")
 TRUTH = "ipc:///run/firmware/truth"
 STATES = Path("/run/robotctl/robotctl/robot")
 PROGRESS = Path("/var/lib/robotctl/progress.json")
-MARKS = Path("/var/lib/scenes.json")
-"""What a scene leaves for the one after the power cut."""
 AUTO, HOLD = 10, 4
+SO_TIMESTAMPNS = 35
+"""Of asm-generic/socket.h."""
 
 
 class SceneError(Exception):
@@ -334,10 +338,12 @@ def bus_off() -> None:
     rig = Rig()
     rig.drive()
     since_s, before = time.time(), service()["InvocationID"]
+    told = error_frames()
     say("host: bus off")
     rig.wait("it notices", lambda: rig.control.state.name == "FAULT", 10.0)
     rig.stands(1.0)
     expect(journal(since_s), "stopped: ")
+    say_error_frames(told)
     shown = ask("ip", "-details", "-statistics", "link", "show", "can0")
     say(" ".join(shown.split()))
     expect(shown, "can state ERROR-ACTIVE")
@@ -347,6 +353,29 @@ def bus_off() -> None:
     rig.wait("armed", lambda: rig.command(400, 1), 20.0)
     rig.wait("disarmed", lambda: rig.command(400, 0), 20.0)
     rig.drives_again()
+
+
+def error_frames() -> socket.socket:
+    """Return a socket that gets the error frames of can0's driver, and nothing else."""
+    told = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
+    told.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, b"")
+    told.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_ERR_FILTER, 0x1FFF_FFFF)
+    told.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
+    told.bind(("can0",))
+    told.setblocking(False)
+    return told
+
+
+def say_error_frames(told: socket.socket) -> None:
+    """Say which error frames there were, and when [s]."""
+    first_s = 0.0
+    with contextlib.suppress(BlockingIOError):
+        while True:
+            frame, stamps, _, _ = told.recvmsg(16, 64)
+            classes, data = int.from_bytes(frame[:4], "little"), frame[8:]
+            at_s = sum(map(mul, struct.unpack("@ll", stamps[0][2]), (1.0, 1e-9)))
+            first_s = first_s or at_s
+            say(f"error frame {classes:08X} {data.hex(' ')} at {at_s - first_s:.4f} s")
 
 
 def frozen() -> None:
