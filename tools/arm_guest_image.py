@@ -307,6 +307,8 @@ def _dependencies(computer: Computer) -> Path:
     target = cache_directory() / f"wheels-{computer.machine}-{key}"
     if target.is_dir():
         return target
+    for old in cache_directory().glob(f"wheels-{computer.machine}-*"):
+        shutil.rmtree(old)
     say("downloading wheels (once)")
     glibc = [f"manylinux_2_{minor}_{computer.machine}" for minor in range(36, 4, -1)]
     named = [f"manylinux{each}_{computer.machine}" for each in (2014, 2010, 1)]

@@ -339,7 +339,8 @@ def bus_off() -> None:
     rig.drive()
     since_s, before = time.time(), service()["InvocationID"]
     told = error_frames()
-    say("host: bus off")
+    said = ask("grep", "kvaser_pci_read_reg", "/proc/kallsyms")
+    say(f"host: bus off {said.split()[0]}")
     rig.wait("it notices", lambda: rig.control.state.name == "FAULT", 10.0)
     rig.stands(1.0)
     expect(journal(since_s), "stopped: ")

@@ -46,7 +46,8 @@ def test_an_unknown_scene_is_refused_with_those_that_there_are() -> None:
         ([], ["install", "link"], ["install", "link"], None),
         ([], ["link"], ["install", "link"], None),
         (["install"], ["start"], ["start"], "install"),
-        (["install"], ["killed"], ["install", "link", "start", "killed"], None),
+        ([], ["killed"], ["install", "start", "killed"], None),
+        (["install"], ["killed"], ["start", "killed"], "install"),
         (["install", "start"], ["killed"], ["killed"], "start"),
     ],
 )
