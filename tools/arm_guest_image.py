@@ -332,10 +332,15 @@ def _wheel(computer: Computer, folder: Path) -> Path:
 
     They are made of what `make setup` has compiled for this computer.
     """
-    python, packages = ROOT / ".venv/bin/python", ("robotctl", "firmware_sim")
-    ask = "from native_kernels.cache import cache_of; print(cache_of({!r}).digest)"
-    digests = [run([python, "-c", ask.format(each)], cwd=ROOT).strip() for each in packages]
-    kernels = cache_directory() / f"kernels-{computer.machine}-{'-'.join(digests)}"
+    python = ROOT / ".venv/bin/python"
+    ask = (
+        "import sys; from native_kernels.cache import cache_of; print(sys.version_info[:2],"
+        " cache_of('robotctl').digest, cache_of('firmware_sim').digest, sep='-')"
+    )
+    version, _, digests = run([python, "-c", ask], cwd=ROOT).strip().partition("-")
+    if version != "(3, 11)":
+        raise GuestError(f"Debian 12 has Python 3.11, and {python} is {version}")
+    kernels = cache_directory() / f"kernels-{computer.machine}-{digests}"
     if not kernels.is_dir():
         for old in cache_directory().glob(f"kernels-{computer.machine}-*"):
             shutil.rmtree(old)

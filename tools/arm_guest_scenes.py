@@ -21,7 +21,6 @@ from operator import mul
 from pathlib import Path
 from typing import Any
 
-os.environ["MAVLINK20"] = "1"
 PORT = Path("/dev/virtio-ports/agent")
 TRUTH = "ipc:///run/firmware/truth"
 STATES = Path("/run/robotctl/robotctl/robot")
@@ -122,7 +121,8 @@ class Rig:
         self.control: Any = None
         self.navigation: Any = None
         self.truth: Any = None
-        self._link: Any = None
+        self._station: Any = None
+        self._mav: Any = None
         self._beat_s = 0.0
 
     def listen(self) -> None:
@@ -133,13 +133,13 @@ class Rig:
             else:
                 self.navigation = state
         self.truth = next(reversed(self._truths.receive()), self.truth)
-        if self._link is not None and time.monotonic() - self._beat_s > 0.5:
+        if self._mav is not None and time.monotonic() - self._beat_s > 0.5:
             self._beat_s = time.monotonic()
             try:
-                self._link.mav.heartbeat_send(6, 8, 0, 0, 0)
-                self._link.recv(65536)  # what nobody waits for is not worth being read
+                self._mav.heartbeat_send(6, 8, 0, 0, 0)
+                self._station.recv(65536)  # what nobody waits for is not worth being read
             except OSError:
-                self._link = None
+                self._mav = None
 
     def wait(self, what: str, is_so: Callable[[], Any], seconds: float) -> None:
         """Wait until something is so.
@@ -164,28 +164,34 @@ class Rig:
 
     def connect(self) -> None:
         """Connect the station."""
-        from pymavlink import mavutil  # noqa: PLC0415
+        # What the robot itself loads: compiling another dialect would take the guest long.
+        from pymavlink.dialects.v20 import common  # noqa: PLC0415
 
-        while self._link is None:
+        while self._mav is None:
             try:
-                self._link = mavutil.mavlink_connection(
-                    "tcp:127.0.0.1:5760", source_system=255, retries=1, autoreconnect=False
-                )
+                self._station = socket.create_connection(("127.0.0.1", 5760), 1.0)
             except OSError:
                 self.listen()
                 time.sleep(0.2)
+            else:
+                file = self._station.makefile("wb", buffering=0)
+                self._mav = common.MAVLink(file, srcSystem=255)
+                self._mav.robust_parsing = True
 
     def command(self, number: int, *params: float) -> bool:
         """Send a command and return whether it was accepted."""
         self.connect()
         padded = (*params, *(0.0,) * (7 - len(params)))
-        self._link.mav.heartbeat_send(6, 8, 0, 0, 0)
-        self._link.mav.command_long_send(1, 1, number, 0, *padded)
         until_s = time.monotonic() + 3.0
-        while time.monotonic() < until_s:
-            answer = self._link.recv_match(type="COMMAND_ACK", blocking=True, timeout=0.5)
-            if answer is not None and answer.command == number:
-                return bool(answer.result == 0)
+        try:
+            self._mav.heartbeat_send(6, 8, 0, 0, 0)
+            self._mav.command_long_send(1, 1, number, 0, *padded)
+            while time.monotonic() < until_s:
+                for answer in self._mav.parse_buffer(self._station.recv(65536)) or ():
+                    if answer.get_type() == "COMMAND_ACK" and answer.command == number:
+                        return bool(answer.result == 0)
+        except OSError:
+            self._mav = None
         return False
 
     @property
