@@ -26,8 +26,8 @@ TRUTH = "ipc:///run/firmware/truth"
 STATES = Path("/run/robotctl/robotctl/robot")
 PROGRESS = Path("/var/lib/robotctl/progress.json")
 AUTO, HOLD = 10, 4
-SO_TIMESTAMPNS = 35
-"""Of asm-generic/socket.h."""
+SO_TIMESTAMPNS, CAN_RAW_ERR_FILTER = 35, 2
+"""Of asm-generic/socket.h and linux/can/raw.h."""
 
 
 class SceneError(Exception):
@@ -366,7 +366,7 @@ def error_frames() -> socket.socket:
     """Return a socket that gets the error frames of can0's driver, and nothing else."""
     told = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
     told.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, b"")
-    told.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_ERR_FILTER, 0x1FFF_FFFF)
+    told.setsockopt(socket.SOL_CAN_RAW, CAN_RAW_ERR_FILTER, 0x1FFF_FFFF)
     told.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
     told.bind(("can0",))
     told.setblocking(False)

@@ -192,18 +192,21 @@ def bus_error_message(
 
 
 def state_message(counters: ErrorCounters) -> tuple[ErrorClass, bytearray]:
-    """Return class bits and data of the SocketCAN error message for a changed state."""
+    """Return class bits and data of the SocketCAN error message for a changed state.
+
+    As Linux tells it: a controller that is bus-off counts no errors.
+    """
     data = bytearray(8)
-    data[6], data[7] = counters.tec, counters.rec
     if counters.bus_off:
-        return ErrorClass.BUSOFF | ErrorClass.CNT, data
+        return ErrorClass.BUSOFF, data
     data[1] = counters.controller_flags()
+    data[6], data[7] = counters.tec, counters.rec
     return ErrorClass.CRTL | ErrorClass.CNT, data
 
 
 def restarted_message() -> tuple[ErrorClass, bytearray]:
     """Return class bits and data of the message after bus-off recovery."""
-    return ErrorClass.RESTARTED | ErrorClass.CNT, bytearray(8)
+    return ErrorClass.RESTARTED, bytearray(8)
 
 
 def overflow_message() -> tuple[int, bytes]:
