@@ -39,17 +39,23 @@ class Debugger:
         self._socket.connect(str(path))
         self._waiting = b""
         self.ask("?")
+        self.ask("qXfer:features:read:target.xml:0,ffb")  # else it does not tell single registers
 
     def ask(self, request: str) -> str:
         """Send a request and return the answer."""
         data = request.encode()
         self._socket.sendall(b"$%s#%02x" % (data, sum(data) % 256))
-        while b"#" not in self._waiting[:-2]:
-            self._waiting += self._socket.recv(65536)
-        answer, _, rest = self._waiting.partition(b"#")
-        self._waiting = rest[2:]
-        self._socket.sendall(b"+")
-        return answer.lstrip(b"+").removeprefix(b"$").decode()
+        answer = "T"
+        while answer.startswith("T"):
+            while b"#" not in self._waiting[:-2]:
+                self._waiting += self._socket.recv(65536)
+            packet, _, rest = self._waiting.partition(b"#")
+            self._waiting = rest[2:]
+            self._socket.sendall(b"+")
+            answer = packet.lstrip(b"+").removeprefix(b"$").decode()
+            if request in ("?", "c", "s"):
+                break  # else it tells once more that the computer stands
+        return answer
 
     def memory(self, address: int, length: int) -> bytes:
         """Return some bytes of memory."""

@@ -340,8 +340,10 @@ class Confinement:
             if known is None:
                 added.append(Message(port, classes, data))
             else:
-                due[known].data[1] |= data[1]
-                due[known] = Message(port, due[known].classes | classes, due[known].data)
+                _, seen, told = due[known]
+                told[1] |= data[1]
+                told[6:] = data[6:]
+                due[known] = Message(port, (seen & ~ErrorClass.CNT) | classes, told)
             if port.counters.bus_off:
                 self._recovery.leave(port)
         if any(port.counters.bus_off for port in changed):

@@ -12,6 +12,7 @@ from firmware_sim.bus.faults import AckLess, Cut, Destroy, Dominant, FaultPlan, 
 MILLISECOND = 1_000_000
 ERROR = 0x20000000  # CAN_ERR_FLAG and below: linux/can/error.h
 LOSSES = {"CRTL": 0x004, "PROT": 0x008, "ACK": 0x020, "BUSOFF": 0x040, "RESTARTED": 0x100}
+COUNTERS = 0x200
 
 
 def quiet(frame):
@@ -236,6 +237,25 @@ def test_32_bit_errors_in_a_row_are_bus_off():
     assert not a.send(0x100)
     assert len(errors_of(heard["a"], "BUSOFF")) == 1
     assert b.state is ErrorState.ERROR_ACTIVE  # 32 receive errors
+
+
+def test_the_way_to_bus_off_is_told_as_a_real_driver_tells_it():
+    """As `tools/arm-guest` saw it: kvaser_pci of Debian 12's kernel, 6.1.0-57."""
+    bus, a, _, heard = two_nodes(Destroy(error=BusError.BIT_ERROR, count=32), restart_ms=100)
+    a.send(0x100, b"data")
+    bus.advance(200 * MILLISECOND)
+    states = LOSSES["CRTL"] | LOSSES["BUSOFF"] | LOSSES["RESTARTED"]
+    told = [
+        (f"{frame.arbitration_id & (ERROR | states | COUNTERS):X}", frame.data[1], frame.data[6:])
+        for frame in heard["a"]
+        if frame.arbitration_id & states
+    ]
+    assert told == [
+        ("20000204", 0x08, bytes((96, 0))),
+        ("20000204", 0x20, bytes((128, 0))),
+        ("20000040", 0x00, bytes(2)),
+        ("20000100", 0x00, bytes(2)),
+    ]
 
 
 def bus_off_time(heard):
