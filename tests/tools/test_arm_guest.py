@@ -60,8 +60,9 @@ def test_scenes_begin_with_the_disk_that_is_kept_or_with_what_they_need(
     assert guest.begun(asked, disks) == (played, disks[disk] if disk else None)
 
 
-def test_the_debugger_reads_registers_and_memory(tmp_path: Path) -> None:
+def test_the_debugger_takes_no_word_of_the_stop_for_an_answer(tmp_path: Path) -> None:
     answers = {b"?": b"T05", b"D": b"OK", b"p4": b"0300000000000000", b"m10,5": b"63616e3000"}
+    answers[b"qXfer:features:read:target.xml:0,ffb"] = b"l<target/>"
     listener = socket.socket(socket.AF_UNIX)
     listener.bind(str(tmp_path / "debugger"))
     listener.listen(1)
@@ -69,6 +70,7 @@ def test_the_debugger_reads_registers_and_memory(tmp_path: Path) -> None:
     def serve() -> None:
         connection, _ = listener.accept()
         with listener, connection:
+            connection.sendall(b"$T02thread:01;#04")
             while data := connection.recv(4096):
                 if not data.strip(b"+"):
                     continue
