@@ -116,6 +116,8 @@ class FlightDumps:
         self._ring = ring
         self._directory = directory
         self._latched = False
+        self._fault: BinaryIO | None = None
+        """Ring of the fault to be dumped, open: a control process that ends removes its path."""
         self._due_ns: int | None = None
         self._retry_ns: int | None = None
         for kind in _KINDS:
@@ -128,12 +130,13 @@ class FlightDumps:
                 latched = message.state in LATCHED
                 if latched and not self._latched and self._due_ns is None:
                     self._due_ns = now_ns + AFTERMATH_NS
+                    with suppress(OSError):  # reported when it is to be read
+                        self._fault = self._ring.open("rb")
                 self._latched = latched
         notes: tuple[str, ...] = ()
         if self._retry_ns is None or now_ns >= self._retry_ns:
             notes = self._dump_crash(now_ns)
         if self._due_ns is not None and now_ns >= self._due_ns:
-            self._due_ns = None
             notes += self._dump_fault()
         return notes
 
@@ -141,16 +144,24 @@ class FlightDumps:
         """Write pending dumps."""
         notes = self._dump_crash(0)
         if self._due_ns is not None:
-            self._due_ns = None
             notes += self._dump_fault()
         return notes
 
     def _dump_fault(self) -> tuple[str, ...]:
-        """Write the ring of the running control process."""
+        """Write the ring of the control process that had the fault."""
         notes: list[str] = []
+        ring = Path(f"/proc/self/fd/{self._fault.fileno()}") if self._fault else self._ring
         with suppress(OSError):  # reported in the notes; a retry in a minute would miss the fault
-            self._dump(self._ring, "fault", notes, make_room=True)
+            self._dump(ring, "fault", notes, make_room=True)
+        self._forget_fault()
         return tuple(notes)
+
+    def _forget_fault(self) -> None:
+        """Wait for no dump of a fault."""
+        self._due_ns = None
+        if self._fault is not None:
+            self._fault.close()
+            self._fault = None
 
     def _dump_crash(self, now_ns: int) -> tuple[str, ...]:
         """Write the ring of a crashed control process, and remove it."""
@@ -158,7 +169,7 @@ class FlightDumps:
         number = _file_number(left)
         if number is None:
             return ()
-        self._due_ns = None  # The fault is in this ring, not in that of the new process.
+        self._forget_fault()  # it is in this ring
         is_first, notes = self._retry_ns is None, list[str]()
         try:
             self._dump(left, "crash", notes, make_room=is_first)

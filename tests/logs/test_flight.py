@@ -88,6 +88,21 @@ def test_a_stop_is_dumped_once_with_what_came_of_it(
     assert len(list((tmp_path / "flights").iterdir())) == 2
 
 
+def test_a_stop_is_dumped_though_control_ends_and_removes_its_ring_before(
+    tmp_path: Path, loop: Loop
+) -> None:
+    """As where the CAN adapter is unplugged: systemd ends the service at once."""
+    dumps = FlightDumps(tmp_path / "a.ring", tmp_path / "flights")
+    loop.ticks(100)
+    assert dumps.step([state(SafetyState.FAULT)], 0) == ()
+    loop.ring.close()
+    assert not (tmp_path / "a.ring").exists()
+    (note,) = dumps.close()
+    assert "flight recorder written to" in note
+    (fault,) = (tmp_path / "flights").glob("fault-*.rec")
+    assert replay_file(fault).result.agreed == 100
+
+
 def test_a_crash_is_dumped_by_whoever_comes_next(tmp_path: Path, loop: Loop) -> None:
     loop.ticks(1000)
     loop.ring._let_go()
