@@ -165,5 +165,8 @@ def _supervise(options: StackOptions, config: RobotConfig, log: ExitLog | None) 
                 for line in supervisor.step(messages.receive(), time.monotonic()):
                     voice.say(line)
                 time.sleep(POLL_S)
+            # Where the CAN adapter goes systemd ends the service at once: why it stopped is new.
+            for line in supervisor.last_words(messages.receive()):
+                voice.say(line)
     finally:
         context.destroy(linger=0)

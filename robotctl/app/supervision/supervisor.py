@@ -94,6 +94,10 @@ class Supervisor:
         self._notifier.status(self._status(now_s))
         return lines
 
+    def last_words(self, messages: Sequence[Message]) -> list[str]:
+        """Return what the processes have said before they are ended; do nothing else."""
+        return [message.text for message in messages if isinstance(message, Notice)]
+
     def _log_exits(self) -> list[str]:
         """Log the ends and pauses of this step; return the errors of doing so."""
         return [] if self._log is None else self._log.note(self._stack.exits)

@@ -74,6 +74,19 @@ def test_an_end_is_said_and_logged_and_sigterm_ends_the_robot_in_order(run: Run)
     assert run.process.wait(DEADLINE_S) == 0
 
 
+def test_why_the_robot_stopped_is_said_though_the_end_follows_at_once(run: Run, ear: Ear) -> None:
+    """As where the CAN adapter is unplugged: systemd ends the service."""
+    os.kill(run.process.pid, signal.SIGSTOP)  # it reads nothing before it is to end
+    try:
+        os.kill(run.child(CONTROL), signal.SIGUSR1)
+        wait(lambda: ear.is_in(SafetyState.EMERGENCY_STOP), "latched")
+        run.process.terminate()
+    finally:
+        os.kill(run.process.pid, signal.SIGCONT)
+    assert run.process.wait(DEADLINE_S) == 0
+    assert run.said("stopped: ")
+
+
 def test_systemd_hears_of_a_control_loop_that_stands_by_hearing_nothing(run: Run) -> None:
     assert run.ready
     wait(lambda: "WATCHDOG=1" in run.told(), "the watchdog is fed")
