@@ -50,7 +50,7 @@ def emit(module: Any, machine: str) -> bytes:
 
 def main(machine: str, folder: Path) -> None:
     """Make them, with Debian's compilers for that machine."""
-    programs = tuple(shutil.which(f"{machine}-linux-gnu-{each}") for each in ("gcc", "g++"))
+    programs = shutil.which(f"{machine}-linux-gnu-gcc"), shutil.which(f"{machine}-linux-gnu-g++")
     for package in PACKAGES:
         (folder / package).mkdir(parents=True, exist_ok=True)
         name = wheel_library_path(package).stem.rpartition("-")[0]

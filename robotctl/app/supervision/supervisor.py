@@ -73,12 +73,10 @@ class Supervisor:
         StackError
             As for `Stack.watch`; the end is logged first.
         """
-        lines: list[str] = []
+        lines = self.last_words(messages)
         own: list[str] = []
         for message in messages:
-            if isinstance(message, Notice):
-                lines.append(message.text)
-            elif isinstance(message, ControlState):
+            if isinstance(message, ControlState):
                 self._state = message
         try:
             lines += self._stack.watch()
