@@ -229,15 +229,19 @@ class Rig:
             raise SceneError(f"it moved on by {self.truth.distance_m - place_m:.3f} m")
 
     def is_back_disarmed(self, within_s: float) -> None:
-        """Wait until the robot could be armed again; it must not have moved meanwhile."""
+        """Wait until control is back; the robot must not have moved meanwhile."""
         place_m = self.truth.distance_m
         self.control = None
-        self.wait("back, disarmed and ready", lambda: self.ready, within_s)
+        self.wait("back", lambda: self.fresh and self.control.state.name == "STANDBY", within_s)
         if self.truth.distance_m - place_m > 0.01:
             raise SceneError(f"it moved by {self.truth.distance_m - place_m:.3f} m")
 
     def drives_again(self) -> None:
         """Arm it once more, see it drive a bit, and disarm it."""
+        # The drive has stopped by itself, which only arming ends.
+        self.wait("mode HOLD", lambda: self.command(176, 1, HOLD), 20.0)
+        self.wait("armed", lambda: self.command(400, 1), 30.0)
+        self.wait("disarmed", lambda: self.command(400, 0), 20.0)
         self.drive()
         place_m = self.truth.distance_m
         self.wait("drives again", lambda: self.truth.distance_m - place_m > 0.3, 20.0)
@@ -356,9 +360,6 @@ def bus_off() -> None:
     expect(shown, "can state ERROR-ACTIVE")
     if service()["InvocationID"] != before:
         raise SceneError("the service was started anew")
-    rig.wait("mode HOLD", lambda: rig.command(176, 1, HOLD), 20.0)
-    rig.wait("armed", lambda: rig.command(400, 1), 20.0)
-    rig.wait("disarmed", lambda: rig.command(400, 0), 20.0)
     rig.drives_again()
 
 
