@@ -238,7 +238,7 @@ class Rig:
 
     def drives_again(self) -> None:
         """Arm it once more, see it drive a bit, and disarm it."""
-        # The drive has stopped by itself, which only arming ends.
+        # Where the drive has stopped by itself only a request to arm ends that.
         self.wait("mode HOLD", lambda: self.command(176, 1, HOLD), 20.0)
         self.wait("armed", lambda: self.command(400, 1), 30.0)
         self.wait("disarmed", lambda: self.command(400, 0), 20.0)
