@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.machinery
 import importlib.util
+import re
 import socket
 import subprocess
 import sys
@@ -71,13 +72,15 @@ def test_the_debugger_takes_no_word_of_the_stop_for_an_answer(tmp_path: Path) ->
         connection, _ = listener.accept()
         with listener, connection:
             connection.sendall(b"$T02thread:01;#04")
+            heard = b""
             while data := connection.recv(4096):
-                if not data.strip(b"+"):
-                    continue
-                request = data.lstrip(b"+")[1:-3]
-                assert int(data[-2:], 16) == sum(request) % 256
-                answer = answers[request]
-                connection.sendall(b"+$%s#%02x" % (answer, sum(answer) % 256))
+                heard += data
+                while packet := re.match(rb"\+*\$([^#]*)#([0-9a-f]{2})", heard):
+                    heard = heard[packet.end() :]
+                    request, checksum = packet.groups()
+                    assert int(checksum, 16) == sum(request) % 256
+                    answer = answers[request]
+                    connection.sendall(b"+$%s#%02x" % (answer, sum(answer) % 256))
 
     thread = threading.Thread(target=serve, daemon=True)
     thread.start()

@@ -185,7 +185,7 @@ class Driven:
         bus = rig.simulation.buses[rig.config.buses[0].name]
         self._port = bus.attach("controller", lambda _: None)
         port = next(iter(rig.robot._buses)).port
-        port._transmit = self._send
+        port.transmit = self._send
         self._next_ns = rig.simulation.now_ns
 
     def _send(self, number, data):

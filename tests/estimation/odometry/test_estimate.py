@@ -151,7 +151,8 @@ def test_a_robot_with_noisy_wheel_and_steering_scatters_as_the_covariance_says(d
     estimate, runs, steps = OdometryEstimate(noise, start()), 800, 30
     poses = [start().pose] * runs
     for d, alpha in [(1.0, 0.0), (1.0, 1.0 / radius_m), (1.0, -1.0 / radius_m)]:
-        (wheel,), (steering,) = drive.inverse(Twist(d, alpha))
+        wanted = drive.inverse(Twist(d, alpha))
+        (wheel,), (steering,) = wanted.wheels_rad_s, wanted.joints_rad
         estimate.move(d, alpha, 1)
         wheel_sigma = e * wheel / math.sqrt(d)
         angle = steering + drive.steering_offset_rad

@@ -27,7 +27,8 @@ def follow(drive, path, start, speed=0.4, reverse=False, seconds=60.0):
         steps.append(step)
         if step.done:
             return poses, steps
-        twist = drive.forward(*drive.inverse(Twist(step.v_m_s, step.omega_rad_s)))
+        wanted = drive.inverse(Twist(step.v_m_s, step.omega_rad_s))
+        twist = drive.forward(wanted.wheels_rad_s, wanted.joints_rad)
         pose = integrate(pose, twist, 0.05)
         poses.append(pose)
     raise AssertionError(f"not there after {seconds} s: {steps[-1]}")
