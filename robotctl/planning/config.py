@@ -220,7 +220,13 @@ class RecoveryConfig:
     retries: int = 4
     back_off_m: float = 0.3
     ladder: tuple[RungName, ...] = (
-        *("wait", "replan", "clear", "back_off", "retrace", "other_way", "look_around"),
+        "wait",
+        "replan",
+        "clear",
+        "back_off",
+        "retrace",
+        "other_way",
+        "look_around",
     )
     retrace_m: float = 2.0
     ask_s: float = 120.0

@@ -20,7 +20,7 @@ from robotctl.planning.guard.obstacle_guard import GuardStep, ObstacleGuard
 if TYPE_CHECKING:
     from robotctl.planning.path.global_planning.goal import Goal
 
-STANDSTILL_M_S: Final = 0.03
+_STANDSTILL_M_S: Final = 0.03
 """Below this allowed speed the robot stands still."""
 
 
@@ -33,7 +33,7 @@ def limited(step: BehaviourOutput, guard: ObstacleGuard) -> tuple[BehaviourOutpu
     speed = step.twist.speed_m_s or abs(step.omega_rad_s) * guard.reach_m
     if speed <= allowed.v_max_m_s:
         return step, allowed
-    share = allowed.v_max_m_s / speed if allowed.v_max_m_s >= STANDSTILL_M_S else 0.0
+    share = allowed.v_max_m_s / speed if allowed.v_max_m_s >= _STANDSTILL_M_S else 0.0
     text = f"waiting: {allowed.obstacle}" if share == 0.0 else step.text
     v_m_s, omega_rad_s, vy_m_s = (share * each for each in step.twist)
     slowed = step._replace(v_m_s=v_m_s, omega_rad_s=omega_rad_s, vy_m_s=vy_m_s, text=text)
@@ -121,7 +121,7 @@ class Guarded(Behaviour):
         if self._time_out_s is not None and spent_ns > self._time_out_s * 1e9:
             return failed(f"not done after {self._time_out_s:g} s ({step.text})")
         allowed = self._guard.step(*step.twist)
-        if allowed.v_max_m_s >= STANDSTILL_M_S:
+        if allowed.v_max_m_s >= _STANDSTILL_M_S:
             self._blocked_ns = None
         elif self._blocked_ns is None:
             self._blocked_ns = now_ns

@@ -166,7 +166,8 @@ class MissionRunner:
         self._enter(item_index(self.mission.item, to))
 
     def pause(self) -> None:
-        """Another mode steers for a while."""
+        """Another mode steers for a while: what was asked is answered by that."""
+        self._asks = False
         if self._present is not None:
             self._present.pause()
 

@@ -208,5 +208,8 @@ def test_a_mission_waits_for_the_go_ahead_while_its_item_asks():
         bench.move(step.v_m_s, step.omega_rad_s)
     assert runner.waits
     assert abs(bench.pose.x_m - 60 * SIDE_M) < 1.2
+    runner.pause()
+    assert not runner.waits
+    runner.step(BehaviourInput(bench.pose, bench.twist, (), ()), bench.now_ns)
     runner.jump(1)
     assert not runner.waits
