@@ -109,9 +109,6 @@ def stuff_step(state: int, bit: int) -> tuple[int, int]:
     return 0, first
 
 
-_step = compiled(stuff_step)
-
-
 @compiled
 def _stuff_bits(crc: int, state: int, high: int, low: int, width: int) -> int:
     """Return how many stuff bits `width` bits of data, and the CRC-15 behind them, bring about.
@@ -127,8 +124,14 @@ def _stuff_bits(crc: int, state: int, high: int, low: int, width: int) -> int:
             crc = (crc << 1 & 0x7FFF) ^ (CRC15_POLYNOMIAL if crc >> 14 != bit else 0)
         else:
             bit = crc >> place & 1
-        stuffed, state = _step(state, bit)
-        count += stuffed
+        first = 1 + 4 * bit
+        if state == first + 3:  # as in `stuff_step`
+            count += 1
+            state = 1 + 4 * (1 - bit)
+        elif first <= state < first + 3:
+            state += 1
+        else:
+            state = first
     return count
 
 
@@ -139,8 +142,14 @@ def stuff(state: int, data: np.ndarray) -> int:
     for byte in data:
         for shift in range(7, -1, -1):
             bit = int(byte) >> shift & 1
-            stuffed, state = _step(state, bit)
-            count += stuffed
+            first = 1 + 4 * bit
+            if state == first + 3:
+                count += 1
+                state = 1 + 4 * (1 - bit)
+            elif first <= state < first + 3:
+                state += 1
+            else:
+                state = first
     return count << 4 | state
 
 
