@@ -24,6 +24,8 @@ _ECHO_MARGIN_M: Final = 0.03
 """Way that the body keeps to an echo that it has passed."""
 _SIDEWAYS: Final = 0.1
 """A sonar looks to the side if its axis has less than this ahead, or behind."""
+_ASIDE: Final = math.cos(math.radians(30.0))
+"""A sonar looks aside of the course if less of its axis is along it."""
 _HALF_CONE_RAD: Final = math.radians(12.5)
 """Half the opening of a sonar's cone."""
 _SAME_M: Final = 0.04
@@ -92,7 +94,8 @@ class ObstacleGuard:
 
     Points of a lidar are exact: each counts where the body, nose and tail included, would touch it
     on the arc that is asked for, or as it turns on the spot. Echoes do not hinder that, or a robot
-    in a corner would never leave it. A robot whose lidar is silent stands where no sonar looks.
+    in a corner would never leave it. What a sonar that looks aside of the course hears where a
+    lidar has points counts as those. A robot whose lidar is silent stands where no sonar looks.
 
     Echoes that a robot without lidar has passed count like the points of a lidar, up to where the
     body would touch them.
@@ -296,7 +299,11 @@ class ObstacleGuard:
                     return 0.0, f"sonar {view.name} gives no reading"
                 continue
             free = _free_distance(view, reading, moves, margins_m)
-            if free < distance_m and not (free <= 0.0 and self._is_wall_beside(view, reading)):
+            if (
+                free < distance_m
+                and not (free <= 0.0 and self._is_wall_beside(view, reading))
+                and not self._is_seen_aside(view, reading, course)
+            ):
                 distance_m, obstacle = free, f"{view.name} measures {reading:.2f} m"
         on_floor = self._free_floor(course)
         if on_floor - self._config.margin_m < distance_m:
@@ -426,6 +433,19 @@ class ObstacleGuard:
             if edge_rad > 0.0 and reading >= off_m / math.cos(edge_rad) - _SAME_M:
                 return True
         return False
+
+    def _is_seen_aside(self, view: _View, reading: float, course: Course) -> bool:
+        """Say whether a sonar that looks aside of the course hears what a lidar sees in its cone.
+
+        That is a point and no wall, and counts as one: the jamb of a door that the robot passes.
+        What stands lower where the robot goes is heard by the sonars that look there.
+        """
+        facing = course.ahead * view.normal[0] + course.left * view.normal[1]
+        if self._points is None or facing > _ASIDE:
+            return False
+        from robotctl.planning.guard.swept_body import is_in_cone  # noqa: PLC0415 - see above
+
+        return is_in_cone(self._points, view.place, view.normal, reading, _SAME_M, _HALF_CONE_RAD)
 
     def _free_floor(self, course: Course) -> float:
         """Return the way of `base` straight on until it meets a point on the floor [m].

@@ -48,6 +48,31 @@ def free_way(
     return free, (x_m, y_m)
 
 
+def is_in_cone(
+    points: NDArray[np.float64],
+    place: Point,
+    axis: Point,
+    range_m: float,
+    off_m: float,
+    half_rad: float,
+) -> bool:
+    """Return whether one of some points (n, 2) is where a sonar may have an echo from.
+
+    Parameters
+    ----------
+    place, axis
+        Of the sonar: its place [m] and where it looks, a unit vector.
+    range_m, off_m
+        Its range, and by how much that may differ from the point's distance [m].
+    half_rad
+        Half the opening of its cone [rad].
+    """
+    away = points - place
+    lengths = np.hypot(away[:, 0], away[:, 1])
+    inside = away @ np.array(axis) >= math.cos(half_rad) * lengths
+    return bool((inside & (np.abs(lengths - range_m) <= off_m)).any())
+
+
 @compiled
 def _first_touched(
     body: Sides, points: NDArray[np.float64], margin_m: float, course: Course

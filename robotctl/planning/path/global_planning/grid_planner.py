@@ -1,13 +1,15 @@
 """Paths over the cells of a map for robots that can turn on the spot: A* and Dijkstra's algorithm.
 
 First a path is looked for on which the robot could turn anywhere; if there is none, a narrower
-one, down to where it fits lengthwise. The body is checked at each pose; a cell at which it would
-touch something is closed, and the search begins again.
+one, down to where it fits lengthwise. That leads straight through narrow places, where they are
+straight. The body is checked at each pose; a cell at which it would touch something is closed, and
+the search begins again.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -16,7 +18,8 @@ from numpy.typing import NDArray
 
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.map.planning_map import PlanningMap
-from robotctl.planning.path.global_planning.grid_search import LETHAL, CellPath, search_cells
+from robotctl.planning.path.global_planning.gates import IN_LINE_M, Gate, gated
+from robotctl.planning.path.global_planning.grid_search import LETHAL, search_cells
 from robotctl.planning.path.global_planning.obstructions import blocked_ends, no_path
 from robotctl.planning.path.global_planning.plan import (
     GoesOn,
@@ -94,8 +97,13 @@ class GridPlanner:
                 return PlanFailure(Reason.OUT_OF_TIME, "the time was over", None, expanded)
             if not len(found.cells):
                 break
-            poses = self._poses(space, found, costs, factors, ends)
+            prices = factors[costs]
+            gates = list(self._gates(space, found.cells))
+            poses = self._poses(space, found.cells, prices, ends, gates)
             stuck = collisions(space, poses)
+            if len(stuck) and gates:
+                poses = self._poses(space, found.cells, prices, ends, [])
+                stuck = collisions(space, poses)
             if not len(stuck):
                 cost_m = found.cost * space.grid.resolution_m
                 return Plan(space.to_world(poses), cost_m, expanded)
@@ -127,22 +135,39 @@ class GridPlanner:
         costs[(room < 0.0) | space.blocked] = LETHAL
         return costs, factors
 
+    def _gates(self, space: PlanningMap, cells: NDArray[np.int64]) -> Iterator[Gate]:
+        """Yield the straight pieces through the narrow places of a path over cells."""
+        side_m = space.grid.resolution_m
+        narrow = self._config.margin_m / side_m + 1.0
+        return gated(cells, space, narrow, IN_LINE_M / side_m)
+
     def _poses(
         self,
         space: PlanningMap,
-        found: CellPath,
-        costs: NDArray[np.uint8],
-        factors: NDArray[np.float64],
+        cells: NDArray[np.int64],
+        prices: NDArray[np.float64],
         ends: tuple[SE2, SE2],
+        gates: Sequence[Gate],
     ) -> NDArray[np.float64]:
         """Return the poses of a path, (n, 3) in cells; the last heading is that of the goal."""
-        points = (found.cells[:, ::-1] + 0.5).astype(np.float64)
+        points = (cells[:, ::-1] + 0.5).astype(np.float64)
         if len(points) == 1:
             points = np.repeat(points, 2, axis=0)
         points[0], points[-1] = (ends[0].x_m, ends[0].y_m), (ends[1].x_m, ends[1].y_m)
-        if self._config.any_angle:
-            points = points[straightened(points, space.clearance, factors[costs])]
-        return straight_poses(points, *ends)
+        begin, pieces = 0, []
+        for gate in gates:
+            pieces += [self._straightened(points[begin : gate.first + 1], space, prices), gate.ends]
+            begin = gate.last
+        pieces.append(self._straightened(points[begin:], space, prices))
+        return straight_poses(np.concatenate(pieces), *ends)
+
+    def _straightened(
+        self, points: NDArray[np.float64], space: PlanningMap, prices: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return a part of a path, of as few points as it may have."""
+        if not self._config.any_angle:
+            return points
+        return points[straightened(points, space.clearance, prices)]
 
 
 def _widest(space: PlanningMap, start: SE2, goal: SE2) -> float:

@@ -1,4 +1,8 @@
-"""Paths for robots that steer: hybrid-state A* with the robot's turning circle and its body."""
+"""Paths for robots that steer: hybrid-state A* with the robot's turning circle and its body.
+
+It leads straight through narrow places, where they are straight: the search is cheapest where it
+bends up to the very door, and then the robot has no room for an error.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +15,7 @@ from numpy.typing import NDArray
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.map.planning_map import PlanningMap
 from robotctl.planning.path.global_planning.curves import along
+from robotctl.planning.path.global_planning.gates import IN_LINE_M, gated
 from robotctl.planning.path.global_planning.hybrid_search import (
     ENDED,
     ENTRY,
@@ -34,6 +39,7 @@ from robotctl.planning.path.global_planning.plan import (
     PlanFailure,
     PlannerConfig,
     Reason,
+    joined,
 )
 
 _COARSE_M: Final = 0.1
@@ -59,6 +65,40 @@ class HybridPlanner:
 
     def plan(
         self, space: PlanningMap, start: SE2, goal: SE2, goes_on: GoesOn = lambda: True
+    ) -> Plan | PlanFailure:
+        """Return a path that the robot can drive, or why there is none."""
+        found = self._search(space, start, goal, goes_on)
+        if isinstance(found, PlanFailure):
+            return found
+        return self._through_gates(space, found, start, goal, goes_on) or found
+
+    def _through_gates(
+        self, space: PlanningMap, found: Plan, start: SE2, goal: SE2, goes_on: GoesOn
+    ) -> Plan | None:
+        """Return a path straight through the narrow places of another; None: there is none."""
+        side_m = space.grid.resolution_m
+        cells = np.floor(space.poses_to_cells(found.poses)[:, 1::-1]).astype(np.int64)
+        narrow, lead = self._config.margin_m / side_m + 1.0, IN_LINE_M / side_m
+        gates = [
+            gate
+            for gate in gated(cells, space, narrow, lead)
+            if not found.reverse[gate.first : gate.last].any()
+        ]
+        if not gates:
+            return None
+        here, parts = start, []
+        for gate in gates:
+            (x0, y0), (x1, y1) = gate.ends.tolist()
+            angle = math.atan2(y1 - y0, x1 - x0)
+            ends = space.to_world(np.array([[x0, y0, angle], [x1, y1, angle]])).tolist()
+            parts.append(self._search(space, here, SE2(*ends[0]), goes_on))
+            here = SE2(*ends[1])
+        parts.append(self._search(space, here, goal, goes_on))
+        plans = [part for part in parts if isinstance(part, Plan)]
+        return joined(plans) if len(plans) == len(parts) else None
+
+    def _search(
+        self, space: PlanningMap, start: SE2, goal: SE2, goes_on: GoesOn
     ) -> Plan | PlanFailure:
         """Return the cheapest path that the robot can drive, or why there is none."""
         failure = blocked_ends(space, start, goal)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import enum
+import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Final, Literal, Protocol, TypeAlias
 
@@ -137,6 +138,19 @@ class Plan:
     def length_m(self) -> float:
         """Length of the path [m]."""
         return float(np.hypot(*np.diff(self.poses[:, :2], axis=0).T).sum())
+
+
+def joined(plans: Sequence[Plan]) -> Plan:
+    """Return plans one after the other, with straight pieces ahead between them."""
+    ends = [(a.poses[-1, :2], b.poses[0, :2]) for a, b in itertools.pairwise(plans)]
+    between_m = sum(math.dist(a.tolist(), b.tolist()) for a, b in ends)
+    reverse = [np.append(each.reverse, False) for each in plans]
+    return Plan(
+        np.concatenate([each.poses for each in plans]),
+        sum(each.cost for each in plans) + between_m,
+        sum(each.expanded for each in plans),
+        np.concatenate(reverse)[:-1],
+    )
 
 
 def dense(poses: NDArray[np.float64], step_m: float) -> NDArray[np.float64]:

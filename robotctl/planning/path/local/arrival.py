@@ -2,9 +2,10 @@
 
 A robot that turns on the spot drives to the position, then turns once to the heading; small errors
 beside the way are left as they are. One that steers stays on the path up to its end, and up to each
-change of gear, by feedback over the way driven: with y beside the path and the error theta of the
-heading, theta changes per length by -k^2 y - 2 k theta more than the path bends, so that both fade
-as exp(-k s) (C. Samson, "Control of chained systems", 1995, in its linear form).
+change of gear, as each robot does in narrow places: by feedback over the way driven, with y beside
+the path and the error theta of the heading, theta changes per length by -k^2 y - 2 k theta more
+than the path bends, so that both fade as exp(-k s) (C. Samson, "Control of chained systems", 1995,
+in its linear form).
 """
 
 from __future__ import annotations
@@ -29,6 +30,8 @@ _LATE_M: Final = 0.04
 _ASTRAY_RAD: Final = 0.3
 _SLOW_M_S: Final = 0.1
 """Error of the heading beyond which the robot only drives that fast [rad], [m/s]."""
+_IN_LINE_RAD: Final = 0.1
+"""Error of the heading beyond which one that can turn on the spot does so [rad]."""
 
 
 class _Phase(enum.Enum):
@@ -169,15 +172,23 @@ class Arrival:
             inside = math.hypot(off.x_m, off.y_m) <= config.position_tolerance_m
             arrived = inside and abs(off.theta_rad) <= config.heading_tolerance_rad
             return ArrivalStep(0.0, 0.0, arrived, not arrived)
+        return self.keep_to(pose, track, speed_m_s)
+
+    def keep_to(self, pose: SE2, track: Track, speed_m_s: float) -> ArrivalStep:
+        """Stay on the path."""
+        config, here = self._config, track.reference(pose)
         gear = -1.0 if track.section.reverse else 1.0
-        change = here.bend_per_m - gear * self._config.gain_per_m**2 * here.beside_m
-        change -= 2.0 * self._config.gain_per_m * here.turned_rad
-        change = min(max(change, -1.0 / self._radius), 1.0 / self._radius)
-        missing = self._not_steered(gear * change)
-        v = min(
-            self._speed(here.way_m, speed_m_s), self._bend_speed(track, here.turned_rad, missing)
-        )
-        v = max(v, self._config.arrival_m_s)
+        if self._radius == 0.0 and abs(here.turned_rad) > _IN_LINE_RAD:
+            return ArrivalStep(0.0, self._turn(-here.turned_rad), False, False)
+        change = here.bend_per_m - gear * config.gain_per_m**2 * here.beside_m
+        change -= 2.0 * config.gain_per_m * here.turned_rad
+        most = 1.0 / self._radius if self._radius > 0.0 else self._omega_max / speed_m_s
+        change = min(max(change, -most), most)
+        v = self._speed(here.way_m, speed_m_s)
+        if self._turn_over_s > 0.0:
+            missing = self._not_steered(gear * change)
+            v = min(v, self._bend_speed(track, here.turned_rad, missing))
+        v = max(v, config.arrival_m_s)
         return ArrivalStep(gear * v, v * change, False, False)
 
     def _not_steered(self, curvature: float) -> float:

@@ -16,7 +16,14 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
 from robotctl.planning.map.planning_map import PlanningMap
 from robotctl.planning.path.local.arrival import Arrival
-from robotctl.planning.path.local.body import Body, Surroundings, make_body
+from robotctl.planning.path.local.body import (
+    SPACING,
+    TOUCH,
+    Body,
+    Surroundings,
+    gap,
+    make_body,
+)
 from robotctl.planning.path.local.controller import ControllerConfig, LocalMotion, LocalSituation
 from robotctl.planning.path.local.escape import intrusions, is_too_near, way_out
 from robotctl.planning.path.local.rollout import (
@@ -35,6 +42,8 @@ _TARGET: Final = 20
 _SWING_M: Final = 0.0025
 """Distance by which the tail of a robot that turns away from something may swing towards it [m]:
 what the obstacle guard takes for turning beside it."""
+_NARROW_M: Final = 0.7
+"""Distance ahead of a narrow place from which on the robot keeps to its path [m]."""
 _STILL: Final = 1e-3
 """Velocity below which the robot stands [m/s, rad/s]: rounding."""
 _TOUCHED: Final = "something touches the robot"
@@ -125,6 +134,10 @@ class Follower:
             return self._arrive(situation, track, problem)
         if self._backing_m > 0.0:
             return self._back(situation, problem)
+        if _is_narrow(problem, math.ceil(_NARROW_M / track.section.spacing_m)):
+            kept = self._keep_to_path(situation, track, problem)
+            if kept is not None:
+                return kept
         return self._moving(situation, problem, self._search.choose(problem, situation.effort))
 
     def _compile(self, problem: RolloutProblem, situation: LocalSituation) -> None:
@@ -304,6 +317,25 @@ class Follower:
         text = "something is too near to the goal"
         return _motion(situation, choice)._replace(blocked=True, text=text)
 
+    def _keep_to_path(
+        self, situation: LocalSituation, track: Track, problem: RolloutProblem
+    ) -> LocalMotion | None:
+        """Creep along the path itself; None: something is in the way, or it is too far beside."""
+        pose, side_m = self._soon(situation), situation.space.grid.resolution_m
+        if abs(track.reference(pose).beside_m) > self._config.beside_m:
+            return None
+        speed_m_s = min(situation.speed_m_s, self._config.creep_m_s)
+        wanted = self._arrival.keep_to(pose, track, speed_m_s)
+        v, turn = wanted.v_m_s / side_m, wanted.omega_rad_s
+        if self._steered and v != 0.0:
+            turn /= v
+        free, choice = self._only(problem, v, turn)
+        if not free:
+            return None
+        self._waited, self._drawn_in = 0, None
+        self._search.reset()
+        return _motion(situation, choice)
+
     def _back(self, situation: LocalSituation, problem: RolloutProblem) -> LocalMotion:
         """Back off straight, against the gear, while that is free."""
         speed = problem.motion.creep
@@ -385,6 +417,15 @@ class Follower:
         moving = problem.space.moving
         away = np.hypot(moving[:, 0] - x, moving[:, 1] - y) - moving[:, 4]
         return bool((away * side_m < 2.0).any())
+
+
+def _is_narrow(problem: RolloutProblem, count: int) -> bool:
+    """Return whether the body has less than its margin on the path close ahead."""
+    space, body = problem.space, problem.body
+    return any(
+        gap(space.clearance, body.outline, SPACING, body.discs, x, y, c, s) == TOUCH
+        for x, y, c, s in problem.path[:count].tolist()
+    )
 
 
 def _motion(situation: LocalSituation, choice: Choice) -> LocalMotion:
