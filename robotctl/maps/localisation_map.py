@@ -35,22 +35,22 @@ def find_map(name: str, beside: Path) -> Path:
     return find_world(name, beside)
 
 
-def load_localisation_map(name: str, beside: Path) -> WorldMap:
-    """Read the map that `find_map` finds, for localisation.
+def load_localisation_map(name: str, beside: Path, cell_m: float = 0.05) -> WorldMap:
+    """Read the map that `find_map` finds, for localisation; walls are drawn in cells of `cell_m`.
 
     Raises
     ------
     ConfigError
         If there is no such file, it is invalid, or no robot can localise itself in it.
     """
-    found = load_any_map(name, beside)
+    found = load_any_map(name, beside, cell_m)
     if found.walls is None:
         _check_cells(found.grid, find_map(name, beside))
     return found
 
 
-def load_any_map(name: str, beside: Path) -> WorldMap:
-    """Read the map that `find_map` finds; it may be empty.
+def load_any_map(name: str, beside: Path, cell_m: float = 0.05) -> WorldMap:
+    """Read the map that `find_map` finds, as `load_localisation_map` does; it may be empty.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def load_any_map(name: str, beside: Path) -> WorldMap:
                 "(.yaml)"
             ) from None
         raise
-    return WorldMap(grid_of_walls(walls), walls)
+    return WorldMap(grid_of_walls(walls, cell_m), walls)
 
 
 def off_map(world_map: WorldMap, start: SE2) -> str:

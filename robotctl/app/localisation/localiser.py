@@ -52,7 +52,8 @@ class LocaliserBegin(NamedTuple):
         ConfigError
             If there is none, it is wrong, or no robot can find itself in it.
         """
-        return load_localisation_map(self.config.localisation.map, self.beside)
+        cell_m = self.config.navigation.map.cell_m
+        return load_localisation_map(self.config.localisation.map, self.beside, cell_m)
 
 
 def sensed_robot(config: RobotConfig) -> SensedRobot:

@@ -133,7 +133,7 @@ def make_plan(options: PlanOptions) -> PlanResult:
     else:
         file = find_file(options.robot or DEFAULT_ROBOT)
         robot = load_robot(file, options.overrides)
-        grid = load_any_map(options.map, Path()).grid
+        grid = load_any_map(options.map, Path(), robot.navigation.map.cell_m).grid
         space = _space(grid, robot, load_masks(robot.navigation.pilot.mask, file.resolve().parent))
         start, goal = (_pose(name, getattr(options, name)) for name in ("start", "goal"))
         goal = goal if len(options.goal) == 3 else facing(start, goal.x_m, goal.y_m)

@@ -39,6 +39,7 @@ from robotctl.planning.path.global_planning.plan import (
     PlanFailure,
     PlannerConfig,
     Reason,
+    dense,
     joined,
 )
 
@@ -86,13 +87,16 @@ class HybridPlanner:
         ]
         if not gates:
             return None
-        here, parts = start, []
+        here = start
+        parts: list[Plan | PlanFailure] = []
         for gate in gates:
             (x0, y0), (x1, y1) = gate.ends.tolist()
             angle = math.atan2(y1 - y0, x1 - x0)
-            ends = space.to_world(np.array([[x0, y0, angle], [x1, y1, angle]])).tolist()
-            parts.append(self._search(space, here, SE2(*ends[0]), goes_on))
-            here = SE2(*ends[1])
+            ends = space.to_world(np.array([[x0, y0, angle], [x1, y1, angle]]))
+            through_m = math.dist((x0, y0), (x1, y1)) * side_m
+            parts.append(self._search(space, here, SE2(*ends[0].tolist()), goes_on))
+            parts.append(Plan(dense(ends, side_m), through_m, 0))
+            here = SE2(*ends[1].tolist())
         parts.append(self._search(space, here, goal, goes_on))
         plans = [part for part in parts if isinstance(part, Plan)]
         return joined(plans) if len(plans) == len(parts) else None

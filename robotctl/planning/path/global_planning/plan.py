@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import enum
-import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -141,15 +140,12 @@ class Plan:
 
 
 def joined(plans: Sequence[Plan]) -> Plan:
-    """Return plans one after the other, with straight pieces ahead between them."""
-    ends = [(a.poses[-1, :2], b.poses[0, :2]) for a, b in itertools.pairwise(plans)]
-    between_m = sum(math.dist(a.tolist(), b.tolist()) for a, b in ends)
-    reverse = [np.append(each.reverse, False) for each in plans]
+    """Return plans one after the other, each of which begins where the one before ends."""
     return Plan(
-        np.concatenate([each.poses for each in plans]),
-        sum(each.cost for each in plans) + between_m,
+        np.concatenate([plans[0].poses, *(each.poses[1:] for each in plans[1:])]),
+        sum(each.cost for each in plans),
         sum(each.expanded for each in plans),
-        np.concatenate(reverse)[:-1],
+        np.concatenate([each.reverse for each in plans]),
     )
 
 

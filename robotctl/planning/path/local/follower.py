@@ -420,11 +420,13 @@ class Follower:
 
 
 def _is_narrow(problem: RolloutProblem, count: int) -> bool:
-    """Return whether the body has less than its margin on the path close ahead."""
-    space, body = problem.space, problem.body
+    """Return whether the body fits on the path close ahead, but not with its margin."""
+    clearance, body, tight = problem.space.clearance, problem.body, problem.tight
+    near = problem.path[:count].tolist()
     return any(
-        gap(space.clearance, body.outline, SPACING, body.discs, x, y, c, s) == TOUCH
-        for x, y, c, s in problem.path[:count].tolist()
+        gap(clearance, body.outline, SPACING, body.discs, *place) == TOUCH for place in near
+    ) and not any(
+        gap(clearance, tight.outline, SPACING, tight.discs, *place) == TOUCH for place in near
     )
 
 
