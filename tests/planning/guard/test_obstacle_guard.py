@@ -393,3 +393,35 @@ def test_the_edge_of_a_cone_that_hears_the_wall_beside_does_not_stop_the_robot()
     assert limit(front_left=slant_m - 0.05, left=gap_m).v_max_m_s == 0.0, "nearer than the wall"
     assert limit(front_left=slant_m, left=0.5).v_max_m_s == 0.0, "the wall is far off"
     assert limit(front_left=slant_m, left=gap_m, front=0.05).v_max_m_s == 0.0
+
+
+def beside_a_jamb(points_base, front=math.inf):
+    """Return the limit straight on where the slanting sonar hears something 0.14 m away."""
+    guard = ObstacleGuard(CONFIG, MOUNTS, has_lidar=True)
+    for _ in range(3):
+        guard.observe((front, 0.14, math.inf, math.inf), NEW, points_base=points_base)
+    return guard.step(1.0)
+
+
+def test_a_jamb_that_a_lidar_sees_beside_the_way_is_no_wall_across():
+    # 0.14 m from (0.15, 0.10) at 45 degrees is (0.249, 0.199): beside a body 0.18 m wide each side.
+    jamb = np.array([[0.249, 0.199], [0.3, 0.21]])
+    assert beside_a_jamb(jamb) == (math.inf, "")
+    # The same point in the way of the body stops it all the same, as the lidar tells.
+    in_the_way = beside_a_jamb(jamb - (0.0, 0.03))
+    assert in_the_way.v_max_m_s == pytest.approx(0.0, abs=0.05)
+    assert in_the_way.obstacle
+
+
+def test_what_only_the_sonar_hears_is_a_wall():
+    elsewhere = np.array([[0.249, 0.35], [0.35, 0.30], [1.0, 0.0]])
+    assert beside_a_jamb(elsewhere).obstacle == "front_left measures 0.14 m"
+
+
+def test_the_sonar_that_looks_ahead_stops_before_what_a_lidar_does_not_see():
+    jamb = np.array([[0.249, 0.199], [0.3, 0.21], [0.30, -0.02]])
+    low = beside_a_jamb(jamb[:2], front=0.12)
+    assert low.v_max_m_s == pytest.approx(0.0, abs=1e-9)
+    assert low.obstacle == "front measures 0.12 m"
+    # Though the lidar has a point there, too.
+    assert beside_a_jamb(jamb, front=0.12).v_max_m_s == pytest.approx(0.0, abs=1e-9)

@@ -218,3 +218,28 @@ def test_it_gets_out_of_the_way_of_who_does_not_evade(name, begin, velocity):
         if motion.arrived:
             break
     assert motion.arrived
+
+
+@pytest.mark.parametrize("model", [DRIVE, CAR], ids=["differential", "ackermann"])
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_it_keeps_to_its_path_through_a_door_that_hardly_leaves_room(name, seed, model):
+    body = CAR_BODY if model is CAR else BODY  # both are 0.3 m wide
+    cells = np.zeros((160, 160), np.int8)
+    cells[:, 80:83] = 100
+    cells[76:84, 80:83] = 0  # 0.4 m, from y = 3.8 m to 4.2 m
+    space = PlanningMap(GridMap(cells, SIDE_M), body)
+    # The path is in line with the door from half a metre before it.
+    poses = [[2.4, 4.2, -0.2], [3.2, 4.0, -0.2], [3.2, 4.0, 0.0], [5.5, 4.0, 0.0]]
+    if model is CAR:
+        poses = [[2.0, 4.0, 0.0], [5.5, 4.0, 0.0]]
+    plan = Plan(np.array(poses), 3.0, 0)
+    start = SE2(poses[0][0], poses[0][1] + 0.03, poses[0][2])
+    for _, pose, _, motion in drive(name, space, plan, start, 30.0, model, seed):
+        at = space.to_cells(pose)
+        assert not space.collides(np.array([[at.x_m, at.y_m, at.theta_rad]])).any()
+        if 3.6 < pose.x_m < 4.2:
+            assert abs(pose.y_m - 4.0) < 0.04, "5 cm are free on each side"
+        if motion.arrived:
+            return
+    pytest.fail(f"not there, but at {pose}")
