@@ -46,7 +46,7 @@ _JUMP: Final = 32
 _TIE: Final = 1e-7
 """Difference between the costs of two paths [cells] below which it is that of rounding."""
 _NOT_NEGATIVE: Final = (1 << 31) - 1
-"""Mask that tells the compiler so of an index, which spares a test."""
+"""Mask that tells the compiler that an index is not negative, which spares a test."""
 _GOING_ON, _POOL_FULL, _ENDED = 0, 1, 2
 _BUCKET_NOW, _LIVE, _USED, _SPARE, _EXPANDED = range(5)
 """Places in the state of a search."""
