@@ -149,14 +149,15 @@ class _Search(NamedTuple):
     masks: NDArray[np.uint8]
     """Free neighbours of each cell."""
     follow: NDArray[np.uint8]
-    """See `_directions`."""
+    """Steps onward by a cell's last step and mask."""
     offsets: NDArray[np.int64]
     """Cells on in the map for each step."""
     reached: NDArray[np.float64]
     """Cost to each cell + 1, as a page of zeros costs nothing until it is touched; 0: not yet."""
     found: NDArray[np.uint16]
-    """Where a best path goes on from each cell, the step that led there (3 bits), and the cells of
-    its jump - 1. Several best paths to a cell leave it where any of them may."""
+    """Steps onward from each cell (8 bits), the step that led there (3 bits), and the cells of that
+    jump - 1. If several best paths lead there, the steps onward are those of all of them, since a
+    step that one leaves out may be the only one to the goal by another."""
     buckets: NDArray[np.int32]
     """First entry of each."""
     links: NDArray[np.int32]
