@@ -44,7 +44,7 @@ _PIECE: Final = 10_000
 _JUMP: Final = 32
 """Maximum cells of a jump, of which a path keeps 5 bits."""
 _TIE: Final = 1e-7
-"""Difference between the costs of two paths [cells] below which it is that of rounding."""
+"""Difference between two lengths [cells] below which it is that of rounding."""
 _NOT_NEGATIVE: Final = (1 << 31) - 1
 """Mask that tells the compiler that an index is not negative, which spares a test."""
 _GOING_ON, _POOL_FULL, _ENDED = 0, 1, 2
@@ -156,8 +156,7 @@ class _Search(NamedTuple):
     """Cost to each cell + 1, as a page of zeros costs nothing until it is touched; 0: not yet."""
     found: NDArray[np.uint16]
     """Steps onward from each cell (8 bits), the step that led there (3 bits), and the cells of that
-    jump - 1. If several best paths lead there, the steps onward are those of all of them, since a
-    step that one leaves out may be the only one to the goal by another."""
+    jump - 1."""
     buckets: NDArray[np.int32]
     """First entry of each."""
     links: NDArray[np.int32]
@@ -223,7 +222,9 @@ def _directions(corners: int, is_uniform: bool) -> NDArray[np.uint8]:
     """Return where a best path goes on, (9, 256) masks of steps, by a cell's last step and mask.
 
     A step is left out if the cell before leads there past this cell for less, or, where all factors
-    are the same, for the same with the diagonal step first. The last row is of the start.
+    are the same, for the same with the diagonal step first. The straight step after that is never
+    left out for the same, so that it does not matter which of several best paths to a cell is kept.
+    The last row is of the start.
     """
     bits = np.arange(256)
     free = {step: bits >> k & 1 for k, step in enumerate(_STEPS)}
@@ -322,18 +323,17 @@ def _expand_cell(
     search: _Search, width: int, end: int, guided: bool, cell: int, cost: float, least: float
 ) -> None:
     """Go on from a cell, in each direction to the next cell with more than one way on."""
-    follow, masks, reached = search.follow, search.masks, search.reached
+    follow, masks, reached, found = search.follow, search.masks, search.reached, search.found
     longest = _JUMP if search.uniform > 0.0 else 1
-    tie = _TIE if search.uniform > 0.0 else 0.0
     row, column = cell // width - end // width, cell % width - end % width
-    left = np.int64(search.found[cell] & 255)
+    left = np.int64(found[cell] & 255)
     while left > 0:
         direction = _LOWEST[left]
         left &= left - 1
         by = search.offsets[direction]
         to, jump = cell + by & _NOT_NEGATIVE, 1
         # No step costs less than its length: most neighbours need no look at the map.
-        if 0.0 < reached[to] <= cost + _LENGTHS[direction] - tie:
+        if 0.0 < reached[to] <= cost + _LENGTHS[direction]:
             continue
         onward = follow[direction, masks[to]]
         while onward == 1 << direction and jump < longest and to != end:
@@ -344,27 +344,11 @@ def _expand_cell(
             continue
         factor = search.uniform if search.uniform > 0.0 else search.factors[search.costs[to]]
         new = cost + jump * _LENGTHS[direction] * factor
-        if _reach(search, to, new, direction << 8 | jump - 1 << 11, onward, tie):
+        if reached[to] == 0.0 or new < reached[to]:
+            reached[to], found[to] = new, direction << 8 | jump - 1 << 11 | onward
             down, right = _STEPS[direction]
             ahead = _estimate(row + jump * down, column + jump * right, guided)
-            _put(search, to, reached[to], new - least + ahead)
-
-
-@compiled
-@borrows
-def _reach(search: _Search, to: int, new: float, came: int, onward: int, tie: float) -> bool:
-    """Keep a path to a cell; return whether it is shorter, or as short and leads further."""
-    reached, found = search.reached, search.found
-    known = reached[to]
-    if known == 0.0 or new < known - tie:
-        reached[to], found[to] = new, came | onward
-        return True
-    if new >= known + tie or onward & ~np.int64(found[to]) == 0:
-        return False
-    if new < known:
-        reached[to], found[to] = new, came | found[to] & 255
-    found[to] |= onward
-    return True
+            _put(search, to, new, new - least + ahead)
 
 
 @compiled
