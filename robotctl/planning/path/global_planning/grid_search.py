@@ -4,6 +4,11 @@ Each step goes to one of eight neighbours and costs its length, 1 or sqrt(2) cel
 factor of the cell it leads to. A* (Hart, Nilsson, Raphael 1968) is led by the octile distance, the
 length of the shortest path without obstacles, which never overestimates since no factor is below 1.
 
+A table says, for the step into a cell and its free neighbours, where a best path may go on. Where
+all free cells have one factor, of paths that cost the same only that with its diagonal steps first
+is followed (jump point search: Harabor, Grastien 2011), and cells from which it only goes straight
+on are passed without an entry in the open list.
+
 The open list is of buckets (Dial 1969): entries whose estimates differ by less than a bucket's
 width come in no order, so a cell may be expanded again by a shorter path; the search ends when no
 bucket can hold a shorter one to the goal, and is exact. It works in pieces, so that its caller can
@@ -15,7 +20,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, Literal, TypeAlias
+from functools import cache
+from typing import Final, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,15 +39,23 @@ _RULES: Final[dict[Corners, int]] = {"both": 2, "one": 1, "none": 0}
 SQRT2: Final = math.sqrt(2.0)
 _BUCKET: Final = 0.5
 """Width of a bucket [cells]: half of the shortest step was the fastest of 0.1 to 1."""
-_PIECE: Final = 100_000
-"""Cells expanded between two looks at the time: some 10 ms."""
+_PIECE: Final = 10_000
+"""Cells expanded between two looks at the time: 1 to 5 ms."""
+_JUMP: Final = 32
+"""Maximum cells of a jump, of which a path keeps 5 bits."""
+_TIE: Final = 1e-7
+"""Difference between two lengths [cells] below which it is that of rounding."""
+_NOT_NEGATIVE: Final = (1 << 31) - 1
+"""Mask that tells the compiler that an index is not negative, which spares a test."""
 _GOING_ON, _POOL_FULL, _ENDED = 0, 1, 2
 _BUCKET_NOW, _LIVE, _USED, _SPARE, _EXPANDED = range(5)
 """Places in the state of a search."""
 
-_ROW_STEPS: Final = np.array([0, 0, 1, -1, 1, 1, -1, -1])
-_COLUMN_STEPS: Final = np.array([1, -1, 0, 0, 1, -1, 1, -1])
-_LENGTHS: Final = np.sqrt(np.abs(_ROW_STEPS) + np.abs(_COLUMN_STEPS))
+_STEPS: Final = ((0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1))
+"""Rows and columns of the eight steps, in the order of the bits of a mask."""
+_LENGTHS: Final = np.array([math.hypot(*step) for step in _STEPS])
+_LOWEST: Final = np.array([(mask & -mask).bit_length() - 1 for mask in range(256)])
+"""Lowest bit of each mask."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,30 +121,79 @@ def search_cells(
     padded = np.full((rows + 2, width), LETHAL, np.uint8)
     padded[1:-1, 1:-1] = costs
     begin, end = ((row + 1) * width + column + 1 for row, column in (start, goal))
-    reached = np.zeros(padded.size)  # cost + 1: a page of zeros costs nothing until it is touched
-    came = np.zeros(padded.size, np.int8)
-    buckets = np.full(
-        int(2.0 * SQRT2 * factors[factors < math.inf].max() / _BUCKET) + 3, -1, np.int32
-    )
-    links, paid = np.empty((2, 1024), np.int32), np.empty(1024)
-    state = np.zeros(5, np.int64)
-    _begin(reached, buckets, links, paid, state, begin)
+    search = _begin(padded, factors, _RULES[corners], begin)
     status, in_time = _GOING_ON, True
     while status != _ENDED:
-        status = _expand(
-            padded.ravel(), factors, reached, came, buckets, links, paid, state,
-            width, begin, end, _RULES[corners], guided, _PIECE,
-        )  # fmt: skip
+        status = _expand(search, width, begin, end, guided, _PIECE)
         if status == _POOL_FULL:
-            links = np.concatenate([links, np.empty_like(links)], axis=1)
-            paid = np.concatenate([paid, np.empty_like(paid)])
+            links, paid = search.links, search.paid
+            search = search._replace(
+                links=np.concatenate([links, np.empty_like(links)], axis=1),
+                paid=np.concatenate([paid, np.empty_like(paid)]),
+            )
         elif status == _GOING_ON and not goes_on():
             in_time = False
             break
-    expanded = int(state[_EXPANDED])
-    if reached[end] == 0.0 or not in_time:
+    expanded = int(search.state[_EXPANDED])
+    if search.reached[end] == 0.0 or not in_time:
         return CellPath(np.empty((0, 2), np.int64), math.inf, expanded, in_time)
-    return CellPath(_path(came, width, begin, end), reached[end] - 1.0, expanded)
+    cells = _path(search.found, search.offsets, width, begin, end)
+    return CellPath(cells, search.reached[end] - 1.0, expanded)
+
+
+class _Search(NamedTuple):
+    """Arrays of a search, as compiled code takes them; those of cells are flat, with a rim."""
+
+    costs: NDArray[np.uint8]
+    factors: NDArray[np.float64]
+    masks: NDArray[np.uint8]
+    """Free neighbours of each cell."""
+    follow: NDArray[np.uint8]
+    """Steps onward by a cell's last step and mask."""
+    offsets: NDArray[np.int64]
+    """Cells on in the map for each step."""
+    reached: NDArray[np.float64]
+    """Cost to each cell + 1, as a page of zeros costs nothing until it is touched; 0: not yet."""
+    found: NDArray[np.uint16]
+    """Steps onward from each cell (8 bits), the step that led there (3 bits), and the cells of that
+    jump - 1."""
+    buckets: NDArray[np.int32]
+    """First entry of each."""
+    links: NDArray[np.int32]
+    """Cell of each entry and the next entry of its bucket; those taken out form a list as well and
+    are used again, which keeps the open list in the cache."""
+    paid: NDArray[np.float64]
+    """Cost + 1 of each entry."""
+    state: NDArray[np.int64]
+    uniform: float
+    """Factor of all free cells; 0: they differ."""
+
+
+def _begin(
+    padded: NDArray[np.uint8], factors: NDArray[np.float64], corners: int, begin: int
+) -> _Search:
+    """Return a search with the start in its first bucket."""
+    finite = factors[factors < math.inf]
+    uniform = float(finite[0]) if finite.min() == finite.max() else 0.0
+    span = int(2.0 * SQRT2 * finite.max() * (_JUMP if uniform else 1) / _BUCKET) + 3
+    search = _Search(
+        padded.ravel(),
+        factors,
+        _free_neighbours(padded, factors < math.inf),
+        _directions(corners, uniform > 0.0),
+        np.array([row * padded.shape[1] + column for row, column in _STEPS]),
+        np.zeros(padded.size),
+        np.zeros(padded.size, np.uint16),
+        np.full(1 << span.bit_length(), -1, np.int32),
+        np.empty((2, 1024), np.int32),
+        np.empty(1024),
+        np.zeros(5, np.int64),
+        uniform,
+    )
+    search.state[_SPARE] = -1
+    search.reached[begin], search.found[begin] = 1.0, search.follow[-1, search.masks[begin]]
+    _put(search, begin, 1.0, 0.0)
+    return search
 
 
 def _check(
@@ -154,20 +217,65 @@ def octile_length(cells: NDArray[np.int64]) -> float:
     return float(np.count_nonzero(steps == 1) + SQRT2 * np.count_nonzero(steps == 2))
 
 
+@cache
+def _directions(corners: int, is_uniform: bool) -> NDArray[np.uint8]:
+    """Return where a best path goes on, (9, 256) masks of steps, by a cell's last step and mask.
+
+    A step is left out if the cell before leads there past this cell for less, or, where all factors
+    are the same, for the same with the diagonal step first. The straight step after that is never
+    left out for the same, so that it does not matter which of several best paths to a cell is kept.
+    The last row is of the start.
+    """
+    bits = np.arange(256)
+    free = {step: bits >> k & 1 for k, step in enumerate(_STEPS)}
+    free[0, 0] = np.ones_like(bits)
+
+    def allowed(here: tuple[int, int], to: tuple[int, int]) -> NDArray[np.bool_]:
+        if max(abs(to[0] - here[0]), abs(to[1] - here[1])) != 1:
+            return np.zeros(256, np.bool_)
+        is_straight = here[0] == to[0] or here[1] == to[1]
+        beside = free[here[0], to[1]] + free[to[0], here[1]]
+        return (free[to] > 0) & (is_straight | (beside >= corners))
+
+    follow = np.zeros((9, 256), np.uint8)
+    for last, (down, right) in enumerate((*_STEPS, (0, 0))):
+        before = -down, -right
+        for k, to in enumerate(_STEPS):
+            taken = allowed((0, 0), to) & (last == 8 or math.dist(before, to) > 1.0)
+            if last < 8 and is_uniform:
+                taken &= ~allowed(before, to) & (before != to)
+                first, both = _LENGTHS[last], _LENGTHS[last] + _LENGTHS[k]
+                for by in set(_STEPS) - {before, to}:
+                    other = math.dist(before, by)
+                    saved = both - other - math.dist(by, to)
+                    if saved > _TIE or (saved > -_TIE and other > first):
+                        taken &= ~(allowed(before, by) & allowed(by, to))
+            follow[last] |= (taken << k).astype(np.uint8)
+    return follow
+
+
 @compiled
-def _begin(
-    reached: NDArray[np.float64],
-    buckets: NDArray[np.int32],
-    links: NDArray[np.int32],
-    paid: NDArray[np.float64],
-    state: NDArray[np.int64],
-    begin: int,
-) -> None:
-    """Put the start into the first bucket."""
-    reached[begin] = 1.0
-    links[0, 0], links[1, 0], paid[0] = begin, -1, 1.0
-    buckets[0] = 0
-    state[_LIVE], state[_USED], state[_SPARE] = 1, 1, -1
+def _free_neighbours(costs: NDArray[np.uint8], is_free: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """Return the mask of each cell's free neighbours, flat; 0 at the rim."""
+    rows, columns = costs.shape
+    free = np.empty((rows, columns), np.uint8)
+    for row in range(rows):
+        line, source = free[row], costs[row]
+        for i in range(columns):
+            line[i] = is_free[source[i]]
+    masks = np.zeros((rows, columns), np.uint8)
+    for row in range(1, rows - 1):
+        to = masks[row, 1:-1]
+        above, here, below = free[row - 1], free[row], free[row + 1]
+        north_west, north, north_east = above[:-2], above[1:-1], above[2:]
+        west, east = here[:-2], here[2:]
+        south_west, south, south_east = below[:-2], below[1:-1], below[2:]
+        for i in range(columns - 2):
+            to[i] = (
+                east[i] | west[i] << 1 | south[i] << 2 | north[i] << 3
+                | south_east[i] << 4 | south_west[i] << 5 | north_east[i] << 6 | north_west[i] << 7
+            )  # fmt: skip
+    return masks.ravel()
 
 
 @compiled
@@ -181,121 +289,102 @@ def _estimate(rows: int, columns: int, guided: bool) -> float:
 
 @compiled
 @borrows
-def _expand(
-    costs: NDArray[np.uint8],
-    factors: NDArray[np.float64],
-    reached: NDArray[np.float64],
-    came: NDArray[np.int8],
-    buckets: NDArray[np.int32],
-    links: NDArray[np.int32],
-    paid: NDArray[np.float64],
-    state: NDArray[np.int64],
-    width: int,
-    begin: int,
-    end: int,
-    rule: int,
-    guided: bool,
-    piece: int,
-) -> int:
-    """Expand up to `piece` cells; return whether the search continues, needs room, or has ended.
-
-    `links` holds the cell of each entry and the next entry of its bucket; entries that were taken
-    out are chained from `state[_SPARE]` and used again, which keeps the list in the cache.
-    """
-    count, size = len(buckets), links.shape[1]
-    goal_row, goal_column = end // width, end % width
-    least = _estimate(begin // width - goal_row, begin % width - goal_column, guided)
+def _expand(search: _Search, width: int, begin: int, end: int, guided: bool, piece: int) -> int:
+    """Expand up to `piece` cells; return whether the search continues, needs room, or has ended."""
+    state, reached, buckets, links = search.state, search.reached, search.buckets, search.links
+    least = _estimate(begin // width - end // width, begin % width - end % width, guided)
     last = state[_EXPANDED] + piece
     while state[_LIVE] > 0:
         if reached[end] > 0.0 and least + state[_BUCKET_NOW] * _BUCKET >= reached[end] - 1.0:
             break
-        slot = state[_BUCKET_NOW] % count
+        slot = state[_BUCKET_NOW] & len(buckets) - 1
         entry = buckets[slot]
         if entry < 0:
             state[_BUCKET_NOW] += 1
             continue
         if state[_EXPANDED] >= last:
             return _GOING_ON
-        if size - state[_USED] < 8:
+        if links.shape[1] - state[_USED] < 8:
             return _POOL_FULL
-        cell, cost = links[0, entry], paid[entry]
+        cell, cost = links[0, entry] & _NOT_NEGATIVE, search.paid[entry]
         buckets[slot] = links[1, entry]
         links[1, entry] = state[_SPARE]
         state[_SPARE] = entry
         state[_LIVE] -= 1
-        if cost > reached[cell]:
-            continue  # a shorter path to it has been found since
-        state[_EXPANDED] += 1
-        row, column = cell // width, cell % width
-        for direction in range(8):
-            row_step, column_step = _ROW_STEPS[direction], _COLUMN_STEPS[direction]
-            to = cell + row_step * width + column_step
-            known = reached[to]
-            # No step costs less than its length: most neighbours need no look at the map.
-            if 0.0 < known <= cost + _LENGTHS[direction]:
-                continue
-            new = cost + _step_cost(costs, factors, cell, row_step * width, column_step, rule)
-            if new == np.inf or 0.0 < known <= new:
-                continue
-            reached[to] = new
-            came[to] = direction
-            left = _estimate(row + row_step - goal_row, column + column_step - goal_column, guided)
-            _put(buckets, links, paid, state, to, new, new - 1.0 - least + left)
+        if cost <= reached[cell]:  # no shorter path to it has been found since
+            state[_EXPANDED] += 1
+            _expand_cell(search, width, end, guided, cell, cost, 1.0 + least)
     return _ENDED
 
 
 @compiled
 @borrows
-def _step_cost(
-    costs: NDArray[np.uint8],
-    factors: NDArray[np.float64],
-    cell: int,
-    down: int,
-    right: int,
-    rule: int,
-) -> float:
-    """Return the cost of the step to a neighbour; inf if it is not allowed."""
-    factor: float = factors[costs[cell + down + right]]
-    if down == 0 or right == 0 or factor == np.inf:
-        return factor
-    across, along = factors[costs[cell + right]], factors[costs[cell + down]]
-    return SQRT2 * factor if (across < np.inf) + (along < np.inf) >= rule else np.inf
+def _expand_cell(
+    search: _Search, width: int, end: int, guided: bool, cell: int, cost: float, least: float
+) -> None:
+    """Go on from a cell, in each direction to the next cell with more than one way on."""
+    follow, masks, reached, found = search.follow, search.masks, search.reached, search.found
+    longest = _JUMP if search.uniform > 0.0 else 1
+    row, column = cell // width - end // width, cell % width - end % width
+    left = np.int64(found[cell] & 255)
+    while left > 0:
+        direction = _LOWEST[left]
+        left &= left - 1
+        by = search.offsets[direction]
+        to, jump = cell + by & _NOT_NEGATIVE, 1
+        # No step costs less than its length: most neighbours need no look at the map.
+        if 0.0 < reached[to] <= cost + _LENGTHS[direction]:
+            continue
+        onward = follow[direction, masks[to]]
+        while onward == 1 << direction and jump < longest and to != end:
+            to = to + by & _NOT_NEGATIVE
+            jump += 1
+            onward = follow[direction, masks[to]]
+        if onward == 0 and to != end:
+            continue
+        factor = search.uniform if search.uniform > 0.0 else search.factors[search.costs[to]]
+        new = cost + jump * _LENGTHS[direction] * factor
+        if reached[to] == 0.0 or new < reached[to]:
+            reached[to], found[to] = new, direction << 8 | jump - 1 << 11 | onward
+            down, right = _STEPS[direction]
+            ahead = _estimate(row + jump * down, column + jump * right, guided)
+            _put(search, to, new, new - least + ahead)
 
 
 @compiled
 @borrows
-def _put(
-    buckets: NDArray[np.int32],
-    links: NDArray[np.int32],
-    paid: NDArray[np.float64],
-    state: NDArray[np.int64],
-    cell: int,
-    cost: float,
-    estimate: float,
-) -> None:
+def _put(search: _Search, cell: int, cost: float, estimate: float) -> None:
     """Put a cell into the bucket of its estimate."""
-    slot = max(int(estimate / _BUCKET), state[_BUCKET_NOW]) % len(buckets)
+    state, links, buckets = search.state, search.links, search.buckets
+    slot = max(int(estimate / _BUCKET), state[_BUCKET_NOW]) & len(buckets) - 1
     entry = state[_SPARE]
     if entry >= 0:
         state[_SPARE] = links[1, entry]
     else:
         entry = state[_USED]
         state[_USED] += 1
-    links[0, entry], links[1, entry], paid[entry] = cell, buckets[slot], cost
+    links[0, entry], links[1, entry], search.paid[entry] = cell, buckets[slot], cost
     buckets[slot] = entry
     state[_LIVE] += 1
 
 
 @compiled
-def _path(came: NDArray[np.int8], width: int, begin: int, end: int) -> NDArray[np.int64]:
-    """Return the cells (n, 2) from start to goal by the direction in which each was reached."""
+def _path(
+    found: NDArray[np.uint16], offsets: NDArray[np.int64], width: int, begin: int, end: int
+) -> NDArray[np.int64]:
+    """Return the cells (n, 2) from start to goal by the jump with which each was reached."""
     count, cell = 1, end
     while cell != begin:
-        cell -= _ROW_STEPS[came[cell]] * width + _COLUMN_STEPS[came[cell]]
-        count += 1
+        jump = (found[cell] >> 11) + 1
+        cell -= jump * offsets[found[cell] >> 8 & 7]
+        count += jump
     cells = np.empty((count, 2), np.int64)
-    cell = end
-    for at in range(count - 1, -1, -1):
-        cells[at, 0], cells[at, 1] = cell // width - 1, cell % width - 1
-        cell -= _ROW_STEPS[came[cell]] * width + _COLUMN_STEPS[came[cell]]
+    cells[0] = begin // width - 1, begin % width - 1
+    cell, at = end, count - 1
+    while cell != begin:
+        step, jump = offsets[found[cell] >> 8 & 7], (found[cell] >> 11) + 1
+        for _ in range(jump):
+            cells[at] = cell // width - 1, cell % width - 1
+            cell -= step
+            at -= 1
     return cells
