@@ -44,13 +44,15 @@ def nobody(_):
     return np.empty((0, 5))
 
 
-def drive(name, space, plan, start, seconds, model=DRIVE, seed=0, moving=nobody, effort=1.0):
+def drive(
+    name, space, plan, start, seconds, model=DRIVE, seed=0, moving=nobody, effort=1.0, margin_m=0.04
+):
     """Yield time, pose, twist and motion of each step of a robot that follows a plan.
 
     Commands arrive a step late, and 1 cm and 1 degree of noise are on its pose.
     """
     rng = np.random.default_rng(seed)
-    config = ControllerConfig(deceleration_m_s2=1.5, samples=300)
+    config = ControllerConfig(deceleration_m_s2=1.5, samples=300, margin_m=margin_m)
     controller = CONTROLLERS[name](config, model, LIMITS, space.footprint)
     limiter, pose, twist, late = TwistLimiter(LIMITS), start, Twist(0.0, 0.0), Twist(0.0, 0.0)
     reverse = plan.reverse if len(plan.reverse) else np.zeros(len(plan.poses) - 1, np.bool_)
@@ -235,7 +237,7 @@ def test_it_keeps_to_its_path_through_a_door_that_hardly_leaves_room(name, seed,
         poses = [[2.0, 4.0, 0.0], [5.5, 4.0, 0.0]]
     plan = Plan(np.array(poses), 3.0, 0)
     start = SE2(poses[0][0], poses[0][1] + 0.03, poses[0][2])
-    for _, pose, _, motion in drive(name, space, plan, start, 30.0, model, seed):
+    for _, pose, _, motion in drive(name, space, plan, start, 30.0, model, seed, margin_m=0.06):
         at = space.to_cells(pose)
         assert not space.collides(np.array([[at.x_m, at.y_m, at.theta_rad]])).any()
         if 3.6 < pose.x_m < 4.2:
