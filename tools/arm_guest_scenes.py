@@ -331,7 +331,8 @@ def patrol() -> None:
     """Drive some metres of the patrol."""
     rig = Rig()
     rig.drive()
-    rig.wait("three metres on", lambda: rig.truth.distance_m > 3.0, 30.0)
+    place_m = rig.truth.distance_m
+    rig.wait("three metres on", lambda: rig.truth.distance_m - place_m > 3.0, 30.0)
     state, truth = rig.control, rig.truth
     say(f"truth {truth.x_m:.2f}, {truth.y_m:.2f}; odometry {state.x_m:.2f}, {state.y_m:.2f}")
     say(f"{rig.control.loop}")
