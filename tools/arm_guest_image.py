@@ -68,9 +68,24 @@ RuntimeDirectoryMode=0700
 StateDirectory=firmware
 ExecStartPre=ip link set can1 up type can bitrate 1000000 sample-point 0.75 restart-ms 100
 ExecStart=/opt/robotctl/bin/python -u -m firmware_sim --robot /mnt/robot.toml --world flat \
---start 1,1,0 --bus can1 --state /var/lib/firmware --truth ipc:///run/firmware/truth --priority 60
+--start 2.5,1.2,0 --bus can1 --state /var/lib/firmware --truth ipc:///run/firmware/truth \
+--priority 60
 ExecStopPost=ip link set can1 down
 """
+MISSION: Final = """name = "circle"
+world = "flat"
+start = { x_m = 2.5, y_m = 1.2, heading_deg = 0.0 }
+
+[[item]]
+kind = "circle"
+x_m = 2.5
+y_m = 2.5
+radius_m = 1.3
+turns = 100
+speed_m_s = 0.45
+"""
+"""A service that starts anew takes the place where it stands for the start: on a circle that is the
+same circle, so nothing is ever in the way."""
 FILES: Final = {
     "etc/hostname": "robot\n",
     "etc/hosts": "127.0.0.1 localhost robot\n::1 localhost\n",
@@ -271,7 +286,7 @@ def _early_root(root: Path, folder: Path) -> None:
 
 
 def stick(computer: Computer, folder: Path) -> tuple[Path, str]:
-    """Return a disk with all wheels, the robot's file and the scenes, and what the wheel is."""
+    """Return a disk with all wheels, the robot's files and the scenes, and what the wheel is."""
     content = folder / "stick"
     shutil.copytree(_dependencies(computer), content / "wheels", copy_function=os.link)
     wheel = _wheel(computer, folder)
@@ -281,6 +296,7 @@ def stick(computer: Computer, folder: Path) -> tuple[Path, str]:
         (content / "uv").write_bytes(archive.read(program))
     (content / "uv").chmod(0o755)
     shutil.copy(ROOT / "configs/diff_drive.toml", content / "robot.toml")
+    (content / "circle.toml").write_text(MISSION)
     shutil.copy(ROOT / "tools/arm_guest_scenes.py", content)
     disk = folder / "stick.img"
     size = sum(path.stat().st_size for path in content.rglob("*") if path.is_file())

@@ -137,12 +137,14 @@ class Rig:
             self._beat_s = time.monotonic()
             try:
                 self._mav.heartbeat_send(6, 8, 0, 0, 0)
-                self._station.recv(65536)  # what nobody waits for is not worth being read
+                self.heard()  # what nobody waits for is not worth being read
             except OSError:
                 self._mav = None
 
-    def wait(self, what: str, is_so: Callable[[], Any], seconds: float) -> None:
-        """Wait until something is so.
+    def wait(
+        self, what: str, is_so: Callable[[], Any], seconds: float, every_s: float = 0.02
+    ) -> None:
+        """Wait until something is so, looked at again and again.
 
         Raises
         ------
@@ -154,8 +156,13 @@ class Rig:
             if time.monotonic() - began_s > seconds:
                 raise SceneError(f"not within {seconds:g} s: {what}\n{self.told()}")
             self.listen()
-            time.sleep(0.02)
+            time.sleep(every_s)
         say(f"{what}: after {time.monotonic() - began_s:.2f} s")
+
+    def serves(self, *, active: bool = True, within_s: float = 120.0) -> None:
+        """Wait until the service is active, or is not; to ask systemd costs the guest time."""
+        what = "the service is active" if active else "the service has ended"
+        self.wait(what, lambda: (service()["ActiveState"] == "active") is active, within_s, 0.5)
 
     def told(self) -> str:
         """Return all that is known, for a scene that failed."""
@@ -178,6 +185,18 @@ class Rig:
                 self._mav = common.MAVLink(file, srcSystem=255)
                 self._mav.robust_parsing = True
 
+    def heard(self) -> bytes:
+        """Return what the robot sent to the station.
+
+        Raises
+        ------
+        OSError
+            If it sends nothing for a second, or has closed the link.
+        """
+        if not (data := self._station.recv(65536)):
+            raise ConnectionResetError
+        return data
+
     def command(self, number: int, *params: float) -> bool:
         """Send a command and return whether it was accepted."""
         self.connect()
@@ -187,7 +206,7 @@ class Rig:
             self._mav.heartbeat_send(6, 8, 0, 0, 0)
             self._mav.command_long_send(1, 1, number, 0, *padded)
             while time.monotonic() < until_s:
-                for answer in self._mav.parse_buffer(self._station.recv(65536)) or ():
+                for answer in self._mav.parse_buffer(self.heard()) or ():
                     if answer.get_type() == "COMMAND_ACK" and answer.command == number:
                         return bool(answer.result == 0)
         except OSError:
@@ -255,33 +274,37 @@ class Rig:
             raise SceneError(f"unsafe: {self.truth}")
 
 
-def expect(text: str, *any_of: str) -> None:
-    """See that a text has one of some phrases, and say its line.
+def expect(told: Callable[[], str], phrase: str, within_s: float = 10.0) -> None:
+    """Wait until a phrase is told, and say its line.
 
     Raises
     ------
     SceneError
-        If it has none of them.
+        If it is not in time.
     """
-    for line in text.splitlines():
-        if any(each in line for each in any_of):
-            say(f"said: {line.strip()}")
-            return
-    raise SceneError(f"nobody said {' or '.join(any_of)}:\n{text}")
+    until_s = time.monotonic() + within_s
+    while True:
+        text = told()
+        for line in text.splitlines():
+            if phrase in line:
+                say(f"said: {line.strip()}")
+                return
+        if time.monotonic() > until_s:
+            raise SceneError(f"nobody said {phrase}:\n{text}")
+        time.sleep(0.5)
+
+
+def can0() -> str:
+    """Return what the kernel tells of the CAN link."""
+    return ask("ip", "-details", "-statistics", "link", "show", "can0")
 
 
 def link() -> None:
     """See that the CAN link is as our files say, and that doctor agrees."""
-    shown = ""
-    until_s = time.monotonic() + 30.0
-    while "can state ERROR-ACTIVE" not in shown and time.monotonic() < until_s:
-        time.sleep(0.5)
-        shown = ask("ip", "-details", "link", "show", "can0")
-    expect(shown, "can state ERROR-ACTIVE")
-    while "ready" not in ask("journalctl", "--boot", "--unit=firmware", "--output=cat"):
-        if time.monotonic() > until_s + 60.0:
-            raise SceneError(ask("systemctl", "status", "firmware"))
-        time.sleep(1.0)
+    expect(can0, "can state ERROR-ACTIVE", 30.0)
+    firmware = "journalctl", "--boot", "--unit=firmware", "--output=cat"
+    expect(lambda: ask(*firmware), "ready", 90.0)
+    shown = can0()
     for part in ("bitrate 1000000 ", "sample-point 0.750", "restart-ms 100", "qlen 16"):
         if part not in shown:
             raise SceneError(f"can0 has no {part}:\n{shown}")
@@ -299,7 +322,7 @@ def link() -> None:
 def service_started() -> None:
     """See that the service has started by itself and waits to be armed."""
     rig = Rig()
-    rig.wait("the service is active", lambda: service()["ActiveState"] == "active", 120.0)
+    rig.serves()
     rig.wait("ready to arm", lambda: rig.ready, 60.0)
     say(service()["StatusText"])
 
@@ -308,7 +331,8 @@ def patrol() -> None:
     """Drive some metres of the patrol."""
     rig = Rig()
     rig.drive()
-    rig.wait("three metres on", lambda: rig.truth.distance_m > 3.0, 30.0)
+    place_m = rig.truth.distance_m
+    rig.wait("three metres on", lambda: rig.truth.distance_m - place_m > 3.0, 30.0)
     state, truth = rig.control, rig.truth
     say(f"truth {truth.x_m:.2f}, {truth.y_m:.2f}; odometry {state.x_m:.2f}, {state.y_m:.2f}")
     say(f"{rig.control.loop}")
@@ -323,7 +347,7 @@ def killed() -> None:
     os.kill(process_of("robotctl-control"), signal.SIGKILL)
     rig.stands(1.0)
     rig.is_back_disarmed(60.0)
-    expect(journal(since_s), "control")
+    expect(lambda: journal(since_s), "control ended")
     rig.drives_again()
 
 
@@ -335,10 +359,11 @@ def unplugged() -> None:
     device = Path("/sys/class/net/can0/device").resolve()
     (device / "remove").write_text("1")
     rig.stands(1.0)
-    rig.wait("the service has ended", lambda: service()["ActiveState"] != "active", 30.0)
-    expect(journal(since_s), "stopped: ")
+    rig.serves(active=False, within_s=30.0)
+    expect(lambda: journal(since_s), "stopped: ")
+    expect(lambda: journal(since_s), "flight recorder written to")
     Path("/sys/bus/pci/rescan").write_text("1")
-    rig.wait("the service is active", lambda: service()["ActiveState"] == "active", 120.0)
+    rig.serves()
     rig.is_back_disarmed(60.0)
     rig.drives_again()
 
@@ -353,11 +378,10 @@ def bus_off() -> None:
     say(f"host: bus off {said.split()[0]}")
     rig.wait("it notices", lambda: rig.control.state.name == "FAULT", 10.0)
     rig.stands(1.0)
-    expect(journal(since_s), "stopped: ")
+    expect(lambda: journal(since_s), "stopped: ")
     say_error_frames(told)
-    shown = ask("ip", "-details", "-statistics", "link", "show", "can0")
-    say(" ".join(shown.split()))
-    expect(shown, "can state ERROR-ACTIVE")
+    expect(can0, "can state ERROR-ACTIVE")
+    say(" ".join(can0().split()))
     if service()["InvocationID"] != before:
         raise SceneError("the service was started anew")
     rig.drives_again()
@@ -390,15 +414,15 @@ def frozen() -> None:
     """Freeze the supervisor while it drives: systemd's watchdog ends all and starts it anew."""
     rig = Rig()
     rig.drive()
-    before = service()
+    since_s, before = time.time(), service()
     os.kill(int(before["MainPID"]), signal.SIGSTOP)
     rig.wait(
         "the watchdog bites", lambda: service()["InvocationID"] != before["InvocationID"]
-        or service()["ActiveState"] != "active", 20.0,
+        or service()["ActiveState"] != "active", 20.0, 0.5,
     )  # fmt: skip
     rig.stands(5.0)
-    rig.wait("the service is active", lambda: service()["ActiveState"] == "active", 120.0)
-    expect(journal(time.time() - 200.0), "atchdog")
+    rig.serves()
+    expect(lambda: journal(since_s), "Watchdog timeout")
     rig.is_back_disarmed(60.0)
     rig.drives_again()
 
@@ -409,8 +433,7 @@ def before_the_cut() -> None:
     rig.drive()
     first = saved_odometer_m()
     rig.wait("saved on the way", lambda: saved_odometer_m() > first + 0.2, 20.0)
-    until_s = time.monotonic() + 1.0
-    rig.wait("and a bit more", lambda: time.monotonic() > until_s, 3.0)
+    rig.wait("and further", lambda: rig.control.odometer_m > saved_odometer_m() + 0.5, 10.0)
     marks = {"odometer_m": rig.control.odometer_m, "saved_m": saved_odometer_m()}
     say(f"host: cut {json.dumps(marks)}")
     time.sleep(60.0)
@@ -420,7 +443,7 @@ def after_the_cut() -> None:
     """See that nothing is lost but the last seconds, and that the odometer goes on."""
     marks = json.loads(sys.argv[2])
     rig = Rig()
-    rig.wait("the service is active", lambda: service()["ActiveState"] == "active", 120.0)
+    rig.serves()
     rig.wait("ready to arm", lambda: rig.ready, 60.0)
     odometer_m = rig.control.odometer_m
     before = f"odometer {marks['odometer_m']:.2f} m, saved {marks['saved_m']:.2f} m"

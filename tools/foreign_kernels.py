@@ -16,6 +16,7 @@ from typing import Any
 from llvmlite import binding
 
 from native_kernels.build import build_library
+from native_kernels.cache import cache_of, processor
 from native_kernels.library import BASELINES, wheel_library_path
 
 PACKAGES = ("robotctl", "firmware_sim")
@@ -50,6 +51,10 @@ def emit(module: Any, machine: str) -> bytes:
 
 def main(machine: str, folder: Path) -> None:
     """Make them, with Debian's compilers for that machine."""
+    for cache in map(cache_of, PACKAGES):
+        # What is not in the library would be compiled by the computer that gets it, for minutes.
+        if not cache.is_complete(processor()):
+            sys.exit(f"{cache.folder}: not all kernels are compiled: run `make setup` first")
     programs = shutil.which(f"{machine}-linux-gnu-gcc"), shutil.which(f"{machine}-linux-gnu-g++")
     for package in PACKAGES:
         (folder / package).mkdir(parents=True, exist_ok=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 import errno
+import os
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -14,7 +15,7 @@ from robotctl.runtime.flight.recorder import RecordError
 from robotctl.runtime.flight.ring import Part, RingReader, dump, dump_size
 from robotctl.runtime.storage.atomic_file import remove_parts
 from robotctl.runtime.storage.log_folder import LogFolder, age_rank, close_log, is_gone
-from robotctl.runtime.storage.ring_file import crashed
+from robotctl.runtime.storage.ring_file import crashed, leads_to
 from robotctl.safety.state_machine import LATCHED
 
 AFTERMATH_NS: Final = 1_000_000_000
@@ -116,8 +117,11 @@ class FlightDumps:
         self._ring = ring
         self._directory = directory
         self._latched = False
-        self._fault: BinaryIO | None = None
-        """Ring of the fault to be dumped, open: a control process that ends removes its path."""
+        self._newest: int | None = None
+        """Descriptor of the newest ring: a control process that ends removes its path, and its last
+        fault may be heard afterwards."""
+        self._fault: int | None = None
+        """Descriptor of the ring of the fault to be dumped."""
         self._due_ns: int | None = None
         self._retry_ns: int | None = None
         for kind in _KINDS:
@@ -125,13 +129,12 @@ class FlightDumps:
 
     def step(self, messages: Sequence[object], now_ns: int) -> tuple[str, ...]:
         """Take published messages; return a sentence for each dump or its failure."""
+        self._open_newest()
         for message in messages:
             if isinstance(message, ControlState):
                 latched = message.state in LATCHED
                 if latched and not self._latched and self._due_ns is None:
-                    self._due_ns = now_ns + AFTERMATH_NS
-                    with suppress(OSError):  # reported when it is to be read
-                        self._fault = self._ring.open("rb")
+                    self._due_ns, self._fault = now_ns + AFTERMATH_NS, self._newest
                 self._latched = latched
         notes: tuple[str, ...] = ()
         if self._retry_ns is None or now_ns >= self._retry_ns:
@@ -145,12 +148,25 @@ class FlightDumps:
         notes = self._dump_crash(0)
         if self._due_ns is not None:
             notes += self._dump_fault()
+        if self._newest is not None:
+            os.close(self._newest)
+            self._newest = None
         return notes
+
+    def _open_newest(self) -> None:
+        """Open the ring, if it is not the one that is open."""
+        before = self._newest
+        if before is not None and leads_to(self._ring, before):
+            return
+        with suppress(OSError):  # none is written now; reported when it is to be read
+            self._newest = os.open(self._ring, os.O_RDONLY | os.O_CLOEXEC)
+            if before not in (None, self._fault):
+                os.close(before)
 
     def _dump_fault(self) -> tuple[str, ...]:
         """Write the ring of the control process that had the fault."""
         notes: list[str] = []
-        ring = Path(f"/proc/self/fd/{self._fault.fileno()}") if self._fault else self._ring
+        ring = self._ring if self._fault is None else Path(f"/proc/self/fd/{self._fault}")
         with suppress(OSError):  # reported in the notes; a retry in a minute would miss the fault
             self._dump(ring, "fault", notes, make_room=True)
         self._forget_fault()
@@ -159,9 +175,9 @@ class FlightDumps:
     def _forget_fault(self) -> None:
         """Wait for no dump of a fault."""
         self._due_ns = None
-        if self._fault is not None:
-            self._fault.close()
-            self._fault = None
+        if self._fault not in (None, self._newest):
+            os.close(self._fault)
+        self._fault = None
 
     def _dump_crash(self, now_ns: int) -> tuple[str, ...]:
         """Write the ring of a crashed control process, and remove it."""

@@ -103,6 +103,18 @@ def test_a_stop_is_dumped_though_control_ends_and_removes_its_ring_before(
     assert replay_file(fault).result.agreed == 100
 
 
+def test_a_stop_that_is_heard_after_control_has_removed_its_ring_is_dumped(
+    tmp_path: Path, loop: Loop
+) -> None:
+    dumps = FlightDumps(tmp_path / "a.ring", tmp_path / "flights")
+    loop.ticks(100)
+    assert dumps.step([], 0) == ()
+    loop.ring.close()
+    assert dumps.step([state(SafetyState.FAULT)], 0) == ()
+    (note,) = dumps.close()
+    assert "flight recorder written to" in note
+
+
 def test_a_crash_is_dumped_by_whoever_comes_next(tmp_path: Path, loop: Loop) -> None:
     loop.ticks(1000)
     loop.ring._let_go()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.machinery
 import importlib.util
+import os
 import re
 import socket
 import subprocess
@@ -39,6 +40,16 @@ def test_an_unknown_scene_is_refused_with_those_that_there_are() -> None:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert "kiled: no such scene; there are install, link, start, patrol, killed" in done.stderr
+
+
+def test_a_library_is_not_made_of_kernels_of_which_some_are_not_compiled(tmp_path: Path) -> None:
+    command = [sys.executable, TOOL.with_name("foreign_kernels.py"), "aarch64", tmp_path / "made"]
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "empty")}
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+    assert done.returncode == 1
+    assert "empty" in done.stderr
+    assert "run `make setup` first" in done.stderr
+    assert not (tmp_path / "made").exists()
 
 
 @pytest.mark.parametrize(
