@@ -29,10 +29,16 @@ _APART_M: Final = 1.0
 """Distance between the places that they lead to [m]."""
 _FARTHEST_M: Final = 8.0
 """Maximum distance of a place aside [m]."""
+_THERE_M: Final = 0.1
+"""Length of the path aside that need not be driven [m]."""
 _SPARE_S: Final = 0.5
 """Time by which the robot leaves a lane before somebody is there [s]."""
 _TURN_RAD_S: Final = 1.0
 """Rate of a turn on the spot, in what a path takes [rad/s]."""
+_BLOCKED_NS: Final = 1_000_000_000
+"""Time for which the path aside is blocked before another one is looked for [ns]."""
+_GEAR_S: Final = 1.0
+"""Time of a change of gear [s]."""
 _SAME_M: Final = 1.0
 """Distance within which something that moves is the one that was expected there [m]."""
 _PASSED_M: Final = 0.5
@@ -70,13 +76,15 @@ class GiveWay:
         self.route: Route | None = None
         """The path aside; None: it gives way to nobody."""
         self._lane: Lane | None = None
-        self._seen_ns = self._since_ns = 0
+        self._seen_ns = self._since_ns = self._blocked_ns = 0
         self._expected = 0
 
-    def give_up(self, now_ns: int) -> None:
-        """End, and do not begin again for as long as it may last."""
-        self._not_before_ns = now_ns + round(1e9 * self._config.give_way_s)
-        self.end()
+    def note_blocked(self, now_ns: int, *, blocked: bool) -> None:
+        """Look for another place where the path to this one has been blocked for a while."""
+        if not blocked:
+            self._blocked_ns = now_ns
+        elif now_ns - self._blocked_ns > _BLOCKED_NS:
+            self.end()
 
     def step(self, pose: SE2, route: Route | None, speed_m_s: float, now_ns: int) -> Route | None:
         """Return the path aside; None: nobody needs it.
@@ -97,6 +105,11 @@ class GiveWay:
             self._begin(lanes, pose, route, speed_m_s, now_ns)
         return self.route
 
+    @property
+    def is_aside(self) -> bool:
+        """Whether the robot is where it waits."""
+        return self.route is not None and self.route.left_m < _THERE_M
+
     def _watch(self, lane: Lane, lanes: list[Lane], pose: SE2, now_ns: int) -> None:
         """Follow who was expected, seen or not, until past the robot."""
         expected = lane.after((now_ns - self._seen_ns) * 1e-9)
@@ -110,7 +123,8 @@ class GiveWay:
         if float(expected.ahead_m(here)) < -self._footprint.reach_m - _PASSED_M:
             self.end()
         elif now_ns - self._since_ns > round(1e9 * self._config.give_way_s):
-            self.give_up(now_ns)
+            self._not_before_ns = now_ns + round(1e9 * self._config.give_way_s)
+            self.end()
 
     def _begin(
         self, lanes: list[Lane], pose: SE2, route: Route, speed_m_s: float, now_ns: int
@@ -132,7 +146,8 @@ class GiveWay:
             plan = self._plan(pose, goal)
             if plan is not None and self._is_in_time(plan, pose, lanes, speed_m_s):
                 self.route = Route(plan, leads_there=False)
-                self._lane, self._seen_ns, self._since_ns = lane, now_ns, now_ns
+                self._lane = lane
+                self._seen_ns = self._since_ns = self._blocked_ns = now_ns
                 return
 
     def _has_room(self, lane: Lane, place: SE2) -> bool:
@@ -188,6 +203,7 @@ class GiveWay:
         places = Route(plan).rest
         ways_m = np.hypot(*np.diff(places[:, :2], axis=0).T)
         times_s = np.concatenate([[0.0], np.cumsum(ways_m)]) / speed_m_s + _SPARE_S
+        times_s += _GEAR_S * np.count_nonzero(np.diff(plan.reverse))
         if not self._tools.paths.steered:
             times_s += abs(wrap_angle(float(places[0, 2]) - pose.theta_rad)) / _TURN_RAD_S
         for lane in lanes:

@@ -196,10 +196,11 @@ class Journey(Behaviour):
             return None
         self._stuck.reset()
         route.advance(situation.pose)
+        if self._give_way.is_aside:
+            return BehaviourOutput(0.0, 0.0, text=GiveWay.text)
         motion = self._looked_at(situation.pose, self._follow(situation, route))
         self._tools.shown = route.rest, motion.ahead
-        if motion.blocked:
-            self._give_way.give_up(now_ns)
+        self._give_way.note_blocked(now_ns, blocked=motion.blocked)
         return BehaviourOutput(
             motion.v_m_s, motion.omega_rad_s, text=GiveWay.text, vy_m_s=motion.vy_m_s
         )
