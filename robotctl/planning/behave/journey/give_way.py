@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
+from robotctl.planning.behave.journey.stuck_watch import distance_m
 from robotctl.planning.behave.journey.tools import JourneyTools
 from robotctl.planning.map.lane import Lane
 from robotctl.planning.path.global_planning.frontiers import connected
 from robotctl.planning.path.global_planning.goal import Goal
-from robotctl.planning.path.global_planning.plan import Plan, PlanFailure
+from robotctl.planning.path.global_planning.plan import Plan, PlanFailure, Point
 from robotctl.planning.path.global_planning.route import Route
 
 _ALONG: Final = 0.7
@@ -31,12 +32,16 @@ _FARTHEST_M: Final = 8.0
 """Maximum distance of a place aside [m]."""
 _THERE_M: Final = 0.1
 """Length of the path aside that need not be driven [m]."""
+_LATE: Final = 0.5
+"""Share at which the time counts until somebody is at a place aside."""
 _SPARE_S: Final = 0.5
 """Time by which the robot leaves a lane before somebody is there [s]."""
 _TURN_RAD_S: Final = 1.0
 """Rate of a turn on the spot, in what a path takes [rad/s]."""
 _BLOCKED_NS: Final = 1_000_000_000
-"""Time for which the path aside is blocked before another one is looked for [ns]."""
+_STANDS_M: Final = 0.03
+"""A robot that for so long [ns] comes no farther than this [m], nor turns, looks for another
+place."""
 _GEAR_S: Final = 1.0
 """Time of a change of gear [s]."""
 _SAME_M: Final = 1.0
@@ -52,8 +57,8 @@ class GiveWay:
 
     Somebody who walks along the path, head-on or faster from behind, and whom the robot meets where
     there is no room to pass, is expected to walk straight on. Of the places that the robot can
-    stand at in any heading, off all lanes, it takes the nearest one that it reaches before somebody
-    is there. Where there is none, the local controller does what it can.
+    stand at in any heading, off all lanes, it takes a near one that it reaches before somebody is
+    there. Where there is none, the local controller does what it can.
 
     Parameters
     ----------
@@ -76,15 +81,11 @@ class GiveWay:
         self.route: Route | None = None
         """The path aside; None: it gives way to nobody."""
         self._lane: Lane | None = None
-        self._seen_ns = self._since_ns = self._blocked_ns = 0
+        self._seen_ns = self._since_ns = self._moved_ns = 0
+        self._moved = SE2()
         self._expected = 0
-
-    def note_blocked(self, now_ns: int, *, blocked: bool) -> None:
-        """Look for another place where the path to this one has been blocked for a while."""
-        if not blocked:
-            self._blocked_ns = now_ns
-        elif now_ns - self._blocked_ns > _BLOCKED_NS:
-            self.end()
+        self._failed: list[Point] = []
+        """Places that it could not get to."""
 
     def step(self, pose: SE2, route: Route | None, speed_m_s: float, now_ns: int) -> Route | None:
         """Return the path aside; None: nobody needs it.
@@ -112,6 +113,14 @@ class GiveWay:
 
     def _watch(self, lane: Lane, lanes: list[Lane], pose: SE2, now_ns: int) -> None:
         """Follow who was expected, seen or not, until past the robot."""
+        turned_rad = abs(wrap_angle(pose.theta_rad - self._moved.theta_rad))
+        if self.is_aside or distance_m(pose, self._moved) + 0.1 * turned_rad > _STANDS_M:
+            self._moved, self._moved_ns = pose, now_ns
+        elif self.route is not None and now_ns - self._moved_ns > _BLOCKED_NS:
+            x_m, y_m, _ = self.route.rest[-1].tolist()
+            self.end()
+            self._failed.append((x_m, y_m))
+            return
         expected = lane.after((now_ns - self._seen_ns) * 1e-9)
         seen = min(lanes, key=lambda each: _apart_m(each, expected), default=expected)
         if seen is not expected and _apart_m(seen, expected) < _SAME_M:
@@ -137,17 +146,18 @@ class GiveWay:
                 break
         else:
             self._expected = 0
+            self._failed.clear()
             return
         self._expected += 1
         if self._expected < _SURE_STEPS:
             return
         self._not_before_ns = now_ns + _AGAIN_NS
-        for goal in self._places(lanes, pose, speed_m_s):
+        for goal in self._places(lane, lanes, pose, speed_m_s):
             plan = self._plan(pose, goal)
             if plan is not None and self._is_in_time(plan, pose, lanes, speed_m_s):
                 self.route = Route(plan, leads_there=False)
-                self._lane = lane
-                self._seen_ns = self._since_ns = self._blocked_ns = now_ns
+                self._lane, self._moved = lane, pose
+                self._seen_ns = self._since_ns = self._moved_ns = now_ns
                 return
 
     def _has_room(self, lane: Lane, place: SE2) -> bool:
@@ -161,8 +171,8 @@ class GiveWay:
         clear = lane.gaps_m(self._corners, poses, 0.0) >= self._config.pass_m
         return bool(clear.any()) and not self._tools.world.map.collides(poses[clear]).all()
 
-    def _places(self, lanes: list[Lane], pose: SE2, speed_m_s: float) -> list[Goal]:
-        """Return places off all lanes, the nearest first."""
+    def _places(self, met: Lane, lanes: list[Lane], pose: SE2, speed_m_s: float) -> list[Goal]:
+        """Return places off all lanes; first those soon reached, and late by who is met."""
         space = self._tools.world.map.space_around(pose, _FARTHEST_M)
         side_m = space.grid.resolution_m
         wide = space.clearance >= space.inscribed
@@ -175,12 +185,17 @@ class GiveWay:
             ahead_m = lane.ahead_m(places)
             off_m = np.abs(lane.beside_m(places)) - lane.radius_m - reach_m
             clear = off_m >= config.pass_m + config.strays * np.maximum(ahead_m, 0.0)
-            early = away_m / speed_m_s < (ahead_m - reach_m - lane.radius_m) / lane.speed_m_s
-            keep = (clear & early) | (ahead_m < -reach_m - lane.radius_m)
+            wide_m = reach_m + lane.radius_m  # on its last part the robot is off the lane
+            early = (away_m - wide_m) / speed_m_s < (ahead_m - wide_m) / lane.speed_m_s
+            keep = (clear & early) | (ahead_m < -wide_m)
             places, away_m = places[keep], away_m[keep]
         goals: list[Goal] = []
-        for x_m, y_m in places[np.argsort(away_m, kind="stable")].tolist():
-            if all(math.dist((x_m, y_m), goal[:2]) >= _APART_M for goal in goals):
+        bearings = np.arctan2(places[:, 1] - pose.y_m, places[:, 0] - pose.x_m) - pose.theta_rad
+        turns_s = np.arcsin(np.minimum(np.abs(np.sin(bearings)), 1.0)) / _TURN_RAD_S
+        costs_s = away_m / speed_m_s + turns_s - _LATE * met.ahead_m(places) / met.speed_m_s
+        for x_m, y_m in places[np.argsort(costs_s, kind="stable")].tolist():
+            others = [*self._failed, *(goal[:2] for goal in goals)]
+            if all(math.dist((x_m, y_m), other) >= _APART_M for other in others):
                 goals.append(Goal(x_m, y_m))
                 if len(goals) == _PLANS:
                     break

@@ -200,7 +200,6 @@ class Journey(Behaviour):
             return BehaviourOutput(0.0, 0.0, text=GiveWay.text)
         motion = self._looked_at(situation.pose, self._follow(situation, route))
         self._tools.shown = route.rest, motion.ahead
-        self._give_way.note_blocked(now_ns, blocked=motion.blocked)
         return BehaviourOutput(
             motion.v_m_s, motion.omega_rad_s, text=GiveWay.text, vy_m_s=motion.vy_m_s
         )

@@ -17,10 +17,10 @@ BEAMS = np.linspace(-math.pi, math.pi, 360, endpoint=False)
 
 
 def corridor():
-    """Return two halls with a corridor of 1 m between x = 3 and 9, about y = 2."""
-    cells = np.zeros((80, 240), np.int8)
+    """Return two halls with a corridor of 1 m between x = 5 and 11, about y = 2."""
+    cells = np.zeros((80, 280), np.int8)
     cells[[0, -1]] = cells[:, [0, -1]] = 100
-    cells[:30, 60:180] = cells[50:, 60:180] = 100
+    cells[:30, 100:220] = cells[50:, 100:220] = 100
     return cells
 
 
@@ -47,7 +47,7 @@ class Walk:
 
     def __call__(self, bench):
         x_m = self.x_m + self.speed_m_s * bench.now_ns * 1e-9
-        is_there = 0.3 < x_m < 11.7
+        is_there = 0.3 < x_m < 13.7
         bench.world = with_person(self.empty, x_m, self.y_m) if is_there else self.empty
         if is_there:
             self.least_m = min(self.least_m, gap_m(bench.pose, x_m, self.y_m))
@@ -55,29 +55,29 @@ class Walk:
 
 def drive(walk, start, config=None):
     bench = Bench(corridor(), corridor(), start=start, config=config, beams=BEAMS)
-    return bench, bench.drive(11.0, 2.0, seconds=90.0, speed_m_s=0.4, each=walk)
+    return bench, bench.drive(13.0, 2.0, seconds=90.0, speed_m_s=0.4, each=walk)
 
 
-@pytest.mark.parametrize(("begins_m", "beside_m"), [(10.0, -0.08), (11.0, 0.05), (13.0, 0.0)])
+@pytest.mark.parametrize(("begins_m", "beside_m"), [(12.0, -0.08), (13.0, 0.05), (15.0, 0.0)])
 def test_who_comes_head_on_and_cannot_be_passed_is_given_way_to(begins_m, beside_m):
     walk = Walk(begins_m, 2.0 + beside_m, -0.7)
-    bench, end = drive(walk, SE2(2.0, 2.0, 0.0))
+    bench, end = drive(walk, SE2(4.0, 2.0, 0.0))
     assert end.status is Status.DONE
     assert walk.least_m > 0.05
     assert GiveWay.text in bench.texts
 
 
 def test_one_that_gives_way_to_nobody_stands_in_the_corridor():
-    walk = Walk(11.0, 2.0, -0.7)
+    walk = Walk(13.0, 2.0, -0.7)
     config = NavigationConfig(journey=JourneyConfig(people=PeopleConfig(give_way_s=0.0)))
     with pytest.raises(AssertionError, match="SE2"):  # the bench finds them in one place
-        drive(walk, SE2(2.0, 2.0, 0.0), config)
+        drive(walk, SE2(4.0, 2.0, 0.0), config)
     assert walk.least_m < 0.0  # the same person, so the tests above can fail
 
 
 def test_who_comes_from_behind_is_let_pass():
-    walk = Walk(-1.5, 2.0, 0.9)
-    _, end = drive(walk, SE2(2.0, 2.0, 0.0))
+    walk = Walk(0.4, 2.0, 0.6)
+    _, end = drive(walk, SE2(2.6, 2.0, 0.0))
     assert end.status is Status.DONE
     assert walk.least_m > 0.05
 
