@@ -1,4 +1,4 @@
-"""The strip of floor that something takes which moves straight on."""
+"""The strip of floor that a moving thing takes if it goes straight on."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 
 class Lane(NamedTuple):
-    """Where something comes along: from its place on, in its direction, as wide as it is.
+    """Strip of floor from the place of a moving thing on, in its direction and as wide as it is.
 
-    It holds as long as who walks there neither turns nor stops.
+    It holds as long as that neither turns nor stops.
     """
 
     x_m: float

@@ -1,4 +1,4 @@
-"""How far along its way a robot sees, and where somebody might come from behind a corner."""
+"""Visibility: which places a scan looks at, and how far along its path a robot sees."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Out of the way of somebody who comes along the robot's own way and cannot be passed there."""
+"""Waiting aside for people who come along the robot's path where they cannot be passed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from robotctl.planning.path.global_planning.plan import Plan, PlanFailure, Point
 from robotctl.planning.path.global_planning.route import Route
 
 _ALONG: Final = 0.7
-"""Cosine of the angle to the path from which on somebody walks along it; others cross it."""
+"""Least cosine between the path and the direction of a person who walks along it."""
 _SURE_STEPS: Final = 4
 """Steps in a row in which a meeting is expected: a track's first velocities are noisy."""
 _AGAIN_NS: Final = 500_000_000
@@ -33,9 +33,9 @@ _FARTHEST_M: Final = 8.0
 _THERE_M: Final = 0.1
 """Length of the path aside that need not be driven [m]."""
 _LATE: Final = 0.5
-"""Share at which the time counts until somebody is at a place aside."""
+"""Share at which the time counts until the person is at a place aside."""
 _SPARE_S: Final = 0.5
-"""Time by which the robot leaves a lane before somebody is there [s]."""
+"""Time between the robot leaving a lane and the person coming there [s]."""
 _TURN_RAD_S: Final = 1.0
 """Rate of a turn on the spot, in what a path takes [rad/s]."""
 _BLOCKED_NS: Final = 1_000_000_000
@@ -47,17 +47,17 @@ _GEAR_S: Final = 1.0
 _SAME_M: Final = 1.0
 """Distance within which something that moves is the one that was expected there [m]."""
 _PASSED_M: Final = 0.5
-"""Distance by which somebody has left the robot behind [m]."""
+"""Distance behind a person from which on the robot drives on [m]."""
 _BESIDE_M: Final = np.arange(-1.0, 1.01, 0.1)
-"""Distances from the path at which the robot could pass somebody [m]."""
+"""Distances from the path at which the robot could pass a person [m]."""
 
 
 class GiveWay:
-    """Finds a place aside for a robot that is in somebody's way, and waits there.
+    """Finds a place aside for a robot that is in a person's way, and the path there.
 
-    Somebody who walks along the path, head-on or faster from behind, and whom the robot meets where
+    A person who walks along the path, head-on or faster from behind, and whom the robot meets where
     there is no room to pass, is expected to walk straight on. Of the places that the robot can
-    stand at in any heading, off all lanes, it takes a near one that it reaches before somebody is
+    stand at in any heading, off all lanes, it takes a near one that it reaches before the person is
     there. Where there is none, the local controller does what it can.
 
     Parameters
@@ -66,7 +66,7 @@ class GiveWay:
         World, paths and settings.
     """
 
-    text: Final = "giving way to somebody"
+    text: Final = "giving way to a person"
 
     def __init__(self, tools: JourneyTools) -> None:
         self._tools = tools
@@ -77,9 +77,9 @@ class GiveWay:
         self.end()
 
     def end(self) -> None:
-        """Give way to nobody."""
+        """Forget the person."""
         self.route: Route | None = None
-        """The path aside; None: it gives way to nobody."""
+        """The path aside; None: it need not leave its own."""
         self._lane: Lane | None = None
         self._seen_ns = self._since_ns = self._moved_ns = 0
         self._moved = SE2()
@@ -88,7 +88,7 @@ class GiveWay:
         """Places that it could not get to."""
 
     def step(self, pose: SE2, route: Route | None, speed_m_s: float, now_ns: int) -> Route | None:
-        """Return the path aside; None: nobody needs it.
+        """Return the path aside; None: the robot may keep its own.
 
         Parameters
         ----------
@@ -112,7 +112,7 @@ class GiveWay:
         return self.route is not None and self.route.left_m < _THERE_M
 
     def _watch(self, lane: Lane, lanes: list[Lane], pose: SE2, now_ns: int) -> None:
-        """Follow who was expected, seen or not, until past the robot."""
+        """Follow the person, seen or not, until past the robot."""
         turned_rad = abs(wrap_angle(pose.theta_rad - self._moved.theta_rad))
         if self.is_aside or distance_m(pose, self._moved) + 0.1 * turned_rad > _STANDS_M:
             self._moved, self._moved_ns = pose, now_ns
@@ -138,7 +138,7 @@ class GiveWay:
     def _begin(
         self, lanes: list[Lane], pose: SE2, route: Route, speed_m_s: float, now_ns: int
     ) -> None:
-        """Look for a place aside once somebody comes along who cannot be passed."""
+        """Look for a place aside if a person comes along who cannot be passed."""
         for lane in lanes:
             near_m = lane.radius_m + self._footprint.reach_m
             place = meeting(lane, pose, route.rest, speed_m_s, near_m, self._config.ahead_s)
@@ -214,7 +214,7 @@ class GiveWay:
         return None if isinstance(plan, PlanFailure) else plan
 
     def _is_in_time(self, plan: Plan, pose: SE2, lanes: list[Lane], speed_m_s: float) -> bool:
-        """Return whether the robot is nowhere on a path when somebody comes there."""
+        """Return whether the robot has left each place of a path before a person is there."""
         places = Route(plan).rest
         ways_m = np.hypot(*np.diff(places[:, :2], axis=0).T)
         times_s = np.concatenate([[0.0], np.cumsum(ways_m)]) / speed_m_s + _SPARE_S
@@ -237,7 +237,7 @@ def meeting(
     near_m: float,
     ahead_s: float,
 ) -> SE2 | None:
-    """Return where a robot on a path meets somebody who walks along it; None: nowhere.
+    """Return the pose on a path at which a robot meets a person who walks along it; None: none.
 
     Parameters
     ----------
