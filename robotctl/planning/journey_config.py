@@ -70,8 +70,9 @@ class PeopleConfig:
         How far people stray to a side, per metre that they walk, 0 to 1: larger, it goes farther
         out of their way.
     hidden_m_s
-        Assumed speed of somebody who comes along the robot's path from where its lidar does not
-        look [m/s], 0 to 3: larger, it slows more before corners; at 0 it can just stop at them.
+        Assumed speed of a person who comes along the robot's path from where its lidar does not
+        look [m/s], 0 to 3: larger, it is slower before corners, and behind people, who hide the
+        path; 0: nobody is expected there.
 
     Raises
     ------
@@ -83,7 +84,7 @@ class PeopleConfig:
     ahead_s: float = 10.0
     pass_m: float = 0.1
     strays: float = 0.1
-    hidden_m_s: float = 0.8
+    hidden_m_s: float = 0.0
 
     def __post_init__(self) -> None:
         check_ranges(

@@ -205,7 +205,9 @@ class GiveWay:
         """Return a path there; in reverse if that needs no turn on the spot."""
         paths = self._tools.paths
         kept, to = paths.reverse, goal.seen_from(pose)
-        if not paths.steered:
+        if paths.steered:  # it need not turn round
+            goal = goal._replace(heading_rad=pose.theta_rad)
+        else:
             paths.reverse = abs(wrap_angle(to.theta_rad - pose.theta_rad)) > 0.5 * math.pi
         try:
             plan = paths.plan(pose, goal)

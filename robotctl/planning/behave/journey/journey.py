@@ -246,14 +246,17 @@ class Journey(Behaviour):
     def _speed_on(self, route: Route, pose: SE2) -> float:
         """Return the largest speed here [m/s]: that of zones, and of what may come into sight."""
         tools, config = self._tools, self._tools.config
+        limit_m_s = min(self._speed_m_s, tools.world.speed_limit(pose, route.rest))
+        walks_m_s = tools.journey.people.hidden_m_s
+        if walks_m_s == 0.0:
+            return limit_m_s
         sees_m_s = speed_before(
             tools.world.sight_m(route.rest),
-            tools.journey.people.hidden_m_s,
+            walks_m_s,
             config.deceleration_m_s2,
             config.reaction_s + _SCAN_S,
         )
-        limit_m_s = tools.world.speed_limit(pose, route.rest)
-        return min(self._speed_m_s, limit_m_s, max(sees_m_s, _LOOKS_M_S))
+        return min(limit_m_s, max(sees_m_s, _LOOKS_M_S))
 
     def _looked_at(self, pose: SE2, motion: LocalMotion) -> LocalMotion:
         """Return a motion; none backwards where nothing has seen yet what is there."""
