@@ -12,8 +12,13 @@ from robotctl.errors import InvalidValue
 from robotctl.model.footprint import Footprint
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.follow_config import FollowConfig
-from robotctl.planning.guard_config import ApproachConfig, GuardMemoryConfig
-from robotctl.planning.journey_config import ExplorationConfig, RungsConfig, TravelConfig
+from robotctl.planning.guard_config import ApproachConfig, GuardMemoryConfig, NearPeopleConfig
+from robotctl.planning.journey_config import (
+    ExplorationConfig,
+    PeopleConfig,
+    RungsConfig,
+    TravelConfig,
+)
 from robotctl.planning.map.config import MapConfig
 from robotctl.planning.map.mask_config import MaskConfig
 from robotctl.planning.map.zone import Zone
@@ -54,8 +59,9 @@ class GuardConfig:
         readings the robot stands.
     blocked_max_s
         A robot blocked for this long gives up [s], > 0, at most 1e6.
-    memory, approach
-        How long what is out of sight is kept, and when what a sonar hears comes nearer by itself.
+    memory, approach, people
+        How long what is out of sight is kept, when what a sonar hears comes nearer by itself, and
+        how fast the robot drives near people.
 
     Raises
     ------
@@ -72,6 +78,7 @@ class GuardConfig:
     blocked_max_s: float = 10.0
     memory: GuardMemoryConfig = field(default_factory=GuardMemoryConfig)
     approach: ApproachConfig = field(default_factory=ApproachConfig)
+    people: NearPeopleConfig = field(default_factory=NearPeopleConfig)
 
     def __post_init__(self) -> None:
         for each in fields(self):
@@ -265,9 +272,9 @@ class JourneyConfig:
     turning_reserve
         Planned over minimum turning radius of a robot that steers, in [1, 10]: leaves room for
         corrections.
-    rungs, exploration, travel
-        How it tries to get on where it is in trouble, how it chooses frontiers, and how it travels
-        by recognising places.
+    rungs, people, exploration, travel
+        How it tries to get on where it is in trouble, how it gives way to people, how it chooses
+        frontiers, and how it travels by recognising places.
 
     Raises
     ------
@@ -283,6 +290,7 @@ class JourneyConfig:
     blind_max_s: float = 10.0
     turning_reserve: float = 1.3
     rungs: RungsConfig = field(default_factory=RungsConfig)
+    people: PeopleConfig = field(default_factory=PeopleConfig)
     exploration: ExplorationConfig = field(default_factory=ExplorationConfig)
     travel: TravelConfig = field(default_factory=TravelConfig)
 

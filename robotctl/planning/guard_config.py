@@ -115,3 +115,28 @@ class ApproachConfig:
             hidden_s=(0.0, 60.0),
             hidden_m=(0.0, 10.0),
         )
+
+
+@dataclass(frozen=True, slots=True)
+class NearPeopleConfig:
+    """How fast the robot drives near people, whatever wants it to.
+
+    Parameters
+    ----------
+    near_m
+        Gap between the body and what moves, or may move, below which the robot is slow [m], 0 to
+        10; 0: it is not.
+    speed_m_s
+        Its maximum speed there [m/s], 0.05 to 2; it brakes before somebody is that near.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range.
+    """
+
+    near_m: float = 0.0
+    speed_m_s: float = 0.3
+
+    def __post_init__(self) -> None:
+        check_ranges(self, near_m=(0.0, 10.0), speed_m_s=(0.05, 2.0))

@@ -53,6 +53,51 @@ class RungsConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class PeopleConfig:
+    """How journeys mind people, see `GiveWay`.
+
+    Parameters
+    ----------
+    give_way_s
+        Maximum time for which the robot stays out of somebody's way [s], 0 to 600; 0: it gives way
+        to nobody.
+    ahead_s
+        Time ahead in which a meeting counts [s], 0.5 to 60: longer, it turns back earlier.
+    pass_m
+        Clearance with which the robot and somebody pass each other [m], 0 to 2: larger, it gives
+        way in wider corridors.
+    strays
+        How far people stray to a side, per metre that they walk, 0 to 1: larger, it goes farther
+        out of their way.
+    hidden_m_s
+        Assumed speed of a person who comes along the robot's path from where its lidar does not
+        look [m/s], 0 to 3: larger, it is slower before corners, and behind people, who hide the
+        path; 0: nobody is expected there.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range.
+    """
+
+    give_way_s: float = 20.0
+    ahead_s: float = 10.0
+    pass_m: float = 0.1
+    strays: float = 0.1
+    hidden_m_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_ranges(
+            self,
+            give_way_s=(0.0, 600.0),
+            ahead_s=(0.5, 60.0),
+            pass_m=(0.0, 2.0),
+            strays=(0.0, 1.0),
+            hidden_m_s=(0.0, 3.0),
+        )
+
+
+@dataclass(frozen=True, slots=True)
 class ExplorationConfig:
     """How frontiers are chosen and left, see `Exploration`.
 

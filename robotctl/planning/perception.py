@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.model.geometry.points import moved
+from robotctl.model.geometry.points import moved, rotation
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.planning.behave.behaviours.behaviour import BehaviourInput
@@ -77,12 +77,28 @@ class Perception:
             pilot.see(inputs.pose, seen, now_ns)
             approaches = self._echo_motion.expect(approaches, ranges, pilot.may_move, now_ns)
         self._robot.guard.observe(
-            ranges, new, inputs.floor_base, points, approaches, passed, inputs.twist
+            ranges,
+            new,
+            inputs.floor_base,
+            points,
+            approaches,
+            passed,
+            inputs.twist,
+            self._moving(inputs.pose),
         )
         markers = [(number, inputs.T_world_odom @ pose) for number, pose in inputs.markers]
         return BehaviourInput(
             inputs.pose, inputs.twist, ranges, new, inputs.epoch, inputs.charge, markers
         )
+
+    def _moving(self, pose: SE2) -> list[list[float]]:
+        """Return what a lidar sees move, in `base`: x, y, vx, vy, radius [m, m/s]."""
+        if self._robot.pilot is None or not len(moving := self._robot.pilot.moving):
+            return []
+        places = moved(pose.inverse(), moving[:, :2])
+        speeds = moving[:, 2:4] @ rotation(-pose.theta_rad)
+        rows: list[list[float]] = np.column_stack([places, speeds, moving[:, 4]]).tolist()
+        return rows
 
     @staticmethod
     def _odometry(inputs: NavigationInputs) -> SE2:

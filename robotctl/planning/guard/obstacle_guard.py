@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.twist import Twist
 from robotctl.model.sensors.sonar import SonarMount
+from robotctl.planning.braking import speed_before
 from robotctl.planning.config import GuardConfig
 from robotctl.planning.guard.course import LEAST_CLOSING, Course, Point
 from robotctl.planning.guard.echo_motion import ApproachingEcho
@@ -167,6 +168,7 @@ class ObstacleGuard:
         self._points: NDArray[np.float64] | None = None
         self._approaches: Sequence[ApproachingEcho] = ()
         self._passed: NDArray[np.float64] | None = None
+        self._moving: Sequence[Sequence[float]] = ()
         self._twist = _REST
         self._answered = None
 
@@ -193,6 +195,7 @@ class ObstacleGuard:
         approaches: Sequence[ApproachingEcho] = (),
         passed_base: NDArray[np.float64] | None = None,
         twist: Twist = _REST,
+        moving_base: Sequence[Sequence[float]] = (),
     ) -> None:
         """Take sonar ranges, floor points and a lidar's points; once per step.
 
@@ -213,7 +216,10 @@ class ObstacleGuard:
             (n, 2) echoes in `base` that no sonar may hear any more [m].
         twist
             Present velocity of `base`; only that of a holonomic robot counts.
+        moving_base
+            What a lidar sees move: x, y, vx, vy in `base` and radius of each [m, m/s].
         """
+        self._moving = moving_base
         self._twist = twist
         self._answered = None
         self._passed = passed_base
@@ -256,6 +262,7 @@ class ObstacleGuard:
     def _limit(self, wanted: Twist) -> GuardStep:
         """Return the limit for a motion."""
         allowed = self._step(Course.of(*wanted))
+        allowed = min(allowed, self._near_people(), key=lambda each: each.v_max_m_s)
         if self._limits is None or self._points is None:
             return allowed
         change = self._while_changing(self._points, wanted, allowed.v_max_m_s, self._limits)
@@ -345,12 +352,7 @@ class ObstacleGuard:
         return GuardStep(0.0, _TURNS_INTO)
 
     def _speed_before_others(self, course: Course) -> GuardStep:
-        """Return the speed from which `base` stands before what comes nearer is there.
-
-        With w the speed of that, c the way of a corner towards it per way of `base`, a the
-        deceleration and t the reaction time, it comes w (t + v / a) nearer until `base` stands,
-        and the corner goes c (v t + v^2 / 2 a) towards it: at v both close the gap.
-        """
+        """Return the speed from which `base` stands before what comes nearer is there."""
         v_max_m_s, who = math.inf, ""
         near = [
             (view, echo)
@@ -366,14 +368,38 @@ class ObstacleGuard:
                 c = view.normal[0] * x + view.normal[1] * y
                 if c <= LEAST_CLOSING:
                     continue
-                gap_m = max(range_m - reach_m - self._config.margin_m - w * t, 0.0)
-                b = t + w / (a * c)
-                v_m_s = a * (math.sqrt(b * b + 2.0 * gap_m / (a * c)) - b)
+                gap_m = range_m - reach_m - self._config.margin_m
+                v_m_s = speed_before(gap_m, w, a, t, closing=c)
                 if c <= _PASSING:
                     v_m_s = max(v_m_s, _GRAZE_M_S / c)
                 if v_m_s < v_max_m_s:
                     v_max_m_s, who = v_m_s, f"{view.name} sees something that may come nearer"
         return GuardStep(v_max_m_s, who)
+
+    def _near_people(self) -> GuardStep:
+        """Return the limit of a robot that is to be slow near people, wherever it drives."""
+        people, config = self._config.people, self._config
+        if people.near_m <= 0.0:
+            return GuardStep(math.inf, "")
+        gaps = [
+            (echo.range_m - max(view.reaches_m), echo.speed_m_s)
+            for view, echo in zip(self._views, self._approaches, strict=False)
+            if echo.speed_m_s > 0.0
+        ]
+        for x_m, y_m, vx_m_s, vy_m_s, radius_m in self._moving:
+            nears_m_s = -(x_m * vx_m_s + y_m * vy_m_s) / max(math.hypot(x_m, y_m), radius_m)
+            gaps.append((-self.body.depth_m(x_m, y_m) - radius_m, max(nears_m_s, 0.0)))
+        v_max_m_s = min(
+            speed_before(
+                gap_m - people.near_m,
+                nears_m_s,
+                config.deceleration_m_s2,
+                config.reaction_s,
+                then_m_s=people.speed_m_s,
+            )
+            for gap_m, nears_m_s in [*gaps, (math.inf, 0.0)]
+        )
+        return GuardStep(v_max_m_s, "somebody is near")
 
     def _on_the_spot(self, turn: float) -> GuardStep:
         """Return the limit of the outermost corner, which brakes as the robot does."""

@@ -19,6 +19,7 @@ from robotctl.planning.map.config import MapConfig
 from robotctl.planning.map.layered_map import NOTHING_MOVES, LayeredMap
 from robotctl.planning.map.planning_map import PlanningMap, clearance_of
 from robotctl.planning.map.seen import Seen
+from robotctl.planning.map.sight import seen_along
 from robotctl.planning.map.tracks import MovingObstacles
 from robotctl.planning.map.zone import Zone
 from robotctl.planning.map.zones import Closed
@@ -274,6 +275,14 @@ class LiveWorld:
         away_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(places, axis=0).T))])
         limits_m_s = self.map.speed_limits_at(places)
         return float(np.sqrt(limits_m_s**2 + 2.0 * self._braking_m_s2 * away_m).min())
+
+    def sight_m(self, path: NDArray[np.float64]) -> float:
+        """Return the way on a path to what no lidar sees [m]; inf: there is none, or no lidar."""
+        if self.last_scan is None:
+            return math.inf
+        body = self._footprint
+        half_m = max(body.left_m, body.right_m)
+        return seen_along(*self.last_scan, path, half_m, body.reach_m)
 
 
 def _beside(pose: SE2, around_m: float) -> NDArray[np.float64]:

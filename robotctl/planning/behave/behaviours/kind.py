@@ -22,6 +22,9 @@ from robotctl.planning.path.global_planning.goal import Goal
 from robotctl.planning.path.local.path import Point
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from robotctl.model.grid_map import GridMap  # which loads numpy
     from robotctl.planning.behave.behaviours.outlook import Outlook  # which loads numpy
 
@@ -67,6 +70,10 @@ class Pilot(Protocol):
     @property
     def may_move(self) -> tuple[bool, ...]:
         """Whether the last two echoes of each sonar are of something that was not there before."""
+
+    @property
+    def moving(self) -> NDArray[np.float64]:
+        """Things that a lidar sees move, (k, 5), as `LocalSituation.moving`."""
 
     def see(self, pose: SE2, seen: Seen, now_ns: int) -> None:
         """Take in what was seen; `pose` is that of `base` in `world` now."""

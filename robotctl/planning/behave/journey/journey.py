@@ -19,6 +19,7 @@ from robotctl.planning.behave.behaviours.behaviour import (
 )
 from robotctl.planning.behave.behaviours.recovery import Ladder
 from robotctl.planning.behave.journey.blindness import BlindWait
+from robotctl.planning.behave.journey.give_way import GiveWay
 from robotctl.planning.behave.journey.progress import Progress
 from robotctl.planning.behave.journey.replanner import Replanner
 from robotctl.planning.behave.journey.rungs import (
@@ -32,6 +33,7 @@ from robotctl.planning.behave.journey.rungs import (
 from robotctl.planning.behave.journey.stuck_watch import StuckWatch, distance_m
 from robotctl.planning.behave.journey.tools import JourneyTools
 from robotctl.planning.behave.journey.turn_round import TurnRound
+from robotctl.planning.braking import speed_before
 from robotctl.planning.path.global_planning.closed_way import ClosedWay
 from robotctl.planning.path.global_planning.goal import Goal
 from robotctl.planning.path.global_planning.plan import PlanFailure, Reason
@@ -47,6 +49,10 @@ _AHEAD_M: Final = 0.6
 """Distance to the place that the robot counts as closed where it stands in trouble [m]."""
 _SOON_S: Final = 1.0
 """Time of a motion backwards that must be on known floor [s]; turns on the spot creep back."""
+_SCAN_S: Final = 0.1
+"""Age of what a lidar shows [s]."""
+_LOOKS_M_S: Final = 0.1
+"""Speed at which the robot may come to see more, however little it sees [m/s]."""
 _PERMANENT_FAILURES: Final = frozenset(
     {
         Reason.GOAL_OFF_MAP,
@@ -81,6 +87,7 @@ class Journey(Behaviour):
         self._turn_round = TurnRound(tools)
         self._stuck = StuckWatch(tools.world, tools.journey)
         self._blind = BlindWait(tools.journey.blind_max_s)
+        self._give_way = GiveWay(tools)
         self._progress = Progress()
         self._rung: Rung | None = None
         self._closed: _Closed | None = None
@@ -122,6 +129,7 @@ class Journey(Behaviour):
         self._turn_round.reset()
         self._stuck.reset()
         self._blind.end()
+        self._give_way.end()
         self._closed = None
         self._failure: PlanFailure | None = None
         """Why there is no path, found in a step that had no time to look farther."""
@@ -148,6 +156,8 @@ class Journey(Behaviour):
         if self._replanner.route is None and self._replanner.stands_there(pose):
             return done()
         self._note_progress(pose)
+        if (output := self._step_aside(situation, now_ns)) is not None:
+            return output
         if (output := self._recover(situation, now_ns)) is not None:
             return output
         route = self._route_from(pose, now_ns)
@@ -173,6 +183,26 @@ class Journey(Behaviour):
             return self._in_trouble(motion.text or "the way is blocked", pose, now_ns)
         text = motion.text or f"{route.left_m:.1f} m to go{route.until}"
         return BehaviourOutput(motion.v_m_s, motion.omega_rad_s, text=text, vy_m_s=motion.vy_m_s)
+
+    def _step_aside(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput | None:
+        """Return the motion to a place aside, or there; None: nobody comes along."""
+        gave_way = self._give_way.route is not None
+        wanted = None if self._rung is not None else self._replanner.route
+        route = self._give_way.step(situation.pose, wanted, self._speed_m_s, now_ns)
+        if route is None:
+            if gave_way:
+                self._replanner.route = None
+                self._stuck.reset()
+            return None
+        self._stuck.reset()
+        route.advance(situation.pose)
+        if self._give_way.is_aside:
+            return BehaviourOutput(0.0, 0.0, text=GiveWay.text)
+        motion = self._looked_at(situation.pose, self._follow(situation, route))
+        self._tools.shown = route.rest, motion.ahead
+        return BehaviourOutput(
+            motion.v_m_s, motion.omega_rad_s, text=GiveWay.text, vy_m_s=motion.vy_m_s
+        )
 
     def _note_progress(self, pose: SE2) -> None:
         """Count the way driven; enough of it, and the next trouble is a new one."""
@@ -206,12 +236,27 @@ class Journey(Behaviour):
                 route.plan.reverse,
                 tools.world.space_around(pose),
                 tools.world.moving,
-                min(self._speed_m_s, tools.world.speed_limit(pose, route.rest)),
+                self._speed_on(route, pose),
                 tools.pace.effort,
             )
         )
         tools.pace.lap("steer")
         return motion
+
+    def _speed_on(self, route: Route, pose: SE2) -> float:
+        """Return the largest speed here [m/s]: that of zones, and of what may come into sight."""
+        tools, config = self._tools, self._tools.config
+        limit_m_s = min(self._speed_m_s, tools.world.speed_limit(pose, route.rest))
+        walks_m_s = tools.journey.people.hidden_m_s
+        if walks_m_s == 0.0:
+            return limit_m_s
+        sees_m_s = speed_before(
+            tools.world.sight_m(route.rest),
+            walks_m_s,
+            config.deceleration_m_s2,
+            config.reaction_s + _SCAN_S,
+        )
+        return min(limit_m_s, max(sees_m_s, _LOOKS_M_S))
 
     def _looked_at(self, pose: SE2, motion: LocalMotion) -> LocalMotion:
         """Return a motion; none backwards where nothing has seen yet what is there."""

@@ -6,6 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from robotctl.control.limiter import LimitsConfig
 from robotctl.errors import InvalidValue
 from robotctl.model.drives.drives import Drive
@@ -162,6 +165,11 @@ class MapPilot:
     def may_move(self) -> tuple[bool, ...]:
         """Whether the last two echoes of each sonar are of something that was not there before."""
         return self.tools.world.may_move
+
+    @property
+    def moving(self) -> NDArray[np.float64]:
+        """Things that a lidar sees move, (k, 5), as `LocalSituation.moving`."""
+        return self.tools.world.moving
 
     def see(self, pose: SE2, seen: Seen, now_ns: int) -> None:
         """Take in what was seen; `pose` is that of `base` in `world` now."""
