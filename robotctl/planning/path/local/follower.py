@@ -37,11 +37,15 @@ from robotctl.planning.path.local.track import Track
 
 _TIGHT: Final = 0.25
 """Least margin [cells]: what the outline's points may miss."""
+_TIGHT_M: Final = 0.0125
+"""Least margin [m]: by how much the pose may be wrong."""
 _TARGET: Final = 20
 """Point of the path that a robot makes for that gets away from something: about a metre on."""
 _SWING_M: Final = 0.0025
 """Distance by which the tail of a robot that turns away from something may swing towards it [m]:
 what the obstacle guard takes for turning beside it."""
+_NARROW: Final = 0.5
+"""Share of the margin for which a narrow place has no room."""
 _NARROW_M: Final = 0.7
 """Distance ahead of a narrow place from which on the robot keeps to its path [m]."""
 _STILL: Final = 1e-3
@@ -106,6 +110,8 @@ class Follower:
         self._arrival = Arrival(config, drive, limits.omega_max_rad_s, self._turn_brake)
         self._bodies: dict[float, tuple[Body, Body]] = {}
         self._bare: dict[float, Body] = {}
+        self._half: dict[float, Body] = {}
+        """Bodies with half the margin."""
         self._path: NDArray[np.float64] = np.empty((0, 3))
         self._is_cold = True
         self.reset()
@@ -134,7 +140,8 @@ class Follower:
             return self._arrive(situation, track, problem)
         if self._backing_m > 0.0:
             return self._back(situation, problem)
-        if _is_narrow(problem, math.ceil(_NARROW_M / track.section.spacing_m)):
+        half = self._half[situation.space.grid.resolution_m]
+        if _is_narrow(problem, half, math.ceil(_NARROW_M / track.section.spacing_m)):
             kept = self._keep_to_path(situation, track, problem)
             if kept is not None:
                 return kept
@@ -185,12 +192,14 @@ class Follower:
         config, space, speed = self._config, situation.space, situation.speed_m_s
         side_m = space.grid.resolution_m
         if side_m not in self._bodies:
-            tight_m = _TIGHT * side_m
+            tight_m = max(_TIGHT * side_m, _TIGHT_M)
             self._bodies[side_m] = (
                 make_body(self._footprint, max(config.margin_m, tight_m), side_m),
                 make_body(self._footprint, tight_m, side_m),
             )
             self._bare[side_m] = make_body(self._footprint, 0.0, side_m)
+            half_m = max(_NARROW * config.margin_m, tight_m)
+            self._half[side_m] = make_body(self._footprint, half_m, side_m)
         body, tight = self._bodies[side_m]
         v_max = min(speed, self._limits.v_max_m_s)
         points, ends = track.window(v_max * config.tau_s + 2.0 * config.look_m)
@@ -419,9 +428,9 @@ class Follower:
         return bool((away * side_m < 2.0).any())
 
 
-def _is_narrow(problem: RolloutProblem, count: int) -> bool:
-    """Return whether the body fits on the path close ahead, but not with its margin."""
-    clearance, body, tight = problem.space.clearance, problem.body, problem.tight
+def _is_narrow(problem: RolloutProblem, body: Body, count: int) -> bool:
+    """Return whether the robot fits on the path close ahead, but not a body around it."""
+    clearance, tight = problem.space.clearance, problem.tight
     near = problem.path[:count].tolist()
     return any(
         gap(clearance, body.outline, SPACING, body.discs, *place) == TOUCH for place in near
