@@ -3,7 +3,8 @@
 First a path is looked for on which the robot could turn anywhere; if there is none, a narrower
 one, down to where it fits lengthwise. That leads straight through narrow places, where they are
 straight. The body is checked at each pose; a cell at which it would touch something is closed, and
-the search begins again.
+the search begins again. Where the body cannot turn at the start or the goal, as close beside a
+wall, and no such path is found, one of arcs may lead there.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.map.planning_map import PlanningMap
 from robotctl.planning.path.global_planning.gates import IN_LINE_M, Gate, gated
 from robotctl.planning.path.global_planning.grid_search import LETHAL, search_cells
+from robotctl.planning.path.global_planning.hybrid_planner import HybridPlanner
 from robotctl.planning.path.global_planning.obstructions import blocked_ends, no_path
 from robotctl.planning.path.global_planning.plan import (
     GoesOn,
@@ -75,7 +77,13 @@ class GridPlanner:
             # The second circle mostly does; where it does not, few of the others may.
             if i == 1 and self._config.corners == "both":
                 widest = _widest(space, start, goal)
-        return no_path(space, start, goal, expanded)
+        failure = no_path(space, start, goal, expanded)
+        if failure.reason is not Reason.NOT_FOUND or (
+            space.can_turn_at(start) and space.can_turn_at(goal)
+        ):
+            return failure
+        bent = HybridPlanner(self._config).plan(space, start, goal, goes_on)
+        return bent if isinstance(bent, Plan) else failure
 
     def _search(
         self, space: PlanningMap, radius: float, start: SE2, goal: SE2, goes_on: GoesOn

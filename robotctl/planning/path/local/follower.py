@@ -136,12 +136,14 @@ class Follower:
         problem = self._problem(situation, track)
         if self._is_cold:
             self._compile(problem, situation)
-        if self._is_near(situation.pose, track):
-            return self._arrive(situation, track, problem)
+        half = self._half[situation.space.grid.resolution_m]
+        narrow = _is_narrow(problem, half, math.ceil(_NARROW_M / track.section.spacing_m))
+        along = self._steered or narrow
+        if self._is_near(situation.pose, track, along=along):
+            return self._arrive(situation, track, problem, along=along)
         if self._backing_m > 0.0:
             return self._back(situation, problem)
-        half = self._half[situation.space.grid.resolution_m]
-        if _is_narrow(problem, half, math.ceil(_NARROW_M / track.section.spacing_m)):
+        if narrow:
             kept = self._keep_to_path(situation, track, problem)
             if kept is not None:
                 return kept
@@ -176,9 +178,9 @@ class Follower:
             self._arrival.reset()
         return track
 
-    def _is_near(self, pose: SE2, track: Track) -> bool:
-        """Return whether the robot is about to arrive, or to change gear if it steers."""
-        if self._steered:
+    def _is_near(self, pose: SE2, track: Track, *, along: bool) -> bool:
+        """Return whether the robot is about to arrive, or along the path to change gear, too."""
+        if along:
             here = track.reference(pose)
             return here.way_m <= self._arrival.near_m and abs(here.beside_m) < self._config.beside_m
         if not track.is_last:
@@ -297,12 +299,12 @@ class Follower:
         )
 
     def _arrive(
-        self, situation: LocalSituation, track: Track, problem: RolloutProblem
+        self, situation: LocalSituation, track: Track, problem: RolloutProblem, *, along: bool
     ) -> LocalMotion:
-        """Follow the law of arrival, as far as the way is free."""
+        """Follow the law of arrival, or the path up to its end, as far as the way is free."""
         side_m = situation.space.grid.resolution_m
         pose, steered = situation.pose, self._steered
-        if steered:
+        if along:
             wanted = self._arrival.along(self._soon(situation), track, situation.speed_m_s)
         elif self._vy_max > 0.0:
             speed = situation.speed_m_s

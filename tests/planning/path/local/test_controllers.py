@@ -245,3 +245,24 @@ def test_it_keeps_to_its_path_through_a_door_that_hardly_leaves_room(name, seed,
         if motion.arrived:
             return
     pytest.fail(f"not there, but at {pose}")
+
+
+@pytest.mark.parametrize("beside_m", [0.05, 0.1])
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("back", [False, True], ids=["there", "and back"])
+def test_it_parks_along_a_wall_where_it_cannot_turn(seed, beside_m, back):
+    cells = np.zeros((120, 120), np.int8)
+    cells[100:] = 100  # from y = 5 m on
+    space = PlanningMap(GridMap(cells, SIDE_M), BODY)
+    ends = [SE2(1.0, 3.0, 0.5), SE2(4.0, 5.0 - 0.15 - beside_m, 0.0)]
+    start, goal = ends[::-1] if back else ends
+    plan = PLANNERS["astar"](PlannerConfig()).plan(space, start, goal)
+    assert isinstance(plan, Plan)
+    for _, pose, _, motion in drive("mppi", space, plan, start, 40.0, DRIVE, seed):
+        at = space.to_cells(pose)
+        assert not space.collides(np.array([[at.x_m, at.y_m, at.theta_rad]])).any()
+        if motion.arrived:
+            assert math.dist((pose.x_m, pose.y_m), (goal.x_m, goal.y_m)) < 0.07
+            assert abs(math.remainder(pose.theta_rad - goal.theta_rad, math.tau)) < 0.12
+            return
+    pytest.fail(f"not there, but at {pose}")
