@@ -12,6 +12,7 @@ from robotctl.control.limiter import LimitsConfig
 from robotctl.model.drives.drives import Drive
 from robotctl.model.drives.motion import integrate
 from robotctl.model.footprint import Footprint
+from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
 from robotctl.planning.map.planning_map import PlanningMap
@@ -44,8 +45,6 @@ _TARGET: Final = 20
 _SWING_M: Final = 0.0025
 """Distance by which the tail of a robot that turns away from something may swing towards it [m]:
 what the obstacle guard takes for turning beside it."""
-_NARROW: Final = 0.5
-"""Share of the margin for which a narrow place has no room."""
 _NARROW_M: Final = 0.7
 """Distance ahead of a narrow place from which on the robot keeps to its path [m]."""
 _STILL: Final = 1e-3
@@ -110,8 +109,6 @@ class Follower:
         self._arrival = Arrival(config, drive, limits.omega_max_rad_s, self._turn_brake)
         self._bodies: dict[float, tuple[Body, Body]] = {}
         self._bare: dict[float, Body] = {}
-        self._half: dict[float, Body] = {}
-        """Bodies with half the margin."""
         self._path: NDArray[np.float64] = np.empty((0, 3))
         self._is_cold = True
         self.reset()
@@ -136,9 +133,8 @@ class Follower:
         problem = self._problem(situation, track)
         if self._is_cold:
             self._compile(problem, situation)
-        half = self._half[situation.space.grid.resolution_m]
-        narrow = _is_narrow(problem, half, math.ceil(_NARROW_M / track.section.spacing_m))
-        along = self._steered or narrow
+        narrow = _is_narrow(problem, math.ceil(_NARROW_M / track.section.spacing_m))
+        along = self._steered or narrow or self._is_hemmed_in(situation, track)
         if self._is_near(situation.pose, track, along=along):
             return self._arrive(situation, track, problem, along=along)
         if self._backing_m > 0.0:
@@ -178,6 +174,15 @@ class Follower:
             self._arrival.reset()
         return track
 
+    def _is_hemmed_in(self, situation: LocalSituation, track: Track) -> bool:
+        """Return whether the path leads to the goal's heading, and the robot cannot turn there."""
+        goal, near_m = track.goal, 1.5 * self._arrival.near_m
+        if not track.is_last or track.remaining_m > near_m:
+            return False
+        turn_rad = wrap_angle(float(track.section.points[-1, 2]) - goal.theta_rad)
+        led_there = abs(turn_rad) < self._config.heading_tolerance_rad
+        return led_there and not situation.space.can_turn_at(goal)
+
     def _is_near(self, pose: SE2, track: Track, *, along: bool) -> bool:
         """Return whether the robot is about to arrive, or along the path to change gear, too."""
         if along:
@@ -200,8 +205,6 @@ class Follower:
                 make_body(self._footprint, tight_m, side_m),
             )
             self._bare[side_m] = make_body(self._footprint, 0.0, side_m)
-            half_m = max(_NARROW * config.margin_m, tight_m)
-            self._half[side_m] = make_body(self._footprint, half_m, side_m)
         body, tight = self._bodies[side_m]
         v_max = min(speed, self._limits.v_max_m_s)
         points, ends = track.window(v_max * config.tau_s + 2.0 * config.look_m)
@@ -331,21 +334,21 @@ class Follower:
     def _keep_to_path(
         self, situation: LocalSituation, track: Track, problem: RolloutProblem
     ) -> LocalMotion | None:
-        """Creep along the path itself; None: something is in the way, or it is too far beside."""
+        """Stay on the path itself, at a creep where it must; None: it is not free, or far beside."""
         pose, side_m = self._soon(situation), situation.space.grid.resolution_m
         if abs(track.reference(pose).beside_m) > self._config.beside_m:
             return None
-        speed_m_s = min(situation.speed_m_s, self._config.creep_m_s)
-        wanted = self._arrival.keep_to(pose, track, speed_m_s)
-        v, turn = wanted.v_m_s / side_m, wanted.omega_rad_s
-        if self._steered and v != 0.0:
-            turn /= v
-        free, choice = self._only(problem, v, turn)
-        if not free:
-            return None
-        self._waited, self._drawn_in = 0, None
-        self._search.reset()
-        return _motion(situation, choice)
+        wanted = self._arrival.keep_to(pose, track, situation.speed_m_s)
+        creeps = min(1.0, self._config.creep_m_s / max(abs(wanted.v_m_s), _STILL))
+        for share in (1.0, creeps):
+            v, omega = share * wanted.v_m_s / side_m, share * wanted.omega_rad_s
+            turn = omega / v if self._steered and v != 0.0 else omega
+            free, choice = self._only(problem, v, turn)
+            if free:
+                self._waited, self._drawn_in = 0, None
+                self._search.reset()
+                return _motion(situation, choice)
+        return None
 
     def _back(self, situation: LocalSituation, problem: RolloutProblem) -> LocalMotion:
         """Back off straight, against the gear, while that is free."""
@@ -430,9 +433,9 @@ class Follower:
         return bool((away * side_m < 2.0).any())
 
 
-def _is_narrow(problem: RolloutProblem, body: Body, count: int) -> bool:
-    """Return whether the robot fits on the path close ahead, but not a body around it."""
-    clearance, tight = problem.space.clearance, problem.tight
+def _is_narrow(problem: RolloutProblem, count: int) -> bool:
+    """Return whether the body fits on the path close ahead, but not with its margin."""
+    clearance, body, tight = problem.space.clearance, problem.body, problem.tight
     near = problem.path[:count].tolist()
     return any(
         gap(clearance, body.outline, SPACING, body.discs, *place) == TOUCH for place in near
