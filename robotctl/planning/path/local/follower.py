@@ -334,7 +334,7 @@ class Follower:
     def _keep_to_path(
         self, situation: LocalSituation, track: Track, problem: RolloutProblem
     ) -> LocalMotion | None:
-        """Stay on the path itself, at a creep where it must; None: it is not free, or far beside."""
+        """Stay on the path, at a creep where it must; None: it is not free, or too far beside."""
         pose, side_m = self._soon(situation), situation.space.grid.resolution_m
         if abs(track.reference(pose).beside_m) > self._config.beside_m:
             return None
