@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.model.geometry.se2 import SE2
-from robotctl.planning.map.planning_map import PlanningMap
+from robotctl.planning.map.planning_map import APART, PlanningMap
 from robotctl.planning.path.global_planning.gates import IN_LINE_M, Gate, gated
 from robotctl.planning.path.global_planning.grid_search import LETHAL, search_cells
 from robotctl.planning.path.global_planning.hybrid_planner import HybridPlanner
@@ -78,9 +78,10 @@ class GridPlanner:
             if i == 1 and self._config.corners == "both":
                 widest = _widest(space, start, goal)
         failure = no_path(space, start, goal, expanded)
-        if failure.reason is not Reason.NOT_FOUND or (
-            space.can_turn_at(start) and space.can_turn_at(goal)
-        ):
+        near = [space.clearance[math.floor(e.y_m), math.floor(e.x_m)] for e in (
+            space.to_cells(start), space.to_cells(goal)
+        )]  # fmt: skip
+        if failure.reason is not Reason.NOT_FOUND or min(near) >= space.circumscribed + APART:
             return failure
         bent = HybridPlanner(self._config).plan(space, start, goal, goes_on)
         return bent if isinstance(bent, Plan) else failure
