@@ -185,7 +185,7 @@ class Journey(Behaviour):
         return BehaviourOutput(motion.v_m_s, motion.omega_rad_s, text=text, vy_m_s=motion.vy_m_s)
 
     def _step_aside(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput | None:
-        """Return the motion of giving way: to a place aside, or rest there; None: nobody comes."""
+        """Return the motion while it gives way, aside or at rest there; None: nobody comes."""
         gave_way = self._give_way.route is not None
         wanted = None if self._rung is not None else self._replanner.route
         route = self._give_way.step(situation.pose, wanted, self._speed_m_s, now_ns)

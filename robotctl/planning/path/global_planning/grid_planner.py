@@ -78,10 +78,9 @@ class GridPlanner:
             if i == 1 and self._config.corners == "both":
                 widest = _widest(space, start, goal)
         failure = no_path(space, start, goal, expanded)
-        near = [space.clearance[math.floor(e.y_m), math.floor(e.x_m)] for e in (
-            space.to_cells(start), space.to_cells(goal)
-        )]  # fmt: skip
-        if failure.reason is not Reason.NOT_FOUND or min(near) >= space.circumscribed + APART:
+        ends = space.to_cells(start), space.to_cells(goal)
+        near = min(space.clearance[math.floor(end.y_m), math.floor(end.x_m)] for end in ends)
+        if failure.reason is not Reason.NOT_FOUND or near >= space.circumscribed + APART:
             return failure
         bent = HybridPlanner(self._config).plan(space, start, goal, goes_on)
         return bent if isinstance(bent, Plan) else failure
